@@ -2,9 +2,9 @@
 from . import planar as planar
 from .batch.batch_settings import BatchSettings as BatchSettings
 from .batch.library import label_library as label_library
+from .batch.warmup import warmup as warmup
 from .contact.contacts import Contacts as Contacts
 from .contact.sensor import Sensor as Sensor
-from .diagnosis.diagnosing import check_mesh as check_mesh
 from .errors import GraspError as GraspError
 from .export import read_labels as read_labels
 from .export import write_fields as write_fields
@@ -20,7 +20,7 @@ from .hand.approach import Approach as Approach
 from .hand.hand_files import read_hand as read_hand
 from .hand.parallel_gripper import ParallelGripper as ParallelGripper
 from .hand.table import Table as Table
-from .loads import Load as Load
+from .mesh.diagnosis.diagnosing import check_mesh as check_mesh
 from .mesh.object_mesh import ObjectMesh as ObjectMesh
 from .mesh.preparing import load_mesh as load_mesh
 from .physics.simulate import simulate_grasps as simulate_grasps
@@ -31,6 +31,7 @@ from .quality.ferrari_canny import Epsilon as Epsilon
 from .quality.ferrari_canny import epsilon as epsilon
 from .quality.ferrari_canny import epsilon_of_wrenches as epsilon_of_wrenches
 from .quality.grip_forces import grip_force as grip_force
+from .quality.loads import Load as Load
 from .quality.payloads import payload as payload
 from .settings import GraspModel as GraspModel
 from .settings import MeshOptions as MeshOptions
@@ -42,9 +43,8 @@ from .stability.label import Label as Label
 from .surface.labelling import label_surface as label_surface
 from .surface.labels import SurfaceLabels as SurfaceLabels
 from .surface.scanning import scan_surface as scan_surface
-from .sweeps import sweep as sweep
+from .surface.sweeps import sweep as sweep
 from .validating.validate import validate_grasps as validate_grasps
 from .viewer.view_settings import ViewSettings as ViewSettings
-from .warming_up import warmup as warmup
 
 __version__: str

@@ -19,10 +19,10 @@ import numpy as np
 from grasp3d import load_mesh, validate_grasps
 from grasp3d.arrays import Bytes
 from grasp3d.plots.formats import save_as
+from grasp3d.plots.rendering import Finger, View, picture
 from grasp3d.plots.style import Drawing, new_figure, styled
 from grasp3d.plots.validations import calibration_figure, label_figure
-from grasp3d.rendering import Finger, View, picture
-from grasp3d.tables import read_columns
+from grasp3d.system.tables import read_columns
 
 MESHES = Path(__file__).parents[1] / "meshes"
 CAUSES = {

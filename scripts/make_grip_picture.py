@@ -22,8 +22,8 @@ from grasp3d import (
     load_mesh,
 )
 from grasp3d.plots.painting import paint_labels
+from grasp3d.plots.rendering import View, picture
 from grasp3d.plots.style import Drawing, label_patches, new_figure, styled
-from grasp3d.rendering import View, picture
 from grasp3d.stability.label import MEANING
 
 OBJECT = Path(__file__).parents[1] / "meshes" / "bottle.off"

@@ -18,10 +18,10 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
-from grasp3d._kernels.growing_hull import grow
-from grasp3d._kernels.initial_simplex import AROUND_ORIGIN
-from grasp3d._kernels.polytope import Polytope, make_polytope
-from grasp3d._kernels.support_functions import NO_TORSION, ROWS, WrenchSpace
+from grasp3d._kernels.hull.growing_hull import grow
+from grasp3d._kernels.hull.initial_simplex import AROUND_ORIGIN
+from grasp3d._kernels.hull.polytope import Polytope, make_polytope
+from grasp3d._kernels.hull.support_functions import NO_TORSION, ROWS, WrenchSpace
 from grasp3d.plots.style import Drawing, new_figure, styled
 
 DIRECTIONS = np.radians([80.0, 205.0, 310.0])

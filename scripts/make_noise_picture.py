@@ -14,10 +14,10 @@ import numpy as np
 import trimesh
 
 from grasp3d import MeshOptions, load_mesh
-from grasp3d.perturbing import NoiseSettings, perturb_surface
 from grasp3d.plots.formats import save_as
 from grasp3d.plots.perturbations import perturbation_figure
-from grasp3d.rendering import View
+from grasp3d.plots.rendering import View
+from grasp3d.validating.perturbing import NoiseSettings, perturb_surface
 
 MESH = Path(__file__).parents[1] / "meshes" / "bulb.glb"
 NOISE, PATCH = 0.0003, "3mm"

@@ -18,8 +18,8 @@ import numpy.typing as npt
 from grasp3d import GraspModel, ObjectMesh, SurfaceLabels, label_surface, load_mesh
 from grasp3d.mesh.primitives import sphere_mesh
 from grasp3d.plots.painting import paint_labels
+from grasp3d.plots.rendering import View
 from grasp3d.plots.style import Drawing, label_patches, new_figure, styled
-from grasp3d.rendering import View
 from grasp3d.stability.label import MEANING
 
 LIBRARY = Path(__file__).parents[1] / "meshes"

@@ -19,9 +19,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 
 from grasp3d import GraspModel, ParallelGripper, SurfaceLabels, label_surface, load_mesh
-from grasp3d.loads import Load
+from grasp3d.plots.rendering import View, picture, span_of
 from grasp3d.plots.style import Drawing, new_figure, styled
-from grasp3d.rendering import View, picture, span_of
+from grasp3d.quality.loads import Load
 
 LIBRARY = Path(__file__).parents[1] / "meshes"
 SHOWN = [LIBRARY / "hammer.ply", LIBRARY / "mug.glb", LIBRARY / "wrench.glb"]

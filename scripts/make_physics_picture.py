@@ -15,7 +15,7 @@ from grasp3d import GraspModel, Label
 from grasp3d.physics.simulation import rates_by
 from grasp3d.plots.formats import save_as
 from grasp3d.plots.style import LABEL_COLORS, LINES, Drawing, new_figure, styled
-from grasp3d.tables import read_columns
+from grasp3d.system.tables import read_columns
 
 BORDERS = np.array([-70.0, -50.0, -40.0, -30.0, -22.6, -17.0, -11.3, -5.7, 0.0, 4.0, 8.0, 16.0])
 """Of the bins of the margin [degrees]."""

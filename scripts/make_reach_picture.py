@@ -22,8 +22,8 @@ from grasp3d import (
 from grasp3d.hand.shapes import hand_triangles
 from grasp3d.hand.triangles import Triangles
 from grasp3d.plots.painting import paint_labels
+from grasp3d.plots.rendering import View
 from grasp3d.plots.style import Drawing, label_patches, new_figure, styled
-from grasp3d.rendering import View
 from grasp3d.stability.label import MEANING
 from grasp3d.surface.grasp_table import GraspTable
 

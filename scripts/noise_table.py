@@ -3,10 +3,10 @@
     python scripts/noise_table.py [MESH ...] [--copies 30]
 
 Each mesh is divided finely and taken as the true surface. A scan of it has errors along the
-normals; `grasp3d.perturbing` sees the scan only. Prints a Markdown table: the estimated noise over
-the true one, the angle that 95 % of the scan's normals are within of the true ones, the errors
-that are advised, and the fraction of what is S on the scan, without and with these errors, whose
-grasp is S on the true surface.
+normals; `grasp3d.validating.perturbing` sees the scan only. Prints a Markdown table: the estimated
+noise over the true one, the angle that 95 % of the scan's normals are within of the true ones, the
+errors that are advised, and the fraction of what is S on the scan, without and with these errors,
+whose grasp is S on the true surface.
 """
 
 import argparse
@@ -20,9 +20,9 @@ from grasp3d import Label, MeshOptions, SurfaceLabels, label_surface, load_mesh
 from grasp3d.arrays import angles_between
 from grasp3d.mesh.noise_lengths import random_field
 from grasp3d.mesh.noisy_copies import MovableSurface, movable_surface
-from grasp3d.perturbing import NoiseSettings, Perturbation, perturb_surface
-from grasp3d.perturbing.perturb import angles_on
 from grasp3d.surface.area_statistics import quantiles, vertex_weights
+from grasp3d.validating.perturbing import NoiseSettings, Perturbation, perturb_surface
+from grasp3d.validating.perturbing.perturb import angles_on
 
 LIBRARY = Path(__file__).parents[1] / "meshes"
 SHOWN = ("banana.ply", "bulb.glb", "hammer.ply")

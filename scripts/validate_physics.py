@@ -38,7 +38,7 @@ from grasp3d.physics import (
 from grasp3d.physics.drawing import tilt_at_random
 from grasp3d.physics.facets import SLIPPED
 from grasp3d.physics.simulation import rates_by, success_rate
-from grasp3d.tables import write_columns
+from grasp3d.system.tables import write_columns
 
 ROOT = Path(__file__).parents[1]
 MESHES = (

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-COMPILE = "from grasp3d.warming_up import compile_forces, compile_kernels; "
+COMPILE = "from grasp3d.batch.warmup import compile_forces, compile_kernels; "
 WORK = (
     "compile_kernels(2); compile_kernels(3, True)",
     "compile_forces(); compile_kernels(2, True)",
@@ -23,7 +23,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
         return
-    from grasp3d._kernels.machine_code import cache_folder
+    from grasp3d._kernels.compiling.machine_code import cache_folder
 
     folder = cache_folder()
     compiled = folder is not None and any(folder.glob("*.nbc"))

@@ -117,7 +117,7 @@ from pathlib import Path
 # The largest size begins with that of the process that started this one: count from here.
 Path("/proc/self/clear_refs").write_text("5")
 from grasp3d import GraspError, GraspModel, Sampling, label_surface, load_mesh
-from grasp3d.isolation import process
+from grasp3d.system.isolation import process
 for name in sys.argv[1:]:
     started, row = time.monotonic(), {}
     try:

@@ -2,8 +2,8 @@
 
 from numba.core import event
 
-from grasp3d._kernels.announcing import announcer
-from grasp3d._kernels.collecting import CollectionPauses
+from grasp3d._kernels.compiling.announcing import announcer
+from grasp3d._kernels.compiling.collecting import CollectionPauses
 
 event.register("numba:compile", announcer)
 event.register("numba:compile", CollectionPauses())

@@ -7,9 +7,9 @@ from typing import Generic, TypeVar
 
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.job_requests import JobClient, Request, Result, ResultKind, versions
-from grasp3d.isolation import CallFailedError, CallFailure, NeedsMemory, working_folder
-from grasp3d.isolation.pickling import pickle_call, unpickle_result
-from grasp3d.warming_up import compile_kernels
+from grasp3d.batch.warmup import compile_kernels
+from grasp3d.system.isolation import CallFailedError, CallFailure, NeedsMemory, working_folder
+from grasp3d.system.isolation.pickling import pickle_call, unpickle_result
 
 JobT = TypeVar("JobT")
 SettingsT = TypeVar("SettingsT")

@@ -8,7 +8,7 @@ from typing import Any
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.loads import Load
+from grasp3d.quality.loads import Load
 from grasp3d.settings import (
     ANGLE_ROUNDING,
     DEGREE,

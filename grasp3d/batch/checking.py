@@ -8,13 +8,13 @@ from typing import Any
 
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.inputs import MeshFile
-from grasp3d.diagnosis.mesh_diagnosis import MeshDiagnosis, Trust
+from grasp3d.batch.storage import local_copy
 from grasp3d.errors import GraspError
+from grasp3d.mesh.diagnosis.mesh_diagnosis import MeshDiagnosis, Trust
 from grasp3d.settings.parsing import plain_values
-from grasp3d.storage import local_copy
 from grasp3d.system.files import atomic_write
+from grasp3d.system.tables import write_table
 from grasp3d.system.versions import package_version
-from grasp3d.tables import write_table
 
 SUFFIXES = (".json", ".csv", ".parquet")
 
@@ -57,7 +57,7 @@ def check_file(mesh: MeshFile, settings: BatchSettings, *, force: bool = False) 
         force: Accept lengths that cannot be meant for an object of this size.
     """
     # Imported here: the process that plans needs neither ray tracing nor the compiler.
-    from grasp3d.diagnosis import diagnose
+    from grasp3d.mesh.diagnosis import diagnose
 
     try:
         with local_copy(mesh.source) as path:

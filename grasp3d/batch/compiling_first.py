@@ -6,9 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
 
+from grasp3d.batch.warmup import announcement, compile_kernels
 from grasp3d.errors import GraspError
-from grasp3d.isolation import call, end_idle
-from grasp3d.warming_up import announcement, compile_kernels
+from grasp3d.system.isolation import call, end_idle
 
 logger = logging.getLogger("grasp3d.compiling")
 

@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from grasp3d.batch.storage import Entry, list_entries, local_path
 from grasp3d.reading import mesh_suffixes
-from grasp3d.storage import Entry, list_entries, local_path
 from grasp3d.system.names import as_unicode
 
 RESULT = "_labeled.ply"

@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from grasp3d.batch.folders import FoundMesh, MeshFile, found_at, joined, meshes_below
+from grasp3d.batch.storage import find_entry, list_entries, local_path, name_matcher, read_text
 from grasp3d.errors import MeshError
 from grasp3d.reading import mesh_suffixes
-from grasp3d.storage import find_entry, list_entries, local_path, name_matcher, read_text
 from grasp3d.system.names import as_unicode, printable, short_hash
 
 LIST = ".txt"

@@ -8,8 +8,8 @@ from functools import cache
 from importlib.metadata import version
 from typing import Any, Protocol
 
-from grasp3d.isolation import CallFailedError, NeedsMemory, call, describe_unexpected
-from grasp3d.isolation.pickling import run_pickled_call
+from grasp3d.system.isolation import CallFailedError, NeedsMemory, call, describe_unexpected
+from grasp3d.system.isolation.pickling import run_pickled_call
 
 USABLE_MEMORY = 0.9
 """Fraction of the memory that jobs may take; the rest is for the system and for this program."""

@@ -15,14 +15,14 @@ from grasp3d.batch.identity import METHOD, content_hash, mesh_key
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.plan import Job
 from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
-from grasp3d.costs import labelling_cost
+from grasp3d.batch.storage import local_copy
 from grasp3d.errors import GraspError, MeshUnreadError, OutputError
-from grasp3d.isolation import NeedsMemory, allowed_memory
 from grasp3d.reading.gltf import side_names
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, search_cone
+from grasp3d.settings.costs import labelling_cost
 from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles
 from grasp3d.stability.label import Label
-from grasp3d.storage import local_copy
+from grasp3d.system.isolation import NeedsMemory, allowed_memory
 from grasp3d.system.progress import ignore
 from grasp3d.system.versions import package_version
 
@@ -241,7 +241,7 @@ def _verdict_values(labels: "SurfaceLabels") -> dict[str, Any]:
 def _load_values(labels: "SurfaceLabels") -> dict[str, Any]:
     """What the grasps hold; nothing without a load."""
     from grasp3d.grasps.verdict import HoldingVerdict
-    from grasp3d.loads import load_settings
+    from grasp3d.quality.loads import load_settings
     from grasp3d.surface.held_area import held_fractions, payload_quantiles
 
     holding = labels.holding

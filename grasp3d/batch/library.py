@@ -15,11 +15,11 @@ from grasp3d.batch.progress import ProgressCallback, ProgressCounter, ignore_pro
 from grasp3d.batch.report import write_report
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.run import run
+from grasp3d.batch.storage import Folder, local_path
 from grasp3d.batch.store import Store
 from grasp3d.batch.stored_names import use_stored_names
 from grasp3d.batch.summary import Summary
 from grasp3d.errors import OutputError
-from grasp3d.storage import Folder, local_path
 
 REPORT = "report/index.html"
 

@@ -7,11 +7,11 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.folders import MARKER, STORED
 from grasp3d.batch.identity import METHOD, settings_text
 from grasp3d.batch.row import Row
+from grasp3d.batch.storage import Folder
 from grasp3d.errors import OutputError
-from grasp3d.storage import Folder
 from grasp3d.system.names import printable
+from grasp3d.system.tables import unpack_records
 from grasp3d.system.versions import package_version
-from grasp3d.tables import unpack_records
 
 FORMAT = 2
 """Version of the store's files; other versions of grasp3d may be unable to read them."""

@@ -11,7 +11,7 @@ from pathlib import PurePosixPath
 
 from grasp3d.batch.folders import STORED
 from grasp3d.batch.inputs import MeshFile
-from grasp3d.storage import Folder, local_path
+from grasp3d.batch.storage import Folder, local_path
 from grasp3d.system.names import name_key, safe_stem, short_hash
 
 _SUFFIXES = (".ply", ".parquet", ".js", ".webp")

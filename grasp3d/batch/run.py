@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, TypeVar
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.compiling_first import compile_first
 from grasp3d.batch.local_client import open_local_client
-from grasp3d.isolation import NeedsMemory, describe_unexpected
-from grasp3d.warming_up import compile_kernels
+from grasp3d.batch.warmup import compile_kernels
+from grasp3d.system.isolation import NeedsMemory, describe_unexpected
 
 if TYPE_CHECKING:
     from grasp3d.batch.job_requests import JobClient

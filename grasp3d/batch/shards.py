@@ -8,8 +8,8 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import METHOD, settings_text
 from grasp3d.batch.journal import FOLDER, NAME, JournalEntry, unpack_entry
 from grasp3d.batch.row import PackedRows, Row
-from grasp3d.storage import Folder
-from grasp3d.tables import pack_records, unpack_records
+from grasp3d.batch.storage import Folder
+from grasp3d.system.tables import pack_records, unpack_records
 
 MAX_ROWS = 1000
 """Rows of a shard, after which the next one begins; all of them are unpacked to write it."""

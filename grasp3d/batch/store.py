@@ -15,9 +15,9 @@ from grasp3d.batch.journal import JournalEntry, pack_entry
 from grasp3d.batch.marker import marker_content, read_marker, set_aside
 from grasp3d.batch.row import Outcome, PackedRows, Row
 from grasp3d.batch.shards import Shards, read_journal, read_shards
+from grasp3d.batch.storage import Folder, Lock
 from grasp3d.batch.summary import Summary
 from grasp3d.errors import OutputError
-from grasp3d.storage import Folder, Lock
 from grasp3d.system.names import as_unicode, printable
 
 MERGE_ROWS, MERGE_SECONDS = 500, 30.0

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.row import Row
+from grasp3d.batch.storage import find_entry, local_path
 from grasp3d.errors import MeshError
-from grasp3d.storage import find_entry, local_path
 from grasp3d.system.names import as_unicode
 
 

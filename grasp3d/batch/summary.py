@@ -3,7 +3,7 @@
 from typing import Any
 
 from grasp3d.batch.row import Row
-from grasp3d.tables import data_frame, table_of_records
+from grasp3d.system.tables import data_frame, table_of_records
 
 
 class Summary(list[Row]):

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from grasp3d.batch.inputs import MeshFile, find_meshes, real_path
+from grasp3d.batch.storage import local_copy, local_path
 from grasp3d.batch.sweep_grasps import search_at_each
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.reach_settings import ReachSettings
@@ -24,9 +25,8 @@ from grasp3d.settings import (
 from grasp3d.settings.lengths import AnyLength
 from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
 from grasp3d.stability.label import Mode
-from grasp3d.storage import local_copy, local_path
-from grasp3d.sweeps import AxisValues, LocatedGrasps, Sweep, mean_sweep, sweep
-from grasp3d.sweeps.axes import NAMES, axis_values
+from grasp3d.surface.sweeps import AxisValues, LocatedGrasps, Sweep, mean_sweep, sweep
+from grasp3d.surface.sweeps.axes import NAMES, axis_values
 from grasp3d.system.progress import Progress
 
 SHAPES: dict[str, Callable[[], AngleDistribution]] = {

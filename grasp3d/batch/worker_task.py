@@ -16,8 +16,8 @@ from grasp3d.batch.job_requests import (
     result_of,
     versions,
 )
-from grasp3d.isolation import CallFailedError, call, describe_unexpected, end_idle
-from grasp3d.isolation.pickling import run_pickled_call
+from grasp3d.system.isolation import CallFailedError, call, describe_unexpected, end_idle
+from grasp3d.system.isolation.pickling import run_pickled_call
 
 _ENDING = {Status.closing, Status.closed, Status.failed}
 

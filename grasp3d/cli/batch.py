@@ -24,7 +24,7 @@ from grasp3d.cli.options import (
 from grasp3d.cli.ranges import parse_angles, parse_frictions, parse_lengths, parse_numbers
 from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.loads import Load
+from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
 
 

@@ -12,8 +12,8 @@ from grasp3d.batch.row import Outcome, Row
 from grasp3d.cli.report import CHECK_HINT, angle_text, escaped
 from grasp3d.cli.uncertainty_report import MARGIN, is_uncertain, margin_text
 from grasp3d.grasps.verdict import Word
-from grasp3d.meanings import EPSILON_MIN, SAFE_LABELS, epsilon_min_text
 from grasp3d.settings import GraspModel
+from grasp3d.settings.meanings import EPSILON_MIN, SAFE_LABELS, epsilon_min_text
 from grasp3d.stability.label import MEANING
 from grasp3d.system.counts import noun
 

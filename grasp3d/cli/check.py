@@ -76,10 +76,10 @@ class Check:
         from grasp3d.batch.batch_settings import BatchSettings
         from grasp3d.batch.checking import SUFFIXES, json_of, write_checks
         from grasp3d.batch.inputs import find_meshes
+        from grasp3d.batch.storage import local_path
         from grasp3d.cli import check_report
         from grasp3d.cli.existing_files import check_replaceable
-        from grasp3d.diagnosis.mesh_diagnosis import Trust
-        from grasp3d.storage import local_path
+        from grasp3d.mesh.diagnosis.mesh_diagnosis import Trust
         from grasp3d.system.files import check_suffix, check_writable
 
         files = find_meshes(self.inputs)

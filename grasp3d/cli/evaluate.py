@@ -17,7 +17,7 @@ from grasp3d.cli.options import (
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.loads import Load
+from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, with_fingers
 from grasp3d.system.names import safe_stem
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import OutputError
-from grasp3d.loads import Load, load_settings
+from grasp3d.quality.loads import Load, load_settings
 from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
 from grasp3d.system.files import check_writable
 

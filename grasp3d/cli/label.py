@@ -18,7 +18,7 @@ from grasp3d.cli.options import (
 from grasp3d.cli.time_limit import DEFAULT_TIMEOUT, Timeout, check_timeout, time_limit
 from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.loads import Load
+from grasp3d.quality.loads import Load
 from grasp3d.settings import (
     GraspModel,
     MeshOptions,
@@ -182,7 +182,7 @@ class Label:
         from grasp3d.grasps.writing import write_grasps
         from grasp3d.plots.formats import save_as
         from grasp3d.plots.grasps import draw_grasps, grasp_figure
-        from grasp3d.rendering import can_render
+        from grasp3d.plots.rendering import can_render
 
         grasps = best_grasps(labels, count)
         written = grasps.size > 0 or labels.reach is None  # files of poses cannot be empty

@@ -17,12 +17,12 @@ from grasp3d.cli.options import (
     Quiet,
     given_sampling,
 )
-from grasp3d.perturbing.noise_settings import NoiseSettings
 from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
 from grasp3d.system.names import safe_stem
+from grasp3d.validating.perturbing.noise_settings import NoiseSettings
 
 if TYPE_CHECKING:
-    from grasp3d.perturbing.perturbation import Perturbation
+    from grasp3d.validating.perturbing.perturbation import Perturbation
 
 
 @dataclass(frozen=True)
@@ -98,10 +98,10 @@ class Perturb:
         """Run the command, and return the exit code."""
         from grasp3d.cli import perturb_report
         from grasp3d.cli.existing_files import check_replaceable
-        from grasp3d.perturbing.writing import SUFFIXES, write_perturbation
         from grasp3d.plots.formats import METADATA
-        from grasp3d.rendering import check_rendering
+        from grasp3d.plots.rendering import check_rendering
         from grasp3d.system.files import check_suffix
+        from grasp3d.validating.perturbing.writing import SUFFIXES, write_perturbation
 
         output = self.output or Path(f"{safe_stem(self.file.stem)}_noise.ply")
         check_suffix(output, SUFFIXES, "table or mesh")
@@ -124,7 +124,7 @@ class Perturb:
         from grasp3d.cli import report
         from grasp3d.mesh.noisy_copies import movable_surface
         from grasp3d.mesh.plausible_lengths import refuse_lengths
-        from grasp3d.perturbing.perturb import perturb_movable
+        from grasp3d.validating.perturbing.perturb import perturb_movable
 
         sampling = given_sampling(self.sampling, self.multifinger).fitted(self.model.fingers)
         surface = movable_surface(self.file, self.mesh)

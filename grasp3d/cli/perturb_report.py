@@ -8,11 +8,11 @@ from rich.console import Console
 from rich.table import Table
 
 from grasp3d.cli.report import CHECK_HINT, escaped, length_with_unit
-from grasp3d.model_text import error_texts, friction_text
-from grasp3d.perturbing.perturbation import Perturbation
 from grasp3d.settings.lengths import Unit, small_length
+from grasp3d.settings.model_text import error_texts, friction_text
 from grasp3d.stability.label import COLORS, MEANING, Label
 from grasp3d.system.counts import counted
+from grasp3d.validating.perturbing.perturbation import Perturbation
 
 MIN_STABLE = 0.01
 """Area fraction that is S below which errors to enter are of no use."""

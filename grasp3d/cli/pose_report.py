@@ -19,7 +19,7 @@ from grasp3d.cli.uncertainty_report import (
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing
-from grasp3d.model_text import friction_text
+from grasp3d.settings.model_text import friction_text
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.system.counts import counted
 

@@ -85,7 +85,7 @@ class Simulate:
         from grasp3d.cli.existing_files import check_replaceable
         from grasp3d.physics.simulation import write_simulation
         from grasp3d.system.files import check_suffix
-        from grasp3d.tables import SUFFIXES
+        from grasp3d.system.tables import SUFFIXES
 
         output = self.output or Path(f"{safe_stem(self.file.stem)}_simulation.csv")
         if self.grasps is not None:

@@ -11,10 +11,10 @@ from rich.table import Table
 
 from grasp3d.cli.report import escaped, length_with_unit
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.model_text import model_line
 from grasp3d.physics.pulling import Fate
 from grasp3d.physics.simulation import Simulation, SuccessRate, success_rate
 from grasp3d.settings.lengths import small_length
+from grasp3d.settings.model_text import model_line
 from grasp3d.stability.label import COLORS, MEANING, Label
 from grasp3d.system.counts import counted
 

@@ -39,7 +39,7 @@ from grasp3d.system.names import safe_stem
 
 if TYPE_CHECKING:
     from grasp3d.batch.sweeping import SweepSettings, SweptMesh, Target
-    from grasp3d.sweeps import Sweep as SweptFractions
+    from grasp3d.surface.sweeps import Sweep as SweptFractions
 
 FRICTIONS, RESOLUTIONS = ("0.2", "0.5", "1.0"), ("0:60:1", "22.6")
 """Default values of friction and sensor resolution."""
@@ -133,7 +133,7 @@ class Sweep:
             gather,
         )
         from grasp3d.cli import sweep_report
-        from grasp3d.sweeps import write_sweeps
+        from grasp3d.surface.sweeps import write_sweeps
 
         settings = SweepSettings(
             sampling=given_sampling(self.sampling, self.multifinger),
@@ -218,12 +218,12 @@ class Sweep:
 
     def _outputs(self, targets: list["Target"]) -> tuple[Path, Path]:
         """Return the paths of table and figure, checked to be writable and not to be meshes."""
+        from grasp3d.batch.storage import local_path
         from grasp3d.batch.sweeping import meshes_of
         from grasp3d.cli.existing_files import check_replaceable
         from grasp3d.plots.formats import METADATA
-        from grasp3d.storage import local_path
         from grasp3d.system.files import check_suffix, check_writable
-        from grasp3d.tables import SUFFIXES
+        from grasp3d.system.tables import SUFFIXES
 
         path = Path(targets[0].name)
         name = safe_stem(path.name if targets[0].folder else path.stem)

@@ -12,8 +12,8 @@ from grasp3d.batch.sweeping import SweptMesh, SweptTarget, Target
 from grasp3d.cli.report import escaped
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import MEANING, Label
-from grasp3d.sweeps import Sweep
-from grasp3d.sweeps.axes import AXES, COLUMN, ROW, AxisName, describe_value
+from grasp3d.surface.sweeps import Sweep
+from grasp3d.surface.sweeps.axes import AXES, COLUMN, ROW, AxisName, describe_value
 
 MIN_RESOLUTION = 0.05
 """Resolution below which no sensor is fine enough [degrees]."""

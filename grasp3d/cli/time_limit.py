@@ -127,7 +127,7 @@ class _Watch:
 
     def _end_process(self) -> None:
         """Print the message and end this process, whatever its main thread does."""
-        from grasp3d.isolation.process import end_all
+        from grasp3d.system.isolation.process import end_all
 
         with suppress(OSError, ValueError):
             print(f"\ngrasp3d: {printable(self.message)}", file=sys.stderr, flush=True)  # noqa: T201

@@ -15,7 +15,7 @@ from grasp3d.cli.ranges import parse_angles, parse_frictions
 from grasp3d.errors import OutputError
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.loads import Load
+from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions
 from grasp3d.validating.validation_settings import ValidationSettings
 

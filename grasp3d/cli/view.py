@@ -23,7 +23,7 @@ from grasp3d.cli.time_limit import (
 )
 from grasp3d.errors import GraspError
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.loads import Load
+from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
 from grasp3d.system.names import printable
 from grasp3d.viewer.view_settings import ViewSettings

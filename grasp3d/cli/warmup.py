@@ -35,7 +35,7 @@ class Warmup:
 
     def run(self) -> int:
         """Run the command, and return the exit code."""
-        from grasp3d.warming_up import warmup
+        from grasp3d.batch.warmup import warmup
 
         begun = time.perf_counter()
         compiled = warmup(self.fingers, gripper=self.gripper, forces=self.forces, cache=self.cache)

@@ -51,7 +51,7 @@ def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
         >>> table.num_rows, table["label"].unique().to_pylist()
         (162, ['S'])
     """
-    from grasp3d.tables import write_arrow
+    from grasp3d.system.tables import write_arrow
 
     check_complete(path, labels, complete=True)
     metadata = {SURFACE_KEY: _packed(labels)}
@@ -60,7 +60,7 @@ def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
 
 def labels_to_table(labels: SurfaceLabels) -> Any:
     """Arrow table with a row for each vertex, as in the file that `write_fields` writes."""
-    from grasp3d.tables import table_of_arrays
+    from grasp3d.system.tables import table_of_arrays
 
     found = [(field, values) for field, values in present(VERTICES, labels) if field.table]
     columns = {
@@ -85,7 +85,7 @@ def _packed(labels: SurfaceLabels) -> bytes:
 
 def read_fields(source: Source) -> Stored | None:
     """Read a Parquet table of vertices; None: it has none of grasp3d. Raises MeshError."""
-    from grasp3d.tables import read_arrow
+    from grasp3d.system.tables import read_arrow
 
     try:
         columns, metadata = read_arrow(source.path, lambda size: check_memory(source, size, MEMORY))

@@ -14,7 +14,7 @@ from grasp3d.reading.declared_sizes import LONGEST_HEADER, check_declared_size
 from grasp3d.reading.ply import read_ply_header
 from grasp3d.reading.sources import Source
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.tables.ply_files import write_ply_columns
+from grasp3d.system.tables.ply_files import write_ply_columns
 
 
 def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -> None:

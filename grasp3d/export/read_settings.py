@@ -15,7 +15,7 @@ from grasp3d.hand.approach import Approach
 from grasp3d.hand.hand_files import hand_of_line
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
-from grasp3d.loads import Load, load_from
+from grasp3d.quality.loads import Load, load_from
 from grasp3d.settings import AnySampling, GraspModel, MeshOptions, sampling_kind
 from grasp3d.settings.lengths import Unit
 from grasp3d.settings.parsing import settings_of_texts

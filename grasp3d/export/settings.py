@@ -5,8 +5,8 @@ from dataclasses import asdict
 from typing import Any
 
 from grasp3d.hand.scene import Scene, scene_settings
-from grasp3d.loads import load_settings
 from grasp3d.mesh import ObjectMesh
+from grasp3d.quality.loads import load_settings
 from grasp3d.settings import AnySampling, GraspModel
 from grasp3d.settings.lengths import one_line
 from grasp3d.settings.parsing import plain_values

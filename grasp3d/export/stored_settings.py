@@ -12,7 +12,7 @@ import numpy as np
 from grasp3d.export.ply import comments_of
 from grasp3d.export.settings import SETTING
 from grasp3d.reading.declared_sizes import LONGEST_HEADER
-from grasp3d.tables import read_settings
+from grasp3d.system.tables import read_settings
 
 FORMAT_KEYS = frozenset({"format", "version", "unit"})
 """Keys of a gripper in JSON that describe the format."""

@@ -17,7 +17,7 @@ from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.hand import Hand
-from grasp3d.loads import load_settings
+from grasp3d.quality.loads import load_settings
 from grasp3d.quality.measures.known import METRICS
 from grasp3d.quality.measures.measuring import UNDEFINED, MetricValues
 from grasp3d.settings.parsing import plain_values
@@ -154,7 +154,7 @@ class EvaluatedPoses(SpreadGrasps):
         and more; `outcome`, contacts `x1` `y1` `z1` ... and outward normals
         `nx1` `ny1` `nz1` ...
         """
-        from grasp3d.tables import table_of_columns
+        from grasp3d.system.tables import table_of_columns
 
         columns: dict[str, npt.NDArray[Any]] = {
             "grasp": np.arange(1, self.size + 1),
@@ -176,7 +176,7 @@ class EvaluatedPoses(SpreadGrasps):
         Raises:
             OutputError: pandas is not installed; the extra `grasp3d[pandas]` installs it.
         """
-        from grasp3d.tables import data_frame
+        from grasp3d.system.tables import data_frame
 
         return data_frame(self.to_table())
 

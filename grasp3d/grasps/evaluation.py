@@ -16,10 +16,10 @@ from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
-from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point, nearest_surface_points
+from grasp3d.quality.loads import Load
 from grasp3d.settings import MAX_FINGERS, GraspModel, check_point_contacts, with_fingers
 from grasp3d.settings.lengths import GivenLength
 from grasp3d.surface.contacts import SurfaceContacts

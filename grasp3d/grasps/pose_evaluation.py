@@ -12,10 +12,10 @@ from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.hand import touching
 from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.scene import Scene
-from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.quality.critical_angle import critical_friction_angle
+from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, with_fingers
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.jaw_contacts import JawContacts

@@ -113,7 +113,7 @@ def read_contacts(path: str | Path) -> Floats:
 
 def _from_table(path: Path) -> Floats:
     """Contacts of a CSV or Parquet file. Raises ContactError, ValueError, OSError."""
-    from grasp3d.tables import read_columns
+    from grasp3d.system.tables import read_columns
 
     found = read_columns(path)
     columns = [_column(name, found[name]) for name in _coordinate_columns(list(found))]

@@ -8,7 +8,7 @@ import numpy as np
 
 from grasp3d.grasps.distinct import distance_of_distinct, distinct_rows, ranked_rows
 from grasp3d.hand.reach import Reachability
-from grasp3d.loads import Load
+from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskText
 from grasp3d.stability.label import Label
 from grasp3d.surface.holding import Holding

@@ -17,7 +17,7 @@ from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.scene import scene_settings
-from grasp3d.loads import load_settings
+from grasp3d.quality.loads import load_settings
 from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.settings import PoseFormat
 from grasp3d.settings.lengths import one_line
@@ -96,14 +96,14 @@ def write_grasps(
     if path.suffix.lower() == ".json":
         _write_json(path, grasps, metrics)
         return
-    from grasp3d.tables import write_columns
+    from grasp3d.system.tables import write_columns
 
     write_columns(path, _columns(grasps, metrics), settings=_settings(grasps))
 
 
 def grasps_to_table(grasps: GraspTable) -> Any:
     """Arrow table with a row for each grasp, as in the file that `write_grasps` writes."""
-    from grasp3d.tables import table_of_columns
+    from grasp3d.system.tables import table_of_columns
 
     return table_of_columns(_columns(grasps), settings=_settings(grasps))
 

@@ -6,8 +6,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from grasp3d._kernels.closing import INSIDE, LEFT, TOUCHES, ClosedOn
-from grasp3d._kernels.jaws import ROUNDING, Jaw
+from grasp3d._kernels.jaws.closing import INSIDE, LEFT, TOUCHES, ClosedOn
+from grasp3d._kernels.jaws.jaws import ROUNDING, Jaw
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.mesh import ObjectMesh
 

@@ -6,9 +6,9 @@ from typing import Literal
 
 import numpy as np
 
-from grasp3d._kernels.closing import ClosedOn, close_on
-from grasp3d._kernels.face_tree import face_tree
-from grasp3d._kernels.jaws import ROUNDING, Jaw
+from grasp3d._kernels.jaws.closing import ClosedOn, close_on
+from grasp3d._kernels.jaws.jaws import ROUNDING, Jaw
+from grasp3d._kernels.surface.face_tree import face_tree
 from grasp3d.arrays import ArrayLike, Bools, Floats
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.hand.choices import ObjectMotion

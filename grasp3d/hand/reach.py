@@ -7,7 +7,7 @@ from typing import Self
 
 import numpy as np
 
-from grasp3d._kernels import gripper_shape
+from grasp3d._kernels.jaws import gripper_shape
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.mesh import ObjectMesh
 

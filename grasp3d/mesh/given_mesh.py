@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints, used_indices
-from grasp3d.costs import check_cost
 from grasp3d.errors import MeshError
 from grasp3d.mesh.work_bounds import cell_counts
 from grasp3d.reading import RawMesh, check_finite
+from grasp3d.settings.costs import check_cost
 from grasp3d.system.names import printable
 
 LARGEST = 1e60

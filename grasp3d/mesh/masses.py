@@ -7,8 +7,8 @@ import numpy as np
 
 from grasp3d.arrays import Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.loads import Load
 from grasp3d.mesh.object_mesh import ObjectMesh
+from grasp3d.quality.loads import Load
 from grasp3d.settings.lengths import METRES
 
 OVERLAP = 0.01

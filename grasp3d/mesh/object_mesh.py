@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from grasp3d._kernels.normal_sets import ContactNormals
-from grasp3d._kernels.surface_contacts import Surface
+from grasp3d._kernels.surface.normal_sets import ContactNormals
+from grasp3d._kernels.surface.surface_contacts import Surface
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows, used_indices
 from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.mesh_report import MeshReport

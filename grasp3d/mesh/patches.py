@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from grasp3d._kernels.patches import (
+from grasp3d._kernels.surface.patches import (
     REACHED,
     GeodesicMesh,
     make_front,

@@ -7,11 +7,11 @@ import numpy.typing as npt
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from grasp3d._kernels.antipodal_candidates import BestPairs, PairLimits
-from grasp3d._kernels.normal_sets import ContactNormals
-from grasp3d._kernels.ray_crossings import evaluate_crossings
-from grasp3d._kernels.ray_tracing import Rays, write_rays
-from grasp3d._kernels.surface_contacts import Surface
+from grasp3d._kernels.search.antipodal_candidates import BestPairs, PairLimits
+from grasp3d._kernels.search.ray_crossings import evaluate_crossings
+from grasp3d._kernels.surface.normal_sets import ContactNormals
+from grasp3d._kernels.surface.ray_tracing import Rays, write_rays
+from grasp3d._kernels.surface.surface_contacts import Surface
 from grasp3d.arrays import Floats, Ints
 
 

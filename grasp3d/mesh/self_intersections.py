@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp3d._kernels.ray_tracing import STEP
+from grasp3d._kernels.surface.ray_tracing import STEP
 from grasp3d.arrays import Bools, Floats, Ints, first_at_position, unit_rows
 from grasp3d.mesh.ray_tracing import FaceRays
 

@@ -29,7 +29,7 @@ from grasp3d.plots.style import Drawing
 from grasp3d.plots.tips import tips_figure
 from grasp3d.settings import DEGREE, GraspModel
 from grasp3d.stability.angle_distributions import SphereAngles
-from grasp3d.sweeps import Sweep, sweep
+from grasp3d.surface.sweeps import Sweep, sweep
 
 CONE_MODEL = GraspModel(friction=1.0, sensor_resolution=30.0 * DEGREE)
 """Model of the drawings of cones for all settings: all its angles are clearly visible."""

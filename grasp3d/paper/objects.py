@@ -17,14 +17,14 @@ from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.plots.fraction_figures import fixed_fingers, surface_figure
 from grasp3d.plots.painting import paint_labels
+from grasp3d.plots.rendering import View
 from grasp3d.plots.style import Drawing
-from grasp3d.rendering import View
 from grasp3d.settings import DEGREE, GraspModel
 from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
-from grasp3d.sweeps import Sweep, sweep
+from grasp3d.surface.sweeps import Sweep, sweep
 from grasp3d.system.progress import Progress
 
 BELOW = (0.0, 0.0, -1.0)

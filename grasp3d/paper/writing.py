@@ -17,7 +17,7 @@ from grasp3d.paper.objects import (
 )
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.plots.formats import save
-from grasp3d.rendering import can_render
+from grasp3d.plots.rendering import can_render
 from grasp3d.system.files import atomic_write, check_writable
 from grasp3d.system.progress import Progress, ignore, within
 

@@ -7,12 +7,12 @@ from functools import partial
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.run import run
 from grasp3d.errors import GraspError, MeshError
-from grasp3d.isolation import CallFailedError, call
 from grasp3d.mesh import ObjectMesh
 from grasp3d.physics.parts import ConvexParts, convex_parts
 from grasp3d.physics.pulling import Attempt, Fate, Outcome, simulate_attempt
 from grasp3d.physics.scene import SimulatedObject, Tips, grasp_model
 from grasp3d.physics.simulation_settings import SimulationSettings
+from grasp3d.system.isolation import CallFailedError, call
 from grasp3d.system.progress import Progress
 
 ATTEMPTS = 6

@@ -257,7 +257,7 @@ class Simulation:
         Raises:
             OutputError: pandas is not installed.
         """
-        from grasp3d.tables import data_frame, table_of_columns
+        from grasp3d.system.tables import data_frame, table_of_columns
 
         return data_frame(table_of_columns(self.columns(), settings=plain_values(self.settings)))
 
@@ -289,7 +289,7 @@ def write_simulation(path: str | Path, found: Simulation) -> None:
         >>> len(Path("simulated.csv").read_text().splitlines())
         4
     """
-    from grasp3d.tables import write_columns
+    from grasp3d.system.tables import write_columns
 
     write_columns(Path(path), dict(found.columns()), settings=settings_of(found))
 

@@ -17,6 +17,7 @@ from matplotlib.ticker import MaxNLocator
 
 from grasp3d.arrays import Bytes
 from grasp3d.plots.fractions import axis_numbers, draw_ceiling, stack_fractions
+from grasp3d.plots.rendering import Finger
 from grasp3d.plots.style import (
     COLUMN,
     PAGE,
@@ -26,9 +27,8 @@ from grasp3d.plots.style import (
     show_picture,
     styled,
 )
-from grasp3d.rendering import Finger
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.sweeps import Sweep
+from grasp3d.surface.sweeps import Sweep
 
 HEIGHT = 2.6
 """Height of the figures [inch]."""

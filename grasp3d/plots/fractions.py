@@ -25,8 +25,8 @@ from grasp3d.plots.style import (
 )
 from grasp3d.stability.angle_distributions import SphereAngles
 from grasp3d.stability.label import MEANING, Label
-from grasp3d.sweeps import Sweep
-from grasp3d.sweeps.axes import AXES, COLUMN, AxisName, describe_value
+from grasp3d.surface.sweeps import Sweep
+from grasp3d.surface.sweeps.axes import AXES, COLUMN, AxisName, describe_value
 
 PANEL = 1.7
 """Least width of a panel [inch]."""

@@ -13,12 +13,12 @@ from grasp3d.grasps.closed_grasps import UNKNOWN
 from grasp3d.hand.shapes import hand_triangles
 from grasp3d.hand.triangles import Triangles
 from grasp3d.mesh.ray_tracing import SurfaceRays
-from grasp3d.model_text import model_line
 from grasp3d.plots.painting import paint_labels
+from grasp3d.plots.rendering import ARROW, Finger, View, extent_of, span_of
 from grasp3d.plots.style import PAGE, as_text, label_patches, new_figure, show_picture, styled
-from grasp3d.rendering import ARROW, Finger, View, extent_of, span_of
 from grasp3d.settings import DEGREE
 from grasp3d.settings.lengths import METRES
+from grasp3d.settings.model_text import model_line
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.grasp_table import GraspTable

@@ -17,8 +17,8 @@ from grasp3d.arrays import Floats
 from grasp3d.plots.fractions import axis_numbers, axis_title
 from grasp3d.plots.style import LABEL_COLORS, LINES, PAGE, as_text, new_figure, styled
 from grasp3d.stability.label import Label
-from grasp3d.sweeps import Sweep
-from grasp3d.sweeps.axes import COLUMN
+from grasp3d.surface.sweeps import Sweep
+from grasp3d.surface.sweeps.axes import COLUMN
 
 HEIGHT, MARGINS = 2.1, 0.75
 """Height of a row of maps, and of what is above and below them [inch]."""

@@ -10,8 +10,8 @@ from grasp3d.arrays import Bytes, Floats, unit_rows
 from grasp3d.contact.contacts import Contacts
 from grasp3d.hand.triangles import COLORS as PART_COLORS
 from grasp3d.hand.triangles import Part, Triangles
+from grasp3d.plots.rendering import Finger, View, picture
 from grasp3d.quality.critical_angle import critical_friction_angle
-from grasp3d.rendering import Finger, View, picture
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import COLORS, Label
 from grasp3d.stability.located_angles import ContactLimits, located_contacts

@@ -8,9 +8,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from grasp3d.arrays import Bytes
-from grasp3d.model_text import error_texts
-from grasp3d.perturbing.perturbation import Perturbation
 from grasp3d.plots.painting import paint_labels
+from grasp3d.plots.rendering import View, picture
 from grasp3d.plots.style import (
     LABEL_COLORS,
     PAGE,
@@ -21,9 +20,10 @@ from grasp3d.plots.style import (
     show_picture,
     styled,
 )
-from grasp3d.rendering import View, picture
+from grasp3d.settings.model_text import error_texts
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.labelling import label_surface
+from grasp3d.validating.perturbing.perturbation import Perturbation
 
 HEIGHT = 3.1
 """Height of the figure [inch]."""

@@ -15,13 +15,13 @@ from grasp3d.plots.html_parts import (
     table,
     text,
 )
+from grasp3d.plots.rendering import can_render
 from grasp3d.plots.validations import (
     calibration_figure,
     draw_disagreement,
     label_figure,
     roc_figure,
 )
-from grasp3d.rendering import can_render
 from grasp3d.stability.label import MEANING as LABELS
 from grasp3d.stability.label import Label
 from grasp3d.system.files import atomic_write

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from grasp3d._kernels import growing_hull
-from grasp3d._kernels.wrench_problem import SIGN, Results
+from grasp3d._kernels.hull import growing_hull
+from grasp3d._kernels.hull.wrench_problem import SIGN, Results
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, shaped, short_repr
 from grasp3d.contact.contacts import Contacts, centred
 from grasp3d.contact.friction_cones import tangents

@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.coplanar_contacts import critical_of_three, make_plane
-from grasp3d._kernels.frictionless_closure import frictionless_depth, make_cells
-from grasp3d._kernels.wrench_problem import SIGN
+from grasp3d._kernels.hull.frictionless_closure import frictionless_depth, make_cells
+from grasp3d._kernels.hull.wrench_problem import SIGN
+from grasp3d._kernels.search.coplanar_contacts import critical_of_three, make_plane
 from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, angles_between
 from grasp3d.contact.contacts import Contacts, centred
 from grasp3d.errors import SettingError

@@ -11,7 +11,7 @@ from grasp3d.settings.grasp_model import Actuation
 
 Goal = tuple[float, float, float, float]
 """When a hull need not be grown further: relative and absolute tolerance of the bounds, cutoff, and
-whether only the sign is needed; see `_kernels.growing_hull.grow`."""
+whether only the sign is needed; see `_kernels.hull.growing_hull.grow`."""
 
 UNDECIDED_WITHIN = 1e4
 """Width, in tolerances of 1e-12 of the wrenches, of an interval about 0 that is left undecided."""

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from grasp3d._kernels.wrench_problem import Results
+from grasp3d._kernels.hull.wrench_problem import Results
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, shaped, short_repr
 from grasp3d.contact.contacts import LARGEST, Contacts, finite_numbers
 from grasp3d.errors import ContactError

@@ -14,13 +14,13 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
-from grasp3d._kernels import grip_force as kernels
-from grasp3d._kernels.grip_force import ForceResults
-from grasp3d._kernels.growing_hull import CONVERGED
-from grasp3d._kernels.polytope import SCRATCH_ROWS
-from grasp3d._kernels.support_functions import ELLIPTIC, LINEAR, NO_TORSION
-from grasp3d._kernels.tasks import POINTS, SIZE, TERM
-from grasp3d._kernels.wrench_problem import Workspace
+from grasp3d._kernels.forces import grip_force as kernels
+from grasp3d._kernels.forces.grip_force import ForceResults
+from grasp3d._kernels.forces.tasks import POINTS, SIZE, TERM
+from grasp3d._kernels.hull.growing_hull import CONVERGED
+from grasp3d._kernels.hull.polytope import SCRATCH_ROWS
+from grasp3d._kernels.hull.support_functions import ELLIPTIC, LINEAR, NO_TORSION
+from grasp3d._kernels.hull.wrench_problem import Workspace
 from grasp3d.arrays import ArrayLike, Floats, Ints
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import edge_angles, tangents

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from grasp3d._kernels import grip_force as kernels
-from grasp3d._kernels.grip_force import ForceResults
+from grasp3d._kernels.forces import grip_force as kernels
+from grasp3d._kernels.forces.grip_force import ForceResults
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, shaped, short_repr
 from grasp3d.contact.contacts import LARGEST, Contacts
 from grasp3d.errors import ContactError, SettingError

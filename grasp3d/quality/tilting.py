@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from grasp3d._kernels.support_functions import TOTAL
+from grasp3d._kernels.hull.support_functions import TOTAL
 from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts, tilts_of
 from grasp3d.contact.friction_cones import tilted_normals

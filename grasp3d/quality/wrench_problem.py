@@ -10,13 +10,13 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.optimize import nnls
 
-from grasp3d._kernels import wrench_problem as kernels
-from grasp3d._kernels.force_balance import LARGEST_SLACK
-from grasp3d._kernels.growing_hull import CONVERGED, UNDECIDED
-from grasp3d._kernels.pair_epsilon import make_pair_scratch, pair_epsilons
-from grasp3d._kernels.polytope import SCRATCH_ROWS, Polytope, make_polytope
-from grasp3d._kernels.support_functions import LINEAR, NO_TORSION, PER_FINGER, ROWS, TOTAL
-from grasp3d._kernels.wrench_problem import (
+from grasp3d._kernels.hull import wrench_problem as kernels
+from grasp3d._kernels.hull.force_balance import LARGEST_SLACK
+from grasp3d._kernels.hull.growing_hull import CONVERGED, UNDECIDED
+from grasp3d._kernels.hull.pair_epsilon import make_pair_scratch, pair_epsilons
+from grasp3d._kernels.hull.polytope import SCRATCH_ROWS, Polytope, make_polytope
+from grasp3d._kernels.hull.support_functions import LINEAR, NO_TORSION, PER_FINGER, ROWS, TOTAL
+from grasp3d._kernels.hull.wrench_problem import (
     AT_REST,
     SIGN,
     Results,
@@ -24,7 +24,7 @@ from grasp3d._kernels.wrench_problem import (
     make_workspace,
     verify,
 )
-from grasp3d._kernels.wrench_span import RANK_TOLERANCE
+from grasp3d._kernels.hull.wrench_span import RANK_TOLERANCE
 from grasp3d.arrays import ArrayLike, Bools, Floats, Ints
 from grasp3d.contact.contacts import Contacts, clearly_placed, per_contact
 from grasp3d.contact.friction_cones import edge_angles

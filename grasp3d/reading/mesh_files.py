@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 
 from grasp3d.errors import MeshError, MeshUnreadError
-from grasp3d.isolation.failures import CallFailedError, CallFailure
-from grasp3d.isolation.limits import Limits
-from grasp3d.isolation.monitoring import send_request
-from grasp3d.isolation.process import ChildProcess, ProcessPool
 from grasp3d.reading.archives import check_archive, check_declarations
 from grasp3d.reading.declared_sizes import check_declared_size
 from grasp3d.reading.sources import DIRECT_FORMATS, RawMesh, Source, find_source
 from grasp3d.settings import MeshOptions
+from grasp3d.system.isolation.failures import CallFailedError, CallFailure
+from grasp3d.system.isolation.limits import Limits
+from grasp3d.system.isolation.monitoring import send_request
+from grasp3d.system.isolation.process import ChildProcess, ProcessPool
 
 _ARCHIVES = ("3mf", "3dxml")
 

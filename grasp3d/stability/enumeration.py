@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.wrench_problem import SIGN
+from grasp3d._kernels.hull.wrench_problem import SIGN
 from grasp3d.arrays import (
     ArrayLike,
     Bools,

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from grasp3d._kernels.pair_lines import locate_pairs, pair_angles
+from grasp3d._kernels.search.pair_lines import locate_pairs, pair_angles
 from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, angles_between
 from grasp3d.contact.contacts import Contacts
 from grasp3d.quality.closure import force_closure

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from grasp3d._kernels.normal_angles import largest_angle, smallest_angle
-from grasp3d._kernels.normal_sets import order_normal_sets
+from grasp3d._kernels.surface.normal_angles import largest_angle, smallest_angle
+from grasp3d._kernels.surface.normal_sets import order_normal_sets
 from grasp3d.arrays import ArrayLike, Floats, Ints, angles_between, unit_rows
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import on_arcs

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.coplanar_contacts import critical_of_sets, make_fans, make_plane
-from grasp3d._kernels.wrench_problem import SIGN
+from grasp3d._kernels.hull.wrench_problem import SIGN
+from grasp3d._kernels.search.coplanar_contacts import critical_of_sets, make_fans, make_plane
 from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints
 from grasp3d.contact.contacts import Contacts
 from grasp3d.quality.closure import Status

@@ -15,9 +15,9 @@ from grasp3d.arrays import Bytes, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene
-from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.closure import force_closure
+from grasp3d.quality.loads import Load
 from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
@@ -484,7 +484,7 @@ class GraspTable(LabelledGrasps):
         Raises:
             OutputError: pandas is not installed; the extra `grasp3d[pandas]` installs it.
         """
-        from grasp3d.tables import data_frame
+        from grasp3d.system.tables import data_frame
 
         return data_frame(self.to_table())
 

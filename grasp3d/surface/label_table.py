@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 
 from grasp3d.arrays import Floats
-from grasp3d.model_text import model_line
 from grasp3d.settings import GraspModel
+from grasp3d.settings.model_text import model_line
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
 
 LEVELS = (0.1, 0.5, 0.9)

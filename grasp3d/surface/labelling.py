@@ -2,18 +2,18 @@
 
 from dataclasses import dataclass
 
-from grasp3d.costs import check_cost
 from grasp3d.hand.approach import Approach
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
-from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
+from grasp3d.quality.loads import Load
 from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling, check_search_settings
+from grasp3d.settings.costs import check_cost
 from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase

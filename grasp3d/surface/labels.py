@@ -14,11 +14,10 @@ from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene
-from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import length_warnings
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.model_text import model_line
+from grasp3d.quality.loads import Load
 from grasp3d.settings import (
     ANGLE_ROUNDING,
     AnySampling,
@@ -28,6 +27,7 @@ from grasp3d.settings import (
     search_cone,
 )
 from grasp3d.settings.lengths import GivenLength
+from grasp3d.settings.model_text import model_line
 from grasp3d.settings.uncertainty import Uncertainty, friction_interval
 from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.stability.label import Label, Mode
@@ -545,7 +545,7 @@ class SurfaceLabels(SpreadGrasps):
             >>> frame["label"].value_counts().to_dict()
             {'S': 42, 'U': 0, 'M': 0}
         """
-        from grasp3d.tables import data_frame
+        from grasp3d.system.tables import data_frame
 
         return data_frame(self.to_table())
 

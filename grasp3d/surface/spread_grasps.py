@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked
 from grasp3d.hand.scene import Scene
-from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh
+from grasp3d.quality.loads import Load
 from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel

@@ -4,7 +4,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from grasp3d._kernels import antipodal_candidates
+from grasp3d._kernels.search import antipodal_candidates
 from grasp3d.arrays import Bools, Ints
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints

@@ -19,9 +19,9 @@ from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
-from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh, mass_of
+from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions
 from grasp3d.system.progress import Progress, within
 from grasp3d.validating.disagreements import Disagreements

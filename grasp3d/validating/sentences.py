@@ -2,7 +2,7 @@
 
 import math
 
-from grasp3d.model_text import model_line
+from grasp3d.settings.model_text import model_line
 from grasp3d.system.counts import counted, noun
 from grasp3d.validating.intervals import wilson
 from grasp3d.validating.success import Calibration, MarginThreshold

@@ -11,8 +11,8 @@ from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource
+from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions
 from grasp3d.system.progress import Progress, ignore, within
 from grasp3d.validating.disagreements import Disagreements

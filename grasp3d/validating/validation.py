@@ -211,7 +211,7 @@ def write_validation(folder: str | Path, found: Validation) -> None:
         >>> print(Path("out/scores.csv").read_text()[:23])
         "score","better","roc_a
     """
-    from grasp3d.tables import write_columns
+    from grasp3d.system.tables import write_columns
 
     folder = made_folder(folder)
     write_columns(folder / GRASPS, found.columns(), settings={})
@@ -239,7 +239,7 @@ def made_folder(folder: str | Path) -> Path:
 
 
 def _write(path: Path, rows: list[dict[str, Any]]) -> None:
-    from grasp3d.tables import write_table
+    from grasp3d.system.tables import write_table
 
     columns = {name: type(value) for name, value in rows[0].items()}
     known = [

@@ -11,8 +11,8 @@ from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.compiling_first import compile_first
 from grasp3d.batch.job_requests import Request
 from grasp3d.batch.run import run
-from grasp3d.isolation import CallFailedError, CallFailure
-from grasp3d.warming_up import announcement, compile_kernels
+from grasp3d.batch.warmup import announcement, compile_kernels
+from grasp3d.system.isolation import CallFailedError, CallFailure
 from tests.helpers.jobs import Work, lost, work
 
 

@@ -17,12 +17,12 @@ from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.labelling import Unchanged, label_job, lost_row
 from grasp3d.batch.plan import Job
 from grasp3d.batch.row import TIMINGS, Outcome, Row
+from grasp3d.batch.storage import Folder
 from grasp3d.errors import SettingError
 from grasp3d.grasps import verdict_of
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.isolation import NeedsMemory
-from grasp3d.storage import Folder
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.system.isolation import NeedsMemory
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND
 

@@ -22,8 +22,8 @@ from grasp3d.batch.library import LibraryLabels, label_library
 from grasp3d.batch.plan import Job
 from grasp3d.batch.progress import BatchProgress
 from grasp3d.batch.row import TIMINGS, Outcome, Row
+from grasp3d.batch.storage import Folder
 from grasp3d.errors import MeshError, MeshUnreadError, OutputError
-from grasp3d.storage import Folder
 from tests.helpers import shapes
 
 QUICK = BatchSettings(GraspModel(), Sampling(rays=8), MeshOptions(max_edge=10.0), best=1)

@@ -26,9 +26,9 @@ from grasp3d.batch.identity import METHOD, mesh_key
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.marker import FORMAT
 from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
+from grasp3d.batch.storage import Folder
 from grasp3d.batch.store import Store, read_summary
 from grasp3d.errors import OutputError
-from grasp3d.storage import Folder
 
 SETTINGS = BatchSettings(GraspModel(friction=0.4))
 OTHER = BatchSettings(GraspModel(friction=0.5))

@@ -80,7 +80,7 @@ def check_rows(text: str, found: list[dict[str, Any]]) -> None:
 def test_a_warning_is_printed_where_no_label_is_confirmed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grasp3d.rendering.can_render", lambda: False)
+    monkeypatch.setattr("grasp3d.plots.rendering.can_render", lambda: False)
     folder = folder_with_cone(tmp_path, 19.0)
     ended = run_here("label", "cone.stl", *OPTIONS, "--friction", "0.2", "--best", "3", cwd=folder)
     assert (ended.returncode, ended.stderr) == (0, "")

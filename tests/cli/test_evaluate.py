@@ -11,13 +11,13 @@ import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
-from grasp3d import rendering
+from grasp3d.plots import rendering
 from grasp3d.quality import METRICS, metric_names
 from tests.cli.test_label import export
 from tests.cli.test_label import grasp3d as real_grasp3d
 from tests.helpers import shapes
 from tests.helpers.commands import run_here as grasp3d
-from tests.test_rendering import needs_opengl
+from tests.plots.test_rendering import needs_opengl
 
 BOX = (1.0, 0.7, 0.5)
 PAIR = [[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]]

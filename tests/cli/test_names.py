@@ -8,7 +8,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from grasp3d import rendering
+from grasp3d.plots import rendering
 from grasp3d.system.names import as_unicode, printable, safe_stem, short_hash
 from tests.cli.test_label import export
 from tests.cli.test_label import grasp3d as real_grasp3d

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from grasp3d import label_surface, load_mesh
-from grasp3d.tables import read_columns
+from grasp3d.system.tables import read_columns
 from tests.helpers import shapes
 from tests.helpers.commands import run_here as grasp3d
 

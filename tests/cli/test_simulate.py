@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from grasp3d.tables import read_columns
+from grasp3d.system.tables import read_columns
 from tests.helpers.commands import run_here as grasp3d
 
 QUICK = ("--unit", "cm", "--pull-time", "0.05", "--workers", "0")

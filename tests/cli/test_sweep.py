@@ -31,7 +31,7 @@ from grasp3d.batch.sweeping import (
 from grasp3d.cli.ranges import parse_resolutions
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.stability.angle_distributions import SphereAngles
-from grasp3d.sweeps import sweep
+from grasp3d.surface.sweeps import sweep
 from tests.cli.test_label import export
 from tests.cli.test_label import grasp3d as real_grasp3d
 from tests.helpers import shapes

@@ -16,7 +16,7 @@ from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.plots.validation_page import FILES
-from grasp3d.tables import read_columns
+from grasp3d.system.tables import read_columns
 from tests.helpers import shapes
 from tests.helpers.commands import run_here as grasp3d
 from tests.helpers.tried_grasps import chances, expected_roc_auc, poses_on

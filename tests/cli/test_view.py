@@ -14,8 +14,8 @@ import pytest
 import trimesh
 from PIL import Image
 
-from grasp3d import rendering
 from grasp3d.cli import main
+from grasp3d.plots import rendering
 from tests.helpers import shapes
 
 COMMAND = Path(sys.executable).with_name("grasp3d")

@@ -37,15 +37,15 @@ from grasp3d.export.vertex_fields import SURFACE, VERTICES
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.writing import write_grasps
-from grasp3d.loads import Load
 from grasp3d.mesh.repair import RepairStep
-from grasp3d.perturbing import NoiseSettings, perturb_surface, write_perturbation
 from grasp3d.physics import SimulationSettings, simulate_grasps, write_simulation
 from grasp3d.plots.validation_page import FILES
+from grasp3d.quality.loads import Load
 from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.sweeps import write_sweeps
 from grasp3d.surface.vertex_grasps import Reason
-from grasp3d.sweeps import write_sweeps
 from grasp3d.validating import write_validation
+from grasp3d.validating.perturbing import NoiseSettings, perturb_surface, write_perturbation
 from tests.docs.field_tables import PAGES, PLY_TYPES, rendered
 from tests.helpers import shapes
 

@@ -20,8 +20,8 @@ from grasp3d.grasps import verdict_of
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.verdict import HoldingVerdict
 from grasp3d.grasps.writing import poses_of
-from grasp3d.loads import Load
 from grasp3d.quality import Wrenches
+from grasp3d.quality.loads import Load
 from grasp3d.stability.label import Label
 from grasp3d.surface.holding import HARD_FINGERS, Holding
 from grasp3d.surface.load_case import LoadCase

@@ -533,7 +533,7 @@ def test_normals_point_outward_in_files_and_contacts_are_those_of_read_contacts(
         assert "closing axis" in content["grasp3d"]["frame"]
         assert content["grasps"][0]["contacts"][0]["normal"] == [0.0, 0.0, 1.0]
     else:
-        from grasp3d.tables import read_columns
+        from grasp3d.system.tables import read_columns
 
         assert read_columns(path)["nz1"].tolist() == [1.0]
     equal(read_poses(path).columns["normals"], inward)

@@ -19,7 +19,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import ImageGrab
 
-from grasp3d.rendering import WINDOW
+from grasp3d.plots.rendering import WINDOW
 
 TIMEOUT = 90.0
 """Longest wait for any condition [s]."""

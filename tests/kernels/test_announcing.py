@@ -3,8 +3,8 @@ from typing import Any
 
 import pytest
 
-from grasp3d._kernels import announcing
-from grasp3d._kernels.announcing import Announcer, Phase
+from grasp3d._kernels.compiling import announcing
+from grasp3d._kernels.compiling.announcing import Announcer, Phase
 
 PACKAGE = "grasp3d._kernels"
 

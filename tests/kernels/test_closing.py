@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from grasp3d import ObjectMesh, load_mesh
-from grasp3d._kernels import clipping
+from grasp3d._kernels.surface import clipping
 from grasp3d.hand.closed_jaws import ClosedJaws, Closing
 from grasp3d.hand.closing import close_jaws
 from tests.helpers import shapes

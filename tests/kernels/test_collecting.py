@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from grasp3d._kernels.collecting import YOUNG_OBJECTS, CollectionPauses
+from grasp3d._kernels.compiling.collecting import YOUNG_OBJECTS, CollectionPauses
 
 
 @pytest.fixture(autouse=True)

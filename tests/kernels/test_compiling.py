@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from grasp3d._kernels import compiling, machine_code, parts
+from grasp3d._kernels.compiling import decorators, machine_code, parts
 
 CALLEE = """
-from small.compiling import inlined, kernel, merged, part
+from small.compiling.decorators import inlined, kernel, merged, part
 
 @kernel
 def called(x):
@@ -33,7 +33,7 @@ def linked(x, power):
 
 CALLER = """
 from small.callee import called, linked, merged_in, written_out
-from small.compiling import kernel
+from small.compiling.decorators import kernel
 
 @kernel
 def climb(x):
@@ -45,7 +45,7 @@ import json
 import numba
 from small.callee import called, linked, merged_in
 from small.caller import climb
-from small.machine_code import cache_folder
+from small.compiling.machine_code import cache_folder
 print(json.dumps({
     "value": climb(0),
     "signatures": [len(kernel.signatures) for kernel in (called, linked, merged_in)],
@@ -58,7 +58,7 @@ print(json.dumps({
 PURE = """
 import numpy as np
 from scipy.spatial import ConvexHull
-from grasp3d._kernels import growing_hull
+from grasp3d._kernels.hull import growing_hull
 from grasp3d.quality.ferrari_canny import epsilon_of_wrenches
 
 assert not hasattr(growing_hull.grow, "py_func"), "expected to run uncompiled"
@@ -121,12 +121,14 @@ class Package:
 def package(tmp_path: Path) -> Package:
     made = Package(tmp_path)
     made.folder.mkdir()
-    (made.folder / "__init__.py").touch()
+    (made.folder / "compiling").mkdir()
+    for folder in (made.folder, made.folder / "compiling"):
+        (folder / "__init__.py").touch()
     (made.folder / "caller.py").write_text(CALLER, encoding="utf-8")
-    for module in (compiling, machine_code, parts):
+    for module in (decorators, machine_code, parts):
         source = Path(str(module.__file__))
         text = source.read_text(encoding="utf-8").replace("grasp3d._kernels", "small")
-        (made.folder / source.name).write_text(text, encoding="utf-8")
+        (made.folder / "compiling" / source.name).write_text(text, encoding="utf-8")
     made.write(step=1)
     return made
 
@@ -177,7 +179,7 @@ def test_kernels_are_compiled_once_and_parts_only_into_them(package: Package) ->
 
 @pytest.mark.slow
 def test_parts_are_kernels_with_versions_of_numba_that_are_not_known(package: Package) -> None:
-    source = package.folder / "compiling.py"
+    source = package.folder / "compiling" / "decorators.py"
     text = source.read_text(encoding="utf-8")
     source.write_text(text.replace("numba.version_info.short < (0, 69)", "False"), encoding="utf-8")
     (package.folder / "parts.py").write_text("raise ImportError", encoding="utf-8")
@@ -187,11 +189,11 @@ def test_parts_are_kernels_with_versions_of_numba_that_are_not_known(package: Pa
 
 
 def test_a_part_is_a_kernel_where_python_calls_it() -> None:
-    @compiling.merged
+    @decorators.merged
     def square_of_sum(a: float, b: float) -> float:
         return (a + b) * (a + b)
 
-    @compiling.kernel
+    @decorators.kernel
     def one_more(a: float, b: float) -> float:
         return 1.0 + square_of_sum(a, b)
 

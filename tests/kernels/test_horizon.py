@@ -7,9 +7,9 @@ import numba
 import numpy as np
 import pytest
 
-from grasp3d._kernels import horizon
-from grasp3d._kernels.bits import lowest_bit
-from grasp3d._kernels.polytope import UNKNOWN, Polytope, make_polytope
+from grasp3d._kernels.hull import horizon
+from grasp3d._kernels.hull.bits import lowest_bit
+from grasp3d._kernels.hull.polytope import UNKNOWN, Polytope, make_polytope
 
 CAPACITY = 600
 

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from grasp3d import load_mesh
-from grasp3d._kernels.blocked_angles import all_angles, bit
-from grasp3d._kernels.box_tree import ball_is_free, box_tree, triangle_distance
-from grasp3d._kernels.capsules import capsule_is_free, segment_distance
-from grasp3d._kernels.gripper_parts import margin_of, widest_arc
-from grasp3d._kernels.gripper_shape import make_workspace
-from grasp3d._kernels.pose_collisions import winding_number
-from grasp3d._kernels.reaching import tip_fits
+from grasp3d._kernels.jaws.blocked_angles import all_angles, bit
+from grasp3d._kernels.jaws.gripper_parts import margin_of, widest_arc
+from grasp3d._kernels.jaws.gripper_shape import make_workspace
+from grasp3d._kernels.jaws.pose_collisions import winding_number
+from grasp3d._kernels.jaws.reaching import tip_fits
+from grasp3d._kernels.surface.box_tree import ball_is_free, box_tree, triangle_distance
+from grasp3d._kernels.surface.capsules import capsule_is_free, segment_distance
 from grasp3d.hand.approach import Approach
 from grasp3d.hand.jaw_reach import NormalizedScene
 from tests.helpers import shapes

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from grasp3d._kernels.visible_faces import FINE, draw_surface
+from grasp3d._kernels.surface.visible_faces import FINE, draw_surface
 from tests.helpers import shapes
 
 WIDTH, HEIGHT = 60, 50

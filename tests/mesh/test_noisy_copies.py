@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from grasp3d import MeshOptions, ObjectMesh, label_surface, load_mesh
-from grasp3d._kernels.antipodal_candidates import TIE
-from grasp3d._kernels.face_minimum import RESOLVED
+from grasp3d._kernels.search.antipodal_candidates import TIE
+from grasp3d._kernels.search.face_minimum import RESOLVED
 from grasp3d.mesh.noisy_copies import movable_surface
 from tests.helpers import shapes
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import GraspModel, ObjectMesh, Sampling, SurfaceLabels, label_surface, load_mesh
-from grasp3d._kernels.patches import make_front, measure_distances, reset_front
+from grasp3d._kernels.surface.patches import make_front, measure_distances, reset_front
 from grasp3d.arrays import unit_rows
 from grasp3d.errors import SettingError
 from grasp3d.mesh import patches

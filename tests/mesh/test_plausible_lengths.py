@@ -5,8 +5,8 @@ import pytest
 
 from grasp3d import Sampling, label_surface, load_mesh
 from grasp3d.errors import SettingError
-from grasp3d.loads import Load
 from grasp3d.mesh.plausible_lengths import check_lengths, length_warnings, refuse_lengths
+from grasp3d.quality.loads import Load
 from grasp3d.settings.lengths import length_in_unit, parse_length
 from tests.helpers import shapes
 

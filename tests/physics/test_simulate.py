@@ -28,7 +28,7 @@ from grasp3d.physics import (
 from grasp3d.physics.drawing import tilt_at_random
 from grasp3d.physics.jobs import Job, Stage, simulate_attempts, simulate_job
 from grasp3d.system.progress import ignore
-from grasp3d.tables import read_columns
+from grasp3d.system.tables import read_columns
 from tests.physics.test_pulling import SETTINGS, TIPS, attempt, box
 
 HERE = ClusterSettings(workers=0)

@@ -17,7 +17,7 @@ from grasp3d.plots.fractions import draw_ceiling, stack_fractions, sweep_figure
 from grasp3d.plots.style import LABEL_COLORS, new_figure
 from grasp3d.stability.angle_distributions import SampledAngles, SphereAngles
 from grasp3d.stability.label import Label
-from grasp3d.sweeps import Sweep, mean_sweep, sweep
+from grasp3d.surface.sweeps import Sweep, mean_sweep, sweep
 
 DEGREES = np.linspace(0.0, 60.0, 25)
 

@@ -15,13 +15,13 @@ from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.mesh import ObjectMesh
 from grasp3d.plots.grasps import MOST_PICTURES, PIXELS, draw_grasps, grasp_figure, views_of
 from grasp3d.plots.painting import PALETTE, paint_labels
-from grasp3d.rendering import ARROW, Finger, View, can_render, extent_of, span_of
-from grasp3d.rendering import picture as rendered
+from grasp3d.plots.rendering import ARROW, Finger, View, can_render, extent_of, span_of
+from grasp3d.plots.rendering import picture as rendered
 from grasp3d.surface.grasp_table import GraspTable
 from tests.helpers import shapes
 from tests.helpers.figures import check_texts, drawn_texts
 from tests.helpers.vertex_labels import with_arrays
-from tests.test_rendering import needs_opengl
+from tests.plots.test_rendering import needs_opengl
 
 BLANK = np.full((8, 8, 3), 255, dtype=np.uint8)
 

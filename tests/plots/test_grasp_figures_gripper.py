@@ -9,7 +9,7 @@ from grasp3d import Label
 from grasp3d.plots.grasps import PIXELS, draw_grasps, grasp_figure, views_of_gripper
 from tests.helpers.figures import check_texts, drawn_texts
 from tests.helpers.held_grasps import held_box, neighbours_grasps, reached
-from tests.test_rendering import needs_opengl
+from tests.plots.test_rendering import needs_opengl
 
 COUNT = 2
 

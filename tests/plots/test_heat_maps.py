@@ -16,8 +16,8 @@ from grasp3d.plots.formats import save_as
 from grasp3d.plots.fractions import axis_title, sweep_figure
 from grasp3d.plots.heat_maps import heat_map_figure
 from grasp3d.stability.angle_distributions import SampledAngles, SphereAngles
-from grasp3d.sweeps import Sweep, sweep
-from grasp3d.sweeps.axes import axis_values
+from grasp3d.surface.sweeps import Sweep, sweep
+from grasp3d.surface.sweeps.axes import axis_values
 from tests.helpers.figures import check_texts
 
 LOCATIONS = np.linspace(0.0, 0.3, 7)

@@ -31,7 +31,7 @@ from grasp3d.plots.style import (
     styled,
 )
 from grasp3d.stability import COLORS
-from grasp3d.sweeps import sweep
+from grasp3d.surface.sweeps import sweep
 from tests.helpers.figures import check_texts
 
 MODEL = GraspModel(friction=1.0, sensor_resolution=math.radians(30.0))

@@ -81,7 +81,7 @@ def test_what_is_in_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.mark.slow
 def test_pictures_show_object_gripper_and_contacts() -> None:
-    from grasp3d.rendering import can_render
+    from grasp3d.plots.rendering import can_render
 
     if not can_render():
         pytest.skip("no OpenGL")

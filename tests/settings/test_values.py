@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from grasp3d import GraspModel, MeshOptions, load_mesh
 from grasp3d.batch.batch_settings import FractionGrid
 from grasp3d.errors import SettingError
-from grasp3d.loads import Load
+from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskText
 from grasp3d.settings.lengths import METRES, Measure, measure, parse_length, settings_in_unit
 from grasp3d.settings.parsing import plain_values, settings_of_texts

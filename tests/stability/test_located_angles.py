@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from grasp3d import Contacts, Label, classify, force_closure
-from grasp3d._kernels.pair_lines import smallest_over_lines
+from grasp3d._kernels.search.pair_lines import smallest_over_lines
 from grasp3d.errors import SettingError
 from grasp3d.quality import location_tolerance
 from grasp3d.settings import GraspModel

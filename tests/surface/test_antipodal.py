@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import ObjectMesh, Sampling, load_mesh
-from grasp3d._kernels.antipodal_candidates import PairLimits
-from grasp3d._kernels.face_contacts import (
+from grasp3d._kernels.search.antipodal_candidates import PairLimits
+from grasp3d._kernels.search.face_contacts import (
     NONE,
     cosine_at,
     move_on_face,
@@ -19,8 +19,8 @@ from grasp3d._kernels.face_contacts import (
     turning_speed,
     upper_bound,
 )
-from grasp3d._kernels.face_tree import FaceTree, face_tree
-from grasp3d._kernels.normal_angles import smallest_angle
+from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
+from grasp3d._kernels.surface.normal_angles import smallest_angle
 from grasp3d.settings.sampling import Grip
 from grasp3d.surface.sampling import antipodal
 from grasp3d.surface.sampling.antipodal import best_pairs

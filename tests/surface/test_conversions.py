@@ -27,9 +27,9 @@ from grasp3d.errors import OutputError, SettingError
 from grasp3d.export.vertex_fields import VERTICES
 from grasp3d.stability import COLORS, Label
 from grasp3d.surface import GraspTable
-from grasp3d.sweeps import write_sweeps
+from grasp3d.surface.sweeps import write_sweeps
 from grasp3d.system.progress import ignore
-from grasp3d.tables import columns
+from grasp3d.system.tables import columns
 from grasp3d.viewer import show
 from grasp3d.viewer.session.collection import collection_of_grasps, collection_of_mesh
 from grasp3d.viewer.session.inspection import inspect_last_contact

@@ -23,8 +23,8 @@ from grasp3d import (
 from grasp3d.errors import SettingError
 from grasp3d.export.fields import columns_of
 from grasp3d.export.grasp_fields import FORCES
-from grasp3d.loads import Load
 from grasp3d.quality.grip_forces import Resistance
+from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskText
 from grasp3d.quality.tasks import STANDARD_GRAVITY, Weight, Wrenches
 from grasp3d.settings.lengths import METRES, Unit

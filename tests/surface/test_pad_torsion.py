@@ -21,7 +21,7 @@ from grasp3d import (
 )
 from grasp3d.arrays import Floats
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.loads import Load
+from grasp3d.quality.loads import Load
 from grasp3d.quality.tasks import STANDARD_GRAVITY
 from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_numbers import surface_holding

@@ -29,8 +29,8 @@ from grasp3d.surface import Reason
 from grasp3d.surface import search as search_module
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.sampling.multifinger import MultifingerGrasps
+from grasp3d.surface.sweeps import mean_sweep, sweep
 from grasp3d.surface.vertex_grasps import grasps_at
-from grasp3d.sweeps import mean_sweep, sweep
 from tests.helpers import shapes
 
 S, M, U = Label.S, Label.M, Label.U

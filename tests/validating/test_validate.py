@@ -15,7 +15,7 @@ from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.tables import read_columns
+from grasp3d.system.tables import read_columns
 from grasp3d.validating import Validation, ValidationSettings, sentences, write_validation
 from grasp3d.validating.validate import _resamples
 from tests.helpers import shapes

@@ -12,8 +12,8 @@ import trimesh
 
 from grasp3d import GraspModel, Label, SurfaceLabels, label_surface, load_mesh, write_ply
 from grasp3d.errors import MeshError, SettingError
-from grasp3d.loads import Load
 from grasp3d.quality.grip_forces import Resistance
+from grasp3d.quality.loads import Load
 from grasp3d.quality.tasks import Weight, Wrenches
 from grasp3d.surface import Reason
 from grasp3d.viewer.session import planning

@@ -23,7 +23,7 @@ from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene as HandScene
 from grasp3d.hand.scene import scene_settings
 from grasp3d.mesh.measures import is_closed
-from grasp3d.rendering import View
+from grasp3d.plots.rendering import View
 from grasp3d.settings import Sampling
 from grasp3d.system.progress import ignore
 from grasp3d.viewer.scene.framing import MOST_BESIDE, extents, frame_of, middle_of, view_axes
@@ -48,7 +48,7 @@ from grasp3d.viewer.window.sliders import Ranges
 from tests.helpers import viewing
 from tests.helpers.held_grasps import JAWS, held_box, neighbours_grasps, not_reached, reached
 from tests.helpers.viewing import ready_session, rewritten, wait_until_idle
-from tests.test_rendering import needs_opengl
+from tests.plots.test_rendering import needs_opengl
 
 AXES = np.eye(3)
 

@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from grasp3d.rendering import can_render
+from grasp3d.plots.rendering import can_render
 
 aiohttp = pytest.importorskip("aiohttp", reason="needs the extra web")
 msgpack = pytest.importorskip("msgpack", reason="needs the extra web")

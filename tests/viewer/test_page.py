@@ -25,7 +25,7 @@ from plyfile import PlyData
 
 from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
 from grasp3d.errors import OutputError, SettingError
-from grasp3d.rendering import can_render
+from grasp3d.plots.rendering import can_render
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS, Label
 from grasp3d.viewer.session.collection import collection_of

@@ -271,7 +271,7 @@ def test_rows_of_fractions_stay_in_place_during_a_search(
 def test_a_failed_search_is_reported_in_place_of_fractions(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grasp3d.costs.PER_VERTEX", (0.0, 1.0))
+    monkeypatch.setattr("grasp3d.settings.costs.PER_VERTEX", (0.0, 1.0))
     session.change(fingers=3)
     session.click(3)
     while session.working is not None:

@@ -16,13 +16,13 @@ from grasp3d import (
     Sampling,
     SurfaceLabels,
     label_surface,
-    rendering,
     scan_surface,
     write_ply,
 )
 from grasp3d.errors import MeshError, OutputError, SettingError
 from grasp3d.mesh.primitives import box_mesh, sphere_mesh
-from grasp3d.rendering import can_render
+from grasp3d.plots import rendering
+from grasp3d.plots.rendering import can_render
 from grasp3d.stability.label import COLORS, Label
 from grasp3d.system.progress import Progress
 from grasp3d.viewer.scene import pictures

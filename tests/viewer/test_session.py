@@ -288,7 +288,7 @@ def test_a_failed_job_is_reported_and_not_repeated() -> None:
 def test_a_search_that_needs_too_much_memory_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("grasp3d.costs.PER_VERTEX", (0.0, 1.0))
+    monkeypatch.setattr("grasp3d.settings.costs.PER_VERTEX", (0.0, 1.0))
     session = ready_session(viewing.box())
     session.change(fingers=3)
     wait_until_idle(session)
@@ -353,7 +353,7 @@ def test_known_labels_are_shown_during_a_wider_search() -> None:
 def test_the_surface_stays_stale_if_the_search_fails(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("grasp3d.costs.PER_VERTEX", (0.0, 1.0))
+    monkeypatch.setattr("grasp3d.settings.costs.PER_VERTEX", (0.0, 1.0))
     session = ready_session(viewing.box())
     session.change(fingers=3)
     wait_until_idle(session)

@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from grasp3d.arrays import Bools, Bytes, Floats, Ints
-from grasp3d.rendering import AMBIENT, LIGHT, View
+from grasp3d.plots.rendering import AMBIENT, LIGHT, View
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS, Label
 
@@ -81,7 +81,7 @@ def _fitted(positions: Floats, used: Bools) -> Floats:
 def _drawn(labels: "SurfaceLabels", positions: Floats, axes: Floats) -> Floats:
     """Colours with coverage, shape (HEIGHT, WIDTH, 4), the lowest row first."""
     # Imported here: writing pages needs no compiler.
-    from grasp3d._kernels.visible_faces import draw_surface
+    from grasp3d._kernels.surface.visible_faces import draw_surface
 
     mesh, picture = labels.mesh, np.zeros((HEIGHT, WIDTH, 4))
     light = np.array(LIGHT) / np.linalg.norm(LIGHT)

@@ -20,9 +20,9 @@ from grasp3d.grasps.pose_files.frames import (
 )
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
-from grasp3d.isolation import CallFailedError, call
 from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.system.files import atomic_write
+from grasp3d.system.isolation import CallFailedError, call
 from grasp3d.system.versions import package_version
 
 WHAT = "ACRONYM"

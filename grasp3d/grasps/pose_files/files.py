@@ -173,7 +173,7 @@ def holds_poses(path: str | Path) -> bool:
     try:
         if suffix == ".json":
             return _json_format(load_json(path)) is not None
-        from grasp3d.tables import read_columns
+        from grasp3d.system.tables import read_columns
 
         return are_poses(list(read_columns(path)))
     except (OSError, ValueError, ContactError):

@@ -30,7 +30,7 @@ VECTORS = {"contacts": "", "normals": "n"}
 
 def write_table(path: Path, poses: GraspPoses) -> None:
     """Write one row for each grasp; Parquet has the header in its metadata."""
-    from grasp3d.tables import write_columns
+    from grasp3d.system.tables import write_columns
 
     write_columns(path, _columns(poses), settings=header_of(poses))
 
@@ -81,7 +81,7 @@ def are_poses(names: list[str]) -> bool:
 
 def read_table(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     """Poses of a CSV or Parquet file. Raises ContactError, ValueError, OSError."""
-    from grasp3d.tables import read_columns, read_settings
+    from grasp3d.system.tables import read_columns, read_settings
 
     columns = read_columns(path)
     missing = [name for name in REQUIRED if name not in columns]

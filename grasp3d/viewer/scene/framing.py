@@ -7,7 +7,7 @@ import numpy as np
 import pyvista
 
 from grasp3d.arrays import Floats
-from grasp3d.rendering import View
+from grasp3d.plots.rendering import View
 
 MARGIN = 1.06
 """Size of the free area relative to the object that fills it."""

@@ -9,7 +9,7 @@ from grasp3d.hand.shapes import ARC_COLOR, TABLE_COLOR, plate_triangles
 from grasp3d.hand.table import Table
 from grasp3d.hand.triangles import Part
 from grasp3d.plots.gripper_shapes import approach_arc, gripper_shape, surface_of
-from grasp3d.rendering import AMBIENT
+from grasp3d.plots.rendering import AMBIENT
 from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.framing import pixel_ratio
 from grasp3d.viewer.subjects.gripper_pose import GripperPose

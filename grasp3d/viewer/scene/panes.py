@@ -6,7 +6,7 @@ from vtkmodules.vtkCommonDataModel import vtkPlane
 from vtkmodules.vtkRenderingCore import vtkTexture
 
 from grasp3d.arrays import Bytes, Floats
-from grasp3d.rendering import AMBIENT, LIGHT
+from grasp3d.plots.rendering import AMBIENT, LIGHT
 from grasp3d.settings import GraspModel
 from grasp3d.viewer.scene.framing import pixel_ratio
 from grasp3d.viewer.scene.solids import lines

@@ -9,7 +9,7 @@ import numpy as np
 import pyvista
 
 from grasp3d.arrays import Bytes, Floats
-from grasp3d.rendering import View
+from grasp3d.plots.rendering import View
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.captions import Captions

@@ -7,7 +7,7 @@ from queue import Empty, SimpleQueue
 from typing import Generic, TypeVar
 
 from grasp3d.errors import GraspError
-from grasp3d.isolation import describe_unexpected
+from grasp3d.system.isolation import describe_unexpected
 from grasp3d.system.progress import Progress
 
 ResultT = TypeVar("ResultT")

@@ -14,10 +14,10 @@ from grasp3d.export.read_labels import settings_of_file
 from grasp3d.export.read_settings import FileSettings
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene, scene_settings
-from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.mesh_sources import read_source
 from grasp3d.mesh.plausible_lengths import check_lengths
+from grasp3d.quality.loads import Load
 from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling, check_search_settings
 from grasp3d.settings.lengths import Measure, Unit, settings_in_unit
 from grasp3d.surface.grasp_table import GraspTable

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from grasp3d.errors import OutputError
-from grasp3d.rendering import can_render
+from grasp3d.plots.rendering import can_render
 from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.view_settings import ViewSettings
 

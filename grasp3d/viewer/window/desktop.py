@@ -8,7 +8,7 @@ from typing import Any
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 
 from grasp3d.errors import GraspError
-from grasp3d.isolation import describe_unexpected
+from grasp3d.system.isolation import describe_unexpected
 from grasp3d.viewer.scene.picking import ClickDetector
 from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session.history import History

@@ -4,7 +4,7 @@ import os
 import sys
 
 from grasp3d.errors import OutputError
-from grasp3d.rendering import exits_cleanly
+from grasp3d.plots.rendering import exits_cleanly
 
 ALTERNATIVES = "use --web for a browser or --screenshot FILE for a picture"
 ATTEMPTS = 2

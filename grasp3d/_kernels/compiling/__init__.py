@@ -1,0 +1,1 @@
+"""Compilation of kernels with Numba, and where their machine code is kept."""

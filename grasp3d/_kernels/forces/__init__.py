@@ -1,0 +1,1 @@
+"""Contact forces that resist wrenches and tasks."""

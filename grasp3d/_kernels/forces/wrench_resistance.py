@@ -1,0 +1,193 @@
+"""The force that resists one wrench: where a ray leaves the grasp wrench space.
+
+With K the space of forces bounded by 1, the smallest bound t for which a wrench c lies in t K is
+1 / s, where the ray along c leaves K at s c. That is a linear program over all points of K, of
+which a basis of as many wrenches as the rank is kept: c is a non-negative combination of them with
+weights x, and t <= the sum of x. The plane through them has the normal u; the support h(u) proves
+t >= u . c / h(u), and its wrench replaces one of the basis (the simplex method, with columns made
+as they are needed). Asking for the support between u and the best direction so far needs a third
+fewer steps, as is known of cutting planes. The basis starts with short wrenches along the
+coordinates, which K may lack: where some of them stay, K does not reach c, or only with a large
+force.
+"""
+
+import math
+
+from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.hull.equilibrium import solve
+from grasp3d._kernels.hull.support_functions import contact_forces, farthest
+from grasp3d._kernels.surface.vectors import dot6
+
+RESISTED, UNREACHED, UNFINISHED = 0, 1, 2
+"""How the search ended: a force was found; none was; or the steps did not suffice."""
+
+SHORT, SHORTEST = 1e-3, 1e-8
+"""Lengths of the wrenches of the first basis that are tried, in coordinates in which the space
+reaches about 1: the longer ones are replaced in fewer steps."""
+
+STEPS = 500
+"""Most steps."""
+
+TOWARD_BEST = 0.4
+"""Where the support is asked for: this part of the way from u to the best direction so far."""
+
+TOLERANCE = 1e-12
+"""Relative size of rounding errors."""
+
+LEFT = 1e-10
+"""Weight of a wrench of the first basis, relative to the largest, that is a rounding error."""
+
+
+@merged
+def _start(dims, goal, length, inverse, directions, x):
+    """Write the first basis: its inverse (6, 6), no directions (6, 8), and the weights."""
+    dim = len(dims)
+    for i in range(dim):
+        for k in range(6):
+            inverse[i, k] = 0.0
+            directions[i, k] = 0.0
+        inverse[i, i] = math.copysign(1.0 / length, goal[i])
+        x[i] = abs(goal[i]) / length
+
+
+@merged
+def _leaving(dims, inverse, point, x, y):
+    """Which basis vector a wrench replaces: the one whose weight vanishes first; writes B^-1 p."""
+    dim = len(dims)
+    leaving, least = -1, math.inf
+    for i in range(dim):
+        y[i] = dot6(inverse[i], point)
+        if y[i] > TOLERANCE and x[i] < least * y[i]:
+            leaving, least = i, x[i] / y[i]
+    return leaving, least
+
+
+@merged
+def _replace(dims, inverse, x, y, leaving, least, u):
+    """Update the inverse of the basis, the weights, and the normal u, the sum of the inverse."""
+    dim = len(dims)
+    factor = 1.0 / y[leaving]
+    for k in range(6):
+        inverse[leaving, k] *= factor
+        u[k] = inverse[leaving, k]
+    total = least
+    for i in range(dim):
+        if i != leaving:
+            for k in range(6):
+                inverse[i, k] -= y[i] * inverse[leaving, k]
+                u[k] += inverse[i, k]
+            x[i] = max(x[i] - least * y[i], 0.0)
+            total += x[i]
+    x[leaving] = least
+    return total
+
+
+@merged
+def _search(space, dims, goal, rtol, length, vectors):
+    """Replace basis vectors until the bounds meet; returns (status, lower, upper)."""
+    dim = len(dims)
+    inverse, directions, best = vectors[0:6], vectors[6:12], vectors[16]
+    x, y, u, point, asked = vectors[12], vectors[13], vectors[14], vectors[15], vectors[18]
+    _start(dims, goal, length, inverse, directions, x)
+    lower, upper, status = 0.0, 0.0, UNFINISHED
+    square = dot6(goal, goal)
+    for i in range(dim):
+        upper += x[i]
+    for k in range(6):
+        u[k] = inverse[k, k] if k < dim else 0.0
+        asked[k] = goal[k] * upper / square
+    between = True
+    for _ in range(STEPS):
+        height, _, _ = farthest(space, asked, point, y)
+        # asked . goal is the upper bound, as u . goal is: so that their mixtures have it as well.
+        if height > 0.0 and upper > lower * height:
+            lower = upper / height
+            for k in range(6):
+                best[k] = asked[k]
+        if upper - lower <= rtol * upper:
+            status = RESISTED
+            break
+        if dot6(u, point) > 1.0 + TOLERANCE:
+            leaving, least = _leaving(dims, inverse, point, x, y)
+            if leaving < 0:
+                break
+            for k in range(6):
+                directions[leaving, k] = asked[k]
+            upper = _replace(dims, inverse, x, y, leaving, least, u)
+            between = lower > 0.0
+        elif not between:
+            status = RESISTED
+            break
+        else:
+            between = False
+        if between:
+            factor = TOWARD_BEST * upper / dot6(best, goal)
+            for k in range(6):
+                asked[k] = (1.0 - TOWARD_BEST) * u[k] + factor * best[k]
+        else:
+            for k in range(6):
+                asked[k] = u[k]
+    return status, min(lower, upper), upper
+
+
+@part
+def resist(space, dims, goal, rtol, vectors, forces):
+    """Find the smallest bound on the contact forces that apply a wrench.
+
+    Args:
+        space: `WrenchSpace`, not ROWS.
+        dims: Sequence as long as the grasp's rank.
+        goal: The wrench that the contacts must apply, not 0, in the space's coordinates (6,).
+        rtol: Largest gap between the bounds, relative to the upper one.
+        vectors: Scratch (>= 19, 8); row 16 is written, the direction that proves the lower bound.
+        forces: Written, contact forces of that wrench in the contacts' axes (n, 4 or 6).
+
+    Returns:
+        (status, lower, upper): RESISTED with bounds; otherwise they need not hold.
+    """
+    status, lower, upper = UNFINISHED, 0.0, 0.0
+    length = SHORT
+    while length >= SHORTEST:
+        status, lower, upper = _search(space, dims, goal, rtol, length, vectors)
+        if status == RESISTED:
+            status, upper = _write_forces(space, len(dims), goal, vectors, forces)
+        if status != UNREACHED:
+            break
+        length *= SHORT * 0.01
+    return status, min(lower, upper), upper
+
+
+@part
+def _write_forces(space, dim, goal, vectors, forces):
+    """Combine the forces of the basis, with weights that are solved for anew.
+
+    Those that were updated from step to step have the rounding errors of all steps.
+
+    Returns:
+        (status, upper): UNREACHED where a wrench of the first basis is left.
+    """
+    matrix, directions, x, point = vectors[0:6], vectors[6:12], vectors[12], vectors[15]
+    for i in range(forces.shape[0]):
+        for k in range(forces.shape[1]):
+            forces[i, k] = 0.0
+    for j in range(dim):
+        made = dot6(directions[j], directions[j]) > 0.0
+        if made:
+            farthest(space, directions[j], point, vectors[13])
+        for k in range(dim):
+            unit = 1.0 if k == j else 0.0
+            matrix[k, j] = point[k] if made else unit
+    for k in range(dim):
+        matrix[k, 6] = goal[k]
+    solve(matrix, x, dim)
+    upper = size = 0.0
+    for j in range(dim):
+        size = max(size, x[j])
+    for j in range(dim):
+        if dot6(directions[j], directions[j]) == 0.0:
+            if abs(x[j]) > LEFT * size:
+                return UNREACHED, math.inf
+        elif x[j] > 0.0:
+            upper += x[j]
+            contact_forces(space, directions[j], x[j], vectors[13], forces)
+    return RESISTED, upper

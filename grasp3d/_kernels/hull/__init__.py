@@ -1,0 +1,1 @@
+"""The hull of contact wrenches: epsilon, force closure, certificates."""

@@ -1,0 +1,354 @@
+"""Proof of force closure: balanced forces that rounding errors cannot invalidate.
+
+Forces strictly inside their friction cones whose wrenches sum up to zero prove force closure. In
+floating point they never do: a residual w remains, which proves nothing where some force is hardly
+larger. So the forces are corrected, and the correction that is still missing is bounded. Let force
+i have the distance m_i from the border of its cone, and G_i map changes of it to wrenches. Among
+all changes d_i with sum of G_i d_i = -w those with the least sum of |d_i|^2 / m_i^2 are
+
+    d_i = -m_i^2 G_i^T y,    A y = w,    A = sum of m_i^2 G_i G_i^T,
+
+and that least sum is w^T A^-1 w. Where its root, the *slack*, is below 1, every |d_i| < m_i: the
+corrected forces exist, balance exactly and are strictly inside their cones. Each force is thus
+compared with its own margin, so a force that is as small as the residual spoils the proof. The
+rounding errors of w are bounded in each coordinate and added to the slack.
+"""
+
+import math
+
+from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.hull.support_functions import NO_TORSION, ROWS
+
+LARGEST_SLACK = 0.01
+"""Slack up to which forces count as a proof. 1 would do in exact arithmetic; the exactly balanced
+forces are then within a hundredth of the margins of those returned."""
+
+NOISE = 4e-15
+"""Rounding errors of the sum of wrenches whose forces' lengths sum to 1, relative to the largest
+wrench: about twenty roundings of a double."""
+
+SMALL_SLACK = 1e-7
+"""Slack that need not be reduced."""
+
+COARSE = 1e-9
+"""Slack of rounding errors from which the factor of A is computed with more care."""
+
+CANCELLED = 1e-8
+"""Part of a diagonal element that must remain in the elimination of A."""
+
+CORRECTIONS = 3
+"""Most corrections of the forces."""
+
+BALANCED_SQUARE = 1e-20
+"""Square of a slack that needs no correction."""
+
+
+@merged
+def _largest_across_edges(rim, shrink, x, y):
+    """Largest component of a vector orthogonal to an edge of a regular polygon, at least 0.
+
+    Args:
+        rim: Corners of the polygon, on the unit circle (m, 2).
+        shrink: Distance of its edges from the centre.
+        x: The vector.
+        y: The vector.
+    """
+    largest, count = 0.0, rim.shape[0]
+    for j in range(count):
+        k = j + 1 if j + 1 < count else 0
+        largest = max(largest, x * (rim[j, 0] + rim[k, 0]) + y * (rim[j, 1] + rim[k, 1]))
+    return largest * (0.5 / shrink)
+
+
+@merged
+def _margin_in_patch(space, i, forces):
+    """Distance of a contact's force from where its patch no longer resists rolling, or less."""
+    count = space.rim.shape[0]
+    if count == 0:
+        arm = math.sqrt(forces[i, 4] * forces[i, 4] + forces[i, 5] * forces[i, 5])
+        return (forces[i, 0] - arm) * math.sqrt(0.5)
+    shrink = math.cos(math.pi / count)
+    arm = _largest_across_edges(space.rim, shrink, forces[i, 4], forces[i, 5])
+    return (forces[i, 0] * shrink - arm) / math.sqrt(1.0 + shrink * shrink)
+
+
+@merged
+def _margin(space, i, forces):
+    """Distance of a contact's force from the border of what it can apply, or less.
+
+    Limits of friction and of rolling do not depend on each other: the nearer one counts.
+    """
+    margin = _margin_in_cone(space, i, forces)
+    return min(margin, _margin_in_patch(space, i, forces)) if space.rolling else margin
+
+
+@merged
+def _margin_in_cone(space, i, forces):
+    """Distance of a contact's force from the border of its cone, or less; 0 or less outside."""
+    if space.kind == ROWS:
+        return forces[i, 0]
+    normal, tangential = space.cones[i, 0], space.cones[i, 1]
+    if not tangential > 0.0:  # a ray, along which the force may change
+        return forces[i, 0]
+    pressing = forces[i, 0]
+    weight = tangential * tangential
+    if space.torsion != NO_TORSION:  # torsion takes its part of the normal force
+        pressing -= abs(forces[i, 3])
+        weight *= 2.0
+    count = space.rim.shape[0]
+    if count == 0:
+        sideways = math.sqrt(forces[i, 1] * forces[i, 1] + forces[i, 2] * forces[i, 2])
+        return (pressing * tangential - sideways * normal) / math.sqrt(weight + normal * normal)
+    # The faces of a polygonal cone are nearest to its axis midway between two edges.
+    shrink = math.cos(math.pi / count)
+    length = math.sqrt(weight * shrink * shrink + normal * normal)
+    sideways = math.sqrt(forces[i, 1] * forces[i, 1] + forces[i, 2] * forces[i, 2])
+    least = (pressing * tangential * shrink - sideways * normal) / length
+    if least > 0.0:  # inside the circular cone that all faces touch
+        return least
+    sideways = _largest_across_edges(space.rim, shrink, forces[i, 1], forces[i, 2])
+    return (pressing * tangential * shrink - sideways * normal) / length
+
+
+@merged
+def _generators(space, i):
+    """How many of a contact's axes its force may change along."""
+    if space.kind == ROWS:
+        return 1
+    if space.rolling:
+        return 6
+    if not space.cones[i, 1] > 0.0:
+        return 1
+    return 4 if space.torsion != NO_TORSION else 3
+
+
+@merged
+def _is_generator(space, i, j):
+    """Whether the force may change along an axis, of those that `_generators` counts."""
+    if not space.rolling or j == 0 or j > 3:
+        return True
+    if not space.cones[i, 1] > 0.0:
+        return False
+    return j < 3 or space.torsion != NO_TORSION
+
+
+@merged
+def _component(space, i, j, k):
+    """Component k of the wrench of axis j of a contact, or of a given wrench."""
+    return space.axes[0, k, i] if space.kind == ROWS else space.axes[i, j, k]
+
+
+@merged
+def _factorise(matrix, rank):
+    """Replace the lower triangle by its Cholesky factor; returns whether it is surely definite."""
+    for c in range(rank):
+        for r in range(c, rank):
+            value = matrix[r, c]
+            for k in range(c):
+                value -= matrix[r, k] * matrix[c, k]
+            if r == c:
+                if not value > CANCELLED * matrix[c, c]:
+                    return False
+                matrix[c, c] = math.sqrt(value)
+            else:
+                matrix[r, c] = value / matrix[c, c]
+    return True
+
+
+@merged
+def _rotate_into(matrix, rank, row):
+    """Add a row b to the factor of A, which becomes that of A + b b^T, by Givens rotations."""
+    for c in range(rank):
+        if row[c] == 0.0:
+            continue
+        size = math.sqrt(matrix[c, c] * matrix[c, c] + row[c] * row[c])
+        cosine, sine = matrix[c, c] / size, row[c] / size
+        matrix[c, c] = size
+        for r in range(c + 1, rank):
+            value = matrix[r, c]
+            matrix[r, c] = cosine * value + sine * row[r]
+            row[r] = cosine * row[r] - sine * value
+
+
+@merged
+def _write_factor(space, rank, forces, thorough, matrix, residual, row):
+    """Write the residual w and the Cholesky factor of A.
+
+    Args:
+        space: As for `balance`.
+        rank: As for `balance`.
+        forces: As for `balance`.
+        thorough: Whether the factor is computed by rotations, without A itself: its least
+            eigenvalue is the square of the smallest margin, which is lost beside the largest below
+            a relative size of 1e-8.
+        matrix: Written (6, 6).
+        residual: Written (6,).
+        row: Scratch (6,).
+
+    Returns:
+        Whether all forces are inside their cones and A is definite.
+    """
+    for k in range(rank):
+        residual[k] = 0.0
+        for c in range(k + 1):
+            matrix[k, c] = 0.0
+    for i in range(forces.shape[0]):
+        margin = _margin(space, i, forces)
+        if not margin > 0.0:
+            return False
+        for j in range(_generators(space, i)):
+            if not _is_generator(space, i, j):
+                continue
+            for k in range(rank):
+                component = _component(space, i, j, k)
+                residual[k] += forces[i, j] * component
+                row[k] = margin * component
+            if thorough:
+                _rotate_into(matrix, rank, row)
+            else:
+                for k in range(rank):
+                    for c in range(k + 1):
+                        matrix[k, c] += row[k] * row[c]
+    if not thorough:
+        return _factorise(matrix, rank)
+    least = math.inf
+    for k in range(rank):
+        least = min(least, matrix[k, k])
+    return least > 0.0
+
+
+@merged
+def _halfway(matrix, rank, x):
+    """Solve L x = x for the lower triangle L; returns the square of the solution."""
+    square = 0.0
+    for r in range(rank):
+        value = x[r]
+        for k in range(r):
+            value -= matrix[r, k] * x[k]
+        x[r] = value / matrix[r, r]
+        square += x[r] * x[r]
+    return square
+
+
+@merged
+def _noise_slack(matrix, rank, extents, column):
+    """Slack that rounding may add: errors e_k of w add at most the sum of e_k sqrt((A^-1)_kk)."""
+    size = slack = 0.0
+    for k in range(rank):
+        size = max(size, extents[k])
+    for k in range(rank):
+        for c in range(rank):
+            column[c] = 1.0 if c == k else 0.0
+        slack += NOISE * size / extents[k] * math.sqrt(_halfway(matrix, rank, column))
+    return slack
+
+
+@merged
+def _normalise(forces):
+    """Scale forces so that their lengths sum to 1; returns whether that is possible."""
+    total = 0.0
+    for i in range(forces.shape[0]):
+        total += math.sqrt(
+            forces[i, 0] * forces[i, 0] + forces[i, 1] * forces[i, 1] + forces[i, 2] * forces[i, 2]
+        )
+    if not (total > 0.0 and math.isfinite(total)):
+        return False
+    for i in range(forces.shape[0]):
+        for j in range(forces.shape[1]):
+            forces[i, j] /= total
+    return True
+
+
+@merged
+def clear_slack(space, rank, extents, radius, forces, residual):
+    """Slack of forces where wrenches of all directions are known to be possible.
+
+    Forces of a total of |w| / radius balance the residual w where the grasp wrench space contains a
+    ball of that radius. They lie inside the cones, so that added to the others these stay inside.
+
+    Args:
+        space: `WrenchSpace` of kind TOTAL, of unit forces.
+        rank: As for `balance`.
+        extents: As for `balance`.
+        radius: Radius of the ball in the wrench space.
+        forces: As for `balance`, but only scaled.
+        residual: Scratch (6,).
+
+    Returns:
+        As `balance`, though larger.
+    """
+    if not _normalise(forces):
+        return math.inf
+    least = math.inf
+    for k in range(6):
+        residual[k] = 0.0
+    for i in range(forces.shape[0]):
+        least = min(least, _margin(space, i, forces))
+        for j in range(_generators(space, i)):
+            if not _is_generator(space, i, j):
+                continue
+            axis, force = space.axes[i, j], forces[i, j]
+            for k in range(6):  # coordinates beyond the rank are 0
+                residual[k] += force * axis[k]
+    if not least > 0.0:
+        return math.inf
+    square, size = 0.0, 0.0
+    for k in range(rank):
+        square += residual[k] * residual[k] * extents[k] * extents[k]
+        size = max(size, extents[k])
+    return (math.sqrt(square) + NOISE * size) / (radius * least)
+
+
+@part
+def balance(space, rank, extents, forces, scratch):
+    """Correct nearly balanced forces and bound what is missing.
+
+    Args:
+        space: `WrenchSpace`, not PER_FINGER, in coordinates of the span.
+        rank: Number of those coordinates.
+        extents: Size of a unit of each coordinate in the wrench space (6,).
+        forces: Contact forces in the contacts' axes (n, 4 or 6), or the weights of given wrenches
+            in the first column (n, 4); corrected, their lengths sum to 1.
+        scratch: Shape (18, 8).
+
+    Returns:
+        The slack: the forces' distance from exactly balanced ones relative to their distances from
+        the borders of the cones. Below 1 the grasp is force-closed; inf: no proof.
+    """
+    matrix, residual, solution, row = scratch[0:6], scratch[6], scratch[7], scratch[8]
+    count, noise = forces.shape[0], math.inf
+    if not _normalise(forces):
+        return math.inf
+    thorough, attempt = False, 0
+    while True:
+        definite = _write_factor(space, rank, forces, thorough, matrix, residual, row)
+        if definite:
+            noise = _noise_slack(matrix, rank, extents, solution)
+        if not (definite and noise < COARSE) and not thorough:
+            thorough = True
+            continue
+        if not definite:
+            return math.inf
+        for k in range(rank):
+            solution[k] = residual[k]
+        square = _halfway(matrix, rank, solution)
+        if not square < 0.25:  # far from balanced: corrected forces may be far from these
+            return math.inf
+        if square <= BALANCED_SQUARE or attempt == CORRECTIONS:
+            _normalise(forces)
+            return math.sqrt(square) + noise
+        attempt += 1
+        for r in range(rank - 1, -1, -1):
+            for k in range(r + 1, rank):
+                solution[r] -= matrix[k, r] * solution[k]
+            solution[r] /= matrix[r, r]
+        for i in range(count):
+            margin = _margin(space, i, forces)
+            margin *= margin
+            for j in range(_generators(space, i)):
+                if not _is_generator(space, i, j):
+                    continue
+                change = 0.0
+                for k in range(rank):
+                    change += _component(space, i, j, k) * solution[k]
+                forces[i, j] -= margin * change

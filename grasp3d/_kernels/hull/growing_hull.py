@@ -1,0 +1,318 @@
+"""The growing hull: Ferrari & Canny's epsilon without the complete convex hull.
+
+Epsilon (Ferrari & Canny 1992) is the distance from the origin to the nearest facet of the grasp
+wrench space. Its complete hull has hundreds to thousands of facets, of which epsilon needs one. So
+a polytope inside the space, whose vertices are support wrenches, is grown only at its facet nearest
+to the origin: the support function in the direction of that facet's normal either confirms that the
+facet is one of the space itself, or returns a new vertex above it (an expanding polytope as in van
+den Bergen 2001, with certified bounds).
+
+A new vertex sees the facets whose planes it lies above. These are removed; the ridges between them
+and the facets that stay form the horizon, and each ridge of the horizon with the new vertex makes a
+new facet. Every hyperplane through a ridge lies in the pencil of the two facets that meet there, a
+linear combination of their planes: with the new vertex at height s > 0 above the visible facet and
+-t <= 0 below the other one, the new facet's plane is s times the other's plus t times the visible
+one's, which is 0 at the new vertex. The weights are non-negative, so only nearly opposite planes
+cancel: a dozen multiplications replace an elimination, and degenerate facets do no harm.
+"""
+
+import math
+
+import numpy as np
+
+from grasp3d._kernels.compiling.decorators import merged, part_for_constants
+from grasp3d._kernels.forces.force_slice import farthest_point
+from grasp3d._kernels.forces.tasks import task_reach
+from grasp3d._kernels.hull.horizon import find_visible, flood_visible, join, link_new_facets
+from grasp3d._kernels.hull.initial_simplex import COMPLETE, first_simplex
+from grasp3d._kernels.hull.polytope import (
+    TOLERANCE,
+    distance_of,
+    set_normalised_plane,
+    set_plane,
+    square_in,
+)
+from grasp3d._kernels.surface.vectors import dot6, remove_components
+
+CONVERGED, UNDECIDED, STALLED, EXHAUSTED = 0, 1, 2, 3
+"""How the growth of a hull ended, as `grasp3d.quality.ferrari_canny.Status`."""
+
+CANCELLATION = 1e-4
+"""Relative length of a combination of two planes below which the facet's plane is computed from its
+vertices instead: the two planes were nearly opposite."""
+
+MAX_FULL_SCAN = 1024
+"""Facets up to which a new vertex is tested against all, which vectorises; with more of them the
+visible ones are flooded from the nearest facet."""
+
+
+@merged
+def _pop_nearest(polytope, size, limit, sign, task):
+    """Take the nearest facet out of the queue, and drop those at or above the limit.
+
+    Returns:
+        (size of the queue, facet or -1 where none is left, its distance from the origin).
+    """
+    queue, planes = polytope.queue, polytope.planes
+    kept, position, key = 0, -1, limit
+    for i in range(size):
+        f = queue[i]
+        queue[kept] = f
+        # nan where the facet was removed
+        value = distance_of(planes, f, task) - sign * planes[7, f]
+        if value < key:
+            key, position = value, kept
+        kept += value < limit
+    if position < 0:
+        return 0, -1, key
+    f = queue[position]
+    queue[position] = queue[kept - 1]
+    return kept - 1, np.int64(f), key
+
+
+@part_for_constants
+def _fit_plane(polytope, dim, f, metric, task):
+    """Fit a facet's plane to its vertices, by orthogonalising its normal against its edges."""
+    points, corners, planes = polytope.points, polytope.corners, polytope.planes
+    basis, components, normal = polytope.vectors[0:6], polytope.vectors[14], polytope.vectors[15]
+    first, size = points[corners[f, 0]], 0
+    for c in range(1, dim):
+        edge = basis[size]
+        for k in range(6):
+            edge[k] = points[corners[f, c], k] - first[k]
+        before = dot6(edge, edge)
+        remove_components(basis, size, edge, components)
+        remove_components(basis, size, edge, components)
+        square = dot6(edge, edge)
+        if square > TOLERANCE * before:
+            factor = 1.0 / math.sqrt(square)
+            for k in range(6):
+                edge[k] *= factor
+            size += 1
+    for k in range(6):
+        normal[k] = planes[k, f]
+    before = dot6(normal, normal)
+    remove_components(basis, size, normal, components)
+    remove_components(basis, size, normal, components)
+    # Of degenerate vertices nearly all is subtracted: then the combination of planes is kept.
+    if dot6(normal, normal) > 0.25 * before:
+        height = dot6(normal, first)
+        set_normalised_plane(
+            planes, f, normal[0], normal[1], normal[2], normal[3], normal[4], normal[5], height,
+            metric, task,
+        )  # fmt: skip
+
+
+@merged
+def _combine_planes(polytope, dim, r, new, vertex, metric, pinched):
+    """Join a ridge of the horizon and the new vertex, and combine the planes of its two facets.
+
+    The pencil of the two old facets: a positive combination that is 0 at the new vertex.
+    """
+    planes, heights, row = polytope.planes, polytope.heights, polytope.combined[r]
+    v, other = join(polytope, dim, polytope.horizon[r], new, vertex, pinched)
+    s, t = heights[v], -min(heights[other], 0.0)
+    n0 = s * planes[0, other] + t * planes[0, v]
+    n1 = s * planes[1, other] + t * planes[1, v]
+    n2 = s * planes[2, other] + t * planes[2, v]
+    n3 = s * planes[3, other] + t * planes[3, v]
+    n4 = s * planes[4, other] + t * planes[4, v]
+    n5 = s * planes[5, other] + t * planes[5, v]
+    row[0], row[1], row[2], row[3], row[4], row[5] = n0, n1, n2, n3, n4, n5
+    row[6] = s * planes[6, other] + t * planes[6, v]
+    row[7] = s + t
+    polytope.squares[r] = square_in(metric, n0, n1, n2, n3, n4, n5)
+
+
+@merged
+def _add_facets(polytope, dim, ridges, used, free_count, vertex, metric, task, pinched):
+    """Add the facets that join the ridges of the horizon to the new vertex.
+
+    Square roots and divisions are in a loop of their own, which vectorises.
+
+    Returns:
+        Number of facets in use, and of those that are free.
+    """
+    added, squares, factors = polytope.added, polytope.squares, polytope.factors
+    for r in range(ridges):
+        if free_count > 0:
+            free_count -= 1
+            new = polytope.free[free_count]
+        else:
+            new = np.uint32(used)
+            used += 1
+        added[r] = new
+        _combine_planes(polytope, dim, r, new, vertex, metric, pinched)
+    for r in range(ridges):
+        factors[r] = 1.0 / math.sqrt(squares[r])
+    for r in range(ridges):
+        new, row = added[r], polytope.combined[r]
+        polytope.marks[new] = 0
+        set_plane(
+            polytope.planes, new, row[0], row[1], row[2], row[3], row[4], row[5], row[6],
+            factors[r], task,
+        )  # fmt: skip
+        if not squares[r] > CANCELLATION * CANCELLATION * row[7] * row[7]:
+            _fit_plane(polytope, dim, np.int64(new), metric, task)
+    return used, free_count
+
+
+@merged
+def _queue_facets(polytope, ridges, size, limit, sign, lower, task):
+    """Queue the facets added last that are nearer than a limit.
+
+    Returns:
+        (size of the queue, least distance of those that were not queued so far).
+    """
+    added, queue, planes = polytope.added, polytope.queue, polytope.planes
+    for r in range(ridges):
+        new = added[r]
+        queue[size] = new
+        distance = distance_of(planes, new, task)
+        key = distance - sign * planes[7, new]
+        size += key < limit
+        lower = min(lower, math.inf if key < limit else distance)
+    return size, lower
+
+
+@merged
+def _is_corner(polytope, dim, f, point, identifier):
+    """Whether a support wrench is a vertex of the facet already.
+
+    In exact arithmetic it would then not lie above the facet; growing on would loop for ever.
+    """
+    points, corners = polytope.points, polytope.corners
+    for c in range(dim):
+        corner = corners[f, c]
+        if identifier >= 0 and polytope.identifiers[corner] == identifier:
+            return True
+        distance = 0.0
+        for k in range(6):
+            distance = max(distance, abs(points[corner, k] - point[k]))
+        if distance <= TOLERANCE:
+            return True
+    return False
+
+
+@merged
+def _per_reach(plane, task):
+    """Factor from distances along a plane's normal to distances relative to the task's reach."""
+    if task is None:
+        return 1.0
+    reach = task_reach(task, plane[0], plane[1], plane[2], plane[3], plane[4], plane[5])
+    return 1.0 / reach if reach > 0.0 else math.inf
+
+
+@merged
+def _copy_plane(plane, f, planes):
+    """Copy a facet's column of `planes`."""
+    for k in range(8):
+        plane[k] = planes[k, f]
+
+
+@part_for_constants
+def grow(space, dims, metric, task, start, goal, polytope):
+    """Grow a polytope until its nearest facet is a facet of the grasp wrench space.
+
+    Args:
+        space: `WrenchSpace` or `ForceSlice`.
+        dims: Sequence as long as the grasp's rank, 1 to 6; a tuple fixes the loops' length at
+            compile time.
+        metric: Weights of a direction's squared components in its squared length (6,): coordinates
+            are balanced so that wrenches reach about 1 along each of them.
+        task: `TaskInSpan` that the space must contain when scaled, which distances are then
+            relative to: the result is 1 over the scale; None: the unit ball, for epsilon.
+        start: AROUND_ORIGIN, or AT_ORIGIN for a task that a grasp without force closure may
+            resist as well.
+        goal: (rtol, atol, cutoff, sign): largest gap between the bounds, relative to the upper one
+            and in tolerances; value of epsilon above which it need not be known; 1.0 if only the
+            sign is needed, with a cutoff of 0.
+        polytope: `Polytope`.
+
+    Returns:
+        (status, lower, upper, vertices, facets): bounds of epsilon, the direction of `upper` in row
+        16 of `polytope.vectors`, and the numbers of vertices and facets in use. No facets: the
+        grasp is not force-closed, and no wrench has a positive component in that direction.
+        EXHAUSTED: the polytope is full; the bounds hold.
+    """
+    dim = len(dims)
+    rtol, atol, cutoff, sign = goal
+    points, planes, queue = polytope.points, polytope.planes, polytope.queue
+    best, plane = polytope.vectors[16], polytope.vectors[17]
+    row = first_simplex(space, dims, metric, task, start, polytope)
+    if row != COMPLETE:  # all wrenches lie in a half-space: the direction proves it
+        for k in range(6):
+            best[k] = polytope.vectors[row, k]
+        return CONVERGED, 0.0, 0.0, 0, 0
+    vertices = used = dim + 1
+    lower, upper, limit = math.inf, math.inf, cutoff
+    status, size, free_count, stamp, count, ridges = CONVERGED, used, 0, 0, 0, 0
+    first, pinched = 0, False
+    # Facets at or above `limit` cannot determine epsilon any more; they only count for `lower`.
+    for f in range(used):
+        queue[f] = f
+        distance = distance_of(planes, f, task)
+        if distance < distance_of(planes, first, task):
+            first = f
+        if distance - sign * planes[7, f] >= cutoff:
+            lower = min(lower, distance)
+    _copy_plane(best, first, planes)
+    while True:
+        size, f, key = _pop_nearest(polytope, size, limit, sign, task)
+        if f < 0:
+            break
+        _copy_plane(plane, f, planes)
+        scale = _per_reach(plane, task)
+        if vertices >= points.shape[0]:
+            lower, status = min(lower, scale * plane[6]), EXHAUSTED
+            break
+        point = points[vertices]
+        height, identifier, owner = farthest_point(
+            space, plane, point, polytope.vertex_forces[vertices]
+        )
+        if height <= plane[7]:  # the plane through the origin separates
+            _copy_plane(best, f, planes)
+            return CONVERGED, 0.0, 0.0, 0, 0
+        if scale * height < upper:
+            upper = scale * height
+            _copy_plane(best, f, planes)
+            limit = min(cutoff, upper - max(rtol * upper, scale * plane[7] * (1.0 + atol)))
+        # The facet is one of the grasp wrench space itself, or it need not be known better.
+        if height - plane[6] <= plane[7] or key >= limit:
+            lower = min(lower, scale * plane[6])
+            continue
+        if _is_corner(polytope, dim, f, point, identifier):
+            lower, status = min(lower, scale * plane[6]), STALLED
+            continue
+        polytope.identifiers[vertices], polytope.owners[vertices] = identifier, owner
+        # Linking is put off until neighbours are needed, so it is never done for the last facets.
+        pinched = link_new_facets(polytope, dim, ridges, vertices) or pinched
+        for i in range(count):
+            polytope.free[free_count] = polytope.visible[i]
+            free_count += 1
+        if used <= MAX_FULL_SCAN:
+            count, ridges = find_visible(polytope, dim, used, point)
+        else:
+            stamp += 2
+            count, ridges = flood_visible(polytope, dim, np.uint32(f), stamp, point)
+        # One new facet per ridge; those that are visible now are reused from the next vertex on.
+        if used + ridges > planes.shape[1] + free_count or size + ridges > queue.shape[0]:
+            lower, status = min(lower, scale * plane[6]), EXHAUSTED
+            break
+        used, free_count = _add_facets(
+            polytope, dim, ridges, used, free_count, vertices, metric, task, pinched
+        )
+        size, lower = _queue_facets(polytope, ridges, size, limit, sign, lower, task)
+        # nan compares as neither near nor visible, so removed facets need no test of their own.
+        for i in range(count):
+            planes[6, polytope.visible[i]] = math.nan
+            if task is not None:
+                planes[8, polytope.visible[i]] = math.nan
+        vertices += 1
+    for i in range(size):
+        distance = distance_of(planes, queue[i], task)
+        if distance < lower:
+            lower = distance
+    if status == CONVERGED and lower <= 0.0:
+        status = UNDECIDED
+    return status, lower, upper, vertices, used

@@ -1,0 +1,301 @@
+"""Support functions of grasp wrench spaces: the farthest wrench in a direction.
+
+Wrenches and directions have six numbers, in coordinates of the grasp's span (zeros beyond its
+rank). A contact's unit forces along its normal and its two tangents, and its torsional moment, give
+four wrenches, its *axes*. Every wrench that the contact can apply is a linear combination of them,
+so the three or four inner products of the axes with a direction determine the supports of all edges
+of its cone, or that of its circular cone, without the edges' wrenches.
+
+A contact that touches an elliptic patch has two more axes: the moments about its tangents that a
+unit normal force has at the ends of the patch's semi-axes s_k. The pressure may be centred anywhere
+in the patch, so that a normal force f_n resists rolling by f_n (c_1, c_2) times these moments, with
+|c| <= 1. Along a direction u that adds at most f_n R(u), R the length of the inner products of the
+two axes with u: the support function is the one without the patch, with g + R n instead of g.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d._kernels.compiling.decorators import merged, part, scratch_kernel
+from grasp3d._kernels.surface.vectors import dot6
+
+TINY = 1e-300
+"""Smallest divisor."""
+
+NO_TORSION, LINEAR, ELLIPTIC = 0, 1, 2
+"""What soft fingers resist: no torsional moment; one coupled to a pure normal force, so that the
+limit surface is the convex hull of that segment and the friction cone; or the elliptic limit
+surface of Howe & Cutkosky 1996, (f_t / mu)^2 + (tau / e)^2 <= f_n^2."""
+
+NO_TWIST = 1e-12
+"""Relative size of a torsional component that is a rounding error."""
+
+NEWTON_STEPS, ROUNDING = 40, 4e-16
+"""Most steps of Newton's method, and the error at which it ends."""
+
+ROWS, TOTAL, PER_FINGER = 0, 1, 2
+"""Kinds of grasp wrench spaces: the convex hull of given wrenches, that of all contacts' wrenches
+(total force bounded), or the Minkowski sum over the contacts (force per finger bounded)."""
+
+
+class WrenchSpace(NamedTuple):
+    """The grasp wrench space of one grasp, in balanced coordinates of its span."""
+
+    kind: int
+    """ROWS, TOTAL or PER_FINGER."""
+    spherical: bool
+    """Whether the length of a contact force is bounded by 1, instead of its normal component."""
+    torsion: int
+    """NO_TORSION, LINEAR or ELLIPTIC."""
+    axes: npt.NDArray[np.float64]
+    """ROWS: the wrenches in columns (1, 6, n). Otherwise each contact's axes (n, 4, 6)."""
+    cones: npt.NDArray[np.float64]
+    """Normal and tangential part of a force on the rim of each contact's cone (n, 2)."""
+    rim: npt.NDArray[np.float64]
+    """Cosine and sine of the cone's edges about the normal (m, 2); m = 0: a circular cone. The
+    patches of contacts with polygonal cones are polygons of as many corners, too."""
+    rolling: bool = False
+    """Whether contacts resist rolling: then they have six axes each (n, 6, 6)."""
+
+
+@merged
+def _farthest_row(rows, u):
+    """Support of given wrenches, and the index of the farthest one."""
+    best, chosen = -math.inf, 0
+    for j in range(rows.shape[1]):
+        height = (rows[0, j] * u[0] + rows[1, j] * u[1]) + (rows[2, j] * u[2] + rows[3, j] * u[3])
+        height += rows[4, j] * u[4] + rows[5, j] * u[5]
+        if height > best:
+            best, chosen = height, j
+    return best, chosen
+
+
+@merged
+def _cosine_and_sine_of_torsion(friction, z0, tangent, twist):
+    """Cosine and sine of where the elliptic limit surface meets the unit ball farthest.
+
+    On it a force has the tangential part mu s and the torsion c per normal force, c^2 + s^2 = 1.
+    The farthest one satisfies mu g / s - (1 + mu^2) |w| / c = mu^2 z0: the point of an ellipse
+    nearest to another point. With m the second term, s = mu g / (m + mu^2 z0), and c^2 + s^2 falls
+    with m and is convex, so that Newton's method reaches 1 from below.
+    """
+    pull, brake, bend = friction * tangent, (1.0 + friction * friction) * twist, friction**2 * z0
+    size = abs(pull) + abs(brake) + abs(bend)
+    if brake <= NO_TWIST * size:
+        s = 1.0 if pull >= bend else pull / bend
+        return math.sqrt(1.0 - s * s), s
+    m = max(brake, pull - bend)
+    c = s = 0.0
+    for _ in range(NEWTON_STEPS):
+        c, s = brake / m, pull / max(m + bend, TINY)
+        excess = c * c + s * s - 1.0
+        if excess <= ROUNDING:
+            break
+        m += 0.5 * excess / (c * c / m + s * s / max(m + bend, TINY))
+    length = math.sqrt(c * c + s * s)
+    return c / length, s / length
+
+
+@part
+def _farthest_elliptic(spherical, friction, z0, z1, z2, z3):
+    """(support, -1, force) of a contact with the elliptic limit surface; as `_farthest_force`."""
+    tangent, twist = math.sqrt(z1 * z1 + z2 * z2), abs(z3)
+    if spherical:
+        c, s = _cosine_and_sine_of_torsion(friction, z0, tangent, twist)
+        normal = 1.0 / math.sqrt(1.0 + friction * friction * s * s)
+    else:
+        length = math.sqrt(friction * friction * tangent * tangent + twist * twist)
+        c, s = twist / max(length, TINY), friction * tangent / max(length, TINY)
+        normal = 1.0
+    height = normal * (z0 + friction * s * tangent + c * twist)
+    scale = normal * friction * s / max(tangent, TINY)
+    return height, -1, normal, scale * z1, scale * z2, math.copysign(normal * c, z3)
+
+
+@merged
+def farthest_in_patch(axes, rim, u):
+    """(R, corner, c1, c2): where in a contact's patch pressure resists a direction most."""
+    z4, z5 = dot6(axes[4], u), dot6(axes[5], u)
+    if rim.shape[0] == 0:
+        arm = math.sqrt(z4 * z4 + z5 * z5)
+        scale = 1.0 / max(arm, TINY)
+        return arm, 0, scale * z4, scale * z5
+    arm, corner = -math.inf, 0
+    for j in range(rim.shape[0]):
+        value = rim[j, 0] * z4 + rim[j, 1] * z5
+        if value > arm:
+            arm, corner = value, j
+    return arm, corner, rim[corner, 0], rim[corner, 1]
+
+
+@merged
+def _farthest_force(space, i, u):
+    """(support, vertex, force, patch) of one contact: not clipped at 0; force along four axes.
+
+    The last two numbers are coordinates of the centre of pressure in the patch; times the normal
+    force they are the components along the fifth and sixth axis.
+    """
+    axes = space.axes[i]
+    z0, z1, z2 = dot6(axes[0], u), dot6(axes[1], u), dot6(axes[2], u)
+    corner, c1, c2 = 0, 0.0, 0.0
+    if space.rolling:
+        arm, corner, c1, c2 = farthest_in_patch(axes, space.rim, u)
+        z0 += arm
+    normal, tangential = space.cones[i, 0], space.cones[i, 1]
+    # z0, z1, z2: components of g (see `support`) along the normal and the two tangents.
+    count = space.rim.shape[0]
+    identifier = -1
+    if count > 0:
+        best = -math.inf
+        for j in range(count):
+            value = space.rim[j, 0] * z1 + space.rim[j, 1] * z2
+            if value > best:
+                best, identifier = value, j
+        height = normal * z0 + tangential * best
+        f0, f1, f2 = (
+            normal,
+            tangential * space.rim[identifier, 0],
+            tangential * space.rim[identifier, 1],
+        )
+    elif space.torsion == ELLIPTIC and dot6(axes[3], axes[3]) > 0.0:
+        height, _, f0, f1, f2, f3 = _farthest_elliptic(
+            space.spherical, tangential / normal, z0, z1, z2, dot6(axes[3], u)
+        )
+        return height, -1, f0, f1, f2, f3, c1, c2
+    else:
+        # Inside the cone the farthest unit force is parallel to g, otherwise it is on the rim.
+        tangent = math.sqrt(z1 * z1 + z2 * z2)
+        if space.spherical and tangent * normal <= z0 * tangential and (z0 > 0.0 or tangent > 0.0):
+            height = math.sqrt(z0 * z0 + tangent * tangent)
+            scale = 1.0 / max(height, TINY)
+            f0, f1, f2 = scale * z0, scale * z1, scale * z2
+        else:
+            height = normal * z0 + tangential * tangent
+            scale = tangential / max(tangent, TINY)
+            f0, f1, f2 = normal, scale * z1, scale * z2
+    f3 = 0.0
+    # Torsion is coupled to a pure normal force: a segment of wrenches beside the cone.
+    if space.torsion == LINEAR:
+        z3 = dot6(axes[3], u)
+        if z0 + abs(z3) > height and dot6(axes[3], axes[3]) > 0.0:  # else it is a hard finger
+            height = z0 + abs(z3)
+            f0, f1, f2, f3 = 1.0, 0.0, 0.0, math.copysign(1.0, z3)
+            identifier = count if z3 >= 0.0 else count + 1
+            if space.rolling and space.rim.shape[0] == 0:
+                identifier = -1  # the rim of an elliptic patch has no vertices
+    # Each edge, and torsion in either sense, has a vertex for each corner of the patch.
+    if space.rolling and identifier >= 0:
+        identifier = identifier * count + corner
+    return height, identifier, f0, f1, f2, f3, c1, c2
+
+
+@merged
+def _vertices(space):
+    """How many vertices a contact's wrenches have: edges and torsion, at corners of the patch."""
+    count = space.rim.shape[0]
+    return (count + 2) * count if space.rolling else count + 2
+
+
+@merged
+def farthest(space, u, point, force):
+    """Farthest wrench of a grasp wrench space in a direction.
+
+    With g = u_f + (u_tau x p) / rho at a contact and phi the angle between g and its normal, the
+    circular cone reaches |g| cos(max(0, phi - beta)), a polygon the farthest of its edges, and
+    torsion the pure normal force with the moment that it allows.
+
+    Args:
+        space: `WrenchSpace`.
+        u: Direction (6,).
+        point: Written, the wrench (6,).
+        force: Written, the contact force of that wrench, in its contact's axes (6,), the last two
+            only where contacts resist rolling; not for PER_FINGER.
+
+    Returns:
+        (height, identifier, owner): the support, negative where all wrenches of ROWS or TOTAL have
+        negative components; a number that identifies the vertex (-1: none, as on circular cones);
+        the index of its row or contact.
+    """
+    axes = space.axes
+    if space.kind == ROWS:
+        height, identifier = _farthest_row(axes[0], u)
+        for k in range(6):
+            point[k] = axes[0, k, identifier]
+        force[0], force[1], force[2], force[3] = 1.0, 0.0, 0.0, 0.0
+        return height, identifier, identifier
+    best, owner, identifier = -math.inf, 0, -1
+    total = 0.0
+    for k in range(6):
+        point[k] = 0.0
+    for i in range(axes.shape[0]):
+        height, index, f0, f1, f2, f3, c1, c2 = _farthest_force(space, i, u)
+        if space.kind == PER_FINGER:
+            # Support functions of a Minkowski sum add up; a finger may also apply no force.
+            if height > 0.0:
+                total += height
+                for k in range(6):
+                    point[k] += (f0 * axes[i, 0, k] + f1 * axes[i, 1, k]) + (
+                        f2 * axes[i, 2, k] + f3 * axes[i, 3, k]
+                    )
+                if space.rolling:
+                    for k in range(6):
+                        point[k] += f0 * (c1 * axes[i, 4, k] + c2 * axes[i, 5, k])
+        elif height > best:
+            best, owner, identifier = height, i, index
+            force[0], force[1], force[2], force[3] = f0, f1, f2, f3
+            if space.rolling:
+                force[4], force[5] = f0 * c1, f0 * c2
+    if space.kind == PER_FINGER:
+        return total, -1, -1
+    for k in range(6):
+        point[k] = (force[0] * axes[owner, 0, k] + force[1] * axes[owner, 1, k]) + (
+            force[2] * axes[owner, 2, k] + force[3] * axes[owner, 3, k]
+        )
+    if space.rolling:
+        for k in range(6):
+            point[k] += force[4] * axes[owner, 4, k] + force[5] * axes[owner, 5, k]
+    # Edges and torsion of a contact have numbers of their own.
+    if identifier >= 0:
+        identifier += owner * _vertices(space)
+    return best, identifier, owner
+
+
+@scratch_kernel
+def support(space, u, point, force):
+    """`farthest` as a function of its own."""
+    return farthest(space, u, point, force)
+
+
+@part
+def contact_forces(space, u, weight, force, forces):
+    """Add the contact forces of the farthest wrench in a direction, times a weight.
+
+    Args:
+        space: `WrenchSpace`, not ROWS.
+        u: Direction (6,).
+        weight: Factor.
+        force: Scratch (6,).
+        forces: Changed, forces in the contacts' axes, (n, 4) or where they resist rolling (n, 6).
+    """
+    best, owner = 0.0, -1
+    for i in range(space.axes.shape[0]):
+        height, _, f0, f1, f2, f3, c1, c2 = _farthest_force(space, i, u)
+        if space.kind == PER_FINGER and height > 0.0:
+            forces[i, 0] += weight * f0
+            forces[i, 1] += weight * f1
+            forces[i, 2] += weight * f2
+            forces[i, 3] += weight * f3
+            if space.rolling:
+                forces[i, 4] += weight * f0 * c1
+                forces[i, 5] += weight * f0 * c2
+        elif space.kind == TOTAL and height > best:
+            best, owner = height, i
+            force[0], force[1], force[2], force[3] = f0, f1, f2, f3
+            if space.rolling:
+                force[4], force[5] = f0 * c1, f0 * c2
+    if owner >= 0:
+        for k in range(forces.shape[1]):
+            forces[owner, k] += weight * force[k]

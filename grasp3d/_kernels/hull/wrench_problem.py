@@ -1,0 +1,426 @@
+"""Batches of grasps: from the contacts' wrenches to epsilon, force closure and certificates."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from numba.core import types
+from numba.extending import overload
+
+from grasp3d._kernels.compiling.decorators import inlined, merged, scratch_kernel
+from grasp3d._kernels.hull.equilibrium import equilibrium
+from grasp3d._kernels.hull.force_balance import LARGEST_SLACK, SMALL_SLACK, balance, clear_slack
+from grasp3d._kernels.hull.growing_hull import CONVERGED, EXHAUSTED, STALLED, UNDECIDED, grow
+from grasp3d._kernels.hull.initial_simplex import AROUND_ORIGIN
+from grasp3d._kernels.hull.separation import RESTING, UNPROVEN, separation
+from grasp3d._kernels.hull.support_functions import NO_TORSION, PER_FINGER, ROWS, TOTAL, WrenchSpace
+from grasp3d._kernels.hull.wrench_span import span
+
+SIX = (0, 0, 0, 0, 0, 0)
+"""A tuple as long as the most common rank, for which `grow` is compiled with fixed loop lengths."""
+
+SIGN = (0.0, 1e4, 0.0, 1.0)
+"""Goal of a closure test; see `grow`."""
+
+CLEAR = 1e-8
+"""Epsilon relative to the largest wrench from which the hull itself proves force closure. Rounding
+errors of less than that may have moved the origin into it."""
+
+AT_REST = 4
+"""Status, in the kernels only: not force-closed if contacts that are close together coincide."""
+
+OTHER_RANK = 5
+"""Status, in the kernels only: `epsilons` left a grasp of rank 1 to 5 to `epsilons_of_any_rank`."""
+
+
+class Workspace(NamedTuple):
+    """Scratch arrays for one grasp in the coordinates of its span; n contacts or rows."""
+
+    rows: npt.NDArray[np.float64]
+    """Wrenches with the span of the grasp (4 n, 6), or (6 n, 6) where contacts resist rolling; or
+    the n rows (n, 6)."""
+    scratch: npt.NDArray[np.float64]
+    """Scratch of that shape."""
+    basis: npt.NDArray[np.float64]
+    """Basis of the span (6, 6)."""
+    axes: npt.NDArray[np.float64]
+    """As in `WrenchSpace`."""
+    extents: npt.NDArray[np.float64]
+    """Largest component of the wrenches along each row of the basis (6,)."""
+    metric: npt.NDArray[np.float64]
+    """As in `grow` (6,)."""
+    dims: npt.NDArray[np.int64]
+    """Its first `rank` entries are passed as `dims` of `grow` (6,)."""
+
+
+class Results(NamedTuple):
+    """Results for each grasp (b, ...); written."""
+
+    lower: npt.NDArray[np.float64]
+    upper: npt.NDArray[np.float64]
+    rank: npt.NDArray[np.int64]
+    status: npt.NDArray[np.uint8]
+    closed: npt.NDArray[np.bool_]
+    direction: npt.NDArray[np.float64]
+    """Direction of `upper`, or a separating one: no wrench has a positive component (b, 6)."""
+    forces: npt.NDArray[np.float64]
+    """Equilibrium forces, in the contacts' axes, (b, n, 4) or where they resist rolling
+    (b, n, 6); nan where there is none."""
+    slack: npt.NDArray[np.float64]
+    """As returned by `balance`; 0 where the hull alone proves force closure (b,)."""
+
+
+def make_workspace(kind: int, count: int, rolling: bool = False) -> Workspace:
+    """Allocate a workspace for `count` contacts, which may resist rolling, or rows."""
+    axes = 6 if rolling else 4
+    rows = count if kind == ROWS else axes * count
+    return Workspace(
+        rows=np.zeros((rows, 6)),
+        scratch=np.zeros((rows, 6)),
+        basis=np.zeros((6, 6)),
+        axes=np.zeros((1, 6, count) if kind == ROWS else (count, axes, 6)),
+        extents=np.zeros(6),
+        metric=np.zeros(6),
+        dims=np.zeros(6, dtype=np.int64),
+    )
+
+
+@merged
+def _load_rows(wrenches, workspace):
+    """Copy given wrenches (n, 6) into the workspace."""
+    rows = workspace.rows
+    for i in range(rows.shape[0]):
+        for k in range(6):
+            rows[i, k] = wrenches[i, k]
+
+
+@merged
+def load_contacts(axes, tangential, torsion, workspace):
+    """Copy the axes (n, 4 or 6, 6) of contacts, the tangential ones scaled by friction (n,)."""
+    rows, width = workspace.rows, axes.shape[1]
+    for i in range(axes.shape[0]):
+        for j in range(width):
+            factor = 1.0
+            # Without friction, or without torsion, the axis does not belong to the span.
+            if 1 <= j <= 2:
+                factor = tangential[i]
+            elif j == 3 and torsion == NO_TORSION:
+                factor = 0.0
+            for k in range(6):
+                rows[width * i + j, k] = factor * axes[i, j, k]
+
+
+@merged
+def _coordinate(basis, is_unit_basis, k, wrench):
+    """Coordinate of a wrench along a row of the basis, which may be the unit vectors."""
+    if is_unit_basis:
+        return wrench[k]
+    value = 0.0
+    for c in range(6):
+        value += basis[k, c] * wrench[c]
+    return value
+
+
+@merged
+def project(kind, source, workspace, rank):
+    """Write the wrenches in coordinates of their span, each coordinate scaled to at most 1."""
+    basis, extents, metric, count = (
+        workspace.basis,
+        workspace.extents,
+        workspace.metric,
+        source.shape[0],
+    )
+    is_unit_basis = True
+    for k in range(6):
+        extents[k] = 0.0
+        is_unit_basis = is_unit_basis and basis[k, k] == 1.0
+    for i in range(workspace.rows.shape[0]):
+        for k in range(rank):
+            extents[k] = max(
+                extents[k], abs(_coordinate(basis, is_unit_basis, k, workspace.rows[i]))
+            )
+    for k in range(6):
+        if kind == PER_FINGER:  # a sum of `count` wrenches
+            extents[k] *= count
+        metric[k] = 1.0 / extents[k] if extents[k] > 0.0 else 0.0
+    for i in range(count):
+        for j in range(source.shape[1]):
+            for k in range(6):
+                value = metric[k] * _coordinate(basis, is_unit_basis, k, source[i, j])
+                if kind == ROWS:
+                    workspace.axes[0, k, i] = value
+                else:
+                    workspace.axes[i, j, k] = value
+    # From scale factors of wrenches to weights of the squared components of directions.
+    for k in range(6):
+        metric[k] *= metric[k]
+
+
+def _grow(space, dims, rank, metric, goal, polytope):
+    """Grow the hull in the dimension of the span: that of a tuple, or the given one of an array."""
+    dims = dims if isinstance(dims, tuple) else dims[:rank]
+    return grow(space, dims, metric, None, AROUND_ORIGIN, goal, polytope)
+
+
+@overload(_grow, inline="always")
+def _grow_in(space, dims, rank, metric, goal, polytope):  # noqa: ARG001 - Numba matches the names
+    if isinstance(dims, types.BaseTuple):
+
+        def implementation(space, dims, rank, metric, goal, polytope):  # noqa: ARG001 - as above
+            return grow(space, dims, metric, None, AROUND_ORIGIN, goal, polytope)
+
+    else:
+
+        def implementation(space, dims, rank, metric, goal, polytope):
+            return grow(space, dims[:rank], metric, None, AROUND_ORIGIN, goal, polytope)
+
+    return implementation
+
+
+@merged
+def _write_direction(rank, workspace, polytope, out):
+    """Write the direction of the upper bound as a unit vector in the wrench space."""
+    # Directions are dual to wrenches: they are divided by the scale, not multiplied.
+    square = 0.0
+    for k in range(6):
+        out[k] = 0.0
+        for j in range(rank):
+            out[k] += workspace.basis[j, k] * polytope.vectors[16, j] / workspace.extents[j]
+        square += out[k] * out[k]
+    for k in range(6):
+        out[k] /= math.sqrt(square)
+
+
+@merged
+def _largest_wrench(workspace):
+    """Upper bound of the length of all wrenches."""
+    square = 0.0
+    for k in range(6):
+        square += workspace.extents[k] * workspace.extents[k]
+    return math.sqrt(square)
+
+
+@merged
+def _erase_forces(results, g):
+    """Mark a grasp's forces as missing."""
+    for i in range(results.forces.shape[1]):
+        for k in range(results.forces.shape[2]):
+            results.forces[g, i, k] = math.nan
+
+
+@merged
+def _reset_result(results, g):
+    """Write the initial results of a grasp: no force closure, no certificate."""
+    results.lower[g] = results.upper[g] = 0.0
+    results.rank[g], results.status[g], results.closed[g] = 0, 0, False
+    for k in range(6):
+        results.direction[g, k] = 1.0 if k == 0 else 0.0
+    results.slack[g] = math.inf
+    _erase_forces(results, g)
+
+
+@merged
+def _is_convex(kind, cones):
+    """Whether all friction cones are narrower than 90 degrees."""
+    if kind == ROWS:
+        return True
+    least = math.inf
+    for i in range(cones.shape[0]):
+        least = min(least, cones[i, 0])
+    return least > 0.0
+
+
+@merged
+def _examine_separation(form, wrenches, cones, rim, workspace, polytope, results, g):
+    """Set the result of a grasp without proof of force closure by whether its direction separates.
+
+    Where it does not, a grasp that is not force-closed becomes UNDECIDED.
+    """
+    kind, _, torsion, _ = form
+    found = separation(
+        kind, torsion != NO_TORSION, wrenches, cones, rim, _largest_wrench(workspace),
+        results.direction[g], polytope.vectors,
+    )  # fmt: skip
+    if found == UNPROVEN:
+        if not results.closed[g]:
+            results.status[g] = UNDECIDED
+        return
+    results.status[g] = AT_REST if found == RESTING else CONVERGED
+    results.closed[g] = False
+    results.lower[g] = results.upper[g] = 0.0
+
+
+@scratch_kernel
+def verify(form, wrenches, tangential, cones, rim, tolerance, workspace, scratch, forces):
+    """Correct forces of one grasp found by other means; returns the slack of `balance`."""
+    kind, spherical, torsion, rolling = form
+    if kind == ROWS:
+        _load_rows(wrenches[:, 0], workspace)
+    else:
+        load_contacts(wrenches, tangential, torsion, workspace)
+    rank = span(workspace.rows, tolerance, workspace.scratch, workspace.basis)
+    total = ROWS if kind == ROWS else TOTAL
+    project(total, wrenches, workspace, rank)
+    space = WrenchSpace(total, spherical, torsion, workspace.axes, cones, rim, rolling)
+    return balance(space, rank, workspace.extents, forces, scratch)
+
+
+@inlined
+def _epsilons(
+    form,
+    wrenches,
+    tangential,
+    cones,
+    rim,
+    tolerance,
+    goal,
+    group,
+    with_forces,
+    first,
+    workspace,
+    polytope,
+    results,
+    least_rank,
+    dims,
+):
+    """Evaluate grasps; see `epsilons`."""
+    kind, spherical, torsion, rolling = form
+    rtol, atol, cutoff, sign = goal
+    smallest = math.inf
+    for g in range(first - first % group, first):
+        smallest = min(smallest, results.upper[g])
+    for g in range(first, wrenches.shape[0]):
+        if g % group == 0:
+            smallest = math.inf
+        _reset_result(results, g)
+        # No epsilon can be smaller than 0: the rest of the group is not needed.
+        if group > 1 and smallest <= 0.0:
+            results.lower[g] = results.upper[g] = math.inf
+            continue
+        if kind == ROWS:
+            _load_rows(wrenches[g, :, 0], workspace)
+        else:
+            load_contacts(wrenches[g], tangential[g], torsion, workspace)
+        rank = span(workspace.rows, tolerance, workspace.scratch, workspace.basis)
+        results.rank[g] = rank
+        if rank == 0:
+            smallest = 0.0
+            continue
+        if rank < least_rank:
+            results.status[g] = OTHER_RANK
+            return g
+        project(kind, wrenches[g], workspace, rank)
+        # Within a group, growing stops when epsilon cannot be smaller than those before it.
+        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, rolling)
+        limit = min(cutoff, smallest) if group > 1 else cutoff
+        status, lower, upper, vertices, used = _grow(
+            space, dims, rank, workspace.metric, (rtol, atol, limit, sign), polytope
+        )
+        closed = used > 0 and lower > 0.0
+        # No plane could be computed: the sizes of the coordinates differ too much.
+        if math.isinf(lower) and limit == math.inf:
+            status, lower, upper, closed = STALLED, 0.0, _largest_wrench(workspace), False
+        lower = min(lower, upper)
+        results.lower[g], results.upper[g] = max(0.0, lower), upper
+        results.status[g], results.closed[g] = status, closed
+        if status != STALLED or closed:
+            _write_direction(rank, workspace, polytope, results.direction[g])
+        smallest = min(smallest, upper)
+        clear = lower > CLEAR * _largest_wrench(workspace)
+        if closed and clear:
+            results.slack[g] = 0.0
+        if closed and (with_forces or not clear) and _is_convex(kind, cones[g]):
+            if kind == PER_FINGER:  # the hull contains the origin where the sum does
+                space = WrenchSpace(
+                    TOTAL, spherical, torsion, workspace.axes, cones[g], rim, rolling
+                )
+                _, _, _, vertices, used = _grow(space, dims, rank, workspace.metric, SIGN, polytope)
+            slack = math.inf
+            if used > 0:
+                equilibrium(
+                    space, workspace.dims[:rank], polytope, vertices, used, results.forces[g]
+                )
+                extents, scratch = workspace.extents, polytope.vectors
+                if clear and spherical and kind == TOTAL:
+                    slack = clear_slack(space, rank, extents, lower, results.forces[g], scratch[0])
+                if not slack < SMALL_SLACK:
+                    slack = balance(space, rank, extents, results.forces[g], scratch)
+            results.slack[g] = slack
+            if not slack < LARGEST_SLACK:
+                _erase_forces(results, g)
+        # The origin may be outside, or rounding may have moved it: either needs a proof.
+        proven = clear or results.slack[g] < LARGEST_SLACK
+        if group == 1 and not (closed and proven) and status != EXHAUSTED:
+            _examine_separation(form, wrenches[g], cones[g], rim, workspace, polytope, results, g)
+        if status == EXHAUSTED:
+            return g
+    return wrenches.shape[0]
+
+
+@scratch_kernel
+def epsilons(
+    form,
+    wrenches,
+    tangential,
+    cones,
+    rim,
+    tolerance,
+    goal,
+    group,
+    with_forces,
+    first,
+    workspace,
+    polytope,
+    results,
+):
+    """Epsilon, force closure and certificates of many grasps, as far as their rank is 6.
+
+    Args:
+        form: (kind, spherical, torsion, rolling) of `WrenchSpace`.
+        wrenches: Axes of contacts (b, n, 4, 6), or where they resist rolling (b, n, 6, 6); or rows
+            (b, n, 1, 6).
+        tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
+        cones: As in `WrenchSpace` (b, n, 2).
+        rim: As in `WrenchSpace` (m, 2).
+        tolerance: As in `span`.
+        goal: As in `grow`; its cutoff is 0 or inf.
+        group: Number of consecutive grasps of which only the smallest epsilon is needed; each is
+            abandoned when it cannot be smaller than those before it. 1: all are computed.
+        with_forces: Whether equilibrium forces are computed.
+        first: Index of the first grasp to compute.
+        workspace: `Workspace`.
+        polytope: `Polytope`.
+        results: `Results`.
+
+    Returns:
+        The first grasp for which the polytope was too small, whose bounds hold, or that has the
+        status OTHER_RANK; b if none.
+    """
+    return _epsilons(
+        form, wrenches, tangential, cones, rim, tolerance, goal, group, with_forces, first,
+        workspace, polytope, results, 6, SIX,
+    )  # fmt: skip
+
+
+@scratch_kernel
+def epsilons_of_any_rank(
+    form,
+    wrenches,
+    tangential,
+    cones,
+    rim,
+    tolerance,
+    goal,
+    group,
+    with_forces,
+    first,
+    workspace,
+    polytope,
+    results,
+):
+    """As `epsilons`, for grasps of any rank, but up to an eighth slower where it is 6."""
+    return _epsilons(
+        form, wrenches, tangential, cones, rim, tolerance, goal, group, with_forces, first,
+        workspace, polytope, results, 1, workspace.dims,
+    )  # fmt: skip

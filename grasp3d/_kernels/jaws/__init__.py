@@ -1,0 +1,1 @@
+"""Grippers: collisions, reach, and jaws that close on a surface."""

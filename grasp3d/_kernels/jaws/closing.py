@@ -1,0 +1,137 @@
+"""Jaws of a parallel gripper that close on a surface, which may move.
+
+Positions are in the mesh's normalised frame (centred, size 1); normals point into the object.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d._kernels.compiling.decorators import kernel
+from grasp3d._kernels.jaws.first_touch import first_touch
+from grasp3d._kernels.jaws.jaw_faces import gather
+from grasp3d._kernels.jaws.jaw_interior import starts_inside
+from grasp3d._kernels.jaws.jaws import make_faces, make_scratch, start_before, without_back
+from grasp3d._kernels.jaws.settling import CLEAR, LEAVES, make_settling, settle
+from grasp3d._kernels.jaws.touched_patch import MIN_DEPTH, Patch, add_mean, add_patch, clear
+
+NONE, TOUCHES, INSIDE, LEFT = 0, 1, 2, 3
+"""What becomes of a jaw: it meets no surface, it touches it, it starts in the object, or the object
+slides out of the jaws."""
+
+STACK = 128
+"""Nodes that wait to be visited: more than twice the depth of any tree."""
+
+
+class ClosedOn(NamedTuple):
+    """Results, a row for each pose and a column for each jaw."""
+
+    poses: npt.NDArray[np.float64]
+    """Rotation and translation from the gripper's frame when the jaws are closed (k, 3, 4)."""
+    outcome: npt.NDArray[np.int64]
+    """NONE, TOUCHES, INSIDE or LEFT (k, 2)."""
+    position: npt.NDArray[np.float64]
+    """Along x of the gripper, of each pad or foremost point of a ball at its first touch (k, 2)."""
+    points: npt.NDArray[np.float64]
+    """Centroids of the patches (k, 2, 3)."""
+    normals: npt.NDArray[np.float64]
+    """Mean inward unit normals (k, 2, 3)."""
+    area: npt.NDArray[np.float64]
+    """Of the patches (k, 2)."""
+    bounds: npt.NDArray[np.float64]
+    """Smallest y and z, largest y and z of the patches, in the gripper's frame (k, 2, 4)."""
+
+
+@kernel
+def close_on(surface, tree, poses, opening, friction, jaw, first_pose, last_pose, found):
+    """Close the jaws on a surface from each pose.
+
+    Args:
+        surface: `Surface`.
+        tree: Its `FaceTree`.
+        poses: Rotation and translation from the gripper's frame (k, 3, 4).
+        opening: Distance of the jaws at the start (k,).
+        friction: Coulomb coefficient with which the object moves; negative: it does not.
+        jaw: `Jaw`.
+        first_pose: First pose to compute.
+        last_pose: The one after the last.
+        found: Written, `ClosedOn`.
+    """
+    size = surface.faces.shape[0]
+    faces = make_faces(size)
+    patch = Patch(np.empty(4), np.empty(3), np.empty(4))
+    scratch = make_scratch()
+    memory = make_settling(size if friction >= 0.0 else 0)
+    stack, at_rest = np.empty((STACK, 2), np.int64), without_back(jaw)
+    for k in range(first_pose, last_pose):
+        pose, distance = found.poses[k], opening[k]
+        pose[:], settled = poses[k], False
+        if friction >= 0.0:
+            state, width = settle(surface, tree, pose, distance, friction, jaw, stack, memory)
+            if state == LEAVES:
+                found.outcome[k] = LEFT
+                continue
+            settled = state != CLEAR
+            if settled:
+                distance = -2.0 * start_before(distance, width, jaw)
+        used = at_rest if settled else jaw
+        _close(surface, tree, pose, distance, settled, used, k, stack, faces, scratch, patch, found)
+
+
+@kernel
+def _close(surface, tree, pose, opening, settled, jaw, k, stack, faces, scratch, patch, found):
+    """Close the jaws on a surface that does not move; see `close_on`."""
+    count = gather(surface, tree, pose, jaw, 0.0, stack, faces)
+    start = -0.5 * opening
+    for finger in range(2):
+        side = 1.0 - 2.0 * finger
+        face, position = first_touch(faces, count, side, jaw, start, scratch)
+        if face == -2 or (not settled and starts_inside(faces, count, side, start, jaw)):
+            found.outcome[k, finger] = INSIDE
+            continue
+        if face == -1:
+            found.outcome[k, finger] = NONE
+            continue
+        found.outcome[k, finger], found.position[k, finger] = TOUCHES, side * position
+        clear(patch)
+        limit = position + max(jaw.compliance, MIN_DEPTH)
+        add_patch(faces, count, side, jaw, start, limit, surface, scratch, patch)
+        touched = patch.moments[0]
+        if touched == 0.0:  # a part too small to have an area
+            add_mean(scratch.row, 1.0, faces.numbers[face], surface, patch)
+            for i in range(2):
+                patch.bounds[i] = patch.bounds[2 + i] = scratch.row[1 + i]
+        _write(patch, touched, side, pose, k, finger, found)
+        if settled and jaw.footprint > jaw.compliance:
+            clear(patch)
+            limit = position + jaw.footprint
+            add_patch(faces, count, side, jaw, start, limit, surface, scratch, patch)
+            _write_normal(patch, k, finger, found)
+
+
+@kernel
+def _write(patch, touched, side, pose, k, finger, found):
+    """Write the mean of a patch as a contact."""
+    moments = patch.moments
+    _write_normal(patch, k, finger, found)
+    for i in range(3):
+        point = pose[i, 3]
+        for j in range(3):
+            middle = moments[1 + j] / moments[0]
+            point += pose[i, j] * (side * middle if j == 0 else middle)
+        found.points[k, finger, i] = point
+    found.area[k, finger] = touched
+    for i in range(4):
+        found.bounds[k, finger, i] = patch.bounds[i]
+
+
+@kernel
+def _write_normal(patch, k, finger, found):
+    """Write the mean normal of a patch."""
+    length = 0.0
+    for i in range(3):
+        length += patch.normal[i] ** 2
+    for i in range(3):
+        found.normals[k, finger, i] = patch.normal[i] / math.sqrt(length)

@@ -1,0 +1,1 @@
+"""The search for grasps on a surface."""

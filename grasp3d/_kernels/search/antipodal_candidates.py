@@ -1,0 +1,197 @@
+"""Evaluation of antipodal candidates, and the best grasps found so far at every vertex.
+
+Two fingers are force-closed where the line between the contacts lies inside both friction cones
+(Nguyen 1988), so the critical friction angle of a pair is the larger of the two angles between the
+line and the normals. Each vertex keeps its best grasp and a small sorted cache of the best closing
+directions that differ clearly; the search is refined around all of them, since the best direction
+of a coarse sample need not lead to the best grasp.
+
+Grasps are compared by their cost: the critical friction angle, plus the angle by which the line may
+turn where contact locations are uncertain, plus what is known less well about each finger. It
+differs from the margin of the label by a constant. Where all of that is 0 it is the critical angle.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.surface.normal_angles import largest_angle, smallest_angle
+from grasp3d._kernels.surface.surface_contacts import write_normals
+
+TIE = 1e-7
+"""Angle by which a candidate must be better, so that rounding errors do not decide ties [rad]."""
+
+FOUND, NO_PARTNER, OPENING = 0, 1, 2
+"""Reason codes: a grasp was found; no second contact was; all openings were outside the limits."""
+
+
+class PairLimits(NamedTuple):
+    """Which pairs of contacts are grasps, and how well their locations are known."""
+
+    smallest: float
+    """Smallest opening."""
+    largest: float
+    """Largest opening."""
+    location: float = 0.0
+    """Sum of the location errors of both contacts."""
+    cos_cone: float = -2.0
+    """Cosine of the largest critical angle that is searched for; -2: costs bound it."""
+
+
+class BestPairs(NamedTuple):
+    """The best antipodal grasps found so far, a row per vertex; written in place."""
+
+    worst: npt.NDArray[np.float64]
+    """Cost over the worst normals [rad]."""
+    best: npt.NDArray[np.float64]
+    """Smallest cost over the best normals, possibly of another grasp [rad]."""
+    closing: npt.NDArray[np.float64]
+    """Closing direction of the grasp of `worst` (V, 3)."""
+    closing_best: npt.NDArray[np.float64]
+    """Closing direction of the grasp of `best` (V, 3)."""
+    partner: npt.NDArray[np.float64]
+    """Second contact of the grasp of `worst` (V, 3)."""
+    partner_normal: npt.NDArray[np.float64]
+    """Inward unit normal at the second contact (V, 3)."""
+    faces: npt.NDArray[np.int64]
+    """Face of the second contact, of the grasp of `worst` and of that of `best` (V, 2); -1 none."""
+    weights: npt.NDArray[np.float64]
+    """Their barycentric coordinates (V, 2, 3)."""
+    signs: npt.NDArray[np.int8]
+    """+1 squeeze, -1 expand, of the grasp of `worst`."""
+    signs_best: npt.NDArray[np.int8]
+    """The same for the grasp of `best`."""
+    reason: npt.NDArray[np.uint8]
+    """FOUND, NO_PARTNER or OPENING."""
+    starts: npt.NDArray[np.float64]
+    """Cache of the best closing directions that differ clearly, sorted by angle (V, k, 3)."""
+    start_angles: npt.NDArray[np.float64]
+    """Their costs over the worst normals [rad] (V, k)."""
+    start_signs: npt.NDArray[np.int8]
+    """+1 squeeze, -1 expand (V, k)."""
+    distinct_cosine: float
+    """Cosine of the angle from which two closing directions count as different."""
+    location: float = 0.0
+    """Sum of the location errors of both contacts."""
+    first_extra: float = 0.0
+    """Angle by which the finger at the vertex is known less well than the other one [rad]."""
+    second_extra: float = 0.0
+    """The same of the other finger; one of the two is 0 [rad]."""
+
+
+def no_pairs(
+    count: int,
+    starts: int,
+    distinct_cosine: float,
+    location: float = 0.0,
+    first_extra: float = 0.0,
+    second_extra: float = 0.0,
+) -> BestPairs:
+    """Grasps of a number of vertices before any was found, with so many cached directions."""
+    return BestPairs(
+        worst=np.full(count, math.inf),
+        best=np.full(count, math.inf),
+        closing=np.zeros((count, 3)),
+        closing_best=np.zeros((count, 3)),
+        partner=np.full((count, 3), math.nan),
+        partner_normal=np.full((count, 3), math.nan),
+        faces=np.full((count, 2), -1, dtype=np.int64),
+        weights=np.zeros((count, 2, 3)),
+        signs=np.zeros(count, dtype=np.int8),
+        signs_best=np.zeros(count, dtype=np.int8),
+        reason=np.full(count, NO_PARTNER, dtype=np.uint8),
+        starts=np.zeros((count, starts, 3)),
+        start_angles=np.full((count, starts), math.inf),
+        start_signs=np.zeros((count, starts), dtype=np.int8),
+        distinct_cosine=distinct_cosine,
+        location=location,
+        first_extra=first_extra,
+        second_extra=second_extra,
+    )
+
+
+@merged
+def _keep_start(v, sign, x, y, z, angle, grasps):
+    """Insert a closing direction into a vertex's sorted cache of clearly different ones."""
+    directions, angles, signs = grasps.starts[v], grasps.start_angles[v], grasps.start_signs[v]
+    row = angles.shape[0] - 1
+    for k in range(angles.shape[0]):  # replace a similar direction, and only by a better one
+        cosine = x * directions[k, 0] + y * directions[k, 1] + z * directions[k, 2]
+        if angles[k] < math.inf and signs[k] == sign and cosine > grasps.distinct_cosine:
+            row = k
+            break
+    if angle >= angles[row] - TIE:
+        return
+    # Insertion sort: worse entries move down, the last one, or the similar one, is dropped.
+    while row > 0 and angle < angles[row - 1] - TIE:
+        angles[row], signs[row] = angles[row - 1], signs[row - 1]
+        for k in range(3):
+            directions[row, k] = directions[row - 1, k]
+        row -= 1
+    angles[row], signs[row] = angle, sign
+    directions[row, 0], directions[row, 1], directions[row, 2] = x, y, z
+
+
+@part
+def line_turn(location, opening):
+    """Angle by which the line between two contacts may turn, whose location errors are known.
+
+    asin(location / opening), location: the sum of both errors; pi/2 where that exceeds the opening.
+    """
+    return math.asin(min(location / opening, 1.0))
+
+
+@merged
+def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasps, found):
+    """Evaluate the grasp of a vertex and a point on a face; store it if it is the best so far."""
+    start, counts, normals = sets.start, sets.counts, sets.normals
+    scale = sign / opening
+    x = scale * (partner[0] - surface.points[v, 0])
+    y = scale * (partner[1] - surface.points[v, 1])
+    z = scale * (partner[2] - surface.points[v, 2])
+    low = smallest_angle(normals, start[v], counts[v], x, y, z)
+    if low > grasps.start_angles[v, -1]:
+        return  # a lower bound of both angles, and worse than the whole cache
+    high = low
+    if counts[v] != 1:
+        high = largest_angle(normals, start[v], counts[v], x, y, z)
+    low, high = low + grasps.first_extra, high + grasps.first_extra
+    extra = grasps.second_extra
+    count, vertex = write_normals(face, weights, surface, sets, found)
+    # The angles at the second contact, against the opposite direction; a vertex has its own set.
+    if vertex >= 0:
+        first, count = start[vertex], counts[vertex]
+        low = max(low, smallest_angle(normals, first, count, -x, -y, -z) + extra)
+        high = max(high, largest_angle(normals, first, count, -x, -y, -z) + extra)
+        for k in range(3):
+            found[0, k] = normals[first, k]
+    else:
+        low = max(low, smallest_angle(found, 0, count, -x, -y, -z) + extra)
+        high = max(high, largest_angle(found, 0, count, -x, -y, -z) + extra)
+    if grasps.location > 0.0:
+        turn = line_turn(grasps.location, opening)
+        low, high = low + turn, high + turn
+    # `high` decides the grasp of `worst` and the cache, `low` that of `best`: they may differ.
+    if high < grasps.start_angles[v, -1]:
+        _keep_start(v, sign, x, y, z, high, grasps)
+    if high < grasps.worst[v] - TIE:
+        grasps.worst[v] = high
+        grasps.reason[v] = FOUND
+        grasps.signs[v] = sign
+        grasps.closing[v, 0], grasps.closing[v, 1], grasps.closing[v, 2] = x, y, z
+        for k in range(3):
+            grasps.partner[v, k] = partner[k]
+            grasps.partner_normal[v, k] = found[0, k]
+            grasps.weights[v, 0, k] = weights[k]
+        grasps.faces[v, 0] = face
+    if low < grasps.best[v] - TIE:
+        grasps.best[v] = low
+        grasps.signs_best[v] = sign
+        grasps.closing_best[v, 0], grasps.closing_best[v, 1] = x, y
+        grasps.closing_best[v, 2] = z
+        for k in range(3):
+            grasps.weights[v, 1, k] = weights[k]
+        grasps.faces[v, 1] = face

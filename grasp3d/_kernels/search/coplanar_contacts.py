@@ -1,0 +1,375 @@
+"""Force closure of three contacts, in the plane through them.
+
+The moment balance about the line through two of the contacts allows the third one no force across
+the plane. So three hard contacts that are not collinear are force-closed exactly when each friction
+cone intersects the plane in a planar cone and these three are force-closed in the plane (Ponce &
+Faverjon 1995). A planar cone has two edges (Nguyen 1988): six wrenches of three numbers replace a
+hull in six dimensions.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d._kernels.compiling.decorators import inlined, merged, part, scratch_kernel
+
+COLLINEAR = 1e-6
+"""Sine of the angle between a triangle's shortest and longest sides below which its corners are
+collinear."""
+
+SHORT = 1e-5
+"""Length of a side relative to the longest below which its direction needs care."""
+
+ROUNDING = 1e-13
+"""Determinant of three wrenches of size 1 below which they count as coplanar."""
+
+
+class Plane(NamedTuple):
+    """Three contacts projected to the plane through them; scratch arrays."""
+
+    frame: npt.NDArray[np.float64]
+    """Two unit vectors in the plane and its normal (3, 3)."""
+    positions: npt.NDArray[np.float64]
+    """Contacts relative to their centroid, scaled to a longest side of 1 (3, 2)."""
+    normals: npt.NDArray[np.float64]
+    """Their normals projected to the plane (3, 2)."""
+    edges: npt.NDArray[np.float64]
+    """Wrenches (force, moment) of the two edges of each planar cone (6, 3)."""
+    separating: npt.NDArray[np.float64]
+    """Separating direction where the cones are not force-closed (3,)."""
+    arcs: npt.NDArray[np.float64]
+    """First and last azimuth of each contact's forces, over several normals [rad] (3, 2)."""
+
+
+class Fans(NamedTuple):
+    """Several normals of each of three contacts, projected to their plane; scratch arrays."""
+
+    azimuths: npt.NDArray[np.float64]
+    """Azimuths of the projections, without jumps of a full turn within a contact [rad] (3, k)."""
+    lengths: npt.NDArray[np.float64]
+    """Lengths of the projections: cosines of the elevation over the plane (3, k)."""
+    counts: npt.NDArray[np.int64]
+    """Number of normals of each contact (3,)."""
+
+
+def make_plane() -> Plane:
+    """Allocate the arrays of a plane."""
+    return Plane(
+        frame=np.zeros((3, 3)),
+        positions=np.zeros((3, 2)),
+        normals=np.zeros((3, 2)),
+        edges=np.zeros((6, 3)),
+        separating=np.zeros(3),
+        arcs=np.zeros((3, 2)),
+    )
+
+
+def make_fans(normals: int) -> Fans:
+    """Allocate arrays for so many normals of each contact."""
+    return Fans(np.zeros((3, normals)), np.zeros((3, normals)), np.zeros(3, dtype=np.int64))
+
+
+@part
+def set_contact_plane(points, plane):
+    """Write the plane through three points (3, 3); returns False where they are collinear."""
+    frame, positions = plane.frame, plane.positions
+    p, q, r = points[0], points[1], points[2]
+    ax, ay, az = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+    bx, by, bz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
+    cx, cy, cz = r[0] - q[0], r[1] - q[1], r[2] - q[2]
+    one, two = ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz
+    three = cx * cx + cy * cy + cz * cz
+    # The cross product m is normal to the plane; its length is twice the area of the triangle.
+    longest = max(one, two, three)
+    mx, my, mz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    is_last_short = three < SHORT * SHORT * longest
+    if is_last_short:  # the difference of two long sides would lose its direction
+        mx, my, mz = ay * cz - az * cy, az * cx - ax * cz, ax * cy - ay * cx
+    area = math.sqrt(mx * mx + my * my + mz * mz)
+    # Differences of nearby points are exact: a short side has a direction however short it is, so
+    # that only a flat angle makes the plane uncertain.
+    shortest = min(one, two, three)
+    if not area > COLLINEAR * math.sqrt(shortest * longest) or not shortest > 0.0:
+        return False
+    mx, my, mz = mx / area, my / area, mz / area
+    length = math.sqrt(one)
+    ex, ey, ez = ax / length, ay / length, az / length
+    frame[0, 0], frame[0, 1], frame[0, 2] = ex, ey, ez
+    frame[1, 0], frame[1, 1], frame[1, 2] = my * ez - mz * ey, mz * ex - mx * ez, mx * ey - my * ex
+    frame[2, 0], frame[2, 1], frame[2, 2] = mx, my, mz
+    scale = 1.0 / math.sqrt(longest)
+    for k in range(2):
+        a = (frame[k, 0] * ax + frame[k, 1] * ay + frame[k, 2] * az) * scale
+        b = (frame[k, 0] * bx + frame[k, 1] * by + frame[k, 2] * bz) * scale
+        if is_last_short:
+            b = a + (frame[k, 0] * cx + frame[k, 1] * cy + frame[k, 2] * cz) * scale
+        middle = (a + b) / 3.0
+        positions[0, k], positions[1, k], positions[2, k] = -middle, a - middle, b - middle
+    return True
+
+
+@merged
+def set_normal(normal, i, plane):
+    """Project a contact's normal to the plane; returns the sine of its elevation."""
+    frame = plane.frame
+    for k in range(2):
+        plane.normals[i, k] = (
+            frame[k, 0] * normal[0] + frame[k, 1] * normal[1] + frame[k, 2] * normal[2]
+        )
+    return abs(frame[2, 0] * normal[0] + frame[2, 1] * normal[1] + frame[2, 2] * normal[2])
+
+
+@merged
+def set_cone(i, cosine, plane):
+    """Write the edges of a contact's planar cone; returns whether its cone intersects the plane.
+
+    A friction cone of half-angle beta about a normal whose projection has length l meets the plane
+    in a cone of half-angle acos(cos(beta) / l) about the projection.
+    """
+    a, b = plane.normals[i, 0], plane.normals[i, 1]
+    length = math.sqrt(a * a + b * b)
+    if not length > cosine:
+        return False
+    c = cosine / length
+    s = math.sqrt((1.0 - c) * (1.0 + c))
+    a, b = a / length, b / length
+    x, y, edges = plane.positions[i, 0], plane.positions[i, 1], plane.edges
+    fx, fy = a * c - b * s, b * c + a * s
+    edges[2 * i, 0], edges[2 * i, 1], edges[2 * i, 2] = fx, fy, x * fy - y * fx
+    fx, fy = a * c + b * s, b * c - a * s
+    edges[2 * i + 1, 0], edges[2 * i + 1, 1], edges[2 * i + 1, 2] = fx, fy, x * fy - y * fx
+    return True
+
+
+@part
+def cones_force_closed(plane):
+    """Whether the six edges' wrenches positively span all planar wrenches.
+
+    If they do not, all lie on one side of a plane through the origin and two of them; its normal is
+    written to `separating`.
+    """
+    edges, separating = plane.edges, plane.separating
+    # A separating plane can be turned about the origin until two of the wrenches lie in it.
+    for a in range(1, 6):
+        for b in range(a):
+            # u is orthogonal to both wrenches; the other four decide on which side they are.
+            ux = edges[a, 1] * edges[b, 2] - edges[a, 2] * edges[b, 1]
+            uy = edges[a, 2] * edges[b, 0] - edges[a, 0] * edges[b, 2]
+            uz = edges[a, 0] * edges[b, 1] - edges[a, 1] * edges[b, 0]
+            any_below = any_above = False
+            for c in range(6):
+                if c not in (a, b):
+                    side = ux * edges[c, 0] + uy * edges[c, 1] + uz * edges[c, 2]
+                    any_below = any_below or side < -ROUNDING
+                    any_above = any_above or side > ROUNDING
+                    if any_below and any_above:
+                        break
+            if any_below != any_above:
+                sign = 1.0 if any_below else -1.0
+                separating[0], separating[1], separating[2] = sign * ux, sign * uy, sign * uz
+                return False
+    return True
+
+
+@merged
+def _proven_sine(plane):
+    """Sine of a lower bound of the critical angle: the direction `separating` proves it."""
+    u, least = plane.separating, 1.0
+    for i in range(3):
+        gx, gy = u[0] - u[2] * plane.positions[i, 1], u[1] + u[2] * plane.positions[i, 0]
+        work = math.sqrt(gx * gx + gy * gy)
+        if work > 0.0:
+            least = min(least, -(gx * plane.normals[i, 0] + gy * plane.normals[i, 1]) / work)
+    return least
+
+
+@part
+def critical_of_normals(plane, low, high, tolerance):
+    """Critical friction angle of three contacts with one normal each, projected to their plane.
+
+    Args:
+        plane: `Plane` of the contacts.
+        low: Lower bound [rad]: the largest elevation of a normal over the plane.
+        high: Upper bound, at most pi / 2 [rad]; returned where nothing lower is force-closed.
+        tolerance: Width of the bracket [rad] whose upper end is returned.
+    """
+    while high - low > tolerance:
+        middle = 0.5 * (low + high)
+        cosine = math.cos(middle)
+        if set_cone(0, cosine, plane) and set_cone(1, cosine, plane) and set_cone(2, cosine, plane):
+            if cones_force_closed(plane):
+                high = middle
+                continue
+            # The separating direction proves a lower bound, often above the middle.
+            low = max(low, min(math.asin(min(max(_proven_sine(plane), -1.0), 1.0)), high))
+        low = max(low, middle)
+    return high
+
+
+@merged
+def set_fan_normal(normal, i, k, plane, fans):
+    """Project normal k of a contact to the plane."""
+    frame = plane.frame
+    a = frame[0, 0] * normal[0] + frame[0, 1] * normal[1] + frame[0, 2] * normal[2]
+    b = frame[1, 0] * normal[0] + frame[1, 1] * normal[1] + frame[1, 2] * normal[2]
+    azimuth = math.atan2(b, a)
+    if k > 0:  # the representative nearest to the first azimuth
+        turn = azimuth - fans.azimuths[i, 0]
+        azimuth -= 2.0 * math.pi * round(turn / (2.0 * math.pi))
+    fans.azimuths[i, k], fans.lengths[i, k] = azimuth, math.sqrt(a * a + b * b)
+
+
+@inlined
+def _set_arc(i, cosine, best_normals, plane, fans):
+    """Write the azimuths of the forces possible with every normal of a contact, or with some.
+
+    The intersection of the planar cones of all normals, or with `best_normals` their union.
+    The normals of a contact are samples of a connected set, so a first and a last azimuth describe
+    both.
+
+    Returns:
+        Whether there are such forces.
+    """
+    first, last, any_reaches = -math.inf, math.inf, False
+    if best_normals:
+        first, last = math.inf, -math.inf
+    for k in range(fans.counts[i]):
+        length, azimuth = fans.lengths[i, k], fans.azimuths[i, k]
+        if length > cosine:
+            half, any_reaches = math.acos(cosine / length), True
+            if best_normals:
+                first, last = min(first, azimuth - half), max(last, azimuth + half)
+            else:
+                first, last = max(first, azimuth - half), min(last, azimuth + half)
+        elif not best_normals:
+            return False
+    plane.arcs[i, 0], plane.arcs[i, 1] = first, last
+    return any_reaches
+
+
+@inlined
+def _set_edge(row, i, azimuth, plane):
+    """Write the wrench of a unit force of contact i along an azimuth."""
+    c, s = math.cos(azimuth), math.sin(azimuth)
+    plane.edges[row, 0], plane.edges[row, 1] = c, s
+    plane.edges[row, 2] = plane.positions[i, 0] * s - plane.positions[i, 1] * c
+
+
+@part
+def fans_force_closed(angle, best_normals, plane, fans):
+    """Whether three contacts are force-closed with all combinations of normals, or with some.
+
+    Where the cones of a contact's normals have no common force, the grasp must be force-closed with
+    each of its two outermost edges alone. Where their union exceeds half a turn, it is no convex
+    cone, and each half is tested.
+
+    Args:
+        angle: Half-angle of the cones [rad].
+        best_normals: Whether some combination of normals suffices; otherwise all are required.
+        plane: `Plane` of the contacts.
+        fans: `Fans` of their normals.
+    """
+    cosine = math.cos(angle)
+    for i in range(3):
+        if not _set_arc(i, cosine, best_normals, plane, fans):
+            return False
+        width = plane.arcs[i, 1] - plane.arcs[i, 0]
+        if best_normals and width >= 2.0 * math.pi:
+            return True  # every force is possible: the grasp cannot be excluded
+        if not best_normals and width <= -math.pi:
+            return False
+    # Bits of `code`: which of its two outermost edges, or halves, each split contact takes.
+    for code in range(8):
+        possible = True
+        for i in range(3):
+            first, last = plane.arcs[i, 0], plane.arcs[i, 1]
+            split = last - first >= math.pi if best_normals else last < first
+            second = code >> i & 1 == 1
+            possible = possible and (split or not second)
+            if split and best_normals:
+                middle = 0.5 * (first + last)
+                first, last = (middle, last) if second else (first, middle)
+            elif split:
+                first = last = last if second else first
+            _set_edge(2 * i, i, last, plane)
+            _set_edge(2 * i + 1, i, first, plane)
+        if possible and cones_force_closed(plane) == best_normals:
+            return best_normals
+    return not best_normals
+
+
+@part
+def critical_of_fans(low, high, tolerance, best_normals, plane, fans):
+    """Critical friction angle of three contacts over their worst, or their best, normals.
+
+    Args:
+        low: Lower bound [rad].
+        high: Upper bound [rad].
+        tolerance: Width of the bracket [rad] whose upper end is returned.
+        best_normals: As for `fans_force_closed`.
+        plane: `Plane` of the contacts.
+        fans: `Fans` of their normals.
+    """
+    while high - low > tolerance:
+        middle = 0.5 * (low + high)
+        if fans_force_closed(middle, best_normals, plane, fans):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+@scratch_kernel
+def critical_of_sets(points, first, counts, normals, tolerance, plane, fans, worst, best):
+    """Critical friction angles of many grasps of three contacts with several normals each.
+
+    Args:
+        points: Contacts (b, 3, 3).
+        first: First row of each contact's normals (b, 3).
+        counts: Number of each contact's normals, at least one (b, 3).
+        normals: Inward unit normals (k, 3).
+        tolerance: Width of the brackets [rad].
+        plane: Scratch arrays.
+        fans: Scratch arrays for the largest of `counts`.
+        worst: Written, upper end of the bracket over all combinations of normals [rad], pi / 2
+            where no friction suffices for all; nan where the contacts are collinear (b,).
+        best: Written, lower end of the bracket of the smallest over the combinations [rad] (b,).
+    """
+    right = 0.5 * math.pi
+    for g in range(points.shape[0]):
+        worst[g] = best[g] = math.nan
+        if not set_contact_plane(points[g], plane):
+            continue
+        for i in range(3):
+            fans.counts[i] = counts[g, i]
+            for k in range(counts[g, i]):
+                set_fan_normal(normals[first[g, i] + k], i, k, plane, fans)
+        worst[g] = critical_of_fans(0.0, right, tolerance, False, plane, fans)  # noqa: FBT003
+        best[g] = critical_of_fans(0.0, right, tolerance, True, plane, fans)  # noqa: FBT003
+        if best[g] < right:  # the lower end: U must not be concluded too early
+            best[g] = max(0.0, best[g] - tolerance)
+
+
+@scratch_kernel
+def critical_of_three(points, normals, tolerance, plane, angles):
+    """Critical friction angles of many grasps of three contacts.
+
+    Args:
+        points: Contacts (b, 3, 3).
+        normals: Inward unit normals (b, 3, 3).
+        tolerance: Width of the bracket [rad] whose upper end is written.
+        plane: Scratch arrays.
+        angles: Written, critical angles [rad], pi / 2 where no friction suffices; nan where the
+            contacts are collinear (b,).
+    """
+    for g in range(points.shape[0]):
+        if not set_contact_plane(points[g], plane):
+            angles[g] = math.nan
+            continue
+        sine = 0.0
+        for i in range(3):
+            sine = max(sine, set_normal(normals[g, i], i, plane))
+        low = math.asin(min(sine, 1.0))
+        angles[g] = critical_of_normals(plane, low, 0.5 * math.pi, tolerance)

@@ -1,0 +1,355 @@
+"""Opposing contacts exactly on creases and corners, where the best of several normals counts.
+
+A tree with the nodes of that over the faces bounds the creases and corners of the faces alone.
+"""
+
+import math
+
+import numpy as np
+
+from grasp3d._kernels.compiling.decorators import kernel, merged, part
+from grasp3d._kernels.search.face_contacts import best_cosine, read_own, write_side
+from grasp3d._kernels.search.ray_crossings import SMALLEST_OPENING
+from grasp3d._kernels.surface.surface_contacts import ANY_NORMAL, ON_EDGE
+from grasp3d._kernels.surface.vectors import copy
+
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+STEPS = 36
+"""Steps of the golden section, to 3e-8 of an edge."""
+
+
+@merged
+def _has_edge(face, k, surface):
+    """Whether the edge opposite a corner is a crease that is searched with this face.
+
+    It is one with the other face, too, whose normals at its ends are this one's twins.
+    """
+    corners, twins, faces = surface.corners, surface.twins, surface.faces
+    if twins[face, k, 0] < 0:
+        return twins[face, k, 0] == ANY_NORMAL
+    i = 0 if faces[face, k - 2] < faces[face, k - 1] else 1
+    one, two = corners[face, k - 2 + i], twins[face, k, i]
+    if one == two:
+        one, two = corners[face, k - 1 - i], twins[face, k, 1 - i]
+    return one < two
+
+
+@kernel
+def faces_of_corners(surface, sets):
+    """For each vertex with several normals the face with which it is searched, -1 for others."""
+    result = np.full(sets.counts.shape[0], -1)
+    for face in range(surface.faces.shape[0]):
+        for k in range(3):
+            vertex = surface.faces[face, k]
+            if sets.counts[vertex] != 1:
+                result[vertex] = face
+    return result
+
+
+@part
+def _write_normals(face, owners, surface, sets, rows):
+    """Write the normals of a face's creases and corners; returns their number, -1: any normal."""
+    count = 0
+    for k in range(3):
+        vertex = surface.faces[face, k]
+        if owners[vertex] == face:
+            for i in range(sets.counts[vertex]):
+                copy(sets.normals[sets.start[vertex] + i], rows[count])
+                count += 1
+            if sets.counts[vertex] == 0:
+                return -1
+        if _has_edge(face, k, surface):
+            if surface.twins[face, k, 0] == ANY_NORMAL:
+                return -1
+            for i in range(2):
+                copy(surface.normals[surface.twins[face, k, i]], rows[count])
+                copy(surface.normals[surface.corners[face, k - 2 + i]], rows[count + 1])
+                count += 2
+    return count
+
+
+@part
+def _bound_face(face, owners, surface, sets, rows, bounds):
+    """Write the bounds of a face's creases and corners, as in `FaceTree`; radius -inf: none."""
+    count = _write_normals(face, owners, surface, sets, rows)
+    bounds[3] = -math.inf
+    if count == 0:
+        return
+    square = 0.0
+    for k in range(3):
+        bounds[k], bounds[4 + k] = 0.0, 0.0
+        for c in range(3):
+            bounds[k] += surface.points[surface.faces[face, c], k] / 3.0
+        for i in range(count):
+            bounds[4 + k] += rows[i, k]
+    for c in range(3):
+        distance = 0.0
+        for k in range(3):
+            distance += (surface.points[surface.faces[face, c], k] - bounds[k]) ** 2
+        square = max(square, distance)
+    length = math.sqrt(bounds[4] ** 2 + bounds[5] ** 2 + bounds[6] ** 2)
+    cosine = 1.0 if length > 1e-12 else -1.0
+    for i in range(count):
+        product = 0.0
+        for k in range(3):
+            product += rows[i, k] * bounds[4 + k]
+        cosine = min(cosine, product / max(length, 1e-12))
+    bounds[3] = math.sqrt(square)
+    if count < 0 or cosine <= 0.0:  # any direction
+        bounds[4], bounds[5], bounds[6], bounds[7], bounds[8] = 0.0, 0.0, 1.0, -1.0, 0.0
+        return
+    bounds[4], bounds[5], bounds[6] = bounds[4] / length, bounds[5] / length, bounds[6] / length
+    bounds[7], bounds[8] = cosine, math.sqrt(1.0 - cosine * cosine)
+
+
+@part
+def _merge_balls(one, other):
+    """Write the smallest ball that contains two of them over the first one."""
+    square = 0.0
+    for k in range(3):
+        square += (other[k] - one[k]) ** 2
+    distance = math.sqrt(square)
+    if distance + other[3] <= one[3]:
+        return
+    if distance + one[3] <= other[3]:
+        for k in range(4):
+            one[k] = other[k]
+        return
+    radius = 0.5 * (distance + one[3] + other[3])
+    part = (radius - one[3]) / distance
+    for k in range(3):
+        one[k] += part * (other[k] - one[k])
+    one[3] = radius
+
+
+@part
+def _merge_cones(one, other):
+    """Write the narrowest cone that contains two of them over the first one."""
+    product = 0.0
+    for k in range(4, 7):
+        product += one[k] * other[k]
+    between = math.acos(max(min(product, 1.0), -1.0))
+    half, other_half = math.acos(one[7]), math.acos(other[7])
+    if between + other_half <= half:
+        return
+    if between + half <= other_half:
+        for k in range(4, 9):
+            one[k] = other[k]
+        return
+    wide = 0.5 * (between + half + other_half) + 1e-7  # more than rounding errors of the angles
+    if wide >= 0.5 * math.pi:
+        one[7], one[8] = -1.0, 0.0
+        return
+    sine = math.sin(between)
+    turn = min(max(wide - half, 0.0), between)
+    for k in range(4, 7):
+        if sine > 1e-12:
+            one[k] = (math.sin(between - turn) * one[k] + math.sin(turn) * other[k]) / sine
+    one[7], one[8] = math.cos(wide), math.sin(wide)
+
+
+@part
+def _merge(one, other):
+    """Write bounds of two nodes over those of the first one."""
+    if other[3] < 0.0:
+        return
+    if one[3] < 0.0:
+        for k in range(9):
+            one[k] = other[k]
+        return
+    _merge_balls(one, other)
+    _merge_cones(one, other)
+
+
+@kernel
+def bound_creases(tree, owners, surface, sets):
+    """Bound the creases and corners of each node of a tree, in place of the faces.
+
+    Nodes without any get a radius of -inf, so that no contact is searched for in them.
+
+    Args:
+        tree: `FaceTree`; its bounds are replaced.
+        owners: What `faces_of_corners` returns (V,).
+        surface: `Surface`.
+        sets: `ContactNormals`.
+    """
+    bounds, size, first_leaf = tree.bounds, tree.order.shape[0], (1 << tree.depth) - 1
+    rows, one = np.empty((3 * max(sets.counts.max(), 4) + 12, 3)), np.empty(10)
+    for node in range(2 * first_leaf, -1, -1):
+        for k in range(9):
+            bounds[node, k] = 0.0
+        bounds[node, 3] = -math.inf
+        leaf = node - first_leaf
+        if leaf >= 0:
+            for i in range(size * leaf >> tree.depth, size * (leaf + 1) >> tree.depth):
+                _bound_face(tree.order[i], owners, surface, sets, rows, one)
+                _merge(bounds[node], one)
+        else:
+            _merge(bounds[node], bounds[2 * node + 1])
+            _merge(bounds[node], bounds[2 * node + 2])
+    for node in range(bounds.shape[0]):
+        bounds[node, 9] = bounds[node, 3]
+        for k in range(3):
+            bounds[node, 9] += bounds[node, k] * bounds[node, 4 + k]
+
+
+@merged
+def _write_unit(one, i, other, j, t, rows, row):
+    """Write the unit vector along (1 - t) one[i] + t other[j] to the beginning of a row."""
+    square = 0.0
+    for k in range(3):
+        rows[row, k] = (1.0 - t) * one[i, k] + t * other[j, k]
+        square += rows[row, k] ** 2
+    length = max(math.sqrt(square), 1e-12)
+    for k in range(3):
+        rows[row, k] /= length
+
+
+@merged
+def _difference(normals, one, other):
+    """Distance between two unit normals."""
+    square = 0.0
+    for k in range(3):
+        square += (normals[one, k] - normals[other, k]) ** 2
+    return math.sqrt(square)
+
+
+@part
+def _cosine_on_edge(t, face, k, v, surface, own, count, rows):
+    """Cosine of the critical angle of a contact on the edge opposite a corner of a face."""
+    points, normals = surface.points, surface.normals
+    corners, twins = surface.corners, surface.twins
+    a, b = (k + 1) % 3, (k + 2) % 3
+    start, end = surface.faces[face, a], surface.faces[face, b]
+    x = (1.0 - t) * points[start, 0] + t * points[end, 0] - points[v, 0]
+    y = (1.0 - t) * points[start, 1] + t * points[end, 1] - points[v, 1]
+    z = (1.0 - t) * points[start, 2] + t * points[end, 2] - points[v, 2]
+    if x * x + y * y + z * z < SMALLEST_OPENING * SMALLEST_OPENING:
+        return -1.0
+    result = best_cosine(own, count, x, y, z)
+    if twins[face, k, 0] == ANY_NORMAL:
+        return result
+    _write_unit(normals, corners[face, a], normals, corners[face, b], t, rows, 0)
+    _write_unit(normals, twins[face, k, 0], normals, twins[face, k, 1], t, rows, 1)
+    write_side(rows, 0, 1)
+    return min(result, best_cosine(rows, 2, -x, -y, -z))
+
+
+@part
+def _within_reach(face, k, v, surface, largest):
+    """Ends of the part of an edge that is not farther from a vertex than the largest opening."""
+    points = surface.points
+    start, end = surface.faces[face, (k + 1) % 3], surface.faces[face, (k + 2) % 3]
+    square, along, near = 0.0, 0.0, 0.0
+    for i in range(3):
+        edge, line = points[end, i] - points[start, i], points[start, i] - points[v, i]
+        square, along, near = square + edge * edge, along + edge * line, near + line * line
+    low, high = 2.0 * ON_EDGE, 1.0 - 2.0 * ON_EDGE  # farther out the contact is at a corner
+    if largest < math.inf:
+        root = along * along - square * (near - largest * largest)
+        if root <= 0.0:
+            return 1.0, 0.0
+        root = math.sqrt(root)
+        low, high = max(low, (-along - root) / square), min(high, (root - along) / square)
+    return low, high
+
+
+@part
+def _is_useless(face, k, v, cosine, surface, own, count, rows):
+    """Whether no contact on an edge can be above a cosine, from the angle at its middle.
+
+    Half the edge turns the line by at most asin(half / distance). It turns the ends of the arc of
+    normals by half their difference, and its middle by less than twice that.
+    """
+    middle = _cosine_on_edge(0.5, face, k, v, surface, own, count, rows)
+    points, start, end = surface.points, surface.faces[face, k - 2], surface.faces[face, k - 1]
+    near, square = 0.0, 0.0
+    for i in range(3):
+        near += (0.5 * (points[start, i] + points[end, i]) - points[v, i]) ** 2
+        square += (0.5 * (points[start, i] - points[end, i])) ** 2
+    if square >= near:
+        return False
+    turn = math.asin(math.sqrt(square / near))
+    if surface.twins[face, k, 0] != ANY_NORMAL:
+        corners, twins = surface.corners, surface.twins
+        one = _difference(surface.normals, corners[face, k - 2], corners[face, k - 1])
+        turn += max(one, _difference(surface.normals, twins[face, k, 0], twins[face, k, 1]))
+    return math.acos(max(min(middle, 1.0), -1.0)) - turn > math.acos(cosine)
+
+
+@part
+def _best_on_edge(face, k, v, cosine, surface, own, count, largest, rows):
+    """Golden section over an edge, whose contacts within any limit form an interval.
+
+    Returns:
+        (cosine, fraction of the edge), the fraction below 0 where none is above the given cosine.
+    """
+    low, high = _within_reach(face, k, v, surface, largest)
+    if low >= high or _is_useless(face, k, v, cosine, surface, own, count, rows):
+        return cosine, -1.0
+    one, other = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+    at_one = _cosine_on_edge(one, face, k, v, surface, own, count, rows)
+    at_other = _cosine_on_edge(other, face, k, v, surface, own, count, rows)
+    for _ in range(STEPS):
+        if at_one > at_other:
+            high, other, at_other = other, one, at_one
+            one = high - GOLDEN * (high - low)
+            at_one = _cosine_on_edge(one, face, k, v, surface, own, count, rows)
+        else:
+            low, one, at_one = one, other, at_other
+            other = low + GOLDEN * (high - low)
+            at_other = _cosine_on_edge(other, face, k, v, surface, own, count, rows)
+    if not max(at_one, at_other) > cosine:
+        return cosine, -1.0
+    return (at_one, one) if at_one > at_other else (at_other, other)
+
+
+@part
+def _cosine_at_corner(vertex, v, surface, sets, own, count, largest, rows):
+    """Cosine of the critical angle of a contact at another vertex; -1: there is none."""
+    points = surface.points
+    x = points[vertex, 0] - points[v, 0]
+    y = points[vertex, 1] - points[v, 1]
+    z = points[vertex, 2] - points[v, 2]
+    opening = math.sqrt(x * x + y * y + z * z)
+    if opening < SMALLEST_OPENING or opening > largest:
+        return -1.0
+    others = read_own(vertex, sets, rows)
+    there = best_cosine(rows, others, -x, -y, -z)
+    return min(best_cosine(own, count, x, y, z), there)
+
+
+@part
+def best_on_creases(face, v, cosine, owners, surface, sets, own, count, largest, rows, weights):
+    """Find the best contact of a vertex on the creases and corners of a face.
+
+    Args:
+        face: The face.
+        v: The vertex.
+        cosine: Cosine of the limit, not below 0.
+        owners: What `faces_of_corners` returns (V,).
+        surface: `Surface`.
+        sets: `ContactNormals`.
+        own: The vertex's normals, of which the best one counts; see `read_own`.
+        count: Their number.
+        largest: Largest opening.
+        rows: Scratch like `own`, with two rows at least.
+        weights: Barycentric coordinates of the contact, written where one was found (3,).
+
+    Returns:
+        Cosine of the smallest critical angle, or `cosine`.
+    """
+    for k in range(3):
+        vertex = surface.faces[face, k]
+        if owners[vertex] == face:
+            found = _cosine_at_corner(vertex, v, surface, sets, own, count, largest, rows)
+            if found > cosine:
+                cosine = found
+                weights[0], weights[1], weights[2] = 0.0, 0.0, 0.0
+                weights[k] = 1.0
+        ends = surface.faces[face, k - 2], surface.faces[face, k - 1]
+        if _has_edge(face, k, surface) and ends[0] != v and ends[1] != v:
+            cosine, t = _best_on_edge(face, k, v, cosine, surface, own, count, largest, rows)
+            if t >= 0.0:
+                weights[k], weights[(k + 1) % 3], weights[(k + 2) % 3] = 0.0, 1.0 - t, t
+    return cosine

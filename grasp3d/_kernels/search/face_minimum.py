@@ -1,0 +1,213 @@
+"""The best contact on a face: cutting planes over its barycentric coordinates.
+
+The contacts of a face at which both angles are at most a limit form a nearly convex region. A
+polygon that contains it is cut at a point inside: along the cone of half-angle `limit` about the
+vertex's normal, and along the tangent of the region in which the other angle is below it. Where the
+point is better than the limit, its angle is the new limit. An empty polygon proves that the face
+has nothing better, for most faces after one point; on others the next point is that of Newton's
+method, or the polygon's centroid.
+"""
+
+import math
+
+from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.search.face_contacts import INSIDE
+from grasp3d._kernels.search.face_cosines import (
+    decisive_normal,
+    moved,
+    other_derivatives,
+    own_derivatives,
+    step_to_equal,
+)
+from grasp3d._kernels.surface.cut_polygons import centroid, cut, stays_inside
+from grasp3d._kernels.surface.vectors import dot
+
+RESOLVED = 1e-7
+"""Decrease of an angle that is not searched for [rad]."""
+
+MOST_POINTS = 60
+"""Most points of a face at which its angles are computed."""
+
+LOOSE = 1.5
+"""Factor of the decreases that linear bounds leave possible, as angles are not linear."""
+
+BENT = 0.2
+"""Difference of two corners' normals from which a face is divided: there the contacts within a
+limit need not form a convex region."""
+
+MOST_PARTS = 8
+"""Most parts of an edge of a divided face."""
+
+
+@merged
+def _row(rows, k):
+    return rows[k, 0], rows[k, 1], rows[k, 2]
+
+
+@merged
+def _difference(rows, k):
+    return rows[k, 0] - rows[0, 0], rows[k, 1] - rows[0, 1], rows[k, 2] - rows[0, 2]
+
+
+@merged
+def _farthest(polygon, size, x, y):
+    """Squared distance from a point to the farthest corner of a polygon."""
+    square = 0.0
+    for i in range(size):
+        square = max(square, (polygon[i, 0] - x) ** 2 + (polygon[i, 1] - y) ** 2)
+    return square
+
+
+@part
+def best_on_face(
+    weights, cosine, lines, normals, own, count, worst, largest, most, polygon, nearest
+):
+    """Find the contact on a face with the smallest critical angle, if that is below a limit.
+
+    Args:
+        weights: Barycentric coordinates from which the search starts (3,); those of the best
+            contact are written where one was found.
+        cosine: Cosine of the limit, not below 0.
+        lines: Lines from the vertex to the corners (3, 3).
+        normals: Normals at the corners (3, 3).
+        own: The vertex's own normals, see `read_own`.
+        count: Their number.
+        worst: Whether the angle over the worst normals of the vertex counts, or that over its best
+            normals.
+        largest: Largest opening.
+        most: Most points that are tried; where it is 1, no tangent is trusted beyond its curvature.
+        polygon: Scratch (2 * CORNERS, 3).
+        nearest: Scratch (3,).
+
+    Returns:
+        Cosine of the smallest critical angle found, or `cosine` where there is none below it; and
+        whether it is resolved.
+    """
+    start, u, w = _row(lines, 0), _difference(lines, 1), _difference(lines, 2)
+    n, p, q = _row(normals, 0), _difference(normals, 1), _difference(normals, 2)
+    bend = math.sqrt(max(dot(p, p), dot(q, q)) * max(dot(u, u), dot(w, w)))
+    if most == 1:
+        bend *= 2.0
+    for i in range(3):
+        polygon[i, 0] = 1.0 - 2.0 * INSIDE if i == 1 else INSIDE
+        polygon[i, 1] = 1.0 - 2.0 * INSIDE if i == 2 else INSIDE
+    size = weights.shape[0]  # 3 corners
+    x, y, previous = weights[1], weights[2], 1.0
+    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
+    for _ in range(most):
+        line, normal = moved(start, u, w, x, y), moved(n, p, q, x, y)
+        opening, length = math.sqrt(dot(line, line)), math.sqrt(dot(normal, normal))
+        if opening < 1e-6 or length < 1e-12:
+            return cosine, opening < 1e-6
+        product = dot(normal, line)
+        other = -product / (opening * length)
+        unit = line[0] / opening, line[1] / opening, line[2] / opening
+        first = decisive_normal(own, count, worst, unit[0], unit[1], unit[2], nearest)
+        own_normal = nearest[0], nearest[1], nearest[2]
+        along_u, along_w = dot(unit, u), dot(unit, w)
+        if opening > largest:
+            constant = opening - largest - along_u * x - along_w * y
+            size, _ = cut(polygon, size, along_u, along_w, constant)
+        elif min(first, other) > cosine:
+            cosine = min(first, other)
+            sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
+            weights[0], weights[1], weights[2] = 1.0 - x - y, x, y
+            if sine < RESOLVED:
+                return cosine, True
+        reach = 1.0
+        # From the vector across the normal: from the cosine, small sines would be rounding errors.
+        across = moved(unit, own_normal, own_normal, -first, 0.0)
+        first_sine = math.sqrt(dot(across, across))
+        if size > 2 and first < 1.0 and first_sine > 1e-9:
+            # The plane through the vertex that touches the cone about the normal below the point.
+            h = moved((0.0, 0.0, 0.0), across, own_normal, cosine / first_sine, -sine)
+            size, least = cut(polygon, size, dot(h, u), dot(h, w), dot(h, start))
+            turn = max(min(-LOOSE * least / opening, sine), -1.0)
+            reach = cosine * math.sqrt(1.0 - turn * turn) + sine * turn
+        if size > 2:
+            # The region is where cosine |line| |normal| + line . normal is not positive.
+            a = cosine * (along_u * length + opening * dot(normal, p) / length)
+            a += dot(p, line) + dot(normal, u)
+            b = cosine * (along_w * length + opening * dot(normal, q) / length)
+            b += dot(q, line) + dot(normal, w)
+            value = cosine * opening * length + product
+            slack = bend * (1.0 - cosine + sine) * _farthest(polygon, size, x, y)
+            value = max(value - slack, 0.0) if other <= cosine else value - slack
+            size, least = cut(polygon, size, a, b, value - a * x - b * y)
+            reach = min(reach, cosine - LOOSE * least / (opening * length))
+        if size < 3 or sine <= RESOLVED or reach <= cosine + RESOLVED * sine:
+            return cosine, True
+        gain, sx, sy = reach - cosine, 0.0, 0.0
+        if gain < 0.5 * previous and opening <= largest:
+            two = other_derivatives(other, line, normal, opening, length, u, w, p, q)
+            one = two
+            if first < 1.0:
+                one = own_derivatives(first, own_normal, unit, opening, u, w)
+            sx, sy = step_to_equal(one, two)
+        previous = gain
+        if (sx != 0.0 or sy != 0.0) and stays_inside(polygon, size, x + sx, y + sy):
+            x, y = x + sx, y + sy
+        else:
+            x, y = centroid(polygon, size)
+    return cosine, False
+
+
+@merged
+def _mix(rows, weights, mixed):
+    """Write combinations of three rows, one for each row of weights (3, 3)."""
+    for i in range(3):
+        for k in range(3):
+            mixed[i, k] = (
+                weights[i, 0] * rows[0, k] + weights[i, 1] * rows[1, k] + weights[i, 2] * rows[2, k]
+            )
+
+
+@part
+def best_on_bent_face(
+    weights, cosine, lines, normals, own, count, worst, largest, parts, polygon, nearest, part
+):
+    """`best_on_face` of each part of a face whose edges are divided.
+
+    Args:
+        weights: Written (3,) where a contact was found.
+        cosine: See `best_on_face`, as those that are not described here.
+        lines: The same.
+        normals: The same.
+        own: The same.
+        count: The same.
+        worst: The same.
+        largest: The same.
+        parts: Parts of each edge.
+        polygon: Scratch.
+        nearest: Scratch.
+        part: Scratch: lines, normals and weights of a part's corners (3, 3) each, weights (3,).
+
+    Returns:
+        Cosine of the smallest critical angle found, or `cosine`.
+    """
+    part_lines, part_normals, corners, inside = part
+    size = (1.0 - 3.0 * INSIDE) / parts
+    for row in range(parts):
+        for column in range(2 * (parts - row) - 1):
+            i, up = column // 2, column % 2
+            for c in range(3):
+                # Corners (i, row), (i + 1, row), (i, row + 1), or the other half of the square.
+                x = i + (c == 1) if up == 0 else i + (c != 2)
+                y = row + (c == 2) if up == 0 else row + (c != 0)
+                corners[c, 1], corners[c, 2] = INSIDE + size * x, INSIDE + size * y
+                corners[c, 0] = 1.0 - corners[c, 1] - corners[c, 2]
+            _mix(lines, corners, part_lines)
+            _mix(normals, corners, part_normals)
+            inside[0], inside[1], inside[2] = 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0
+            most = int(MOST_POINTS)  # for a literal Numba compiles another copy
+            found, _ = best_on_face(
+                inside, cosine, part_lines, part_normals, own, count, worst, largest, most, polygon,
+                nearest,
+            )  # fmt: skip
+            if found > cosine:
+                cosine = found
+                for k in range(3):
+                    weights[k] = 0.0
+                    for c in range(3):
+                        weights[k] += inside[c] * corners[c, k]
+    return cosine

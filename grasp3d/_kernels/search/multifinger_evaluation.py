@@ -1,0 +1,377 @@
+"""Evaluation of one candidate grasp: force closure, and its critical friction angle.
+
+Most candidates are rejected: they are not force-closed at the best critical angle found so far. A
+grasp that is not force-closed has a separating direction, in which none of its wrenches has a
+positive component. The latest separating directions are remembered and tried first, since the next
+candidates share most of their contacts and are often separated by the same direction: that costs a
+few products instead of a hull. Three contacts are evaluated in the plane through them (Ponce &
+Faverjon 1995), without a hull.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.hull.growing_hull import grow
+from grasp3d._kernels.hull.initial_simplex import AROUND_ORIGIN
+from grasp3d._kernels.hull.polytope import Polytope, make_polytope
+from grasp3d._kernels.hull.support_functions import NO_TORSION, TOTAL, WrenchSpace
+from grasp3d._kernels.hull.wrench_problem import SIGN, SIX
+from grasp3d._kernels.search.coplanar_contacts import (
+    Fans,
+    Plane,
+    cones_force_closed,
+    critical_of_fans,
+    critical_of_normals,
+    fans_force_closed,
+    make_fans,
+    make_plane,
+    set_cone,
+    set_contact_plane,
+    set_fan_normal,
+    set_normal,
+)
+
+MAX_DIRECTIONS = 24
+"""Separating directions that are remembered."""
+
+MAX_FACETS = (1 << 11) + 8
+"""Most facets of a closure test's hull; a grasp that needs more counts as not force-closed."""
+
+ROUNDING = 1e-11
+"""Distance of the origin from a hull's facets below which rounding errors may have moved it inside.
+Contacts are apart: there is no need for a proof by balanced forces."""
+
+RIGHT_ANGLE = 0.5 * math.pi
+
+
+class Candidate(NamedTuple):
+    """A candidate grasp of up to n contacts."""
+
+    points: npt.NDArray[np.float64]
+    """Contact points (n, 3), scaled so that grasps are about 1 wide."""
+    normals: npt.NDArray[np.float64]
+    """Inward unit normals that each contact may have (n, k, 3)."""
+    counts: npt.NDArray[np.int64]
+    """How many those are (n,)."""
+
+
+class PlaneScratch(NamedTuple):
+    """Scratch arrays for the evaluation of three contacts."""
+
+    plane: Plane
+    fans: Fans
+
+
+class HullScratch(NamedTuple):
+    """Scratch arrays for the evaluation of more contacts."""
+
+    chosen: npt.NDArray[np.int64]
+    """Index of one normal of each contact: a combination of normals (n,)."""
+    directions: npt.NDArray[np.float64]
+    """Separating directions of earlier candidates, moments about the first contact; the one that
+    was successful last comes first (d, 6)."""
+    direction_use: npt.NDArray[np.int64]
+    """Number of directions, and the row that is overwritten next (2,)."""
+    axes: npt.NDArray[np.float64]
+    """As in `WrenchSpace` (n, 4, 6)."""
+    cones: npt.NDArray[np.float64]
+    """As in `WrenchSpace` (n, 2)."""
+    rim: npt.NDArray[np.float64]
+    """As in `WrenchSpace`: circular (0, 2)."""
+    metric: npt.NDArray[np.float64]
+    """As in `grow` (6,)."""
+    polytope: Polytope
+
+
+def make_candidate(contacts: int, normals: int) -> Candidate:
+    """Allocate a candidate of so many contacts with so many normals each."""
+    return Candidate(
+        points=np.zeros((contacts, 3)),
+        normals=np.zeros((contacts, normals, 3)),
+        counts=np.zeros(contacts, dtype=np.int64),
+    )
+
+
+def make_plane_scratch(normals: int) -> PlaneScratch:
+    """Allocate the arrays for three contacts with so many normals each."""
+    return PlaneScratch(make_plane(), make_fans(normals))
+
+
+def make_hull_scratch(contacts: int) -> HullScratch:
+    """Allocate the arrays for so many contacts."""
+    return HullScratch(
+        chosen=np.zeros(contacts, dtype=np.int64),
+        directions=np.zeros((MAX_DIRECTIONS, 6)),
+        direction_use=np.zeros(2, dtype=np.int64),
+        axes=np.zeros((contacts, 4, 6)),
+        cones=np.zeros((contacts, 2)),
+        rim=np.zeros((0, 2)),
+        metric=np.ones(6),
+        polytope=make_polytope(MAX_FACETS),
+    )
+
+
+@merged
+def _first_combination(chosen, n):
+    """Choose the first combination of normals."""
+    for i in range(n):
+        chosen[i] = 0
+
+
+@merged
+def _next_combination(chosen, counts, n):
+    """Choose the next combination of normals; returns whether there is one."""
+    for i in range(n - 1, -1, -1):
+        chosen[i] += 1
+        if chosen[i] < counts[i]:
+            return True
+        chosen[i] = 0
+    return False
+
+
+@merged
+def _set_fans(candidate, plane, fans):
+    """Project three contacts with all their normals; returns False where they are collinear."""
+    counts, normals = candidate.counts, candidate.normals
+    if not set_contact_plane(candidate.points, plane):
+        return False
+    for i in range(3):
+        fans.counts[i] = counts[i]
+        for k in range(counts[i]):
+            set_fan_normal(normals[i, k], i, k, plane, fans)
+    return True
+
+
+@merged
+def _evaluate_smooth(candidate, plane, threshold, tolerance):
+    """Evaluate three contacts with one normal each; see `evaluate`."""
+    if not set_contact_plane(candidate.points, plane):
+        return math.inf
+    steepest, cosine, reaching = 0.0, math.cos(threshold), True
+    for i in range(3):
+        steepest = max(steepest, set_normal(candidate.normals[i, 0], i, plane))
+        reaching = reaching and set_cone(i, cosine, plane)
+    if not (reaching and cones_force_closed(plane)):
+        return math.inf
+    # Below the steepest elevation some cone does not intersect the plane.
+    low = min(math.asin(min(steepest, 1.0)), threshold)
+    return critical_of_normals(plane, low, threshold, tolerance)
+
+
+@merged
+def _evaluate_three(candidate, scratch, threshold, tolerance, best_normals):
+    """Evaluate three contacts; see `evaluate`."""
+    plane, fans, counts = scratch.plane, scratch.fans, candidate.counts
+    if counts[0] == 1 and counts[1] == 1 and counts[2] == 1:
+        return _evaluate_smooth(candidate, plane, threshold, tolerance)
+    if not (
+        _set_fans(candidate, plane, fans)
+        and fans_force_closed(threshold, best_normals, plane, fans)
+    ):
+        return math.inf
+    return critical_of_fans(0.0, threshold, tolerance, best_normals, plane, fans)
+
+
+@merged
+def _force_part(points, i, u):
+    """Force part at contact i of a direction: u_f + u_tau x p, with p from the first contact."""
+    x, y, z = (
+        points[i, 0] - points[0, 0],
+        points[i, 1] - points[0, 1],
+        points[i, 2] - points[0, 2],
+    )
+    return (
+        u[0] + u[4] * z - u[5] * y,
+        u[1] + u[5] * x - u[3] * z,
+        u[2] + u[3] * y - u[4] * x,
+    )
+
+
+@merged
+def _separation_sine(candidate, i, u, best_normals):
+    """Sine of the largest friction angle for which a direction separates a contact's forces.
+
+    The largest over the contact's normals, or with `best_normals` the smallest; 1 where the
+    direction has no force part at the contact.
+    """
+    gx, gy, gz = _force_part(candidate.points, i, u)
+    size = math.sqrt(gx * gx + gy * gy + gz * gz)
+    if not size > 0.0:
+        return 1.0
+    most, least = -1.0, 1.0
+    normals = candidate.normals
+    for k in range(candidate.counts[i]):
+        normal = normals[i, k]
+        opposing = -(normal[0] * gx + normal[1] * gy + normal[2] * gz) / size
+        most, least = max(most, opposing), min(least, opposing)
+    return least if best_normals else most
+
+
+@merged
+def _is_separated(candidate, directions, count, n, sine, best_normals):
+    """Whether a remembered direction separates the candidate at the friction angle of this sine.
+
+    A successful direction is moved to the front.
+    """
+    for d in range(count):
+        u, i = directions[d], 0
+        while i < n and _separation_sine(candidate, i, u, best_normals) >= sine:
+            i += 1
+        if i == n:
+            # Move to the front what was successful: the next candidates are similar.
+            for k in range(6):
+                last = directions[0, k]
+                directions[0, k] = directions[d, k]
+                directions[d, k] = last
+            return True
+    return False
+
+
+@merged
+def _write_axes(candidate, chosen, n, all_axes):
+    """Write the wrenches of the chosen normals and tangents, moments about the first contact."""
+    points, normals = candidate.points, candidate.normals
+    for i in range(n):
+        x, y, z = (
+            points[i, 0] - points[0, 0],
+            points[i, 1] - points[0, 1],
+            points[i, 2] - points[0, 2],
+        )
+        normal, axes = normals[i, chosen[i]], all_axes[i]
+        nx, ny, nz = normal[0], normal[1], normal[2]
+        # Tangents from the cross product with z, or with x where the normal is close to z.
+        if abs(nz) < 0.9:
+            size = 1.0 / math.sqrt(nx * nx + ny * ny)
+            tx, ty, tz = -ny * size, nx * size, 0.0
+        else:
+            size = 1.0 / math.sqrt(ny * ny + nz * nz)
+            tx, ty, tz = 0.0, -nz * size, ny * size
+        bx, by, bz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
+        axes[0, 0], axes[0, 1], axes[0, 2] = nx, ny, nz
+        axes[1, 0], axes[1, 1], axes[1, 2] = tx, ty, tz
+        axes[2, 0], axes[2, 1], axes[2, 2] = bx, by, bz
+        for j in range(3):
+            fx, fy, fz = axes[j, 0], axes[j, 1], axes[j, 2]
+            axes[j, 3], axes[j, 4], axes[j, 5] = y * fz - z * fy, z * fx - x * fz, x * fy - y * fx
+
+
+@merged
+def _store_direction(directions, use, u):
+    """Remember a separating direction at the front, in place of the oldest one."""
+    row = use[1]
+    for k in range(6):
+        directions[row, k] = directions[0, k]
+        directions[0, k] = u[k]
+    use[0] = max(use[0], row + 1)
+    use[1] = row + 1 if row + 1 < MAX_DIRECTIONS else 1
+
+
+@merged
+def _hull_force_closed(candidate, hull, n, angle):
+    """Closure test of the chosen normals by a hull; remembers the separating direction."""
+    axes, cones, polytope = hull.axes, hull.cones, hull.polytope
+    _write_axes(candidate, hull.chosen, n, axes)
+    # Unit forces on the rim of a circular cone of half-angle `angle`.
+    normal, tangential = math.cos(angle), math.sin(angle)
+    for i in range(n):
+        cones[i, 0], cones[i, 1] = normal, tangential
+    spherical, rolling = True, False
+    space = WrenchSpace(TOTAL, spherical, NO_TORSION, axes[:n], cones[:n], hull.rim, rolling)
+    _, lower, _, _, facets = grow(space, SIX, hull.metric, None, AROUND_ORIGIN, SIGN, polytope)
+    if facets > 0 and lower > ROUNDING:
+        return True
+    _store_direction(hull.directions, hull.direction_use, polytope.vectors[16])
+    return False
+
+
+@merged
+def _proven_angle(candidate, chosen, direction, n):
+    """Lower bound of the chosen normals' critical angle, from the last separating direction."""
+    least, points, normals = 1.0, candidate.points, candidate.normals
+    for i in range(n):
+        gx, gy, gz = _force_part(points, i, direction)
+        size = math.sqrt(gx * gx + gy * gy + gz * gz)
+        normal = normals[i, chosen[i]]
+        if size > 0.0:
+            least = min(least, -(normal[0] * gx + normal[1] * gy + normal[2] * gz) / size)
+    return math.asin(min(max(least, 0.0), 1.0))
+
+
+@merged
+def _critical_of_chosen(candidate, hull, n, low, high, tolerance):
+    """Critical angle of the chosen normals between two angles, by bisection [rad].
+
+    `high` is returned where nothing lower is force-closed. After a failed test the separating
+    direction may raise the lower end beyond the middle.
+    """
+    while high - low > tolerance:
+        middle = 0.5 * (low + high)
+        if _hull_force_closed(candidate, hull, n, middle):
+            high = middle
+        else:
+            proven = _proven_angle(candidate, hull.chosen, hull.directions[0], n)
+            low = max(middle, min(proven, high))
+    return high
+
+
+@merged
+def _evaluate_by_hulls(candidate, hull, n, threshold, tolerance, best_normals):
+    """Evaluate more than three contacts; see `evaluate`.
+
+    The closure test and the bisection are one function because every function that calls the
+    growing hull takes as long to compile as the hull.
+    """
+    directions, counts, chosen = hull.directions, candidate.counts, hull.chosen
+    sine, known = math.sin(threshold), hull.direction_use[0]
+    if _is_separated(candidate, directions, known, n, sine, best_normals):
+        return math.inf
+    found = math.inf if best_normals else 0.0
+    # Over the worst normals: first test all combinations, then find the largest angle.
+    testing = not best_normals
+    _first_combination(chosen, n)
+    while True:
+        # Over the worst normals only a combination that fails at the largest angle so far can
+        # raise it; over the best ones only one that succeeds below the smallest can lower it.
+        if testing:
+            tested = threshold
+        elif best_normals:
+            tested = min(threshold, found - tolerance)
+        else:
+            tested = found
+        closed = tested > 0.0 and _hull_force_closed(candidate, hull, n, tested)
+        if testing and not closed:
+            return math.inf
+        if not testing and closed == best_normals:
+            low, high = (0.0, tested) if best_normals else (tested, threshold)
+            found = _critical_of_chosen(candidate, hull, n, low, high, tolerance)
+        if not _next_combination(chosen, counts, n):
+            if not testing:
+                return found
+            testing = False
+            _first_combination(chosen, n)
+
+
+@part
+def evaluate(candidate, planar, hull, n, threshold, tolerance, best_normals):
+    """Critical friction angle of a grasp over its worst or best normals, if below a threshold.
+
+    Args:
+        candidate: `Candidate`; no two contacts coincide.
+        planar: `PlaneScratch`.
+        hull: `HullScratch`; None: there are three contacts, for which no hull is compiled.
+        n: Contacts, 3 or more.
+        threshold: Friction angle at which the grasp must be force-closed [rad], at most pi / 2.
+        tolerance: Width of the bracket [rad] whose upper end is returned.
+        best_normals: The smallest over all combinations of the contacts' normals; else the largest.
+
+    Returns:
+        The angle; inf where the grasp is not force-closed at the threshold, as three collinear
+        contacts never are.
+    """
+    if hull is None:
+        return _evaluate_three(candidate, planar, threshold, tolerance, best_normals)
+    return _evaluate_by_hulls(candidate, hull, n, threshold, tolerance, best_normals)

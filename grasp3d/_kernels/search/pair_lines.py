@@ -1,0 +1,254 @@
+"""Lines of two contacts: their angles to the normals, and how far uncertain locations turn them.
+
+Contacts within d1 and d2 of their perceived positions, L apart, make the line between them turn by
+up to eta = asin((d1 + d2) / L), in every direction. The worst line adds eta to the critical
+friction angle; the best one is the minimum, over the cap of lines, of the larger of two angles.
+"""
+
+import math
+
+from grasp3d._kernels.compiling.decorators import kernel, merged
+from grasp3d._kernels.search.antipodal_candidates import line_turn
+from grasp3d._kernels.surface.normal_angles import largest_angle, smallest_angle
+
+BISECTIONS = 52
+"""Halvings of an arc of lines, down to rounding errors."""
+
+OPPOSITE = 1e-8
+"""Length of the sum of two unit vectors, up to which they are opposite to each other."""
+
+ALIKE = 1e-12
+"""Difference of what is added to two angles, up to which they are compared directly [rad]."""
+
+
+@kernel
+def pair_angles(points, start, counts, normals, largest, smallest, lines, openings):
+    """Angles between the normals of two contacts and the line from the first to the second.
+
+    Args:
+        points: Contacts (b, 2, 3).
+        start: First row of each contact's normals (2 b,).
+        counts: Number of its normals, 0: every direction (2 b,).
+        normals: Inward unit normals (K, 3).
+        largest: Written, largest angle of the first contact's normals to the line, and of the
+            second one's to the reversed line [rad]; inf where both are at one point (b, 2).
+        smallest: Written, the same of the smallest angles (b, 2).
+        lines: Written, unit vectors from the first contact to the second (b, 3).
+        openings: Written, distances between the contacts (b,).
+    """
+    for g in range(points.shape[0]):
+        x, y, z = (points[g, 1, 0] - points[g, 0, 0], points[g, 1, 1] - points[g, 0, 1],
+                   points[g, 1, 2] - points[g, 0, 2])  # fmt: skip
+        opening = math.sqrt(x * x + y * y + z * z)
+        openings[g] = opening
+        if not opening > 0.0:
+            largest[g], smallest[g], lines[g] = math.inf, math.inf, 0.0
+            continue
+        x, y, z = x / opening, y / opening, z / opening
+        lines[g, 0], lines[g, 1], lines[g, 2] = x, y, z
+        for i in range(2):
+            first, count, side = start[2 * g + i], counts[2 * g + i], 1.0 - 2.0 * i
+            largest[g, i] = largest_angle(normals, first, count, side * x, side * y, side * z)
+            smallest[g, i] = smallest_angle(normals, first, count, side * x, side * y, side * z)
+
+
+@merged
+def _angle(ax, ay, az, bx, by, bz):
+    """Angle between two vectors, by atan2: accurate near 0 and pi too."""
+    cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return math.atan2(math.sqrt(cx * cx + cy * cy + cz * cz), ax * bx + ay * by + az * bz)
+
+
+@merged
+def _tangent(dx, dy, dz, mx, my, mz):
+    """Unit vector across a line d toward m; any one across d where m is parallel to it."""
+    dot = dx * mx + dy * my + dz * mz
+    tx, ty, tz = mx - dot * dx, my - dot * dy, mz - dot * dz
+    length = math.sqrt(tx * tx + ty * ty + tz * tz)
+    if length < 1e-12:
+        tx, ty, tz = (0.0, dz, -dy) if abs(dx) < 0.6 else (dy, -dx, 0.0)
+        length = math.sqrt(tx * tx + ty * ty + tz * tz)
+    return tx / length, ty / length, tz / length
+
+
+@merged
+def _foot(dx, dy, dz, mx, my, mz, sine, cosine):
+    """Line in the cap of half-angle (sine, cosine) about a line d that is nearest to m."""
+    if dx * mx + dy * my + dz * mz >= cosine:
+        return mx, my, mz
+    tx, ty, tz = _tangent(dx, dy, dz, mx, my, mz)
+    return cosine * dx + sine * tx, cosine * dy + sine * ty, cosine * dz + sine * tz
+
+
+@merged
+def _crossing(d, m1, m2, sine, cosine):
+    """Line on the cap's border with equal angles to m1 and m2, the nearer one of two."""
+    wx, wy, wz = m1[0] - m2[0], m1[1] - m2[1], m1[2] - m2[2]
+    along = wx * d[0] + wy * d[1] + wz * d[2]
+    wx, wy, wz = wx - along * d[0], wy - along * d[1], wz - along * d[2]
+    length = max(math.sqrt(wx * wx + wy * wy + wz * wz), 1e-300)
+    wx, wy, wz = wx / length, wy / length, wz / length
+    px, py, pz = d[1] * wz - d[2] * wy, d[2] * wx - d[0] * wz, d[0] * wy - d[1] * wx
+    c = max(-1.0, min(1.0, -cosine * along / (sine * length)))
+    s = math.sqrt((1.0 - c) * (1.0 + c))
+    if px * (m1[0] + m2[0]) + py * (m1[1] + m2[1]) + pz * (m1[2] + m2[2]) < 0.0:
+        s = -s
+    return (
+        cosine * d[0] + sine * (c * wx + s * px),
+        cosine * d[1] + sine * (c * wy + s * py),
+        cosine * d[2] + sine * (c * wz + s * pz),
+    )
+
+
+@merged
+def _equal(d, m1, m2, sine, cosine):
+    """`smallest_over_lines` where nothing is added to the angles."""
+    dx, dy, dz = d
+    x, y, z = _foot(dx, dy, dz, m1[0], m1[1], m1[2], sine, cosine)
+    one, two = m1[0] * x + m1[1] * y + m1[2] * z, m2[0] * x + m2[1] * y + m2[2] * z
+    if one <= two:
+        return _angle(x, y, z, m1[0], m1[1], m1[2])
+    x, y, z = _foot(dx, dy, dz, m2[0], m2[1], m2[2], sine, cosine)
+    one, two = m1[0] * x + m1[1] * y + m1[2] * z, m2[0] * x + m2[1] * y + m2[2] * z
+    if two <= one:
+        return _angle(x, y, z, m2[0], m2[1], m2[2])
+    bx, by, bz = m1[0] + m2[0], m1[1] + m2[1], m1[2] + m2[2]
+    length = math.sqrt(bx * bx + by * by + bz * bz)
+    if length < OPPOSITE:  # every line across both is in balance, and one is in the cap
+        return 0.5 * math.pi
+    if cosine <= -1.0 or bx * dx + by * dy + bz * dz >= cosine * length:
+        return _angle(bx, by, bz, m1[0], m1[1], m1[2])
+    x, y, z = _crossing(d, m1, m2, sine, cosine)
+    return _angle(x, y, z, m1[0], m1[1], m1[2])
+
+
+@kernel
+def _unequal(d, m1, m2, sine, cosine, extra1, extra2):
+    """`smallest_over_lines` where different angles are added."""
+    dx, dy, dz = d
+    x, y, z = _foot(dx, dy, dz, m1[0], m1[1], m1[2], sine, cosine)
+    one = _angle(x, y, z, m1[0], m1[1], m1[2]) + extra1
+    if one >= _angle(x, y, z, m2[0], m2[1], m2[2]) + extra2:
+        return one
+    x, y, z = _foot(dx, dy, dz, m2[0], m2[1], m2[2], sine, cosine)
+    two = _angle(x, y, z, m2[0], m2[1], m2[2]) + extra2
+    if two >= _angle(x, y, z, m1[0], m1[1], m1[2]) + extra1:
+        return two
+    # On the shortest way between the normals both are balanced at one line.
+    apart = _angle(m1[0], m1[1], m1[2], m2[0], m2[1], m2[2])
+    balanced = 0.5 * (apart + extra1 + extra2)
+    bx, by, bz = m1[0] + m2[0], m1[1] + m2[1], m1[2] + m2[2]
+    if cosine <= -1.0 or math.sqrt(bx * bx + by * by + bz * bz) < OPPOSITE:
+        return balanced
+    p, q = math.sin(apart - balanced + extra1), math.sin(balanced - extra1)
+    x, y, z = p * m1[0] + q * m2[0], p * m1[1] + q * m2[1], p * m1[2] + q * m2[2]
+    length = math.sqrt(x * x + y * y + z * z)
+    if length > 0.0 and x * dx + y * dy + z * dz >= cosine * length:
+        return balanced
+    # Else they are balanced on the cap's border: from the line nearest to one normal to that
+    # nearest to the other, the first angle rises and the second one falls.
+    ux, uy, uz = _tangent(dx, dy, dz, m1[0], m1[1], m1[2])
+    vx, vy, vz = _tangent(dx, dy, dz, m2[0], m2[1], m2[2])
+    turn = _angle(ux, uy, uz, vx, vy, vz)
+    wx, wy, wz = dy * uz - dz * uy, dz * ux - dx * uz, dx * uy - dy * ux
+    side = 1.0 if wx * vx + wy * vy + wz * vz >= 0.0 else -1.0
+    vx, vy, vz = side * wx, side * wy, side * wz
+    low, high, value = 0.0, turn, math.inf
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        c, s = sine * math.cos(middle), sine * math.sin(middle)
+        x, y = cosine * dx + c * ux + s * vx, cosine * dy + c * uy + s * vy
+        z = cosine * dz + c * uz + s * vz
+        one = _angle(x, y, z, m1[0], m1[1], m1[2]) + extra1
+        two = _angle(x, y, z, m2[0], m2[1], m2[2]) + extra2
+        value = min(value, max(one, two))
+        if one < two:
+            low = middle
+        else:
+            high = middle
+    return value
+
+
+@kernel
+def smallest_over_lines(d, m1, m2, sine, extra1, extra2):
+    """Smallest value, over a cap of lines, of the larger of two angles with additions.
+
+    Args:
+        d: The cap's axis, a unit vector as three numbers.
+        m1: First unit vector, three numbers.
+        m2: Second unit vector, three numbers.
+        sine: Sine of the cap's half-angle, up to a right angle; above 1: every line is possible.
+        extra1: Added to the angle between a line and the first vector [rad].
+        extra2: The same for the second vector [rad].
+
+    Returns:
+        The value [rad].
+    """
+    cosine = -1.0 if sine > 1.0 else math.sqrt((1.0 - sine) * (1.0 + sine))
+    sine = 0.0 if sine > 1.0 else sine
+    if abs(extra1 - extra2) < ALIKE:
+        return _equal(d, m1, m2, sine, cosine) + max(extra1, extra2)
+    return _unequal(d, m1, m2, sine, cosine, extra1, extra2)
+
+
+@kernel
+def locate_pairs(
+    critical, critical_best, openings, openings_best, angles, angles_best, lines, normals, single,
+    location, worst_extras, best_extras, located, located_best,
+):  # fmt: skip
+    """Critical angles of pairs of contacts that include what is not known about their contacts.
+
+    Args:
+        critical: Critical angles over the worst normals [rad] (b,).
+        critical_best: The same over the best normals (b,).
+        openings: Distances between the contacts of the grasps of `critical` (b,).
+        openings_best: The same of the grasps of `critical_best`, which may be others (b,).
+        angles: Largest and smallest angles between normals and lines of the grasps of `critical`,
+            see `pair_angles` (2, b, 2).
+        angles_best: The same of the grasps of `critical_best` (2, b, 2).
+        lines: Lines from the first to the second contact of the latter (b, 3).
+        normals: First normal and reversed second one of the same (b, 2, 3).
+        single: Whether both contacts have these normals alone; else the best is bounded (b,).
+        location: Sum of the location errors of both contacts, (b,) or (1,).
+        worst_extras: Added to the worst angle of each contact [rad], (b, 2) or (1, 2).
+        best_extras: Added to the best angle of each contact [rad], (b, 2) or (1, 2).
+        located: Written, over the worst normals, lines and fingers [rad] (b,).
+        located_best: Written, over the best ones (b,).
+    """
+    for g in range(critical.shape[0]):
+        row = g if location.shape[0] > 1 else 0
+        error = location[row]
+        one, two = worst_extras[row, 0], worst_extras[row, 1]
+        if critical[g] == math.inf:
+            located[g] = math.inf
+        else:
+            angle = critical[g]
+            if one != 0.0 or two != 0.0:
+                squeezing = max(angles[0, g, 0] + one, angles[0, g, 1] + two)
+                expanding = max(math.pi - angles[1, g, 0] + one, math.pi - angles[1, g, 1] + two)
+                angle = min(squeezing, expanding)
+            located[g] = angle + line_turn(error, openings[g]) if error > 0.0 else angle
+        one, two = best_extras[row, 0], best_extras[row, 1]
+        if critical_best[g] == math.inf:
+            located_best[g] = math.inf
+            continue
+        if error == 0.0 and one == 0.0 and two == 0.0:
+            located_best[g] = critical_best[g]
+            continue
+        value = math.inf
+        turn = math.pi if error > openings_best[g] else line_turn(error, openings_best[g])
+        for sign in (1.0, -1.0):
+            first, second = angles_best[1, g, 0], angles_best[1, g, 1]
+            if sign < 0.0:
+                first, second = math.pi - angles_best[0, g, 0], math.pi - angles_best[0, g, 1]
+            # No line in the cap is nearer to any normal by more than its turn.
+            bound = max(max(first - turn, 0.0) + one, max(second - turn, 0.0) + two)
+            if bound < value and single[g]:
+                bound = smallest_over_lines(
+                    (sign * lines[g, 0], sign * lines[g, 1], sign * lines[g, 2]),
+                    (normals[g, 0, 0], normals[g, 0, 1], normals[g, 0, 2]),
+                    (normals[g, 1, 0], normals[g, 1, 1], normals[g, 1, 2]),
+                    error / openings_best[g], one, two,
+                )  # fmt: skip
+            value = min(value, bound)
+        located_best[g] = value

@@ -1,0 +1,181 @@
+"""Parts of triangles: those within bounds along the axes, and those within a ball.
+
+A polygon is an array with a row for each corner, in order: position, then barycentric coordinates
+in the triangle that it is part of (n, 6).
+"""
+
+import math
+
+from grasp3d._kernels.compiling.decorators import kernel
+
+MOST_EDGES = 12
+"""Most sides of a convex face of a jaw."""
+
+CORNERS = 2 * MOST_EDGES
+"""Rows that a triangle needs when it is cut by the sides of a face and two planes more."""
+
+
+@kernel
+def write_triangle(corners, side, polygon):
+    """Write a triangle (3, 3) as a polygon, with x multiplied by `side`."""
+    for i in range(3):
+        polygon[i, 0] = side * corners[i, 0]
+        for k in range(1, 3):
+            polygon[i, k] = corners[i, k]
+        for k in range(3):
+            polygon[i, 3 + k] = 1.0 if k == i else 0.0
+    return 3
+
+
+@kernel
+def clip(polygon, count, plane, clipped):
+    """Write the part of a convex polygon where plane[0] x + plane[1] y + plane[2] z <= plane[3].
+
+    Args:
+        polygon: The polygon.
+        count: Number of its corners.
+        plane: Four numbers.
+        clipped: Written, another array of the same shape.
+
+    Returns:
+        Number of corners of the part; 0: nothing remains.
+    """
+    a, b, c, limit = plane
+    kept = 0
+    for i in range(count):
+        j = i + 1 if i + 1 < count else 0
+        here = limit - a * polygon[i, 0] - b * polygon[i, 1] - c * polygon[i, 2]
+        there = limit - a * polygon[j, 0] - b * polygon[j, 1] - c * polygon[j, 2]
+        if here >= 0.0:
+            for k in range(6):
+                clipped[kept, k] = polygon[i, k]
+            kept += 1
+        if (here > 0.0 and there < 0.0) or (here < 0.0 and there > 0.0):
+            t = here / (here - there)
+            for k in range(6):
+                clipped[kept, k] = (1.0 - t) * polygon[i, k] + t * polygon[j, k]
+            kept += 1
+    return kept
+
+
+@kernel
+def clip_to_polygon(corners, side, plane, edges, polygon, spare):
+    """Write the part of a triangle that is ahead of a convex face of a jaw.
+
+    Args:
+        corners: Corners of the triangle (3, 3).
+        side: +1 or -1, x is multiplied by it.
+        plane: The jaw's face is at x = plane[0] + plane[1] y + plane[2] z, relative to the jaw.
+        edges: Its sides: edges[..., 0] y + edges[..., 1] z <= edges[..., 2] (e, 3).
+        polygon: Written; x is relative to the jaw's face.
+        spare: Memory.
+
+    Returns:
+        Number of corners of the part; 0: nothing remains.
+    """
+    crossed = 0  # a bit for each side that some corner is beyond
+    for e in range(edges.shape[0]):
+        y, z, limit, inside = edges[e, 0], edges[e, 1], edges[e, 2], 0
+        for i in range(3):
+            if y * corners[i, 1] + z * corners[i, 2] <= limit:
+                inside += 1
+        if inside == 0:
+            return 0
+        if inside < 3:
+            crossed |= 1 << e
+    count, cuts = write_triangle(corners, side, polygon), 0
+    for i in range(3):
+        polygon[i, 0] -= plane[0] + plane[1] * polygon[i, 1] + plane[2] * polygon[i, 2]
+    for e in range(edges.shape[0]):
+        if crossed >> e & 1:
+            half_plane = (0.0, edges[e, 0], edges[e, 1], edges[e, 2])
+            count = clip(polygon, count, half_plane, spare)
+            polygon, spare, cuts = spare, polygon, cuts + 1
+    if cuts % 2:  # the caller reads the array that it passed as `polygon`
+        for i in range(count):
+            for k in range(6):
+                spare[i, k] = polygon[i, k]
+    return count
+
+
+@kernel
+def projected_moments(polygon, count, mean):
+    """Area of a convex polygon seen along x, and its centroid with respect to that area.
+
+    Args:
+        polygon: The polygon.
+        count: Number of its corners.
+        mean: Written, centroid as a row of a polygon (6,); nothing is written if the area is 0.
+    """
+    total = 0.0
+    for i in range(1, count - 1):
+        total += _projected_area(polygon, i)
+    if total > 0.0:
+        mean[:] = 0.0
+        for i in range(1, count - 1):
+            part = _projected_area(polygon, i) / (3.0 * total)
+            for k in range(6):
+                mean[k] += part * (polygon[0, k] + polygon[i, k] + polygon[i + 1, k])
+    return total
+
+
+@kernel
+def _projected_area(polygon, i):
+    """Area of the triangle of the corners 0, i and i + 1, seen along x."""
+    ay, az = polygon[i, 1] - polygon[0, 1], polygon[i, 2] - polygon[0, 2]
+    by, bz = polygon[i + 1, 1] - polygon[0, 1], polygon[i + 1, 2] - polygon[0, 2]
+    return 0.5 * abs(ay * bz - az * by)
+
+
+@kernel
+def disc_moments(ax, ay, bx, by, radius, totals):
+    """Add the area and first moments of a disc's part in the triangle of its centre, a and b.
+
+    The sum over the edges of a polygon is that of the disc's part in the polygon.
+
+    Args:
+        ax: Start of the edge, relative to the centre of the disc.
+        ay: The same.
+        bx: End of the edge.
+        by: The same.
+        radius: Radius of the disc.
+        totals: Added to: signed area, and its moments about the centre (3,).
+    """
+    dx, dy = bx - ax, by - ay
+    first, last = crossings(ax, ay, dx, dy, radius)
+    for piece in range(3):
+        low = 0.0 if piece == 0 else (first if piece == 1 else last)
+        high = first if piece == 0 else (last if piece == 1 else 1.0)
+        if high <= low:
+            continue
+        px, py, qx, qy = ax + low * dx, ay + low * dy, ax + high * dx, ay + high * dy
+        cross = px * qy - py * qx
+        if piece == 1:  # inside: a triangle
+            totals[0] += 0.5 * cross
+            totals[1] += cross * (px + qx) / 6.0
+            totals[2] += cross * (py + qy) / 6.0
+        else:  # outside: a sector
+            p, q = math.hypot(px, py), math.hypot(qx, qy)
+            totals[0] += 0.5 * radius**2 * math.atan2(cross, px * qx + py * qy)
+            totals[1] += radius**3 / 3.0 * (qy / q - py / p)
+            totals[2] += radius**3 / 3.0 * (px / p - qx / q)
+
+
+@kernel
+def crossings(ax, ay, dx, dy, radius):
+    """Where the edge a + t d, 0 <= t <= 1, enters and leaves a disc about the origin.
+
+    Returns:
+        (enters, leaves); both 1 where it does not meet the disc.
+    """
+    square = dx * dx + dy * dy
+    if square == 0.0:
+        return 1.0, 1.0
+    nearest = -(ax * dx + ay * dy) / square
+    cross = ax * dy - ay * dx
+    half = radius * radius / square - (cross / square) ** 2
+    if half <= 0.0:
+        return 1.0, 1.0
+    half = math.sqrt(half)
+    first, last = max(nearest - half, 0.0), min(nearest + half, 1.0)
+    return (first, last) if first < last else (1.0, 1.0)

@@ -1,0 +1,258 @@
+"""Compiling kernels ahead, so that no later run waits for it."""
+
+import functools
+import itertools
+import json
+import logging
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grasp3d.errors import OutputError, SettingError
+from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel, Sampling, whole_number
+from grasp3d.stability.label import Label
+from grasp3d.system.names import printable
+from grasp3d.system.progress import ignore
+
+if TYPE_CHECKING:
+    from grasp3d.hand.parallel_gripper import ParallelGripper
+    from grasp3d.mesh import ObjectMesh
+    from grasp3d.surface.labels import SurfaceLabels
+
+PAIR, TRIPLE = 2, 3
+
+_FACES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+     [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+)  # fmt: skip
+"""Faces of a cube with its corners in lexicographic order; those of the solid are distorted."""
+
+
+_CHILD = """
+import json, logging, sys
+level, settings, sys.path = map(json.loads, sys.argv[1:])
+logging.getLogger("grasp3d.compiling").setLevel(level)
+from grasp3d.batch.warmup import warmup
+print(json.dumps(warmup(**settings)))
+"""
+"""Program of a process that compiles into another folder, which kernels choose when loaded."""
+
+
+def warmup(
+    fingers: int = PAIR,
+    *,
+    gripper: bool = False,
+    forces: bool = False,
+    cache: str | os.PathLike[str] | None = None,
+) -> tuple[str, ...]:
+    """Compile the kernels for two fingers, or for that and more, unless they are compiled already.
+
+    Kernels are compiled when they are first needed, once per installation, and a line about it
+    goes to the logger `grasp3d.compiling`: to standard error, where no logging is configured.
+    Compiling ahead serves images of containers, and clusters.
+
+    Args:
+        fingers: Largest number of fingers of the grasps, 2 to 5; four and five fingers have the
+            same kernels.
+        gripper: Whether the kernels for grippers are compiled too.
+        forces: Whether the kernels for grip forces are compiled too, as a load needs them.
+        cache: Folder for the machine code, which runs find where NUMBA_CACHE_DIR names it, also if
+            they can only read it; None: the one of later runs of this user.
+
+    Returns:
+        What the compiled kernels do, such as 'meshes' and 'two fingers'; empty: all of them were
+        compiled before.
+
+    Raises:
+        SettingError: The number of fingers is outside its range.
+        OutputError: No file can be written in the folder.
+
+    Example:
+        >>> import grasp3d
+        >>> compiled = grasp3d.warmup()
+        >>> grasp3d.warmup()
+        ()
+    """
+    if not PAIR <= whole_number("fingers", fingers, PAIR) <= MAX_SEARCHED_FINGERS:
+        raise SettingError(f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {fingers}")
+    if cache is not None:
+        return _warmup_into(Path(cache), fingers=fingers, gripper=gripper, forces=forces)
+    from grasp3d._kernels.compiling.announcing import announcer
+
+    before = len(announcer.compiled)
+    for count in sorted({PAIR, fingers}):
+        compile_kernels(count, gripper, forces)
+    return tuple(phase.work for phase in announcer.compiled[before:])
+
+
+def _warmup_into(folder: Path, **settings: int) -> tuple[str, ...]:
+    """Call `warmup` in a process for which NUMBA_CACHE_DIR is the folder."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise OutputError(
+            f"cannot write machine code to {printable(str(folder))}: {error.strerror}; "
+            "choose a folder that can be written"
+        ) from error
+    level = logging.getLogger("grasp3d.compiling").level
+    given = [json.dumps(value) for value in (level, settings, sys.path)]
+    done = subprocess.run(  # noqa: S603, this interpreter
+        [sys.executable, "-c", _CHILD, *given],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(folder.absolute())},
+        stdout=subprocess.PIPE, text=True, check=False,
+    )  # fmt: skip
+    if done.returncode:
+        raise OutputError(
+            f"the kernels were not compiled into {printable(str(folder))}: the process ended with "
+            f"code {done.returncode}; see its lines above"
+        )
+    return tuple(json.loads(done.stdout))
+
+
+def announcement(fingers: int, gripper: bool = False, forces: bool = False) -> str:
+    """Line to print before `compile_kernels`; empty: all kernels are compiled.
+
+    Args:
+        fingers: As in `compile_kernels`.
+        gripper: As in `compile_kernels`.
+        forces: As in `compile_kernels`.
+    """
+    from grasp3d._kernels.compiling import announcing
+
+    if announcing.all_compiled(lambda: compile_kernels(fingers, gripper, forces)):
+        return ""
+    phases = {
+        0: announcing.MESHES,
+        PAIR: announcing.TWO_FINGERS,
+        TRIPLE: announcing.THREE_FINGERS,
+    }
+    work = phases.get(fingers, announcing.MORE_FINGERS).work
+    seconds = announcing.seconds_missing(fingers, gripper=gripper, forces=forces)
+    return announcing.announcement(work, seconds)
+
+
+@functools.cache
+def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -> None:
+    """Call every kernel that commands and functions need for a number of fingers.
+
+    Args:
+        fingers: Number of fingers of the grasps; 0: only meshes are prepared.
+        gripper: Whether a gripper must reach the grasps.
+        forces: Whether grip forces of the grasps are needed, under a load.
+    """
+    solid = _solid()
+    if not fingers:
+        return
+    from grasp3d.grasps.distinct import best_grasps
+    from grasp3d.grasps.evaluation import evaluate_grasps
+    from grasp3d.surface.labelling import label_surface
+    from grasp3d.surface.scanning import scan_surface
+
+    _solid(patch_radius=0.1)
+    _locate()
+    model = GraspModel(fingers=fingers)
+    sampling = Sampling(grip="both") if fingers == PAIR else None
+    labels = label_surface(solid, model, sampling=sampling, threads=1)
+    if fingers == PAIR:  # squeezing alone has a search of its own
+        label_surface(solid, model, threads=1)
+    if gripper:
+        _reach(solid, model, sampling)
+    labels.compute_epsilon(ignore)
+    _draw(labels)
+    _grow_hulls()
+    contacts = best_grasps(labels, 1).contacts.points[0]  # (n, 3)
+    evaluate_grasps(solid, contacts, model, threads=1)
+    scan_surface(solid, model, fixed=contacts[1:], threads=1).compute_epsilon(ignore)
+    if forces:
+        compile_forces()
+
+
+@functools.cache
+def _locate() -> None:
+    """Label two grasps with uncertain contact locations."""
+    from grasp3d.contact.contacts import Contacts
+    from grasp3d.stability.classification import classify
+
+    facing = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    classify(Contacts([-facing] * 2, [facing] * 2), 0.1, location_error=[0.1, 0.2])
+
+
+def _draw(labels: "SurfaceLabels") -> None:
+    """Draw a labelled surface, in colours and light that count for nothing."""
+    from grasp3d._kernels.surface.visible_faces import draw_surface
+
+    mesh, normals = labels.mesh, labels.mesh.corner_normals
+    draw_surface(
+        mesh.vertices.T.copy(), mesh.faces, labels.label, normals.corners,
+        normals.normals[:, :2].copy(), not mesh.report.closed, np.ones((len(Label), 3)), 0.5,
+        np.zeros((8, 8, 4)),
+    )  # fmt: skip
+
+
+def _grow_hulls() -> None:
+    """Compute epsilon of pairs with polygonal cones, which have no solver of their own.
+
+    The wrenches of two hard fingers have rank 5, those of two soft ones rank 6.
+    """
+    from grasp3d.contact.contacts import Contacts
+    from grasp3d.quality.ferrari_canny import epsilon
+
+    facing = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    for torsion_radius in (0.0, 0.2):
+        epsilon(Contacts(-facing, facing, 0.5, torsion_radius), edges=8, threads=1)
+
+
+def _reach(mesh: "ObjectMesh", model: GraspModel, sampling: Sampling | None) -> None:
+    """Label grasps that a gripper reaches, and those that it closes on."""
+    from grasp3d.hand.approach import Approach
+    from grasp3d.hand.jaw_reach import reach_grasps
+    from grasp3d.hand.parallel_gripper import ParallelGripper
+    from grasp3d.surface.labelling import label_surface
+
+    tactile = ParallelGripper.preset("tactile")
+    pairs = model.fingers == PAIR
+    # From above many best grasps are not reached: others are searched for, and not always found.
+    above = Approach(np.array([0.0, 0.0, -1.0]), within=0.3) if pairs else None
+    labels = label_surface(mesh, model, sampling=sampling, hand=tactile, approach=above, threads=1)
+    if pairs:
+        corners = labels.mesh.vertices[None, :PAIR], labels.mesh.normals[None, :PAIR]
+        reach_grasps(labels.mesh, *corners, tactile, threads=1)
+        _close_jaws(labels, tactile)
+
+
+def _close_jaws(labels: "SurfaceLabels", gripper: "ParallelGripper") -> None:
+    """Close jaws at two poses, whether they are reached or not."""
+    from grasp3d.grasps.evaluation import evaluate_grasps
+    from grasp3d.grasps.poses import GraspPoses
+
+    poses = GraspPoses(poses=np.stack([np.eye(4)] * 2), unit=labels.mesh.unit)
+    evaluate_grasps(labels.mesh, poses, labels.model, hand=gripper, threads=1)
+
+
+def compile_forces() -> None:
+    """Resist tasks of each kind with hard and soft fingers, not all of which do."""
+    from grasp3d.contact.contacts import Contacts
+    from grasp3d.quality.force_ranges import force_range
+    from grasp3d.quality.tasks import Weight
+
+    facing = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    tasks = (Weight(1.0, direction=(0.0, 0.0, -1.0), within=0.1), Weight(1.0, center_radius=0.1))
+    for torsion_radius in (0.0, 0.2):
+        contacts = Contacts(-facing, facing, 0.5, torsion_radius)
+        for task in (*tasks, [0.0, 0.0, -1.0, 0.0, 0.0, 0.0]):
+            force_range(contacts, task, 0.1, threads=1)
+
+
+def _solid(patch_radius: float = 0.0) -> "ObjectMesh":
+    """A small solid without symmetry, whose best grasps rays find by refinement alone."""
+    from grasp3d.mesh import load_mesh
+
+    corners = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
+    corners += 0.1 * np.sin(np.arange(24.0)).reshape(8, 3)
+    return load_mesh((corners, _FACES), unit="in", max_edge=0.6, patch_radius=patch_radius)

@@ -1,0 +1,338 @@
+"""Diagnosis of a mesh, before and after repair, with warnings about its labels."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from grasp3d.arrays import first_at_position
+from grasp3d.errors import SettingError
+from grasp3d.mesh.diagnosis.mesh_diagnosis import MeshDiagnosis, MeshWarning, SurfaceMeasures, Trust
+from grasp3d.mesh.measures import edge_counts, face_areas, is_closed, part_volumes, parts_of
+from grasp3d.mesh.mesh_sources import MeshSource
+from grasp3d.mesh.noise import normal_noise
+from grasp3d.mesh.object_mesh import ObjectMesh
+from grasp3d.mesh.patches import patch_areas, surface_net
+from grasp3d.mesh.plausible_lengths import length_warnings, refuse_lengths
+from grasp3d.mesh.preparing import PreparedMesh, prepare, repair_given
+from grasp3d.mesh.repair.cleaning import is_face
+from grasp3d.mesh.repair.holes import close_holes, fan_area, holes_of
+from grasp3d.mesh.repair.solids import manifold_status
+from grasp3d.mesh.self_intersections import crossings
+from grasp3d.mesh.triangles import Triangles
+from grasp3d.mesh.units import guess_unit, impossible_size
+from grasp3d.mesh.work_bounds import WorkBoundError
+from grasp3d.reading import RawMesh
+from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling
+from grasp3d.settings.costs import labelling_cost
+from grasp3d.system.processors import available_processors
+
+MISSING = 0.05
+"""Area fraction of holes above which labels cannot be trusted."""
+
+SELF_INTERSECTING = 0.1
+"""Area fraction of self-intersecting faces above which labels cannot be trusted."""
+
+ROUGH = math.radians(3.0)
+"""Noise of normals above which a warning is given [rad]: about a quarter of the tilt, alpha / 2,
+of the paper's fingertip."""
+
+SMOOTH = math.radians(1.0)
+"""Noise of normals that a suggested patch radius shall reach [rad]."""
+
+LARGEST_PATCH = 0.1
+"""Largest patch radius that is suggested, as a fraction of the object's size."""
+
+FLATNESS = 0.7
+"""Least length of a patch's area vector, as a fraction of its area, for a well-defined normal."""
+
+PROBES = 200
+"""Number of patches whose flatness is measured."""
+
+STRAY = 0.01
+"""Largest area fraction of a part that counts as stray."""
+
+LARGER, FAR_LARGER = 1.5, 3.0
+"""Factors by which stray parts enlarge the object: for a warning, and for no trust in labels."""
+
+
+def check_mesh(
+    source: MeshSource,
+    *,
+    model: GraspModel | None = None,
+    sampling: AnySampling | None = None,
+    options: MeshOptions | None = None,
+    **fields: Any,
+) -> MeshDiagnosis:
+    """Diagnose a mesh before labelling: defects, repairs, and the cost of labelling.
+
+    Args:
+        source: A path, or an object as in `load_mesh`. An `ObjectMesh`, which is repaired already,
+            is diagnosed as it is.
+        model: Model for labelling; used for the cost, and to find lengths in a wrong unit.
+        sampling: Settings of the grasp search; used in the same way.
+        options: How the mesh is read and prepared; None: the defaults.
+        fields: Fields of `MeshOptions` that differ from `options`, as in `load_mesh`.
+
+    Returns:
+        Measures before and after repair, warnings, whether labels can be trusted, and the time and
+        memory that labelling takes. Lengths are in the mesh's unit.
+
+    Raises:
+        MeshError: The mesh cannot be read, for the same reasons as in `load_mesh`.
+        SettingError: An option is outside its range.
+
+    Example:
+        A box of which one of twelve faces is missing:
+
+        >>> import trimesh
+        >>> import grasp3d
+        >>> box = trimesh.creation.box([0.1, 0.06, 0.04])
+        >>> found = grasp3d.check_mesh((box.vertices, box.faces[1:]), unit="m")
+        >>> found.before.closed, found.after.closed, found.trust.value
+        (False, False, 'with care')
+        >>> print(found.warnings[1].message)
+        holes: 1, ...: grasps with contacts there are not found; repair full (--repair full) ...
+    """
+    given = source.options if isinstance(source, ObjectMesh) else None
+    chosen = MeshOptions.of(options or given, fields)
+    model = model or GraspModel()
+    return diagnose(source, model, sampling or Sampling().fitted(model.fingers), chosen)
+
+
+def diagnose(
+    source: MeshSource,
+    model: GraspModel,
+    sampling: AnySampling,
+    options: MeshOptions,
+    *,
+    force: bool = False,
+) -> MeshDiagnosis:
+    """Diagnose a mesh, as `check_mesh` does, with all settings given.
+
+    With `force` lengths that cannot be meant for an object of this size are accepted.
+    """
+    found = prepare(source, options)
+    given, repaired, mesh = found.given, found.repaired, found.mesh
+    model, sampling = mesh.in_own_unit(model, sampling)
+    lengths = model.lengths() | sampling.lengths() | mesh.options.lengths()
+    surface = Triangles((repaired.vertices - mesh.center) / mesh.size, repaired.faces)
+    crossing = crossings(surface.vertices, surface.faces)
+    fraction = float(surface.areas[crossing.faces].sum() / surface.areas.sum())
+    noise = normal_noise(surface)
+    bodies, cavities = _count_parts(surface)
+    warnings = (
+        *_report_warnings(mesh),
+        *_interior_warnings(mesh),
+        *_hole_warnings(found, options),
+        *self_intersection_warnings(int(crossing.faces.sum()), fraction),
+        *_body_warnings(bodies),
+        *_stray_warnings(surface),
+        *_noise_warnings(surface, mesh, noise),
+        *_length_warnings(mesh, lengths, force=force),
+    )
+    corners = repaired.vertices[repaired.faces].reshape(-1, 3)
+    extents = np.ptp(corners, axis=0).tolist()
+    return MeshDiagnosis(
+        mesh=given.name,
+        format=given.raw.format,
+        file_bytes=given.file_bytes,
+        unit=mesh.unit,
+        guess=guess_unit(max(extents)),
+        size=mesh.size,
+        extents=(extents[0], extents[1], extents[2]),
+        bodies=bodies,
+        cavities=cavities,
+        before=_measure_file(given.raw, mesh),
+        after=_measure(surface, mesh),
+        repairs=repaired.steps,
+        manifold=manifold_status(surface.vertices, surface.faces),
+        crossing_faces=int(crossing.faces.sum()),
+        self_intersecting_fraction=fraction,
+        noise=noise,
+        label_vertices=len(mesh.vertices),
+        cost=labelling_cost(len(mesh.vertices), model, sampling, threads=available_processors()),
+        warnings=warnings,
+    )
+
+
+def _measure_file(raw: RawMesh, mesh: ObjectMesh) -> SurfaceMeasures:
+    """Measure the surface as stored in the file, with vertices at equal positions merged."""
+    points = (raw.vertices - mesh.center) / mesh.size
+    return _measure(Triangles(points, first_at_position(raw.vertices)[raw.faces]), mesh)
+
+
+def _measure(surface: Triangles, mesh: ObjectMesh) -> SurfaceMeasures:
+    """Measure a surface in the mesh's normalised frame."""
+    count, faces = len(surface.faces), surface.faces[is_face(surface.faces)]
+    proper = Triangles(surface.vertices, faces)
+    corners, areas = surface.vertices[faces], proper.areas
+    closed, volume = is_closed(faces), float(proper.volumes.sum())
+    center = (areas[:, None] * corners.mean(axis=1)).sum(axis=0) / areas.sum()
+    if closed and volume:
+        weighted = proper.volumes[:, None] * corners.sum(axis=1)
+        center = weighted.sum(axis=0) / (4.0 * volume)
+    boundary, nonmanifold = edge_counts(faces)
+    x, y, z = mesh.from_normalized(center).tolist()
+    return SurfaceMeasures(
+        vertices=len(proper.used),
+        faces=count,
+        closed=closed,
+        boundary_edges=boundary,
+        crowded_edges=nonmanifold,
+        area=float(areas.sum()) * mesh.size**2,
+        volume=volume * mesh.size**3 if closed else None,
+        center_mass=(x, y, z),
+    )
+
+
+def _report_warnings(mesh: ObjectMesh) -> Iterator[MeshWarning]:
+    """Warnings of the preparation; an object of an impossible size is not the one that is meant."""
+    impossible = impossible_size(mesh.size, mesh.unit)
+    for message in mesh.report.warnings:
+        yield MeshWarning(Trust.NO if message == impossible else Trust.CARE, message)
+
+
+def _length_warnings(
+    mesh: ObjectMesh, lengths: Mapping[str, float | None], *, force: bool
+) -> Iterator[MeshWarning]:
+    """Warn about lengths that are probably in another unit; some of them cannot be meant."""
+    try:
+        if not force:
+            refuse_lengths(mesh, **lengths)
+    except SettingError as error:
+        yield MeshWarning(Trust.NO, str(error))
+        return
+    for message in length_warnings(lengths, mesh.size, mesh.unit):
+        yield MeshWarning(Trust.CARE, message)
+
+
+def _hole_warnings(found: PreparedMesh, options: MeshOptions) -> Iterator[MeshWarning]:
+    """Warn about holes, open or closed by repair."""
+    repaired = found.repaired
+    filled = any(step.name == "closed" for step in repaired.steps)
+    if filled:
+        repaired = repair_given(found.given, replace(options, repair="safe"))
+    count, missing = _missing_fraction(Triangles(repaired.vertices, repaired.faces))
+    if not count:
+        return
+    trust = Trust.NO if missing > MISSING else Trust.CARE
+    area = f"{100.0 * missing:.2g} % of the surface"
+    if filled:
+        yield MeshWarning(trust, f"holes: {count}, {area}: closed by repair with a guessed surface")
+    elif trust is Trust.NO:
+        yield MeshWarning(
+            trust,
+            f"holes: {count}, {area}: is it a sheet that should have a thickness? Repair full "
+            "(--repair full) closes them with a guessed surface",
+        )
+    else:
+        yield MeshWarning(
+            trust,
+            f"holes: {count}, {area}: grasps with contacts there are not found; repair full "
+            "(--repair full) closes them",
+        )
+
+
+def _interior_warnings(mesh: ObjectMesh) -> Iterator[MeshWarning]:
+    """Warn about a surface without an interior."""
+    if mesh.report.closed and math.isnan(mesh.volume):
+        yield MeshWarning(
+            Trust.NO, "the surface has no interior, so that no contact can be pushed against it"
+        )
+
+
+def _missing_fraction(surface: Triangles) -> tuple[int, float]:
+    """Return the number of holes, and their area fraction of the closed surface."""
+    points, holes = surface.vertices, holes_of(surface.faces)
+    try:
+        closing = close_holes(points, holes)
+    except WorkBoundError:
+        lids = sum(fan_area(points, hole) for hole in holes)
+    else:
+        lids = sum(float(face_areas(points, lid).sum()) for lid in closing)
+    return len(holes), lids / (lids + float(surface.areas.sum()))
+
+
+def self_intersection_warnings(count: int, fraction: float) -> Iterator[MeshWarning]:
+    """Warn about faces that intersect others; `fraction` is their area fraction."""
+    if count:
+        yield MeshWarning(
+            Trust.NO if fraction > SELF_INTERSECTING else Trust.CARE,
+            f"faces that intersect others: {count:,}, {100.0 * fraction:.2g} % of the area: "
+            "contacts there may be inside the object",
+        )
+
+
+def _count_parts(surface: Triangles) -> tuple[int, int]:
+    """Return (bodies, cavities); cavities are parts of a closed surface oriented inward."""
+    faces = surface.faces
+    volumes = part_volumes(surface.vertices, faces, parts_of(faces))
+    solid = is_closed(faces) and (volumes > 0.0).any()
+    cavities = int((volumes < 0.0).sum()) if solid else 0
+    return len(volumes) - cavities, cavities
+
+
+def _body_warnings(bodies: int) -> Iterator[MeshWarning]:
+    """Warn about bodies that are not connected."""
+    if bodies > 1:
+        yield MeshWarning(
+            Trust.CARE,
+            f"separate bodies: {bodies}, treated as one rigid object: the contacts of a grasp may "
+            "be on different bodies",
+        )
+
+
+def _stray_warnings(surface: Triangles) -> Iterator[MeshWarning]:
+    """Warn about small distant parts, which make the object larger."""
+    part, areas = parts_of(surface.faces), surface.areas
+    stray = np.bincount(part, areas)[part] <= STRAY * areas.sum()
+    if not stray.any() or stray.all():
+        return
+    whole, rest = (
+        float(np.linalg.norm(np.ptp(surface.vertices[chosen].reshape(-1, 3), axis=0)))
+        for chosen in (surface.faces, surface.faces[~stray])
+    )
+    if whole > LARGER * rest:
+        percent = 100.0 * areas[stray].sum() / areas.sum()
+        yield MeshWarning(
+            Trust.NO if whole > FAR_LARGER * rest else Trust.CARE,
+            f"stray parts: {len(np.unique(part[stray]))}, {percent:.2g} % of the area: they make "
+            f"the object {whole / rest:.3g} times larger; remove them",
+        )
+
+
+def _noise_warnings(surface: Triangles, mesh: ObjectMesh, noise: float) -> Iterator[MeshWarning]:
+    """Warn about inaccurate normals of a rough surface, and suggest a patch radius."""
+    given = mesh.options.patch_radius / mesh.size
+    radius = _smoothing_radius(surface, noise)
+    if noise <= ROUGH or given >= radius:
+        return
+    message = (
+        f"the surface is rough: its normals have errors of about {math.degrees(noise):.2g} degrees"
+    )
+    if radius > LARGEST_PATCH or not _has_direction(surface, radius):
+        remedy = "smooth or remesh it; it is too rough or too coarse for a patch radius"
+    else:
+        digits = 1 - math.floor(math.log10(radius * mesh.size))
+        rounded = math.ceil(radius * mesh.size * 10.0**digits) / 10.0**digits
+        remedy = f"try a patch radius of {rounded:g} (--patch-radius)"
+        if given > 0.0:
+            remedy += f"; {mesh.options.patch_radius:g} is too small"
+    yield MeshWarning(Trust.CARE, f"{message}; {remedy}")
+
+
+def _smoothing_radius(surface: Triangles, noise: float) -> float:
+    """Return the patch radius at which the mean of independent errors is small enough."""
+    vertices = (noise / SMOOTH) ** 2
+    area = float(surface.areas.sum()) / len(surface.used)
+    return math.sqrt(vertices * area / math.pi)
+
+
+def _has_direction(surface: Triangles, radius: float) -> bool:
+    """Return whether patches of a radius are flat enough to have a normal."""
+    sources = surface.used[:: max(1, len(surface.used) // PROBES)]
+    vectors, areas = patch_areas(surface_net(surface), sources, radius)
+    return bool(np.median(np.linalg.norm(vectors, axis=1) / areas) > FLATNESS)

@@ -1,0 +1,80 @@
+"""What a model says about contacts, as text: friction, normals and locations with their errors."""
+
+import math
+
+from grasp3d.settings import GraspModel
+from grasp3d.settings.lengths import AnyLength, Unit, small_length
+from grasp3d.settings.uncertainty import Uncertainty
+
+
+def friction_text(model: GraspModel) -> str:
+    """Friction as text: '0.5', or '0.4 to 0.6' for an interval.
+
+    Args:
+        model: The model.
+
+    Example:
+        >>> import grasp3d
+        >>> from grasp3d.settings.model_text import friction_text
+        >>> print(friction_text(grasp3d.GraspModel(friction=(0.4, 0.6))))
+        0.4 to 0.6
+    """
+    return _interval(model.friction_interval)
+
+
+def error_texts(model: GraspModel, unit: Unit | None = None) -> list[str]:
+    """Errors of normals and contact locations as texts, then what differs among the fingers.
+
+    Args:
+        model: The model.
+        unit: Unit of lengths without one; None: not known.
+
+    Example:
+        >>> import grasp3d
+        >>> from grasp3d.settings.model_text import error_texts
+        >>> fingers = "normal_error=2, location_error=1mm; friction=0.3..0.4"
+        >>> print(*error_texts(grasp3d.GraspModel(location_error="2mm", per_finger=fingers)))
+        locations ± 2 mm finger 1: normals ± 2°, locations ± 1 mm more finger 2: friction 0.3 to 0.4
+    """
+    texts = _errors(model.normal_error, model.location_error, unit)
+    for number, own in enumerate(model.per_finger, 1):
+        if own != Uncertainty():
+            texts.append(f"finger {number}: {', '.join(_own(own, unit))}")
+    return texts
+
+
+def model_line(model: GraspModel, unit: Unit | None = None) -> str:
+    """Friction, resolution and errors in one line.
+
+    Args:
+        model: The model.
+        unit: Unit of lengths without one; None: not known.
+
+    Example:
+        >>> import grasp3d
+        >>> from grasp3d.settings.model_text import model_line
+        >>> print(model_line(grasp3d.GraspModel(sensor_resolution=0.2, location_error="1mm")))
+        μ 0.5, α 11.46°, locations ± 1 mm
+    """
+    resolution = f"α {math.degrees(model.sensor_resolution):.4g}°"
+    return ", ".join([f"μ {friction_text(model)}", resolution, *error_texts(model, unit)])
+
+
+def _own(own: Uncertainty, unit: Unit | None) -> list[str]:
+    """What one finger adds to the model, and the friction that replaces the model's."""
+    added = _errors(own.normal_error, own.location_error, unit)
+    if own.sensor_resolution:
+        added.insert(0, f"α {math.degrees(own.sensor_resolution):.4g}°")
+    texts = [f"{', '.join(added)} more"] if added else []
+    return [*texts, f"friction {_interval(own.friction)}"] if own.friction else texts
+
+
+def _errors(normal: float, location: AnyLength, unit: Unit | None) -> list[str]:
+    texts = [f"normals ± {math.degrees(normal):.4g}°"] if normal else []
+    if location:
+        texts.append(f"locations ± {small_length(location, unit)}")
+    return texts
+
+
+def _interval(ends: tuple[float, float]) -> str:
+    return " to ".join(dict.fromkeys(f"{end:.4g}" for end in ends))

@@ -1,0 +1,52 @@
+"""Settings of noisy copies of a scan."""
+
+import math
+from dataclasses import dataclass
+
+from grasp3d.errors import SettingError
+from grasp3d.settings import whole_number
+from grasp3d.settings.checks import check_length, check_range, check_seed
+from grasp3d.settings.lengths import Length, LengthSettings, comparable, describe_length
+
+MAX_COPIES = 10_000
+
+
+@dataclass(frozen=True)
+class NoiseSettings(LengthSettings):
+    """The noise of a scan, and how many copies with such noise are made.
+
+    A length is a number in the mesh's unit, or has a unit: '0.5mm', '0.0005 m'.
+
+    Attributes:
+        noise: Standard deviation of the errors along the normals, a length; none: estimated from
+            the roughness of the surface.
+        correlation: Distance over which the errors of neighbours are alike, a length: the
+            correlation falls to 61 % at this distance and to 14 % at twice of it. 0: white noise,
+            every vertex has its own error.
+        copies: Number of copies, from 2.
+        level: Fraction of the copies in which what is S must be S, above 0.5 and below 1.
+        seed: Seed of the noise; the same seed gives the same copies.
+
+    Example:
+        >>> from grasp3d.validating.perturbing import NoiseSettings
+        >>> NoiseSettings(noise="0.3mm", correlation="2mm", copies=200).noise
+        '0.3 mm'
+    """
+
+    noise: Length[float | None] = Length(None)
+    correlation: Length[float] = Length(0.0)
+    copies: int = 50
+    level: float = 0.95
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.noise is not None:
+            check_length("noise", self.noise, above=True)
+        if not all(0.0 <= number < math.inf for number in comparable(self.correlation) or ()):
+            length = describe_length(self.correlation)
+            raise SettingError(f"correlation must be a finite length at least 0; got {length}")
+        if whole_number("copies", self.copies, 2) > MAX_COPIES:
+            raise SettingError(f"copies must be at most {MAX_COPIES:,}; got {self.copies:,}")
+        check_range("level", self.level, 0.5, 1.0, ends="()")
+        check_seed("noise seed", self.seed)

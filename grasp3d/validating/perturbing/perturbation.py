@@ -1,0 +1,82 @@
+"""Result of labelling noisy copies of a scan."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from grasp3d.arrays import Floats, short_repr
+from grasp3d.mesh.object_mesh import ObjectMesh
+from grasp3d.settings import GraspModel
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.validating.perturbing.advice import Advice
+from grasp3d.validating.perturbing.noise_settings import NoiseSettings
+
+
+@dataclass(frozen=True, eq=False)
+class Perturbation:
+    """Labels of noisy copies of a surface, vertex by vertex, and the errors to enter for it.
+
+    Arrays have one row for each vertex of `labels.mesh`, (V,). S, M and U of a copy are those of
+    the best grasp that is found there, not of one grasp in all copies; `kept` is about one grasp.
+    """
+
+    labels: SurfaceLabels
+    """The labels of the surface itself, without further errors."""
+    settings: NoiseSettings
+    """How the copies were made; `noise` is a number here, in the mesh's unit."""
+    estimated: bool
+    """Whether the noise was estimated from the surface's roughness."""
+    stable: Floats
+    """Fraction of the copies that are S."""
+    ambiguous: Floats
+    """Fraction of the copies that are M."""
+    unstable: Floats
+    """Fraction of the copies in which no grasp was found, U."""
+    kept: Floats
+    """Fraction of the copies in which the surface's own best grasp, with contacts at the same
+    surface points, is S; nan where it has none."""
+    critical_angle_low: Floats
+    """Critical friction angle of the copies [rad]: the value that a fraction 1 - `settings.level`
+    of them does not exceed; inf: no grasp."""
+    critical_angle_high: Floats
+    """The value that a fraction `settings.level` of the copies does not exceed [rad]."""
+    normal_turn: Floats
+    """Angle by which the normal turned, at the same level [rad]."""
+    shift: Floats
+    """How far the vertex moved, at the same level, in the mesh's unit."""
+    shift_across: float
+    """How far contacts moved across the line between them, at the same level over area and copies,
+    in the mesh's unit; for three fingers and more, how far vertices moved."""
+    confirmed_fraction: float
+    """Area fraction of what is S in the copies whose grasp is S on the surface itself. Noise that
+    makes normals look opposed is found by the search, so it is smaller than for given grasps."""
+    advice: Advice
+    """The errors to enter, and how they were checked."""
+
+    __repr__ = short_repr
+
+    @property
+    def mesh(self) -> ObjectMesh:
+        """The surface."""
+        return self.labels.mesh
+
+    @property
+    def model(self) -> GraspModel:
+        """The model with the errors to enter; see `Advice.passed`.
+
+        Raises:
+            SettingError: The normal error is 90 degrees or more.
+        """
+        advice = self.advice
+        return replace(
+            self.labels.model,
+            normal_error=advice.normal_error,
+            location_error=advice.location_error,
+        )
+
+    def columns(self) -> dict[str, Any]:
+        """Arrays over the vertices by the names that they have in files, (V,) each."""
+        names = (
+            "stable", "ambiguous", "unstable", "kept", "critical_angle_low", "critical_angle_high",
+            "normal_turn", "shift",
+        )  # fmt: skip
+        return {name: getattr(self, name) for name in names}

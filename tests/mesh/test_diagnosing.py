@@ -1,0 +1,226 @@
+"""Diagnoses of meshes with known defects."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from grasp3d import GraspModel, Sampling, check_mesh
+from grasp3d.errors import MeshError
+from grasp3d.mesh.diagnosis import MeshDiagnosis, Trust, length_warnings
+from grasp3d.mesh.diagnosis.diagnosing import self_intersection_warnings
+from tests.helpers import shapes
+from tests.helpers.shapes import Surface
+
+
+def written(folder: Path, surface: Surface, name: str = "part.ply") -> Path:
+    trimesh.Trimesh(*surface, process=False).export(folder / name)
+    return folder / name
+
+
+def test_a_sound_mesh_has_no_warnings(tmp_path: Path) -> None:
+    found = check_mesh(written(tmp_path, shapes.box((0.04, 0.06, 0.08))), unit="m")
+    assert found.trust is Trust.YES
+    assert found.warnings == found.repairs == ()
+    assert found.before == found.after
+    assert found.after.closed
+    assert (found.after.boundary_edges, found.after.crowded_edges) == (0, 0)
+    assert found.after.volume == pytest.approx(0.04 * 0.06 * 0.08)
+    assert found.after.area == pytest.approx(2.0 * (24e-4 + 32e-4 + 48e-4))
+    assert found.after.center_mass == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+    assert found.extents == pytest.approx((0.04, 0.06, 0.08))
+    assert (found.crossing_faces, found.self_intersecting_fraction, found.bodies) == (0, 0.0, 1)
+    assert found.noise < math.radians(0.5)
+    assert (found.manifold, found.unit, found.guess.unit) == ("NoError", "m", "m")
+    assert found.file_bytes == (tmp_path / "part.ply").stat().st_size
+    assert found.label_vertices > found.after.vertices  # long edges are divided
+    assert 0.2 < found.cost.memory < 0.5
+    assert found.cost.seconds > 0.0
+
+
+def test_an_inside_out_mesh_has_a_negative_volume_before_repair_and_not_after(
+    tmp_path: Path,
+) -> None:
+    vertices, faces = shapes.sphere(3)
+    found = check_mesh(written(tmp_path, (vertices, faces[:, ::-1])))
+    assert found.before.volume is not None
+    assert found.after.volume == pytest.approx(-found.before.volume)
+    assert found.before.volume < 0.0
+    assert [step.name for step in found.repairs] == ["inverted"]
+    assert found.trust is Trust.YES
+
+
+def test_repair_none_keeps_the_orientation_and_warns(tmp_path: Path) -> None:
+    vertices, faces = shapes.sphere(2)
+    found = check_mesh(written(tmp_path, (vertices, faces[:, ::-1])), repair="none")
+    assert found.after.volume == found.before.volume
+    assert found.trust is not Trust.YES
+
+
+@pytest.mark.parametrize(("left_out", "trust"), [(8, Trust.CARE), (200, Trust.NO)])
+def test_the_area_of_holes_decides_the_trust(tmp_path: Path, left_out: int, trust: Trust) -> None:
+    vertices, faces = shapes.sphere(3)
+    height = vertices[faces].mean(axis=1)[:, 2]
+    kept = faces[np.argsort(height)[: len(faces) - left_out]]
+    path = written(tmp_path, (vertices, kept))
+    found = check_mesh(path)
+    assert found.trust is trust
+    assert found.after.volume is None
+    assert found.after.boundary_edges > 0
+    assert any("--repair full" in warning.message for warning in found.warnings)
+    assert found.manifold == "NotManifold"
+    repaired = check_mesh(path, repair="full")
+    assert repaired.after.closed
+    assert repaired.manifold == "NoError"
+    assert repaired.trust is trust  # the filling is a guess
+    assert any("closed by repair with a guess" in warning.message for warning in repaired.warnings)
+
+
+def test_a_sheet_without_interior_is_not_trusted(tmp_path: Path) -> None:
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    found = check_mesh(written(tmp_path, (vertices, np.array([[0, 1, 2], [0, 2, 1]])), "a.off"))
+    assert found.trust is Trust.NO
+
+
+def test_a_self_intersecting_surface_has_a_warning(tmp_path: Path) -> None:
+    vertices, faces = shapes.torus(1.0, 0.3)
+    folded = vertices.copy()
+    folded[:, 0] = np.abs(folded[:, 0] + 0.2) - 0.2  # one half folded into the other
+    found = check_mesh(written(tmp_path, (folded, faces)), repair="none")
+    assert found.crossing_faces > 0
+    assert 0.0 < found.self_intersecting_fraction < 1.0
+    assert any("intersect others" in warning.message for warning in found.warnings)
+
+
+@pytest.mark.parametrize(
+    ("count", "fraction", "trust"), [(0, 0.0, []), (5, 0.05, [Trust.CARE]), (5, 0.2, [Trust.NO])]
+)
+def test_the_self_intersecting_area_decides_the_trust(
+    count: int, fraction: float, trust: list[Trust]
+) -> None:
+    assert [warning.trust for warning in self_intersection_warnings(count, fraction)] == trust
+
+
+def test_degenerate_faces_do_not_open_a_surface(tmp_path: Path) -> None:
+    vertices, faces = shapes.box()
+    found = check_mesh(written(tmp_path, (vertices, np.append(faces, [[0, 0, 1]], axis=0))))
+    assert found.before.closed
+    assert (found.before.faces, found.after.faces) == (13, 12)
+
+
+def noisy(surface: Surface, deviation: float) -> Surface:
+    vertices, faces = surface
+    noise = np.random.default_rng(5).normal(0.0, deviation, len(vertices))
+    return vertices * (1.0 + noise)[:, None], faces
+
+
+def noise_messages(found: MeshDiagnosis) -> list[str]:
+    messages = [warning.message for warning in found.warnings]
+    return [message for message in messages if "the surface is rough" in message]
+
+
+@pytest.mark.slow
+def test_a_rough_surface_has_a_warning_with_a_sufficient_patch_radius(tmp_path: Path) -> None:
+    path = written(tmp_path, noisy(shapes.sphere(4), 0.007))
+    found = check_mesh(path)
+    assert found.trust is Trust.CARE
+    (message,) = noise_messages(found)
+    radius = float(message.split(" patch radius of ")[1].split()[0])
+    assert 0.02 < radius / found.size < 0.1
+    assert check_mesh(path, patch_radius=radius).trust is Trust.YES
+    (small,) = noise_messages(check_mesh(path, patch_radius=0.5 * radius))
+    assert f"try a patch radius of {radius:g}" in small
+    assert "is too small" in small
+
+
+@pytest.mark.slow
+def test_a_surface_too_rough_for_a_patch_has_another_warning(tmp_path: Path) -> None:
+    (rough,) = noise_messages(check_mesh(written(tmp_path, noisy(shapes.sphere(4), 0.03))))
+    assert "smooth or remesh it" in rough
+    vertices, faces = shapes.torus(1.0, 0.03)  # a ring of wire, thinner than any patch
+    noise = np.random.default_rng(2).normal(0.0, 0.001, vertices.shape)
+    (thin,) = noise_messages(check_mesh(written(tmp_path, (vertices + noise, faces))))
+    assert "smooth or remesh it" in thin
+
+
+def test_separate_bodies_have_a_warning_and_cavities_have_none(tmp_path: Path) -> None:
+    vertices, faces = shapes.sphere(2, 0.05)
+    two = np.concatenate([vertices, vertices + 0.2]), np.concatenate([faces, faces + len(vertices)])
+    found = check_mesh(written(tmp_path, two))
+    assert (found.bodies, found.cavities, found.trust) == (2, 0, Trust.CARE)
+    assert any("separate bodies: 2," in warning.message for warning in found.warnings)
+    hollow = (
+        np.concatenate([vertices, 0.5 * vertices]),
+        np.concatenate([faces, faces[:, ::-1] + len(vertices)]),
+    )
+    found = check_mesh(written(tmp_path, hollow))
+    assert (found.bodies, found.cavities, found.trust) == (1, 1, Trust.YES)
+
+
+@pytest.mark.parametrize(("distance", "trust"), [(0.2, Trust.CARE), (10.0, Trust.NO)])
+def test_stray_parts_that_enlarge_the_object_have_a_warning(
+    tmp_path: Path, distance: float, trust: Trust
+) -> None:
+    vertices, faces = shapes.sphere(3, 0.05)
+    small = 0.01 * vertices + distance
+    both = np.concatenate([vertices, small]), np.concatenate([faces, faces + len(vertices)])
+    found = check_mesh(written(tmp_path, both))
+    assert found.trust is trust
+    assert any("stray parts: 1," in warning.message for warning in found.warnings)
+
+
+@pytest.mark.parametrize(
+    ("lengths", "expected"),
+    [
+        ({"max_opening": 80.0}, "max_opening is 80 m, 1,000 times the object's size"),
+        ({"max_opening": 0.0004}, "max_opening is 0.0004 m, 1/200 of"),
+        ({"min_opening": 0.1}, "min_opening is 0.1 m, 1.25 times"),
+        ({"max_opening": 0.05}, ""),
+        ({"max_opening": 0.3}, ""),
+        ({}, ""),
+    ],
+)
+def test_lengths_in_another_unit_have_a_warning(lengths: dict[str, float], expected: str) -> None:
+    sampling = Sampling(**lengths)  # type: ignore[arg-type]
+    messages = length_warnings(sampling.lengths(), 0.08, "m")
+    if not expected:
+        assert not messages
+        return
+    (message,) = messages
+    assert expected in message
+    assert "are in m" in message
+
+
+def test_warnings_about_lengths_mention_an_unstated_unit() -> None:
+    model = GraspModel(torsion_radius=5.0)
+    (message,) = length_warnings(model.lengths(), 0.08, None)
+    assert "which is not stated" in message
+
+
+def test_a_mesh_that_cannot_be_loaded_cannot_be_checked(tmp_path: Path) -> None:
+    (tmp_path / "empty.stl").write_bytes(b"")
+    with pytest.raises(MeshError, match="is empty"):
+        check_mesh(tmp_path / "empty.stl")
+
+
+def test_more_fingers_cost_more(tmp_path: Path) -> None:
+    path = written(tmp_path, shapes.box())
+    two, three = (check_mesh(path, model=GraspModel(fingers=n)).cost for n in (2, 3))
+    assert three.seconds > two.seconds
+    assert three.memory > two.memory
+
+
+def test_the_diagnosis_does_not_depend_on_position_and_scale(tmp_path: Path) -> None:
+    vertices, faces = shapes.torus(1.0, 0.3)
+    kept = faces[5:]
+    found = check_mesh(written(tmp_path, (vertices, kept)))
+    moved = check_mesh(
+        written(tmp_path, (1000.0 * vertices @ shapes.rotation(3).T + 500.0, kept), "moved.ply")
+    )
+    assert moved.trust is found.trust
+    assert moved.size == pytest.approx(1000.0 * found.size)
+    assert moved.after.area == pytest.approx(1e6 * found.after.area)
+    assert moved.noise == pytest.approx(found.noise, abs=1e-4)
+    assert len(moved.warnings) == len(found.warnings)

@@ -1,0 +1,33 @@
+"""Meanings of values that depend on the model."""
+
+from typing import get_args
+
+import pytest
+
+from grasp3d import GraspModel
+from grasp3d.settings.grasp_model import Tilts
+from grasp3d.settings.meanings import MINIMUM, epsilon_min_text
+
+BOUND = "lower bound of epsilon over all uncertainties"
+
+
+def test_every_way_to_compute_the_minimum_has_a_meaning() -> None:
+    assert set(MINIMUM) == set(get_args(Tilts))
+    assert len(set(MINIMUM.values())) == len(MINIMUM)
+
+
+@pytest.mark.parametrize(
+    ("model", "meaning"),
+    [
+        (GraspModel(), "smallest epsilon over the tilts"),
+        (GraspModel(edges=8), "epsilon at the effective friction"),
+        (GraspModel(torsion_radius=0.01), "smallest epsilon over sampled tilts"),
+        (GraspModel(location_error="1 mm"), "lower bound of epsilon over all uncertainties"),
+        (
+            GraspModel(per_finger="; location_error=1mm"),
+            "lower bound of epsilon over all uncertainties",
+        ),
+    ],
+)
+def test_the_minimum_is_called_a_bound_where_it_is_one(model: GraspModel, meaning: str) -> None:
+    assert epsilon_min_text(model) == f"ε_min: {meaning}"

@@ -1,0 +1,252 @@
+import csv
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grasp3d import GraspModel
+from grasp3d.errors import OutputError, SearchCoverageError, SettingError
+from grasp3d.planar import Circle, square
+from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles, SphereAngles
+from grasp3d.surface.sweeps import Sweep, mean_sweep, sweep, write_sweeps
+from tests.helpers import shapes
+from tests.stability.test_angle_distributions import labelled, sampled
+
+frictions = st.lists(st.floats(0.05, 3.0), min_size=1, max_size=4)
+resolutions = st.lists(st.floats(0.0, 3.0), min_size=1, max_size=6)
+SPHERE = sweep(
+    SphereAngles(),
+    friction=[0.2, 1.0],
+    sensor_resolution=np.radians([0.0, 22.6, 60.0]),
+    name="sphere",
+    mode="scan",
+)
+
+
+def every() -> st.SearchStrategy[AngleDistribution]:
+    closed: list[AngleDistribution] = [SphereAngles(), Circle(), square()]
+    return st.one_of(sampled(), st.sampled_from(closed))
+
+
+@pytest.mark.slow
+@given(every(), frictions, resolutions)
+def test_stability_falls_with_resolution_and_grows_with_friction(
+    angles: AngleDistribution, friction: list[float], resolution: list[float]
+) -> None:
+    swept = sweep(angles, friction=friction, sensor_resolution=resolution)
+    assert swept.stable.shape == (len(set(friction)), len(set(resolution)))
+    total = swept.stable + swept.ambiguous + swept.unstable
+    assert total == pytest.approx(np.ones_like(total), abs=1e-12)
+    assert (np.diff(swept.stable, axis=1) <= 1e-12).all()
+    assert (np.diff(swept.ambiguous, axis=1) >= -1e-12).all()
+    assert (np.diff(swept.stable, axis=0) >= -1e-12).all()
+    assert (np.diff(swept.unstable, axis=0) <= 1e-12).all()
+    assert (swept.accuracy_ceiling >= 0.5 - 1e-12).all()
+    assert (swept.accuracy_ceiling <= 1.0 + 1e-12).all()
+    for fraction in (0.3, 1.0):
+        assert (np.diff(swept.required_resolution(fraction)) >= 0.0).all()
+
+
+@given(every(), frictions, resolutions)
+def test_each_entry_of_the_grid_agrees_with_the_distribution(
+    angles: AngleDistribution, friction: list[float], resolution: list[float]
+) -> None:
+    swept = sweep(angles, friction=friction, sensor_resolution=resolution)
+    assert swept.friction.tolist() == sorted(set(friction))
+    assert swept.sensor_resolution.tolist() == sorted(set(resolution))
+    for row, mu in enumerate(swept.friction):
+        for column, alpha in enumerate(swept.sensor_resolution):
+            alone = angles.fractions(friction=float(mu), sensor_resolution=float(alpha))
+            swept_values = (swept.stable, swept.ambiguous, swept.unstable)
+            found = [values[row, column] for values in swept_values]
+            assert found == pytest.approx(list(alone.values()), abs=1e-12)  # arctan of arrays
+
+
+@pytest.mark.parametrize(("name", "shape"), [("circle", Circle), ("square", square)])
+def test_the_circle_and_the_square_have_the_reference_fractions(name: str, shape: Any) -> None:
+    cases = json.loads(shapes.shared("reference", "planar.json").read_text("ascii"))[name]
+    assert len(cases) > 20
+    for case in cases:
+        swept = sweep(
+            shape(), friction=case["mu"], sensor_resolution=math.radians(case["alpha_deg"])
+        )
+        found = (swept.stable, swept.ambiguous, swept.unstable, swept.accuracy_ceiling)
+        ceiling = case["S"] + case["U"] + case["M"] / 2.0
+        assert [values.item() for values in found] == pytest.approx(
+            [case["S"], case["M"], case["U"], ceiling], abs=2e-6
+        )
+
+
+def test_the_required_resolution_of_the_circle_agrees_with_its_formula() -> None:
+    """Twice (beta - alpha/2) / pi is S."""
+    swept = sweep(Circle(), friction=[0.2, 0.5, 1.0], sensor_resolution=0.0)
+    for fraction in (0.1, 0.25):
+        expected = np.maximum(0.0, 2.0 * np.arctan(swept.friction) - math.pi * fraction)
+        assert swept.required_resolution(fraction) == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_required_resolution_is_0_where_no_sensor_is_fine_enough() -> None:
+    assert SPHERE.required_resolution(0.4).tolist() == [
+        0.0,
+        pytest.approx(2.0 * (math.pi / 4.0 - math.asin(math.sqrt(0.4)))),
+    ]
+
+
+@pytest.mark.slow
+@settings(deadline=None)
+@given(st.lists(every(), min_size=1, max_size=4), frictions, resolutions)
+def test_the_mean_gives_every_surface_the_same_weight(
+    parts: list[AngleDistribution], friction: list[float], resolution: list[float]
+) -> None:
+    sweeps = [sweep(part, friction=friction, sensor_resolution=resolution) for part in parts]
+    mean = mean_sweep(sweeps, name="mean")
+    for field in ("stable", "ambiguous", "unstable", "accuracy_ceiling"):
+        expected = np.mean([getattr(one, field) for one in sweeps], axis=0)
+        assert getattr(mean, field) == pytest.approx(expected, abs=1e-12)
+    needed = mean.required_resolution(0.5)
+    each = np.array([one.required_resolution(0.5) for one in sweeps])
+    assert (needed <= each.max(axis=0) + 1e-9).all()
+    assert (needed >= each.min(axis=0) - 1e-9).all()
+
+
+def test_the_mean_needs_the_same_grid() -> None:
+    other = sweep(SphereAngles(), friction=0.3, sensor_resolution=0.1, name="odd", mode="scan")
+    with pytest.raises(SettingError, match="'odd' differs from 'sphere'"):
+        mean_sweep([SPHERE, other])
+    with pytest.raises(SettingError, match="at least one"):
+        mean_sweep([])
+
+
+@pytest.mark.slow
+def test_a_swept_surface_has_the_fractions_of_its_labels() -> None:
+    labels = labelled("bowl.ply")
+    swept = sweep(
+        labels.angle_distribution(),
+        friction=(0.2, 1.0),
+        sensor_resolution=np.radians([0.0, 22.6, 60.0]),
+    )
+    for row, friction in enumerate(swept.friction):
+        for column, resolution in enumerate(swept.sensor_resolution):
+            again = labels.relabel(friction=friction, sensor_resolution=resolution).fractions()
+            assert swept.stable[row, column] == pytest.approx(again["S"], abs=1e-12)
+            assert swept.unstable[row, column] == pytest.approx(again["U"], abs=1e-12)
+
+
+def test_settings_out_of_range_are_refused() -> None:
+    for friction, resolution, message in (
+        (0.0, 0.1, "friction must be"),
+        (math.inf, 0.1, "friction must be a finite"),
+        (math.nan, 0.1, "friction must be a finite"),
+        (0.5, -0.1, "sensor resolution must be"),
+        (0.5, math.pi, "below 180 degrees"),
+        ([], 0.1, "no friction to sweep over"),
+        (0.5, [], "no sensor resolution to sweep over"),
+    ):
+        with pytest.raises(SettingError, match=message):
+            sweep(SphereAngles(), friction=friction, sensor_resolution=resolution)
+    with pytest.raises(SettingError, match="fraction must be"):
+        SPHERE.required_resolution(0.0)
+
+
+def test_a_grid_beyond_what_was_searched_is_refused() -> None:
+    model = GraspModel(friction=0.5, sensor_resolution=0.2)
+    narrow = model.friction_angle + model.tilt
+    angles = SampledAngles(np.array([0.1]), np.array([0.1]), np.array([1.0]), limit=narrow)
+    assert sweep(angles, friction=[0.1, 0.5], sensor_resolution=[0.0, 0.2]).stable.shape == (2, 2)
+    with pytest.raises(SearchCoverageError, match="searched only up to 32"):
+        sweep(angles, friction=[0.1, 0.5], sensor_resolution=[0.0, 0.3])
+
+
+def test_results_cannot_be_written_to() -> None:
+    for field in ("friction", "sensor_resolution", "stable", "ambiguous", "unstable"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(SPHERE, field)[...] = 0.0
+
+
+def rows_of(swept: Sweep) -> list[dict[str, Any]]:
+    """The table's expected rows."""
+    return [
+        {
+            "name": swept.name,
+            "mode": swept.mode,
+            "friction": friction,
+            "sensor_resolution": resolution,
+            "stable": swept.stable[row, column],
+            "ambiguous": swept.ambiguous[row, column],
+            "unstable": swept.unstable[row, column],
+            "accuracy_ceiling": swept.accuracy_ceiling[row, column],
+            "required_resolution_20": swept.required_resolution(0.2)[row],
+            "required_resolution_12.5": swept.required_resolution(0.125)[row],
+            "friction_error": 0.0,
+            "normal_error": 0.0,
+            "location_error": 0.0,
+            "unit": "",
+            "error": "",
+        }
+        for row, friction in enumerate(swept.friction.tolist())
+        for column, resolution in enumerate(swept.sensor_resolution.tolist())
+    ]
+
+
+def test_parquet_contains_the_fractions_the_failures_and_the_settings(tmp_path: Path) -> None:
+    path = tmp_path / "sweep.parquet"
+    circle = sweep(Circle(), friction=0.5, sensor_resolution=0.1, name="circle", mode="scan")
+    write_sweeps(
+        path,
+        [SPHERE, circle],
+        fractions=(0.2, 0.125),
+        failures={"bad.stl": "no triangles"},
+        settings={"rays": 64},
+    )
+    table = pq.read_table(path)
+    assert json.loads(table.schema.metadata[b"grasp3d"]) == {"rays": 64}
+    *rows, failed = table.to_pylist()
+    assert rows == [*rows_of(SPHERE), *rows_of(circle)]
+    assert (failed.pop("name"), failed.pop("error")) == ("bad.stl", "no triangles")
+    assert set(failed.values()) == {None}
+
+
+def test_csv_contains_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "sweep.CSV"
+    write_sweeps(path, [SPHERE], fractions=(0.2, 0.125), failures={"a, b": 'called "c"'})
+    with path.open(encoding="utf-8", newline="") as file:
+        *rows, failed = csv.DictReader(file)
+    expected = rows_of(SPHERE)
+    assert len(rows) == len(expected)
+    for row, known in zip(rows, expected, strict=True):
+        assert list(row) == list(known)
+        for column, value in known.items():
+            assert (row[column] if isinstance(value, str) else float(row[column])) == value
+    assert (failed["name"], failed["error"], failed["stable"]) == ("a, b", 'called "c"', "")
+
+
+def test_unknown_suffixes_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"supported are \.csv \.parquet"):
+        write_sweeps(tmp_path / "sweep.xlsx", [SPHERE])
+    with pytest.raises(SettingError, match="fraction must be"):
+        write_sweeps(tmp_path / "sweep.csv", [SPHERE], fractions=(2.0,))
+    with pytest.raises(OutputError, match="cannot be written"):
+        write_sweeps(tmp_path / "nowhere" / "sweep.csv", [SPHERE])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_mean_is_limited_to_what_every_surface_was_searched_for() -> None:
+    far, near = (
+        sweep(
+            SampledAngles(np.array([0.1]), np.array([0.1]), np.array([1.0]), limit=limit),
+            friction=0.2,
+            sensor_resolution=0.1,
+        )
+        for limit in (1.0, 0.3)
+    )
+    for pair in ([far, near], [near, far]):
+        mean = mean_sweep(pair)
+        assert mean.distribution.limit == 0.3
+        with pytest.raises(SearchCoverageError):
+            sweep(mean.distribution, friction=0.5, sensor_resolution=0.1)
