@@ -1,9 +1,11 @@
-"""Kernels are compiled once, before several processes run the tests."""
+"""What all tests share: kernels compiled once, files whose libraries are missing passed over."""
 
 import os
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,6 +16,9 @@ WORK = (
     "compile_forces(); compile_kernels(2, True)",
 )
 """What most tests need, for two processes; in this order each finds what the other has made."""
+
+LIBRARIES = {"duckdb", "fcl", "h5py", "nbformat", "pandas", "plyfile", "polars", "sybil", "yaml"}
+"""What files of tests import, of the extra `test`; without it they are passed over, not in CI."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -32,6 +37,23 @@ def pytest_configure(config: pytest.Config) -> None:
         failed = [process.wait() for process in processes]
         if any(failed):
             raise pytest.UsageError("the kernels could not be compiled, see above")
+
+
+class PassedOver(pytest.Module):
+    """A file of tests, passed over where one of the LIBRARIES is missing."""
+
+    def collect(self) -> Iterable[pytest.Item | pytest.Collector]:
+        try:
+            return super().collect()
+        except self.CollectError as error:
+            missing = getattr(error.__cause__, "name", None)
+            if missing not in LIBRARIES or os.environ.get("CI"):
+                raise
+            pytest.skip(f"needs {missing}, of the extra `test`", allow_module_level=True)
+
+
+def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> PassedOver:
+    return PassedOver.from_parent(parent, path=module_path)
 
 
 @pytest.hookimpl(optionalhook=True)
