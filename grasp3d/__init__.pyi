@@ -20,7 +20,7 @@ from .hand.approach import Approach as Approach
 from .hand.hand_files import read_hand as read_hand
 from .hand.parallel_gripper import ParallelGripper as ParallelGripper
 from .hand.table import Table as Table
-from .mesh.diagnosis.diagnosing import check_mesh as check_mesh
+from .mesh.diagnosis import check_mesh as check_mesh
 from .mesh.object_mesh import ObjectMesh as ObjectMesh
 from .mesh.preparing import load_mesh as load_mesh
 from .physics.simulate import simulate_grasps as simulate_grasps

@@ -10,7 +10,7 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.storage import local_copy
 from grasp3d.errors import GraspError
-from grasp3d.mesh.diagnosis.mesh_diagnosis import MeshDiagnosis, Trust
+from grasp3d.mesh.diagnosis import MeshDiagnosis, Trust
 from grasp3d.settings.parsing import plain_values
 from grasp3d.system.files import atomic_write
 from grasp3d.system.tables import write_table

@@ -13,7 +13,7 @@ from grasp3d.cli.report import CHECK_HINT, angle_text, escaped
 from grasp3d.cli.uncertainty_report import MARGIN, is_uncertain, margin_text
 from grasp3d.grasps.verdict import Word
 from grasp3d.settings import GraspModel
-from grasp3d.settings.meanings import EPSILON_MIN, SAFE_LABELS, epsilon_min_text
+from grasp3d.settings.model_text import EPSILON_MIN, SAFE_LABELS, epsilon_min_text
 from grasp3d.stability.label import MEANING
 from grasp3d.system.counts import noun
 

@@ -79,7 +79,7 @@ class Check:
         from grasp3d.batch.storage import local_path
         from grasp3d.cli import check_report
         from grasp3d.cli.existing_files import check_replaceable
-        from grasp3d.mesh.diagnosis.mesh_diagnosis import Trust
+        from grasp3d.mesh.diagnosis import Trust
         from grasp3d.system.files import check_suffix, check_writable
 
         files = find_meshes(self.inputs)

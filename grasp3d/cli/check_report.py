@@ -8,7 +8,7 @@ from rich.table import Table
 
 from grasp3d.batch.checking import CheckedMesh
 from grasp3d.cli.report import escaped
-from grasp3d.mesh.diagnosis.mesh_diagnosis import MeshDiagnosis, SurfaceMeasures, Trust
+from grasp3d.mesh.diagnosis import MeshDiagnosis, SurfaceMeasures, Trust
 from grasp3d.system.counts import counted, noun
 
 MAX_PAGES = 3

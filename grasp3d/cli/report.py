@@ -17,8 +17,7 @@ from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.scene import Scene
 from grasp3d.settings import Sampling
 from grasp3d.settings.lengths import Unit
-from grasp3d.settings.meanings import MINIMUM
-from grasp3d.settings.model_text import friction_text
+from grasp3d.settings.model_text import MINIMUM, friction_text
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import COLORS, MEANING
 from grasp3d.stability.label import Label as Code

@@ -10,8 +10,7 @@ import numpy as np
 from grasp3d.arrays import Floats
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import Measure, Unit, small_length
-from grasp3d.settings.meanings import SAFE_LABELS
-from grasp3d.settings.model_text import error_texts, friction_text
+from grasp3d.settings.model_text import SAFE_LABELS, error_texts, friction_text
 from grasp3d.stability.thresholds import margin_budget
 from grasp3d.surface.area_statistics import quantiles
 

@@ -11,11 +11,10 @@ from grasp3d.arrays import Floats, Ints, first_at_position, locked
 from grasp3d.export.read_settings import FileSettings
 from grasp3d.export.stored import Stored
 from grasp3d.mesh import MeshReport, ObjectMesh
-from grasp3d.mesh.measures import is_closed, surface_extent
+from grasp3d.mesh.measures import Triangles, is_closed, surface_extent
 from grasp3d.mesh.normals import CornerNormals, corner_normals
 from grasp3d.mesh.preparing import center_and_volume, center_mass_from
 from grasp3d.mesh.repair import RepairStep, Solids
-from grasp3d.mesh.triangles import Triangles
 from grasp3d.settings.lengths import Unit
 
 

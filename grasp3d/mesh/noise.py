@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints, unit_rows
+from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.normals import CornerNormals, corner_normals
-from grasp3d.mesh.triangles import Triangles
 
 CREASES = (
     (math.radians(30.0), math.radians(1.5)),

@@ -6,9 +6,9 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import MeshError
+from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.noise import noise_below_creases, normal_noise_and_crease
 from grasp3d.mesh.noisy_copies import MovableSurface
-from grasp3d.mesh.triangles import Triangles
 
 FIRST = 0.05
 """Standard deviation from which the estimate starts, in mean edges."""

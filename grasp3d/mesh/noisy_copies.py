@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked, short_repr, unit_rows
+from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.mesh_sources import MeshSource
 from grasp3d.mesh.normals import CornerNormals, corner_normals
 from grasp3d.mesh.object_mesh import ObjectMesh
@@ -13,7 +14,6 @@ from grasp3d.mesh.patches import fingertip_normals
 from grasp3d.mesh.preparing import prepare
 from grasp3d.mesh.refinement import longest_edge, refined_corners
 from grasp3d.mesh.repair import RepairedSurface
-from grasp3d.mesh.triangles import Triangles
 from grasp3d.settings import MeshOptions
 
 

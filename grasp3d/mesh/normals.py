@@ -9,8 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from grasp3d._kernels.surface.normal_sets import order_normal_sets
 from grasp3d._kernels.surface.surface_contacts import ANY_NORMAL
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows
-from grasp3d.mesh.measures import crowded_edges, paired_edges
-from grasp3d.mesh.triangles import Triangles
+from grasp3d.mesh.measures import Triangles, crowded_edges, paired_edges
 
 HALF = 0.5
 """Length of a mean of unit normals below which it has no meaningful direction."""

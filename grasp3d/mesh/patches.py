@@ -15,9 +15,8 @@ from grasp3d._kernels.surface.patches import (
 )
 from grasp3d.arrays import Bools, Floats, Ints, unit_rows
 from grasp3d.errors import SettingError
-from grasp3d.mesh.measures import crowded_edges
+from grasp3d.mesh.measures import Triangles, crowded_edges
 from grasp3d.mesh.normals import CornerNormals
-from grasp3d.mesh.triangles import Triangles
 from grasp3d.settings import MeshOptions
 from grasp3d.system.processors import available_processors
 

@@ -10,7 +10,7 @@ import numpy as np
 from grasp3d.arrays import Floats, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.mesh.given_mesh import GivenMesh
-from grasp3d.mesh.measures import rounding_of, surface_extent
+from grasp3d.mesh.measures import Triangles, rounding_of, surface_extent
 from grasp3d.mesh.mesh_report import MeshReport, size_warnings, surface_warnings
 from grasp3d.mesh.mesh_sources import MeshSource, read_source
 from grasp3d.mesh.normals import corner_normals
@@ -18,7 +18,6 @@ from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.patches import fingertip_normals
 from grasp3d.mesh.refinement import check_refinement, longest_edge, refine
 from grasp3d.mesh.repair import MOST_ROUNDING, RepairedSurface, Solids, repair_surface
-from grasp3d.mesh.triangles import Triangles
 from grasp3d.mesh.work_bounds import bounds_of
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.lengths import settings_in_unit

@@ -6,8 +6,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from grasp3d.arrays import Floats, Ints, first_at_position, unit_rows
+from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.normals import CornerNormals
-from grasp3d.mesh.triangles import Triangles
 from grasp3d.mesh.work_bounds import close_pairs
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.costs import check_cost

@@ -7,7 +7,7 @@ from typing import Literal
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE, Radians, check_choice, whole_number
 from grasp3d.settings.checks import check_range
-from grasp3d.settings.meanings import EPSILON_MIN
+from grasp3d.settings.model_text import EPSILON_MIN
 
 Paint = Literal[
     "label", "critical_angle", "max_resolution", "epsilon", "epsilon_min", "approach_margin",

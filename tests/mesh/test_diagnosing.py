@@ -9,8 +9,7 @@ import trimesh
 
 from grasp3d import GraspModel, Sampling, check_mesh
 from grasp3d.errors import MeshError
-from grasp3d.mesh.diagnosis import MeshDiagnosis, Trust, length_warnings
-from grasp3d.mesh.diagnosis.diagnosing import self_intersection_warnings
+from grasp3d.mesh.diagnosis import MeshDiagnosis, Trust, length_warnings, self_intersection_warnings
 from tests.helpers import shapes
 from tests.helpers.shapes import Surface
 

@@ -14,9 +14,9 @@ from grasp3d._kernels.surface.patches import make_front, measure_distances, rese
 from grasp3d.arrays import unit_rows
 from grasp3d.errors import SettingError
 from grasp3d.mesh import patches
+from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.normals import CornerNormals, corner_normals, crease_twins
 from grasp3d.mesh.patches import facet_width, patch_areas, patch_normals, surface_net
-from grasp3d.mesh.triangles import Triangles
 from tests.helpers import geodesics, shapes
 from tests.helpers.shapes import Surface
 

@@ -6,9 +6,15 @@ import trimesh
 
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import MeshError
-from grasp3d.mesh.measures import has_area, is_closed, paired_edges, rounding_of, signed_volumes
+from grasp3d.mesh.measures import (
+    Triangles,
+    has_area,
+    is_closed,
+    paired_edges,
+    rounding_of,
+    signed_volumes,
+)
 from grasp3d.mesh.normals import corner_normals, crease_twins
-from grasp3d.mesh.triangles import Triangles
 from tests.helpers import oracles, shapes
 from tests.helpers.shapes import Surface
 

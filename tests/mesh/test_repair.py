@@ -19,7 +19,7 @@ from grasp3d.mesh.repair import RepairedSurface, repair_surface, union
 from grasp3d.mesh.repair.bodies import Bodies
 from grasp3d.mesh.repair.cleaning import disagreeing, is_first, without_mirrored
 from grasp3d.mesh.repair.holes import LONG, close_hole, holes_of
-from grasp3d.mesh.repair.seams import put_on_surface, without_slivers
+from grasp3d.mesh.repair.union import put_on_surface, without_slivers
 from grasp3d.settings.mesh_options import Repair
 from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes

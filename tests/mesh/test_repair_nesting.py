@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from grasp3d.mesh.measures import signed_volumes
 from grasp3d.mesh.repair import RepairedSurface, boxes, repair_surface
 from grasp3d.mesh.repair.bodies import Bodies
-from grasp3d.mesh.repair.boxes import enclosed, overlap_groups, overlapping
-from grasp3d.mesh.repair.seams import without_slits
+from grasp3d.mesh.repair.solids import enclosed, overlap_groups, overlapping
+from grasp3d.mesh.repair.union import without_slits
 from grasp3d.system.counts import counted
 from tests.helpers import shapes
 from tests.helpers.shapes import Surface

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grasp3d import check_mesh, load_mesh
-from grasp3d.mesh.diagnosis.mesh_diagnosis import Trust
+from grasp3d.mesh.diagnosis import Trust
 from grasp3d.mesh.units import (
     PLAUSIBLE,
     USUAL,

@@ -6,7 +6,7 @@ import pytest
 
 from grasp3d import GraspModel
 from grasp3d.settings.grasp_model import Tilts
-from grasp3d.settings.meanings import MINIMUM, epsilon_min_text
+from grasp3d.settings.model_text import MINIMUM, epsilon_min_text
 
 BOUND = "lower bound of epsilon over all uncertainties"
 

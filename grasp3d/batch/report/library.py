@@ -15,8 +15,7 @@ from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskText
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.settings.lengths import METRES, AnyLength, Measure, describe_length
-from grasp3d.settings.meanings import SAFE_LABELS
-from grasp3d.settings.model_text import error_texts
+from grasp3d.settings.model_text import SAFE_LABELS, error_texts
 
 VIEWS, VIEW_SUFFIX = "report/objects/", ".js"
 """Path of the objects' scripts below the output folder, and their suffix."""

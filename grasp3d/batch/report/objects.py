@@ -10,8 +10,7 @@ import numpy.typing as npt
 from grasp3d.batch.report.packing import STEPS, json_text, pack_arrays, quantised
 from grasp3d.batch.row import BestGrasp
 from grasp3d.settings import search_cone
-from grasp3d.settings.meanings import SAFE_LABELS
-from grasp3d.settings.model_text import error_texts
+from grasp3d.settings.model_text import SAFE_LABELS, error_texts
 
 if TYPE_CHECKING:
     from grasp3d.surface.labels import SurfaceLabels

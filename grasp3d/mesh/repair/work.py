@@ -1,8 +1,10 @@
 """The steps of repair, one method each, their sequence at each level, and what they changed."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from grasp3d.arrays import Bools, Floats, Ints, first_at_position
+from grasp3d.arrays import Bools, Floats, Ints, first_at_position, short_repr
 from grasp3d.errors import MeshError
 from grasp3d.mesh.measures import (
     edges_of,
@@ -12,13 +14,18 @@ from grasp3d.mesh.measures import (
     parts_of,
     rounding_of,
 )
-from grasp3d.mesh.repair.bodies import TOUCH, Bodies
-from grasp3d.mesh.repair.cleaning import disagreeing, is_face, is_first, without_mirrored
+from grasp3d.mesh.repair.bodies import TOUCH, Bodies, Solids, without_inner_walls
+from grasp3d.mesh.repair.cleaning import (
+    disagreeing,
+    first_of_body,
+    first_of_linked,
+    is_face,
+    is_first,
+    weld_nearby,
+    without_mirrored,
+)
 from grasp3d.mesh.repair.holes import SMALL, close_holes, holes_of
-from grasp3d.mesh.repair.records import RepairedSurface, RepairStep, Solids
 from grasp3d.mesh.repair.union import unite
-from grasp3d.mesh.repair.walls import without_inner_walls
-from grasp3d.mesh.repair.welding import first_of_body, first_of_linked, weld_nearby
 from grasp3d.mesh.work_bounds import WorkBoundError
 from grasp3d.settings.mesh_options import Repair
 from grasp3d.system.counts import counted, noun
@@ -33,6 +40,46 @@ FLAT = "left out: no area"
 
 MOST_SOLIDS = 64
 """Most bodies of an object of which volumes and centres are recorded, to give each a density."""
+
+
+@dataclass(frozen=True)
+class RepairStep:
+    """One kind of change, and how often it was made."""
+
+    name: str
+    """Identifier of the change: welded, collapsed, repeated, ..."""
+    count: int
+    """Number of vertices, faces or bodies that were changed."""
+    message: str
+    """Description of the change, to be read after the count."""
+
+    def __str__(self) -> str:
+        """Count and message in one sentence."""
+        return f"{self.count} {self.message}"
+
+
+@dataclass(frozen=True, eq=False)
+class RepairedSurface:
+    """A repaired surface over the given vertices."""
+
+    vertices: Floats
+    """Positions (V', 3): the given ones, unmoved and in their order, then added ones."""
+    faces: Ints
+    """Faces (F', 3), counter-clockwise from outside as far as that can be determined."""
+    canonical: Ints
+    """Canonical vertex of each vertex, shape (V',); faces use canonical vertices only."""
+    closed: bool
+    """Whether the faces bound a volume: equally many run along every edge in both directions."""
+    bodies: int
+    """Number of connected components."""
+    steps: tuple[RepairStep, ...]
+    """What was changed."""
+    warnings: tuple[str, ...]
+    """What could not be repaired, one sentence each."""
+    solids: Solids | None = None
+    """The bodies of which it was united; None: too many for densities of their own."""
+
+    __repr__ = short_repr
 
 
 class Work:

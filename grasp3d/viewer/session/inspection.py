@@ -10,7 +10,7 @@ from grasp3d.hand.reach import Reachability
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.settings import GraspModel
-from grasp3d.settings.meanings import EPSILON_MIN
+from grasp3d.settings.model_text import EPSILON_MIN
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.grasp_numbers import surface_epsilons

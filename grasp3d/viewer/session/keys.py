@@ -6,7 +6,7 @@ from typing import get_args
 
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE
-from grasp3d.settings.meanings import EPSILON_MIN
+from grasp3d.settings.model_text import EPSILON_MIN
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Axis, Section
 from grasp3d.viewer.view_settings import Paint, check_comparison

@@ -13,7 +13,7 @@ from matplotlib import colormaps
 
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.settings import GraspModel
-from grasp3d.settings.meanings import epsilon_min_text
+from grasp3d.settings.model_text import epsilon_min_text
 from grasp3d.stability.label import COLORS, Label
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.viewer.subjects.forces import LoadNumbers

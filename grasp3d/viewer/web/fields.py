@@ -7,7 +7,7 @@ from typing import Any
 
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE
-from grasp3d.settings.meanings import EPSILON_MIN
+from grasp3d.settings.model_text import EPSILON_MIN
 from grasp3d.viewer.session.keys import DEFAULT_COMPARED
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Section

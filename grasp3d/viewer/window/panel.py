@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import get_args
 
-from grasp3d.settings.meanings import EPSILON_MIN
+from grasp3d.settings.model_text import EPSILON_MIN
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.scene.text_layout import ELLIPSIS, text_width
 from grasp3d.viewer.session.inspection import UNKNOWN, Inspection

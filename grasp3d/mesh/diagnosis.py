@@ -1,32 +1,40 @@
-"""Diagnosis of a mesh, before and after repair, with warnings about its labels."""
+"""Result of a mesh diagnosis."""
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
 
 from grasp3d.arrays import first_at_position
 from grasp3d.errors import SettingError
-from grasp3d.mesh.diagnosis.mesh_diagnosis import MeshDiagnosis, MeshWarning, SurfaceMeasures, Trust
-from grasp3d.mesh.measures import edge_counts, face_areas, is_closed, part_volumes, parts_of
+from grasp3d.mesh.measures import (
+    Triangles,
+    edge_counts,
+    face_areas,
+    is_closed,
+    part_volumes,
+    parts_of,
+)
 from grasp3d.mesh.mesh_sources import MeshSource
 from grasp3d.mesh.noise import normal_noise
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.patches import patch_areas, surface_net
 from grasp3d.mesh.plausible_lengths import length_warnings, refuse_lengths
 from grasp3d.mesh.preparing import PreparedMesh, prepare, repair_given
+from grasp3d.mesh.repair import RepairStep
 from grasp3d.mesh.repair.cleaning import is_face
 from grasp3d.mesh.repair.holes import close_holes, fan_area, holes_of
 from grasp3d.mesh.repair.solids import manifold_status
 from grasp3d.mesh.self_intersections import crossings
-from grasp3d.mesh.triangles import Triangles
-from grasp3d.mesh.units import guess_unit, impossible_size
+from grasp3d.mesh.units import UnitGuess, guess_unit, impossible_size
 from grasp3d.mesh.work_bounds import WorkBoundError
 from grasp3d.reading import RawMesh
 from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling
-from grasp3d.settings.costs import labelling_cost
+from grasp3d.settings.costs import Cost, labelling_cost
+from grasp3d.settings.lengths import Unit
 from grasp3d.system.processors import available_processors
 
 MISSING = 0.05
@@ -56,6 +64,102 @@ STRAY = 0.01
 
 LARGER, FAR_LARGER = 1.5, 3.0
 """Factors by which stray parts enlarge the object: for a warning, and for no trust in labels."""
+
+
+class Trust(StrEnum):
+    """Whether labels of a mesh can be trusted."""
+
+    YES = "yes"
+    CARE = "with care"
+    """Some labels may be wrong; the warnings give the reasons."""
+    NO = "no"
+    """Many labels may be wrong."""
+
+
+@dataclass(frozen=True)
+class MeshWarning:
+    """A defect of a mesh that can make its labels wrong."""
+
+    trust: Trust
+    """Whether labels can be trusted despite the defect."""
+    message: str
+    """The defect and its remedy, in one sentence."""
+
+
+@dataclass(frozen=True)
+class SurfaceMeasures:
+    """Counts, area, volume and centre of mass of a surface."""
+
+    vertices: int
+    """Vertices that faces use; vertices at equal positions count once."""
+    faces: int
+    closed: bool
+    """Every edge is used equally often in both directions: the faces enclose a volume."""
+    boundary_edges: int
+    """Edges with one face: the boundaries of holes."""
+    crowded_edges: int
+    """Edges with more than two faces, where the surface is not a manifold."""
+    area: float
+    volume: float | None
+    """Enclosed volume, negative if the faces are oriented inward; None: the surface is open."""
+    center_mass: tuple[float, float, float]
+    """Centre of mass at uniform density; of an open surface, the centroid of its area."""
+
+
+@dataclass(frozen=True)
+class MeshDiagnosis:
+    """Diagnosis of a mesh; lengths are in the file's unit, angles in radians."""
+
+    mesh: str
+    """Name of the file, the type of another library's object, or 'arrays'."""
+    format: str
+    """File suffix without its dot, in lower case; else the other library, or 'arrays'."""
+    file_bytes: int | None
+    """Size of the file; None: the mesh is not from a file."""
+    unit: Unit | None
+    """Unit stated by the file or the user; None: not stated."""
+    guess: UnitGuess
+    """Unit that the size suggests; never applied."""
+    size: float
+    """Diameter of the ball around the surface."""
+    extents: tuple[float, float, float]
+    """Edge lengths of the axis-aligned bounding box."""
+    bodies: int
+    """Connected parts after repair, without cavities."""
+    cavities: int
+    """Closed parts that are oriented inward."""
+    before: SurfaceMeasures
+    """The surface as it was given."""
+    after: SurfaceMeasures
+    """The surface after repair, before long edges are divided."""
+    repairs: tuple[RepairStep, ...]
+    manifold: str
+    """Status of the repaired surface in the library Manifold: NoError, NotManifold, ..."""
+    crossing_faces: int
+    """Faces that certainly intersect others; faces that only touch are not counted."""
+    self_intersecting_fraction: float
+    """Area fraction of these faces."""
+    noise: float
+    """Median error of contact normals due to the roughness of the surface [rad]."""
+    label_vertices: int
+    """Number of vertices to label, after long edges are divided."""
+    cost: Cost
+    """Expected time and memory of labelling."""
+    warnings: tuple[MeshWarning, ...]
+    """Defects that can make its labels wrong."""
+
+    @property
+    def trust(self) -> Trust:
+        """Whether its labels can be trusted: the lowest trust of all warnings."""
+        return max(
+            (warning.trust for warning in self.warnings), key=list(Trust).index, default=Trust.YES
+        )
+
+    @property
+    def center_shift(self) -> float:
+        """Distance by which repair moves the centre of mass, as a fraction of the size."""
+        moved = zip(self.before.center_mass, self.after.center_mass, strict=True)
+        return float(sum((a - b) ** 2 for a, b in moved) ** 0.5 / self.size)
 
 
 def check_mesh(
