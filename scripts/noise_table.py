@@ -18,7 +18,7 @@ import numpy as np
 
 from grasp3d import Label, MeshOptions, SurfaceLabels, label_surface, load_mesh
 from grasp3d.arrays import angles_between
-from grasp3d.mesh.noise_lengths import random_field
+from grasp3d.mesh.noise import random_field
 from grasp3d.mesh.noisy_copies import MovableSurface, movable_surface
 from grasp3d.surface.area_statistics import quantiles, vertex_weights
 from grasp3d.validating.perturbing import NoiseSettings, Perturbation, perturb_surface

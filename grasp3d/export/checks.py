@@ -10,8 +10,8 @@ from grasp3d.export.needed import needed_fields
 from grasp3d.export.read_settings import FileSettings
 from grasp3d.export.stored import FIELDS, Stored
 from grasp3d.export.vertex_fields import LOCATED, SURFACE
-from grasp3d.mesh.given_mesh import LARGEST
 from grasp3d.mesh.measures import Triangles
+from grasp3d.mesh.mesh_sources import LARGEST
 from grasp3d.reading.sources import check_finite
 from grasp3d.settings import GraspModel
 from grasp3d.stability.thresholds import label_angles

@@ -1,13 +1,21 @@
-"""Copies of a surface with moved vertices: the same faces, with contact normals of their own."""
+"""Noisy copies of a surface, of the same faces with normals of their own; how noisy a scan is."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked, short_repr, unit_rows
+from grasp3d.errors import MeshError
 from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.mesh_sources import MeshSource
+from grasp3d.mesh.noise import (
+    noise_below_creases,
+    noise_stream,
+    normal_noise_and_crease,
+    random_field,
+)
 from grasp3d.mesh.normals import CornerNormals, corner_normals
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.patches import fingertip_normals
@@ -15,6 +23,24 @@ from grasp3d.mesh.preparing import prepare
 from grasp3d.mesh.refinement import longest_edge, refined_corners
 from grasp3d.mesh.repair import RepairedSurface
 from grasp3d.settings import MeshOptions
+
+FIRST = 0.05
+"""Standard deviation from which the estimate starts, in mean edges."""
+
+MEASURING = 1
+"""Number of the stream of random numbers."""
+
+STEPS = 6
+"""Most steps of the estimate; each multiplies it by a factor of at most `LARGEST`."""
+
+LARGEST = 4.0
+"""Largest factor of a step, as an estimate far off says little about the next."""
+
+CLOSE = 0.02
+"""Change of a step, as a fraction, at which the estimate ends; that of the noise is far larger."""
+
+SMOOTH = math.radians(0.05)
+"""Noise of normals below which a surface has none that can be measured [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,3 +182,60 @@ def movable_surface(
     surface = Triangles((repaired.vertices - mesh.center) / mesh.size, repaired.faces)
     edge = longest_edge(mesh.options, mesh.size)
     return MovableSurface(mesh, repaired, *refined_corners(surface, edge))
+
+
+def noise_length(surface: MovableSurface, correlation: float = 0.0, *, seed: int = 0) -> float:
+    """Estimate how far the vertices of a scan are off, along their normals.
+
+    It is the noise that must be added to the surface so that its roughness (`normal_noise`) grows
+    by a factor of sqrt(2), as independent errors add up by their squares. What of the noise the
+    roughness does not contain, since neighbours have the same error, cancels out.
+
+    Args:
+        surface: The scan.
+        correlation: Correlation length of the errors, in the mesh's unit; see `random_field`. Of
+            errors that are correlated over several edges the surface shows too little: give 0, or a
+            few edges at most.
+        seed: Seed of the noise that is added.
+
+    Returns:
+        Standard deviation of the errors along the normals, in the mesh's unit.
+
+    Raises:
+        MeshError: The surface is so smooth that it has no noise that can be measured.
+
+    Example:
+        >>> import numpy as np
+        >>> import trimesh
+        >>> from grasp3d.mesh.noisy_copies import movable_surface, noise_length
+        >>> ball = trimesh.creation.icosphere(4)
+        >>> errors = np.random.default_rng(1).normal(0.0, 0.005, len(ball.vertices))
+        >>> scan = movable_surface((ball.vertices * (1.0 + errors)[:, None], ball.faces))
+        >>> 0.0045 < noise_length(scan) < 0.0055
+        True
+    """
+    points = (surface.points - surface.mesh.center) / surface.mesh.size
+    faces = np.searchsorted(np.unique(surface.repaired.faces), surface.repaired.faces)
+    own, crease = normal_noise_and_crease(Triangles(points, faces))
+    if own < SMOOTH:
+        raise MeshError(
+            f"{surface.mesh.report.source}: the surface has no noise that can be measured; state "
+            "that of the scanner (--noise, in Python noise=...)"
+        )
+    reach = correlation / surface.mesh.size
+    field = random_field(points, surface.normals, reach, noise_stream(seed, MEASURING))
+    errors = field[:, None] * surface.normals
+    sigma = FIRST * surface.mean_edge / surface.mesh.size
+    for _ in range(STEPS):
+        factor = _factor(Triangles(points + sigma * errors, faces), own, crease)
+        sigma *= factor
+        if abs(factor - 1.0) < CLOSE:
+            break
+    return sigma * surface.mesh.size
+
+
+def _factor(rough: Triangles, own: float, crease: float) -> float:
+    """How many times the noise was too small that made a surface of some noise this rough."""
+    total = noise_below_creases(rough, crease)
+    added = math.sqrt(max(total**2 - own**2, 0.0))
+    return min(max(own / added if added else LARGEST, 1.0 / LARGEST), LARGEST)

@@ -11,9 +11,8 @@ from grasp3d._kernels.surface.normal_sets import ContactNormals
 from grasp3d._kernels.surface.surface_contacts import Surface
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows, used_indices
 from grasp3d.mesh.measures import face_areas
-from grasp3d.mesh.mesh_report import MeshReport
 from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins, normal_sets
-from grasp3d.mesh.repair import Solids
+from grasp3d.mesh.repair import RepairStep, Solids
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.lengths import (
     GivenLength,
@@ -22,6 +21,33 @@ from grasp3d.settings.lengths import (
     length_in_unit,
     settings_in_unit,
 )
+
+
+@dataclass(frozen=True)
+class MeshReport:
+    """What a mesh file contained and how it was repaired."""
+
+    source: str
+    """Name of the file, the type of another library's object ('trimesh.Trimesh'), or 'arrays'."""
+    format: str
+    """Suffix of the file, name of the other library ('trimesh'), or 'arrays'."""
+    unit: Unit | None
+    """Unit of positions and openings; None if neither the file nor the user states it."""
+    file_vertices: int
+    file_faces: int
+    vertices: int
+    """Vertices after refinement, the file's own included."""
+    faces: int
+    """Faces after cleaning and refinement."""
+    bodies: int
+    closed: bool
+    """Whether the faces bound a volume: equally many run along every edge in both directions."""
+    center_mass_from: str
+    """'volume' (uniform density) or, if the mesh is open, 'surface'; 'given', or 'densities'."""
+    repairs: tuple[RepairStep, ...]
+    """What was changed; one sentence each as text."""
+    warnings: tuple[str, ...]
+    """What may make the labels wrong, one sentence each."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,24 +3,25 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from grasp3d.arrays import Floats, locked, short_repr
 from grasp3d.errors import SettingError
-from grasp3d.mesh.given_mesh import GivenMesh
 from grasp3d.mesh.measures import Triangles, rounding_of, surface_extent
-from grasp3d.mesh.mesh_report import MeshReport, size_warnings, surface_warnings
-from grasp3d.mesh.mesh_sources import MeshSource, read_source
+from grasp3d.mesh.mesh_sources import GivenMesh, MeshSource, read_source
 from grasp3d.mesh.normals import corner_normals
-from grasp3d.mesh.object_mesh import ObjectMesh
+from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.patches import fingertip_normals
 from grasp3d.mesh.refinement import check_refinement, longest_edge, refine
 from grasp3d.mesh.repair import MOST_ROUNDING, RepairedSurface, Solids, repair_surface
+from grasp3d.mesh.units import impossible_size, unit_warning
 from grasp3d.mesh.work_bounds import bounds_of
+from grasp3d.reading import RawMesh
 from grasp3d.settings import MeshOptions
-from grasp3d.settings.lengths import settings_in_unit
+from grasp3d.settings.lengths import Unit, settings_in_unit
+from grasp3d.system.names import printable
 from grasp3d.system.steps import begin_step
 
 OUTSIDE = 1e-6
@@ -172,8 +173,8 @@ def refined_mesh(
     )  # fmt: skip
     center_mass, volume = center_and_volume(surface, closed=repaired.closed)
     warnings = [
-        *surface_warnings(repaired, volume, given=options.center_of_mass is not None),
-        *size_warnings(given.raw, size, unit),
+        *_surface_warnings(repaired, volume, given=options.center_of_mass is not None),
+        *_size_warnings(given.raw, size, unit),
     ]
     if options.center_of_mass is not None:
         center_mass = (np.array(options.center_of_mass) - center) / size
@@ -225,6 +226,44 @@ def center_and_volume(surface: Triangles, *, closed: bool) -> tuple[Floats, floa
             corners = surface.vertices[surface.faces].sum(axis=1) / 4.0
             return (surface.volumes[:, None] * corners).sum(axis=0) / volume, volume
     return np.zeros(3), math.nan
+
+
+def _surface_warnings(surface: RepairedSurface, volume: float, *, given: bool) -> Iterator[str]:
+    """Warn about a surface without an inside.
+
+    Args:
+        surface: The repaired surface.
+        volume: Its volume; nan: none.
+        given: Whether the centre of mass is given.
+    """
+    if not surface.closed:
+        yield (
+            "the surface is open: inside and outside are taken from the winding of its faces"
+            f"{'' if given else ', and the centre of mass from the surface'}"
+        )
+    elif math.isnan(volume):
+        center = "" if given else "; the centre of mass is the surface's"
+        yield f"the surface is closed but encloses no volume{center}"
+
+
+def _size_warnings(raw: RawMesh, size: float, unit: Unit | None) -> Iterator[str]:
+    """Warn about a doubtful unit, and a size that no object to grasp has.
+
+    Args:
+        raw: The surface as it was read, with the unit that it states.
+        size: The object's size, in the mesh's unit.
+        unit: The mesh's unit; None: unknown.
+    """
+    if raw.unit not in {None, unit}:
+        yield f"the mesh states the unit {raw.unit}, but {unit} was requested"
+    if raw.unknown_unit and unit is None:
+        yield (
+            f"the mesh states the unit {printable(raw.unknown_unit)!r}, which is none of "
+            f"{', '.join(get_args(Unit))}: its unit is taken as not stated (--unit)"
+        )
+    implausible = impossible_size(size, unit) or (unit and unit_warning(size, unit))
+    if implausible:
+        yield implausible
 
 
 def _center_warnings(surface: Triangles, center_mass: Floats, where: str) -> Iterator[str]:

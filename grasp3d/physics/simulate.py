@@ -16,7 +16,7 @@ from grasp3d.hand.hand import Hand, touching
 from grasp3d.hand.jaws import Jaws
 from grasp3d.hand.metres import metres_per_unit
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
-from grasp3d.mesh.noise_lengths import noise_stream
+from grasp3d.mesh.noise import noise_stream
 from grasp3d.physics.drawing import DrawnGrasps, TruePoints, draw_grasps, true_points
 from grasp3d.physics.engine import mujoco_module
 from grasp3d.physics.jobs import Stage, divided, simulate_attempts

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from grasp3d.mesh.noise_lengths import SIDES, random_field
+from grasp3d.mesh.noise import SIDES, random_field
 
 FIELDS = 4000
 

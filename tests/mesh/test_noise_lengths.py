@@ -5,8 +5,8 @@ import pytest
 
 from grasp3d import MeshOptions, load_mesh
 from grasp3d.errors import MeshError
-from grasp3d.mesh.noise_lengths import noise_length, random_field
-from grasp3d.mesh.noisy_copies import MovableSurface, movable_surface
+from grasp3d.mesh.noise import random_field
+from grasp3d.mesh.noisy_copies import MovableSurface, movable_surface, noise_length
 from tests.helpers import shapes
 
 FINE = 40.0

@@ -11,8 +11,8 @@ from grasp3d._kernels.surface.normal_angles import smallest_angle
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, angles_between, locked
 from grasp3d.errors import SettingError
 from grasp3d.mesh import MeshSource
-from grasp3d.mesh.noise_lengths import noise_length, noise_stream, random_field
-from grasp3d.mesh.noisy_copies import MovableSurface, movable_surface
+from grasp3d.mesh.noise import noise_stream, random_field
+from grasp3d.mesh.noisy_copies import MovableSurface, movable_surface, noise_length
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import AnySampling, GraspModel, MeshOptions
