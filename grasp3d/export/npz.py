@@ -15,8 +15,7 @@ from grasp3d.export.needed import check_complete
 from grasp3d.export.settings import SETTING, complete_settings
 from grasp3d.export.stored import FIELDS, Stored
 from grasp3d.export.vertex_fields import SURFACE, VERTICES
-from grasp3d.reading.declared_sizes import check_memory
-from grasp3d.reading.sources import Source
+from grasp3d.reading.sources import Source, check_memory
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.files import atomic_write
 

@@ -14,8 +14,7 @@ from grasp3d.export.npz import MEMORY, arrays_of_npz
 from grasp3d.export.settings import complete_settings
 from grasp3d.export.stored import Stored, codes_of, damaged, fingers_of
 from grasp3d.export.vertex_fields import SURFACE, VERTICES
-from grasp3d.reading.declared_sizes import check_memory
-from grasp3d.reading.sources import Source
+from grasp3d.reading.sources import Source, check_memory
 from grasp3d.surface.labels import SurfaceLabels
 
 SURFACE_KEY = "grasp3d_surface"

@@ -10,9 +10,9 @@ from grasp3d.export.ply_table import read_tables
 from grasp3d.export.settings import settings_of
 from grasp3d.export.stored import ADVICE, Stored, damaged
 from grasp3d.export.vertex_fields import VERTICES
-from grasp3d.reading.declared_sizes import LONGEST_HEADER, check_declared_size
+from grasp3d.reading.obj_off_stl import check_declared_size
 from grasp3d.reading.ply import read_ply_header
-from grasp3d.reading.sources import Source
+from grasp3d.reading.sources import LONGEST_HEADER, Source
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.tables.ply_files import write_ply_columns
 

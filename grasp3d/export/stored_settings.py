@@ -11,7 +11,7 @@ import numpy as np
 
 from grasp3d.export.ply import comments_of
 from grasp3d.export.settings import SETTING
-from grasp3d.reading.declared_sizes import LONGEST_HEADER
+from grasp3d.reading.sources import LONGEST_HEADER
 from grasp3d.system.tables import read_settings
 
 FORMAT_KEYS = frozenset({"format", "version", "unit"})

@@ -15,8 +15,7 @@ from grasp3d.export.stored import Stored, damaged, fingers_of
 from grasp3d.export.vertex_fields import CORNER_NORMALS, CORNERS, VERTICES
 from grasp3d.export.vtp_arrays import vtp_arrays
 from grasp3d.mesh import ObjectMesh
-from grasp3d.reading.declared_sizes import check_memory
-from grasp3d.reading.sources import Source
+from grasp3d.reading.sources import Source, check_memory
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.files import atomic_write
 from grasp3d.system.isolation.calls import call

@@ -16,7 +16,7 @@ from grasp3d.errors import MeshError
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.work_bounds import cell_counts
 from grasp3d.reading import RawMesh, check_finite, flattened, read_mesh, stated_unit
-from grasp3d.reading.gltf_transforms import flattens
+from grasp3d.reading.sources import flattens
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.costs import check_cost
 from grasp3d.system.names import printable

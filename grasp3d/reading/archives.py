@@ -11,12 +11,14 @@ from dataclasses import dataclass, field
 from typing import IO
 from xml.parsers import expat
 
-from grasp3d.reading.declared_sizes import MEMORY_UNPACKED, check_memory
-from grasp3d.reading.sources import Source
+from grasp3d.reading.sources import Source, check_memory
 
 MOST_ENTRIES = 10_000
 MOST_RATIO = 100.0
 """Largest ratio of unpacked to packed size; the text of a mesh compresses about tenfold."""
+
+MEMORY_UNPACKED = 12.0
+"""Memory for reading, per byte of an unpacked archive."""
 
 SMALL = 10_000_000
 """Unpacked size up to which the ratio is not checked [bytes]."""
@@ -57,37 +59,30 @@ def check_archive(source: Source) -> int:
         with zipfile.ZipFile(source.path) as archive:
             entries = archive.infolist()
             unpacked = sum(entry.file_size for entry in entries)
-            _check_compression(source, entries)
-            _check_size(source, len(entries), unpacked)
+            _check_size(source, entries, unpacked)
             for entry in entries:
                 if entry.filename.lower().endswith((".model", ".xml", ".3dxml", ".3drep", ".rels")):
                     with archive.open(entry) as stream:
                         check_declarations(source, stream)
     except _DAMAGE as error:
         reason = " ".join(str(error).split())
-        raise source.error(
-            f"cannot be read as {source.kind.upper()} ({reason}); {source.hint}"
-        ) from error
+        raise source.unexpected(f"cannot be read as {source.kind.upper()} ({reason})") from error
     return unpacked
 
 
-def _check_compression(source: Source, entries: list[zipfile.ZipInfo]) -> None:
-    """Reject compression methods with unbounded memory; meshes are stored or deflated."""
-    for entry in entries:
-        if entry.compress_type not in {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}:
-            raise source.error("its compression method is not supported; export the mesh again")
-
-
-def _check_size(source: Source, entries: int, unpacked: int) -> None:
-    if entries > MOST_ENTRIES:
+def _check_size(source: Source, entries: list[zipfile.ZipInfo], unpacked: int) -> None:
+    """Reject an archive that is too large, or compressed by methods with unbounded memory."""
+    if {entry.compress_type for entry in entries} - {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}:
+        raise source.damaged("its compression method is not supported")
+    if len(entries) > MOST_ENTRIES:
         raise source.error(
-            f"contains {entries:,} files, more than the limit of {MOST_ENTRIES:,}; "
+            f"contains {len(entries):,} files, more than the limit of {MOST_ENTRIES:,}; "
             "is it an archive of a mesh?"
         )
     if unpacked > SMALL and unpacked > MOST_RATIO * source.size:
-        raise source.error(
-            f"unpacks from {source.size:,} to {unpacked:,} bytes, more than "
-            f"{MOST_RATIO:g} times its size; export the mesh again"
+        raise source.damaged(
+            f"unpacks from {source.size:,} to {unpacked:,} bytes, more than {MOST_RATIO:g} times "
+            "its size"
         )
     check_memory(source, unpacked, MEMORY_UNPACKED)
 
@@ -101,9 +96,7 @@ def check_declarations(source: Source, stream: IO[bytes]) -> None:
     parser = expat.ParserCreate()
 
     def reject(*_: object) -> None:
-        raise source.error(
-            "declares a document type or entities, which are not supported; export the mesh again"
-        )
+        raise source.damaged("declares a document type or entities, which are not supported")
 
     def stop(*_: object) -> None:
         raise _FirstElementError
@@ -117,7 +110,7 @@ def check_declarations(source: Source, stream: IO[bytes]) -> None:
     except _FirstElementError:
         return
     except (expat.ExpatError, LookupError, ValueError) as error:
-        raise source.error(f"its XML cannot be read ({error}); {source.hint}") from error
+        raise source.unexpected(f"its XML cannot be read ({error})") from error
 
 
 @dataclass
@@ -136,7 +129,7 @@ def count_parts(source: Source) -> int:
         names = {name.lower(): name for name in reversed(archive.namelist())}
         found = [names[name] for name in names if "3d/3dmodel.model" in name]
         if len(found) != 1:
-            raise source.error(f"contains {len(found)} models, not one; {source.hint}")
+            raise source.unexpected(f"contains {len(found)} models, not one")
         parts, built, paths = _structure(archive.read(found[0]))
         _check_paths(source, archive, parts, paths)
     known: dict[str, int] = {}
@@ -210,10 +203,7 @@ def _copies(
     """Return the number of meshes of an object and its components."""
     part = parts.get(name)
     if part is None or name in above or bool(part.meshes) == bool(part.components):
-        raise source.error(
-            f"object {ascii(name)[:20]} is missing, empty, or contains itself; "
-            "export the mesh again"
-        )
+        raise source.damaged(f"object {ascii(name)[:20]} is missing, empty, or contains itself")
     if name not in known:
         inner = (_copies(source, parts, other, known, (*above, name)) for other in part.components)
         known[name] = sum(inner) or 1

@@ -9,7 +9,7 @@ import struct
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from grasp3d.reading.gltf_tree import Tree, stripped_tree
+from grasp3d.reading.gltf_tree import GltfReduction, Tree
 from grasp3d.reading.sources import Source
 
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
@@ -51,7 +51,7 @@ def stripped_gltf(source: Source) -> tuple[bytes, dict[str, bytes]]:
     ]
     if binary and sizes and sizes[0] is None:
         sizes[0] = len(binary)
-    stripped = stripped_tree(source, tree, sizes)
+    stripped = GltfReduction(source, tree, sizes).reduced()
     for number, size in enumerate(sizes):
         if size is None:  # no mesh uses it
             buffers[number]["uri"] = f"buffer{number}"
@@ -67,7 +67,7 @@ def _chunks(source: Source, data: bytes) -> tuple[bytes, bytes]:
     """Return the JSON and the binary data of a GLB."""
     magic, version, length = struct.unpack_from("<4sII", data.ljust(12, b"\0"))
     if magic != b"glTF":
-        raise source.error(f"does not begin as a GLB, with glTF; {source.hint}")
+        raise source.unexpected("does not begin as a GLB, with glTF")
     if version != 2:
         raise source.error(
             f"is GLB of version {version}, and only version 2 is read; export it as glTF 2.0"
@@ -77,9 +77,8 @@ def _chunks(source: Source, data: bytes) -> tuple[bytes, bytes]:
     while start + 8 <= end:
         size, kind = struct.unpack_from("<II", data, start)
         if start + 8 + size > len(data):
-            raise source.error(
-                f"a chunk declares {size:,} bytes, but "
-                f"{len(data) - start - 8:,} are left; is the file complete?"
+            raise source.incomplete(
+                f"a chunk declares {size:,} bytes, but {len(data) - start - 8:,} are left"
             )
         found.setdefault(kind, data[start + 8 : start + 8 + size])
         start += 8 + size
@@ -100,15 +99,15 @@ def _tree(source: Source, data: bytes) -> Tree:
         tree = json.loads(data)
     except (ValueError, RecursionError) as error:
         reason = " ".join(str(error).split())
-        raise source.error(f"its JSON cannot be read ({reason}); {source.hint}") from error
+        raise source.unexpected(f"its JSON cannot be read ({reason})") from error
     if not isinstance(tree, dict):
-        raise source.error(f"its JSON is not a glTF; {source.hint}")
+        raise source.unexpected("its JSON is not a glTF")
     return tree
 
 
 def _side_data(source: Source, buffer: Tree) -> bytes:
     if not isinstance(buffer["uri"], str):
-        raise source.error(f"the uri of a buffer is not a text; {source.hint}")
+        raise source.unexpected("the uri of a buffer is not a text")
     return read_address(source, buffer["uri"])
 
 
@@ -165,9 +164,7 @@ def _embedded(source: Source, uri: str) -> bytes:
             return base64.b64decode(unquote(body), validate=True)
         return unquote(body, encoding="latin-1").encode("latin-1")
     except (binascii.Error, ValueError) as error:
-        raise source.error(
-            f"its embedded data are damaged ({error}); export the mesh again"
-        ) from error
+        raise source.damaged(f"its embedded data are damaged ({error})") from error
 
 
 def _side_file(source: Source, uri: str) -> bytes:

@@ -15,7 +15,7 @@ import numpy as np
 
 from grasp3d.errors import MeshError, MeshUnreadError
 from grasp3d.reading.archives import check_archive, check_declarations
-from grasp3d.reading.declared_sizes import check_declared_size
+from grasp3d.reading.obj_off_stl import check_declared_size
 from grasp3d.reading.sources import DIRECT_FORMATS, RawMesh, Source, find_source
 from grasp3d.settings import MeshOptions
 from grasp3d.system.isolation.failures import CallFailedError, CallFailure

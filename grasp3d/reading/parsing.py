@@ -13,11 +13,19 @@ import trimesh
 from grasp3d.arrays import first_at_position
 from grasp3d.errors import MeshError
 from grasp3d.reading.archives import count_parts
-from grasp3d.reading.declared_sizes import STL_FACE, STL_HEADER, binary_stl_faces, off_counts
 from grasp3d.reading.gltf import stripped_gltf
+from grasp3d.reading.obj_off_stl import (
+    STL_FACE,
+    STL_HEADER,
+    binary_stl_faces,
+    check_obj_lines,
+    off_counts,
+    plain_obj,
+    plain_off,
+    plain_stl,
+)
 from grasp3d.reading.ply import plain_ply, read_ply_header
 from grasp3d.reading.sources import RawMesh, Source, check_finite, flattened, stated_unit
-from grasp3d.reading.text_meshes import check_obj_lines, plain_obj, plain_off, plain_stl
 
 # Without a handler, Python prints the messages of trimesh's logger to the terminal.
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
@@ -53,14 +61,12 @@ def parse(source: Source) -> RawMesh:
         raise
     except Exception as error:  # each reader raises its own classes of errors
         if source.kind in {"glb", "gltf"}:
-            raise source.error(
-                "its nodes, meshes and buffers do not fit together; export the mesh again"
-            ) from error
+            raise source.damaged("its nodes, meshes and buffers do not fit together") from error
         reason = " ".join(str(error).split()) or "its content is not as expected"
         if isinstance(error, KeyError):
             reason += " is missing"
-        raise source.error(
-            f"cannot be read as {source.kind.upper()} ({reason[:200]}); {source.hint}"
+        raise source.unexpected(
+            f"cannot be read as {source.kind.upper()} ({reason[:200]})"
         ) from error
 
 
@@ -138,9 +144,9 @@ def _check_complete(source: Source, scene: trimesh.Scene, vertices: int, faces: 
     parts = list(scene.geometry.values())
     found = [sum(len(getattr(part, name, ())) for part in parts) for name in ("vertices", "faces")]
     if found[0] < vertices or found[1] < faces:
-        raise source.error(
-            f"declares {vertices:,} vertices and {faces:,} faces, but contains "
-            f"{found[0]:,} and {found[1]:,}; is the file complete?"
+        raise source.incomplete(
+            f"declares {vertices:,} vertices and {faces:,} faces, but contains {found[0]:,} and "
+            f"{found[1]:,}"
         )
 
 

@@ -10,9 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from grasp3d.arrays import Ints
-from grasp3d.reading.declared_sizes import LONGEST_HEADER, check_count
-from grasp3d.reading.sources import Source
-from grasp3d.reading.text_meshes import MOST_CORNERS
+from grasp3d.reading.obj_off_stl import MOST_CORNERS
+from grasp3d.reading.sources import LONGEST_HEADER, Source, check_count
 
 _TYPES = {
     "char": "i1", "uchar": "u1", "int8": "i1", "uint8": "u1", "short": "i2", "ushort": "u2",
@@ -103,7 +102,7 @@ def read_ply_header(source: Source) -> PlyHeader:
     """
     found = re.match(rb"ply\s(.*?)\nend_header[ \r]*\n", source.head(LONGEST_HEADER), re.DOTALL)
     if found is None:
-        raise source.error(f"cannot be read as PLY: no header; {source.hint}")
+        raise source.unexpected("cannot be read as PLY: no header")
     formats = {name: order for order, name in _FORMATS.items()}
     order, elements = "", list[Element]()
     for line in re.split(r"\r?\n", found[1].decode("utf-8", "replace")):
@@ -116,9 +115,7 @@ def read_ply_header(source: Source) -> PlyHeader:
             elif words[:1] == ["property"]:
                 elements[-1].properties.append(_property(words[1:]))
         except (ValueError, KeyError, IndexError) as error:
-            raise source.error(
-                f"a line of its header ({line[:60]!r}) is not valid; export the mesh again"
-            ) from error
+            raise source.damaged(f"a line of its header ({line[:60]!r}) is not valid") from error
     header = PlyHeader(order, tuple(elements), found.end())
     _check_elements(source, header)
     return header
@@ -143,9 +140,9 @@ def _check_elements(source: Source, header: PlyHeader) -> None:
             for entry in element.properties
         )
         if len(set(names)) < len(names) or broken:
-            raise source.error(
-                f"element {element.name[:20]!r} has a property twice, or "
-                "corners that are not whole numbers; export the mesh again"
+            raise source.damaged(
+                f"element {element.name[:20]!r} has a property twice, or corners that are not "
+                "whole numbers"
             )
         least = element.min_bytes if header.order else _MIN_TEXT_BYTES * len(element.properties)
         plurals = {"vertex": "vertices", "face": "faces"}
@@ -180,10 +177,9 @@ def _check_lines(source: Source, header: PlyHeader, text: bytes) -> None:
         lists = [i for i, entry in enumerate(element.properties) if entry.length]
         for number, line in enumerate(rows):
             if not _is_complete(line.split(), len(element.properties), lists):
-                raise source.error(
-                    f"{element.name} {number} "
-                    f"({line[:40].decode('utf-8', 'replace')!r}) has a wrong number of numbers; "
-                    "export the mesh again"
+                shown = line[:40].decode("utf-8", "replace")
+                raise source.damaged(
+                    f"{element.name} {number} ({shown!r}) has a wrong number of numbers"
                 )
 
 
@@ -289,9 +285,7 @@ def _corners(
         count = length.unpack_from(data, first - length.size)[0] if first <= len(data) else 0
         start = first + count * size + after
         if start > len(data) or first > len(data):
-            raise source.error(
-                f"declares {element.count:,} faces, but contains {face:,}; is the file complete?"
-            )
+            raise source.incomplete(f"declares {element.count:,} faces, but contains {face:,}")
         if not 3 <= count <= MOST_CORNERS:
             raise source.error(
                 f"face {face} has {count} corners; 3 to {MOST_CORNERS:,} are allowed"

@@ -39,6 +39,12 @@ _SIGNATURES = (
     ("OBJ", rb"(?s:(.*\n)?v[ \t]+[-+.\d][^\n]*\nv[ \t])"),
 )
 
+FLAT = 1e-9
+"""Smallest scale of a transform, as a fraction of its largest, that does not flatten a mesh."""
+
+LONGEST_HEADER = 65_536
+"""Bytes in which a header must end."""
+
 _UNIT_NAMES: dict[str, Unit] = {
     "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
     "cm": "cm", "centimeter": "cm", "centimeters": "cm",
@@ -88,6 +94,18 @@ class Source:
         """The error that a file cannot be read for a reason, which begins with a verb."""
         return MeshError(f"{self.where}: {reason}")
 
+    def damaged(self, reason: str) -> MeshError:
+        """The same, of a file that its program has to write again."""
+        return self.error(f"{reason}; export the mesh again")
+
+    def incomplete(self, reason: str) -> MeshError:
+        """The same, of a file whose end may be missing."""
+        return self.error(f"{reason}; is the file complete?")
+
+    def unexpected(self, reason: str) -> MeshError:
+        """The same, of content that its suffix does not promise."""
+        return self.error(f"{reason}; {self.hint}")
+
     @property
     def hint(self) -> str:
         """Question about the likely cause if the content does not match the suffix."""
@@ -97,6 +115,43 @@ class Source:
         if found is None or found.lower() == self.kind:
             return "is the file complete, and is its suffix right?"
         return f"its content looks like {found}: is its suffix right?"
+
+
+def check_memory(source: Source, size: int, per_byte: float) -> None:
+    """Reject a file that needs more memory to read than is allowed.
+
+    Args:
+        source: The file.
+        size: Bytes to read.
+        per_byte: Memory per byte.
+
+    Raises:
+        MeshError: It needs more.
+    """
+    needed = per_byte * size / 1e9
+    if needed > source.max_memory:
+        raise source.error(
+            f"reading {size:,} bytes of {source.kind.upper()} takes about "
+            f"{needed:.3g} GB of memory, and max_memory is {source.max_memory:g} GB; simplify the "
+            "mesh, or raise max_memory (--max-memory)"
+        )
+
+
+def check_count(source: Source, what: str, count: int, min_bytes: int, available: int) -> None:
+    """Reject a header that declares more items than the file can contain.
+
+    Args:
+        source: The file.
+        what: Name of the items, in the plural.
+        count: Declared number of items.
+        min_bytes: Least size of an item [bytes].
+        available: Bytes of the file for all items.
+
+    Raises:
+        MeshError: It declares too many, or a negative number.
+    """
+    if count < 0 or count * min_bytes > available:
+        raise source.incomplete(f"declares {count:,} {what}, but has {available:,} bytes for them")
 
 
 def check_finite(vertices: Floats, where: str) -> None:
@@ -177,6 +232,12 @@ def flattened(scene: "trimesh.Scene", where: str) -> tuple[Floats, Ints]:
     faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
     check_finite(vertices, where)
     return vertices, faces
+
+
+def flattens(world: Floats) -> bool:
+    """Whether a transform, shape (4, 4), has a scale of 0 in some directions, but not in all."""
+    scales = np.linalg.svd(world[:3, :3], compute_uv=False)
+    return bool(scales[0] > 0.0 and scales[2] <= FLAT * scales[0])
 
 
 def stated_unit(name: str | None) -> tuple[Unit | None, str]:

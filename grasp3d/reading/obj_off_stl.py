@@ -1,10 +1,25 @@
-"""Reduction of OBJ, OFF and text STL files to what trimesh reads correctly."""
+"""OBJ, OFF and STL: declared sizes, and reduction of text to what trimesh reads correctly."""
 
 import re
 from itertools import pairwise
 
-from grasp3d.reading.declared_sizes import OFF_HEADER, off_counts, without_comments
-from grasp3d.reading.sources import Source
+from grasp3d.reading.sources import LONGEST_HEADER, Source, check_count, check_memory
+
+MEMORY_PER_BYTE = {"stl": 16.0, "ply": 24.0, "obj": 12.0, "off": 24.0, "glb": 12.0, "gltf": 12.0}
+"""Memory for reading, per byte of the file, measured on 300,000 faces; text needs most."""
+
+STL_HEADER, STL_FACE = 84, 50
+
+
+OFF_HEADER = re.compile(
+    rb"(?:\xef\xbb\xbf)?\s*(?:(?:ST)?C?N?OFF|off)\s+(?P<vertices>-?\d+)\s+(?P<faces>-?\d+)"
+    rb"(?:[ \t]+-?\d[^\r\n]*|\s+\d+[ \t]*(?=[\r\n]))?(?=\s|$)"
+)
+"""Header of a text OFF without comments: the counts on one line or on several. The third, of edges,
+is often left out; alone on a line it cannot be a vertex."""
+
+_OTHER_OFF = re.compile(rb"\s*(?:(?:ST)?C?N?(?:4n?|n)OFF|(?:ST)?C?N?OFF\s+BINARY)\b")
+"""Headers of the kinds of OFF that are not read."""
 
 MOST_CORNERS = 1000
 """Largest number of corners of a face; round lids have a few hundred."""
@@ -12,6 +27,64 @@ MOST_CORNERS = 1000
 LEAST_CORNERS = COORDINATES = 3
 
 _NAME = re.compile(rb"solid[^\n]*")
+
+
+def without_comments(text: bytes) -> bytes:
+    """Return the text of an OFF without its comments, which end with their line."""
+    return re.sub(rb"#[^\r\n]*", b"", text) if b"#" in text else text
+
+
+def check_declared_size(source: Source) -> None:
+    """Check the declared size of a mesh against the file size and the memory limit.
+
+    Raises:
+        MeshError: The file is too small for it, or reading needs more memory than is allowed.
+    """
+    check_memory(source, source.size, MEMORY_PER_BYTE.get(source.kind, 1.0))
+    if source.kind == "off":
+        off_counts(source)
+    faces = binary_stl_faces(source) if source.kind == "stl" else None
+    available = (source.size - STL_HEADER) // STL_FACE
+    if faces is not None and faces > available:
+        raise source.incomplete(f"declares {faces:,} faces, but contains {available:,}")
+
+
+def binary_stl_faces(source: Source) -> int | None:
+    """Return the number of faces that a binary STL declares; None: it is text, or not an STL."""
+    head = source.head(STL_HEADER)
+    if len(head) < STL_HEADER:
+        return None
+    faces = int.from_bytes(head[80:], "little")
+    if source.size >= STL_HEADER + STL_FACE * faces and faces:
+        return faces
+    # Text begins with `solid`, but binary headers may do so as well.
+    text = head.lstrip()[:5].lower() == b"solid" and b"facet" in source.head().lower()
+    control_characters = any(byte < 9 or 13 < byte < 32 for byte in head)
+    return None if text or not control_characters else faces
+
+
+def off_counts(source: Source) -> tuple[int, int]:
+    """Return the numbers of vertices and faces that an OFF declares, checked against its size.
+
+    Raises:
+        MeshError: It is not an OFF, or declares more than it can contain.
+    """
+    for size in (LONGEST_HEADER, source.size):  # a comment may be longer than a header
+        head = without_comments(source.head(size))
+        if found := OFF_HEADER.match(head):
+            break
+    if found is None:
+        if kind := _OTHER_OFF.match(head):
+            name = kind[0].strip().decode("ascii")
+            raise source.error(
+                f"is of the kind {name!r}; of OFF only text with vertices of three "
+                "coordinates is read: export it so, or as STL"
+            )
+        raise source.unexpected("cannot be read as OFF: no counts")
+    vertices, faces = int(found["vertices"][:18]), int(found["faces"][:18])
+    check_count(source, "vertices", vertices, len("0 0 0\n"), source.size)
+    check_count(source, "faces", faces, len("3 0 1 2\n"), source.size)
+    return vertices, faces
 
 
 def plain_obj(source: Source, data: bytes) -> tuple[bytes, int, int]:
@@ -76,9 +149,7 @@ def check_obj_lines(source: Source, data: bytes) -> None:
             _check_line(words, count, total)
         except ValueError as error:
             text = line.decode("utf-8", "replace")[:40]
-            raise source.error(
-                f"line {number}, {text!r}, cannot be read ({error}); export the mesh again"
-            ) from error
+            raise source.damaged(f"line {number}, {text!r}, cannot be read ({error})") from error
 
 
 def _check_line(words: list[bytes], count: int, total: int) -> None:
@@ -109,9 +180,9 @@ def plain_off(source: Source, data: bytes) -> bytes:
         count = int(words[0]) if words[0].isdigit() else 0
         if not 3 <= count < min(len(words), MOST_CORNERS + 1):
             text = line.decode("utf-8", "replace")[:40]
-            raise source.error(
-                f"face {number} ({text!r}) does not have the corners that it "
-                f"declares, of which 3 to {MOST_CORNERS:,} are allowed; export the mesh again"
+            raise source.damaged(
+                f"face {number} ({text!r}) does not have the corners that it declares, of which 3 "
+                f"to {MOST_CORNERS:,} are allowed"
             )
         if count <= 4:
             kept.append(line)
@@ -144,5 +215,5 @@ def plain_stl(source: Source, data: bytes) -> tuple[bytes, int]:
         reason = f"{started:,} facets with {corners:,} corners, and {ends:,} ends"
         if started == corners == 0:
             reason = "it holds no triangles"
-        raise source.error(f"cannot be read as STL: {reason}; {source.hint}")
+        raise source.unexpected(f"cannot be read as STL: {reason}")
     return b"solid\n" + text + b"\nendsolid\n", facets
