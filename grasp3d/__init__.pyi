@@ -26,13 +26,13 @@ from .mesh.preparing import load_mesh as load_mesh
 from .physics.simulate import simulate_grasps as simulate_grasps
 from .quality.closure import force_closure as force_closure
 from .quality.critical_angle import critical_friction_angle as critical_friction_angle
-from .quality.epsilon_options import EpsilonOptions as EpsilonOptions
 from .quality.ferrari_canny import Epsilon as Epsilon
 from .quality.ferrari_canny import epsilon as epsilon
 from .quality.ferrari_canny import epsilon_of_wrenches as epsilon_of_wrenches
+from .quality.force_ranges import payload as payload
 from .quality.grip_forces import grip_force as grip_force
 from .quality.loads import Load as Load
-from .quality.payloads import payload as payload
+from .quality.wrenches import EpsilonOptions as EpsilonOptions
 from .settings import GraspModel as GraspModel
 from .settings import MeshOptions as MeshOptions
 from .settings import MultifingerSampling as MultifingerSampling

@@ -11,9 +11,8 @@ from rich.table import Table
 from grasp3d.cli.design_options import friction_text
 from grasp3d.cli.design_report import FLAT
 from grasp3d.cli.report import escaped
-from grasp3d.contact.budget import CRITICAL, MARGIN, MarginBudget
+from grasp3d.contact.budget import CRITICAL, MARGIN, FingerDesign, GraspSamples, MarginBudget
 from grasp3d.contact.encoders import JointEncoders
-from grasp3d.contact.requirements import FingerDesign, GraspSamples
 from grasp3d.contact.sensor import Sensor
 from grasp3d.contact.tips import CylinderTip, EllipsoidTip
 from grasp3d.settings.lengths import Unit

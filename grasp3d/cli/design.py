@@ -16,7 +16,7 @@ from grasp3d.settings.lengths import AnyLength, Unit, length_in_unit, measure
 from grasp3d.settings.uncertainty import Uncertainty
 
 if TYPE_CHECKING:
-    from grasp3d.contact.requirements import FingerDesign, GraspSamples
+    from grasp3d.contact.budget import FingerDesign, GraspSamples
     from grasp3d.contact.tips import CylinderTip, EllipsoidTip
 
 DEFAULT_FRICTIONS = tuple(step / 10.0 for step in range(1, 11))
@@ -201,7 +201,7 @@ class Design:
     @cached_property
     def designs(self) -> "tuple[FingerDesign, ...]":
         """The finger of the options, at each friction."""
-        from grasp3d.contact.requirements import FingerDesign
+        from grasp3d.contact.budget import FingerDesign
 
         other = Uncertainty(
             normal_error=self.grasps.normal_error or 0.0,
@@ -249,7 +249,7 @@ class Design:
 
     def _grasps(self, designs: "tuple[FingerDesign, ...]") -> "tuple[GraspSamples, str]":
         """The grasps that the design is for, and what they are of."""
-        from grasp3d.contact.requirements import GraspSamples
+        from grasp3d.contact.budget import GraspSamples
 
         if self.grasps.object is not None:
             from grasp3d.cli.design_object import grasps_of

@@ -7,7 +7,7 @@ import numpy as np
 
 from grasp3d.cli import report
 from grasp3d.cli.design_options import GraspOptions
-from grasp3d.contact.requirements import FingerDesign, GraspSamples
+from grasp3d.contact.budget import FingerDesign, GraspSamples
 from grasp3d.errors import SettingError
 from grasp3d.mesh import load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths

@@ -5,8 +5,9 @@ from rich.console import Console
 from rich.table import Table
 
 from grasp3d.cli.report import escaped
+from grasp3d.quality.measures.geometry import Texts
+from grasp3d.quality.measures.known import Metric
 from grasp3d.quality.measures.measuring import MetricValues
-from grasp3d.quality.measures.metric import Metric, Texts
 
 LEVELS = (0.1, 0.5, 0.9)
 """Levels of the quantiles."""

@@ -1,4 +1,4 @@
-"""Result of a mesh diagnosis."""
+"""Diagnosis of meshes, before and after repair: defects, and whether labels can be trusted."""
 
 import math
 from collections.abc import Iterator, Mapping

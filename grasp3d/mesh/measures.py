@@ -1,4 +1,7 @@
-"""Areas, angles, volumes, components, edges and rounding of plain vertex and face arrays."""
+"""Areas, angles, volumes, components, edges and rounding of plain vertex and face arrays.
+
+`Triangles` computes each quantity of a surface once.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property

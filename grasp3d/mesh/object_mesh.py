@@ -1,4 +1,4 @@
-"""ObjectMesh: the surface that contacts lie on."""
+"""ObjectMesh, the surface that contacts lie on, and the report of how it was made."""
 
 from dataclasses import dataclass
 from functools import cached_property

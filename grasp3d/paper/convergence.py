@@ -11,7 +11,7 @@ from grasp3d.contact.contacts import Contacts
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.paper.markdown import fraction_cells, resolution_cell, table
 from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import DEGREE, GraspModel
 from grasp3d.stability.classification import classify
 from grasp3d.stability.label import Label

@@ -3,7 +3,6 @@ from .closure import ForceClosure as ForceClosure
 from .closure import Status as Status
 from .closure import force_closure as force_closure
 from .critical_angle import critical_friction_angle as critical_friction_angle
-from .epsilon_options import EpsilonOptions as EpsilonOptions
 from .ferrari_canny import Epsilon as Epsilon
 from .ferrari_canny import SmallestEpsilon as SmallestEpsilon
 from .ferrari_canny import epsilon as epsilon
@@ -11,17 +10,17 @@ from .ferrari_canny import epsilon_of_wrenches as epsilon_of_wrenches
 from .ferrari_canny import smallest_epsilon as smallest_epsilon
 from .force_ranges import ForceRange as ForceRange
 from .force_ranges import force_range as force_range
+from .force_ranges import payload as payload
 from .grip_forces import ForceCertificate as ForceCertificate
 from .grip_forces import GripForce as GripForce
 from .grip_forces import Resistance as Resistance
 from .grip_forces import grip_force as grip_force
 from .location_tolerance import location_tolerance as location_tolerance
 from .measures.known import METRICS as METRICS
+from .measures.known import Metric as Metric
 from .measures.known import metric_names as metric_names
 from .measures.measuring import MetricValues as MetricValues
 from .measures.measuring import metrics as metrics
-from .measures.metric import Metric as Metric
-from .payloads import payload as payload
 from .task_texts import parse_task as parse_task
 from .tasks import Acceleration as Acceleration
 from .tasks import Ellipsoid as Ellipsoid
@@ -30,3 +29,4 @@ from .tasks import Weight as Weight
 from .tasks import Wrenches as Wrenches
 from .tilting import EpsilonRange as EpsilonRange
 from .tilting import epsilon_range as epsilon_range
+from .wrenches import EpsilonOptions as EpsilonOptions

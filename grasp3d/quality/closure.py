@@ -13,8 +13,8 @@ from grasp3d._kernels.hull.wrench_problem import SIGN, Results
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, shaped, short_repr
 from grasp3d.contact.contacts import Contacts, centred
 from grasp3d.contact.friction_cones import tangents
-from grasp3d.quality.epsilon_options import EpsilonOptions, Goal
 from grasp3d.quality.wrench_problem import WrenchProblem
+from grasp3d.quality.wrenches import EpsilonOptions, Goal
 
 
 class Status(IntEnum):

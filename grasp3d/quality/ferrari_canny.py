@@ -12,9 +12,8 @@ from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, shaped
 from grasp3d.contact.contacts import LARGEST, Contacts, finite_numbers
 from grasp3d.errors import ContactError
 from grasp3d.quality.closure import Certificate, Status, certificate_of, forces_of_components
-from grasp3d.quality.epsilon_options import EpsilonOptions, Goal
 from grasp3d.quality.wrench_problem import WrenchProblem
-from grasp3d.quality.wrenches import Bounded
+from grasp3d.quality.wrenches import Bounded, EpsilonOptions, Goal
 from grasp3d.settings.grasp_model import Actuation
 
 PLANAR = [0, 1, 5]

@@ -26,9 +26,9 @@ from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import edge_angles, tangents
 from grasp3d.errors import SettingError
 from grasp3d.quality.closure import forces_of_components
-from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.tasks import Task, Terms
 from grasp3d.quality.wrench_problem import WrenchProblem, part_of
+from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import check_choice
 
 ForceBound = Literal["normal", "norm", "total"]

@@ -18,10 +18,9 @@ from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts, tilts_of
 from grasp3d.contact.friction_cones import tilted_normals
 from grasp3d.errors import SettingError
-from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.ferrari_canny import epsilon_with, smallest_epsilon
 from grasp3d.quality.wrench_problem import WrenchProblem
-from grasp3d.quality.wrenches import wrench_axes
+from grasp3d.quality.wrenches import EpsilonOptions, wrench_axes
 from grasp3d.settings import GraspModel
 from grasp3d.system.progress import Progress, ignore, within
 

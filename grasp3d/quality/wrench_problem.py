@@ -29,8 +29,7 @@ from grasp3d.arrays import ArrayLike, Bools, Floats, Ints
 from grasp3d.contact.contacts import Contacts, clearly_placed, per_contact
 from grasp3d.contact.friction_cones import edge_angles
 from grasp3d.errors import SettingError
-from grasp3d.quality.epsilon_options import EpsilonOptions, Goal
-from grasp3d.quality.wrenches import Bounded, cone_parts, wrench_axes
+from grasp3d.quality.wrenches import Bounded, EpsilonOptions, Goal, cone_parts, wrench_axes
 from grasp3d.system.processors import available_processors
 
 CHUNK = 1024

@@ -181,16 +181,15 @@ class GltfReduction:
                 raise self.source.error(f"{where} has triangle fans; export it as triangles")
             attributes = part.get("attributes")
             position = attributes.get("POSITION") if isinstance(attributes, dict) else None
-            self._check_use(where, "POSITION", position)
-            new = {"attributes": {"POSITION": rows.setdefault(position, len(rows))}, "mode": mode}
+            uses = {"POSITION": self._used_accessor(where, "POSITION", position)}
             if part.get("indices") is not None:
-                self._check_use(where, "indices", part["indices"])
-                new["indices"] = rows.setdefault(part["indices"], len(rows))
-            parts.append(new)
+                uses["indices"] = self._used_accessor(where, "indices", part["indices"])
+            row = {name: rows.setdefault(used, len(rows)) for name, used in uses.items()}
+            parts.append({"attributes": {"POSITION": row.pop("POSITION")}, "mode": mode} | row)
         return parts
 
-    def _check_use(self, where: str, name: str, number: object) -> None:
-        """Reject positions and indices that trimesh would misread."""
+    def _used_accessor(self, where: str, name: str, number: object) -> int:
+        """Number of an accessor; rejects positions and indices that trimesh would misread."""
         accessors = self.tree.get("accessors", [])
         if type(number) is not int or not 0 <= number < len(accessors):
             raise self.source.unexpected(f"{where} has no valid {name}")
@@ -204,6 +203,7 @@ class GltfReduction:
             raise self.source.error(
                 f"{name} of {where} are {encoding}, which is not supported; export the mesh without"
             )
+        return number
 
     def _accessor(self, number: int) -> tuple[Tree, Tree]:
         """Return an accessor of known type and its buffer view, whose entries are all there."""

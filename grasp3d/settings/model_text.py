@@ -1,4 +1,4 @@
-"""What a model says about contacts, as text: friction, normals and locations with their errors."""
+"""What a model says about contacts and epsilon, as text."""
 
 import math
 

@@ -16,9 +16,9 @@ from grasp3d.contact.friction_cones import turned
 from grasp3d.errors import SettingError
 from grasp3d.quality.closure import ForceClosure, force_closure
 from grasp3d.quality.critical_angle import critical_friction_angle
-from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.ferrari_canny import Epsilon, epsilon_with
 from grasp3d.quality.tilting import EpsilonRange, epsilon_range
+from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import MIN_EXTREMES, check_choice, whole_number
 from grasp3d.settings.grasp_model import Method
 from grasp3d.stability.enumeration import Extremes, Tested, extremes

@@ -29,10 +29,9 @@ from grasp3d.contact.contacts import Contacts, centred, per_contact
 from grasp3d.contact.friction_cones import on_arcs, tilted_normals
 from grasp3d.errors import SettingError
 from grasp3d.quality.closure import Status
-from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.ferrari_canny import certified
 from grasp3d.quality.wrench_problem import WrenchProblem
-from grasp3d.quality.wrenches import wrench_axes
+from grasp3d.quality.wrenches import EpsilonOptions, wrench_axes
 
 MAX_HULLS = 65_536
 """Hulls in memory at once."""

@@ -11,7 +11,7 @@ from grasp3d.contact.friction_cones import turned
 from grasp3d.errors import ContactError
 from grasp3d.quality.closure import Status, force_closure
 from grasp3d.quality.critical_angle import critical_friction_angle
-from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings.grasp_model import Method
 from grasp3d.stability.enumeration import Tested, check_combinations, closure_at, extreme_normals
 from grasp3d.stability.located_angles import (
@@ -20,8 +20,7 @@ from grasp3d.stability.located_angles import (
     located_grasps,
     located_pairs,
 )
-from grasp3d.stability.normal_sets import STEP, Creases, angles_to_set, sampled_set
-from grasp3d.stability.sampled_normals import WorstAndBest
+from grasp3d.stability.normal_sets import STEP, Creases, WorstAndBest, angles_to_set, sampled_set
 
 MIN_FORM_CLOSURE = 7
 """Fewest contacts of a grasp that is force-closed without friction."""

@@ -15,8 +15,8 @@ from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, angles_between, loc
 from grasp3d.contact.contacts import Contacts, centred, clearly_placed
 from grasp3d.errors import SettingError
 from grasp3d.quality.critical_angle import critical_friction_angle
-from grasp3d.stability.normal_sets import STEP
-from grasp3d.stability.sampled_normals import (
+from grasp3d.stability.normal_sets import (
+    STEP,
     NormalSamples,
     WorstAndBest,
     angle_bounds,

@@ -7,7 +7,7 @@ import numpy as np
 
 from grasp3d.arrays import Bytes, Floats, Ints
 from grasp3d.contact.contacts import Contacts
-from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import GraspModel
 from grasp3d.stability.classification import classify
 from grasp3d.stability.enumeration import (

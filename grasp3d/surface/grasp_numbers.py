@@ -9,10 +9,10 @@ import numpy as np
 from grasp3d.arrays import Floats, locked
 from grasp3d.contact.contacts import Contacts
 from grasp3d.mesh import ObjectMesh
-from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.ferrari_canny import epsilon_with
 from grasp3d.quality.measures.measuring import MetricValues, metrics
 from grasp3d.quality.tilting import EpsilonRange, WrenchErrors, uncertain_epsilon_range
+from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import GraspModel
 from grasp3d.stability.located_angles import (
     ContactLimits,
@@ -20,7 +20,7 @@ from grasp3d.stability.located_angles import (
     located_grasps,
     located_pairs,
 )
-from grasp3d.stability.sampled_normals import WorstAndBest
+from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import AMBIGUOUS
 from grasp3d.surface.extreme_normals import hull_epsilons

@@ -23,7 +23,7 @@ from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
 from grasp3d.stability.located_angles import ContactLimits
-from grasp3d.stability.sampled_normals import WorstAndBest
+from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.thresholds import label_angles, margins, max_resolution
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles

@@ -10,10 +10,9 @@ import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts
-from grasp3d.quality.force_ranges import Certainty, ForceRange, force_range
+from grasp3d.quality.force_ranges import Certainty, ForceRange, force_range, payload
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.loads import Load
-from grasp3d.quality.payloads import payload
 from grasp3d.quality.tasks import Task
 from grasp3d.quality.tilting import FrictionCases, over_friction
 from grasp3d.stability.label import Label

@@ -31,7 +31,7 @@ from grasp3d.settings.model_text import model_line
 from grasp3d.settings.uncertainty import Uncertainty, friction_interval
 from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.stability.label import Label, Mode
-from grasp3d.stability.sampled_normals import WorstAndBest
+from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.surface.area_statistics import Weights, quantiles, vertex_weights
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.grasp_table import COMPUTED, BestNormalGrasps, GraspTable, if_known, rows_of

@@ -16,7 +16,7 @@ from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
-from grasp3d.stability.sampled_normals import WorstAndBest
+from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.surface.grasp_table import GraspTable, LabelledGrasps, if_known
 from grasp3d.surface.holding import Holding
 from grasp3d.surface.load_case import LoadCase

@@ -13,7 +13,7 @@ from grasp3d.grasps.evaluation import OFF_SURFACE, evaluate_grasps
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality import metric_names, metrics
 from grasp3d.quality.critical_angle import critical_friction_angle
-from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.surface.grasp_numbers import longest_axis
 from grasp3d.surface.grasp_table import GraspTable
 from tests.helpers import shapes

@@ -18,7 +18,7 @@ from grasp3d.paper.convergence import (
     convergence_tables,
     random_grasps,
 )
-from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.quality.wrenches import EpsilonOptions
 
 S, M, U = Label.S, Label.M, Label.U
 

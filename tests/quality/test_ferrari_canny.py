@@ -22,8 +22,7 @@ from grasp3d import (
 )
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.quality import Status, smallest_epsilon, wrench_problem
-from grasp3d.quality.epsilon_options import EpsilonOptions
-from grasp3d.quality.wrenches import span, wrenches
+from grasp3d.quality.wrenches import EpsilonOptions, span, wrenches
 from tests.helpers import grasps, oracles, shapes
 from tests.helpers.grasps import with_options
 

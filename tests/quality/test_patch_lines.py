@@ -13,7 +13,7 @@ from grasp3d.arrays import angles_between
 from grasp3d.contact import disc
 from grasp3d.errors import SettingError
 from grasp3d.quality import critical_friction_angle
-from grasp3d.quality.patch_lines import least_friction_angles
+from grasp3d.quality.critical_angle import least_friction_angles
 from tests.helpers import patches
 
 TOLERANCE = 2e-5

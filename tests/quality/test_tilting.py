@@ -10,8 +10,8 @@ from grasp3d import Contacts, epsilon
 from grasp3d.contact.friction_cones import tilted_normals
 from grasp3d.errors import SettingError
 from grasp3d.quality import smallest_epsilon, tilting
-from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.tilting import EpsilonRange, epsilon_range
+from grasp3d.quality.wrenches import EpsilonOptions
 from tests.helpers import oracles
 from tests.helpers.grasps import with_options
 from tests.helpers.tilts import all_combinations, random_tilts, with_normals

@@ -25,8 +25,8 @@ from grasp3d.contact.friction_cones import turned
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.paper.convergence import random_grasps
 from grasp3d.quality import Status
-from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.tilting import epsilon_range
+from grasp3d.quality.wrenches import EpsilonOptions
 from tests.helpers import grasps
 from tests.helpers.grasps import with_options
 from tests.helpers.tilts import adversarial_epsilons, angles, random_tilts, with_normals

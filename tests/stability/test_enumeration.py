@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from grasp3d import Contacts, epsilon, force_closure
 from grasp3d.paper.convergence import random_grasps
-from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.stability import enumeration
 from grasp3d.stability.enumeration import Tested, closure_at, extreme_normals, extremes
 from tests.helpers import grasps, oracles

@@ -12,7 +12,7 @@ from grasp3d import Contacts, Label, classify, critical_friction_angle, force_cl
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.paper.convergence import random_grasps
 from grasp3d.quality import Status
-from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.quality.wrenches import EpsilonOptions
 from tests.helpers import grasps, oracles
 from tests.helpers.grasps import with_options
 from tests.helpers.tilts import (

@@ -19,8 +19,7 @@ from grasp3d import (
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.stability.normal_sets import sampled_sets
-from grasp3d.stability.sampled_normals import NormalSamples, angle_bounds
+from grasp3d.stability.normal_sets import NormalSamples, angle_bounds, sampled_sets
 from grasp3d.surface import critical_angles as module
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.critical_angles import critical_angles

@@ -1,4 +1,4 @@
-"""The bodies of a surface: copies of one another, orientation, nesting."""
+"""The bodies of a surface: copies of one another, orientation, nesting, walls between them."""
 
 import math
 from collections import Counter

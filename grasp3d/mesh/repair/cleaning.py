@@ -1,4 +1,4 @@
-"""Degenerate, repeated and mirrored faces, the sheets that faces form, and their winding."""
+"""Welding of vertices, and degenerate, repeated and mirrored faces, their sheets and winding."""
 
 import numpy as np
 from scipy.sparse import coo_array

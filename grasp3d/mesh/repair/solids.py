@@ -1,4 +1,4 @@
-"""Bodies as solids of the library Manifold: offset faces, nesting, validity."""
+"""Bodies as solids of the library Manifold: offset faces, boxes, nesting, validity."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

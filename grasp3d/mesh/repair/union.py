@@ -1,4 +1,4 @@
-"""Union of bodies that overlap or touch, so that no face lies inside the object."""
+"""Union of bodies that overlap or touch, so that no face lies inside the object, and its seams."""
 
 from dataclasses import dataclass, replace
 from itertools import chain

@@ -1,10 +1,11 @@
-"""Grasps of a batch as the measures need them: grasp matrix, rank, primitive wrenches."""
+"""What measures take, the geometry of a batch of grasps, and return: values with reasons."""
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.contact.contacts import Contacts, centred
@@ -15,6 +16,16 @@ RANK_TOLERANCE = 1e-10
 
 SAME_POINT = 1e-12
 """Size of a grasp, relative to its distance from the centre of mass, that is rounding alone."""
+
+
+Texts = npt.NDArray[Any]
+"""Texts, shape (b,)."""
+
+NO_EQUILIBRIUM = "no forces of the fingers are in equilibrium"
+"""Why measures of internal forces are undefined."""
+
+AT_ONE_POINT = "all contacts are at one point"
+"""Why measures of forces and of directions are undefined."""
 
 
 class Span(NamedTuple):
@@ -140,6 +151,25 @@ class GraspGeometry:
     def _axes(self, points: Floats, torsion_radius: Floats, torque_scale: float) -> Floats:
         axes = wrench_axes(points, self.contacts.normals, torsion_radius, torque_scale)
         return np.where(self.used_axes[..., None], axes, 0.0).reshape(self.size, 4 * self.count, 6)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Values of one measure; nan where it is undefined, with the reason."""
+
+    values: Floats
+    """Shape (b,)."""
+    reasons: Texts
+    """Shape (b,); '' where the value is defined."""
+
+    @classmethod
+    def of(cls, values: Floats, *undefined: tuple[Bools, str]) -> "Measured":
+        """Values with the masks where they are undefined; the first reason that applies counts."""
+        found = np.array(values, dtype=np.float64)
+        reasons = np.full(found.shape, "", dtype=object)
+        for mask, text in reversed(undefined):
+            found[mask], reasons[mask] = np.nan, text
+        return cls(found, reasons)
 
 
 def _span(rows: Floats) -> Span:

@@ -2,26 +2,31 @@
 
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 from grasp3d.errors import SettingError
-from grasp3d.quality.measures.metric import Metric
-from grasp3d.quality.measures.polygon_measures import (
+from grasp3d.quality.measures.formulas import (
     centroid_distance,
-    orthogonality,
-    polygon_area,
-    polygon_shape,
-)
-from grasp3d.quality.measures.wrench_measures import (
     friction_margin,
     grasp_isotropy,
     grasp_matrix_volume,
     internal_force_margin,
     min_weight,
+    orthogonality,
+    polygon_area,
+    polygon_shape,
     smallest_singular_value,
     wrench_resistance,
     wrench_space_volume,
 )
+
+Better = Literal["larger", "smaller"]
+"""Which values of a measure are better."""
+
+Unit = Literal["", "length", "length²", "rad", "N"]
+"""Unit of a measure; '': it has none."""
 
 ALL = "all"
 """Stands for the names of all measures, of those of a wrench only where one is given."""
@@ -29,6 +34,46 @@ ALL = "all"
 _COLUMN = "a soft finger adds the column e n of torsional moment per normal force"
 _PRIMITIVES = "a soft finger adds its normal force with the moments +e and -e as primitive wrenches"
 _NO_TORSION = "torsion does not matter"
+
+
+@dataclass(frozen=True)
+class Metric:
+    """Description of a quality measure.
+
+    Example:
+        >>> from grasp3d.quality import METRICS
+        >>> metric = METRICS["grasp_isotropy"]
+        >>> metric.better, metric.least, metric.most, metric.source
+        ('larger', 0.0, 1.0, 'Kim et al. 2001')
+    """
+
+    name: str
+    """Name of the column, such as 'min_weight'."""
+    term: str
+    """Standard term."""
+    text: str
+    """What it measures, in a sentence."""
+    formula: str
+    """In LaTeX, with the symbols of the documentation."""
+    source: str
+    """Authors and year; the documentation lists the papers."""
+    better: Better
+    """Which values are better."""
+    torsion: str
+    """What it does with the torsional moment of soft fingers."""
+    least: float = 0.0
+    """Lower end of its range."""
+    most: float = math.inf
+    """Upper end of its range."""
+    unit: Unit = ""
+    """Lengths are in the unit of the contacts."""
+    fingers: int = 2
+    """Smallest number of fingers for which it is defined."""
+    of_wrench: bool = False
+    """Whether it is that of a given wrench."""
+    measure: Callable[..., Any] = field(kw_only=True, repr=False, compare=False)
+    """The function of the package that computes it."""
+
 
 _ALL_METRICS = (
     Metric(

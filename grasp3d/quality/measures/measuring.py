@@ -13,9 +13,8 @@ from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import edge_angles
 from grasp3d.errors import SettingError
 from grasp3d.quality.grip_forces import wrenches_of
-from grasp3d.quality.measures.geometry import GraspGeometry
-from grasp3d.quality.measures.known import METRICS, metric_names
-from grasp3d.quality.measures.metric import Measured, Metric
+from grasp3d.quality.measures.geometry import GraspGeometry, Measured
+from grasp3d.quality.measures.known import METRICS, Metric, metric_names
 from grasp3d.quality.wrenches import check_torque_scale
 
 UNDEFINED = "undefined_metrics"
