@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d.mesh.measures import signed_volumes
-from grasp3d.mesh.repair import RepairedSurface, boxes, repair_surface
+from grasp3d.mesh.repair import RepairedSurface, repair_surface, solids
 from grasp3d.mesh.repair.bodies import Bodies
 from grasp3d.mesh.repair.solids import enclosed, overlap_groups, overlapping
 from grasp3d.mesh.repair.union import without_slits
@@ -220,7 +220,7 @@ def test_overlapping_boxes_agree_with_pairwise_comparison(
     lower = rng.integers(-4, 4, (count, 3)) / 2.0  # many that touch
     upper = lower + np.round(2.0 * size * rng.random((count, 3))) / 2.0
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(boxes, "AT_ONCE", at_once)
+        patch.setattr(solids, "AT_ONCE", at_once)
         found = [pair for pairs in overlapping(lower, upper) for pair in zip(*pairs, strict=True)]
         groups = overlap_groups(lower, upper)
         inside = set(zip(*enclosed(lower, upper), strict=True))
