@@ -82,7 +82,7 @@ def can_render() -> bool:
     """Return whether pictures can be rendered; tested once, in a separate process."""
     choose_window()
     return exits_cleanly(
-        "from grasp3d import rendering; raise SystemExit(not rendering.draws_a_triangle())"
+        "from grasp3d.plots import rendering; raise SystemExit(not rendering.draws_a_triangle())"
     )
 
 

@@ -58,6 +58,15 @@ def test_a_process_that_dies_or_hangs_means_no_rendering(
         picture(*shapes.box(), np.zeros((8, 3)))
 
 
+@pytest.mark.usefixtures("without_cache")
+def test_the_separate_process_finds_what_it_imports(monkeypatch: pytest.MonkeyPatch) -> None:
+    codes: list[str] = []
+    monkeypatch.setattr(rendering, "exits_cleanly", codes.append)
+    can_render()
+    imports, _, _ = codes[0].partition(";")
+    exec(imports)  # noqa: S102
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(
     sys.platform != "linux" or find_library("OSMesa") is not None, reason="OSMesa draws"
