@@ -567,8 +567,6 @@ class SurfaceLabels(SpreadGrasps):
     def show(self, **options: Any) -> Any:
         """Show the surface: in a notebook as a page below the cell, elsewhere in a window.
 
-        The page needs the extra `grasp3d[web]`; without it a notebook shows a picture.
-
         Args:
             options: As in `grasp3d.viewer.show.show`: settings, height, proxy.
 

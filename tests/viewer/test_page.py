@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -30,7 +31,6 @@ from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS, Label
 from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web import page as served_page
 from grasp3d.viewer.web.page import address_of, create_server, listen
 from tests.helpers.shapes import LIBRARY
@@ -611,8 +611,8 @@ def test_idle_clients_are_closed_and_clients_are_limited(labels: SurfaceLabels) 
 
     async def run() -> None:
         server = ViewerServer(max_clients=1, idle_timeout=0.5)
-        server.add(collection_of(labels), ViewSettings(), main=True)
-        path = server.add(collection_of(labels), ViewSettings())
+        server.add(partial(Session, collection_of(labels)), main=True)
+        path = server.add(partial(Session, collection_of(labels)))
         async with TestClient(TestServer(server.app)) as client:
             other_host = await client.get("/", headers={"Host": "elsewhere.example:80"})
             assert (other_host.status, "localhost" in await other_host.text()) == (403, True)

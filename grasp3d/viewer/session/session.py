@@ -42,11 +42,26 @@ class Session:
     thread.
     """
 
-    def __init__(self, collection: Collection, settings: ViewSettings | None = None) -> None:
+    def __init__(
+        self,
+        collection: Collection,
+        settings: ViewSettings | None = None,
+        *,
+        state: ViewState | None = None,
+        number: int = 0,
+    ) -> None:
+        """Open an object.
+
+        Args:
+            collection: The objects.
+            settings: Initial view; None: the default.
+            state: Initial choices; None: those of the collection and the settings.
+            number: Index of the object in the collection.
+        """
         settings = settings or ViewSettings()
         self.collection = collection
         self.settings = settings
-        self.state = ViewState(
+        self.state = state or ViewState(
             model=collection.model,
             max_opening=collection.sampling.max_distance,
             paint=settings.paint,
@@ -56,7 +71,7 @@ class Session:
         )
         self.revision = 0
         self._message = ""
-        self._viewed = ViewedItem(0, collection.items[0])
+        self._viewed = ViewedItem(number, collection.items[number])
         self._worker: Worker[Subject] = Worker()
         self._failed: dict[Hashable, str] = {}
         self._saving: SaveRequest | None = None

@@ -24,11 +24,9 @@ from grasp3d.errors import GraspError, SettingError
 from grasp3d.viewer.scene.picking import ClickDetector
 from grasp3d.viewer.scene.pictures import file_name, render_copy
 from grasp3d.viewer.scene.scene import Scene, new_plotter
-from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.session.history import History
 from grasp3d.viewer.session.keys import handle_key
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web.fields import FIELDS, field_values, set_field
 from grasp3d.viewer.web.messages import MessageError, check_message, guarded, one_line
 from grasp3d.viewer.web.page_state import constant_state, page_state, progress_state
@@ -54,10 +52,10 @@ MAX_PIXELS = 4_000_000
 class Client:
     """Everything that belongs to one visitor; used only in the thread of the event loop."""
 
-    def __init__(self, collection: Collection, settings: ViewSettings) -> None:
+    def __init__(self, session: Session) -> None:
         self.token = secrets.token_hex(16)
-        self.session = Session(collection, settings)
-        self._plotter = new_plotter(settings, off_screen=True)
+        self.session = session
+        self._plotter = new_plotter(session.settings, off_screen=True)
         self._plotter.enable_trackball_style()  # type: ignore[call-arg]
         self._history = History(self.session)
         self._scene = Scene(self._plotter, legend=False)

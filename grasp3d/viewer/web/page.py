@@ -7,7 +7,10 @@ import ipaddress
 import os
 import signal
 import socket
+import threading
 from collections.abc import AsyncIterator, Callable
+from concurrent.futures import Future
+from functools import cache, partial
 from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
@@ -16,6 +19,7 @@ from urllib.parse import urlsplit
 from grasp3d.errors import OutputError
 from grasp3d.plots.rendering import can_render
 from grasp3d.viewer.session.collection import Collection
+from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.view_settings import ViewSettings
 
 if TYPE_CHECKING:
@@ -25,6 +29,8 @@ HOST, PORT = "127.0.0.1", 8080
 OTHER_PORTS = 20
 """Number of following ports that are tried if the requested one is in use."""
 LAST_PORT = 65535
+START_TIMEOUT = 60.0
+"""Longest wait for a server in the background to start [s]."""
 
 NEEDED = ("trame", "trame_rca", "trame_vuetify", "aiohttp")
 
@@ -52,7 +58,7 @@ def serve(
     """
     server = create_server()
     server.local_only = _is_loopback(host)
-    server.add(collection, settings, main=True)
+    server.add(partial(Session, collection, settings), main=True)
     with contextlib.closing(listen(host, port)) as listener:
         stopped_by = asyncio.run(_serve(server, listener, host, ready))
     if stopped_by == signal.SIGINT:
@@ -121,6 +127,58 @@ def address_of(host: str, listener: socket.socket) -> str:
 def uses_other_port(address: str, port: int) -> bool:
     """Whether a page is served at another port than requested."""
     return port not in {0, urlsplit(address).port}
+
+
+class BackgroundServer:
+    """Serves pages in a thread, for the lifetime of the process."""
+
+    def __init__(self) -> None:
+        self._server = create_server()
+        self._listener = listen(HOST, PORT)
+        started: Future[None] = Future()
+        thread = threading.Thread(target=self._run, args=(started,), daemon=True, name="grasp3d")
+        thread.start()
+        started.result(START_TIMEOUT)
+
+    @property
+    def address(self) -> str:
+        """Its address on the same machine."""
+        return address_of(HOST, self._listener)
+
+    @property
+    def port(self) -> int:
+        """Its port."""
+        return int(self._listener.getsockname()[1])
+
+    def add(self, start: Callable[[], Session]) -> str:
+        """Add what visitors can open; returns its path.
+
+        Args:
+            start: Starts a session for a visitor.
+        """
+        return self._server.add(start)
+
+    def allow_other_hosts(self) -> None:
+        """Accept requests through a proxy, with any host name."""
+        self._server.local_only = False
+
+    def _run(self, started: "Future[None]") -> None:
+        async def forever() -> None:
+            async with serving(self._server, self._listener):
+                started.set_result(None)
+                await asyncio.Event().wait()
+
+        try:
+            asyncio.run(forever())
+        except Exception as error:  # noqa: BLE001
+            if not started.done():
+                started.set_exception(error)
+
+
+@cache
+def background_server() -> BackgroundServer:
+    """The server in the background of this process; started at the first call."""
+    return BackgroundServer()
 
 
 @contextlib.asynccontextmanager

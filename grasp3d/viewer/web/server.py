@@ -6,8 +6,7 @@ import ipaddress
 import logging
 import re
 import secrets
-from collections.abc import AsyncIterator
-from dataclasses import dataclass
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from urllib.parse import quote, urlsplit
 
@@ -16,8 +15,7 @@ from aiohttp.typedefs import Handler
 from PIL import Image
 
 from grasp3d.errors import GraspError
-from grasp3d.viewer.session.collection import Collection
-from grasp3d.viewer.view_settings import ViewSettings
+from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.web.client import STATIC, Client
 from grasp3d.viewer.web.messages import MAX_MESSAGE_BYTES, MessageError
 
@@ -44,14 +42,6 @@ HEADERS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Content:
-    """A collection that visitors can open, with its initial view."""
-
-    collection: Collection
-    settings: ViewSettings
-
-
 class ViewerServer:
     """Gives every visitor a client of their own, at an address with a random token."""
 
@@ -73,7 +63,7 @@ class ViewerServer:
         self.local_only = local_only
         self._max_clients = max_clients
         self._idle_timeout = idle_timeout
-        self._contents: dict[str, Content] = {}
+        self._contents: dict[str, Callable[[], Session]] = {}
         self._clients: dict[str, Client] = {}
         self._content_of: dict[str, str] = {}
         self.app = web.Application(middlewares=[_with_headers, self._check_host])
@@ -89,20 +79,28 @@ class ViewerServer:
         ])  # fmt: skip
         self.app.cleanup_ctx.append(self._cleanup)
 
-    def add(self, collection: Collection, settings: ViewSettings, *, main: bool = False) -> str:
-        """Add a collection; returns its path, '' for the main one."""
+    def add(self, start: Callable[[], Session], *, main: bool = False) -> str:
+        """Add what visitors can open.
+
+        Args:
+            start: Starts a session for a visitor.
+            main: Whether it is at the server's address itself.
+
+        Returns:
+            Its path; '' for the main one.
+        """
         name = "" if main else secrets.token_hex(16)
-        self._contents[name] = Content(collection, settings)
+        self._contents[name] = start
         return f"a/{name}/" if name else ""
 
     async def _enter(self, request: web.Request) -> web.StreamResponse:
         """Make a new client and redirect the browser to it."""
         name = request.match_info.get("content", "")
-        content = self._contents.get(name)
-        if content is None:
+        start = self._contents.get(name)
+        if start is None:
             raise web.HTTPNotFound(text="There is no object here.")
         await self._limit_clients()
-        client = Client(content.collection, content.settings)
+        client = Client(start())
         self._clients[client.token] = client
         self._content_of[client.token] = name
         browser = request.cookies.get(COOKIE) or secrets.token_hex(16)
