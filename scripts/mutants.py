@@ -1,0 +1,350 @@
+"""Plant one small error at a time in quality, search, jaws and forces, and run tests against it.
+
+mutants.py                      all, two at a time, with a table of which were caught
+mutants.py --only force tilt    those whose names contain one of the words
+mutants.py --root FOLDER        of another checkout, such as an older one
+
+Each error is a text that the package contains exactly once, in whatever module, and what replaces
+it. Package and tests are copied to a temporary folder for each, with kernels compiled anew where
+the error is in one. First the quick tests of the named files run, then, if they pass, the slow
+ones. An error that no test catches has survived: a test is missing. That the same tests pass
+without any error is tested, too. Ends with 1 if one survived.
+"""
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+
+LONGEST = 600.0
+"""Time of one run of tests at most [s]; an error may well make a loop endless."""
+
+OUTCOMES = {0: "survived", 1: "caught", 2: "caught", 5: "survived", None: "no end"}
+"""By exit codes of pytest: 2 where a module does not even import, 5 where no test is marked so."""
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """An error to plant."""
+
+    name: str
+    text: str
+    replacement: str
+    tests: str
+    """Names of files of tests, anywhere below `tests/`."""
+
+
+MUTANTS = (
+    # Quality: wrenches, closure, tilts, forces.
+    Mutant(
+        "squeeze takes the better finger",
+        "squeeze = np.maximum(angles_between(normals[:, 0], line)",
+        "squeeze = np.minimum(angles_between(normals[:, 0], line)",
+        "test_critical_angle.py",
+    ),
+    Mutant(
+        "velocity turns the wrong way",
+        "u[..., :3] + np.cross(u[..., 3:], points)",
+        "u[..., :3] - np.cross(u[..., 3:], points)",
+        "test_critical_angle.py",
+    ),
+    Mutant(
+        "negative angle from the cosine",
+        "-math.asin(depth)",
+        "-math.acos(depth)",
+        "test_critical_angle.py",
+    ),
+    Mutant(
+        "rolling without torque scale",
+        "axes[..., 4:, 3:] = rolling / torque_scale",
+        "axes[..., 4:, 3:] = rolling",
+        "test_patches.py",
+    ),
+    Mutant(
+        "cone edges with the tangent",
+        "[np.cos(friction_angle), np.sin(friction_angle)]",
+        "[np.cos(friction_angle), np.tan(friction_angle)]",
+        "test_wrenches.py test_ferrari_canny.py",
+    ),
+    Mutant(
+        "torsion one way only",
+        "[unit + twist, unit - twist]",
+        "[unit + twist, unit + twist]",
+        "test_wrenches.py test_ferrari_canny.py",
+    ),
+    Mutant(
+        "force of wider cones as the largest",
+        "-tilt[rows][:, fingers]",
+        "tilt[rows][:, fingers]",
+        "test_force_ranges.py",
+    ),
+    Mutant(
+        "torque about the wrong finger",
+        "torque - np.cross(contacts.points[:, 0], force)",
+        "torque - np.cross(contacts.points[:, 1], force)",
+        "test_grip_forces.py",
+    ),
+    Mutant(
+        "location error of half a turn",
+        "opening * np.sin(turn) / relative.sum(axis=-1)",
+        "opening * np.cos(turn) / relative.sum(axis=-1)",
+        "test_uncertain_epsilon.py test_budgets.py",
+    ),
+    # Search: critical angles, extreme normals and samples of surfaces.
+    Mutant(
+        "worst and best normals exchanged",
+        "enumerate((largest_angle, smallest_angle))",
+        "enumerate((smallest_angle, largest_angle))",
+        "test_critical_angles.py test_scanning.py",
+    ),
+    Mutant(
+        "surely stable at the best normals",
+        "labels[rows[~found.failing]] = Label.S",
+        "labels[rows[~best.closing]] = Label.S",
+        "test_extreme_normals.py test_scanning.py",
+    ),
+    Mutant(
+        "arc of a crease not between its ends",
+        "np.sin((1.0 - fraction) * turn) / sine",
+        "np.cos((1.0 - fraction) * turn) / sine",
+        "test_multifinger_truth.py test_known_labels.py test_scanning.py",
+    ),
+    Mutant(
+        "closing pad shifted to the other side",
+        "centred[:, :3, 3] += offset",
+        "centred[:, :3, 3] -= offset",
+        "test_closed_grasps.py test_collisions.py",
+    ),
+    Mutant(
+        "extra friction of the wrong finger",
+        "max(-difference, 0.0)",
+        "max(difference, 0.0)",
+        "test_uncertain_labels.py",
+    ),
+    Mutant(
+        "scan keeps the worst of best angles",
+        "best[v] = min(best[v], low)",
+        "best[v] = max(best[v], low)",
+        "test_kernels.py",
+    ),
+    Mutant(
+        "search cone without the spread of normals",
+        "min(cone + frames.radii[v], math.pi)",
+        "min(cone, math.pi)",
+        "test_kernels.py test_antipodal.py",
+    ),
+    Mutant(
+        "derivative of the cosine loses a term",
+        "rx, ry = du * length + opening * mp, dw * length + opening * mq",
+        "rx, ry = du * length + opening * mp, dw * length",
+        "test_crease_contacts.py test_antipodal.py",
+    ),
+    # Hulls and games.
+    Mutant(
+        "pair pulls instead of presses",
+        "total = dot(triple(axes[0, 0]), d) - dot(triple(axes[1, 0]), d)",
+        "total = dot(triple(axes[0, 0]), d) + dot(triple(axes[1, 0]), d)",
+        "test_pairs.py",
+    ),
+    Mutant(
+        "multiplier of the cap with the wrong sign",
+        "k, target = (c - along) / per_k, flat",
+        "k, target = (along - c) / per_k, flat",
+        "test_cap_maximum.py",
+    ),
+    Mutant(
+        "pivot of the wrong sign",
+        "tableau[i, column] = -factor * inverse",
+        "tableau[i, column] = factor * inverse",
+        "test_matrix_game.py",
+    ),
+    Mutant(
+        "facets combined beyond the horizon",
+        "s, t = heights[v], -min(heights[other], 0.0)",
+        "s, t = heights[v], min(heights[other], 0.0)",
+        "test_growing_hull.py test_horizon.py",
+    ),
+    Mutant(
+        "slack without the share of torsion",
+        "pressing -= abs(forces[i, 3])",
+        "pressing -= forces[i, 3]",
+        "test_force_balance.py test_ferrari_canny.py",
+    ),
+    # Forces.
+    Mutant(
+        "task within a cone loses its sine",
+        "reach = along * cosine + math.sqrt(max(length * length - along * along, 0.0)) * sine",
+        "reach = along * cosine + math.sqrt(max(length * length - along * along, 0.0))",
+        "test_tasks.py",
+    ),
+    Mutant(
+        "torque of the third force component",
+        "missing[c] = -wrench[c] if c < 3 else",
+        "missing[c] = -wrench[c] if c < 4 else",
+        "test_grip_forces.py",
+    ),
+    # Jaws.
+    Mutant(
+        "touched patch without compliance",
+        "limit = position + max(jaw.compliance, MIN_DEPTH)",
+        "limit = position + MIN_DEPTH",
+        "test_closing.py",
+    ),
+    Mutant(
+        "solid counted from one side",
+        "total += 1 if side * normal[0] > 0.0 else -1",
+        "total += 1 if normal[0] > 0.0 else -1",
+        "test_closing.py",
+    ),
+    Mutant(
+        "object turns the wrong way",
+        "motion[1, 0], motion[2, 0] = sine * z, -sine * y",
+        "motion[1, 0], motion[2, 0] = -sine * z, sine * y",
+        "test_settling.py",
+    ),
+    Mutant(
+        "fingers without the radius of their tips",
+        "found[DEPTH] = top + shape.tip_radius",
+        "found[DEPTH] = top",
+        "test_reach.py test_collisions.py",
+    ),
+    Mutant(
+        "palm left out of collisions",
+        "for i in range(PALM + 1):",
+        "for i in range(PALM):",
+        "test_collisions.py",
+    ),
+    Mutant(
+        "way of a closing jaw ends at its start",
+        "found[PREGRASP] = opening + 2.0 * sign * shape.clearance",
+        "found[PREGRASP] = opening + sign * shape.clearance",
+        "test_reach.py",
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the tests said of an error."""
+
+    name: str
+    place: str
+    """Module and line of the error."""
+    outcome: str
+    """One of OUTCOMES, or why there is none."""
+    by: str
+    """The test that caught it."""
+    seconds: float
+
+
+def place_of(mutant: Mutant, root: Path) -> tuple[Path, int]:
+    """The module, relative to the root, and the line that has the text of a mutant."""
+    places = []
+    for path in sorted((root / "grasp3d").rglob("*.py")):
+        before, *others = path.read_text(encoding="utf-8").split(mutant.text)
+        places += [(path.relative_to(root), before.count("\n") + 1)] * len(others)
+    if len(places) != 1:
+        raise SystemExit(f"{mutant.name}: {mutant.text!r} is {len(places)} times in the package")
+    return places[0]
+
+
+def copy_tree(root: Path, folder: Path) -> None:
+    """Copy what tests need of a checkout; pages and meshes, which they only read, are linked."""
+    for name in ("grasp3d", "tests", "scripts"):
+        shutil.copytree(root / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(root / "pyproject.toml", folder)
+    for name in ("docs", "meshes", "README.md"):
+        (folder / name).symlink_to(root / name)
+    if (root.parent / "shared").is_dir():  # reference results
+        (folder.parent / "shared").symlink_to(root.parent / "shared")
+
+
+def run_tests(
+    folder: Path, files: Sequence[str], marked: str, **variables: str
+) -> tuple[int | None, str]:
+    """Exit code of pytest, None if it did not end in time, and the first test that failed."""
+    paths = [str(path) for name in files for path in sorted((folder / "tests").rglob(name))]
+    environment = os.environ | {"PYTHONPATH": str(folder)} | variables
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", marked]
+    try:
+        ran = subprocess.run(  # noqa: S603 - the tests of this checkout
+            [*command, "--hypothesis-seed=0", *paths],
+            cwd=folder, env=environment, capture_output=True, text=True, timeout=LONGEST,
+            check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return None, f"after {LONGEST:g} s"
+    failed = re.search(r"^(?:FAILED|ERROR) (?:\S*/)?(\S+)", ran.stdout, re.MULTILINE)
+    return ran.returncode, failed[1] if failed else ran.stdout[-300:] + ran.stderr[-300:]
+
+
+def judge(mutant: Mutant, root: Path) -> Verdict:
+    """Plant an error in a copy and run its tests."""
+    begun, (module, line) = time.monotonic(), place_of(mutant, root)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary, "grasp3d")
+        folder.mkdir()
+        copy_tree(root, folder)
+        planted, machine_code = folder / module, {}
+        if "_kernels" in module.parts:
+            machine_code["NUMBA_CACHE_DIR"] = str(Path(temporary, "numba"))
+        text = planted.read_text(encoding="utf-8")
+        planted.write_text(text.replace(mutant.text, mutant.replacement), encoding="utf-8")
+        for marked in ("not slow", "slow"):
+            code, by = run_tests(folder, mutant.tests.split(), marked, **machine_code)
+            if code not in {0, 5}:  # 5: none has this mark
+                break
+    outcome = OUTCOMES.get(code, f"pytest: {code}")
+    place = f"{module.relative_to('grasp3d')}:{line}"
+    return Verdict(mutant.name, place, outcome, by if code else "", time.monotonic() - begun)
+
+
+def check_without(mutants: Sequence[Mutant], root: Path) -> None:
+    """End with a message if the tests fail without any error."""
+    files = sorted({name for mutant in mutants for name in mutant.tests.split()})
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary, "grasp3d")
+        folder.mkdir()
+        copy_tree(root, folder)
+        code, by = run_tests(folder, files, "not slow")
+    if code:
+        raise SystemExit(f"without any error a test fails: {by}")
+
+
+def main() -> int:
+    """Print a line per mutant."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", nargs="+", default=[""], help="words of the names")
+    parser.add_argument("--root", type=Path, default=ROOT, help="the checkout")
+    parser.add_argument("--jobs", type=int, default=2, help="how many at a time")
+    arguments = parser.parse_args()
+    root = arguments.root.resolve()
+    mutants = [one for one in MUTANTS if any(word in one.name for word in arguments.only)]
+    for mutant in mutants:
+        place_of(mutant, root)
+    check_without(mutants, root)
+    survived = 0
+    with ThreadPoolExecutor(arguments.jobs) as pool:
+        for number, done in enumerate(pool.map(lambda one: judge(one, root), mutants), 1):
+            survived += done.outcome not in {"caught", "no end"}
+            print(
+                f"{number:2d} {done.outcome:9s} {done.seconds:4.0f} s  {done.name:42s} "
+                f"{done.place:42s} {done.by}",
+                flush=True,
+            )
+    print(f"{len(mutants) - survived} of {len(mutants)} caught")
+    return int(survived > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
