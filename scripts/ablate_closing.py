@@ -30,10 +30,9 @@ from grasp3d.hand.closing import close_jaws
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.stability.label import Label
-from grasp3d.validating.evaluating import stated_object
 from grasp3d.validating.ranking import RankedOutcomes
 from grasp3d.validating.success import label_success, labels_at
-from grasp3d.validating.tried_grasps import check_grasps
+from grasp3d.validating.tried_grasps import check_grasps, stated_object
 
 THIN = 2e-4
 """Side of pads that stand for the axis through the TCP [m]."""

@@ -101,7 +101,7 @@ class Perturb:
         from grasp3d.plots.formats import METADATA
         from grasp3d.plots.rendering import check_rendering
         from grasp3d.system.files import check_suffix
-        from grasp3d.validating.perturbing.writing import SUFFIXES, write_perturbation
+        from grasp3d.validating.perturbing.perturbation import SUFFIXES, write_perturbation
 
         output = self.output or Path(f"{safe_stem(self.file.stem)}_noise.ply")
         check_suffix(output, SUFFIXES, "table or mesh")
@@ -124,7 +124,7 @@ class Perturb:
         from grasp3d.cli import report
         from grasp3d.mesh.noisy_copies import movable_surface
         from grasp3d.mesh.plausible_lengths import refuse_lengths
-        from grasp3d.validating.perturbing.perturb import perturb_movable
+        from grasp3d.validating.perturbing.perturb import perturb_surface
 
         sampling = given_sampling(self.sampling, self.multifinger).fitted(self.model.fingers)
         surface = movable_surface(self.file, self.mesh)
@@ -132,7 +132,7 @@ class Perturb:
             refuse_lengths(surface.mesh, self.model, sampling)
         text = f"labelling {self.copies} copies of {self.file.name}"
         with report.progress(text, quiet=self.quiet) as progress:
-            return perturb_movable(
+            return perturb_surface(
                 surface,
                 self.model,
                 noise=self._noise(),

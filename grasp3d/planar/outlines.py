@@ -130,9 +130,7 @@ class Outline(AngleDistribution):
             >>> {name: round(fraction, 3) for name, fraction in found.items()}
             {'S': 0.271, 'M': 0.388, 'U': 0.341}
         """
-        distribution = self.angle_distribution(location_error=location_error)
-        return AngleDistribution.fractions(
-            distribution,
+        return self.angle_distribution(location_error=location_error).fractions(
             friction=friction,
             sensor_resolution=sensor_resolution,
             friction_error=friction_error,

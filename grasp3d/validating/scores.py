@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Floats, angles_between
+from grasp3d.arrays import Floats, angles_between
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.settings.lengths import METRES
 
@@ -84,7 +84,7 @@ def scores_of(found: EvaluatedPoses) -> dict[str, Floats]:
         "label": found.label.astype(np.float64),
         "epsilon": found.epsilon,
         "reachable": found.reachable.astype(np.float64),
-        **_simple(found, metres),
+        **_of_contacts(found, metres),
         "opening": found.opening * metres,
         "contact_area": found.jaws.area.min(axis=1) * metres**2,
     }
@@ -92,7 +92,7 @@ def scores_of(found: EvaluatedPoses) -> dict[str, Floats]:
         values["grip_force"] = found.holding.grip_force
     closed = found.jaws.closed
     return {
-        score.name: _where(values[score.name], closed | (score.name in _ALWAYS))
+        score.name: np.where(closed | (score.name in _ALWAYS), values[score.name], math.nan)
         for score in SCORES
         if score.name in values
     }
@@ -102,11 +102,7 @@ _ALWAYS = ("label", "reachable")
 """Scores that poses have whose jaws do not close."""
 
 
-def _where(values: Floats, known: Bools) -> Floats:
-    return np.where(known, values, math.nan)
-
-
-def _simple(found: EvaluatedPoses, metres: float) -> dict[str, Floats]:
+def _of_contacts(found: EvaluatedPoses, metres: float) -> dict[str, Floats]:
     """Scores of two contacts without friction: angles, normals, distance of the COM."""
     points, normals = found.jaws.points, found.jaws.normals
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -1,19 +1,25 @@
-"""Files of grasps with outcomes: their poses, their gripper, and the mesh of their object."""
+"""Files of grasps with outcomes: their poses, their gripper, and their object."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any
 
 import numpy as np
 
-from grasp3d.arrays import Ints, short_repr
+from grasp3d.arrays import Ints, locked, short_repr
 from grasp3d.errors import ContactError, MeshError, SettingError
+from grasp3d.grasps.pose_evaluation import in_stated_scale
 from grasp3d.grasps.pose_files import read_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
+from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.presets import ALIASES, PRESETS, preset
-from grasp3d.mesh import MeshSource
+from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
+from grasp3d.mesh.masses import loaded_mesh, mass_of
+from grasp3d.quality.loads import Load
+from grasp3d.settings import MeshOptions
 
 ACRONYM = (".h5", ".hdf5")
 """Endings of files whose grasps are of a Franka hand where they state no gripper."""
@@ -65,7 +71,9 @@ class MeshFolder:
         if stated is None:
             raise MeshError(f"{grasps}: names no mesh file of its object; give it with --mesh FILE")
         relative = _safe(stated)
-        for found in (self._by_path(relative, grasps), self._by_name(relative, grasps)):
+        by_path = [grasps.parent / relative, *([self.folder / relative] if self.folder else [])]
+        by_name = [grasps.parent / relative.name, *self._by_base_name.get(relative.name, [])]
+        for found in map(_distinct, (by_path, by_name)):
             if len(found) == 1:
                 return found[0]
             if found:
@@ -75,14 +83,6 @@ class MeshFolder:
                     "give the one that is meant with --mesh FILE"
                 )
         raise MeshError(f"{grasps}: names the mesh {stated!r}, which is not {self._where(grasps)}")
-
-    def _by_path(self, relative: PurePosixPath, grasps: Path) -> list[Path]:
-        folders = [grasps.parent, *([] if self.folder is None else [self.folder])]
-        return _distinct([one / relative for one in folders])
-
-    def _by_name(self, relative: PurePosixPath, grasps: Path) -> list[Path]:
-        name = relative.name
-        return _distinct([grasps.parent / name, *self._by_base_name.get(name, [])])
 
     @cached_property
     def _by_base_name(self) -> dict[str, list[Path]]:
@@ -240,3 +240,98 @@ def _gripper(
         return preset("franka"), "ACRONYM's grasps are of a Franka hand"
     reason = "states no gripper" if stated is None else f"states the gripper {stated!r}, unknown"
     raise SettingError(f"{name}: {reason}; give it with --hand NAME|FILE")
+
+
+FAR = 2.0
+"""Distance of a stated centre of mass from the object's centre, in object sizes, that cannot be
+meant."""
+
+
+@dataclass(frozen=True, eq=False)
+class StatedObject:
+    """An object as the grasps on it are evaluated."""
+
+    mesh: ObjectMesh
+    load: Load | None
+    """What each grasp must hold; None: the mass is not known, and no load was given."""
+    mass: float | None
+    """[kg]; None: not known."""
+    mass_from: str
+    """given, file or empty."""
+    center_from: str
+    """given, file, or what the mesh's report says: volume or surface."""
+
+
+def stated_object(
+    source: MeshSource, poses: GraspPoses, options: MeshOptions | None, load: Load | None
+) -> StatedObject:
+    """Read the mesh of some poses, and take over what their file states of the object.
+
+    What the options state is used first: a mass or density of `load`, a centre of mass of
+    `options`.
+
+    Args:
+        source: The mesh.
+        poses: Poses on it; `object_scale`, and `mass` [kg] and `com` [m] of their settings, as
+            ACRONYM states them, in the frame of the scaled mesh.
+        options: How the mesh is read.
+        load: What each grasp must hold.
+
+    Raises:
+        MeshError: It is no mesh.
+        SettingError: Its unit is not known, or the load needs what is not known.
+        ContactError: The file states an impossible mass or centre of mass.
+    """
+    mesh = in_stated_scale(load_mesh(source, options), poses)
+    metres_per_unit(mesh)
+    given = mesh.report.center_mass_from == "given"
+    mesh = mesh if given else _with_center(mesh, poses)
+    center_from = mesh.report.center_mass_from
+    mass, origin = _mass(poses.settings.get("mass")), ""
+    if load is not None and (load.mass is not None or load.density is not None):
+        origin = "given"
+    elif mass is not None and center_from != "surface":  # else it is not known what it pulls on
+        load, origin = replace(load or Load(), mass=mass), "file"
+    mesh, load = loaded_mesh(mesh, load)
+    return StatedObject(
+        mesh=mesh,
+        load=load,
+        mass=None if load is None else mass_of(mesh, load),
+        mass_from=origin,
+        center_from="file" if center_from == "given" and not given else center_from,
+    )
+
+
+def _with_center(mesh: ObjectMesh, poses: GraspPoses) -> ObjectMesh:
+    """The mesh with the centre of mass that a file states."""
+    stated = poses.settings.get("com")
+    if stated is None:
+        return mesh
+    try:
+        center = np.array(stated, dtype=np.float64) / metres_per_unit(mesh)
+    except (TypeError, ValueError):
+        center = np.zeros(0)
+    if center.shape != (3,) or not np.isfinite(center).all():
+        raise ContactError("the centre of mass that the grasps state must be three numbers")
+    away = float(np.linalg.norm(center - mesh.center)) / mesh.size
+    if not away <= FAR:
+        raise ContactError(
+            f"the centre of mass that the grasps state (object/com) is {away:.3g} object sizes "
+            f"away from {mesh.report.source}: is it the right mesh, in the right unit?"
+        )
+    x, y, z = center.tolist()
+    return replace(
+        mesh,
+        center_mass=locked(center),
+        options=replace(mesh.options, center_of_mass=(x, y, z)),
+        report=replace(mesh.report, center_mass_from="given"),
+    )
+
+
+def _mass(value: Any) -> float | None:
+    """A mass above 0 [kg]. Raises ContactError."""
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < 1e9:
+        raise ContactError(f"the mass that the grasps state must be above 0 kg; got {value!r}")
+    return float(value)

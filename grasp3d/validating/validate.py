@@ -1,29 +1,168 @@
 """Holding labels and scores of grasps against their outcomes."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from grasp3d.arrays import Floats, locked
-from grasp3d.errors import SettingError
+from grasp3d.arrays import Ints, locked
+from grasp3d.errors import ContactError, SettingError
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.choices import ObjectMotion
+from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
+from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.hand import Hand
+from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.reach_settings import ReachSettings
+from grasp3d.hand.scene import Scene
 from grasp3d.mesh import MeshSource
 from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions
 from grasp3d.system.progress import Progress, ignore, within
 from grasp3d.validating.disagreements import Disagreements
-from grasp3d.validating.evaluating import Evaluation
 from grasp3d.validating.intervals import FEW_OBJECTS, bootstrap
 from grasp3d.validating.ranking import RankedOutcomes
-from grasp3d.validating.scores import SCORES
+from grasp3d.validating.scores import SCORES, scores_of
 from grasp3d.validating.success import LabelSuccess, calibrate, label_success, labels_at
-from grasp3d.validating.tried_grasps import check_grasps
-from grasp3d.validating.validation import ScoredGrasps, ScoreQuality, Validation
+from grasp3d.validating.tried_grasps import StatedObject, TriedGrasps, check_grasps, stated_object
+from grasp3d.validating.validation import ScoredGrasps, ScoreQuality, ValidatedFile, Validation
 from grasp3d.validating.validation_settings import LEAST_RESAMPLES, ValidationSettings
+
+CHUNK = 20_000
+"""Poses evaluated at a time; only their scores are kept."""
+
+
+@dataclass
+class Evaluation:
+    """Grasps that are evaluated, file by file, and what is kept of them."""
+
+    model: GraspModel
+    options: MeshOptions | None
+    reach: ReachSettings
+    load: Load | None
+    object_motion: ObjectMotion
+    threads: int | None
+    disagreements: Disagreements
+    files: list[ValidatedFile] = field(default_factory=list)
+    parts: list[ScoredGrasps] = field(default_factory=list)
+    objects: dict[object, int] = field(default_factory=dict)
+    models: list[GraspModel] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+    def evaluate(self, tried: TriedGrasps, total: int, progress: Progress) -> None:
+        """Evaluate the poses of one file, in chunks."""
+        if not tried.count:
+            self.warnings.append(f"{tried.name}: no outcome is known of its grasps; left out")
+            return
+        poses, numbers = tried.poses()
+        body = stated_object(tried.mesh, poses, self.options, self.load)
+        first, file, number = self.size, len(self.files), self._object(tried, body)
+        for low in range(0, tried.count, CHUNK):
+            chunk = slice(low, min(low + CHUNK, tried.count))
+            part = within(progress, (first + chunk.start) / total, (first + chunk.stop) / total)
+            found = self._evaluated(poses.take(np.arange(tried.count)[chunk]), tried, body, part)
+            if not low:
+                self.warnings += [f"{tried.name}: {line}" for line in found.warnings]
+            self._keep(found, numbers[chunk], file, number)
+        self._finish(tried, body, number, file)
+
+    @property
+    def size(self) -> int:
+        """Grasps so far."""
+        return sum(part.size for part in self.parts)
+
+    def _object(self, tried: TriedGrasps, body: StatedObject) -> int:
+        """Number of an object: one mesh in one size and of one mass is one object."""
+        source = tried.mesh
+        key = str(Path(source).resolve()) if isinstance(source, str | Path) else id(source)
+        return self.objects.setdefault(
+            (key, round(body.mesh.size * metres_per_unit(body.mesh), 9), body.mass),
+            len(self.objects),
+        )
+
+    def _evaluated(
+        self, poses: GraspPoses, tried: TriedGrasps, body: StatedObject, progress: Progress
+    ) -> EvaluatedPoses:
+        beside = replace(self.reach, hand=tried.hand)
+        scene, model = Scene.of(beside, body.mesh), beside.touching(self.model)
+        assert scene is not None
+        self.models.append(model)
+        found = evaluate_grasps(
+            body.mesh,
+            poses,
+            model,
+            scene=scene,
+            object_motion=self.object_motion,
+            load=body.load,
+            threads=self.threads,
+            progress=within(progress, 0.0, 0.5),
+        )
+        found.compute_epsilon(within(progress, 0.5, 0.9))
+        found.compute_holding(within(progress, 0.9, 1.0))
+        return found
+
+    def _keep(self, found: EvaluatedPoses, numbers: Ints, file: int, number: int) -> None:
+        """Keep the scores of evaluated poses, and their greatest disagreements."""
+        scores = scores_of(found)
+        self.disagreements.add(found, scores, self.size)
+        worst, best = found.located_angles
+        count = found.size
+        self.parts.append(
+            ScoredGrasps(
+                file=np.full(count, file),
+                grasp=numbers,
+                object_number=np.full(count, number),
+                held=np.asarray(found.outcome == 1.0),
+                state=found.state,
+                label=found.label,
+                located_worst=worst,
+                located_best=best,
+                scores=scores,
+            )
+        )
+
+    def _finish(self, tried: TriedGrasps, body: StatedObject, number: int, file: int) -> None:
+        own = [part for part in self.parts if part.file[0] == file]
+        closed = sum(int(part.closed.sum()) for part in own)
+        if not closed:
+            self.warnings.append(f"{tried.name}: at no pose the jaws close on the mesh")
+        self.files.append(
+            ValidatedFile(
+                name=tried.name,
+                object_number=number,
+                object_name=body.mesh.report.source,
+                count=tried.count,
+                held=sum(int(part.held.sum()) for part in own),
+                not_tried=tried.not_tried,
+                not_closed=tried.count - closed,
+                hand=tried.hand.name,
+                hand_from=tried.hand_from,
+                mass=body.mass,
+                mass_from=body.mass_from,
+                center_from=body.center_from,
+            )
+        )
+
+    def check(self) -> None:
+        """Refuse grasps of which none closes.
+
+        Raises:
+            ContactError: At no pose the jaws close on the mesh.
+        """
+        counts = Counter(Closing(code) for part in self.parts for code in part.state.tolist())
+        if counts[Closing.CLOSED]:
+            return
+        states = "; ".join(f"{CLOSINGS[state]}: {count}" for state, count in sorted(counts.items()))
+        reasons = "; ".join(self.warnings[:3])
+        raise ContactError(
+            f"at none of the {self.size} poses the jaws close on the mesh "
+            f"({states}): check gripper, unit and frame of the poses; {reasons}"
+        )
+
 
 EVALUATED = 0.9
 """Fraction of the work after which all poses are evaluated."""
@@ -194,7 +333,10 @@ def _joined(parts: Sequence[ScoredGrasps]) -> ScoredGrasps:
     """All grasps; scores that some files lack are nan there."""
     names = [score.name for score in SCORES if any(score.name in part.scores for part in parts)]
     joined = {
-        name: locked(np.concatenate([_score(part, name) for part in parts])) for name in names
+        name: locked(
+            np.concatenate([part.scores.get(name, np.full(part.size, np.nan)) for part in parts])
+        )
+        for name in names
     }
     rest = {
         name: locked(np.concatenate([getattr(part, name) for part in parts]))
@@ -202,10 +344,6 @@ def _joined(parts: Sequence[ScoredGrasps]) -> ScoredGrasps:
         if name != "scores"
     }
     return ScoredGrasps(scores=joined, **rest)
-
-
-def _score(part: ScoredGrasps, name: str) -> Floats:
-    return part.scores[name] if name in part.scores else np.full(part.size, np.nan)
 
 
 def _qualities(

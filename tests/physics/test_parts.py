@@ -12,7 +12,7 @@ from grasp3d.batch import ClusterSettings
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.physics import ConvexParts, SimulationSettings, convex_parts
 from grasp3d.physics import parts as module
-from grasp3d.physics.jobs import divided
+from grasp3d.physics.simulate import divided
 
 CUBE = ConvexParts((np.array(trimesh.creation.box([2.0, 2.0, 2.0]).vertices),))
 

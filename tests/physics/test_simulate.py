@@ -26,7 +26,7 @@ from grasp3d.physics import (
     write_simulation,
 )
 from grasp3d.physics.drawing import tilt_at_random
-from grasp3d.physics.jobs import Job, Stage, simulate_attempts, simulate_job
+from grasp3d.physics.simulate import Job, Stage, simulate_attempts, simulate_job
 from grasp3d.system.progress import ignore
 from grasp3d.system.tables import read_columns
 from tests.physics.test_pulling import SETTINGS, TIPS, attempt, box
@@ -192,8 +192,8 @@ def _crash(job: Job, stage: Stage) -> None:
 
 @pytest.mark.slow
 def test_a_crash_is_an_error_of_its_grasps_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("grasp3d.physics.jobs.simulate_job", _crash)
-    monkeypatch.setattr("grasp3d.physics.jobs.ATTEMPTS", 1)
+    monkeypatch.setattr("grasp3d.physics.simulate.simulate_job", _crash)
+    monkeypatch.setattr("grasp3d.physics.simulate.ATTEMPTS", 1)
     stage, one = Stage(box(), TIPS, SETTINGS), ClusterSettings(workers=1)
     outcomes, errors = simulate_attempts([attempt()] * 2, stage, one, ignore)
     assert [out.fate for out in outcomes] == [Fate.BROKEN, Fate.HELD]

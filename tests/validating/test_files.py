@@ -11,8 +11,7 @@ from grasp3d import Load, MeshOptions, ParallelGripper
 from grasp3d.errors import ContactError, MeshError, SettingError
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.validating.evaluating import stated_object
-from grasp3d.validating.tried_grasps import MeshFolder, check_grasps
+from grasp3d.validating.tried_grasps import MeshFolder, check_grasps, stated_object
 
 FRANKA = ParallelGripper.preset("franka")
 ABOVE = np.diag([1.0, -1.0, -1.0, 1.0])

@@ -9,12 +9,7 @@ from grasp3d import GraspModel, Label, MeshOptions, MultifingerSampling, label_s
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.mesh.noisy_copies import MovableSurface, movable_surface
 from grasp3d.validating.perturbing import NoiseSettings, Perturbation, perturb_surface
-from grasp3d.validating.perturbing.perturb import (
-    angles_on,
-    noisy_copies,
-    perturb_movable,
-    turned_normals,
-)
+from grasp3d.validating.perturbing.perturb import angles_on, noisy_copies, turned_normals
 from tests.helpers import shapes
 
 OPTIONS = MeshOptions(unit="cm", max_edge=9.0)
@@ -30,7 +25,7 @@ def clean() -> MovableSurface:
 
 @cache
 def found() -> Perturbation:
-    return perturb_movable(clean(), noise=FEW)
+    return perturb_surface(clean(), noise=FEW)
 
 
 def test_fractions_of_every_vertex_add_up() -> None:
@@ -55,7 +50,7 @@ def test_they_count_the_labels_of_the_copies() -> None:
 
 @pytest.mark.slow
 def test_the_number_of_threads_and_of_copies_changes_no_copy() -> None:
-    again = perturb_movable(clean(), noise=FEW, threads=1)
+    again = perturb_surface(clean(), noise=FEW, threads=1)
     np.testing.assert_array_equal(again.stable, found().stable)
     assert again.advice == found().advice
     one = next(noisy_copies(clean(), 0.01, 0.02, 7, 1))
@@ -66,7 +61,7 @@ def test_the_number_of_threads_and_of_copies_changes_no_copy() -> None:
 
 
 def test_hardly_any_noise_changes_nothing() -> None:
-    quiet = perturb_movable(clean(), noise=NoiseSettings(noise=1e-9, copies=2))
+    quiet = perturb_surface(clean(), noise=NoiseSettings(noise=1e-9, copies=2))
     np.testing.assert_array_equal(quiet.stable, quiet.labels.label == Label.S)
     held = quiet.labels.label == Label.S
     assert (quiet.kept[held] == 1.0).all()
@@ -78,7 +73,7 @@ def test_hardly_any_noise_changes_nothing() -> None:
 @pytest.mark.slow
 def test_more_noise_turns_normals_and_needs_more() -> None:
     errors = [
-        perturb_movable(clean(), noise=NoiseSettings(noise=noise, copies=4)).advice.normal_error
+        perturb_surface(clean(), noise=NoiseSettings(noise=noise, copies=4)).advice.normal_error
         for noise in (0.001, 0.004, 0.016)
     ]
     assert errors == sorted(errors)
@@ -88,7 +83,7 @@ def test_more_noise_turns_normals_and_needs_more() -> None:
 @pytest.mark.slow
 def test_correlated_noise_turns_normals_less() -> None:
     white, alike = (
-        perturb_movable(clean(), noise=replace(FEW, correlation=length, copies=3))
+        perturb_surface(clean(), noise=replace(FEW, correlation=length, copies=3))
         for length in (0.0, 0.5)
     )
     assert alike.advice.measured_turn < 0.75 * white.advice.measured_turn
@@ -158,7 +153,7 @@ def test_on_a_scan_of_known_noise_the_errors_make_labels_right() -> None:
 @pytest.mark.slow
 def test_three_fingers() -> None:
     ball = movable_surface(shapes.sphere(2), OPTIONS)
-    one = perturb_movable(
+    one = perturb_surface(
         ball, GraspModel(fingers=3), sampling=MultifingerSampling(candidates=16),
         noise=NoiseSettings(noise=0.005, copies=3),
     )  # fmt: skip
@@ -210,4 +205,4 @@ def test_lengths_without_a_unit_of_the_mesh_and_of_no_use_are_refused() -> None:
 )
 def test_models_without_thresholds_are_refused(model: GraspModel) -> None:
     with pytest.raises(SettingError, match="noisy copies"):
-        perturb_movable(clean(), model, noise=FEW)
+        perturb_surface(clean(), model, noise=FEW)

@@ -2,4 +2,4 @@ from .advice import Advice as Advice
 from .noise_settings import NoiseSettings as NoiseSettings
 from .perturb import perturb_surface as perturb_surface
 from .perturbation import Perturbation as Perturbation
-from .writing import write_perturbation as write_perturbation
+from .perturbation import write_perturbation as write_perturbation

@@ -177,7 +177,7 @@ def _surface_points(labels: SurfaceLabels, rows: Ints | Bools) -> SurfacePoints:
 
 
 def perturb_surface(
-    mesh: MeshSource,
+    mesh: MeshSource | MovableSurface,
     model: GraspModel | None = None,
     *,
     noise: NoiseSettings | None = None,
@@ -193,7 +193,7 @@ def perturb_surface(
     searched anew for the best grasp at each vertex.
 
     Args:
-        mesh: The scan: a path or an object, as in `load_mesh`.
+        mesh: The scan: a path or an object, as in `load_mesh`, or a surface that is prepared.
         model: Friction, sensor resolution and normal error without noise; None: the defaults.
         noise: Noise of the copies, and their number; None: the defaults.
         sampling: How grasps are searched for; None: the defaults.
@@ -225,41 +225,17 @@ def perturb_surface(
         >>> found.stable.shape, bool(found.advice.unconfirmed_fraction <= 0.01)
         ((642,), True)
     """
-    surface = movable_surface(mesh, options, threads=threads)
-    return perturb_movable(
-        surface, model, noise=noise, sampling=sampling, threads=threads, progress=progress
+    surface = (
+        mesh
+        if isinstance(mesh, MovableSurface)
+        else movable_surface(mesh, options, threads=threads)
     )
-
-
-def perturb_movable(
-    surface: MovableSurface,
-    model: GraspModel | None = None,
-    *,
-    noise: NoiseSettings | None = None,
-    sampling: AnySampling | None = None,
-    threads: int | None = None,
-    progress: Progress | None = None,
-) -> Perturbation:
-    """Like `perturb_surface`, of a surface that is prepared already.
-
-    Args:
-        surface: The scan.
-        model: As in `perturb_surface`, like all others.
-        noise: Noise of the copies, and their number.
-        sampling: How grasps are searched for.
-        threads: Threads to use.
-        progress: Called with the fraction of the work done, from 0 to 1.
-
-    Raises:
-        SettingError: As in `perturb_surface`.
-        MeshError: No noise is given and none can be measured.
-    """
-    report, mesh = progress or ignore, surface.mesh
-    settings, chosen = mesh.in_own_unit(noise or NoiseSettings(), model or GraspModel())
+    report = progress or ignore
+    settings, chosen = surface.mesh.in_own_unit(noise or NoiseSettings(), model or GraspModel())
     _check_model(chosen)
     begin_step("estimating the noise")
     sigma = _sigma(surface, settings)
-    labels = label_surface(mesh, chosen, sampling=sampling, threads=threads)
+    labels = label_surface(surface.mesh, chosen, sampling=sampling, threads=threads)
     begin_step("labelling noisy copies")
     results = []
     for copy in noisy_copies(
