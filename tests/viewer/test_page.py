@@ -15,6 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -596,9 +597,30 @@ def test_missing_requirements_are_reported(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(served_page, "can_render", lambda: False)
     with pytest.raises(OutputError, match="OpenGL"):
         create_server()
-    monkeypatch.setitem(sys.modules, "aiohttp", None)
-    with pytest.raises(OutputError, match=re.escape("pip install 'grasp3d[web]'")):
-        create_server()
+
+
+def test_a_page_is_opened_with_the_choices_of_a_session(
+    labels: SurfaceLabels, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from grasp3d.viewer.web.page import background_server, open_page
+
+    opened: SimpleQueue[str] = SimpleQueue()
+    started: list[Session] = []
+    add = background_server().add
+    monkeypatch.setattr("webbrowser.open", opened.put)
+    monkeypatch.setattr(
+        background_server(), "add", lambda start: (started.append(start()), add(start))[1]
+    )
+    session = Session(collection_of(labels))
+    session.change(friction=0.7, paint="margin", sensor_resolution=0.2)
+    session.click(3)
+    message = open_page(session)
+    address = opened.get(timeout=10)
+    assert address in message
+    assert address.startswith(background_server().address)
+    assert [one.state for one in started] == [session.state]
+    for one in (session, *started):
+        one.close()
 
 
 def test_idle_clients_are_closed_and_clients_are_limited(labels: SurfaceLabels) -> None:

@@ -8,11 +8,11 @@ import os
 import signal
 import socket
 import threading
+import webbrowser
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import Future
 from functools import cache, partial
 from importlib import import_module
-from importlib.util import find_spec
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
@@ -31,8 +31,6 @@ OTHER_PORTS = 20
 LAST_PORT = 65535
 START_TIMEOUT = 60.0
 """Longest wait for a server in the background to start [s]."""
-
-NEEDED = ("trame", "trame_rca", "trame_vuetify", "aiohttp")
 
 
 def serve(
@@ -53,7 +51,7 @@ def serve(
         ready: Called with the page's address when the server is ready.
 
     Raises:
-        OutputError: There is no OpenGL, the extra is missing, or the host or port cannot be used.
+        OutputError: There is no OpenGL, or the host or port cannot be used.
         KeyboardInterrupt: It was stopped with Ctrl+C.
     """
     server = create_server()
@@ -75,19 +73,38 @@ def check_page(host: str, port: int) -> None:
     listen(host, port).close()
 
 
-def can_serve() -> bool:
-    """Whether the extra is installed."""
-    return all(find_spec(name) is not None for name in NEEDED)
+def open_page(session: Session) -> str:
+    """Serve what a session shows to a browser of this machine, until the process ends.
+
+    The page has a session of its own, which starts with the same object and the same choices:
+    friction, resolution, errors, colours, section, inspected vertex and fixed fingers. It is
+    opened in the browser, if there is one.
+
+    Args:
+        session: The session, which is not changed.
+
+    Returns:
+        A message with the page's address.
+
+    Raises:
+        OutputError: There is no OpenGL, or no free port.
+    """
+    server = background_server()
+    start = partial(
+        Session, session.collection, session.settings, state=session.state, number=session.number
+    )
+    address = server.address + server.add(start)
+    # In a thread of its own, as some browsers keep the caller until they are closed.
+    threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+    return f"the page with this view is at {address} while this program runs"
 
 
 def create_server() -> "ViewerServer":
     """Make a server without content.
 
     Raises:
-        OutputError: The extra is missing, or there is no OpenGL.
+        OutputError: There is no OpenGL.
     """
-    if not can_serve():
-        raise OutputError("the page needs trame and aiohttp: pip install 'grasp3d[web]'")
     if not can_render():
         raise OutputError(
             "the page's pictures need OpenGL, which is not available; install EGL (on Debian: "
