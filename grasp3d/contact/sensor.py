@@ -85,19 +85,6 @@ class Sensor:
             )
 
     @classmethod
-    def of_curvature(cls, receptive_field: float, curvature: float) -> "Sensor":
-        """Make a sensor from its fingertip's curvature.
-
-        Args:
-            receptive_field: Length of the arc within which contact points are not distinguished.
-            curvature: 1 / radius, at least 0; 0: a flat tip.
-
-        Raises:
-            SettingError: A value is outside its range.
-        """
-        return cls(receptive_field, radius_of(curvature))
-
-    @classmethod
     def for_resolution(cls, resolution: float, fingertip_radius: float) -> "Sensor":
         """Make the sensor that has a given resolution.
 

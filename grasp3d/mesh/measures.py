@@ -171,17 +171,30 @@ def is_closed(faces: Ints) -> bool:
     return not edges_of(faces).balance.any()
 
 
+def connected(count: int, one: Ints, two: Ints) -> Ints:
+    """Number of the connected component of each of so many things, shape (count,).
+
+    Args:
+        count: Number of things.
+        one: The first of each pair that is linked, any shape.
+        two: The second of each pair, same shape.
+    """
+    ends = one.ravel(), two.ravel()
+    links = coo_array((np.ones(one.size, dtype=np.int8), ends), shape=(count, count))
+    _, part = connected_components(links, directed=False)
+    return np.asarray(part, dtype=np.int64)
+
+
+def first_connected(count: int, one: Ints, two: Ints) -> Ints:
+    """The first thing of the connected component of each, shape (count,); see `connected`."""
+    part = connected(count, one, two)
+    _, first, inverse = np.unique(part, return_index=True, return_inverse=True)
+    return np.asarray(first[inverse], dtype=np.int64)
+
+
 def parts_of(faces: Ints) -> Ints:
     """Connected component of each face, shape (F,); faces that share a vertex are connected."""
-    size = int(faces.max(initial=-1)) + 1
-    links = coo_array(
-        (
-            np.ones(2 * len(faces), dtype=np.int8),
-            (faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel()),
-        ),
-        shape=(size, size),
-    )
-    _, part = connected_components(links, directed=False)
+    part = connected(int(faces.max(initial=-1)) + 1, faces[:, [0, 1]], faces[:, [1, 2]])
     _, numbered = np.unique(part[faces[:, 0]], return_inverse=True)
     return np.asarray(numbered, dtype=np.int64).ravel()
 

@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from grasp3d._kernels.surface.normal_sets import order_normal_sets
 from grasp3d._kernels.surface.surface_contacts import ANY_NORMAL
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows
-from grasp3d.mesh.measures import Triangles, crowded_edges, paired_edges
+from grasp3d.mesh.measures import Triangles, connected, crowded_edges, paired_edges
 
 HALF = 0.5
 """Length of a mean of unit normals below which it has no meaningful direction."""
@@ -104,12 +102,7 @@ def _matched_corners(faces: Ints, one: Ints, two: Ints) -> tuple[Ints, Ints]:
 def _patches(faces: Ints, one: Ints, two: Ints) -> Ints:
     """Number the patches of corners that pairs of half-edges connect at vertices, shape (3 F,)."""
     left, right = _matched_corners(faces, one, two)
-    size = 3 * len(faces)
-    links = coo_array(
-        (np.ones(left.size, dtype=np.int8), (left.ravel(), right.ravel())), shape=(size, size)
-    )
-    _, patch = connected_components(links, directed=False)
-    return np.asarray(patch, dtype=np.int64)
+    return connected(3 * len(faces), left, right)
 
 
 def crease_twins(faces: Ints, corners: Ints) -> Ints:

@@ -2,11 +2,9 @@
 
 import numpy as np
 import trimesh
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from grasp3d.arrays import Floats, Ints, first_at_position, unit_rows
-from grasp3d.mesh.measures import Triangles
+from grasp3d.mesh.measures import Triangles, first_connected
 from grasp3d.mesh.normals import CornerNormals
 from grasp3d.mesh.work_bounds import close_pairs
 from grasp3d.settings import MeshOptions
@@ -102,14 +100,9 @@ def _first_nearby(points: Floats, same: Ints, given: int, tolerance: float) -> I
     distinct = np.flatnonzero(same == np.arange(len(points)))  # any number may be at one position
     pairs = distinct[close_pairs(points[distinct], tolerance)]
     ends = np.concatenate([pairs.T, [np.arange(len(points)), same]], axis=1)
-    links = coo_array(
-        (np.ones(ends.shape[1], dtype=np.int8), tuple(ends)), shape=(len(points),) * 2
-    )
-    _, part = connected_components(links, directed=False)
-    _, first, inverse = np.unique(part, return_index=True, return_inverse=True)
-    result = first[inverse]
-    result[:given] = np.arange(given)  # given vertices stay distinct
-    return np.asarray(result, dtype=np.int64)
+    first = first_connected(len(points), *ends)
+    first[:given] = np.arange(given)  # given vertices stay distinct
+    return first
 
 
 def check_refinement(surface: Triangles, max_edge: float, max_memory: float, where: str) -> None:

@@ -1,8 +1,9 @@
 """The grasp model: friction, sensor resolution, fingers and their uncertainties."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeVar
 
 from grasp3d.errors import SettingError
 from grasp3d.settings.checks import DEGREE, Radians, check_choice, check_length, check_range
@@ -28,8 +29,10 @@ MAX_SEARCHED_FINGERS = 5
 MIN_EDGES, MAX_EDGES = 3, 360
 MIN_EXTREMES, MAX_EXTREMES = 3, 360
 
-_NOTHING = Uncertainty()
-"""What nothing further is known of."""
+_KNOWN = Uncertainty()
+"""Of a finger of which nothing further is uncertain."""
+
+ValueT = TypeVar("ValueT")
 
 
 class FingerLimits(NamedTuple):
@@ -176,7 +179,7 @@ class GraspModel(LengthSettings):
         check_resolution(self.sensor_resolution)
         check_normal_error(self.normal_error)
         check_length("location error", self.location_error)
-        for own in self.per_finger or (_NOTHING,):
+        for own in self._own:
             check_tilt(self._tilt_of(own))
         if self.method == "extremes" and (self.location_error != 0.0 or self.per_finger):
             raise SettingError(
@@ -215,9 +218,18 @@ class GraspModel(LengthSettings):
                 another number of fingers.
         """
         check_per_finger(self)
-        if not self.per_finger:
-            return (self._limits_of(_NOTHING),) * self.fingers
-        return tuple(map(self._limits_of, self.per_finger))
+        limits = tuple(map(self._limits_of, self._own))
+        return limits if self.per_finger else limits * self.fingers
+
+    @property
+    def _own(self) -> tuple[Uncertainty, ...]:
+        """What each finger adds, one for all where they do not differ."""
+        return self.per_finger or (_KNOWN,)
+
+    def _each(self, value: Callable[[Uncertainty], ValueT]) -> ValueT | tuple[ValueT, ...]:
+        """A value of the fingers: one for all, or one for each where they differ."""
+        values = tuple(map(value, self._own))
+        return values if self.per_finger else values[0]
 
     def _limits_of(self, own: Uncertainty) -> FingerLimits:
         of_all, further = self.location_error, own.location_error
@@ -246,10 +258,8 @@ class GraspModel(LengthSettings):
     @property
     def friction_bounds(self) -> tuple[float | tuple[float, ...], float | tuple[float, ...]]:
         """Smallest and largest friction, each one for all fingers or one for each."""
-        if not self.per_finger:
-            return self.friction_interval
-        pairs = [self._friction_of(own) for own in self.per_finger]
-        return tuple(low for low, _ in pairs), tuple(high for _, high in pairs)
+        smallest = self._each(lambda own: self._friction_of(own)[0])
+        return smallest, self._each(lambda own: self._friction_of(own)[1])
 
     @property
     def frictions(self) -> float | tuple[float, ...]:
@@ -262,9 +272,7 @@ class GraspModel(LengthSettings):
     @property
     def tilt_of_fingers(self) -> float | tuple[float, ...]:
         """`tilt`, one for all fingers or one for each, with the values of `per_finger`."""
-        if not self.per_finger:
-            return self.tilt
-        return tuple(map(self._tilt_of, self.per_finger))
+        return self._each(self._tilt_of)
 
     @property
     def friction_angle(self) -> float:
@@ -287,11 +295,7 @@ class GraspModel(LengthSettings):
         smallest friction and with all errors of normals. Negative where tilts exceed friction.
         Where fingers differ it is that of the worst finger.
         """
-        if self.per_finger:
-            return min(
-                math.atan(self._friction_of(own)[0]) - self._tilt_of(own) for own in self.per_finger
-            )
-        return math.atan(self.friction - self.friction_error) - self.tilt
+        return min(math.atan(self._friction_of(own)[0]) - self._tilt_of(own) for own in self._own)
 
     @property
     def widest_friction_angle(self) -> float:
@@ -299,11 +303,7 @@ class GraspModel(LengthSettings):
 
         At the largest friction; where fingers differ, that of the best finger.
         """
-        if self.per_finger:
-            return max(
-                math.atan(self._friction_of(own)[1]) + self._tilt_of(own) for own in self.per_finger
-            )
-        return math.atan(self.friction + self.friction_error) + self.tilt
+        return max(math.atan(self._friction_of(own)[1]) + self._tilt_of(own) for own in self._own)
 
     @property
     def certainty(self) -> Certainty:

@@ -15,7 +15,10 @@ METRES: dict[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 LengthT = TypeVar("LengthT", bound="float | None")
 SettingsTs = TypeVarTuple("SettingsTs")
 
-_TEXT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*([a-z]*)", re.IGNORECASE)
+NUMBER_AND_UNIT = re.compile(
+    r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*((?:[a-z][a-z/^0-9]*)?)", re.IGNORECASE
+)
+"""Text of a number with a unit or without."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -158,11 +161,11 @@ def parse_length(name: str, value: Any) -> Any:
         SettingError: It is neither a number nor a number with a known unit.
     """
     if not isinstance(value, str):
-        if value is None or isinstance(value, float | Measure) or _is_number(value):
+        if value is None or isinstance(value, float | Measure) or is_number(value):
             return value
         raise _no_length(name, value)
     text = value.strip()
-    found = _TEXT.fullmatch(text)
+    found = NUMBER_AND_UNIT.fullmatch(text)
     if found is None:
         if text.lower() in {"inf", "nan"}:
             return float(text)
@@ -291,7 +294,7 @@ def _is_position(value: object) -> bool:
     return all(map(math.isfinite, value))
 
 
-def _is_number(value: object) -> bool:
+def is_number(value: object) -> bool:
     """Whether it is one number; arrays of several have `__float__` too."""
     single = getattr(value, "shape", ()) == ()
     return hasattr(value, "__float__") and single and not isinstance(value, bool)

@@ -1,22 +1,19 @@
 """Masses, densities and forces in settings: numbers in SI units, or texts with a unit."""
 
 import math
-import re
 from collections.abc import Mapping
 from typing import Any, Generic, TypeVar
 
 from grasp3d.errors import SettingError
+from grasp3d.settings.lengths import METRES, NUMBER_AND_UNIT, is_number
 from grasp3d.settings.parsing import ParsedField
 
 POUND = 0.45359237
 """International avoirdupois pound [kg]."""
 
-INCH = 0.0254
-"""[m]."""
-
 MASSES: dict[str, float] = {"kg": 1.0, "g": 1e-3, "lb": POUND, "oz": POUND / 16.0}
 FORCES: dict[str, float] = {"N": 1.0, "kN": 1e3, "lbf": POUND * 9.80665}
-DENSITIES: dict[str, float] = {"kg/m^3": 1.0, "g/cm^3": 1e3, "lb/in^3": POUND / INCH**3}
+DENSITIES: dict[str, float] = {"kg/m^3": 1.0, "g/cm^3": 1e3, "lb/in^3": POUND / METRES["in"] ** 3}
 """Units by name, the SI unit first, as multiples of it."""
 
 LARGEST = 1e9
@@ -24,8 +21,6 @@ LARGEST = 1e9
 """
 
 QuantityT = TypeVar("QuantityT", bound="float | tuple[float, ...] | None")
-
-_TEXT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*([a-z][a-z/^0-9]*)?", re.IGNORECASE)
 
 
 class Quantity(ParsedField[QuantityT, QuantityT | str], Generic[QuantityT]):
@@ -86,16 +81,15 @@ def parse_quantity(name: str, value: object, units: Mapping[str, float]) -> floa
 def _number(value: object, units: Mapping[str, float]) -> float | None:
     """The number in the SI unit; None: it is no such quantity."""
     if not isinstance(value, str):
-        single = getattr(value, "shape", ()) == () and hasattr(value, "__float__")
-        return float(value) if single and not isinstance(value, bool) else None  # type: ignore[arg-type]
+        return float(value) if is_number(value) else None  # type: ignore[arg-type]
     text = value.strip()
     if text.lower().lstrip("+-") in {"inf", "nan"}:
         return float(text)
-    found = _TEXT.fullmatch(text)
+    found = NUMBER_AND_UNIT.fullmatch(text)
     if found is None:
         return None
     number, unit = float(found[1]), found[2]
-    if unit is None:
+    if not unit:
         return number
     for known, multiple in units.items():
         if known.lower().replace("^", "") == unit.lower().replace("^", ""):

@@ -34,9 +34,7 @@ def test_a_sensor_made_for_a_resolution_has_it(resolution: float, radius: float)
     assert sensor.resolution == pytest.approx(resolution, rel=1e-15)
     assert sensor.receptive_field == pytest.approx(resolution * radius, rel=1e-15)
     assert sensor.tilt == sensor.resolution / 2.0
-    again = Sensor.of_curvature(sensor.receptive_field, sensor.curvature)
-    assert again.fingertip_radius == pytest.approx(radius, rel=1e-15)
-    assert again.receptive_field == sensor.receptive_field
+    assert radius_of(sensor.curvature) == pytest.approx(radius, rel=1e-15)
 
 
 @given(frictions, radii)
@@ -230,7 +228,7 @@ def test_the_uncertainty_of_a_sensor_covers_all_contacts_within_its_receptive_fi
 
 
 def test_a_flat_fingertip_has_one_normal_and_an_uncertain_location() -> None:
-    for sensor in (Sensor(4.0, math.inf), Sensor.of_curvature(4.0, 0.0)):
+    for sensor in (Sensor(4.0, math.inf), Sensor(4.0, radius_of(0.0))):
         assert (sensor.flat, sensor.curvature, sensor.resolution, sensor.tilt) == (True, 0, 0, 0)
         assert sensor.location_uncertainty == 2.0
         assert sensor.required_friction == 0.0
@@ -302,7 +300,7 @@ def test_invalid_lengths_of_a_sensor_are_refused(field: float, radius: float, me
 @pytest.mark.parametrize("curvature", [-0.1, math.nan, math.inf])
 def test_curvature_must_be_finite_and_at_least_0(curvature: float) -> None:
     with pytest.raises(SettingError, match="curvature must be a finite number of at least 0"):
-        Sensor.of_curvature(1.0, curvature)
+        radius_of(curvature)
     assert math.isinf(radius_of(1e-320))
 
 

@@ -1,11 +1,18 @@
 """Welding of vertices, and degenerate, repeated and mirrored faces, their sheets and winding."""
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from grasp3d.arrays import Bools, Floats, Ints, used_indices
-from grasp3d.mesh.measures import Edges, edges_of, has_area, is_closed, paired_edges, parts_of
+from grasp3d.mesh.measures import (
+    Edges,
+    connected,
+    edges_of,
+    first_connected,
+    has_area,
+    is_closed,
+    paired_edges,
+    parts_of,
+)
 from grasp3d.mesh.repair.holes import SMALL, holes_of
 from grasp3d.mesh.work_bounds import close_pairs
 
@@ -70,9 +77,7 @@ def without_mirrored(faces: Ints) -> Bools:
 def sheets_of(faces: Ints) -> Ints:
     """Sheet of each face, shape (F,): components connected across edges with exactly two faces."""
     one, two = paired_edges(faces)
-    links = coo_array((np.ones(len(one), dtype=np.int8), (one // 3, two // 3)), (len(faces),) * 2)
-    _, sheet = connected_components(links, directed=False)
-    return np.asarray(sheet, dtype=np.int64)
+    return connected(len(faces), one // 3, two // 3)
 
 
 def _is_body(faces: Ints, sheet: Ints) -> Bools:
@@ -121,12 +126,11 @@ def disagreeing(faces: Ints) -> tuple[Bools, int]:
         return flip, 0
     first, second = one // 3, two // 3
     other = np.where(against, count, 0)
-    ends = (
+    part = connected(
+        2 * count,
         np.concatenate([first, first + count]),
         np.concatenate([second + other, second + count - other]),
     )
-    links = coo_array((np.ones(2 * len(one), dtype=np.int8), ends), shape=(2 * count,) * 2)
-    _, part = connected_components(links, directed=False)
     as_is, flipped = part[:count], part[count:]
     size = np.bincount(as_is, minlength=int(part.max()) + 1)
     fewer = size[flipped] > size[as_is]
@@ -167,15 +171,9 @@ def first_of_body(faces: Ints, first_vertex: Ints) -> Ints:
 def first_of_linked(*canonical: Ints) -> Ints:
     """First vertex of those that several maps of canonical vertices connect, shape (V,)."""
     count = len(canonical[0])
-    ends = np.tile(np.arange(count), len(canonical)), np.concatenate(canonical)
-    return _first(coo_array((np.ones(len(ends[0]), dtype=np.int8), ends), shape=(count, count)))
-
-
-def _first(links: coo_array) -> Ints:
-    """First row of each row's connected component."""
-    _, part = connected_components(links, directed=False)
-    _, first, inverse = np.unique(part, return_index=True, return_inverse=True)
-    return np.asarray(first[inverse], dtype=np.int64)
+    return first_connected(
+        count, np.tile(np.arange(count), len(canonical)), np.concatenate(canonical)
+    )
 
 
 def clusters(
@@ -193,9 +191,7 @@ def clusters(
     if loose is not None:
         length = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
         pairs = pairs[(length <= distance) | loose[pairs].any(axis=1)]
-    return _first(
-        coo_array((np.ones(len(pairs), dtype=np.int8), pairs.T), shape=(len(points),) * 2)
-    )
+    return first_connected(len(points), *pairs.T)
 
 
 def weld_nearby(points: Floats, faces: Ints, rounding: float) -> Ints:

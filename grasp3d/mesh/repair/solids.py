@@ -6,11 +6,9 @@ from functools import cached_property
 
 import manifold3d
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from grasp3d.arrays import Bools, Floats, Ints
-from grasp3d.mesh.measures import corner_angles, inward_normals
+from grasp3d.mesh.measures import corner_angles, first_connected, inward_normals
 from grasp3d.mesh.work_bounds import BODY_BOXES, NESTED_BODIES
 
 FARTHEST = 4.0
@@ -238,11 +236,9 @@ def overlap_groups(lower: Floats, upper: Floats) -> list[Ints]:
     count = len(lower)
     first = np.arange(count)  # first box of each box's group so far
     for one, two in overlapping(lower, upper):
-        ends = np.concatenate([one, np.arange(count)]), np.concatenate([two, first])
-        links = coo_array((np.ones(len(ends[0]), dtype=np.int8), ends), shape=(count, count))
-        _, part = connected_components(links, directed=False)
-        _, found, inverse = np.unique(part, return_index=True, return_inverse=True)
-        first = found[inverse]
+        first = first_connected(
+            count, np.concatenate([one, np.arange(count)]), np.concatenate([two, first])
+        )
     order = np.argsort(first, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(first[order])) + 1)
     return [members for members in groups if len(members) > 1]
