@@ -12,8 +12,7 @@ from grasp3d.cli.design_options import friction_text
 from grasp3d.cli.design_report import FLAT
 from grasp3d.cli.report import escaped
 from grasp3d.contact.budget import CRITICAL, MARGIN, FingerDesign, GraspSamples, MarginBudget
-from grasp3d.contact.encoders import JointEncoders
-from grasp3d.contact.sensor import Sensor
+from grasp3d.contact.sensor import JointEncoders, Sensor
 from grasp3d.contact.tips import CylinderTip, EllipsoidTip
 from grasp3d.settings.lengths import Unit
 from grasp3d.settings.uncertainty import Uncertainty, friction_interval

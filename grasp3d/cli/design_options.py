@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import tyro
 
 from grasp3d.cli.options import Flag, LengthOption, SensorResolution
-from grasp3d.contact.encoders import JointEncoders
+from grasp3d.contact.sensor import JointEncoders
 from grasp3d.errors import SettingError
 from grasp3d.settings.lengths import Unit, length_in_unit
 from grasp3d.settings.uncertainty import Interval, friction_interval

@@ -3,8 +3,8 @@ from .budget import GraspSamples as GraspSamples
 from .budget import MarginBudget as MarginBudget
 from .contacts import Contacts as Contacts
 from .contacts import disc as disc
-from .encoders import JointEncoders as JointEncoders
 from .friction_cones import effective_friction as effective_friction
+from .sensor import JointEncoders as JointEncoders
 from .sensor import Sensor as Sensor
 from .sensor import overlapping_field as overlapping_field
 from .sensor import resolution_limit as resolution_limit

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, short_repr
-from grasp3d.contact.encoders import MOST_COUNTS, JointEncoders
-from grasp3d.contact.sensor import Sensor
+from grasp3d.contact.sensor import MOST_COUNTS, JointEncoders, Sensor
 from grasp3d.contact.tips import CylinderTip, EllipsoidTip
 from grasp3d.errors import SettingError
 from grasp3d.settings.lengths import AnyLength, Measure

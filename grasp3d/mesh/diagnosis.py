@@ -20,16 +20,21 @@ from grasp3d.mesh.measures import (
 )
 from grasp3d.mesh.mesh_sources import MeshSource
 from grasp3d.mesh.noise import normal_noise
+from grasp3d.mesh.normals import patch_areas, surface_net
 from grasp3d.mesh.object_mesh import ObjectMesh
-from grasp3d.mesh.patches import patch_areas, surface_net
-from grasp3d.mesh.plausible_lengths import length_warnings, refuse_lengths
+from grasp3d.mesh.plausible_lengths import (
+    UnitGuess,
+    guess_unit,
+    impossible_size,
+    length_warnings,
+    refuse_lengths,
+)
 from grasp3d.mesh.preparing import PreparedMesh, prepare, repair_given
+from grasp3d.mesh.ray_tracing import crossings
 from grasp3d.mesh.repair import RepairStep
 from grasp3d.mesh.repair.cleaning import is_face
 from grasp3d.mesh.repair.holes import close_holes, fan_area, holes_of
 from grasp3d.mesh.repair.solids import manifold_status
-from grasp3d.mesh.self_intersections import crossings
-from grasp3d.mesh.units import UnitGuess, guess_unit, impossible_size
 from grasp3d.mesh.work_bounds import WorkBoundError
 from grasp3d.reading import RawMesh
 from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling

@@ -16,9 +16,8 @@ from grasp3d.mesh.noise import (
     normal_noise_and_crease,
     random_field,
 )
-from grasp3d.mesh.normals import CornerNormals, corner_normals
+from grasp3d.mesh.normals import CornerNormals, corner_normals, fingertip_normals
 from grasp3d.mesh.object_mesh import ObjectMesh
-from grasp3d.mesh.patches import fingertip_normals
 from grasp3d.mesh.preparing import prepare
 from grasp3d.mesh.refinement import longest_edge, refined_corners
 from grasp3d.mesh.repair import RepairedSurface

@@ -11,12 +11,11 @@ from grasp3d.arrays import Floats, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import Triangles, rounding_of, surface_extent
 from grasp3d.mesh.mesh_sources import GivenMesh, MeshSource, read_source
-from grasp3d.mesh.normals import corner_normals
+from grasp3d.mesh.normals import corner_normals, fingertip_normals
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
-from grasp3d.mesh.patches import fingertip_normals
+from grasp3d.mesh.plausible_lengths import impossible_size, unit_warning
 from grasp3d.mesh.refinement import check_refinement, longest_edge, refine
 from grasp3d.mesh.repair import MOST_ROUNDING, RepairedSurface, Solids, repair_surface
-from grasp3d.mesh.units import impossible_size, unit_warning
 from grasp3d.mesh.work_bounds import bounds_of
 from grasp3d.reading import RawMesh
 from grasp3d.settings import MeshOptions

@@ -1,5 +1,6 @@
-"""All crossings of rays with a surface: Embree finds the faces, 64 bits the positions."""
+"""Crossings of rays, and of edges, with a surface: Embree finds the faces, 64 bits the rest."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,22 @@ from embreex.rtcore_scene import EmbreeScene
 from grasp3d._kernels.search.antipodal_candidates import BestPairs, PairLimits
 from grasp3d._kernels.search.ray_crossings import evaluate_crossings
 from grasp3d._kernels.surface.normal_sets import ContactNormals
-from grasp3d._kernels.surface.ray_tracing import Rays, write_rays
+from grasp3d._kernels.surface.ray_tracing import STEP, Rays, write_rays
 from grasp3d._kernels.surface.surface_contacts import Surface
-from grasp3d.arrays import Floats, Ints
+from grasp3d.arrays import Bools, Floats, Ints, first_at_position, unit_rows
+
+MARGIN = 1e-6
+"""Least distance of an edge's ends from the face that it passes through, and of the crossing from
+the face's border, in the unit of the points: less may be the rounding of a file of 32 bits."""
+
+MOST_ROUNDS = 256
+"""Most faces that are found along one edge."""
+
+MOST_RAYS = 20_000_000
+"""Most rays along all edges: then no farther faces are searched."""
+
+MOST_PAIRS = 5_000_000
+"""Most pairs of faces, of which the first are reported."""
 
 
 class FaceRays:
@@ -73,3 +87,116 @@ class SurfaceRays(FaceRays):
                 grasps,
             )  # fmt: skip
         return traced
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """Faces of a surface that cross one another."""
+
+    faces: Bools
+    """Mask of the faces that cross another one, shape (F,)."""
+    pairs: Ints
+    """Faces that cross, the smaller index first, each pair once, shape (P, 2)."""
+
+    @property
+    def count(self) -> int:
+        """Number of pairs of faces that cross."""
+        return len(self.pairs)
+
+
+def crossings(points: Floats, faces: Ints) -> Crossings:
+    """Find faces that cross one another, also on open and non-manifold surfaces.
+
+    Two triangles in general position cross where an edge of one passes through the other. A ray in
+    32 bits finds all faces along each edge; a test in 64 bits keeps those that the edge surely
+    passes through. Every reported pair crosses, but not all are reported: faces that graze, that
+    are coplanar, or that meet in an edge or a corner count as touching.
+
+    Args:
+        points: Positions (V, 3) in the normalised frame: near the origin, size 1.
+        faces: Faces (F, 3).
+    """
+    corners = first_at_position(points)[faces]
+    edges, owners, first = _edges(corners)
+    met_edges, met_faces = _met(points, corners, edges)
+    apart = (edges[met_edges][:, :, None] != corners[met_faces][:, None, :]).all(axis=(1, 2))
+    met_edges, met_faces = met_edges[apart], met_faces[apart]
+    through = _passes(points[edges[met_edges]], points[corners[met_faces]])
+    pairs = _pairs(met_edges[through], met_faces[through], owners, first)
+    pairs = pairs[
+        (corners[pairs[:, 0]][:, :, None] != corners[pairs[:, 1]][:, None, :]).all((1, 2))
+    ]
+    marked = np.zeros(len(faces), dtype=bool)
+    marked[pairs] = True
+    return Crossings(marked, pairs)
+
+
+def _edges(corners: Ints) -> tuple[Ints, Ints, Ints]:
+    """Undirected edges (E, 2), the faces at them, and where each edge's faces begin (E + 1)."""
+    sides = np.sort(corners[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    order = np.lexsort((sides[:, 1], sides[:, 0]))
+    ordered = sides[order]
+    new = np.ones(len(ordered), dtype=bool)
+    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    first = np.append(np.flatnonzero(new), len(ordered))
+    return ordered[new], order // 3, first
+
+
+def _met(points: Floats, corners: Ints, edges: Ints) -> tuple[Ints, Ints]:
+    """Trace a ray along every edge through all faces: (edge, face) of each intersection."""
+    rays = FaceRays(points, corners)
+    origins, ends = points[edges[:, 0]], points[edges[:, 1]]
+    directions = unit_rows(ends - origins)
+    lengths = np.linalg.norm(ends - origins, axis=1)
+    active = np.flatnonzero(lengths > 2.0 * STEP)
+    along = np.full(len(edges), STEP)
+    step = np.full(len(edges), STEP)
+    met = [(active[:0], active[:0])]
+    traced = 0
+    for _ in range(MOST_ROUNDS):
+        traced += len(active)
+        if len(active) == 0 or traced > max(MOST_RAYS, len(edges)):
+            break
+        starts = origins[active] + along[active, None] * directions[active]
+        hits_found = rays.hits(
+            starts.astype(np.float32),
+            directions[active].astype(np.float32),
+            (lengths[active] - along[active]).astype(np.float32),
+        )
+        hit = hits_found["primID"] >= 0
+        active, found = active[hit], hits_found["primID"][hit].astype(np.int64)
+        met.append((active, found))
+        # A ray that makes no progress lies in a face: take a longer step.
+        step[active] = np.where(hits_found["tfar"][hit] < step[active], 2.0 * step[active], STEP)
+        along[active] += hits_found["tfar"][hit] + step[active]
+        active = active[along[active] < lengths[active]]
+    return np.concatenate([a for a, _ in met]), np.concatenate([b for _, b in met])
+
+
+def _passes(edges: Floats, triangles: Floats) -> Bools:
+    """Mask of the edges (m, 2, 3) that surely pass through their triangles (m, 3, 3)."""
+    a, b = edges[:, 0], edges[:, 1]
+    sides = np.roll(triangles, -1, axis=1) - triangles  # (m, 3 sides, 3)
+    normal = unit_rows(np.cross(sides[:, 0], sides[:, 1]))
+    above, below = (_dot(end - triangles[:, 0], normal) for end in (a, b))
+    opposite = (np.minimum(np.abs(above), np.abs(below)) > MARGIN) & (above * below < 0.0)
+    fraction = np.divide(above, above - below, out=np.zeros_like(above), where=opposite)
+    crossing = a + fraction[:, None] * (b - a)
+    inward = unit_rows(np.cross(normal[:, None], sides))
+    inside = _dot(crossing[:, None] - triangles, inward).min(axis=1) > MARGIN
+    return np.asarray(opposite & inside)
+
+
+def _pairs(edges: Ints, faces: Ints, owners: Ints, first: Ints) -> Ints:
+    """Pair each face that an edge passes through with the faces at that edge, (P, 2), each once."""
+    counts = first[edges + 1] - first[edges]
+    some = np.cumsum(counts) <= MOST_PAIRS
+    edges, faces, counts = edges[some], faces[some], counts[some]
+    offsets = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    around = owners[np.repeat(first[edges], counts) + offsets]
+    pairs = np.sort(np.column_stack([np.repeat(faces, counts), around]), axis=1)
+    return np.unique(pairs, axis=0).reshape(-1, 2)
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    return np.asarray((a * b).sum(axis=-1))

@@ -13,10 +13,16 @@ from grasp3d import GraspModel, ObjectMesh, Sampling, SurfaceLabels, label_surfa
 from grasp3d._kernels.surface.patches import make_front, measure_distances, reset_front
 from grasp3d.arrays import unit_rows
 from grasp3d.errors import SettingError
-from grasp3d.mesh import patches
 from grasp3d.mesh.measures import Triangles
-from grasp3d.mesh.normals import CornerNormals, corner_normals, crease_twins
-from grasp3d.mesh.patches import facet_width, patch_areas, patch_normals, surface_net
+from grasp3d.mesh.normals import (
+    CornerNormals,
+    corner_normals,
+    crease_twins,
+    facet_width,
+    patch_areas,
+    patch_normals,
+    surface_net,
+)
 from tests.helpers import geodesics, shapes
 from tests.helpers.shapes import Surface
 
@@ -393,7 +399,7 @@ def test_a_patch_that_would_reach_around_the_object_is_refused() -> None:
 
 
 def test_patches_that_would_take_hours_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(patches, "MOST_VISITS", 1e6)
+    monkeypatch.setattr("grasp3d.mesh.normals.MOST_VISITS", 1e6)
     load_mesh(shapes.sphere(3), patch_radius=0.1)
     with pytest.raises(SettingError, match="would take hours; give a smaller one"):
         load_mesh(shapes.sphere(3), patch_radius=0.9)

@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import load_mesh
+from grasp3d.mesh.ray_tracing import Crossings, crossings
 from grasp3d.mesh.repair import repair_surface
-from grasp3d.mesh.self_intersections import Crossings, crossings
 from grasp3d.reading import read_mesh
 from tests.helpers import shapes
 from tests.helpers.shapes import Surface

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from grasp3d import check_mesh, load_mesh
 from grasp3d.mesh.diagnosis import Trust
-from grasp3d.mesh.units import (
+from grasp3d.mesh.plausible_lengths import (
     PLAUSIBLE,
     USUAL,
     guess_unit,
