@@ -133,7 +133,7 @@ class ForceProblem:
         """
         _check_rtol(rtol)
         problem = self.problem
-        results = _make_results(problem.size, problem.count, problem.axes)
+        results = problem.unwritten(ForceResults)
 
         def evaluate(chunk: slice, workspace: Workspace) -> None:
             kernels.wrench_forces(
@@ -164,8 +164,9 @@ class ForceProblem:
         small: bool = False,
     ) -> ForceResults:
         """Bounds for the terms of a task and masses (b,); `small`: hulls of a few facets only."""
-        problem, size = self.problem, _size(terms, masses)
-        results = _make_results(problem.size, problem.count, problem.axes)
+        problem, results = self.problem, self.problem.unwritten(ForceResults)
+        forces = terms.rows[:, SIZE].max() * masses.max(initial=0.0)
+        size = float(max(forces, np.abs(terms.points).max(initial=0.0)))  # of the task's wrenches
 
         def evaluate(chunk: slice, workspace: Workspace) -> None:
             axes, part = problem.wrenches_of(chunk), part_of(results, chunk)
@@ -221,24 +222,6 @@ class ForceProblem:
 def _check_rtol(rtol: float) -> None:
     if not 0.0 < rtol < 1.0:
         raise SettingError(f"rtol must lie between 0 and 1; got {rtol}")
-
-
-def _size(terms: Terms, masses: Floats) -> float:
-    """A size of wrenches that the task has."""
-    forces = terms.rows[:, SIZE].max() * masses.max(initial=0.0)
-    return float(max(forces, np.abs(terms.points).max(initial=0.0)))
-
-
-def _make_results(size: int, count: int, axes: int) -> ForceResults:
-    return ForceResults(
-        lower=np.zeros(size),
-        upper=np.zeros(size),
-        rank=np.zeros(size, dtype=np.int64),
-        status=np.zeros(size, dtype=np.uint8),
-        reason=np.zeros(size, dtype=np.uint8),
-        direction=np.zeros((size, 6)),
-        forces=np.full((size, count, axes), math.nan),
-    )
 
 
 def separating_direction(

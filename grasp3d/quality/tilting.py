@@ -8,7 +8,6 @@ of mass may be uncertain too.
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -198,15 +197,11 @@ def _maximum_soft(contacts: Contacts, tilt: Floats, options: EpsilonOptions) -> 
     angles = np.concatenate([widest, np.tile(tilt, 2)], axis=1)
     problem = WrenchProblem(
         kind=TOTAL,
-        spherical=True,
-        soft=False,
-        rolling=False,
         size=size,
         count=3 * count,
-        wrenches_of=partial(_rows_of, axes),
+        wrenches_of=lambda chunk: np.ascontiguousarray(axes[chunk]),
         tangential=np.sin(np.minimum(angles, math.pi / 2.0)),
         cones=np.stack([np.cos(angles), np.sin(angles)], axis=-1),
-        rim=np.zeros((0, 2)),
         tilts_exceed_friction=np.zeros(size, dtype=np.bool_),
     )
     results = problem.solve(options.goal, with_forces=False, threads=options.threads)
@@ -216,10 +211,6 @@ def _maximum_soft(contacts: Contacts, tilt: Floats, options: EpsilonOptions) -> 
         rolling = bound + arms / options.torque_scale
         bound = np.where(results.rank == FULL_RANK, np.minimum(rolling, 1.0), 1.0)
     return longest * bound
-
-
-def _rows_of(axes: Floats, chunk: slice) -> Floats:
-    return np.ascontiguousarray(axes[chunk])
 
 
 @dataclass(frozen=True)

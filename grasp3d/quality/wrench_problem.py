@@ -4,7 +4,7 @@ import math
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -72,12 +72,6 @@ class WrenchProblem:
 
     kind: int
     """`ROWS`, `TOTAL` or `PER_FINGER`."""
-    spherical: bool
-    """Whether a force's length is bounded, rather than its normal component."""
-    soft: bool
-    """Whether any finger resists torsion."""
-    rolling: bool
-    """Whether any finger resists rolling, so that contacts have six axes."""
     size: int
     """Number of grasps."""
     count: int
@@ -89,11 +83,17 @@ class WrenchProblem:
     """Factor of the tangential axes in the span of the wrenches: 0 without friction (b, n)."""
     cones: Floats
     """Normal and tangential component of a force on the rim of the cones (b, n, 2)."""
-    rim: Floats
-    """Cosines and sines of the angles of the cones' edges (m, 2); empty: circular cones."""
     tilts_exceed_friction: Bools
     """Whether the half-angle of some cone is negative, so that its contact was replaced by a
     frictionless one (b,)."""
+    rim: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    """Cosines and sines of the angles of the cones' edges (m, 2); empty: circular cones."""
+    spherical: bool = True
+    """Whether a force's length is bounded, rather than its normal component."""
+    soft: bool = False
+    """Whether any finger resists torsion."""
+    rolling: bool = False
+    """Whether any finger resists rolling, so that contacts have six axes."""
     points: Floats | None = None
     """Contact points (b, n, 3), which distinguish nearly coinciding contacts from coinciding ones.
     None: the wrenches are taken as they are."""
@@ -106,15 +106,11 @@ class WrenchProblem:
         size, count = rows.shape[:2]
         return cls(
             kind=ROWS,
-            spherical=True,
-            soft=False,
-            rolling=False,
             size=size,
             count=count,
             wrenches_of=lambda chunk: np.ascontiguousarray(rows[chunk, :, None]),
             tangential=np.ones((size, 1)),
             cones=np.ones((size, 1, 2)),
-            rim=np.zeros((0, 2)),
             tilts_exceed_friction=np.zeros(size, dtype=np.bool_),
         )
 
@@ -176,10 +172,16 @@ class WrenchProblem:
     def take(self, grasps: Ints) -> "WrenchProblem":
         """The problem of chosen grasps (g,), in their order."""
         wrenches = self.wrenches_of(grasps)
+        return self.with_wrenches(grasps, lambda chunk: np.ascontiguousarray(wrenches[chunk]))
+
+    def with_wrenches(
+        self, grasps: Ints, wrenches_of: Callable[[slice | Ints], Floats]
+    ) -> "WrenchProblem":
+        """The problem of chosen grasps (g,), any of them more than once, with other wrenches."""
         return replace(
             self,
             size=len(grasps),
-            wrenches_of=lambda chunk: np.ascontiguousarray(wrenches[chunk]),
+            wrenches_of=wrenches_of,
             tangential=self.tangential[grasps],
             cones=self.cones[grasps],
             tilts_exceed_friction=self.tilts_exceed_friction[grasps],
@@ -237,14 +239,14 @@ class WrenchProblem:
 
     def _grown(self, goal: Goal, *, group: int, with_forces: bool, threads: int | None) -> Results:
         """Results before their proofs are examined; see `solve`."""
-        results = _make_results(self.size, self.count, self.axes)
+        results = self.unwritten(Results)
         if not self.is_pairs(goal):
             self.grow_hulls(results, goal, group, threads, with_forces=with_forces)
             return results
         left = np.flatnonzero(self.solve_pairs(results, goal, threads))
         if len(left):
             others = self.take(left)
-            hulls = _make_results(others.size, self.count, self.axes)
+            hulls = others.unwritten(Results)
             others.grow_hulls(hulls, goal, 1, threads, with_forces=with_forces)
             for name in Results._fields:
                 getattr(results, name)[left] = getattr(hulls, name)
@@ -386,6 +388,20 @@ class WrenchProblem:
         )  # fmt: skip
         return (forces if slack < LARGEST_SLACK else np.full_like(forces, math.nan)), float(slack)
 
+    def unwritten(self, kind: type[ArraysT]) -> ArraysT:
+        """Results of a kind for every grasp, which the kernels write."""
+        arrays: dict[str, np.ndarray[Any, Any]] = {
+            "rank": np.zeros(self.size, dtype=np.int64),
+            "status": np.zeros(self.size, dtype=np.uint8),
+            "reason": np.zeros(self.size, dtype=np.uint8),
+            "closed": np.zeros(self.size, dtype=np.bool_),
+            "direction": np.zeros((self.size, 6)),
+            "forces": np.full((self.size, self.count, self.axes), math.nan),
+            "slack": np.full(self.size, math.inf),
+        }
+        names: tuple[str, ...] = kind._fields  # type: ignore[attr-defined]
+        return kind(*(arrays.get(name, np.zeros(self.size)) for name in names))
+
     def with_polytope(
         self, size: int, run: Callable[[int, Polytope], int], *, small: bool = False
     ) -> None:
@@ -445,16 +461,3 @@ def _in_patches(components: Floats, angles: Floats) -> Floats:
 def part_of(results: ArraysT, chunk: slice | Ints) -> ArraysT:
     """Results of some of the grasps, as views where the chunk is a slice."""
     return type(results)(*(values[chunk] for values in results))
-
-
-def _make_results(size: int, count: int, axes: int) -> Results:
-    return Results(
-        lower=np.zeros(size),
-        upper=np.zeros(size),
-        rank=np.zeros(size, dtype=np.int64),
-        status=np.zeros(size, dtype=np.uint8),
-        closed=np.zeros(size, dtype=np.bool_),
-        direction=np.zeros((size, 6)),
-        forces=np.full((size, count, axes), math.nan),
-        slack=np.full(size, math.inf),
-    )

@@ -9,7 +9,7 @@ may be larger or smaller (see `thresholds` for the exact method).
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -142,21 +142,18 @@ def _between(faces: Floats, friction_angle: float) -> Floats:
 
     One bisects each arc; there are more where steps would exceed 2 beta.
     """
-    pairs = [(0, 1)] if faces.shape[1] == 2 else _neighbouring_pairs(faces.shape[1])
-    first, second = (faces[:, [pair[end] for pair in pairs]] for end in (0, 1))
+    first, second = faces, np.roll(faces, -1, axis=1)
+    if faces.shape[1] == 2:
+        first, second = first[:, :1], second[:, :1]
     widest = float(angles_between(first, second).max(initial=0.0))
     steps = 2 * math.ceil(rings_needed(widest, friction_angle) / 2)  # even, to include the bisector
     check_combinations([steps])
     arcs = on_arcs(first, second, np.arange(1, steps) / steps)  # (b, pairs, steps - 1, 3)
-    between = arcs.reshape(len(faces), len(pairs) * (steps - 1), 3)
-    if len(pairs) > 1:
+    between = arcs.reshape(len(faces), first.shape[1] * (steps - 1), 3)
+    if first.shape[1] > 1:
         between = np.concatenate([between, unit_rows(faces.sum(axis=1, keepdims=True))], axis=1)
     # Normals that cancel out have no mean direction.
     return np.where((between == 0.0).all(axis=-1, keepdims=True), faces[:, :1], between)
-
-
-def _neighbouring_pairs(count: int) -> list[tuple[int, int]]:
-    return [(i, (i + 1) % count) for i in range(count)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,16 +235,8 @@ class Enumeration(NamedTuple):
             row, column = np.divmod(np.arange(len(repeated))[chunk], len(numbers))
             return self.axes[grasps[row][:, None], each, chosen[column]]
 
-        whole, repeated = self.problem, np.repeat(grasps, len(numbers))
-        return replace(
-            whole,
-            size=len(repeated),
-            wrenches_of=wrenches_of,
-            tangential=whole.tangential[repeated],
-            cones=whole.cones[repeated],
-            tilts_exceed_friction=whole.tilts_exceed_friction[repeated],
-            points=None if whole.points is None else whole.points[repeated],
-        )
+        repeated = np.repeat(grasps, len(numbers))
+        return self.problem.with_wrenches(repeated, wrenches_of)
 
     def closed_at(self, grasps: Ints, numbers: Ints) -> tuple[Bools, Bools]:
         """Force closure of chosen grasps at chosen combinations.
@@ -343,7 +332,8 @@ def _extremes(enumeration: Enumeration) -> tuple[Floats, Floats, Ints, Ints]:
     size, options = enumeration.problem.size, enumeration.options
     minimum, maximum = np.full(size, math.inf), np.full(size, -math.inf)
     worst, best = np.zeros((2, size), dtype=np.int64)
-    for numbers in _blocks_in_order(enumeration.combinations):
+    for start in range(0, enumeration.combinations, MAX_HULLS):
+        numbers = np.arange(start, min(start + MAX_HULLS, enumeration.combinations))
         for grasps in _groups(np.arange(size), len(numbers)):
             results = enumeration.at(grasps, numbers).solve(
                 options.goal, with_forces=False, threads=options.threads
@@ -381,12 +371,6 @@ def _blocks(total: int) -> Iterator[Ints]:
     while start < total:
         yield (np.arange(start, min(start + size, total)) * stride) % total
         start, size = start + size, min(4 * size, MAX_HULLS)
-
-
-def _blocks_in_order(total: int) -> Iterator[Ints]:
-    """All combinations in order."""
-    for start in range(0, total, MAX_HULLS):
-        yield np.arange(start, min(start + MAX_HULLS, total))
 
 
 def _groups(grasps: Ints, each: int) -> Iterator[Ints]:
