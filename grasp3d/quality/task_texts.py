@@ -81,42 +81,26 @@ def read_wrenches(path: Path) -> tuple[Row, ...]:
 
 def _rows(name: str, lines: list[str]) -> Iterator[Row]:
     """Rows of a file; raises SettingError."""
-    first = True
-    for number, line in enumerate(lines, 1):
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        words = _words(name, number, line)
-        if first and tuple(word.lower() for word in words) == COLUMNS:
-            first = False
-            continue
-        first = False
-        if len(words) != len(COLUMNS):
+    numbered = [(number, line.strip()) for number, line in enumerate(lines, 1)]
+    stated = [(number, line) for number, line in numbered if line and not line.startswith("#")]
+    for place, (number, line) in enumerate(stated):
+        try:
+            words = [word.strip() for word in next(csv.reader([line]))]
+            if place == 0 and tuple(word.lower() for word in words) == COLUMNS:
+                continue
+            row = tuple(map(float, words)) if len(words) == len(COLUMNS) else ()
+        except (csv.Error, ValueError) as error:
+            raise SettingError(
+                f"{name}: line {number} must be six numbers, {', '.join(COLUMNS)}: {error}"
+            ) from error
+        if not row:
             raise SettingError(
                 f"{name}: line {number} has {len(words)} columns; a wrench has six, "
                 f"{', '.join(COLUMNS)}: force [N] and torque [N m]"
             )
-        yield _row(name, number, words)
-
-
-def _words(name: str, number: int, line: str) -> list[str]:
-    try:
-        return [word.strip() for word in next(csv.reader([line]))]
-    except csv.Error as error:
-        raise SettingError(
-            f"{name}: line {number} must be six numbers, {', '.join(COLUMNS)}: {error}"
-        ) from error
-
-
-def _row(name: str, number: int, words: list[str]) -> Row:
-    try:
-        row = tuple(map(float, words))
-    except ValueError as error:
-        raise SettingError(
-            f"{name}: line {number} must be six numbers, {', '.join(COLUMNS)}: {error}"
-        ) from error
-    if not all(map(math.isfinite, row)):
-        raise SettingError(f"{name}: line {number} has a number that is not finite")
-    return row
+        if not all(map(math.isfinite, row)):
+            raise SettingError(f"{name}: line {number} has a number that is not finite")
+        yield row
 
 
 @dataclass(frozen=True)

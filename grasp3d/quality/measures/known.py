@@ -57,9 +57,9 @@ class Metric:
     """In LaTeX, with the symbols of the documentation."""
     source: str
     """Authors and year; the documentation lists the papers."""
-    better: Better
+    better: Better = "larger"
     """Which values are better."""
-    torsion: str
+    torsion: str = _NO_TORSION
     """What it does with the torsional moment of soft fingers."""
     least: float = 0.0
     """Lower end of its range."""
@@ -82,8 +82,7 @@ _ALL_METRICS = (
         "how far the grasp is from one that cannot move the object in some direction",
         r"\sigma_{min}(G)",
         "Li & Sastry 1988",
-        "larger",
-        _COLUMN,
+        torsion=_COLUMN,
         measure=smallest_singular_value,
     ),
     Metric(
@@ -92,8 +91,7 @@ _ALL_METRICS = (
         "how much wrench unit contact forces make in all directions together",
         r"\sqrt{\det(G G^T)} = \prod_k \sigma_k",
         "Li & Sastry 1988",
-        "larger",
-        _COLUMN,
+        torsion=_COLUMN,
         measure=grasp_matrix_volume,
     ),
     Metric(
@@ -102,8 +100,7 @@ _ALL_METRICS = (
         "how evenly contact forces contribute to wrenches of all directions",
         r"\sigma_{min}(G) / \sigma_{max}(G)",
         "Kim et al. 2001",
-        "larger",
-        _COLUMN,
+        torsion=_COLUMN,
         most=1.0,
         measure=grasp_isotropy,
     ),
@@ -113,8 +110,7 @@ _ALL_METRICS = (
         "volume of the convex hull of the primitive wrenches, whether or not it contains 0",
         r"\operatorname{vol}(\operatorname{conv}\{w_j\})",
         "Miller & Allen 1999",
-        "larger",
-        _PRIMITIVES,
+        torsion=_PRIMITIVES,
         measure=wrench_space_volume,
     ),
     Metric(
@@ -124,8 +120,7 @@ _ALL_METRICS = (
         "if the grasp with these polygonal cones is force-closed",
         r"\max_c \min_j c_j, \sum_j c_j w_j = 0, \sum_j c_j = 1",
         "Li et al. 2023",
-        "larger",
-        _PRIMITIVES,
+        torsion=_PRIMITIVES,
         least=-math.inf,
         most=1.0,
         measure=min_weight,
@@ -137,8 +132,7 @@ _ALL_METRICS = (
         "cones, their normal components being 1 together; below 0 they must leave the cones",
         r"\max_f \min_{i,k} d_k(f_i), \sum_i G_i f_i = 0, \sum_i n_i \cdot f_i = 1",
         "Kerr & Roth 1986",
-        "larger",
-        "a soft finger may use torsion, which takes |moment|/e from its normal force",
+        torsion="a soft finger may use torsion, which takes |moment|/e from its normal force",
         least=-math.inf,
         most=0.5,
         measure=internal_force_margin,
@@ -150,8 +144,6 @@ _ALL_METRICS = (
         "friction cones",
         r"\beta - \beta^*",
         "Wan & Howe 2018",
-        "larger",
-        _NO_TORSION,
         least=-math.pi,
         most=math.pi,
         unit="rad",
@@ -163,8 +155,7 @@ _ALL_METRICS = (
         "lever arm of weight and inertia",
         r"\lVert \frac{1}{n} \sum_i p_i \rVert",
         "Ding et al. 2001",
-        "smaller",
-        _NO_TORSION,
+        better="smaller",
         unit="length",
         measure=centroid_distance,
     ),
@@ -174,8 +165,6 @@ _ALL_METRICS = (
         "area of the polygon of the contacts, in the plane nearest to them",
         r"\operatorname{area}(p_1 \dots p_n)",
         "Mirtich & Canny 1994",
-        "larger",
-        _NO_TORSION,
         unit="length²",
         fingers=3,
         measure=polygon_area,
@@ -186,8 +175,7 @@ _ALL_METRICS = (
         "difference of its inner angles from those of the regular polygon; 0: regular, 1: a line",
         r"\frac{1}{\theta_{max}} \sum_i \lvert \theta_i - \bar\theta \rvert",
         "Kim et al. 2001",
-        "smaller",
-        _NO_TORSION,
+        better="smaller",
         most=1.0,
         fingers=3,
         measure=polygon_shape,
@@ -200,8 +188,7 @@ _ALL_METRICS = (
         "more the normal of their plane",
         r"\min(\delta, \frac{\pi}{2} - \delta)",
         "Balasubramanian et al. 2012",
-        "smaller",
-        _NO_TORSION,
+        better="smaller",
         most=math.pi / 4.0,
         unit="rad",
         measure=orthogonality,
@@ -213,8 +200,8 @@ _ALL_METRICS = (
         "wrench, as `grip_force` finds it; the fingers may press less than that",
         r"\min\{t : -w \in t \, W\}",
         "Mahler et al. 2019",
-        "smaller",
-        "soft fingers have the elliptic limit surface",
+        better="smaller",
+        torsion="soft fingers have the elliptic limit surface",
         unit="N",
         of_wrench=True,
         measure=wrench_resistance,
