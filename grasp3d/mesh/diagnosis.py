@@ -36,7 +36,6 @@ from grasp3d.mesh.repair.cleaning import is_face
 from grasp3d.mesh.repair.holes import close_holes, fan_area, holes_of
 from grasp3d.mesh.repair.solids import manifold_status
 from grasp3d.mesh.work_bounds import WorkBoundError
-from grasp3d.reading import RawMesh
 from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling
 from grasp3d.settings.costs import Cost, labelling_cost
 from grasp3d.settings.lengths import Unit
@@ -228,17 +227,23 @@ def diagnose(
     model, sampling = mesh.in_own_unit(model, sampling)
     lengths = model.lengths() | sampling.lengths() | mesh.options.lengths()
     surface = Triangles((repaired.vertices - mesh.center) / mesh.size, repaired.faces)
+    given_points = (given.raw.vertices - mesh.center) / mesh.size
+    joined = first_at_position(given.raw.vertices)  # vertices at equal positions count once
+    given_surface = Triangles(given_points, joined[given.raw.faces])
     crossing = crossings(surface.vertices, surface.faces)
     fraction = float(surface.areas[crossing.faces].sum() / surface.areas.sum())
     noise = normal_noise(surface)
     bodies, cavities = _count_parts(surface)
+    impossible = impossible_size(mesh.size, mesh.unit)  # then it is not the object that is meant
     warnings = (
-        *_report_warnings(mesh),
+        *(
+            MeshWarning(Trust.NO if message == impossible else Trust.CARE, message)
+            for message in mesh.report.warnings
+        ),
         *_interior_warnings(mesh),
         *_hole_warnings(found, options),
         *self_intersection_warnings(int(crossing.faces.sum()), fraction),
-        *_body_warnings(bodies),
-        *_stray_warnings(surface),
+        *_body_warnings(surface, bodies),
         *_noise_warnings(surface, mesh, noise),
         *_length_warnings(mesh, lengths, force=force),
     )
@@ -254,7 +259,7 @@ def diagnose(
         extents=(extents[0], extents[1], extents[2]),
         bodies=bodies,
         cavities=cavities,
-        before=_measure_file(given.raw, mesh),
+        before=_measure(given_surface, mesh),
         after=_measure(surface, mesh),
         repairs=repaired.steps,
         manifold=manifold_status(surface.vertices, surface.faces),
@@ -265,12 +270,6 @@ def diagnose(
         cost=labelling_cost(len(mesh.vertices), model, sampling, threads=available_processors()),
         warnings=warnings,
     )
-
-
-def _measure_file(raw: RawMesh, mesh: ObjectMesh) -> SurfaceMeasures:
-    """Measure the surface as stored in the file, with vertices at equal positions merged."""
-    points = (raw.vertices - mesh.center) / mesh.size
-    return _measure(Triangles(points, first_at_position(raw.vertices)[raw.faces]), mesh)
 
 
 def _measure(surface: Triangles, mesh: ObjectMesh) -> SurfaceMeasures:
@@ -295,13 +294,6 @@ def _measure(surface: Triangles, mesh: ObjectMesh) -> SurfaceMeasures:
         volume=volume * mesh.size**3 if closed else None,
         center_mass=(x, y, z),
     )
-
-
-def _report_warnings(mesh: ObjectMesh) -> Iterator[MeshWarning]:
-    """Warnings of the preparation; an object of an impossible size is not the one that is meant."""
-    impossible = impossible_size(mesh.size, mesh.unit)
-    for message in mesh.report.warnings:
-        yield MeshWarning(Trust.NO if message == impossible else Trust.CARE, message)
 
 
 def _length_warnings(
@@ -384,18 +376,14 @@ def _count_parts(surface: Triangles) -> tuple[int, int]:
     return len(volumes) - cavities, cavities
 
 
-def _body_warnings(bodies: int) -> Iterator[MeshWarning]:
-    """Warn about bodies that are not connected."""
+def _body_warnings(surface: Triangles, bodies: int) -> Iterator[MeshWarning]:
+    """Warn about bodies that are not connected, and about small ones that enlarge the object."""
     if bodies > 1:
         yield MeshWarning(
             Trust.CARE,
             f"separate bodies: {bodies}, treated as one rigid object: the contacts of a grasp may "
             "be on different bodies",
         )
-
-
-def _stray_warnings(surface: Triangles) -> Iterator[MeshWarning]:
-    """Warn about small distant parts, which make the object larger."""
     part, areas = parts_of(surface.faces), surface.areas
     stray = np.bincount(part, areas)[part] <= STRAY * areas.sum()
     if not stray.any() or stray.all():
