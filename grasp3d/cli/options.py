@@ -92,10 +92,15 @@ def _default(field: "Field[Any]") -> Any:
 
 
 def _help_texts(kind: Any) -> dict[str, str]:
-    """Return the texts on the fields in the docstrings of a class, by name, in one line each."""
+    """Return the texts on the fields in the docstrings of a class, by name, in one line each.
+
+    Those of settings that it extends are in the docstrings of these.
+    """
+    kinds = [one for one in reversed(kind.__mro__) if one.__module__.startswith("grasp3d.")]
     return {
         item.args[-1]: " ".join((item.description or "").split())
-        for item in docstring_parser.parse_from_object(kind).params
+        for one in kinds
+        for item in docstring_parser.parse_from_object(one).params
     }
 
 

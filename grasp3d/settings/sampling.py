@@ -117,6 +117,8 @@ class Sampling(SearchSettings):
 
     A length is a number in the mesh's unit, or has a unit: '80mm', '0.08 m', '8cm', '3in'.
 
+    It has a search angle and a tolerance as well, see `SearchSettings`.
+
     Attributes:
         rays: Two fingers: directions tested from every vertex before the search is refined, 8 to
             65536. Fingers that squeeze need few: branch and bound searches the whole surface.
@@ -125,13 +127,6 @@ class Sampling(SearchSettings):
         min_opening: Two fingers: smallest distance between the contacts, a length.
         max_opening: Two fingers: largest distance between the contacts, a length: the gripper's
             stroke.
-        search_angle: Largest critical friction angle that is searched for, up to 90 degrees; for
-            two fingers the half-angle of the cone of directions about the inward normal. none: just
-            what friction and resolution need. Wider: the surface can be labelled again, without a
-            new search, for any friction and resolution with atan(friction) + alpha/2 up to this
-            angle. Narrower: a limit to the search.
-        tolerance: Step size at which the search around a vertex's best grasp stops, where it is by
-            rays or random steps.
 
     Example:
         A gripper that opens to 80 mm, and a search that is wide enough to label the surface again
@@ -167,6 +162,8 @@ class MultifingerSampling(SearchSettings):
 
     A length is a number in the mesh's unit, or has a unit: '80mm', '0.08 m', '8cm', '3in'.
 
+    It has a search angle and a tolerance as well, see `SearchSettings`.
+
     Attributes:
         candidates: Three fingers and more: candidate points for every other finger before the
             search is refined, spread evenly over the surface within reach of a vertex, 8 to 4096.
@@ -180,13 +177,6 @@ class MultifingerSampling(SearchSettings):
             on it; vertices: at the mesh's vertices only.
         seed: Three fingers and more: random seed of the candidate points and of the search; the
             same seed gives the same labels.
-        search_angle: Largest critical friction angle that is searched for, up to 90 degrees; for
-            two fingers the half-angle of the cone of directions about the inward normal. none: just
-            what friction and resolution need. Wider: the surface can be labelled again, without a
-            new search, for any friction and resolution with atan(friction) + alpha/2 up to this
-            angle. Narrower: a limit to the search.
-        tolerance: Step size at which the search around a vertex's best grasp stops, where it is by
-            rays or random steps.
 
     Example:
         A hand that spans 150 mm, on a ball:
