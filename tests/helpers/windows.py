@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import ImageGrab
+from scipy.ndimage import label
 
 from grasp3d.plots.rendering import WINDOW
 
@@ -96,9 +97,12 @@ class Window:
         folder.mkdir()
         # Pictures rendered earlier in this process have selected an off-screen window.
         kept = {name: value for name, value in os.environ.items() if name != WINDOW}
+        browser = folder.parent / "browser"
+        browser.write_text(f'#!/bin/sh\necho "$1" > {folder.parent}/browser.txt\n')
+        browser.chmod(0o755)
         process = subprocess.Popen(
             [sys.executable, "-c", script, str(lines)],
-            env={**kept, "DISPLAY": display}, cwd=folder, text=True,
+            env={**kept, "DISPLAY": display, "BROWSER": str(browser)}, cwd=folder, text=True,
             stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         )  # fmt: skip
         return cls(process, display, lines, folder)
@@ -145,11 +149,6 @@ class Window:
         held = (["keydown", "shift"], ["keyup", "shift"]) if shift else ([], [])
         self.do("mousemove", round(x), round(y), *held[0], "click", 1, *held[1])
 
-    def press(self, name: str) -> None:
-        """Click a button of the panel."""
-        left, top, right, bottom = self.state["areas"][name][0]
-        self.click(0.5 * (left + right), 0.5 * (top + bottom))
-
     def drag(self, *positions: tuple[float, float]) -> None:
         """Press at the first position, move through the others, release at the last."""
         words: list[object] = []
@@ -160,12 +159,20 @@ class Window:
                 words += ["sleep", 0.01, "mousemove", *at]
         self.do(*words, "mouseup", 1)
 
-    def slide(self, name: str, position: float) -> None:
-        """Drag the thumb of a slider to a position on its track."""
-        (_, top, _, bottom), (start, end) = self.state["areas"][name]
-        y = 0.3 * top + 0.7 * bottom
-        now = start + self.state["positions"][name] * (end - start)
-        self.drag((now, y), (start + position * (end - start), y))
+    def thumbs(self) -> list[tuple[float, float]]:
+        """Middles of the sliders' thumbs, from the top."""
+        image = self.picture().astype(int)
+        blue = np.abs(image - (0x1F, 0x5F, 0xA8)).max(axis=2) < 8
+        wide = blue & np.roll(blue, 4, axis=1)  # letters are not as wide
+        regions, count = label(wide)
+        found = [np.argwhere(regions == number + 1) for number in range(count)]
+        middles = [one.mean(axis=0) for one in found if len(one) > 30]
+        return [(float(x) - 2.0, float(y)) for y, x in middles]
+
+    def slide(self, number: int, by: float) -> None:
+        """Drag the thumb of a slider to the right [pixels]."""
+        x, y = self.thumbs()[number]
+        self.drag((x, y), (x + by, y))
 
     def picture(self) -> Image8:
         """Picture of the window on the screen, shape (height, width, 3)."""

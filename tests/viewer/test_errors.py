@@ -26,7 +26,6 @@ from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.subjects.subject import read_subject, subject_of
 from grasp3d.viewer.web.fields import set_field
 from grasp3d.viewer.web.page_state import page_state
-from grasp3d.viewer.window.sliders import Ranges, Slider, sliders_of
 from tests.helpers import viewing
 from tests.helpers.viewing import ready_session, rewritten, wait_until_idle
 
@@ -51,10 +50,6 @@ def session() -> Session:
     return ready_session(slab())
 
 
-def slider(session: Session, name: str) -> Slider:
-    return {one.name: one for one in sliders_of(session, Ranges())}[name]
-
-
 def fractions(session: Session) -> dict[str, float]:
     return {one.letter: one.fraction for one in panel_text(session).fractions}
 
@@ -63,10 +58,9 @@ def fractions(session: Session) -> dict[str, float]:
 
 
 def test_errors_are_chosen_when_they_are_wanted(session: Session) -> None:
-    assert {one.name for one in sliders_of(session, Ranges())}.isdisjoint({"normal_error"})
+    assert not session.state.show_errors
     handle_key(session, "e")
-    names = [one.name for one in sliders_of(session, Ranges())]
-    assert names[2:5] == ["friction_error", "normal_error", "location_error"]
+    assert session.state.show_errors
     assert Session(with_model(GraspModel(friction="0.4..0.6"))).state.show_errors
 
 
@@ -74,48 +68,13 @@ def with_model(model: GraspModel) -> Collection:
     return collection_of(slab().using(model=model))
 
 
-@pytest.mark.parametrize(
-    ("name", "position", "field", "value", "shown"),
-    [
-        ("friction_error", 0.2, "friction_error", 0.1, "± 0.10"),
-        ("normal_error", 0.25, "normal_error", 5.0 * DEGREE, "5.0°"),
-    ],
-)
-def test_a_slider_sets_an_error(
-    session: Session, name: str, position: float, field: str, value: float, shown: str
-) -> None:
-    session.change(show_errors=True)
-    slider(session, name).set(position)
-    assert getattr(session.state.model, field) == pytest.approx(value)
-    moved = slider(session, name)
-    assert moved.position == pytest.approx(position)
-    assert moved.value == shown == moved.value_at(position)
-
-
-def test_the_location_error_is_a_length_of_the_mesh(session: Session) -> None:
-    session.change(show_errors=True)
-    slider(session, "location_error").set(0.4)
-    subject = session.subject
-    assert subject is not None
-    chosen = session.state.model.location_error
-    assert chosen == pytest.approx(0.4 * 0.05 * subject.mesh.size, rel=0.01)
-    assert slider(session, "location_error").value == f"{chosen:.4g} m"
-    session.change(location_error=0.2 * subject.mesh.size)
-    assert slider(session, "location_error").position == pytest.approx(1.0)
-
-
 def test_friction_stays_above_its_error(session: Session) -> None:
-    session.change(show_errors=True, friction_error=0.2)
-    slider(session, "friction").set(0.0)
-    assert session.state.model.friction == pytest.approx(0.21)
-    for _ in range(3):
+    session.change(friction_error=0.2)
+    for _ in range(9):
         handle_key(session, "Left")
     assert session.state.model.friction == pytest.approx(0.21)
-    slider(session, "friction_error").set(1.0)
-    assert session.state.model.friction_error == pytest.approx(0.2)
     with pytest.raises(SettingError, match="below the friction"):
         session.change(friction=0.1)
-    assert slider(session, "friction").text == "friction μ, 0.01 to 0.41"
 
 
 @pytest.mark.parametrize(
@@ -361,11 +320,8 @@ def test_other_location_errors_of_a_file_are_searched(tmp_path: Path) -> None:
 def test_a_file_of_a_scan_says_why_it_has_no_location_error(tmp_path: Path) -> None:
     write_ply(tmp_path / "scan.ply", viewing.scan())
     session = ready_session(open_collection(tmp_path / "scan.ply"))
-    session.change(show_errors=True)
-    chosen = slider(session, "location_error")
-    assert chosen.value == "not available"
     with pytest.raises(SettingError, match="does not contain the fixed fingers"):
-        chosen.set(0.5)
+        session.change(location_error=0.01)
     assert "fixed fingers" in page_state(session)["unlocated"]
     session.change(friction_error=0.1, normal_error=0.1)  # these need no contacts
     assert not session.stale

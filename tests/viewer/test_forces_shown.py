@@ -23,18 +23,19 @@ from tests.viewer.test_forces import held
 collection = collection_of(held())
 """
 IN_WINDOW = f"""{OPENED}
+from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.window.desktop import show_window
 session = Session(collection, ViewSettings(width=1000, height=800))
 lines = open(sys.argv[1], "w", encoding="utf-8")
-def watch(text, areas):
+def watch():
+    text = panel_text(session)
     state, seen, ramp = session.state, text.inspection, text.ramp
     print(json.dumps(dict(
         fractions=dict((one.letter, one.fraction) for one in text.fractions),
         vertex=state.vertex, paint=state.paint, working=text.working, message=text.message,
         ramp=ramp.text + ramp.end if ramp else "", reason=seen.reason if seen else "",
         numbers=dict(seen.numbers) if seen else dict(),
-        areas=dict((one.name, (one.box, one.track)) for one in areas),
     )), file=lines, flush=True)
 show_window(session, title="a window to test", watch=watch)
 """
@@ -55,7 +56,7 @@ def test_a_window_shows_payloads(tmp_path: Path) -> None:
         state = window.until(lambda state: state["vertex"] is not None, "a vertex")
         assert "grip force" in state["numbers"]
         assert "20 N" in state["numbers"]["payload"] + state["reason"]
-        window.press("key-8")
+        window.key("8")
         window.until(lambda state: state["ramp"].endswith(" kg"), "colours of payloads")
         window.key("7")
         state = window.until(lambda state: state["paint"] == "grip_force", "colours of forces")

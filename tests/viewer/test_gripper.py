@@ -2,10 +2,9 @@
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import fields, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,16 +34,13 @@ from grasp3d.viewer.session.computations import search_grasps
 from grasp3d.viewer.session.keys import handle_key
 from grasp3d.viewer.session.painting import ramp_of, texture_coordinates
 from grasp3d.viewer.session.panel_text import grasp_number, panel_text
-from grasp3d.viewer.session.reached_grasps import best_reached
-from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.session.reached_grasps import best_vertices
+from grasp3d.viewer.session.session import BEST, Session
 from grasp3d.viewer.subjects.results import read_result
 from grasp3d.viewer.subjects.subject import Subject, read_subject, subject_of
 from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web.fields import set_field
 from grasp3d.viewer.web.page_state import page_state
-from grasp3d.viewer.window.panel import panel_content
-from grasp3d.viewer.window.rows import ButtonRow
-from grasp3d.viewer.window.sliders import Ranges
 from tests.helpers import viewing
 from tests.helpers.held_grasps import JAWS, held_box, neighbours_grasps, not_reached, reached
 from tests.helpers.viewing import ready_session, rewritten, wait_until_idle
@@ -171,28 +167,6 @@ def test_an_alternative_has_its_own_contacts_angles_and_epsilon(session: Session
     assert numbers["ε"] == f"{last.epsilon_range.nominal[4]:.3g}"
 
 
-def test_the_window_has_buttons_for_grasps_gripper_and_table(session: Session) -> None:
-    session.click(held_vertex())
-    wait_until_idle(session)
-    rows = panel_content(
-        session, panel_text(session), Ranges(), 340.0, press=partial(handle_key, session)
-    )
-    buttons = {
-        button.name: (row.caption, button.text, button.active)
-        for row in rows.upper
-        if isinstance(row, ButtonRow)
-        for button in row.buttons
-    }
-    assert buttons["key-."][0] == "1 of 5"
-    assert buttons["key-j"] == ("show", "gripper", True)
-    assert buttons["key-t"] == ("show", "table", True)
-    assert "key-6" in buttons
-    rows.actions["key-."]()
-    assert session.state.alternative == 1
-    rows.actions["key-j"]()
-    assert not session.state.show_gripper
-
-
 def test_the_page_has_switches(session: Session) -> None:
     set_field(session, "show_gripper", False)  # noqa: FBT003
     set_field(session, "show_table", False)  # noqa: FBT003
@@ -304,7 +278,7 @@ def test_a_labelled_file_brings_its_gripper_and_margins(tmp_path: Path) -> None:
         subject.labels.approach_margin, labels.reach.approach_margin, atol=1e-6, equal_nan=True
     )
     assert subject.labels.reach is None
-    assert best_reached(subject) == best_reached(subject_of(labels))
+    assert np.array_equal(best_vertices(subject, 1), best_vertices(subject_of(labels), 1))
 
 
 @pytest.mark.parametrize(
@@ -387,7 +361,7 @@ def test_settings_of_the_gripper_are_one_json_line() -> None:
 @needs_opengl
 def test_a_picture_shows_the_best_grasp_that_is_reached() -> None:
     with open_renderer(collection_of(held_box()), ViewSettings(), ignore) as renderer:
-        assert renderer.session.state.vertex == best_reached(subject_of(held_box()))
+        assert renderer.session.state.vertex == best_vertices(subject_of(held_box()), 1)[0]
         assert renderer.session.inspection is not None
         assert renderer.session.inspection.held is not None
     chosen = ViewSettings(vertex=held_vertex())
@@ -411,14 +385,30 @@ def test_pictures_of_what_does_not_exist_are_refused(settings: ViewSettings, pro
 
 def test_the_best_grasp_has_the_smallest_angle_then_the_widest_approach() -> None:
     subject = subject_of(held_box())
-    best = best_reached(subject)
-    assert best is not None
+    best = best_vertices(subject, 1)[0]
     assert subject.labels.approach_margin is not None
     angles = np.floor(np.degrees(subject.labels.critical_angle[reached(held_box())]))
     assert math.floor(math.degrees(subject.labels.critical_angle[best])) == angles.min()
     ties = reached(held_box())[angles == angles.min()]
     assert subject.labels.approach_margin[best] == subject.labels.approach_margin[ties].max()
-    assert best_reached(subject_of(viewing.labels())) is None
+
+
+@pytest.mark.parametrize("labels", [held_box, viewing.labels, viewing.three_fingers, viewing.scan])
+def test_the_best_grasps_are_stepped_through(labels: Callable[[], SurfaceLabels]) -> None:
+    session, subject = ready_session(labels()), subject_of(labels())
+    expected = best_vertices(subject, BEST).tolist()
+    angles = np.floor(np.degrees(subject.labels.critical_angle[expected]))
+    assert len(expected) == len(set(expected)) > 1
+    assert (np.diff(angles[np.isfinite(angles)]) >= 0.0).all()
+    seen = []
+    for number in range(len(expected) + 1):
+        handle_key(session, "b")
+        assert session.message == f"{number % len(expected) + 1} of the {len(expected)} best grasps"
+        seen.append(session.state.vertex)
+    assert seen == [*expected, expected[0]]
+    handle_key(session, "v")
+    assert session.state.vertex == expected[-1]
+    session.close()
 
 
 @contextmanager

@@ -26,19 +26,19 @@ reached_grasps.alternatives_at = neighbours_grasps
 collection = collection_of(held_box())
 """
 IN_WINDOW = f"""{OPENED}
-from grasp3d.viewer.session.panel_text import grasp_number
+from grasp3d.viewer.session.panel_text import grasp_number, panel_text
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.window.desktop import show_window
 session = Session(collection, ViewSettings(width=1000, height=700))
 lines = open(sys.argv[1], "w", encoding="utf-8")
-def watch(text, areas):
+def watch():
+    text = panel_text(session)
     state, seen = session.state, text.inspection
     print(json.dumps(dict(
         fractions=dict((one.letter, one.fraction) for one in text.fractions),
         vertex=state.vertex, paint=state.paint, gripper=state.show_gripper,
         table=state.show_table, grasp=seen and grasp_number(seen), working=text.working,
         message=text.message, numbers=dict(seen.numbers) if seen else dict(),
-        areas=dict((one.name, (one.box, one.track)) for one in areas),
     )), file=lines, flush=True)
 show_window(session, title="a window to test", watch=watch)
 """
@@ -73,7 +73,7 @@ def test_a_click_in_a_window_shows_the_gripper(tmp_path: Path) -> None:
         assert "approach margin" in state["numbers"]
         shown = greys(window.picture())
         assert shown > greys(before) + 0.03
-        window.press("key-.")
+        window.key("period")
         window.until(lambda state: state["grasp"] == "2 of 5", "the next grasp")
         window.key("comma")
         window.until(lambda state: state["grasp"] == "1 of 5", "the grasp before")

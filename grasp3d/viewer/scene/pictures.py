@@ -20,7 +20,7 @@ from grasp3d.system.names import safe_stem
 from grasp3d.system.progress import Progress, ignore, within
 from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session.collection import Collection
-from grasp3d.viewer.session.reached_grasps import best_reached
+from grasp3d.viewer.session.reached_grasps import best_vertices
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.view_settings import MIN_HEIGHT, MIN_WIDTH, ViewSettings
 
@@ -244,10 +244,10 @@ def _choose_grasp(session: Session, progress: Progress) -> None:
     if chosen is not None and session.state.vertex is None:
         raise SettingError(session.message)
     session.check_paint(session.state.paint)
-    best = best_reached(subject) if chosen is None else None
-    if best is not None:
-        session.click(best, inspect=True)
-        _wait(session, progress)
+    if chosen is None and subject.labels.approach_margin is not None:
+        for best in best_vertices(subject, 1):
+            session.click(int(best), inspect=True)
+            _wait(session, progress)
 
 
 def _views(settings: ViewSettings, count: int) -> list[View]:

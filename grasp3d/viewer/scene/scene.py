@@ -92,7 +92,7 @@ class Scene:
         self._overlays = [Overlay(renderer) for renderer in renderers]
         self._numbers = [Overlay(renderer) for renderer in renderers]
         self._inspection: Inspection | None = None
-        self._captions = Captions()
+        self.captions = Captions()
         self._subject: Subject | None = None
         self._item: Item | None = None
         self._free_area: FreeArea | None = None
@@ -120,7 +120,7 @@ class Scene:
         subject, other = session.subject, session.other_model
         self._count = 2 if other is not None and subject is not None else 1
         self._divide()
-        self._captions = Captions.of(session, legend=self.legend)
+        self.captions = Captions.of(session, legend=self.legend)
         before, self._subject = self._subject, subject
         if subject is None:
             self._clear()
@@ -256,7 +256,7 @@ class Scene:
         """The part of a pane that is free of texts."""
         width, height = self._panes[0].renderer.GetSize()
         areas = self._text_areas()
-        margins = [self._captions.margins(area, number) for number, area in enumerate(areas)]
+        margins = [self.captions.margins(area, number) for number, area in enumerate(areas)]
         return FreeArea(
             width, height,
             top=max(top for top, _ in margins),
@@ -279,7 +279,7 @@ class Scene:
         for number, area in enumerate(self._text_areas()):
             last = number == self._count - 1
             self._overlays[number].show(
-                self._captions.items(area, number, per_pixel if last else None)
+                self.captions.items(area, number, per_pixel if last else None)
             )
             self._numbers[number].show(self._contact_numbers(number, area, per_pixel))
 

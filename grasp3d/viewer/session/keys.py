@@ -100,6 +100,10 @@ def _step_grasp(by: int) -> Callable[[Session], None]:
     return lambda session: session.step_grasp(by)
 
 
+def _step_best(by: int) -> Callable[[Session], None]:
+    return lambda session: session.step_best(by)
+
+
 def _toggle_gripper(session: Session) -> None:
     session.check_gripper()
     session.change(show_gripper=not session.state.show_gripper)
@@ -161,6 +165,8 @@ KEYS: dict[str, Key] = {
     "i": Key("show the other side of the section", _flip_section),
     "f": Key("clicks inspect, or fix a finger", _toggle_click),
     "u": Key("release fixed fingers", lambda session: session.change(fixed=())),
+    "b": Key("next one of the best grasps", _step_best(1)),
+    "v": Key("previous one of the best grasps", _step_best(-1)),
     ".": Key("next grasp at the vertex, with a gripper", _step_grasp(1)),
     ",": Key("previous grasp at the vertex", _step_grasp(-1)),
     "j": Key("show or hide the gripper", _toggle_gripper),

@@ -7,6 +7,7 @@ import numpy as np
 
 from grasp3d.arrays import Ints
 from grasp3d.grasps.alternatives import alternatives_at
+from grasp3d.grasps.distinct import distance_of_distinct, distinct_rows
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.progress import Progress
@@ -50,19 +51,22 @@ def is_reached(subject: Subject, vertex: int) -> bool:
     return reach is not None and vertex < len(reach.poses) and bool(has_pose(reach)[vertex])
 
 
-def best_reached(subject: Subject) -> int | None:
-    """Vertex with the best grasp that the gripper reaches; None: there is none.
+def best_vertices(subject: Subject, count: int) -> Ints:
+    """Vertices of the best distinct grasps, best first; with a gripper, of those that it reaches.
 
     Better is the smaller critical friction angle in whole degrees, then the larger approach margin.
     """
-    margins = subject.labels.approach_margin
-    if margins is None:
-        return None
-    vertices = np.flatnonzero(np.isfinite(margins) & (subject.labels.likely_reason == Reason.FOUND))
-    if not len(vertices):
-        return None
-    angles = np.floor(subject.labels.critical_angle[vertices] / ANGLE_STEP)
-    return int(vertices[np.lexsort((-margins[vertices], angles))[0]])
+    labels = subject.labels
+    margins = (
+        np.zeros(len(labels.row)) if labels.approach_margin is None else labels.approach_margin
+    )
+    vertices = np.flatnonzero(np.isfinite(margins) & (labels.likely_reason == Reason.FOUND))
+    angles = np.floor(labels.critical_angle[vertices] / ANGLE_STEP)
+    ranked = vertices[np.lexsort((-margins[vertices], angles))]
+    points = subject.mesh.vertices[ranked, None]
+    if labels.partners is not None:
+        points = np.concatenate([points, labels.partners[ranked]], axis=1)
+    return ranked[distinct_rows(points, count, distance_of_distinct(subject.mesh))]
 
 
 def _others(subject: Subject, vertex: int, found: GraspTable) -> Ints:

@@ -21,6 +21,7 @@ from grasp3d.viewer.session.planning import (
     missing_result,
     next_job,
 )
+from grasp3d.viewer.session.reached_grasps import best_vertices
 from grasp3d.viewer.session.saving import check_savable, write_labels
 from grasp3d.viewer.session.search_cache import SearchCache
 from grasp3d.viewer.session.state import ViewState, changed_state, has_errors
@@ -29,6 +30,9 @@ from grasp3d.viewer.view_settings import Paint, ViewSettings
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
+
+BEST = 20
+"""Number of the best grasps of a surface that a user steps through."""
 
 NOTABLE_DIFFERENCE = 0.005
 """Area fraction of different labels after a new search that is reported as a message."""
@@ -244,6 +248,28 @@ class Session:
         if found.count == 1:
             raise SettingError("the gripper reaches no other grasp at this vertex")
         self._set_state(replace(self.state, alternative=(found.number - 1 + by) % found.count))
+
+    def step_best(self, by: int) -> None:
+        """Inspect another one of the best distinct grasps of the surface, cyclically.
+
+        Args:
+            by: Number of grasps to go forward, or back.
+
+        Raises:
+            SettingError: There is no grasp, or they are still searched.
+        """
+        subject = self.subject
+        if subject is None or self.stale:
+            raise SettingError("the grasps are not known yet; wait until they are searched")
+        best = [int(vertex) for vertex in best_vertices(subject, BEST)]
+        if not best:
+            raise SettingError("there is no grasp on this surface")
+        row = -1 if by > 0 else 0
+        if self.state.vertex in best:
+            row = best.index(self.state.vertex)
+        row = (row + by) % len(best)
+        self.click(best[row], inspect=True)
+        self.show_message(f"{row + 1} of the {len(best)} best grasps")
 
     def check_gripper(self, *, table: bool = False) -> None:
         """Check that the current object has a gripper.
