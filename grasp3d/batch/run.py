@@ -6,9 +6,8 @@ from itertools import chain, islice
 from typing import TYPE_CHECKING, TypeVar
 
 from grasp3d.batch.batch_settings import ClusterSettings
-from grasp3d.batch.compiling_first import compile_first
 from grasp3d.batch.local_client import open_local_client
-from grasp3d.batch.warmup import compile_kernels
+from grasp3d.batch.warmup import compile_first, compile_kernels
 from grasp3d.system.isolation import NeedsMemory, describe_unexpected
 
 if TYPE_CHECKING:

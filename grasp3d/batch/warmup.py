@@ -1,21 +1,25 @@
-"""Compiling kernels ahead, so that no later run waits for it."""
+"""Compiling kernels ahead, so that no later run waits for it, and once before the jobs of a run."""
 
 import functools
 import itertools
 import json
-import logging
 import os
 import subprocess
 import sys
 import tempfile
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grasp3d.errors import OutputError, SettingError
+from grasp3d.errors import GraspError, OutputError, SettingError
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel, Sampling, whole_number
 from grasp3d.stability.label import Label
+from grasp3d.system.compiling import NotCompiledError, announcement, compilations, logger
+from grasp3d.system.isolation import call, end_idle
 from grasp3d.system.names import printable
 from grasp3d.system.progress import ignore
 
@@ -24,7 +28,7 @@ if TYPE_CHECKING:
     from grasp3d.mesh import ObjectMesh
     from grasp3d.surface.labels import SurfaceLabels
 
-PAIR, TRIPLE = 2, 3
+PAIR = 2
 
 _FACES = np.array(
     [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
@@ -53,8 +57,8 @@ def warmup(
     """Compile the kernels for two fingers, or for that and more, unless they are compiled already.
 
     Kernels are compiled when they are first needed, once per installation, and a line about it
-    goes to the logger `grasp3d.compiling`: to standard error, where no logging is configured.
-    Compiling ahead serves images of containers, and clusters.
+    goes to the logger `grasp3d.compiling`, once per process: to standard error, where no logging is
+    configured. Compiling ahead serves images of containers, and clusters.
 
     Args:
         fingers: Largest number of fingers of the grasps, 2 to 5; four and five fingers have the
@@ -65,7 +69,7 @@ def warmup(
             they can only read it; None: the one of later runs of this user.
 
     Returns:
-        What the compiled kernels do, such as 'meshes' and 'two fingers'; empty: all of them were
+        The names of the kernels that were compiled, as 'MODULE.FUNCTION'; empty: all of them were
         compiled before.
 
     Raises:
@@ -82,12 +86,10 @@ def warmup(
         raise SettingError(f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {fingers}")
     if cache is not None:
         return _warmup_into(Path(cache), fingers=fingers, gripper=gripper, forces=forces)
-    from grasp3d._kernels.compiling.announcing import announcer
-
-    before = len(announcer.compiled)
+    before = len(compilations.kernels)
     for count in sorted({PAIR, fingers}):
         compile_kernels(count, gripper, forces)
-    return tuple(phase.work for phase in announcer.compiled[before:])
+    return tuple(compilations.kernels[before:])
 
 
 def _warmup_into(folder: Path, **settings: int) -> tuple[str, ...]:
@@ -100,8 +102,7 @@ def _warmup_into(folder: Path, **settings: int) -> tuple[str, ...]:
             f"cannot write machine code to {printable(str(folder))}: {error.strerror}; "
             "choose a folder that can be written"
         ) from error
-    level = logging.getLogger("grasp3d.compiling").level
-    given = [json.dumps(value) for value in (level, settings, sys.path)]
+    given = [json.dumps(value) for value in (logger.level, settings, sys.path)]
     done = subprocess.run(  # noqa: S603, this interpreter
         [sys.executable, "-c", _CHILD, *given],
         env={**os.environ, "NUMBA_CACHE_DIR": str(folder.absolute())},
@@ -115,26 +116,57 @@ def _warmup_into(folder: Path, **settings: int) -> tuple[str, ...]:
     return tuple(json.loads(done.stdout))
 
 
-def announcement(fingers: int, gripper: bool = False, forces: bool = False) -> str:
-    """Line to print before `compile_kernels`; empty: all kernels are compiled.
+@functools.cache
+def compile_first(
+    fingers: int, gripper: bool = False, forces: bool = False, *, children: int = 1
+) -> None:
+    """Compile kernels in a child process, unless they are compiled; the line is logged here.
+
+    This process needs none of them, and otherwise every worker would compile them with its first
+    mesh, within its limits and time.
+
+    Args:
+        fingers: As in `compile_kernels`.
+        gripper: As in `compile_kernels`.
+        forces: As in `compile_kernels`.
+        children: Child processes that load the kernels at the same time, if they are compiled.
+    """
+    interrupted = threading.Event()
+
+    def missing() -> str:
+        return call(missing_line, fingers, gripper, forces, cancelled=interrupted.is_set)
+
+    with suppress(GraspError):  # the jobs report the same failure
+        with ThreadPoolExecutor(children) as threads:
+            try:
+                lines = [
+                    line.result() for line in [threads.submit(missing) for _ in range(children)]
+                ]
+            except BaseException:  # the other children are ended, too
+                interrupted.set()
+                raise
+        if lines[0]:
+            logger.warning(lines[0])
+            call(compile_kernels, fingers, gripper, forces)
+            end_idle()  # the child has taken more memory than one that labels
+
+
+def missing_line(fingers: int, gripper: bool = False, forces: bool = False) -> str:
+    """Load the kernels of `compile_kernels`; returns the line to log where some are not compiled.
 
     Args:
         fingers: As in `compile_kernels`.
         gripper: As in `compile_kernels`.
         forces: As in `compile_kernels`.
     """
-    from grasp3d._kernels.compiling import announcing
+    from grasp3d._kernels.compiling.machine_code import cache_folder
 
-    if announcing.all_compiled(lambda: compile_kernels(fingers, gripper, forces)):
-        return ""
-    phases = {
-        0: announcing.MESHES,
-        PAIR: announcing.TWO_FINGERS,
-        TRIPLE: announcing.THREE_FINGERS,
-    }
-    work = phases.get(fingers, announcing.MORE_FINGERS).work
-    seconds = announcing.seconds_missing(fingers, gripper=gripper, forces=forces)
-    return announcing.announcement(work, seconds)
+    try:
+        with compilations.refused():
+            compile_kernels(fingers, gripper, forces)
+    except NotCompiledError:
+        return announcement(stored=cache_folder() is not None)
+    return ""
 
 
 @functools.cache

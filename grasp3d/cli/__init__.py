@@ -3,6 +3,7 @@
 Heavy modules are imported by the commands when they run, so that `grasp3d --help` is fast.
 """
 
+import logging
 import sys
 from dataclasses import dataclass
 from typing import Annotated
@@ -11,7 +12,6 @@ import tyro
 
 from grasp3d.cli.batch import Batch
 from grasp3d.cli.check import Check
-from grasp3d.cli.compiling_lines import compiling_lines
 from grasp3d.cli.design import Design
 from grasp3d.cli.evaluate import Evaluate
 from grasp3d.cli.examples import print_examples
@@ -33,6 +33,7 @@ from grasp3d.cli.validate import Validate
 from grasp3d.cli.view import View
 from grasp3d.cli.warmup import Warmup
 from grasp3d.errors import GraspError
+from grasp3d.system import compiling
 from grasp3d.system.names import printable
 from grasp3d.system.versions import package_version
 
@@ -125,5 +126,10 @@ def _run(arguments: list[str]) -> int:
         if not end.code and {"-h", "--help"} & set(arguments):
             print_examples(arguments[0])
         raise
-    with compiling_lines(hidden=getattr(program.command, "quiet", False)):
+    level = compiling.logger.level
+    if getattr(program.command, "quiet", False):
+        compiling.logger.setLevel(logging.ERROR)
+    try:
         return program.command.run()
+    finally:
+        compiling.logger.setLevel(level)

@@ -12,9 +12,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from grasp3d.batch.progress import BatchProgress
 from grasp3d.batch.row import Outcome, Row
-from grasp3d.cli.compiling_lines import COMPILING
 from grasp3d.cli.report import escaped
 from grasp3d.errors import OutputError
+from grasp3d.system import compiling
 from grasp3d.system.counts import counted
 from grasp3d.system.names import printable
 
@@ -156,6 +156,6 @@ class _ConsoleHandler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print the line."""
-        warning = record.levelno >= logging.WARNING and record.name != COMPILING
+        warning = record.levelno >= logging.WARNING and record.name != compiling.logger.name
         mark = "[yellow]warning:[/] " if warning else ""
         self._console.print(f"{mark}{escaped(record.getMessage())}")

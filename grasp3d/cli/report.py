@@ -8,8 +8,17 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+)
 from rich.table import Table
+from rich.text import Text
 
 from grasp3d.cli.load_report import print_load
 from grasp3d.cli.uncertainty_report import uncertainty_lines
@@ -24,6 +33,7 @@ from grasp3d.stability.label import Label as Code
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.system.compiling import compilations
 from grasp3d.system.counts import counted
 from grasp3d.system.names import printable
 from grasp3d.system.progress import Progress as ProgressFunction
@@ -78,10 +88,27 @@ def counter(text: str, total: int, *, quiet: bool) -> Iterator[Callable[[], None
         yield lambda: bar.advance(task)
 
 
-def _bar(column: TextColumn | MofNCompleteColumn, *, quiet: bool) -> Progress:
+@contextmanager
+def waiting(text: str, *, quiet: bool) -> Iterator[None]:
+    """Show that something is being done, of which no fraction is known."""
+    with _bar(quiet=quiet) as bar:
+        bar.add_task(text, total=None)
+        yield
+
+
+class _Kernel(ProgressColumn):
+    """The kernel that is being compiled."""
+
+    def render(self, task: Task) -> Text:  # noqa: ARG002, the interface of Rich
+        """The column's text."""
+        kernel = compilations.current
+        return Text(f"compiling {kernel}" if kernel else "", style="dim")
+
+
+def _bar(*columns: ProgressColumn, quiet: bool) -> Progress:
     console = Console(stderr=True, quiet=quiet, soft_wrap=True, emoji=False)
     return Progress(
-        TextColumn("{task.description}"), BarColumn(), column, TimeElapsedColumn(),
+        TextColumn("{task.description}"), BarColumn(), *columns, TimeElapsedColumn(), _Kernel(),
         console=console, transient=True, disable=quiet or not console.is_terminal,
     )  # fmt: skip
 

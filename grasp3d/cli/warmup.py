@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 
 from grasp3d.cli.options import Flag, Quiet
+from grasp3d.system.counts import counted
 
 
 @dataclass(frozen=True)
@@ -36,11 +37,15 @@ class Warmup:
     def run(self) -> int:
         """Run the command, and return the exit code."""
         from grasp3d.batch.warmup import warmup
+        from grasp3d.cli.report import waiting
 
         begun = time.perf_counter()
-        compiled = warmup(self.fingers, gripper=self.gripper, forces=self.forces, cache=self.cache)
+        with waiting("compiling kernels", quiet=self.quiet):
+            kernels = warmup(
+                self.fingers, gripper=self.gripper, forces=self.forces, cache=self.cache
+            )
         if not self.quiet:
             seconds = time.perf_counter() - begun
-            done = f"compiled in {seconds:.0f} s: {', '.join(compiled)}"
-            print(done if compiled else "already compiled")  # noqa: T201
+            done = f"compiled {counted(len(kernels), 'kernels')} in {seconds:.0f} s"
+            print(done if kernels else "already compiled")  # noqa: T201
         return 0

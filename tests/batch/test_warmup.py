@@ -1,26 +1,33 @@
-"""Compiling ahead: once, announced, and complete."""
+"""Compiling ahead, and before the jobs of a run: once, announced, and complete."""
 
 import os
-import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 
 import grasp3d
-from grasp3d._kernels.compiling import announcing
-from grasp3d._kernels.compiling.announcing import FORCES, PHASES, Phase, all_compiled
 from grasp3d._kernels.compiling.machine_code import cache_folder
-from grasp3d.batch import warmup
-from grasp3d.batch.warmup import announcement
+from grasp3d.batch import warmup, worker_task
+from grasp3d.batch.batch_settings import ClusterSettings
+from grasp3d.batch.job_requests import Request
+from grasp3d.batch.run import run
+from grasp3d.batch.warmup import compile_first, compile_kernels, missing_line
 from grasp3d.errors import OutputError, SettingError
+from grasp3d.system.compiling import NotCompiledError, announcement, compilations
+from grasp3d.system.isolation import CallFailedError, CallFailure
 from tests.helpers import mesh_files
 from tests.helpers.commands import run_here
+from tests.helpers.jobs import Work, lost, work
 
 ROOT = Path(grasp3d.__file__).parents[1]
 
@@ -107,10 +114,11 @@ def test_a_folder_can_be_filled_for_others(tmp_path: Path) -> None:
     assert stored is not None
     # What is compiled already would take a minute.
     shutil.copytree(stored, tmp_path / "kernels" / stored.name)
-    (index,) = (tmp_path / "kernels" / stored.name).glob("scanning.scan-*.nbi")
+    (index,) = (tmp_path / "kernels" / stored.name).glob("*.scan-*.nbi")
     index.unlink()
     done = run_here("warmup", "--cache", "kernels", cwd=tmp_path)
-    assert (done.returncode, done.stdout[-7:]) == (0, " scans\n")
+    assert done.returncode == 0
+    assert done.stdout.startswith("compiled 1 kernel in ")
     assert index.exists()
     assert grasp3d.warmup(cache=tmp_path / "kernels") == ()
 
@@ -128,11 +136,11 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
 def test_what_a_load_needs_is_compiled_on_request(tmp_path: Path) -> None:
     grasp3d.warmup(forces=True)
     assert grasp3d.warmup(forces=True) == ()
-    assert FORCES.compiled or os.environ.get("NUMBA_DISABLE_JIT")
-    assert announcement(2, forces=True) == ""
+    assert missing_line(2, forces=True) == ""
     assert run_here("warmup", "--forces", cwd=tmp_path).stdout == "already compiled\n"
-    assert all_compiled(lambda: label_under_loads(torsion_radius=0.0))
-    assert all_compiled(lambda: label_under_loads(torsion_radius="3mm"))
+    with compilations.refused():
+        label_under_loads(torsion_radius=0.0)
+        label_under_loads(torsion_radius="3mm")
 
 
 def label_under_loads(torsion_radius: float | str) -> None:
@@ -147,23 +155,18 @@ def label_under_loads(torsion_radius: float | str) -> None:
         assert (holding.grip_force[~np.isnan(holding.grip_force)] > 0.0).all()
 
 
-@pytest.mark.parametrize("forces", [False, True])
-def test_forces_are_announced_and_compiled_only_for_a_load(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, forces: bool
-) -> None:
-    asked: list[bool] = []
+def test_what_is_missing_is_announced(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[object] = []
 
-    def uncompiled(run: Callable[[], object]) -> bool:
-        monkeypatch.setattr(warmup, "compile_kernels", lambda *given: asked.append(given[2]))
-        run()
-        return False
+    def uncompiled(*arguments: object) -> None:
+        calls.append(arguments)
+        raise NotCompiledError
 
-    monkeypatch.setattr(announcing, "all_compiled", uncompiled)
-    monkeypatch.setattr(Phase, "compiled", property(lambda phase: phase is not FORCES))
-    line = announcement(2, forces=forces)
-    assert asked == [forces]
-    assert f"about {FORCES.seconds if forces else 0} s" in line
-    assert not caplog.messages
+    monkeypatch.setattr(warmup, "compile_kernels", uncompiled)
+    assert missing_line(2, forces=True) == announcement(stored=cache_folder() is not None)
+    assert calls == [(2, False, True)]
+    monkeypatch.setattr(warmup, "compile_kernels", lambda *_: None)
+    assert missing_line(2) == ""
 
 
 @pytest.mark.slow
@@ -189,17 +192,11 @@ def test_after_warmup_no_command_compiles(tmp_path: Path) -> None:
         return done.stdout, done.stderr
 
     printed, lines = run("warm up")
-    assert printed.startswith("compiled in ")
-    assert re.findall("kernels for (.*), about", lines) == ["contact patches"]
+    assert printed.startswith("compiled 1 kernel in ")
+    assert lines == f"{announcement(stored=True)}\n"
     *_, loaded, compiled = printed.splitlines()
     assert compiled == "kernels grasp3d._kernels.surface.patches.reset_front"
     used = [*loaded.split()[1:], *(path.name for path in cache.rglob("patches.reset_front-*.nbc"))]
-    assert phases_of(used) == {
-        "meshes", "contact patches", "uncertain contact locations", "two fingers",
-        "searches by rays", "wrenches of contacts", "epsilon of two fingers", "epsilon",
-        "epsilon in fewer than six dimensions", "scans", "pictures of batches", "grippers",
-        "closing jaws",
-    }  # fmt: skip
     for path in cache.rglob("*.nbc"):
         if path.name not in used and kernel_of(path.name) not in NESTED:
             path.unlink()
@@ -211,11 +208,98 @@ def test_after_warmup_no_command_compiles(tmp_path: Path) -> None:
     assert {*cache.rglob("*.nb?")} == left
 
 
-def phases_of(files: list[str]) -> set[str]:
-    """What kernels do whose machine code is in these files; each belongs to a phase."""
-    works = {kernel: phase.work for phase in PHASES for kernel in phase.kernels}
-    return {works[kernel_of(name)] for name in files}
-
-
 def kernel_of(file: str) -> str:
     return file.rsplit("-", 1)[0]
+
+
+@dataclass
+class Calls:
+    """Calls in child processes, which are recorded but not made."""
+
+    line: str = ""
+    failing: bool = False
+    made: list[tuple[Any, ...]] = field(default_factory=list)
+
+    def __call__(self, function: Callable[..., Any], *arguments: Any, **limits: Any) -> str:
+        time.sleep(0.01)
+        self.made.append((function, *arguments))
+        assert not {"memory", "seconds"} & set(limits)
+        if self.failing:
+            raise CallFailedError(CallFailure.CANCELLED, "was cancelled")
+        return self.line if function is missing_line else ""
+
+
+@pytest.fixture(autouse=True)
+def _nothing_compiled() -> Iterator[None]:
+    compile_first.cache_clear()
+    yield
+    compile_first.cache_clear()
+
+
+def test_kernels_are_compiled_once_and_announced_before(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    calls = Calls("compiling takes a while")
+    monkeypatch.setattr(warmup, "call", calls)
+    compile_first(2)
+    compile_first(2)
+    assert calls.made == [(missing_line, 2, False, False), (compile_kernels, 2, False, False)]
+    assert [(one.name, one.getMessage()) for one in caplog.records] == [
+        ("grasp3d.compiling", "compiling takes a while")
+    ]
+
+
+def test_compiled_kernels_are_not_announced(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    calls = Calls()
+    monkeypatch.setattr(warmup, "call", calls)
+    compile_first(3)
+    assert (calls.made, caplog.messages) == ([(missing_line, 3, False, False)], [])
+
+
+def test_a_child_that_cannot_compile_is_left_to_the_jobs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(warmup, "call", Calls(failing=True))
+    compile_first(2)
+
+
+@pytest.mark.slow
+def test_a_run_compiles_before_its_first_job(monkeypatch: pytest.MonkeyPatch) -> None:
+    order: list[object] = []
+
+    def noted(*arguments: object, children: int = 1) -> None:
+        assert children == 1
+        order.append(arguments)
+
+    monkeypatch.setattr("grasp3d.batch.run.compile_first", noted)
+    monkeypatch.setattr("grasp3d.batch.run.compile_kernels", noted)
+    jobs = [Work("well")]
+    for workers in (1, 0):
+        cluster = ClusterSettings(workers=workers)
+        options: dict[str, Any] = {"started": order.append, "kernels": 4, "forces": True}
+        rows = run(work, jobs, 0.0, lost=lost, cluster=cluster, **options)
+        assert len(list(rows)) == 1
+    assert order == [(4, False, True), jobs[0], (4, False, True), jobs[0]]
+
+
+def test_each_worker_of_a_cluster_prepares_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Several threads of a worker get their first requests at once."""
+    calls = Calls()
+    monkeypatch.setattr(worker_task, "call", calls)
+    monkeypatch.setattr(worker_task, "_prepared", set())
+    plain = Request(b"job", "", memory=1.0, seconds=1.0, alone=False, versions="")
+    prepared = Request(b"job", "", 1.0, 1.0, alone=False, versions="", preparation=b"compile")
+    with ThreadPoolExecutor(4) as threads:
+        for request in [prepared, plain] * 4:
+            threads.submit(worker_task.prepare, request, bool)
+    assert calls.made == [(worker_task.run_pickled_call, b"compile", "")]
+
+
+def test_a_cancelled_preparation_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = Calls(failing=True)
+    monkeypatch.setattr(worker_task, "call", calls)
+    monkeypatch.setattr(worker_task, "_prepared", set())
+    request = Request(b"job", "", 1.0, 1.0, alone=False, versions="", preparation=b"compile")
+    worker_task.prepare(request, bool)
+    worker_task.prepare(request, bool)
+    assert len(calls.made) == 2

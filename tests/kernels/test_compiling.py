@@ -1,15 +1,19 @@
+import gc
 import json
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from grasp3d._kernels.compiling import decorators, machine_code, parts
+from grasp3d._kernels.compiling import decorators, machine_code, numba_internals
+from grasp3d._kernels.compiling.numba_internals import YOUNG_OBJECTS, Listener
 
 CALLEE = """
 from small.compiling.decorators import inlined, kernel, merged, part
@@ -125,7 +129,7 @@ def package(tmp_path: Path) -> Package:
     for folder in (made.folder, made.folder / "compiling"):
         (folder / "__init__.py").touch()
     (made.folder / "caller.py").write_text(CALLER, encoding="utf-8")
-    for module in (decorators, machine_code, parts):
+    for module in (decorators, machine_code, numba_internals):
         source = Path(str(module.__file__))
         text = source.read_text(encoding="utf-8").replace("grasp3d._kernels", "small")
         (made.folder / "compiling" / source.name).write_text(text, encoding="utf-8")
@@ -179,10 +183,10 @@ def test_kernels_are_compiled_once_and_parts_only_into_them(package: Package) ->
 
 @pytest.mark.slow
 def test_parts_are_kernels_with_versions_of_numba_that_are_not_known(package: Package) -> None:
-    source = package.folder / "compiling" / "decorators.py"
+    source = package.folder / "compiling" / "numba_internals.py"
     text = source.read_text(encoding="utf-8")
-    source.write_text(text.replace("numba.version_info.short < (0, 69)", "False"), encoding="utf-8")
-    (package.folder / "parts.py").write_text("raise ImportError", encoding="utf-8")
+    text = text.replace("numba.version_info.short < (0, 69)", "False")
+    source.write_text(text.replace("numba.core.codegen", "numba.core.gone"), encoding="utf-8")
     assert package.run()["value"] == 1111
     stored = {path.name.split("-")[0] for path in files(package.home)}
     assert "callee.linked" in stored
@@ -318,3 +322,72 @@ def test_nothing_is_stored_where_there_is_nothing_to_read(
     monkeypatch.setattr(machine_code, "fingerprint", lambda _: "0")
     refuse_writing(monkeypatch, tmp_path / "grasp3d-kernels-0")
     assert machine_code.cache_folder.__wrapped__() is None
+
+
+@dataclass
+class Compiled:
+    """What a listener reports of the package `grasp3d._kernels`."""
+
+    begun: list[str]
+    ended: int = 0
+    refusing: bool = False
+
+    def begin(self, kernel: str) -> None:
+        self.begun.append(kernel)
+        if self.refusing:
+            raise ValueError(kernel)
+
+    def end(self) -> None:
+        self.ended += 1
+
+
+def compilation(name: str, package: str = "grasp3d._kernels.search") -> Any:
+    """What Numba reports when it compiles a kernel, given as MODULE.FUNCTION."""
+    module, _, function = name.partition(".")
+    kernel = SimpleNamespace(__module__=f"{package}.{module}", __qualname__=function)
+    return SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=kernel)})
+
+
+@pytest.fixture
+def collected(request: pytest.FixtureRequest) -> Iterator[int]:
+    """Threshold of Python's collections, which is put back after the test."""
+    before = gc.get_threshold()
+    gc.set_threshold(request.param, 7, 8)
+    yield request.param
+    gc.set_threshold(*before)
+
+
+@pytest.mark.parametrize("collected", [700, 0, YOUNG_OBJECTS + 1], indirect=True)
+@pytest.mark.parametrize("refusing", [False, True])
+def test_outermost_kernels_are_reported_and_collections_rarer_meanwhile(
+    collected: int, refusing: bool
+) -> None:
+    """Those who collect less, or never, keep that."""
+    reports = Compiled([], refusing=refusing)
+    listener = Listener("grasp3d._kernels", reports.begin, reports.end)
+    rarer = YOUNG_OBJECTS if collected == 700 else collected
+    try:
+        listener.on_start(compilation("descent.descend"))
+        assert not refusing
+        listener.on_start(compilation("faces.aim"))
+        assert gc.get_threshold() == (rarer, 7, 8)
+        listener.on_end(None)
+        assert (gc.get_threshold(), reports.ended) == ((rarer, 7, 8), 0)
+    except ValueError:
+        assert refusing
+    listener.on_end(None)  # Numba reports the end of a failed compilation too
+    assert (gc.get_threshold(), reports.ended) == ((collected, 7, 8), 1)
+    assert reports.begun == ["descent.descend"]
+
+
+def test_kernels_of_other_packages_are_not_reported() -> None:
+    reports = Compiled([])
+    listener = Listener("grasp3d._kernels", reports.begin, reports.end)
+    listener.on_start(compilation("descent.descend", package="another._kernels.search"))
+    listener.on_start(compilation("descent.descend"))
+    assert reports.begun == []
+    for _ in range(2):
+        listener.on_end(None)
+    listener.on_start(compilation("descent.descend"))
+    listener.on_end(None)
+    assert reports.begun == ["descent.descend"]

@@ -14,6 +14,7 @@ from typing import Any
 
 import numba
 
+_config: Any = numba.config
 _HERE = Path(__file__).parents[1]
 
 FOLDER_PREFIX = "grasp3d-kernels-"
@@ -21,8 +22,6 @@ FOLDER_PREFIX = "grasp3d-kernels-"
 
 MAX_AGE = 30 * 24 * 3600.0
 """Age at which the machine code of other versions of the sources is removed [s]."""
-
-_config: Any = numba.config
 
 
 def fingerprint(folder: Path) -> str:
@@ -98,37 +97,3 @@ def _copy_machine_code(sources: Iterable[Path], folder: Path) -> None:
         with suppress(OSError, shutil.Error):
             if not any(folder.iterdir()) and any(source.iterdir()):
                 shutil.copytree(source, folder, dirs_exist_ok=True)
-
-
-class KernelLocator:
-    """Names a kernel's files for Numba; the interface is Numba's.
-
-    Numba's own locators would separate copies of the same sources, such as an installed package and
-    its checkout, by their paths. They also detect a change only in a kernel's own file, so a caller
-    would keep the old machine code of kernels in other files.
-    """
-
-    def __init__(self, folder: Path, first_line: int) -> None:
-        self._folder, self._first_line = folder, first_line
-
-    @classmethod
-    def from_function(cls, function: Any, _file: str) -> "KernelLocator | None":
-        """Locate a kernel; None: its machine code cannot be cached."""
-        folder = cache_folder()
-        return None if folder is None else cls(folder, function.__code__.co_firstlineno)
-
-    def get_cache_path(self) -> str:
-        """Folder of the files."""
-        return str(self._folder)
-
-    def get_source_stamp(self) -> str:
-        """The version of the sources, which the name of the folder contains."""
-        return self._folder.name
-
-    def get_disambiguator(self) -> str:
-        """Part of the files' names that distinguishes kernels of equal names in a module."""
-        return str(self._first_line)
-
-    def ensure_cache_path(self) -> None:
-        """Make the folder, which may have been removed while this process ran."""
-        self._folder.mkdir(parents=True, exist_ok=True)

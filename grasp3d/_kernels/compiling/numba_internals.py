@@ -1,0 +1,200 @@
+"""What kernels use of Numba beside its documented functions, all of it.
+
+**Parts** are functions that are compiled into the kernels that call them, and nothing else. Numba
+optimises each function that a kernel calls, generates its machine code and a wrapper for Python,
+and does so again for the caller, which contains it. For parts only the last of these is done: they
+are typed and lowered, and optimised within the kernel that Python calls.
+"""
+
+import gc
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import event, types
+from numba.core.dispatcher import Dispatcher
+
+from grasp3d._kernels.compiling.machine_code import cache_folder
+
+PARTS_TESTED = numba.version_info.short < (0, 69)
+"""Whether parts are compiled into their callers only, which later versions of Numba may not allow:
+there they are compiled like kernels, and the first run takes longer."""
+
+YOUNG_OBJECTS = 200_000
+"""New objects before a garbage collection, while a kernel is compiled.
+
+Compiling makes very many small objects, and Python collects garbage whenever about a thousand are
+new. While the kernels of labels were compiled, collections took 4.6 s of 30 s of CPU time; with
+this threshold 1.8 s, with 27 MB more memory (438 MB at the peak)."""
+
+_config: Any = numba.config
+_decorating = threading.Lock()
+
+
+class KernelLocator:
+    """Names a kernel's files for Numba; the interface is Numba's.
+
+    Numba's own locators would separate copies of the same sources, such as an installed package and
+    its checkout, by their paths. They also detect a change only in a kernel's own file, so a caller
+    would keep the old machine code of kernels in other files.
+    """
+
+    def __init__(self, folder: Path, first_line: int) -> None:
+        self._folder, self._first_line = folder, first_line
+
+    @classmethod
+    def from_function(cls, function: Any, _file: str) -> "KernelLocator | None":
+        """Locate a kernel; None: its machine code cannot be cached."""
+        folder = cache_folder()
+        return None if folder is None else cls(folder, function.__code__.co_firstlineno)
+
+    def get_cache_path(self) -> str:
+        """Folder of the files."""
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        """The version of the sources, which the name of the folder contains."""
+        return self._folder.name
+
+    def get_disambiguator(self) -> str:
+        """Part of the files' names that distinguishes kernels of equal names in a module."""
+        return str(self._first_line)
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder, which may have been removed while this process ran."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+
+
+@contextmanager
+def own_cache() -> Iterator[None]:
+    """Let `KernelLocator` locate the functions that are decorated meanwhile."""
+    with _decorating:
+        before = _config.CACHE_LOCATOR_CLASSES
+        _config.CACHE_LOCATOR_CLASSES = f"{__name__}.{KernelLocator.__qualname__}"
+        try:
+            yield
+        finally:
+            _config.CACHE_LOCATOR_CLASSES = before
+
+
+def without_literals(compiled: Any) -> Any:
+    """Type a constant in a call like a variable.
+
+    Numba would compile a kernel again for every constant that other kernels pass to it.
+    """
+    if not isinstance(compiled, Dispatcher):  # compilation is switched off
+        return compiled
+    resolve = compiled.get_call_template
+
+    def get_call_template(args: Any, kws: Any) -> Any:
+        plain = {name: types.unliteral(kind) for name, kind in kws.items()}
+        return resolve(tuple(types.unliteral(kind) for kind in args), plain)
+
+    vars(compiled)["get_call_template"] = get_call_template
+    return compiled
+
+
+class Listener(event.Listener):
+    """Reports the kernels of a package that Python calls, when Numba compiles them.
+
+    Python collects garbage less often meanwhile.
+    """
+
+    def __init__(self, package: str, begin: Callable[[str], None], end: Callable[[], None]) -> None:
+        self._package, self._begin, self._end = package, begin, end
+        self._depth = 0  # kernels compile those that they call; Numba holds its lock meanwhile
+        self._before = gc.get_threshold()
+
+    def on_start(self, event: Any) -> None:
+        """Raise the threshold of collections, unless they are off or rarer already; report."""
+        self._depth += 1
+        if self._depth > 1:
+            return
+        self._before = gc.get_threshold()
+        if 0 < self._before[0] < YOUNG_OBJECTS:
+            gc.set_threshold(YOUNG_OBJECTS, *self._before[1:])
+        kernel = event.data["dispatcher"].py_func
+        package, _, module = kernel.__module__.rpartition(".")
+        if f"{package}.".startswith(f"{self._package}."):
+            self._begin(f"{module}.{kernel.__qualname__}")
+
+    def on_end(self, event: Any) -> None:  # noqa: ARG002, Numba's interface
+        """Put the threshold back, also after a compilation that failed."""
+        self._depth -= 1
+        if self._depth == 0:
+            gc.set_threshold(*self._before)
+            self._end()
+
+
+def listen(package: str, begin: Callable[[str], None], end: Callable[[], None]) -> None:
+    """Call functions when a kernel of a package begins to be compiled, and when that has ended.
+
+    Args:
+        package: Full name of the package.
+        begin: Called with the kernel as MODULE.FUNCTION; an exception ends the compilation.
+        end: Called without arguments.
+    """
+    event.register("numba:compile", Listener(package, begin, end))
+
+
+if PARTS_TESTED:
+    from numba.core.codegen import JITCodeLibrary
+    from numba.core.compiler import Compiler
+    from numba.core.registry import CPUDispatcher
+
+    class _PartLibrary(JITCodeLibrary):
+        """Code of a part for LLVM, to be linked into that of its callers."""
+
+        def _optimize_final_module(self) -> None:
+            """Leave it to the callers."""
+
+        def _finalize_final_module(self) -> None:
+            """Generate no machine code."""
+            self._finalize_dynamic_globals()
+            self._finalized = True
+
+        def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002, Numba's interface
+            """Address of the wrapper for Python, which does not exist."""
+            self._ensure_finalized()
+            return 0
+
+        @property
+        def codegen(self) -> "_PartLibrary":
+            """Where Numba sets the addresses of Python objects that machine code uses."""
+            return self
+
+        def set_env(self, env_name: str, env: object) -> None:
+            """Set no address: parts use no Python objects."""
+
+    class _PartCompiler(Compiler):
+        """Numba's compiler, but for its library."""
+
+        def compile_extra(self, func: Callable[..., object]) -> Any:
+            self.state.library = _PartLibrary(self.state.targetctx.codegen(), func.__qualname__)
+            compile_extra: Callable[..., Any] = super().compile_extra
+            return compile_extra(func)
+
+    class Part(CPUDispatcher):
+        """A function that kernels call; where Python calls it, as in tests, a kernel itself."""
+
+        def __init__(
+            self,
+            function: Callable[..., object],
+            as_kernel: Callable[[Callable[..., object]], Any],
+            flags: dict[str, Any],
+        ) -> None:
+            options = {"nopython": True, "boundscheck": None, "no_cpython_wrapper": True, **flags}
+            super().__init__(function, targetoptions=options, pipeline_class=_PartCompiler)
+            self._as_kernel = as_kernel
+
+        @cached_property
+        def kernel(self) -> Any:
+            """The same function with machine code of its own."""
+            return self._as_kernel(self.py_func)
+
+        def __call__(self, *args: Any, **kwargs: Any) -> Any:
+            return self.kernel(*args, **kwargs)
