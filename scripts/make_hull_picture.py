@@ -18,8 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
-from grasp3d._kernels.hull.growing_hull import grow
-from grasp3d._kernels.hull.initial_simplex import AROUND_ORIGIN
+from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN, grow
 from grasp3d._kernels.hull.polytope import Polytope, make_polytope
 from grasp3d._kernels.hull.support_functions import NO_TORSION, ROWS, WrenchSpace
 from grasp3d.plots.style import Drawing, new_figure, styled

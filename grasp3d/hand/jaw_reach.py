@@ -9,8 +9,7 @@ import numpy as np
 
 from grasp3d._kernels.jaws import gripper_shape
 from grasp3d._kernels.jaws.gripper_shape import ApproachLimits, GripperShape, make_workspace
-from grasp3d._kernels.jaws.pose_collisions import collide_poses
-from grasp3d._kernels.jaws.reaching import reach_pairs, reach_tips
+from grasp3d._kernels.jaws.reaching import collide_poses, reach_pairs, reach_tips
 from grasp3d._kernels.surface.box_tree import BoxTree, box_tree
 from grasp3d.arrays import ArrayLike, Bools, Floats, locked, unit_rows
 from grasp3d.errors import ContactError, SettingError

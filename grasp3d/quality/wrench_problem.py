@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from grasp3d._kernels.hull import wrench_problem as kernels
-from grasp3d._kernels.hull.force_balance import LARGEST_SLACK
+from grasp3d._kernels.hull.certificates import LARGEST_SLACK
 from grasp3d._kernels.hull.growing_hull import CONVERGED, UNDECIDED
 from grasp3d._kernels.hull.pair_epsilon import make_pair_scratch, pair_epsilons
 from grasp3d._kernels.hull.polytope import SCRATCH_ROWS, Polytope, make_polytope
@@ -24,7 +24,7 @@ from grasp3d._kernels.hull.wrench_problem import (
     make_workspace,
     verify,
 )
-from grasp3d._kernels.hull.wrench_span import RANK_TOLERANCE
+from grasp3d._kernels.hull.wrenches import RANK_TOLERANCE
 from grasp3d.arrays import ArrayLike, Bools, Floats, Ints
 from grasp3d.contact.contacts import Contacts, clearly_placed, per_contact
 from grasp3d.contact.friction_cones import edge_angles
@@ -98,7 +98,7 @@ class WrenchProblem:
     """Contact points (b, n, 3), which distinguish nearly coinciding contacts from coinciding ones.
     None: the wrenches are taken as they are."""
     rank_tolerance: float = RANK_TOLERANCE
-    """As in `wrench_span.span`."""
+    """As in `wrenches.span`."""
 
     @classmethod
     def of_rows(cls, rows: Floats) -> "WrenchProblem":

@@ -10,9 +10,8 @@ from typing import Literal
 
 import numpy as np
 
-from grasp3d._kernels.hull.contact_axes import write_axes
-from grasp3d._kernels.hull.wrench_span import RANK_TOLERANCE
-from grasp3d._kernels.hull.wrench_span import span as span_kernel
+from grasp3d._kernels.hull.wrenches import RANK_TOLERANCE, write_axes
+from grasp3d._kernels.hull.wrenches import span as span_kernel
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import NEAR_X_AXIS, edge_angles

@@ -86,7 +86,7 @@ if __name__ == "__main__":
 
 
 NESTED = {
-    "normal_angles.largest_angle", "normal_angles.smallest_angle", "ray_tracing.starting_rays",
+    "normal_sets.largest_angle", "normal_sets.smallest_angle", "rays.starting_rays",
 }  # fmt: skip
 """Kernels that commands call, and that are compiled with others, which call them as well."""
 

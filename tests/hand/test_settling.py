@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from grasp3d import ObjectMesh, best_grasps, label_surface, load_mesh
-from grasp3d._kernels.jaws.lowest_point import lowest_point
+from grasp3d._kernels.jaws.settling import lowest_point
 from grasp3d.errors import SettingError
 from grasp3d.grasps import poses_of
 from grasp3d.hand.closed_jaws import ClosedJaws, Closing, Touch, centres_of_pressure

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from grasp3d import ObjectMesh, load_mesh
-from grasp3d._kernels.surface import clipping
+from grasp3d._kernels.surface import polygons
 from grasp3d.hand.closed_jaws import ClosedJaws, Closing
 from grasp3d.hand.closing import close_jaws
 from tests.helpers import shapes
@@ -95,12 +95,12 @@ def test_parts_of_a_disc_add_up() -> None:
     square = np.array([[-2.0, -1.5], [2.5, -1.5], [2.5, 1.8], [-2.0, 1.8]])
     totals = np.zeros(3)
     for a, b in zip(square, np.roll(square, -1, axis=0), strict=True):
-        clipping.disc_moments(a[0], a[1], b[0], b[1], 1.0, totals)
+        polygons.disc_moments(a[0], a[1], b[0], b[1], 1.0, totals)
     np.testing.assert_allclose(totals, [np.pi, 0.0, 0.0], atol=1e-14)
     triangle = np.array([[0.1, 0.2], [0.6, 0.1], [0.3, 0.5]])
     totals[:] = 0.0
     for a, b in zip(triangle, np.roll(triangle, -1, axis=0), strict=True):
-        clipping.disc_moments(a[0], a[1], b[0], b[1], 1.0, totals)
+        polygons.disc_moments(a[0], a[1], b[0], b[1], 1.0, totals)
     area = 0.5 * np.linalg.det(triangle[1:] - triangle[0])
     np.testing.assert_allclose(totals, [area, *(area * triangle.mean(axis=0))], atol=1e-15)
 
@@ -109,7 +109,7 @@ def test_half_a_disc_has_the_moments_of_a_half_disc() -> None:
     corners = np.array([[0.0, -3.0], [4.0, -3.0], [4.0, 3.0], [0.0, 3.0]])
     totals = np.zeros(3)
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        clipping.disc_moments(a[0], a[1], b[0], b[1], 2.0, totals)
+        polygons.disc_moments(a[0], a[1], b[0], b[1], 2.0, totals)
     np.testing.assert_allclose(totals, [2.0 * np.pi, 2.0 / 3.0 * 8.0, 0.0], atol=1e-13)
 
 
@@ -118,9 +118,9 @@ def test_a_cut_triangle_has_the_area_below_the_cut(limit: float) -> None:
     """A right triangle with legs of 1 in the y-z plane, cut at a height z."""
     corners = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     polygon, cut, mean = np.zeros((12, 6)), np.zeros((12, 6)), np.zeros(6)
-    count = clipping.write_triangle(corners, 1.0, polygon)
-    count = clipping.clip(polygon, count, (0.0, 0.0, 1.0, limit), cut)
-    area = clipping.projected_moments(cut, count, mean)
+    count = polygons.write_triangle(corners, 1.0, polygon)
+    count = polygons.clip(polygon, count, (0.0, 0.0, 1.0, limit), cut)
+    area = polygons.projected_moments(cut, count, mean)
     height = min(max(limit, 0.0), 1.0)
     assert area == pytest.approx(0.5 * (1.0 - (1.0 - height) ** 2), abs=1e-15)
     if area > 0.0:

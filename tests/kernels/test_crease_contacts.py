@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from grasp3d._kernels.search.crease_contacts import bound_creases, faces_of_corners
-from grasp3d._kernels.search.exact_descent import CREASE_GAIN
+from grasp3d._kernels.search.descent import CREASE_GAIN
 from grasp3d._kernels.surface.face_tree import face_tree
 from grasp3d.arrays import Floats, angles_between, unit_rows
 from grasp3d.mesh import ObjectMesh, load_mesh

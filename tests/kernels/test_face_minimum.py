@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d._kernels.search.antipodal_candidates import PairLimits
-from grasp3d._kernels.search.exact_descent import best_of_face, make_scratch, rank
+from grasp3d._kernels.search.descent import best_of_face, make_scratch, rank
 from grasp3d._kernels.search.face_contacts import NONE, cosine_at, read_face, read_own
-from grasp3d._kernels.surface.cut_polygons import CORNERS, centroid, cut, stays_inside
 from grasp3d._kernels.surface.face_tree import face_tree
+from grasp3d._kernels.surface.polygons import CORNERS, centroid, cut, stays_inside
 from grasp3d.arrays import Floats
 from grasp3d.mesh import ObjectMesh, load_mesh
 from tests.helpers import shapes

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from grasp3d._kernels.hull.force_balance import _largest_across_edges
+from grasp3d._kernels.hull.certificates import _largest_across_edges
 
 
 @pytest.mark.parametrize("edges", [3, 4, 8, 16])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from grasp3d import epsilon_of_wrenches
 from grasp3d._kernels.hull import growing_hull, horizon
-from grasp3d._kernels.hull.initial_simplex import AROUND_ORIGIN
+from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN
 from grasp3d._kernels.hull.polytope import UNKNOWN, Polytope, make_polytope
 from grasp3d._kernels.hull.support_functions import NO_TORSION, ROWS, WrenchSpace
 from grasp3d.quality.wrenches import wrenches

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from grasp3d._kernels.hull import horizon
-from grasp3d._kernels.hull.bits import lowest_bit
+from grasp3d._kernels.hull.horizon import lowest_bit
 from grasp3d._kernels.hull.polytope import UNKNOWN, Polytope, make_polytope
 
 CAPACITY = 600

@@ -10,10 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d._kernels.search.antipodal_candidates import NO_PARTNER, BestPairs
-from grasp3d._kernels.search.antipodal_directions import Frames, seed_rays
-from grasp3d._kernels.search.scanning import scan
-from grasp3d._kernels.surface.normal_angles import largest_angle, smallest_angle
-from grasp3d._kernels.surface.normal_sets import ContactNormals, order_normal_sets
+from grasp3d._kernels.search.pair_lines import scan
+from grasp3d._kernels.search.rays import Frames, seed_rays
+from grasp3d._kernels.surface.normal_sets import (
+    ContactNormals,
+    largest_angle,
+    order_normal_sets,
+    smallest_angle,
+)
 from tests.helpers import oracles, shapes
 
 seeds = st.integers(0, 100_000)

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from grasp3d._kernels.hull.matrix_game import make_game, solve_game
+from grasp3d._kernels.hull.frictionless_closure import make_game, solve_game
 
 few = settings(max_examples=100, deadline=None)
 

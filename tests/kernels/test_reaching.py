@@ -13,10 +13,14 @@ from grasp3d import load_mesh
 from grasp3d._kernels.jaws.blocked_angles import all_angles, bit
 from grasp3d._kernels.jaws.gripper_parts import margin_of, widest_arc
 from grasp3d._kernels.jaws.gripper_shape import make_workspace
-from grasp3d._kernels.jaws.pose_collisions import winding_number
-from grasp3d._kernels.jaws.reaching import tip_fits
-from grasp3d._kernels.surface.box_tree import ball_is_free, box_tree, triangle_distance
-from grasp3d._kernels.surface.capsules import capsule_is_free, segment_distance
+from grasp3d._kernels.jaws.reaching import tip_fits, winding_number
+from grasp3d._kernels.surface.box_tree import (
+    ball_is_free,
+    box_tree,
+    capsule_is_free,
+    segment_distance,
+    triangle_distance,
+)
 from grasp3d.hand.approach import Approach
 from grasp3d.hand.jaw_reach import NormalizedScene
 from tests.helpers import shapes

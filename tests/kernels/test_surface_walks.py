@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from grasp3d import ObjectMesh, load_mesh
-from grasp3d._kernels.surface.surface_walks import walk
+from grasp3d._kernels.surface.surface_contacts import walk
 from grasp3d.mesh.measures import paired_edges
 from grasp3d.mesh.primitives import sphere_mesh
 from tests.helpers import shapes

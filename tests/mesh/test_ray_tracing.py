@@ -3,7 +3,7 @@ import pytest
 
 from grasp3d import load_mesh
 from grasp3d._kernels.search.antipodal_candidates import FOUND, NO_PARTNER, BestPairs
-from grasp3d._kernels.surface.ray_tracing import STEP, Rays
+from grasp3d._kernels.search.rays import STEP, Rays
 from grasp3d.mesh.ray_tracing import SurfaceRays
 from tests.helpers import oracles, shapes
 from tests.helpers.shapes import Surface

@@ -20,7 +20,7 @@ from grasp3d._kernels.search.face_contacts import (
     upper_bound,
 )
 from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
-from grasp3d._kernels.surface.normal_angles import smallest_angle
+from grasp3d._kernels.surface.normal_sets import smallest_angle
 from grasp3d.settings.sampling import Grip
 from grasp3d.surface.sampling import antipodal
 from grasp3d.surface.sampling.antipodal import best_pairs

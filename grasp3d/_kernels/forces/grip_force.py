@@ -18,12 +18,11 @@ from grasp3d._kernels.forces.tasks import (
     task_reach,
 )
 from grasp3d._kernels.forces.wrench_resistance import RESISTED, resist
-from grasp3d._kernels.hull.growing_hull import CONVERGED, EXHAUSTED, grow
-from grasp3d._kernels.hull.initial_simplex import AROUND_ORIGIN, AT_ORIGIN
+from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN, AT_ORIGIN, CONVERGED, EXHAUSTED, grow
 from grasp3d._kernels.hull.polytope import SCRATCH_ROWS
 from grasp3d._kernels.hull.support_functions import WrenchSpace
 from grasp3d._kernels.hull.wrench_problem import SIX, load_contacts, project
-from grasp3d._kernels.hull.wrench_span import RANK_TOLERANCE, span
+from grasp3d._kernels.hull.wrenches import RANK_TOLERANCE, span
 from grasp3d._kernels.surface.vectors import dot6
 
 THREE = (0, 0, 0)

@@ -11,11 +11,37 @@ through the facets that the vertex sees, decides. Only such a horizon can make t
 same vertices and several common ridges; from then on the corner opposite identifies a ridge.
 """
 
+from typing import Any
+
 import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic, overload
 
 from grasp3d._kernels.compiling.decorators import merged, part
-from grasp3d._kernels.hull.bits import lowest_bit
 from grasp3d._kernels.hull.polytope import UNKNOWN, height_above
+
+
+def lowest_bit(word: Any) -> int:
+    """Position of the lowest bit of a word, not 0, that is set."""
+    return (int(word) & -int(word)).bit_length() - 1
+
+
+@intrinsic
+def _count_trailing_zeros(typing_context, word):  # noqa: ARG001 - Numba passes them
+    def generate(context, builder, signature, arguments):  # noqa: ARG001 - Numba passes them
+        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 0))
+
+    return types.uint64(types.uint64), generate
+
+
+@overload(lowest_bit, inline="always")
+def _lowest_bit(word):  # noqa: ARG001 - Numba matches the names
+    def implementation(word):
+        return _count_trailing_zeros(word)
+
+    return implementation
+
 
 NEW_FACET = np.uint32(1 << 31)
 """Flag in the neighbour entry of a removed facet: behind that ridge now lies this new facet."""

@@ -9,13 +9,26 @@ from numba.core import types
 from numba.extending import overload
 
 from grasp3d._kernels.compiling.decorators import inlined, merged, scratch_kernel
+from grasp3d._kernels.hull.certificates import (
+    LARGEST_SLACK,
+    RESTING,
+    SMALL_SLACK,
+    UNPROVEN,
+    balance,
+    clear_slack,
+    separation,
+)
 from grasp3d._kernels.hull.equilibrium import equilibrium
-from grasp3d._kernels.hull.force_balance import LARGEST_SLACK, SMALL_SLACK, balance, clear_slack
-from grasp3d._kernels.hull.growing_hull import CONVERGED, EXHAUSTED, STALLED, UNDECIDED, grow
-from grasp3d._kernels.hull.initial_simplex import AROUND_ORIGIN
-from grasp3d._kernels.hull.separation import RESTING, UNPROVEN, separation
+from grasp3d._kernels.hull.growing_hull import (
+    AROUND_ORIGIN,
+    CONVERGED,
+    EXHAUSTED,
+    STALLED,
+    UNDECIDED,
+    grow,
+)
 from grasp3d._kernels.hull.support_functions import NO_TORSION, PER_FINGER, ROWS, TOTAL, WrenchSpace
-from grasp3d._kernels.hull.wrench_span import span
+from grasp3d._kernels.hull.wrenches import span
 
 SIX = (0, 0, 0, 0, 0, 0)
 """A tuple as long as the most common rank, for which `grow` is compiled with fixed loop lengths."""

@@ -10,12 +10,16 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.compiling.decorators import kernel
-from grasp3d._kernels.jaws.first_touch import first_touch
-from grasp3d._kernels.jaws.jaw_faces import gather
-from grasp3d._kernels.jaws.jaw_interior import starts_inside
-from grasp3d._kernels.jaws.jaws import make_faces, make_scratch, start_before, without_back
+from grasp3d._kernels.jaws.jaws import (
+    gather,
+    make_faces,
+    make_scratch,
+    start_before,
+    starts_inside,
+    without_back,
+)
 from grasp3d._kernels.jaws.settling import CLEAR, LEAVES, make_settling, settle
-from grasp3d._kernels.jaws.touched_patch import MIN_DEPTH, Patch, add_mean, add_patch, clear
+from grasp3d._kernels.jaws.touching import MIN_DEPTH, Patch, add_mean, add_patch, clear, first_touch
 
 NONE, TOUCHES, INSIDE, LEFT = 0, 1, 2, 3
 """What becomes of a jaw: it meets no surface, it touches it, it starts in the object, or the object

@@ -6,11 +6,13 @@ slips by s1 on one jaw and s2 on the other takes mu N (s1 + s2). It is at rest w
 makes the opening, with mu times the slips added, smaller: with mu = 0 where the opening is locally
 smallest, in general where friction can hold the squeezed object.
 
-Everything is in the frame of the gripper, in object sizes. The motions are those of
-`object_motions`. Of those that pay, the one that friction would be the last to prevent happens
-first. The opening is the maximum of smooth functions of them, one
-for each feature that a jaw may touch. It is minimised with planes that agree with it where it was
-computed (Kelley 1960), within a square that shrinks where they promise too much.
+Everything is in the frame of the gripper, in object sizes. Motions that change what the jaws touch
+are turns about y and z, about a point midway between the contacts or about either contact, which
+then does not slip, and shifts along y and z: two variables (u, v) at a time. Of those that pay, the
+one that friction would be the last to prevent happens first. The opening is the maximum of smooth
+functions of them, one for each feature that a jaw may touch. It is minimised with planes that agree
+with it where it was computed (Kelley 1960), within a square that shrinks where they promise too
+much.
 """
 
 import math
@@ -20,21 +22,309 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.compiling.decorators import kernel
-from grasp3d._kernels.jaws.jaw_faces import gather, keep_near, move, put_first
-from grasp3d._kernels.jaws.jaw_interior import starts_inside
-from grasp3d._kernels.jaws.jaw_touch import Touching, make_touching, touch
-from grasp3d._kernels.jaws.jaws import Faces, make_faces, start_before
-from grasp3d._kernels.jaws.lowest_point import lowest_point
-from grasp3d._kernels.jaws.object_motions import (
-    MOTIONS,
-    SHIFT,
-    apply_motion,
-    jaw_size,
-    set_pivot,
-    slip_of,
-    write_motion,
-    write_plane,
+from grasp3d._kernels.jaws.jaws import (
+    EDGE_ON,
+    Faces,
+    Scratch,
+    gather,
+    is_between,
+    keep_near,
+    make_faces,
+    make_scratch,
+    move,
+    move_face,
+    put_first,
+    start_before,
+    starts_inside,
 )
+from grasp3d._kernels.jaws.touching import slopes, touch_face
+
+PARALLEL = 1e-14
+"""Determinant, relative to the squares of slopes, below which lines do not meet."""
+
+EQUALLY_LOW = 1e-13
+"""Difference of heights that rounding makes: of points that are equally low the first counts."""
+
+
+@kernel
+def lowest_point(planes, number, reach, slope):
+    """Minimise max over planes of (a + b u + c v) + slope * |(u, v)| for |u|, |v| <= reach.
+
+    The smallest value is at a corner of the square, down a plane from the origin, on a side of the
+    square or the line where two planes meet (where they meet each other, or where the cone balances
+    the slope along them), where three planes meet, or at the origin.
+
+    Args:
+        planes: Values at the origin a, and slopes b and c (at least `number`, 3).
+        number: Number of planes.
+        reach: Half-width of the square, above 0.
+        slope: Slope of the cone, at least 0.
+
+    Returns:
+        (smallest value, u, v).
+    """
+    best = _height(planes, number, slope, 0.0, 0.0), 0.0, 0.0
+    for corner in (-reach, reach):
+        best = _lower(planes, number, slope, corner, reach, reach, best)
+        best = _lower(planes, number, slope, corner, -reach, reach, best)
+    for i in range(number):
+        b, c = planes[i, 1], planes[i, 2]
+        most = max(abs(b), abs(c))
+        if most > 0.0:
+            best = _lower(planes, number, slope, -reach * b / most, -reach * c / most, reach, best)
+        for edge in (-reach, reach):
+            best = _lower(planes, number, slope, edge, _balanced(c, slope, reach), reach, best)
+            best = _lower(planes, number, slope, _balanced(b, slope, reach), edge, reach, best)
+        for j in range(i):
+            best = _on_line(planes, number, slope, i, j, reach, best)
+    return best
+
+
+@kernel
+def _height(planes, number, slope, u, v):
+    """The function that is minimised."""
+    height = -math.inf
+    for i in range(number):
+        height = max(height, planes[i, 0] + planes[i, 1] * u + planes[i, 2] * v)
+    return height + slope * math.hypot(u, v)
+
+
+@kernel
+def _lower(planes, number, slope, u, v, reach, best):
+    """The lower of the best point and another one, if that is in the square."""
+    if not (abs(u) <= reach and abs(v) <= reach):
+        return best
+    height = _height(planes, number, slope, u, v)
+    return (height, u, v) if height < best[0] - EQUALLY_LOW else best
+
+
+@kernel
+def _balanced(along, slope, distance):
+    """Where the cone balances a slope along a line, from the point of it nearest to the origin.
+
+    inf: nowhere.
+    """
+    if slope <= abs(along):
+        return math.inf
+    return -distance * along / math.sqrt(slope * slope - along * along)
+
+
+@kernel
+def _on_line(planes, number, slope, i, j, reach, best):
+    """The best point so far, or a better one on the line where two planes meet."""
+    a, b, c = (
+        planes[i, 0] - planes[j, 0],
+        planes[i, 1] - planes[j, 1],
+        planes[i, 2] - planes[j, 2],
+    )
+    square = b * b + c * c
+    if square == 0.0:
+        return best
+    for edge in (-reach, reach):
+        if c != 0.0:
+            best = _lower(planes, number, slope, edge, -(a + b * edge) / c, reach, best)
+        if b != 0.0:
+            best = _lower(planes, number, slope, -(a + c * edge) / b, edge, reach, best)
+    # The point of the line nearest to the origin, and the slope of the planes along it.
+    u, v, length = -a * b / square, -a * c / square, math.sqrt(square)
+    along = (planes[i, 2] * b - planes[i, 1] * c) / length
+    t = _balanced(along, slope, math.hypot(u, v))
+    best = _lower(planes, number, slope, u - t * c / length, v + t * b / length, reach, best)
+    for k in range(j):
+        best = _at_corner(planes, number, slope, a, b, c, i, k, reach, best)
+    return best
+
+
+@kernel
+def _at_corner(planes, number, slope, a, b, c, i, k, reach, best):
+    """The best point so far, or a better one where a third plane meets the line a + b u + c v."""
+    d, e, f = (
+        planes[i, 0] - planes[k, 0],
+        planes[i, 1] - planes[k, 1],
+        planes[i, 2] - planes[k, 2],
+    )
+    determinant = b * f - c * e
+    if abs(determinant) <= PARALLEL * (abs(b) + abs(c)) * (abs(e) + abs(f)):
+        return best
+    u, v = (c * d - a * f) / determinant, (a * e - b * d) / determinant
+    return _lower(planes, number, slope, u, v, reach, best)
+
+
+TURN, ROLL_ON_1, ROLL_ON_2, SHIFT, MOTIONS = 0, 1, 2, 3, 4
+"""Motions of the object: about the point midway between the contacts, about the contact of either
+jaw, and along y and z; their number."""
+
+
+@kernel
+def jaw_size(jaw):
+    """Half the diagonal of a jaw."""
+    return 0.5 * math.hypot(jaw.bounds[2] - jaw.bounds[0], jaw.bounds[3] - jaw.bounds[1])
+
+
+@kernel
+def slip_of(kind, width, size):
+    """How far the object slips on both jaws per unit of a motion."""
+    return 2.0 * size if kind == SHIFT else width
+
+
+@kernel
+def set_pivot(kind, touches, pivot):
+    """Write the point that stays where it is."""
+    for k in range(3):
+        if kind == ROLL_ON_1:
+            pivot[k] = touches[0, k]
+        elif kind == ROLL_ON_2:
+            pivot[k] = touches[1, k]
+        else:
+            pivot[k] = 0.5 * (touches[0, k] + touches[1, k])
+
+
+@kernel
+def write_motion(kind, u, v, size, pivot, motion):
+    """Write a motion of the object: a turn by (0, u, v), or a shift by (0, u, v) jaw sizes."""
+    motion[:] = 0.0
+    motion[0, 0] = motion[1, 1] = motion[2, 2] = 1.0
+    if kind == SHIFT:
+        motion[1, 3], motion[2, 3] = u * size, v * size
+        return
+    angle = math.hypot(u, v)
+    if angle == 0.0:
+        return
+    y, z, cosine, sine = u / angle, v / angle, math.cos(angle), math.sin(angle)
+    motion[0, 0], motion[0, 1], motion[0, 2] = cosine, -sine * z, sine * y
+    motion[1, 0], motion[2, 0] = sine * z, -sine * y
+    motion[1, 1], motion[2, 2] = cosine + (1.0 - cosine) * y * y, cosine + (1.0 - cosine) * z * z
+    motion[1, 2] = motion[2, 1] = (1.0 - cosine) * y * z
+    for i in range(3):
+        motion[i, 3] = pivot[i]
+        for j in range(3):
+            motion[i, 3] -= motion[i, j] * pivot[j]
+
+
+@kernel
+def write_plane(kind, width, u, v, size, touches, pivot, plane):
+    """Write the plane that agrees with the opening at a motion (u, v)."""
+    plane[1] = plane[2] = 0.0
+    for finger in range(2):
+        side, row = 1.0 - 2.0 * finger, touches[finger]
+        by_y, by_z = row[3], row[4]
+        if kind == SHIFT:
+            plane[1] -= size * by_y
+            plane[2] -= size * by_z
+            continue
+        x, y, z = row[0] - pivot[0], row[1] - pivot[1], row[2] - pivot[2]
+        plane[1] -= side * z - by_z * x
+        plane[2] -= by_y * x - side * y
+    plane[0] = width - u * plane[1] - v * plane[2]
+
+
+@kernel
+def apply_motion(motion, pose, total):
+    """Move the object: its motion since faces were written, and the gripper's pose on it."""
+    for j in range(4):
+        a, b, c = total[0, j], total[1, j], total[2, j]
+        for i in range(3):
+            total[i, j] = motion[i, 0] * a + motion[i, 1] * b + motion[i, 2] * c
+            if j == 3:
+                total[i, j] += motion[i, 3]
+    for i in range(3):
+        a, b, c = pose[i, 0], pose[i, 1], pose[i, 2]
+        for j in range(3):
+            pose[i, j] = a * motion[j, 0] + b * motion[j, 1] + c * motion[j, 2]
+        for j in range(3):
+            pose[i, 3] -= pose[i, j] * motion[j, 3]
+
+
+class Touching(NamedTuple):
+    """Memory for two jaws."""
+
+    corners: npt.NDArray[np.float64]
+    """Corners of a face that has moved (3, 3)."""
+    normal: npt.NDArray[np.float64]
+    """Its normal (3,)."""
+    rows: npt.NDArray[np.float64]
+    """What each jaw touches, as rows of a polygon (2, 6)."""
+    positions: npt.NDArray[np.float64]
+    """Position of each jaw (2,)."""
+    features: npt.NDArray[np.int64]
+    """Of each jaw: index of the face it touches, -1 none, and of its own face (2, 2)."""
+    scratch: Scratch
+
+
+@kernel
+def make_touching():
+    """Allocate the memory for two jaws."""
+    return Touching(
+        np.empty((3, 3)),
+        np.empty(3),
+        np.empty((2, 6)),
+        np.empty(2),
+        np.empty((2, 2), np.int64),
+        make_scratch(),
+    )
+
+
+@kernel
+def touch(faces, count, motion, jaw, start, memory, touches):
+    """Close both jaws on an object that has moved.
+
+    Args:
+        faces: `Faces` before the motion.
+        count: Number of them.
+        motion: Rotation and translation in the gripper's frame (3, 4).
+        jaw: `Jaw`.
+        start: Position from which both jaws move.
+        memory: `Touching`.
+        touches: Written, as in `Settling` (2, 7).
+
+    Returns:
+        (0, opening), (-1, inf): a jaw touches nothing, (-2, inf): it starts in the object.
+    """
+    corners, normal, positions = memory.corners, memory.normal, memory.positions
+    positions[:], memory.features[:] = math.inf, -1
+    for f in range(count):
+        move_face(faces.corners[f], faces.normals[f], motion, 0, 1, corners, normal)
+        complete = False
+        for finger in range(2):
+            side = 1.0 - 2.0 * finger
+            low = min(side * corners[0, 0], side * corners[1, 0], side * corners[2, 0])
+            ahead = low >= start and side * normal[0] >= -EDGE_ON
+            if low >= positions[finger] or ahead:
+                continue
+            if not complete:
+                move_face(faces.corners[f], faces.normals[f], motion, 1, 3, corners, normal)
+                complete = True
+                if not is_between(corners, jaw, 0.0):
+                    break
+            first, row = positions[finger], memory.rows[finger]
+            meets, position, part = touch_face(
+                corners, normal, side, jaw, start, first, memory.scratch, row
+            )
+            if meets:
+                return -2, math.inf
+            if position < first:
+                positions[finger] = position
+                memory.features[finger, 0], memory.features[finger, 1] = f, part
+    return _write_touches(faces, motion, jaw, memory, touches)
+
+
+@kernel
+def _write_touches(faces, motion, jaw, memory, touches):
+    """Write what was found; returns as `touch`."""
+    corners, normal, width = memory.corners, memory.normal, 0.0
+    for finger in range(2):
+        f, part = memory.features[finger]
+        if f < 0:
+            return -1, math.inf
+        side, position = 1.0 - 2.0 * finger, memory.positions[finger]
+        row, at = touches[finger], memory.rows[finger]
+        move_face(faces.corners[f], faces.normals[f], motion, 0, 3, corners, normal)
+        row[0], row[1], row[2], row[5] = side * at[0], at[1], at[2], side * position
+        row[3], row[4] = slopes(corners, normal, part, side, jaw, position, at)
+        row[6] = faces.numbers[f]
+        width -= position
+    return 0, width
+
 
 RESTS, LEAVES, CLEAR = 0, 1, 2
 """What becomes of the object: it comes to rest, it slides out of the jaws, or it does not move, as

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.compiling.decorators import merged, part
-from grasp3d._kernels.surface.normal_angles import largest_angle, smallest_angle
+from grasp3d._kernels.surface.normal_sets import largest_angle, smallest_angle
 from grasp3d._kernels.surface.surface_contacts import write_normals
 
 TIE = 1e-7

@@ -9,7 +9,7 @@ import numpy as np
 
 from grasp3d._kernels.compiling.decorators import kernel, merged, part
 from grasp3d._kernels.search.face_contacts import best_cosine, read_own, write_side
-from grasp3d._kernels.search.ray_crossings import SMALLEST_OPENING
+from grasp3d._kernels.search.rays import SMALLEST_OPENING
 from grasp3d._kernels.surface.surface_contacts import ANY_NORMAL, ON_EDGE
 from grasp3d._kernels.surface.vectors import copy
 

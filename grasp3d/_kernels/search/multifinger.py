@@ -1,21 +1,346 @@
-"""Search for the best grasps of three fingers and more through the vertices of a surface."""
+"""Search for the best grasps of three fingers and more through the vertices of a surface.
+
+The first grasps of three fingers are pairs of candidate points with the vertex; of more fingers,
+those of one finger less. They are improved by moving their fingers, and by exchanging them.
+"""
 
 import math
 
 import numpy as np
 
 from grasp3d._kernels.compiling.decorators import inlined, merged, scratch_kernel
-from grasp3d._kernels.search.multifinger_contacts import (
-    NO_CONTACT,
-    distances_allowed,
-    set_contact,
-    set_vertex_contact,
-)
+from grasp3d._kernels.search.coplanar_contacts import set_contact_plane
 from grasp3d._kernels.search.multifinger_evaluation import RIGHT_ANGLE, evaluate
-from grasp3d._kernels.search.multifinger_grasps import STARTS, load_grasp, set_finger, store_grasp
-from grasp3d._kernels.search.multifinger_refinement import exchange_fingers, refine
-from grasp3d._kernels.search.multifinger_seeding import first_pair, list_reachable, seed_pairs
-from grasp3d._kernels.surface.surface_walks import random_fraction
+from grasp3d._kernels.search.multifinger_grasps import (
+    NO_CONTACT,
+    STARTS,
+    distances_allowed,
+    load_grasp,
+    set_contact,
+    set_finger,
+    set_point_contact,
+    set_vertex_contact,
+    store_grasp,
+)
+from grasp3d._kernels.surface.surface_contacts import random_fraction, walk
+
+MAX_PAIRINGS = 128
+"""Points following a candidate point with which it is paired: any consecutive ones are well spread,
+and the work grows linearly with the number of points."""
+
+
+@merged
+def _exceeds_elevation(candidate, i, sine, mx, my, mz):
+    """Whether a contact's only normal rises over the plane with normal m by an angle or more."""
+    if candidate.counts[i] != 1:
+        return False
+    normal = candidate.normals[i, 0]
+    along = normal[0] * mx + normal[1] * my + normal[2] * mz
+    return along * along >= sine * sine * (mx * mx + my * my + mz * mz)
+
+
+@merged
+def _any_exceeds_elevation(candidate, sine):
+    """Whether a normal of three contacts rises over their plane by an angle of this sine or more.
+
+    Balanced forces of three contacts lie in that plane, which such a friction cone does not reach.
+    """
+    p, q, r = candidate.points[0], candidate.points[1], candidate.points[2]
+    ax, ay, az = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+    bx, by, bz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
+    mx, my, mz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return (
+        _exceeds_elevation(candidate, 0, sine, mx, my, mz)
+        or _exceeds_elevation(candidate, 1, sine, mx, my, mz)
+        or _exceeds_elevation(candidate, 2, sine, mx, my, mz)
+    )
+
+
+@merged
+def list_reachable(v, own, most, domain, candidate_points, limits, workspace):
+    """List candidate points at allowed distances from a vertex, its own point first.
+
+    Returns:
+        Their number, at most `most` + 1.
+    """
+    count = 0
+    points = domain.surface.points
+    if own >= 0:
+        workspace.reachable[0] = own
+        count = 1
+    for s in range(candidate_points.common_count):
+        if count > most:
+            break
+        square = 0.0
+        for c in range(3):
+            d = candidate_points.points[s, c] - points[v, c]
+            square += d * d
+        if (
+            limits.min_distance * limits.min_distance
+            <= square
+            <= limits.max_distance * limits.max_distance
+        ):
+            workspace.reachable[count] = s
+            count += 1
+    return count
+
+
+@merged
+def _keep_start(angle, one, two, workspace):
+    """Insert a pair into the sorted list of the best starts, which have no point in common.
+
+    A pair that shares a point with a start replaces it where it is better; starts that differ in
+    both points lead the refinement to different optima.
+    """
+    angles, pairs = workspace.angles, workspace.start_points
+    row = STARTS - 1
+    for k in range(STARTS):
+        shared = one in (pairs[k, 0], pairs[k, 1]) or two in (pairs[k, 0], pairs[k, 1])
+        if angles[k] < math.inf and shared:
+            if angle >= angles[k]:
+                return
+            row = k
+            break
+    if angle >= angles[row]:
+        return
+    while row > 0 and angle < angles[row - 1]:
+        angles[row] = angles[row - 1]
+        pairs[row, 0], pairs[row, 1] = pairs[row - 1, 0], pairs[row - 1, 1]
+        row -= 1
+    angles[row] = angle
+    pairs[row, 0], pairs[row, 1] = one, two
+
+
+@merged
+def seed_pairs(count, domain, candidate_points, limits, workspace, planar, hull):
+    """Evaluate pairs of reachable candidate points as second and third contacts of a vertex."""
+    candidate = workspace.candidate
+    for k in range(STARTS):
+        workspace.angles[k] = math.inf
+    for a in range(count):
+        one = workspace.reachable[a]
+        if not set_point_contact(1, one, domain, candidate_points, candidate):
+            continue
+        # The vertex's own point, its opposing contact of two fingers, is paired with all others.
+        last = count if a == 0 else min(count, a + 1 + MAX_PAIRINGS)
+        for b in range(a + 1, last):
+            two = workspace.reachable[b]
+            if not (
+                set_point_contact(2, two, domain, candidate_points, candidate)
+                and distances_allowed(candidate, 2, 2, limits)
+            ):
+                continue
+            workspace.evaluated[0] += 1
+            # Worse than the last start: most pairs are rejected by the elevation of their normals,
+            # which needs no projection.
+            threshold = min(workspace.angles[STARTS - 1] - limits.margin, limits.max_angle)
+            if threshold > 0.0 and not _any_exceeds_elevation(candidate, math.sin(threshold)):
+                angle = evaluate(
+                    candidate, planar, hull, 3, threshold, limits.tolerance, limits.best_normals
+                )
+                if angle < math.inf:
+                    _keep_start(angle, one, two, workspace)
+
+
+@merged
+def first_pair(count, domain, candidate_points, limits, workspace, plane):
+    """Take the first allowed pair of candidate points, where any critical angle is accepted."""
+    candidate = workspace.candidate
+    for a in range(count):
+        for b in range(a + 1, count):
+            one, two = workspace.reachable[a], workspace.reachable[b]
+            if workspace.angles[0] == math.inf and (
+                set_point_contact(1, one, domain, candidate_points, candidate)
+                and set_point_contact(2, two, domain, candidate_points, candidate)
+                and distances_allowed(candidate, 2, 2, limits)
+                and set_contact_plane(candidate.points, plane)
+            ):
+                workspace.angles[0] = RIGHT_ANGLE
+                workspace.start_points[0, 0], workspace.start_points[0, 1] = one, two
+
+
+STEP_GROWTH, STEP_SHRINKAGE = 1.6, 0.88
+"""Factors of the step length after a step that improved the grasp, and after one that did not."""
+
+SINGLE_FINGER_FRACTION = 0.5
+"""Fraction of the steps that move one finger only."""
+
+CREASE_WEIGHT = 1e-12
+"""Factor of the squared distance for points with too many normals: an idle finger, which the grasp
+does not need, is placed there only where no other point is allowed."""
+
+MAX_EDGES = 8
+"""Most edges that a finger moves along in one step, where contacts are vertices."""
+
+
+@merged
+def _move_finger(j, step, domain, limits, workspace):
+    """Write a random variation of finger j of the current grasp, up to two steps away."""
+    elements, weights, random_state = workspace.elements, workspace.weights, workspace.random_state
+    length = 2.0 * step * random_fraction(random_state)
+    # A random walk over edges, or a straight walk in a random direction.
+    if domain.on_vertices:
+        vertex = elements[0, j]
+        # The step in edges: shorter than one edge still moves the finger.
+        hops = min(MAX_EDGES, 1 + int(length / limits.edge_length))
+        for _ in range(hops):
+            first, last = domain.neighbour_start[vertex], domain.neighbour_start[vertex + 1]
+            if last > first:
+                vertex = domain.neighbours[
+                    first + int(random_fraction(random_state) * (last - first))
+                ]
+        elements[1, j] = vertex
+        return
+    for c in range(3):
+        weights[1, j, c] = weights[0, j, c]
+    surface = domain.surface
+    elements[1, j] = walk(
+        elements[0, j], weights[1, j], 2.0 * math.pi * random_fraction(random_state), length,
+        surface.points, surface.faces, domain.adjacent_faces,
+    )  # fmt: skip
+
+
+@merged
+def refine(n, angle, step, rounds, domain, limits, workspace, planar, hull):
+    """Improve the current grasp by random steps of its fingers.
+
+    An evolution strategy with success-based step lengths (Rechenberg 1973). The critical angle is a
+    maximum over directions, hence not differentiable: moving one finger at a time would stop at
+    creases of the function that only several fingers together can leave.
+
+    Returns:
+        The critical angle of the refined grasp [rad].
+    """
+    candidate = workspace.candidate
+    for _ in range(rounds):
+        # On vertices every step moves a finger by one edge at least, however short it is.
+        if angle <= limits.target or (step < limits.shortest_step and not domain.on_vertices):
+            break
+        moved = 0  # all fingers
+        if random_fraction(workspace.random_state) < SINGLE_FINGER_FRACTION:
+            moved = 1 + int(random_fraction(workspace.random_state) * (n - 1))
+        fits = True
+        for j in range(1, n):
+            if moved in (0, j):
+                _move_finger(j, step, domain, limits, workspace)
+                fits = (
+                    set_contact(
+                        j, workspace.elements[1, j], workspace.weights[1, j], domain, workspace
+                    )
+                    and fits
+                )
+        for j in range(1, n):  # contacts 0 to j - 1, so every pair once
+            fits = fits and distances_allowed(candidate, j, j, limits)
+        threshold = angle - limits.margin
+        workspace.evaluated[0] += fits
+        found = math.inf
+        if fits and threshold > 0.0:
+            found = evaluate(
+                candidate, planar, hull, n, threshold, limits.tolerance, limits.best_normals
+            )
+        # The step grows after a success and shrinks after a failure, such that it stays constant
+        # at a success rate of about 1/5, which is nearly optimal (Rechenberg 1973).
+        better = found < math.inf
+        if better:
+            angle = found
+        step *= STEP_GROWTH if better else STEP_SHRINKAGE
+        for j in range(1, n):
+            if moved in (0, j):
+                if better:
+                    workspace.elements[0, j] = workspace.elements[1, j]
+                    for c in range(3):
+                        workspace.weights[0, j, c] = workspace.weights[1, j, c]
+                else:  # the candidate must again be the current grasp
+                    set_contact(
+                        j, workspace.elements[0, j], workspace.weights[0, j], domain, workspace
+                    )
+    return angle
+
+
+@merged
+def _best_point(i, n, angle, count, domain, candidate_points, limits, workspace, planar, hull):
+    """The candidate point of finger i with the best grasp: (point or NO_CONTACT, angle)."""
+    candidate, chosen = workspace.candidate, NO_CONTACT
+    for s in range(count):
+        point, threshold = workspace.reachable[s], angle - limits.margin
+        if threshold <= 0.0:
+            break
+        if not (
+            set_point_contact(i, point, domain, candidate_points, candidate)
+            and distances_allowed(candidate, i, n, limits)
+        ):
+            continue
+        workspace.evaluated[0] += 1
+        found = evaluate(
+            candidate, planar, hull, n, threshold, limits.tolerance, limits.best_normals
+        )
+        if found < math.inf:
+            chosen, angle = point, found
+    return chosen, angle
+
+
+@merged
+def _most_distant_point(i, n, count, domain, candidate_points, limits, workspace):
+    """The reachable point farthest from the other contacts, for a finger that improves nothing."""
+    candidate, chosen, widest = workspace.candidate, NO_CONTACT, 0.0
+    for s in range(count):
+        point = workspace.reachable[s]
+        fits = set_point_contact(i, point, domain, candidate_points, candidate)
+        if not (candidate.counts[i] > 0 and distances_allowed(candidate, i, n, limits)):
+            continue
+        least = math.inf
+        for j in range(n):
+            if j != i:
+                x = candidate.points[i, 0] - candidate.points[j, 0]
+                y = candidate.points[i, 1] - candidate.points[j, 1]
+                z = candidate.points[i, 2] - candidate.points[j, 2]
+                least = min(least, x * x + y * y + z * z)
+        least *= 1.0 if fits else CREASE_WEIGHT
+        if least > widest:
+            chosen, widest = point, least
+    return chosen
+
+
+@merged
+def exchange_fingers(
+    n, added, angle, count, domain, candidate_points, limits, workspace, planar, hull
+):
+    """Move one finger after the other to the reachable candidate point with the best grasp.
+
+    Args:
+        n: Fingers.
+        added: Whether the last finger is new: it is placed first, even where it improves nothing.
+        angle: Critical angle of the current grasp, without the new finger [rad].
+        count: Number of reachable candidate points.
+        domain: `ContactDomain`.
+        candidate_points: `CandidatePoints`.
+        limits: `SearchLimits`.
+        workspace: `SearchWorkspace`.
+        planar: As for `evaluate`.
+        hull: As for `evaluate`.
+
+    Returns:
+        The critical angle [rad]; inf where the new finger cannot be placed.
+    """
+    for turn in range(1, n):
+        i = turn
+        if added:
+            i = n - 1 if turn == 1 else turn - 1
+        point, first = NO_CONTACT, added and turn == 1
+        if angle > limits.target:
+            point, angle = _best_point(
+                i, n, angle, count, domain, candidate_points, limits, workspace, planar, hull
+            )
+        # An added finger never hurts, even if it exerts no force.
+        if first and point == NO_CONTACT:
+            point = _most_distant_point(i, n, count, domain, candidate_points, limits, workspace)
+            if point == NO_CONTACT:
+                return math.inf
+        if point != NO_CONTACT:
+            set_finger(i, point, domain, candidate_points, workspace)
+        elif angle > limits.target:
+            set_contact(i, workspace.elements[0, i], workspace.weights[0, i], domain, workspace)
+    return angle
 
 
 @merged

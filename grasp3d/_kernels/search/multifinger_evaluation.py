@@ -15,8 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.compiling.decorators import merged, part
-from grasp3d._kernels.hull.growing_hull import grow
-from grasp3d._kernels.hull.initial_simplex import AROUND_ORIGIN
+from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN, grow
 from grasp3d._kernels.hull.polytope import Polytope, make_polytope
 from grasp3d._kernels.hull.support_functions import NO_TORSION, TOTAL, WrenchSpace
 from grasp3d._kernels.hull.wrench_problem import SIGN, SIX

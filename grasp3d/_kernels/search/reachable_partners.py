@@ -23,7 +23,7 @@ from grasp3d._kernels.search.face_contacts import (
     read_own,
     upper_bound,
 )
-from grasp3d._kernels.surface.normal_angles import smallest_angle
+from grasp3d._kernels.surface.normal_sets import smallest_angle
 from grasp3d._kernels.surface.surface_contacts import write_normals
 from grasp3d._kernels.surface.vectors import copy, dot
 

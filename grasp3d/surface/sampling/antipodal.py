@@ -19,17 +19,18 @@ from typing import Any
 import numpy as np
 
 from grasp3d._kernels.search.antipodal_candidates import FOUND, no_pairs
-from grasp3d._kernels.search.antipodal_descent import descend
-from grasp3d._kernels.search.antipodal_directions import Frames, seed_rays
-from grasp3d._kernels.search.antipodal_neighbours import neighbour_rays
-from grasp3d._kernels.search.antipodal_refinement import (
+from grasp3d._kernels.search.descent import descend
+from grasp3d._kernels.search.rays import (
     RAYS_PER_ROUND,
+    SMALLEST_OPENING,
+    Frames,
+    Rays,
     exploring_rays,
+    neighbour_rays,
     refining_rays,
+    seed_rays,
 )
-from grasp3d._kernels.search.ray_crossings import SMALLEST_OPENING
 from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
-from grasp3d._kernels.surface.ray_tracing import Rays
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, used_indices
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene

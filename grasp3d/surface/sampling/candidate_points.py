@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.search.multifinger_contacts import NO_CONTACT, CandidatePoints, ContactDomain
+from grasp3d._kernels.search.multifinger_grasps import NO_CONTACT, CandidatePoints, ContactDomain
 from grasp3d.arrays import Floats, Ints, angles_between, locked, unit_rows
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.measures import paired_edges

@@ -11,7 +11,7 @@ import numpy as np
 
 from grasp3d._kernels.search.antipodal_candidates import BestPairs, PairLimits
 from grasp3d._kernels.search.crease_contacts import bound_creases, faces_of_corners
-from grasp3d._kernels.search.exact_descent import descend_exactly
+from grasp3d._kernels.search.descent import descend_exactly
 from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
 from grasp3d._kernels.surface.normal_sets import ContactNormals
 from grasp3d._kernels.surface.surface_contacts import Surface

@@ -15,10 +15,11 @@ import numpy as np
 
 from grasp3d._kernels.search.antipodal_candidates import FOUND, NO_PARTNER
 from grasp3d._kernels.search.multifinger import search_more_fingers, search_three_fingers
-from grasp3d._kernels.search.multifinger_contacts import CandidatePoints, SearchLimits
 from grasp3d._kernels.search.multifinger_evaluation import make_hull_scratch, make_plane_scratch
 from grasp3d._kernels.search.multifinger_grasps import (
     BestGrasps,
+    CandidatePoints,
+    SearchLimits,
     make_best_grasps,
     make_search_workspace,
 )

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from grasp3d._kernels.search.antipodal_candidates import PairLimits
-from grasp3d._kernels.search.ray_crossings import SMALLEST_OPENING
+from grasp3d._kernels.search.rays import SMALLEST_OPENING
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import GraspModel, Sampling
 

@@ -15,10 +15,9 @@ import numpy.typing as npt
 
 from grasp3d._kernels.jaws.gripper_shape import ReachResults, make_workspace, no_results
 from grasp3d._kernels.search.antipodal_candidates import FOUND, BestPairs, PairLimits, no_pairs
-from grasp3d._kernels.search.antipodal_neighbours import neighbour_rays
+from grasp3d._kernels.search.rays import neighbour_rays, starting_rays
 from grasp3d._kernels.search.reachable_partners import explain_pairs, keep_reached, search_reachable
 from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
-from grasp3d._kernels.surface.ray_tracing import starting_rays
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.hand.jaw_reach import NormalizedScene
 from grasp3d.hand.reach import Reach, Reachability

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.surface.normal_angles import smallest_angle
+from grasp3d._kernels.surface.normal_sets import smallest_angle
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, angles_between, locked
 from grasp3d.errors import SettingError
 from grasp3d.mesh import MeshSource

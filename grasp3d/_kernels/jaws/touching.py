@@ -1,0 +1,433 @@
+"""What a pad or round tip that moves along x touches: where it does first, and which patch.
+
+Everything is in the frame of the gripper, with x multiplied by the side of the jaw (+1 finger 1,
+-1 finger 2), so that both jaws move toward larger x. A *position* of a jaw is the x of its pad's
+plane, or of the foremost point of its ball. Faces touch it whose outward normal has a negative x.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d._kernels.compiling.decorators import kernel
+from grasp3d._kernels.jaws.jaws import EDGE_ON, ROUNDING, edge_and_normal, nearest, nearest_to
+from grasp3d._kernels.surface.polygons import (
+    clip,
+    clip_to_polygon,
+    crossings,
+    disc_moments,
+    projected_moments,
+)
+
+
+@kernel
+def ball_position(corners, normal, side, jaw, start, scratch):
+    """(whether a ball overlaps a face at its start, position at which it touches it, inf: never).
+
+    The point touched is written to `scratch.mean`.
+    """
+    radius = jaw.radius
+    if jaw.thickness > 0.0:
+        distance = _distance(corners, side, start - radius)
+        if distance < radius - jaw.compliance - ROUNDING:
+            return True, math.inf
+    position = _touching_plane(corners, normal, side, radius, scratch.mean)
+    if position == math.inf:
+        for i in range(3):
+            other, t = _touching_edge(corners, i, side, radius)
+            if other < position:
+                position = other
+                _write_on_edge(corners, i, t, side, scratch.mean)
+    # A face that the ball does not meet at its start is ahead of it or behind it as a whole.
+    if position < start - jaw.compliance - ROUNDING:
+        return False, math.inf
+    return False, position
+
+
+@kernel
+def _write_on_edge(corners, i, t, side, row):
+    """Write the point at fraction t of the edge from corner i to the next."""
+    j = (i + 1) % 3
+    for k in range(3):
+        row[k] = (1.0 - t) * corners[i, k] + t * corners[j, k]
+        row[3 + k] = 0.0
+    row[0] *= side
+    row[3 + i], row[3 + j] = 1.0 - t, t
+
+
+@kernel
+def _touching_plane(corners, normal, side, radius, row):
+    """Position at which a ball touches the inside of a face, inf if it does not; writes the point.
+
+    The ball touches a plane with the point of its surface that faces it.
+    """
+    if side * normal[0] > -EDGE_ON:
+        return math.inf
+    y, z = -radius * normal[1], -radius * normal[2]
+    total, x = 0.0, 0.0
+    for i in range(3):
+        a, b = corners[(i + 1) % 3], corners[(i + 2) % 3]
+        row[3 + i] = (a[1] - y) * (b[2] - z) - (a[2] - z) * (b[1] - y)
+        total += row[3 + i]
+    for i in range(3):
+        row[3 + i] /= total
+        if not row[3 + i] >= 0.0:
+            return math.inf
+        x += row[3 + i] * side * corners[i, 0]
+    row[0], row[1], row[2] = x, y, z
+    return x + radius * side * normal[0] + radius
+
+
+@kernel
+def _touching_edge(corners, i, side, radius):
+    """(position at which a ball touches an edge, inf: never; fraction of the edge there).
+
+    Along the edge the position is convex, so its smallest value is at the nearest end where it has
+    none between them.
+    """
+    a, b = corners[i], corners[(i + 1) % 3]
+    dx, dy, dz = side * (b[0] - a[0]), b[1] - a[1], b[2] - a[2]
+    across = math.sqrt(dy * dy + dz * dz)
+    if across <= 1e-12 * abs(dx):
+        t, square = 0.0 if dx >= 0.0 else 1.0, radius**2 - a[1] ** 2 - a[2] ** 2
+    else:
+        nearest = -(a[1] * dy + a[2] * dz) / across**2
+        miss = (a[1] * dz - a[2] * dy) / across
+        clear_of = radius**2 - miss**2
+        if clear_of <= 0.0:
+            return math.inf, 0.0
+        t = nearest - dx * math.sqrt(clear_of) / (across * math.hypot(across, dx))
+        t = min(max(t, 0.0), 1.0)
+        square = clear_of - (across * (t - nearest)) ** 2
+    if square <= 0.0:
+        return math.inf, 0.0
+    return side * a[0] + t * dx - math.sqrt(square) + radius, t
+
+
+@kernel
+def _distance(corners, side, x):
+    """Distance from a triangle to the point (x, 0, 0)."""
+    least, inside = math.inf, True
+    _, _, _, nx, ny, nz = edge_and_normal(corners, side)
+    for i in range(3):
+        a, b = corners[i], corners[(i + 1) % 3]
+        dx, dy, dz = side * (b[0] - a[0]), b[1] - a[1], b[2] - a[2]
+        px, py, pz = x - side * a[0], -a[1], -a[2]
+        inside &= (
+            (dy * pz - dz * py) * nx + (dz * px - dx * pz) * ny + (dx * py - dy * px) * nz
+        ) >= 0.0
+        t = (px * dx + py * dy + pz * dz) / (dx * dx + dy * dy + dz * dz)
+        t = min(max(t, 0.0), 1.0)
+        square = (px - t * dx) ** 2 + (py - t * dy) ** 2 + (pz - t * dz) ** 2
+        least = min(least, math.sqrt(square))
+    if inside:
+        height = (x - side * corners[0, 0]) * nx - corners[0, 1] * ny - corners[0, 2] * nz
+        least = abs(height) / math.sqrt(nx * nx + ny * ny + nz * nz)
+    return least
+
+
+ON_SIDE = 1e-9
+"""Barycentric coordinate, or sine of an angle, below which features are not distinguished."""
+
+TIED = 1e-10
+"""Difference of positions, in object sizes, that rounding makes: it must not choose what is touched
+of a face that lies flat on a pad."""
+
+
+@kernel
+def first_touch(faces, count, side, jaw, start, scratch):
+    """Smallest position at which a jaw touches a face.
+
+    Args:
+        faces: The `Faces`.
+        count: Number of them.
+        side: +1 or -1.
+        jaw: Shape of the jaw.
+        start: Position from which it moves, to its mirror image.
+        scratch: Memory; `row` is written: the point touched first, as a row of a polygon.
+
+    Returns:
+        (face, position): index among the faces, -1 none, -2: the jaw meets the surface at its start
+        already.
+    """
+    found, first = -1, math.inf
+    for i in range(count):
+        corners, normal = faces.corners[i], faces.normals[i]
+        low, facing = nearest(corners, side), side * normal[0] < -EDGE_ON
+        if low >= first or (low >= start and not facing):
+            continue
+        meets, position, _ = touch_face(
+            corners, normal, side, jaw, start, first, scratch, scratch.row
+        )
+        if meets:
+            return -2, first
+        if position < first:
+            found, first = i, position
+    return found, first
+
+
+@kernel
+def touch_face(corners, normal, side, jaw, start, first, scratch, row):
+    """Position at which a jaw touches one face.
+
+    Args:
+        corners: Its corners (3, 3).
+        normal: Its outward unit normal.
+        side: +1 or -1.
+        jaw: Shape of the jaw.
+        start: Position from which it moves, to its mirror image.
+        first: Position at which it touches another face. Of faces that it touches together, up to
+            rounding, it is the first that counts.
+        scratch: Memory.
+        row: Written if it touches this face before: the point touched, as a row of a polygon.
+
+    Returns:
+        (whether the jaw meets the face at its start, position, inf: not before the other; index
+        among the jaw's own faces).
+    """
+    found, part, facing = math.inf, 0, side * normal[0] < -EDGE_ON
+    for j in range(jaw.planes.shape[0]):
+        if nearest_to(corners, side, jaw.planes[j]) >= first - TIED:
+            continue
+        if jaw.radius > 0.0:
+            meets, position = ball_position(corners, normal, side, jaw, start, scratch)
+        else:
+            meets, position = _pad_position(corners, side, jaw, j, start, scratch)
+        if meets:
+            return True, math.inf, j
+        if facing and position < first - TIED and position <= ROUNDING - start:
+            found, first, part = position, position, j
+            row[:] = scratch.mean
+    return False, found, part
+
+
+@kernel
+def slopes(corners, normal, part, side, jaw, position, row):
+    """How the position of a jaw changes as the object that it touches moves along y and z.
+
+    Vertices of the object slide on a face of the jaw, corners of the jaw on a face of the object,
+    and edges on sides; round tips roll on what they touch.
+
+    Args:
+        corners: Corners of the face touched (3, 3).
+        normal: Its outward unit normal.
+        part: Face of the jaw that touches it.
+        side: +1 or -1.
+        jaw: Shape of the jaw.
+        position: Its position.
+        row: The point touched, as a row of a polygon.
+
+    Returns:
+        (d position / dy, d position / dz); along x it is `side`.
+    """
+    if jaw.radius > 0.0:
+        x = position - jaw.radius - row[0]
+        return -row[1] / x, -row[2] / x
+    near, plane, edges = 0, jaw.planes[part], jaw.edges[part]
+    for k in range(3):
+        if row[3 + k] > 1.0 - ON_SIDE:
+            return -plane[1], -plane[2]
+        if row[3 + k] < row[3 + near]:
+            near = k
+    if row[3 + near] > ON_SIDE:  # within the object's face: a corner of the jaw
+        return side * normal[1] / normal[0], side * normal[2] / normal[0]
+    crossed, gap = 0, math.inf
+    for e in range(edges.shape[0]):
+        distance = edges[e, 2] - edges[e, 0] * row[1] - edges[e, 1] * row[2]
+        if distance < gap:
+            crossed, gap = e, distance
+    ty, tz = -edges[crossed, 1], edges[crossed, 0]
+    tx = plane[1] * ty + plane[2] * tz
+    a, b = corners[(near + 1) % 3], corners[(near + 2) % 3]
+    ux, uy, uz = side * (b[0] - a[0]), b[1] - a[1], b[2] - a[2]
+    x = uy * tz - uz * ty
+    if abs(x) <= ON_SIDE * (abs(uy) + abs(uz)):  # parallel: the edge slides on the jaw's face
+        return -plane[1], -plane[2]
+    return (uz * tx - ux * tz) / x, (ux * ty - uy * tx) / x
+
+
+@kernel
+def _pad_position(corners, side, jaw, part, start, scratch):
+    """(whether the pad overlaps a face at its start, position at which it touches it, inf: never).
+
+    The point touched is written to `scratch.mean`.
+    """
+    polygon, plane, edges = scratch.polygon, jaw.planes[part], jaw.edges[part]
+    count = clip_to_polygon(corners, side, plane, edges, polygon, scratch.spare)
+    if count < 3:
+        return False, math.inf
+    lowest, high = 0, -math.inf
+    for i in range(count):
+        high = max(high, polygon[i, 0])
+        if polygon[i, 0] < polygon[lowest, 0] - TIED:
+            lowest = i
+    low, mean = polygon[lowest, 0], scratch.mean
+    for k in range(6):
+        mean[k] = polygon[lowest, k]
+    mean[0] += plane[0] + plane[1] * mean[1] + plane[2] * mean[2]
+    if low < start - jaw.compliance - ROUNDING:
+        return high > start - jaw.thickness + ROUNDING, math.inf
+    return False, low
+
+
+MIN_DEPTH = 1e-7
+"""Smallest depth of a patch, in object sizes: rigid pads touch with the shape of the surface in the
+limit of a small depth, so that also vertices and edges have a normal."""
+
+
+class Patch(NamedTuple):
+    """Sums over what a jaw touches; see `clear`."""
+
+    moments: npt.NDArray[np.float64]
+    """Area, and the integral of the position over it (4,)."""
+    normal: npt.NDArray[np.float64]
+    """Integral of the inward normals, in the mesh's frame (3,)."""
+    bounds: npt.NDArray[np.float64]
+    """Smallest y and z, largest y and z (4,)."""
+
+
+@kernel
+def clear(patch):
+    """Start a patch."""
+    patch.moments[:] = 0.0
+    patch.normal[:] = 0.0
+    patch.bounds[:2] = math.inf
+    patch.bounds[2:] = -math.inf
+
+
+@kernel
+def add_patch(faces, count, side, jaw, start, limit, surface, scratch, patch):
+    """Add what a jaw touches: the faces up to a limit.
+
+    The area of a flat pad is the one on the pad: each part of it presses along x, whatever the
+    surface below it is like, so steep faces bear little. That of a ball is the surface's own.
+
+    Args:
+        faces: The `Faces`.
+        count: Number of them.
+        side: +1 or -1.
+        jaw: Shape of the jaw.
+        start: Position from which it moved.
+        limit: Position of the jaw when it has pressed into the surface.
+        surface: `Surface`, for the normals.
+        scratch: Memory.
+        patch: Added to.
+    """
+    for i in range(count):
+        facing = side * faces.normals[i, 0] < -EDGE_ON
+        if not facing or nearest(faces.corners[i], side) >= limit:
+            continue
+        for j in range(jaw.planes.shape[0]):
+            if jaw.radius > 0.0:
+                area = _in_ball(faces, i, side, jaw, limit, scratch, patch)
+            else:
+                area = _on_pad(faces, i, side, jaw, j, start, limit, scratch, patch)
+            if area > 0.0:
+                add_mean(scratch.mean, area, faces.numbers[i], surface, patch)
+
+
+@kernel
+def add_mean(mean, area, face, surface, patch):
+    """Add an area with its mean as a row of a polygon."""
+    patch.moments[0] += area
+    for k in range(3):
+        patch.moments[1 + k] += area * mean[k]
+    x, y, z = 0.0, 0.0, 0.0
+    for i in range(3):
+        corner = surface.corners[face, i]
+        x += mean[3 + i] * surface.normals[corner, 0]
+        y += mean[3 + i] * surface.normals[corner, 1]
+        z += mean[3 + i] * surface.normals[corner, 2]
+    scale = area / max(math.sqrt(x * x + y * y + z * z), 1e-12)
+    patch.normal[0] += scale * x
+    patch.normal[1] += scale * y
+    patch.normal[2] += scale * z
+
+
+@kernel
+def _on_pad(faces, i, side, jaw, part, start, limit, scratch, patch):
+    """Area of a face on a face of the pad up to a depth; writes `scratch.mean` and the bounds."""
+    polygon, spare, mean = scratch.polygon, scratch.spare, scratch.mean
+    plane = jaw.planes[part]
+    count = clip_to_polygon(faces.corners[i], side, plane, jaw.edges[part], polygon, spare)
+    for j in range(count):
+        if polygon[j, 0] < start - jaw.compliance - ROUNDING:
+            return 0.0  # behind the finger
+    count = clip(polygon, count, (1.0, 0.0, 0.0, limit), spare)
+    area = projected_moments(spare, count, mean)
+    if area > 0.0:
+        mean[0] += plane[0] + plane[1] * mean[1] + plane[2] * mean[2]
+        for j in range(count):
+            _extend(patch.bounds, spare[j, 1], spare[j, 2])
+    return area
+
+
+@kernel
+def _extend(bounds, y, z):
+    bounds[0], bounds[1] = min(bounds[0], y), min(bounds[1], z)
+    bounds[2], bounds[3] = max(bounds[2], y), max(bounds[3], z)
+
+
+@kernel
+def _in_ball(faces, i, side, jaw, limit, scratch, patch):
+    """Area of a face in a ball; writes `scratch.mean` and the bounds."""
+    corners = faces.corners[i]
+    ux, uy, uz, nx, ny, nz = edge_and_normal(corners, side)
+    length, width = math.sqrt(nx * nx + ny * ny + nz * nz), math.sqrt(ux * ux + uy * uy + uz * uz)
+    nx, ny, nz = nx / length, ny / length, nz / length
+    ux, uy, uz = ux / width, uy / width, uz / width
+    vx, vy, vz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
+    centre = limit - jaw.radius
+    height = (centre - side * corners[0, 0]) * nx - corners[0, 1] * ny - corners[0, 2] * nz
+    square = jaw.radius**2 - height**2
+    if square <= 0.0:
+        return 0.0
+    radius = math.sqrt(square)
+    mx, my, mz = centre - height * nx, -height * ny, -height * nz  # middle of the disc
+    flat, totals = scratch.polygon, scratch.spare[0]
+    for j in range(3):
+        px, py, pz = side * corners[j, 0] - mx, corners[j, 1] - my, corners[j, 2] - mz
+        flat[j, 0], flat[j, 1] = px * ux + py * uy + pz * uz, px * vx + py * vy + pz * vz
+    totals[:3] = 0.0
+    for j in range(3):
+        k = (j + 1) % 3
+        disc_moments(flat[j, 0], flat[j, 1], flat[k, 0], flat[k, 1], radius, totals)
+    area = totals[0]
+    if area <= 1e-16 * radius * radius:
+        return 0.0
+    s, t = totals[1] / area, totals[2] / area
+    mean = scratch.mean
+    mean[0], mean[1], mean[2] = mx + s * ux + t * vx, my + s * uy + t * vy, mz + s * uz + t * vz
+    for j in range(3):
+        a, b = flat[(j + 1) % 3], flat[(j + 2) % 3]
+        mean[3 + j] = ((a[0] - s) * (b[1] - t) - (a[1] - t) * (b[0] - s)) / length
+    for j in range(3):
+        k = (j + 1) % 3
+        dx, dy = flat[k, 0] - flat[j, 0], flat[k, 1] - flat[j, 1]
+        enters, leaves = crossings(flat[j, 0], flat[j, 1], dx, dy, radius)
+        if enters < leaves:
+            for f in (enters, leaves):
+                p, q = flat[j, 0] + f * dx, flat[j, 1] + f * dy
+                _extend(patch.bounds, my + p * uy + q * vy, mz + p * uz + q * vz)
+    _extend_by_rim(flat, radius, (my, mz), (uy, uz), (vy, vz), patch.bounds)
+    return area
+
+
+@kernel
+def _extend_by_rim(flat, radius, middle, u, v, bounds):
+    """Extend bounds by the extreme points of a disc along y and z that lie in a triangle."""
+    for axis in range(2):
+        length = math.hypot(u[axis], v[axis])
+        if length == 0.0:
+            continue
+        for sign in (-1.0, 1.0):
+            p, q = sign * radius * u[axis] / length, sign * radius * v[axis] / length
+            inside = True
+            for j in range(3):
+                a, b = flat[j], flat[(j + 1) % 3]
+                inside &= (b[0] - a[0]) * (q - a[1]) - (b[1] - a[1]) * (p - a[0]) >= 0.0
+            if inside:
+                y, z = middle[0] + p * u[0] + q * v[0], middle[1] + p * u[1] + q * v[1]
+                _extend(bounds, y, z)
