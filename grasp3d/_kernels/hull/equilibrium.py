@@ -1,6 +1,6 @@
 """Equilibria: balanced contact forces computed from a polytope that contains the origin.
 
-They are a first approximation: whether they prove anything is decided by `force_balance`.
+They are a first approximation: whether they prove anything is decided by `certificates.balance`.
 """
 
 import math

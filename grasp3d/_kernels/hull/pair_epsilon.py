@@ -466,7 +466,7 @@ def _placed(d, normal, cone):
 
 @merged
 def _is_regular(form, angles):
-    """Whether the families of directions in `pair_sides` are all there are."""
+    """Whether the families of directions of this module are all there are."""
     kind, spherical, _, _ = form
     one, two = angles[0][0] + angles[0][1], angles[1][0] + angles[1][1]
     if kind == PER_FINGER:
