@@ -313,14 +313,14 @@ class WrenchProblem:
             def run(first: int, polytope: Polytope) -> int:
                 given = (workspace, polytope, written)
                 if not thin:
-                    first = int(kernels.epsilons(*settings, first, *given))
+                    first = int(kernels.epsilons(*settings, first, 6, kernels.SIX, *given))
                     if first == len(wrenches) or written.status[first] != kernels.OTHER_RANK:
                         return first
-                return int(kernels.epsilons_of_any_rank(*settings, first, *given))
+                return int(kernels.epsilons(*settings, first, 1, workspace.dims, *given))
 
             self.with_polytope(len(wrenches), run)
 
-        # Two hard fingers have no torque about their line: the kernel for rank 6 is of no use.
+        # Two hard fingers have no torque about their line: loops for rank 6 alone are of no use.
         thin = self.kind != ROWS and self.count == 2 and not (self.soft or self.rolling)
         self.in_chunks(evaluate, group, threads)
 

@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 
 from grasp3d._kernels.search.antipodal_candidates import PairLimits
 from grasp3d._kernels.search.descent import best_of_face, make_scratch, rank
-from grasp3d._kernels.search.face_contacts import NONE, cosine_at, read_face, read_own
-from grasp3d._kernels.surface.face_tree import face_tree
-from grasp3d._kernels.surface.polygons import CORNERS, centroid, cut, stays_inside
+from grasp3d._kernels.search.face_contacts import NONE, OwnNormals, cosine_at
+from grasp3d._kernels.surface.polygons import REGION_CORNERS, centroid, cut, stays_inside
 from grasp3d.arrays import Floats
 from grasp3d.mesh import ObjectMesh, load_mesh
 from tests.helpers import shapes
+from tests.helpers.pair_search import domain_of, own_normals, read
 
 SHAPES = {"blob": shapes.lopsided(), "box": shapes.box(), "cone": shapes.cone(0.3)}
 MESHES: dict[str, ObjectMesh] = {}
@@ -22,21 +22,16 @@ def mesh_of(shape: str) -> ObjectMesh:
     return MESHES.setdefault(shape, load_mesh(SHAPES[shape]))
 
 
-def cosines(points: Floats, lines: Floats, normals: Floats, own: Floats, limits: PairLimits,
-            count: int, *, worst: bool) -> Floats:  # fmt: skip
-    """Cosines of the grasps with points of a face, by their barycentric coordinates (n, 3)."""
-    return np.array([cosine_at(*w, lines, normals, own, count, worst, limits) for w in points])
-
-
-def sampled(rng: np.random.Generator, *others: object, worst: bool) -> float:
+def sampled(
+    rng: np.random.Generator, lines: Floats, normals: Floats, own: OwnNormals, limits: PairLimits
+) -> float:
     """Largest cosine at random points of a face, ever nearer to the best one."""
-    lines, normals, own, limits, count = others
     best, centre, radius = NONE, np.full(3, 1.0 / 3.0), 1.0
     for _ in range(12):
         points = centre + radius * (rng.dirichlet(np.ones(3), 150) - centre)
         points = np.maximum(points, 2e-9)
         points /= points.sum(axis=1, keepdims=True)
-        found = cosines(points, lines, normals, own, limits, count, worst=worst)  # type: ignore[arg-type]
+        found = np.array([cosine_at(*w, lines, normals, own, limits) for w in points])
         if found.max() > best:
             best, centre = float(found.max()), points[found.argmax()]
         radius *= 0.5
@@ -52,21 +47,17 @@ def test_no_point_of_a_face_is_better_than_the_best_one(
     """Nor is the result worse than its own point, and with a limit below it nothing is found."""
     rng = np.random.default_rng(seed)
     mesh = mesh_of(shape)
-    surface, sets, scratch = mesh.contact_surface, mesh.contact_normals, make_scratch(9)
-    own, lines, normals = np.empty((sets.counts.max(), 12)), np.empty((3, 3)), np.empty((3, 3))
-    tried = 0
+    surface, scratch, tried = mesh.contact_surface, make_scratch(9), 0
     while tried < 3:
         vertex, face = int(rng.integers(len(mesh.vertices))), int(rng.integers(len(surface.faces)))
-        count = read_own(vertex, sets, own)
-        read_face(face, vertex, surface, lines, normals)
+        own, (lines, normals) = own_normals(mesh, vertex, worst=worst), read(mesh, face, vertex)
         largest = float(np.linalg.norm(lines.mean(axis=0))) if limited else math.inf
-        limits = PairLimits(1e-6, largest)
-        best = sampled(rng, lines, normals, own, limits, count, worst=worst)
+        domain = domain_of(mesh, largest)
+        best = sampled(rng, lines, normals, own, domain.limits)
         if best < 0.2:
             continue
         tried += 1
-        others = mesh.normal_sets.centres, surface, own, count, largest, scratch
-        found = best_of_face(face, vertex, 0.0, worst, *others)
+        found = best_of_face(face, vertex, 0.0, own, domain, scratch)
         if found == 0.0:  # no exit there: the line enters the object
             centre = surface.points[surface.faces[face]].mean(axis=0) - surface.points[vertex]
             one, two, three = surface.points[surface.faces[face]]
@@ -74,10 +65,10 @@ def test_no_point_of_a_face_is_better_than_the_best_one(
             continue
         angle = math.acos(min(found, 1.0))
         assert angle <= math.acos(min(best, 1.0)) + 5e-7
-        again = cosine_at(*scratch[0], lines, normals, own, count, worst, limits)
+        again = cosine_at(*scratch[0], lines, normals, own, domain.limits)
         assert again == pytest.approx(found, abs=1e-12)
         limit = math.cos(max(angle - 1e-6, 0.0))
-        assert best_of_face(face, vertex, limit, worst, *others) == limit
+        assert best_of_face(face, vertex, limit, own, domain, scratch) == limit
 
 
 @pytest.mark.slow
@@ -87,17 +78,15 @@ def test_a_node_with_a_good_contact_is_not_left_out(seed: int, shape: str) -> No
     """Where a contact is within the limit, no node above its face is ranked as useless."""
     rng = np.random.default_rng(seed)
     mesh = mesh_of(shape)
-    surface, sets = mesh.contact_surface, mesh.contact_normals
-    tree = face_tree(surface)
-    own, lines, normals = np.empty((sets.counts.max(), 12)), np.empty((3, 3)), np.empty((3, 3))
+    domain = domain_of(mesh)
+    tree, limits = domain.tree, domain.limits
     for _ in range(40):
         vertex, row = int(rng.integers(len(mesh.vertices))), int(rng.integers(len(tree.order)))
-        count = read_own(vertex, sets, own)
-        read_face(tree.order[row], vertex, surface, lines, normals)
+        lines, normals = read(mesh, tree.order[row], vertex)
         weights = rng.dirichlet(np.ones(3))
         for worst in (True, False):
-            limits = PairLimits(1e-6, math.inf)
-            found = cosine_at(*weights, lines, normals, own, count, worst, limits)
+            own = own_normals(mesh, vertex, worst=worst)
+            found = cosine_at(*weights, lines, normals, own, limits)
             if found <= 0.0:
                 continue
             limit = math.acos(min(found, 1.0)) + 1e-9
@@ -110,15 +99,14 @@ def test_a_node_with_a_good_contact_is_not_left_out(seed: int, shape: str) -> No
                     if size * k >> level <= row < size * (k + 1) >> level
                 )  # fmt: skip
                 node = (1 << level) - 1 + number
-                others = own, count, worst, tree, surface, limits
-                assert rank(node, vertex, *others, math.cos(limit), math.sin(limit)) < 0.0
+                assert rank(node, vertex, own, domain, math.cos(limit), math.sin(limit)) < 0.0
 
 
 @settings(deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_a_cut_polygon_contains_what_is_on_the_right_side_of_all_lines(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    polygon = np.empty((2 * CORNERS, 3))
+    polygon = np.empty((2 * REGION_CORNERS, 3))
     polygon[:3, :2] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
     size, points = 3, rng.dirichlet(np.ones(3), 200)[:, :2]
     kept = np.ones(len(points), dtype=bool)
@@ -146,18 +134,15 @@ def test_faces_that_look_large_from_a_crease_hide_no_better_contact(
     """Seen from the edge of a thin plate, a face covers a large angle."""
     rng = np.random.default_rng(seed)
     mesh = load_mesh(shapes.box((1.0, 1.0, height)), max_edge=0.4)
-    surface, sets, scratch = mesh.contact_surface, mesh.contact_normals, make_scratch(9)
-    own, lines, normals = np.empty((sets.counts.max(), 12)), np.empty((3, 3)), np.empty((3, 3))
-    for vertex in rng.choice(np.flatnonzero(sets.counts == 2), 4):
-        for face in rng.choice(len(surface.faces), 4):
-            count = read_own(vertex, sets, own)
-            read_face(face, vertex, surface, lines, normals)
+    domain, scratch = domain_of(mesh), make_scratch(9)
+    for vertex in rng.choice(np.flatnonzero(domain.sets.counts == 2), 4):
+        own = own_normals(mesh, vertex, worst=False)
+        for face in rng.choice(len(domain.surface.faces), 4):
+            lines, normals = read(mesh, face, vertex)
             if np.linalg.norm(lines, axis=1).min() < 1e-6:
                 continue
-            limits = PairLimits(1e-6, math.inf)
-            best = sampled(rng, lines, normals, own, limits, count, worst=False)
-            others = mesh.normal_sets.centres, surface, own, count, math.inf, scratch
+            best = sampled(rng, lines, normals, own, domain.limits)
             for limit in (0.3, 0.6, 0.9):
                 if best > math.cos(limit):
-                    found = best_of_face(face, vertex, math.cos(limit), False, *others)  # noqa: FBT003
+                    found = best_of_face(face, vertex, math.cos(limit), own, domain, scratch)
                     assert math.acos(min(found, 1.0)) <= math.acos(min(best, 1.0)) + 4e-3

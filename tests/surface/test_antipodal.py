@@ -11,21 +11,20 @@ from grasp3d import ObjectMesh, Sampling, load_mesh
 from grasp3d._kernels.search.antipodal_candidates import PairLimits
 from grasp3d._kernels.search.face_contacts import (
     NONE,
+    PairDomain,
     cosine_at,
     move_on_face,
     own_cosine,
-    read_face,
-    read_own,
     turning_speed,
     upper_bound,
 )
-from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
 from grasp3d._kernels.surface.normal_sets import smallest_angle
 from grasp3d.settings.sampling import Grip
 from grasp3d.surface.sampling import antipodal
 from grasp3d.surface.sampling.antipodal import best_pairs
 from grasp3d.surface.sampling.tangents import tangents
 from tests.helpers import oracles, shapes
+from tests.helpers.pair_search import domain_of, own_normals, read
 
 
 def exhaustive(mesh: ObjectMesh, vertex: int, cone: float) -> float:
@@ -140,10 +139,10 @@ def test_refining_several_grasps_finds_better_ones_than_refining_one(
 
 
 @cache
-def with_tree(shape: str) -> tuple[ObjectMesh, FaceTree]:
+def searched(shape: str) -> tuple[ObjectMesh, PairDomain]:
     arrays = {"blob": shapes.lopsided(), "box": shapes.box(), "cone": shapes.cone(0.3)}[shape]
     mesh = load_mesh(arrays)
-    return mesh, face_tree(mesh.contact_surface)
+    return mesh, domain_of(mesh)
 
 
 @pytest.mark.slow
@@ -152,23 +151,22 @@ def with_tree(shape: str) -> tuple[ObjectMesh, FaceTree]:
 def test_no_grasp_is_better_than_the_bound_of_its_node(seed: int, shape: str) -> None:
     """At every node the bound is below the angles of grasps with random points on its faces."""
     rng = np.random.default_rng(seed)
-    mesh, tree = with_tree(shape)
-    surface, sets = mesh.contact_surface, mesh.contact_normals
+    mesh, domain = searched(shape)
+    tree = domain.tree
     level = int(rng.integers(tree.depth + 1))
     number, faces = int(rng.integers(1 << level)), len(tree.order)
     node = (1 << level) - 1 + number
     inside = tree.order[faces * number >> level : faces * (number + 1) >> level]
-    own, lines, normals = np.empty((sets.counts.max(), 12)), np.empty((3, 3)), np.empty((3, 3))
     for _ in range(20):
         vertex, face = int(rng.integers(len(mesh.vertices))), int(rng.choice(inside))
         weights = rng.dirichlet(np.full(3, 0.5))
-        count = read_own(vertex, sets, own)
-        read_face(face, vertex, surface, lines, normals)
+        lines, normals = read(mesh, face, vertex)
         opening = float(np.linalg.norm(weights @ lines))
         for worst, longest in itertools.product((True, False), (math.inf, opening * (1.0 + 1e-9))):
             limits = PairLimits(0.0, longest, rng.choice([0.0, 0.3, 3.0]) * opening)
-            found = cosine_at(*weights, lines, normals, own, count, worst, limits)
-            bound = upper_bound(node, vertex, own, count, worst, tree, surface, limits, NONE)
+            own = own_normals(mesh, vertex, worst=worst)
+            found = cosine_at(*weights, lines, normals, own, limits)
+            bound = upper_bound(node, vertex, own, domain._replace(limits=limits), NONE)
             assert NONE < found <= bound + 1e-9
 
 
@@ -178,20 +176,19 @@ def test_no_grasp_is_better_than_the_bound_of_its_node(seed: int, shape: str) ->
 def test_moves_on_a_face_do_not_end_before_they_reach_the_limit(seed: int, shape: str) -> None:
     """Moves that would improve the limit, if only just, are the same as without an early end."""
     rng = np.random.default_rng(seed)
-    mesh, tree = with_tree(shape)
-    surface, sets = mesh.contact_surface, mesh.contact_normals
-    own, lines, normals = np.empty((sets.counts.max(), 12)), np.empty((3, 3)), np.empty((3, 3))
+    mesh, domain = searched(shape)
+    tree = domain.tree
     for _ in range(20):
         vertex, leaf = int(rng.integers(len(mesh.vertices))), int(rng.integers(1 << tree.depth))
-        count = read_own(vertex, sets, own)
-        read_face(tree.order[len(tree.order) * leaf >> tree.depth], vertex, surface, lines, normals)
+        face = tree.order[len(tree.order) * leaf >> tree.depth]
+        lines, normals = read(mesh, face, vertex)
         weights = 0.99 * rng.dirichlet(np.ones(3)) + 0.01 / 3.0
         cosine_of_leaf = tree.bounds[(1 << tree.depth) - 1 + leaf, 7]
         opening = float(np.linalg.norm(weights @ lines))
         limits = PairLimits(0.0, math.inf, rng.choice([0.0, 0.1, 0.5]) * opening)
         turning = turning_speed(weights, lines, normals, cosine_of_leaf, limits.location)
         for worst in (True, False):
-            others = lines, normals, own, count, worst, limits
+            others = lines, normals, own_normals(mesh, vertex, worst=worst), limits
             cosine = cosine_at(*weights, *others)
             moved, ended = weights.copy(), weights.copy()
             reached = move_on_face(moved, cosine, math.inf, 0.0, *others)
@@ -206,13 +203,15 @@ def test_moves_on_a_face_do_not_end_before_they_reach_the_limit(seed: int, shape
 def test_cosines_to_the_best_and_worst_normals_of_creases(seed: int) -> None:
     """They are those of the exact angles."""
     rng = np.random.default_rng(seed)
-    sets = load_mesh(shapes.box()).contact_normals
-    own = np.empty((sets.counts.max(), 12))
+    mesh = load_mesh(shapes.box())
+    sets = mesh.contact_normals
     for vertex in rng.choice(np.flatnonzero(sets.counts > 0), 20):
         line = rng.normal(size=3)
-        count = read_own(vertex, sets, own)
+        count = sets.counts[vertex]
         arguments = sets.normals, sets.start[vertex], count, *line
-        best, worst = (own_cosine(own, count, worst, *line) for worst in (False, True))
+        best, worst = (
+            own_cosine(own_normals(mesh, vertex, worst=worst), *line) for worst in (False, True)
+        )
         assert best == pytest.approx(math.cos(smallest_angle(*arguments)), abs=1e-12)
         assert worst == pytest.approx(
             min(sets.normals[sets.start[vertex] :][:count] @ line) / np.linalg.norm(line), abs=1e-12

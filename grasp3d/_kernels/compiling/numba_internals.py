@@ -107,6 +107,7 @@ class Listener(event.Listener):
     def __init__(self, package: str, begin: Callable[[str], None], end: Callable[[], None]) -> None:
         self._package, self._begin, self._end = package, begin, end
         self._depth = 0  # kernels compile those that they call; Numba holds its lock meanwhile
+        self._reported = False
         self._before = gc.get_threshold()
 
     def on_start(self, event: Any) -> None:
@@ -119,7 +120,8 @@ class Listener(event.Listener):
             gc.set_threshold(YOUNG_OBJECTS, *self._before[1:])
         kernel = event.data["dispatcher"].py_func
         package, _, module = kernel.__module__.rpartition(".")
-        if f"{package}.".startswith(f"{self._package}."):
+        self._reported = f"{package}.".startswith(f"{self._package}.")
+        if self._reported:
             self._begin(f"{module}.{kernel.__qualname__}")
 
     def on_end(self, event: Any) -> None:  # noqa: ARG002, Numba's interface
@@ -127,7 +129,8 @@ class Listener(event.Listener):
         self._depth -= 1
         if self._depth == 0:
             gc.set_threshold(*self._before)
-            self._end()
+            if self._reported:
+                self._end()
 
 
 def listen(package: str, begin: Callable[[str], None], end: Callable[[], None]) -> None:

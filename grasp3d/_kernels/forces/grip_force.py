@@ -21,7 +21,13 @@ from grasp3d._kernels.forces.wrench_resistance import RESISTED, resist
 from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN, AT_ORIGIN, CONVERGED, EXHAUSTED, grow
 from grasp3d._kernels.hull.polytope import SCRATCH_ROWS
 from grasp3d._kernels.hull.support_functions import WrenchSpace
-from grasp3d._kernels.hull.wrench_problem import SIX, load_contacts, project
+from grasp3d._kernels.hull.wrench_problem import (
+    SIX,
+    erase_forces,
+    load_contacts,
+    project,
+    write_direction,
+)
 from grasp3d._kernels.hull.wrenches import RANK_TOLERANCE, span
 from grasp3d._kernels.surface.vectors import dot6
 
@@ -102,13 +108,6 @@ def _reset(results, g):
 
 
 @merged
-def _erase_forces(results, g):
-    for i in range(results.forces.shape[1]):
-        for k in range(results.forces.shape[2]):
-            results.forces[g, i, k] = math.nan
-
-
-@merged
 def _load(form, axes, tangential, workspace):
     """Write the contacts' wrenches in balanced coordinates of their span; returns its rank."""
     kind, _, torsion, _ = form
@@ -119,21 +118,14 @@ def _load(form, axes, tangential, workspace):
 
 
 @merged
-def _write_direction(rank, workspace, vector, torque_scale, out):
+def _write_own_direction(rank, workspace, vector, torque_scale, out):
     """Write a direction of balanced coordinates for wrenches in the contacts' units, of length 1.
 
     Its length is that of its part for forces and that for torques divided by the torque scale.
     """
-    square = 0.0
-    for k in range(6):
-        out[k] = 0.0
-        for j in range(rank):
-            out[k] += workspace.basis[j, k] * vector[j] / workspace.extents[j]
-        square += out[k] * out[k]
-    for k in range(6):
-        out[k] /= math.sqrt(square)
-        if k >= 3:
-            out[k] /= torque_scale
+    write_direction(rank, workspace, vector, out)
+    for k in range(3, 6):
+        out[k] /= torque_scale
 
 
 @merged
@@ -287,7 +279,7 @@ def task_forces(
                 space, task, force, rtol, workspace, polytope, scratch
             )
             if lower > 0.0:
-                _write_direction(rank, workspace, scratch.best, scale, direction)
+                _write_own_direction(rank, workspace, scratch.best, scale, direction)
                 results.status[g] = status
                 results.lower[g], results.upper[g] = 1.0 / upper, 1.0 / lower
                 if status == EXHAUSTED:
@@ -310,7 +302,7 @@ def task_forces(
                 break
             # Not force-closed, but the task may lie where the contacts can push.
             start = AT_ORIGIN
-        _write_direction(rank, workspace, best, scale, direction)
+        _write_own_direction(rank, workspace, best, scale, direction)
         results.status[g] = status
         if used == 0:
             results.reason[g] = NOT_RESISTED
@@ -362,7 +354,7 @@ def wrench_forces(
     kind, spherical, torsion, rolling = form
     for g in range(axes.shape[0]):
         _reset(results, g)
-        _erase_forces(results, g)
+        erase_forces(results, g)
         rank = _load(form, axes[g], tangential[g], workspace)
         results.rank[g] = rank
         scale = torque_scale[g]
@@ -386,7 +378,7 @@ def wrench_forces(
             )
         if status != RESISTED:
             results.status[g] = UNFINISHED
-            _erase_forces(results, g)
+            erase_forces(results, g)
             continue
         results.lower[g], results.upper[g] = lower, upper
-        _write_direction(rank, workspace, vectors[16], scale, results.direction[g])
+        _write_own_direction(rank, workspace, vectors[16], scale, results.direction[g])

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from numba.core import types
 from numba.extending import overload
 
-from grasp3d._kernels.compiling.decorators import inlined, merged, scratch_kernel
+from grasp3d._kernels.compiling.decorators import merged, scratch_kernel
 from grasp3d._kernels.hull.certificates import (
     LARGEST_SLACK,
     RESTING,
@@ -44,7 +44,7 @@ AT_REST = 4
 """Status, in the kernels only: not force-closed if contacts that are close together coincide."""
 
 OTHER_RANK = 5
-"""Status, in the kernels only: `epsilons` left a grasp of rank 1 to 5 to `epsilons_of_any_rank`."""
+"""Status, in the kernels only: the grasp has a rank from 1 to 5, below the least one wanted."""
 
 
 class Workspace(NamedTuple):
@@ -192,14 +192,14 @@ def _grow_in(space, dims, rank, metric, goal, polytope):  # noqa: ARG001 - Numba
 
 
 @merged
-def _write_direction(rank, workspace, polytope, out):
-    """Write the direction of the upper bound as a unit vector in the wrench space."""
+def write_direction(rank, workspace, vector, out):
+    """Write a direction of balanced coordinates as a unit vector in the wrench space."""
     # Directions are dual to wrenches: they are divided by the scale, not multiplied.
     square = 0.0
     for k in range(6):
         out[k] = 0.0
         for j in range(rank):
-            out[k] += workspace.basis[j, k] * polytope.vectors[16, j] / workspace.extents[j]
+            out[k] += workspace.basis[j, k] * vector[j] / workspace.extents[j]
         square += out[k] * out[k]
     for k in range(6):
         out[k] /= math.sqrt(square)
@@ -215,7 +215,7 @@ def _largest_wrench(workspace):
 
 
 @merged
-def _erase_forces(results, g):
+def erase_forces(results, g):
     """Mark a grasp's forces as missing."""
     for i in range(results.forces.shape[1]):
         for k in range(results.forces.shape[2]):
@@ -230,7 +230,7 @@ def _reset_result(results, g):
     for k in range(6):
         results.direction[g, k] = 1.0 if k == 0 else 0.0
     results.slack[g] = math.inf
-    _erase_forces(results, g)
+    erase_forces(results, g)
 
 
 @merged
@@ -279,25 +279,37 @@ def verify(form, wrenches, tangential, cones, rim, tolerance, workspace, scratch
     return balance(space, rank, workspace.extents, forces, scratch)
 
 
-@inlined
-def _epsilons(
-    form,
-    wrenches,
-    tangential,
-    cones,
-    rim,
-    tolerance,
-    goal,
-    group,
-    with_forces,
-    first,
-    workspace,
-    polytope,
-    results,
-    least_rank,
-    dims,
-):
-    """Evaluate grasps; see `epsilons`."""
+@scratch_kernel
+def epsilons(
+    form, wrenches, tangential, cones, rim, tolerance, goal, group, with_forces, first,
+    least_rank, dims, workspace, polytope, results,
+):  # fmt: skip
+    """Epsilon, force closure and certificates of many grasps.
+
+    Args:
+        form: (kind, spherical, torsion, rolling) of `WrenchSpace`.
+        wrenches: Axes of contacts (b, n, 4, 6), or where they resist rolling (b, n, 6, 6); or rows
+            (b, n, 1, 6).
+        tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
+        cones: As in `WrenchSpace` (b, n, 2).
+        rim: As in `WrenchSpace` (m, 2).
+        tolerance: As in `span`.
+        goal: As in `grow`; its cutoff is 0 or inf.
+        group: Number of consecutive grasps of which only the smallest epsilon is needed; each is
+            abandoned when it cannot be smaller than those before it. 1: all are computed.
+        with_forces: Whether equilibrium forces are computed.
+        first: Index of the first grasp to compute.
+        least_rank: 6, or 1: grasps of lower rank are left out.
+        dims: `SIX` where that is 6, so that the lengths of loops are known; else the workspace's
+            array, with which grasps of rank 6 take up to an eighth longer.
+        workspace: `Workspace`.
+        polytope: `Polytope`.
+        results: `Results`.
+
+    Returns:
+        The first grasp for which the polytope was too small, whose bounds hold, or that has the
+        status OTHER_RANK; b if none.
+    """
     kind, spherical, torsion, rolling = form
     rtol, atol, cutoff, sign = goal
     smallest = math.inf
@@ -338,7 +350,7 @@ def _epsilons(
         results.lower[g], results.upper[g] = max(0.0, lower), upper
         results.status[g], results.closed[g] = status, closed
         if status != STALLED or closed:
-            _write_direction(rank, workspace, polytope, results.direction[g])
+            write_direction(rank, workspace, polytope.vectors[16], results.direction[g])
         smallest = min(smallest, upper)
         clear = lower > CLEAR * _largest_wrench(workspace)
         if closed and clear:
@@ -361,7 +373,7 @@ def _epsilons(
                     slack = balance(space, rank, extents, results.forces[g], scratch)
             results.slack[g] = slack
             if not slack < LARGEST_SLACK:
-                _erase_forces(results, g)
+                erase_forces(results, g)
         # The origin may be outside, or rounding may have moved it: either needs a proof.
         proven = clear or results.slack[g] < LARGEST_SLACK
         if group == 1 and not (closed and proven) and status != EXHAUSTED:
@@ -369,71 +381,3 @@ def _epsilons(
         if status == EXHAUSTED:
             return g
     return wrenches.shape[0]
-
-
-@scratch_kernel
-def epsilons(
-    form,
-    wrenches,
-    tangential,
-    cones,
-    rim,
-    tolerance,
-    goal,
-    group,
-    with_forces,
-    first,
-    workspace,
-    polytope,
-    results,
-):
-    """Epsilon, force closure and certificates of many grasps, as far as their rank is 6.
-
-    Args:
-        form: (kind, spherical, torsion, rolling) of `WrenchSpace`.
-        wrenches: Axes of contacts (b, n, 4, 6), or where they resist rolling (b, n, 6, 6); or rows
-            (b, n, 1, 6).
-        tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
-        cones: As in `WrenchSpace` (b, n, 2).
-        rim: As in `WrenchSpace` (m, 2).
-        tolerance: As in `span`.
-        goal: As in `grow`; its cutoff is 0 or inf.
-        group: Number of consecutive grasps of which only the smallest epsilon is needed; each is
-            abandoned when it cannot be smaller than those before it. 1: all are computed.
-        with_forces: Whether equilibrium forces are computed.
-        first: Index of the first grasp to compute.
-        workspace: `Workspace`.
-        polytope: `Polytope`.
-        results: `Results`.
-
-    Returns:
-        The first grasp for which the polytope was too small, whose bounds hold, or that has the
-        status OTHER_RANK; b if none.
-    """
-    return _epsilons(
-        form, wrenches, tangential, cones, rim, tolerance, goal, group, with_forces, first,
-        workspace, polytope, results, 6, SIX,
-    )  # fmt: skip
-
-
-@scratch_kernel
-def epsilons_of_any_rank(
-    form,
-    wrenches,
-    tangential,
-    cones,
-    rim,
-    tolerance,
-    goal,
-    group,
-    with_forces,
-    first,
-    workspace,
-    polytope,
-    results,
-):
-    """As `epsilons`, for grasps of any rank, but up to an eighth slower where it is 6."""
-    return _epsilons(
-        form, wrenches, tangential, cones, rim, tolerance, goal, group, with_forces, first,
-        workspace, polytope, results, 1, workspace.dims,
-    )  # fmt: skip

@@ -26,6 +26,7 @@ from grasp3d._kernels.jaws.gripper_shape import (
     TOP,
 )
 from grasp3d._kernels.surface.box_tree import HEIGHT, NORMAL, RADIUS, THICKNESS, leaf_rows
+from grasp3d._kernels.surface.face_tree import GO_ON, NO_NODE, STOP, below, walk
 
 ONE, NONE = np.uint64(1), np.uint64(0)
 
@@ -343,38 +344,46 @@ def block_angles(blocked, farther, back, tree, workspace):
 @part
 def _block_by(palm, blocked, farther, back, tree, workspace):
     """`block_angles` by the palm, or by the other parts."""
-    nodes, masks = workspace.nodes, workspace.masks
-    first_leaf = (1 << tree.depth) - 1
-    everything = all_angles(workspace.cosines.shape[0])
+    masks, found = workspace.masks, workspace.blocked
+    found[0], found[1] = blocked, farther
     # What blocked an angle of the grasp before blocks it at a similar grasp too.
+    masks[0] = all_angles(workspace.cosines.shape[0])
     recent = workspace.recent[1 if palm else 0]
     for k in range(workspace.cosines.shape[0]):
-        if recent[k] >= 0 and blocked & bit(k) == NONE:
-            possible = everything & ~blocked
-            met, back_too, _ = _block_at(recent[k], possible, back, palm, tree, workspace)
-            blocked, farther = blocked | met, farther | back_too
-    nodes[0], masks[0], top = 0, everything, 1
-    while top > 0 and blocked != everything:
-        top -= 1
-        node = nodes[top]
-        possible = masks[top] & ~blocked
-        if possible == NONE:
-            continue
-        met, back_too, possible = _block_at(node, possible, back, palm, tree, workspace)
-        if met != NONE:
-            blocked, farther = blocked | met, farther | back_too
-            for k in range(workspace.cosines.shape[0]):
-                if met & bit(k) != NONE:
-                    recent[k] = node
-        if node < first_leaf and possible != NONE:
-            one, two = 2 * node + 1, 2 * node + 2
-            first = _rank(tree.boxes[one], palm, workspace)
-            if first < _rank(tree.boxes[two], palm, workspace):
-                one, two = two, one
-            nodes[top], masks[top] = one, possible
-            nodes[top + 1], masks[top + 1] = two, possible
-            top += 2
-    return blocked, farther
+        if recent[k] >= 0 and found[0] & bit(k) == NONE:
+            met, back_too, _ = _block_at(
+                recent[k], masks[0] & ~found[0], back, palm, tree, workspace
+            )
+            found[0] |= met
+            found[1] |= back_too
+    walk(_visit, (palm, back, tree, workspace), workspace.nodes)
+    return found[0], found[1]
+
+
+@merged
+def _visit(node, position, _stale, state):
+    """Visit a node of the tree; the walk ends where all angles are blocked."""
+    palm, back, tree, workspace = state
+    masks, found = workspace.masks, workspace.blocked
+    possible = masks[position] & ~found[0]
+    if possible == NONE:
+        return NO_NODE, NO_NODE, GO_ON
+    met, back_too, possible = _block_at(node, possible, back, palm, tree, workspace)
+    if met != NONE:
+        found[0] |= met
+        found[1] |= back_too
+        for k in range(workspace.cosines.shape[0]):
+            if met & bit(k) != NONE:
+                workspace.recent[1 if palm else 0, k] = node
+    if found[0] == all_angles(workspace.cosines.shape[0]):
+        return NO_NODE, NO_NODE, STOP
+    later, sooner = below(node, tree.depth)
+    if later == NO_NODE or possible == NONE:
+        return NO_NODE, NO_NODE, GO_ON
+    masks[position] = masks[position + 1] = possible
+    if _rank(tree.boxes[later], palm, workspace) < _rank(tree.boxes[sooner], palm, workspace):
+        later, sooner = sooner, later
+    return later, sooner, GO_ON
 
 
 @part
@@ -389,7 +398,7 @@ def _block_at(node, possible, back, palm, tree, workspace):
     blocked = within & possible
     farther = blocked
     possible &= may_meet & ~within
-    if possible != NONE and node >= (1 << tree.depth) - 1:
+    if possible != NONE:
         first, last = leaf_rows(node, tree)
         for i in range(first, last):
             met, back_too = _blocked_by_face(

@@ -20,13 +20,11 @@ from grasp3d._kernels.jaws.jaws import (
 )
 from grasp3d._kernels.jaws.settling import CLEAR, LEAVES, make_settling, settle
 from grasp3d._kernels.jaws.touching import MIN_DEPTH, Patch, add_mean, add_patch, clear, first_touch
+from grasp3d._kernels.surface.face_tree import STACK
 
 NONE, TOUCHES, INSIDE, LEFT = 0, 1, 2, 3
 """What becomes of a jaw: it meets no surface, it touches it, it starts in the object, or the object
 slides out of the jaws."""
-
-STACK = 128
-"""Nodes that wait to be visited: more than twice the depth of any tree."""
 
 
 class ClosedOn(NamedTuple):
@@ -68,12 +66,12 @@ def close_on(surface, tree, poses, opening, friction, jaw, first_pose, last_pose
     patch = Patch(np.empty(4), np.empty(3), np.empty(4))
     scratch = make_scratch()
     memory = make_settling(size if friction >= 0.0 else 0)
-    stack, at_rest = np.empty((STACK, 2), np.int64), without_back(jaw)
+    nodes, at_rest = np.empty(STACK, np.int64), without_back(jaw)
     for k in range(first_pose, last_pose):
         pose, distance = found.poses[k], opening[k]
         pose[:], settled = poses[k], False
         if friction >= 0.0:
-            state, width = settle(surface, tree, pose, distance, friction, jaw, stack, memory)
+            state, width = settle(surface, tree, pose, distance, friction, jaw, nodes, memory)
             if state == LEAVES:
                 found.outcome[k] = LEFT
                 continue
@@ -81,13 +79,13 @@ def close_on(surface, tree, poses, opening, friction, jaw, first_pose, last_pose
             if settled:
                 distance = -2.0 * start_before(distance, width, jaw)
         used = at_rest if settled else jaw
-        _close(surface, tree, pose, distance, settled, used, k, stack, faces, scratch, patch, found)
+        _close(surface, tree, pose, distance, settled, used, k, nodes, faces, scratch, patch, found)
 
 
 @kernel
-def _close(surface, tree, pose, opening, settled, jaw, k, stack, faces, scratch, patch, found):
+def _close(surface, tree, pose, opening, settled, jaw, k, nodes, faces, scratch, patch, found):
     """Close the jaws on a surface that does not move; see `close_on`."""
-    count = gather(surface, tree, pose, jaw, 0.0, stack, faces)
+    count = gather(surface, tree, pose, jaw, 0.0, nodes, faces)
     start = -0.5 * opening
     for finger in range(2):
         side = 1.0 - 2.0 * finger

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.surface.box_tree import STACK
+from grasp3d._kernels.surface.face_tree import STACK
 
 TOUCHING = 1e-9
 """Overlap that counts as touching, which is free."""
@@ -89,6 +89,8 @@ class ReachWorkspace(NamedTuple):
     the palm (2, n): a workspace belongs to one tree."""
     nodes: npt.NDArray[np.int64]
     masks: npt.NDArray[np.uint64]
+    blocked: npt.NDArray[np.uint64]
+    """Masks of the angles found to be blocked, at the grasp and farther back (2,)."""
 
 
 class ReachResults(NamedTuple):
@@ -127,4 +129,5 @@ def make_workspace(angles: int) -> ReachWorkspace:
         recent=np.full((2, angles), -1, dtype=np.int64),
         nodes=np.zeros(STACK, dtype=np.int64),
         masks=np.zeros(STACK, dtype=np.uint64),
+        blocked=np.zeros(2, dtype=np.uint64),
     )

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import inlined, kernel
+from grasp3d._kernels.compiling.decorators import inlined, kernel, merged
+from grasp3d._kernels.surface.face_tree import GO_ON, NO_NODE, below, faces_of_leaf, walk
 from grasp3d._kernels.surface.polygons import CORNERS
 
 ROUNDING = 1e-9
@@ -126,7 +127,7 @@ TURNED_AWAY = 0.2
 
 
 @kernel
-def gather(surface, tree, pose, jaw, margin, stack, faces):
+def gather(surface, tree, pose, jaw, margin, nodes, faces):
     """Write the faces within the height and width of the jaws, at any x.
 
     Args:
@@ -135,28 +136,28 @@ def gather(surface, tree, pose, jaw, margin, stack, faces):
         pose: Rotation and translation from the gripper's frame (3, 4).
         jaw: `Jaw`.
         margin: Distance beyond the jaws' bounds up to which faces are written, too.
-        stack: Memory.
+        nodes: Memory of `walk`.
         faces: Written.
 
     Returns:
         Number of faces.
     """
-    size, count, waiting = surface.faces.shape[0], 0, 1
-    stack[0, 0], stack[0, 1] = 0, 0
-    while waiting:
-        waiting -= 1
-        level, j = stack[waiting, 0], stack[waiting, 1]
-        if not _near(tree.bounds[(1 << level) - 1 + j], pose, jaw, margin):
-            continue
-        if level < tree.depth:
-            for child in range(2):
-                stack[waiting, 0], stack[waiting, 1] = level + 1, 2 * j + child
-                waiting += 1
-            continue
-        for i in range(size * j >> level, size * (j + 1) >> level):
-            if _write_face(surface, tree.order[i], pose, jaw, margin, count, faces):
-                count += 1
-    return count
+    count = np.zeros(1, np.int64)
+    walk(_gather_node, (surface, tree, pose, jaw, margin, count, faces), nodes)
+    return count[0]
+
+
+@merged
+def _gather_node(node, _position, _stale, state):
+    """Visit a node of the tree."""
+    surface, tree, pose, jaw, margin, count, faces = state
+    if not _near(tree.bounds[node], pose, jaw, margin):
+        return NO_NODE, NO_NODE, GO_ON
+    first, last = faces_of_leaf(node, tree.depth, surface.faces.shape[0])
+    for i in range(first, last):
+        count[0] += _write_face(surface, tree.order[i], pose, jaw, margin, count[0], faces)
+    later, sooner = below(node, tree.depth)
+    return later, sooner, GO_ON
 
 
 @kernel

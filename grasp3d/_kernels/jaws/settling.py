@@ -416,7 +416,7 @@ def make_settling(size):
 
 
 @kernel
-def settle(surface, tree, pose, opening, friction, jaw, stack, memory):
+def settle(surface, tree, pose, opening, friction, jaw, nodes, memory):
     """Move an object between the jaws until it is at rest.
 
     Args:
@@ -427,7 +427,7 @@ def settle(surface, tree, pose, opening, friction, jaw, stack, memory):
         opening: Distance of the jaws at the start.
         friction: Coulomb coefficient between object and jaws.
         jaw: `Jaw`.
-        stack: Memory, as in `gather`.
+        nodes: Memory, as in `gather`.
         memory: `Settling`.
 
     Returns:
@@ -435,7 +435,7 @@ def settle(surface, tree, pose, opening, friction, jaw, stack, memory):
     """
     total, proven = memory.total, memory.proven
     write_motion(SHIFT, 0.0, 0.0, 0.0, memory.pivot, total)
-    count = gather(surface, tree, pose, jaw, 0.0, stack, memory.near)
+    count = gather(surface, tree, pose, jaw, 0.0, nodes, memory.near)
     found, width = touch(
         memory.near, count, total, jaw, -0.5 * opening, memory.touching, memory.touches
     )
@@ -453,7 +453,7 @@ def settle(surface, tree, pose, opening, friction, jaw, stack, memory):
         margin = _farthest(math.sqrt(2.0) * reach, size, start)
         if left < margin:  # faces that have not been written may have come near
             left = GATHERED * _farthest(math.sqrt(2.0) * LARGEST_TURN, size, start)
-            near = gather(surface, tree, pose, jaw, left, stack, memory.near)
+            near = gather(surface, tree, pose, jaw, left, nodes, memory.near)
             near = keep_near(memory.near, near, memory.touches, start, left, jaw)
             write_motion(SHIFT, 0.0, 0.0, size, memory.pivot, total)
         count = move(memory.near, near, total, jaw, margin, memory.faces)

@@ -195,3 +195,22 @@ def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasp
         for k in range(3):
             grasps.weights[v, 1, k] = weights[k]
         grasps.faces[v, 1] = face
+
+
+@merged
+def evaluate_on_face(v, sign, face, weights, surface, sets, grasps, found):
+    """Evaluate the grasp of a vertex and a point on a face, from its barycentric coordinates.
+
+    `found` is scratch (2, 3). The contacts must not be at one point.
+    """
+    points, own = surface.points, surface.points[v]
+    x, y, z = 0.0, 0.0, 0.0
+    for k in range(3):
+        corner = surface.faces[face, k]
+        x += weights[k] * points[corner, 0]
+        y += weights[k] * points[corner, 1]
+        z += weights[k] * points[corner, 2]
+    partner, three = (x, y, z), (weights[0], weights[1], weights[2])
+    x, y, z = x - own[0], y - own[1], z - own[2]
+    opening = math.sqrt(x * x + y * y + z * z)
+    evaluate_pair(v, sign, partner, opening, face, three, surface, sets, grasps, found)

@@ -10,6 +10,7 @@ import numpy as np
 from grasp3d._kernels.compiling.decorators import kernel, merged, part
 from grasp3d._kernels.search.face_contacts import best_cosine, read_own, write_side
 from grasp3d._kernels.search.rays import SMALLEST_OPENING
+from grasp3d._kernels.surface.face_tree import NO_NODE, below, faces_of_leaf
 from grasp3d._kernels.surface.surface_contacts import ANY_NORMAL, ON_EDGE
 from grasp3d._kernels.surface.vectors import copy
 
@@ -173,20 +174,19 @@ def bound_creases(tree, owners, surface, sets):
         surface: `Surface`.
         sets: `ContactNormals`.
     """
-    bounds, size, first_leaf = tree.bounds, tree.order.shape[0], (1 << tree.depth) - 1
+    bounds = tree.bounds
     rows, one = np.empty((3 * max(sets.counts.max(), 4) + 12, 3)), np.empty(10)
-    for node in range(2 * first_leaf, -1, -1):
+    for node in range(bounds.shape[0] - 1, -1, -1):
         for k in range(9):
             bounds[node, k] = 0.0
         bounds[node, 3] = -math.inf
-        leaf = node - first_leaf
-        if leaf >= 0:
-            for i in range(size * leaf >> tree.depth, size * (leaf + 1) >> tree.depth):
-                _bound_face(tree.order[i], owners, surface, sets, rows, one)
-                _merge(bounds[node], one)
-        else:
-            _merge(bounds[node], bounds[2 * node + 1])
-            _merge(bounds[node], bounds[2 * node + 2])
+        first, last = faces_of_leaf(node, tree.depth, tree.order.shape[0])
+        for i in range(first, last):
+            _bound_face(tree.order[i], owners, surface, sets, rows, one)
+            _merge(bounds[node], one)
+        for child in below(node, tree.depth):
+            if child != NO_NODE:
+                _merge(bounds[node], bounds[child])
     for node in range(bounds.shape[0]):
         bounds[node, 9] = bounds[node, 3]
         for k in range(3):
@@ -215,7 +215,7 @@ def _difference(normals, one, other):
 
 
 @part
-def _cosine_on_edge(t, face, k, v, surface, own, count, rows):
+def _cosine_on_edge(t, face, k, v, surface, own, rows):
     """Cosine of the critical angle of a contact on the edge opposite a corner of a face."""
     points, normals = surface.points, surface.normals
     corners, twins = surface.corners, surface.twins
@@ -226,7 +226,7 @@ def _cosine_on_edge(t, face, k, v, surface, own, count, rows):
     z = (1.0 - t) * points[start, 2] + t * points[end, 2] - points[v, 2]
     if x * x + y * y + z * z < SMALLEST_OPENING * SMALLEST_OPENING:
         return -1.0
-    result = best_cosine(own, count, x, y, z)
+    result = best_cosine(own.rows, own.size, x, y, z)
     if twins[face, k, 0] == ANY_NORMAL:
         return result
     _write_unit(normals, corners[face, a], normals, corners[face, b], t, rows, 0)
@@ -255,13 +255,13 @@ def _within_reach(face, k, v, surface, largest):
 
 
 @part
-def _is_useless(face, k, v, cosine, surface, own, count, rows):
+def _is_useless(face, k, v, cosine, surface, own, rows):
     """Whether no contact on an edge can be above a cosine, from the angle at its middle.
 
     Half the edge turns the line by at most asin(half / distance). It turns the ends of the arc of
     normals by half their difference, and its middle by less than twice that.
     """
-    middle = _cosine_on_edge(0.5, face, k, v, surface, own, count, rows)
+    middle = _cosine_on_edge(0.5, face, k, v, surface, own, rows)
     points, start, end = surface.points, surface.faces[face, k - 2], surface.faces[face, k - 1]
     near, square = 0.0, 0.0
     for i in range(3):
@@ -278,34 +278,34 @@ def _is_useless(face, k, v, cosine, surface, own, count, rows):
 
 
 @part
-def _best_on_edge(face, k, v, cosine, surface, own, count, largest, rows):
+def _best_on_edge(face, k, v, cosine, surface, own, largest, rows):
     """Golden section over an edge, whose contacts within any limit form an interval.
 
     Returns:
         (cosine, fraction of the edge), the fraction below 0 where none is above the given cosine.
     """
     low, high = _within_reach(face, k, v, surface, largest)
-    if low >= high or _is_useless(face, k, v, cosine, surface, own, count, rows):
+    if low >= high or _is_useless(face, k, v, cosine, surface, own, rows):
         return cosine, -1.0
     one, other = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-    at_one = _cosine_on_edge(one, face, k, v, surface, own, count, rows)
-    at_other = _cosine_on_edge(other, face, k, v, surface, own, count, rows)
+    at_one = _cosine_on_edge(one, face, k, v, surface, own, rows)
+    at_other = _cosine_on_edge(other, face, k, v, surface, own, rows)
     for _ in range(STEPS):
         if at_one > at_other:
             high, other, at_other = other, one, at_one
             one = high - GOLDEN * (high - low)
-            at_one = _cosine_on_edge(one, face, k, v, surface, own, count, rows)
+            at_one = _cosine_on_edge(one, face, k, v, surface, own, rows)
         else:
             low, one, at_one = one, other, at_other
             other = low + GOLDEN * (high - low)
-            at_other = _cosine_on_edge(other, face, k, v, surface, own, count, rows)
+            at_other = _cosine_on_edge(other, face, k, v, surface, own, rows)
     if not max(at_one, at_other) > cosine:
         return cosine, -1.0
     return (at_one, one) if at_one > at_other else (at_other, other)
 
 
 @part
-def _cosine_at_corner(vertex, v, surface, sets, own, count, largest, rows):
+def _cosine_at_corner(vertex, v, surface, sets, own, largest, rows):
     """Cosine of the critical angle of a contact at another vertex; -1: there is none."""
     points = surface.points
     x = points[vertex, 0] - points[v, 0]
@@ -316,11 +316,11 @@ def _cosine_at_corner(vertex, v, surface, sets, own, count, largest, rows):
         return -1.0
     others = read_own(vertex, sets, rows)
     there = best_cosine(rows, others, -x, -y, -z)
-    return min(best_cosine(own, count, x, y, z), there)
+    return min(best_cosine(own.rows, own.size, x, y, z), there)
 
 
 @part
-def best_on_creases(face, v, cosine, owners, surface, sets, own, count, largest, rows, weights):
+def best_on_creases(face, v, cosine, owners, own, domain, rows, weights):
     """Find the best contact of a vertex on the creases and corners of a face.
 
     Args:
@@ -328,28 +328,26 @@ def best_on_creases(face, v, cosine, owners, surface, sets, own, count, largest,
         v: The vertex.
         cosine: Cosine of the limit, not below 0.
         owners: What `faces_of_corners` returns (V,).
-        surface: `Surface`.
-        sets: `ContactNormals`.
-        own: The vertex's normals, of which the best one counts; see `read_own`.
-        count: Their number.
-        largest: Largest opening.
-        rows: Scratch like `own`, with two rows at least.
+        own: `OwnNormals`, of which the best one counts.
+        domain: `PairDomain`.
+        rows: Scratch like those of `own`, two at least.
         weights: Barycentric coordinates of the contact, written where one was found (3,).
 
     Returns:
         Cosine of the smallest critical angle, or `cosine`.
     """
+    surface, sets, largest = domain.surface, domain.sets, domain.limits.largest
     for k in range(3):
         vertex = surface.faces[face, k]
         if owners[vertex] == face:
-            found = _cosine_at_corner(vertex, v, surface, sets, own, count, largest, rows)
+            found = _cosine_at_corner(vertex, v, surface, sets, own, largest, rows)
             if found > cosine:
                 cosine = found
                 weights[0], weights[1], weights[2] = 0.0, 0.0, 0.0
                 weights[k] = 1.0
         ends = surface.faces[face, k - 2], surface.faces[face, k - 1]
         if _has_edge(face, k, surface) and ends[0] != v and ends[1] != v:
-            cosine, t = _best_on_edge(face, k, v, cosine, surface, own, count, largest, rows)
+            cosine, t = _best_on_edge(face, k, v, cosine, surface, own, largest, rows)
             if t >= 0.0:
                 weights[k], weights[(k + 1) % 3], weights[(k + 2) % 3] = 0.0, 1.0 - t, t
     return cosine

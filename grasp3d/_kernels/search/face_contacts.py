@@ -4,8 +4,16 @@ Angles are compared by their cosines, which saves most of the time: the larger c
 """
 
 import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 
 from grasp3d._kernels.compiling.decorators import merged, part, scratch_kernel
+from grasp3d._kernels.search.antipodal_candidates import PairLimits
+from grasp3d._kernels.surface.face_tree import FaceTree
+from grasp3d._kernels.surface.normal_sets import ContactNormals
+from grasp3d._kernels.surface.surface_contacts import Surface
 
 INSIDE = 2e-9
 """Smallest barycentric coordinate of a candidate: off the edges, where other normals count too."""
@@ -18,6 +26,28 @@ TOTAL = sum(STEPS)
 
 NONE = -2.0
 """In place of a cosine: no grasp."""
+
+
+class PairDomain(NamedTuple):
+    """Where opposing contacts of vertices are searched for."""
+
+    surface: Surface
+    sets: ContactNormals
+    centres: npt.NDArray[np.float64]
+    """Centre of each vertex's set of normals (V, 3)."""
+    tree: FaceTree
+    limits: PairLimits
+
+
+class OwnNormals(NamedTuple):
+    """The normals of a vertex, and which of them counts."""
+
+    rows: npt.NDArray[np.float64]
+    """As `read_own` writes them (k, 12)."""
+    size: int
+    """Their number."""
+    worst: bool
+    """Whether the worst one counts, or the best one."""
 
 
 @merged
@@ -85,13 +115,13 @@ def best_cosine(own, count, x, y, z):
 
 
 @merged
-def own_cosine(own, count, worst, x, y, z):
-    """Cosine of the angle between a direction and the vertex's worst normal, or its best one."""
-    if not worst:
-        return best_cosine(own, count, x, y, z)
+def own_cosine(own, x, y, z):
+    """Cosine of the angle between a direction and the normal of `OwnNormals` that counts."""
+    if not own.worst:
+        return best_cosine(own.rows, own.size, x, y, z)
     least = math.inf
-    for i in range(count):
-        least = min(least, _product(own, i, 0, x, y, z))
+    for i in range(own.size):
+        least = min(least, _product(own.rows, i, 0, x, y, z))
     return least / math.sqrt(x * x + y * y + z * z)
 
 
@@ -117,7 +147,7 @@ def _turned(cosine, location, opening):
 
 
 @merged
-def upper_bound(node, v, own, count, worst, tree, surface, limits, least):
+def upper_bound(node, v, own, domain, least):
     """Upper bound of the cosine of the costs of grasps of a vertex and a node's faces.
 
     The line to any point in the node's ball is within an angle `ball` of the line to its centre,
@@ -127,10 +157,10 @@ def upper_bound(node, v, own, count, worst, tree, surface, limits, least):
     locations of contacts turn no line by less than one that is `reach` long.
     Below `least`, the bound is not made tighter.
     """
-    bounds, points = tree.bounds, surface.points
+    bounds, points, limits = domain.tree.bounds, domain.surface.points, domain.limits
     radius, cos_spread, sin_spread = bounds[node, 3], bounds[node, 7], bounds[node, 8]
     ax, ay, az = bounds[node, 4], bounds[node, 5], bounds[node, 6]
-    turn = own_cosine(own, count, worst, -ax, -ay, -az)
+    turn = own_cosine(own, -ax, -ay, -az)
     both = _nearer(turn, cos_spread, sin_spread)
     bound = math.sqrt(max(0.5 + 0.5 * both, 0.0))
     if bound <= least:
@@ -153,7 +183,7 @@ def upper_bound(node, v, own, count, worst, tree, surface, limits, least):
         if tangent > limits.largest:  # the lines that touch the ball are too long
             cos_ball = (square + reach * reach - radius * radius) / (2.0 * distance * reach)
             sin_ball = _sine(cos_ball)
-        bound = min(bound, _nearer(own_cosine(own, count, worst, x, y, z), cos_ball, sin_ball))
+        bound = min(bound, _nearer(own_cosine(own, x, y, z), cos_ball, sin_ball))
         cosine = cos_ball * cos_spread - sin_ball * sin_spread
         sine = sin_ball * cos_spread + cos_ball * sin_spread
         if bound > least and sine > 0.0:  # otherwise both angles add up to more than pi
@@ -189,7 +219,7 @@ def longest_difference(rows):
 
 
 @merged
-def cosine_at(w0, w1, w2, lines, normals, own, count, worst, limits):
+def cosine_at(w0, w1, w2, lines, normals, own, limits):
     """Cosine of the cost of the grasp of a vertex and a point inside a face.
 
     NONE outside the limits of openings, and of the critical angle.
@@ -205,7 +235,7 @@ def cosine_at(w0, w1, w2, lines, normals, own, count, worst, limits):
     if not limits.smallest <= opening <= limits.largest or length < 1e-12:
         return NONE
     opposite = -(mx * dx + my * dy + mz * dz) / (opening * length)
-    cosine = min(opposite, own_cosine(own, count, worst, dx, dy, dz))
+    cosine = min(opposite, own_cosine(own, dx, dy, dz))
     if cosine <= limits.cos_cone:
         return NONE
     if limits.location > 0.0:
@@ -234,7 +264,7 @@ def turning_speed(weights, lines, normals, cos_spread, location):
 
 
 @part
-def move_on_face(weights, cosine, turning, limit, lines, normals, own, count, worst, limits):
+def move_on_face(weights, cosine, turning, limit, lines, normals, own, limits):
     """Move a contact over its face in ever smaller steps while the angle falls; returns its cosine.
 
     Each step is the best of the six from one corner toward another, whatever the corners' order.
@@ -247,10 +277,8 @@ def move_on_face(weights, cosine, turning, limit, lines, normals, own, count, wo
         limit: Cost to be improved [rad].
         lines: Lines from the vertex to the corners (3, 3).
         normals: Normals at the corners (3, 3).
-        own: The vertex's own normals, see `read_own`.
-        count: Their number.
-        worst: See `descend`.
-        limits: See `descend`.
+        own: `OwnNormals`.
+        limits: `PairLimits`.
     """
     remaining = TOTAL
     for step in STEPS:
@@ -267,7 +295,7 @@ def move_on_face(weights, cosine, turning, limit, lines, normals, own, count, wo
             weights[giving] -= moved
             weights[taking] += moved
             w0, w1, w2 = weights[0], weights[1], weights[2]
-            changed = cosine_at(w0, w1, w2, lines, normals, own, count, worst, limits)
+            changed = cosine_at(w0, w1, w2, lines, normals, own, limits)
             weights[giving] += moved
             weights[taking] -= moved
             if changed > cosine:

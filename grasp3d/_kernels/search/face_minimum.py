@@ -47,28 +47,27 @@ def _nearest_normal(own, count, x, y, z, nearest):
 
 
 @part
-def decisive_normal(own, count, worst, x, y, z, nearest):
+def decisive_normal(own, x, y, z, nearest):
     """Write the vertex's normal that decides about a unit vector; returns their cosine.
 
     Args:
-        own: The vertex's normals, see `read_own`.
-        count: Their number.
-        worst: Whether the farthest normal decides, or the nearest one.
+        own: `OwnNormals`: the farthest one decides, or the nearest one.
         x: The vector.
         y: Its second coordinate.
         z: Its third one.
         nearest: Written (3,), unless the vector is between the normals or there are none.
     """
+    rows, count, worst = own
     if count == 0:
         return 1.0
     if not worst and count != 1:
-        return _nearest_normal(own, count, x, y, z, nearest)
+        return _nearest_normal(rows, count, x, y, z, nearest)
     least, row = 2.0, 0
     for i in range(count):
-        cosine = own[i, 0] * x + own[i, 1] * y + own[i, 2] * z
+        cosine = rows[i, 0] * x + rows[i, 1] * y + rows[i, 2] * z
         if cosine < least:
             least, row = cosine, i
-    nearest[0], nearest[1], nearest[2] = own[row, 0], own[row, 1], own[row, 2]
+    nearest[0], nearest[1], nearest[2] = rows[row, 0], rows[row, 1], rows[row, 2]
     return least
 
 
@@ -217,9 +216,7 @@ def _farthest(polygon, size, x, y):
 
 
 @part
-def best_on_face(
-    weights, cosine, lines, normals, own, count, worst, largest, most, polygon, nearest
-):
+def best_on_face(weights, cosine, lines, normals, own, largest, most, polygon, nearest):
     """Find the contact on a face with the smallest critical angle, if that is below a limit.
 
     Args:
@@ -228,10 +225,7 @@ def best_on_face(
         cosine: Cosine of the limit, not below 0.
         lines: Lines from the vertex to the corners (3, 3).
         normals: Normals at the corners (3, 3).
-        own: The vertex's own normals, see `read_own`.
-        count: Their number.
-        worst: Whether the angle over the worst normals of the vertex counts, or that over its best
-            normals.
+        own: `OwnNormals`.
         largest: Largest opening.
         most: Most points that are tried; where it is 1, no tangent is trusted beyond its curvature.
         polygon: Scratch (2 * REGION_CORNERS, 3).
@@ -260,7 +254,7 @@ def best_on_face(
         product = dot(normal, line)
         other = -product / (opening * length)
         unit = line[0] / opening, line[1] / opening, line[2] / opening
-        first = decisive_normal(own, count, worst, unit[0], unit[1], unit[2], nearest)
+        first = decisive_normal(own, unit[0], unit[1], unit[2], nearest)
         own_normal = nearest[0], nearest[1], nearest[2]
         along_u, along_w = dot(unit, u), dot(unit, w)
         if opening > largest:
@@ -321,9 +315,7 @@ def _mix(rows, weights, mixed):
 
 
 @part
-def best_on_bent_face(
-    weights, cosine, lines, normals, own, count, worst, largest, parts, polygon, nearest, part
-):
+def best_on_bent_face(weights, cosine, lines, normals, own, largest, parts, polygon, nearest, part):
     """`best_on_face` of each part of a face whose edges are divided.
 
     Args:
@@ -332,8 +324,6 @@ def best_on_bent_face(
         lines: The same.
         normals: The same.
         own: The same.
-        count: The same.
-        worst: The same.
         largest: The same.
         parts: Parts of each edge.
         polygon: Scratch.
@@ -359,9 +349,8 @@ def best_on_bent_face(
             inside[0], inside[1], inside[2] = 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0
             most = int(MOST_POINTS)  # for a literal Numba compiles another copy
             found, _ = best_on_face(
-                inside, cosine, part_lines, part_normals, own, count, worst, largest, most, polygon,
-                nearest,
-            )  # fmt: skip
+                inside, cosine, part_lines, part_normals, own, largest, most, polygon, nearest
+            )
             if found > cosine:
                 cosine = found
                 for k in range(3):

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.compiling.decorators import inlined, merged, scratch_kernel
+from grasp3d._kernels.compiling.decorators import merged, scratch_kernel
 from grasp3d._kernels.search.coplanar_contacts import set_contact_plane
 from grasp3d._kernels.search.multifinger_evaluation import RIGHT_ANGLE, evaluate
 from grasp3d._kernels.search.multifinger_grasps import (
@@ -398,25 +398,41 @@ def _initial_grasps(v, own, n, domain, candidate_points, limits, previous, works
     return 1
 
 
-@inlined
-def _search(
-    stage,
-    vertices,
-    own,
-    n,
-    domain,
-    candidate_points,
-    limits,
-    seed,
-    step,
-    rounds,
-    previous,
-    grasps,
-    workspace,
-    planar,
-    hull,
-):
-    """Search for grasps of n fingers; see `search_three_fingers` and `search_more_fingers`."""
+@scratch_kernel
+def search_fingers(
+    stage, vertices, own, fingers, domain, candidate_points, limits, seed, step, rounds, previous,
+    grasps, workspace, planar, hull,
+):  # fmt: skip
+    """Search for grasps of several fingers with the first contact at given vertices.
+
+    Of three fingers all pairs of candidate points are evaluated and the best starts refined. Then
+    the other fingers of the best grasp are moved one by one to the best of all candidate points,
+    and the result is refined again.
+
+    Of more, the last finger is added at the best candidate point to the best grasp of one finger
+    less. A force-closed grasp stays so with an additional finger, so a vertex never becomes worse.
+
+    Args:
+        stage: 0: start as above; from 1 on: evaluate and refine the grasps of neighbours.
+        vertices: Vertices (m,).
+        own: Candidate point that belongs to each vertex; NO_CONTACT: none (V,).
+        fingers: Their number, 3 or more.
+        domain: `ContactDomain`.
+        candidate_points: `CandidatePoints`.
+        limits: `SearchLimits`.
+        seed: Seed of the random numbers.
+        step: First step length of the refinement.
+        rounds: Number of its steps.
+        previous: `BestGrasps` at the beginning of the stage; at first of one finger less, if those
+            are at least three.
+        grasps: `BestGrasps`; written.
+        workspace: `SearchWorkspace`.
+        planar: `PlaneScratch`.
+        hull: `HullScratch`; None for three fingers, for which no hull is compiled.
+    """
+    n = fingers
+    if hull is None:  # a constant, in the machine code for three fingers
+        n = 3
     candidate = workspace.candidate
     for v in vertices:
         if not set_vertex_contact(0, v, domain, candidate):
@@ -466,92 +482,3 @@ def _search(
                 angle = refine(n, angle, step, rounds, domain, limits, workspace, planar, hull)
             if angle < grasps.angles[v]:
                 store_grasp(v, n, angle, grasps, workspace)
-
-
-@scratch_kernel
-def search_three_fingers(
-    stage,
-    vertices,
-    own,
-    domain,
-    candidate_points,
-    limits,
-    seed,
-    step,
-    rounds,
-    previous,
-    grasps,
-    workspace,
-    planar,
-):
-    """Search for grasps of three fingers with the first contact at given vertices.
-
-    All pairs of candidate points are evaluated and the best starts refined. Then the other fingers
-    of the best grasp are moved one by one to the best of all candidate points, and the result is
-    refined again.
-
-    Args:
-        stage: 0: start as above; from 1 on: evaluate and refine the grasps of neighbours.
-        vertices: Vertices (m,).
-        own: Candidate point that belongs to each vertex; NO_CONTACT: none (V,).
-        domain: `ContactDomain`.
-        candidate_points: `CandidatePoints`.
-        limits: `SearchLimits`.
-        seed: Seed of the random numbers.
-        step: First step length of the refinement.
-        rounds: Number of its steps.
-        previous: `BestGrasps` at the beginning of the stage.
-        grasps: `BestGrasps`; written.
-        workspace: `SearchWorkspace`.
-        planar: `PlaneScratch`.
-    """
-    _search(
-        stage, vertices, own, 3, domain, candidate_points, limits, seed, step, rounds, previous,
-        grasps, workspace, planar, None,
-    )  # fmt: skip
-
-
-@scratch_kernel
-def search_more_fingers(
-    stage,
-    vertices,
-    own,
-    n,
-    domain,
-    candidate_points,
-    limits,
-    seed,
-    step,
-    rounds,
-    previous,
-    grasps,
-    workspace,
-    planar,
-    hull,
-):
-    """Search for grasps of n fingers with the first contact at given vertices.
-
-    The last finger is added at the best candidate point to the best grasp of one finger less. A
-    force-closed grasp stays so with an additional finger, so a vertex never becomes worse.
-
-    Args:
-        stage: As for `search_three_fingers`.
-        vertices: As for `search_three_fingers`.
-        own: As for `search_three_fingers`.
-        n: Fingers, 4 or more.
-        domain: `ContactDomain`.
-        candidate_points: `CandidatePoints`.
-        limits: `SearchLimits`.
-        seed: Seed of the random numbers.
-        step: First step length of the refinement.
-        rounds: Number of its steps.
-        previous: `BestGrasps` of one finger less, or those at the beginning of the stage.
-        grasps: `BestGrasps`; written.
-        workspace: `SearchWorkspace`.
-        planar: `PlaneScratch`.
-        hull: `HullScratch`.
-    """
-    _search(
-        stage, vertices, own, n, domain, candidate_points, limits, seed, step, rounds, previous,
-        grasps, workspace, planar, hull,
-    )  # fmt: skip

@@ -60,8 +60,18 @@ def starting_rays(owner, closing, signs, size):
     )
 
 
+@kernel
+def make_rays(capacity):
+    """Allocate owner, closing direction and sign of so many rays."""
+    return (
+        np.empty(capacity, dtype=np.int32),
+        np.empty((capacity, 3)),
+        np.empty(capacity, dtype=np.int8),
+    )
+
+
 @part
-def append_ray(size, v, sign, direction, bound, sets, owner, closing, signs):
+def append_ray(size, v, sign, direction, bound, sets, rays):
     """Write a ray where its angle to the vertex's normals is within a bound.
 
     Returns:
@@ -70,6 +80,7 @@ def append_ray(size, v, sign, direction, bound, sets, owner, closing, signs):
     x, y, z = direction
     if smallest_angle(sets.normals, sets.start[v], sets.counts[v], x, y, z) > bound:
         return size
+    owner, closing, signs = rays
     owner[size], signs[size] = v, sign
     closing[size, 0], closing[size, 1], closing[size, 2] = x, y, z
     return size + 1
@@ -216,19 +227,12 @@ def seed_rays(vertices, rays, batch, cone, sign, frames, sets, grasps):
         The `Rays`.
     """
     start, counts, normals = sets.start, sets.counts, sets.normals
-    capacity = vertices.shape[0] * (batch[1] - batch[0])
-    owner = np.empty(capacity, dtype=np.int32)
-    closing = np.empty((capacity, 3))
-    size = 0
+    written, size = make_rays(vertices.shape[0] * (batch[1] - batch[0])), 0
     for v in vertices:
         # The critical angle is at least the angle between the direction and the vertex's normals.
         bound = min(cone, grasps.start_angles[v, -1])
         c, t = frames.centres[v], frames.tangents[v]
-        bx, by, bz = (
-            c[1] * t[2] - c[2] * t[1],
-            c[2] * t[0] - c[0] * t[2],
-            c[0] * t[1] - c[1] * t[0],
-        )
+        bx, by, bz = cross(c, t)
         cap = 1.0 - math.cos(min(cone + frames.radii[v], math.pi))
         set_corners = 0 if counts[v] == 1 else min(counts[v], rays // 4)
         spiral_size = rays - set_corners
@@ -245,12 +249,8 @@ def seed_rays(vertices, rays, batch, cone, sign, frames, sets, grasps):
                 x = cosine * c[0] + p * t[0] + q * bx
                 y = cosine * c[1] + p * t[1] + q * by
                 z = cosine * c[2] + p * t[2] + q * bz
-            if smallest_angle(normals, start[v], counts[v], x, y, z) > bound:
-                continue
-            owner[size] = v
-            closing[size, 0], closing[size, 1], closing[size, 2] = x, y, z
-            size += 1
-    return starting_rays(owner, closing, np.full(size, sign, dtype=np.int8), size)
+            size = append_ray(size, v, sign, (x, y, z), bound, sets, written)
+    return starting_rays(*written, size)
 
 
 @kernel
@@ -272,10 +272,7 @@ def neighbour_rays(vertices, cone, points, neighbours, sets, grasps):
     capacity = 0
     for v in vertices:
         capacity += first[v + 1] - first[v]
-    owner = np.empty(capacity, dtype=np.int32)
-    closing = np.empty((capacity, 3))
-    signs = np.empty(capacity, dtype=np.int8)
-    size = 0
+    rays, size = make_rays(capacity), 0
     for v in vertices:
         bound = min(cone, grasps.worst[v])
         for k in range(first[v], first[v + 1]):
@@ -292,8 +289,8 @@ def neighbour_rays(vertices, cone, points, neighbours, sets, grasps):
             if length < 1e-6:
                 continue
             toward = sign * x / length, sign * y / length, sign * z / length
-            size = append_ray(size, v, sign, toward, bound, sets, owner, closing, signs)
-    return starting_rays(owner, closing, signs, size)
+            size = append_ray(size, v, sign, toward, bound, sets, rays)
+    return starting_rays(*rays, size)
 
 
 RAYS_PER_ROUND = 13
@@ -312,7 +309,7 @@ def _across(axis, vector):
 
 
 @part
-def _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, owner, closing, signs):
+def _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, rays):
     """Append six directions at an angle of `radius` about `axis`; returns the new number of rays.
 
     Only those within `bound` of the normals, as others cannot have a smaller critical angle.
@@ -338,7 +335,7 @@ def _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, owner, closin
             along * axis[1] + p * e1[1] + q * e2[1],
             along * axis[2] + p * e1[2] + q * e2[2],
         )
-        size = append_ray(size, v, sign, direction, bound, sets, owner, closing, signs)
+        size = append_ray(size, v, sign, direction, bound, sets, rays)
     return size
 
 
@@ -374,11 +371,7 @@ def refining_rays(vertices, radii, turn, cone, points, frames, sets, grasps):
     Returns:
         The `Rays`.
     """
-    capacity = vertices.shape[0] * RAYS_PER_ROUND
-    owner = np.empty(capacity, dtype=np.int32)
-    closing = np.empty((capacity, 3))
-    signs = np.empty(capacity, dtype=np.int8)
-    size = 0
+    rays, size = make_rays(vertices.shape[0] * RAYS_PER_ROUND), 0
     for v in vertices:
         sign, axis, tangent = grasps.signs[v], grasps.closing[v], frames.tangents[v]
         radius, bound = radii[v], min(cone, _largest_angle(v, points, grasps))
@@ -387,16 +380,14 @@ def refining_rays(vertices, radii, turn, cone, points, frames, sets, grasps):
         length = math.sqrt(x * x + y * y + z * z)
         if length > 1e-9:
             middle = x / length, y / length, z / length
-            size = append_ray(size, v, sign, middle, bound, sets, owner, closing, signs)
-        size = _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, owner, closing, signs)
+            size = append_ray(size, v, sign, middle, bound, sets, rays)
+        size = _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, rays)
         # On creases the best grasp over the best normals may be another one, with its own ring.
         other = grasps.closing_best[v]
         if sets.counts[v] != 1 and dot(axis, other) < math.cos(0.5 * radius):
             sign = grasps.signs_best[v]
-            size = _ring(
-                size, v, sign, other, radius, turn, tangent, bound, sets, owner, closing, signs
-            )
-    return starting_rays(owner, closing, signs, size)
+            size = _ring(size, v, sign, other, radius, turn, tangent, bound, sets, rays)
+    return starting_rays(*rays, size)
 
 
 @kernel
@@ -415,18 +406,12 @@ def exploring_rays(vertices, radius, turn, cone, frames, sets, grasps):
     Returns:
         The `Rays`.
     """
-    capacity = vertices.shape[0] * 6 * (grasps.starts.shape[1] - 1)
-    owner = np.empty(capacity, dtype=np.int32)
-    closing = np.empty((capacity, 3))
-    signs = np.empty(capacity, dtype=np.int8)
-    size = 0
+    rays, size = make_rays(vertices.shape[0] * 6 * (grasps.starts.shape[1] - 1)), 0
     for v in vertices:
         bound = min(cone, grasps.start_angles[v, -1])
         for k in range(1, grasps.starts.shape[1]):
             if grasps.start_angles[v, k] < math.inf:
                 axis, sign = grasps.starts[v, k], grasps.start_signs[v, k]
                 tangent = frames.tangents[v]
-                size = _ring(
-                    size, v, sign, axis, radius, turn, tangent, bound, sets, owner, closing, signs
-                )
-    return starting_rays(owner, closing, signs, size)
+                size = _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, rays)
+    return starting_rays(*rays, size)

@@ -14,8 +14,9 @@ from grasp3d._kernels.compiling.decorators import kernel, merged, part
 from grasp3d._kernels.jaws.blocked_angles import NONE
 from grasp3d._kernels.jaws.gripper_shape import BLOCKED, REACHED, RESULTS
 from grasp3d._kernels.jaws.reaching import reach_pair
-from grasp3d._kernels.search.antipodal_candidates import evaluate_pair
+from grasp3d._kernels.search.antipodal_candidates import evaluate_on_face
 from grasp3d._kernels.search.face_contacts import (
+    OwnNormals,
     aim,
     cosine_at,
     move_on_face,
@@ -23,6 +24,7 @@ from grasp3d._kernels.search.face_contacts import (
     read_own,
     upper_bound,
 )
+from grasp3d._kernels.surface.face_tree import NO_NODE, below, faces_of_leaf
 from grasp3d._kernels.surface.normal_sets import smallest_angle
 from grasp3d._kernels.surface.surface_contacts import write_normals
 from grasp3d._kernels.surface.vectors import copy, dot
@@ -94,10 +96,11 @@ def _is_near(point, radius, others, count, spacing):
 
 
 @part
-def _test(v, sign, face, weights, explain, centres, surface, sets, reaching, scratch):
+def _test(v, sign, face, weights, explain, domain, reaching, scratch):
     """Test the grasp of a vertex and a point on a face; (code, free angles) of `reach_pair`."""
     shape, limits, tree, workspace = reaching
     points, normals, set_normals, result = scratch
+    surface, sets, centres = domain.surface, domain.sets, domain.centres
     copy(surface.points[v], points[0])
     copy(centres[v], normals[0])
     _write_point(face, weights, surface, points[1])
@@ -126,9 +129,7 @@ def _make_scratch():
 
 
 @kernel
-def keep_reached(
-    vertices, signs, faces, weights, centres, surface, sets, reaching, grasps, results
-):
+def keep_reached(vertices, signs, faces, weights, domain, reaching, grasps, results):
     """Keep the given grasps that are reached, where they are better than those known.
 
     Args:
@@ -136,14 +137,12 @@ def keep_reached(
         signs: +1 squeeze, -1 expand (n,).
         faces: Faces of the opposing contacts, -1: none (n,).
         weights: Barycentric coordinates (n, 3).
-        centres: Centre of each vertex's set of normals (V, 3).
-        surface: `Surface`.
-        sets: `ContactNormals`.
+        domain: `PairDomain`.
         reaching: (shape, limits, tree, workspace), as `reach_pair` takes them.
         grasps: `BestPairs` of reached grasps; written.
         results: `ReachResults` of their grasps of `worst`, a row per vertex; written.
     """
-    scratch = _make_scratch()
+    scratch, surface, sets = _make_scratch(), domain.surface, domain.sets
     point, set_normals, result = scratch[0][1], scratch[2], scratch[3]
     for i in range(len(vertices)):
         v, sign, face, own = vertices[i], np.int64(signs[i]), faces[i], weights[i]
@@ -160,23 +159,10 @@ def keep_reached(
         low = smallest_angle(sets.normals, sets.start[v], sets.counts[v], s * x, s * y, s * z)
         if low >= grasps.worst[v] and low >= grasps.best[v]:
             continue
-        code, free = _test(
-            v, sign, face, own, not EXPLAIN, centres, surface, sets, reaching, scratch
-        )
+        code, free = _test(v, sign, face, own, not EXPLAIN, domain, reaching, scratch)
         if code == REACHED:
             before = grasps.worst[v]
-            evaluate_pair(
-                v,
-                sign,
-                (point[0], point[1], point[2]),
-                opening,
-                face,
-                (own[0], own[1], own[2]),
-                surface,
-                sets,
-                grasps,
-                set_normals,
-            )
+            evaluate_on_face(v, sign, face, own, surface, sets, grasps, set_normals)
             if grasps.worst[v] < before:
                 results.codes[v], results.free[v] = code, free
                 for k in range(RESULTS):
@@ -184,7 +170,7 @@ def keep_reached(
 
 
 @kernel
-def explain_pairs(vertices, signs, faces, weights, centres, surface, sets, reaching, codes):
+def explain_pairs(vertices, signs, faces, weights, domain, reaching, codes):
     """Find why grasps of vertices and points on faces are not reached.
 
     Args:
@@ -192,35 +178,18 @@ def explain_pairs(vertices, signs, faces, weights, centres, surface, sets, reach
         signs: +1 squeeze, -1 expand (n,).
         faces: Faces of the opposing contacts (n,).
         weights: Barycentric coordinates (n, 3).
-        centres: Centre of each vertex's set of normals (V, 3).
-        surface: `Surface`.
-        sets: `ContactNormals`.
+        domain: `PairDomain`.
         reaching: (shape, limits, tree, workspace), as `reach_pair` takes them.
         codes: Written, a row per vertex (V,).
     """
     scratch = _make_scratch()
     for i in range(len(vertices)):
-        codes[vertices[i]], _ = _test(
-            vertices[i], np.int64(signs[i]), faces[i], weights[i], EXPLAIN, centres, surface, sets,
-            reaching, scratch,
-        )  # fmt: skip
+        v, sign = vertices[i], np.int64(signs[i])
+        codes[v], _ = _test(v, sign, faces[i], weights[i], EXPLAIN, domain, reaching, scratch)
 
 
 @kernel
-def search_reachable(
-    vertices,
-    worst,
-    cone,
-    spacing,
-    wanted,
-    most_failed,
-    tree,
-    centres,
-    surface,
-    sets,
-    limits,
-    reaching,
-):
+def search_reachable(vertices, worst, cone, spacing, wanted, most_failed, domain, reaching):
     """Find the opposing contacts of each vertex with the smallest costs that are reached.
 
     For fingers that squeeze.
@@ -233,18 +202,14 @@ def search_reachable(
         spacing: Distance from which contacts are different.
         wanted: Contacts wanted of each vertex, k.
         most_failed: Contacts of each vertex that are tested and not reached, before it ends.
-        tree: `FaceTree`.
-        centres: Centre of each vertex's set of normals (V, 3).
-        surface: `Surface`.
-        sets: `ContactNormals`.
-        limits: `PairLimits`.
+        domain: `PairDomain`.
         reaching: (shape, limits, tree, workspace), as `reach_pair` takes them.
 
     Returns:
         Faces (n, k), -1: none, and barycentric coordinates (n, k, 3) of the contacts, best first.
     """
-    size, depth = tree.order.shape[0], tree.depth
-    first_leaf, least = (1 << depth) - 1, math.cos(cone)
+    surface, sets, limits, tree = domain.surface, domain.sets, domain.limits, domain.tree
+    least = math.cos(cone)
     # The heap has the smallest key at the top: keys are cosines with the sign turned.
     keys, entries = np.empty(MOST_WAITING), np.empty(MOST_WAITING, dtype=np.int64)
     found_faces = np.full((len(vertices), wanted), -1, dtype=np.int64)
@@ -253,14 +218,14 @@ def search_reachable(
     contact_weights, weights = np.empty((MOST_STEPS, 3)), np.empty(3)
     tested = np.empty((most_failed + wanted, 3))
     lines, corner_normals = np.empty((3, 3)), np.empty((3, 3))
-    own = np.empty((max(sets.counts.max(), 1), 12))
+    rows = np.empty((max(sets.counts.max(), 1), 12))
     scratch = _make_scratch()
     point = scratch[0][1]
     for row in range(len(vertices)):
         v = vertices[row]
         if worst and sets.counts[v] == 0:
             continue  # among all directions the worst normal has no grasp
-        count = read_own(v, sets, own)
+        own = OwnNormals(rows, read_own(v, sets, rows), worst)
         contacts, failed, reached = 0, 0, 0
         waiting = _push(keys, entries, 0, -1.0, 0)
         for _ in range(MOST_STEPS):
@@ -275,23 +240,10 @@ def search_reachable(
                     continue
                 if key > ACCURATE:
                     read_face(face, v, surface, lines, corner_normals)
-                    move_on_face(
-                        chosen,
-                        -key,
-                        math.inf,
-                        0.0,
-                        lines,
-                        corner_normals,
-                        own,
-                        count,
-                        worst,
-                        limits,
-                    )
+                    move_on_face(chosen, -key, math.inf, 0.0, lines, corner_normals, own, limits)
                     _write_point(face, chosen, surface, point)
                 copy(point, tested[failed + reached])
-                code, _ = _test(
-                    v, 1, face, chosen, not EXPLAIN, centres, surface, sets, reaching, scratch
-                )
+                code, _ = _test(v, 1, face, chosen, not EXPLAIN, domain, reaching, scratch)
                 if code == REACHED:
                     found_faces[row, reached] = face
                     copy(chosen, found_weights[row, reached])
@@ -302,31 +254,29 @@ def search_reachable(
             ball = tree.bounds[entry]
             if _is_near(ball, ball[3], tested, failed + reached, spacing):
                 continue  # of a contact that was tested after it began to wait
-            if entry < first_leaf:
-                for child in range(2 * entry + 1, 2 * entry + 3):
-                    high = upper_bound(child, v, own, count, worst, tree, surface, limits, least)
-                    if high <= least or waiting == MOST_WAITING:
-                        continue
-                    ball = tree.bounds[child]
-                    if not _is_near(ball, ball[3], tested, failed + reached, spacing):
-                        waiting = _push(keys, entries, waiting, -high, child)
-            else:
-                leaf = entry - first_leaf
-                for i in range(size * leaf >> depth, size * (leaf + 1) >> depth):
-                    face = tree.order[i]
-                    if contacts == MOST_STEPS or not aim(face, v, centres, surface, weights):
-                        continue
-                    _write_point(face, weights, surface, point)
-                    if _is_near(point, 0.0, tested, failed + reached, spacing):
-                        continue
-                    read_face(face, v, surface, lines, corner_normals)
-                    cosine = cosine_at(
-                        weights[0], weights[1], weights[2], lines, corner_normals, own, count,
-                        worst, limits,
-                    )  # fmt: skip
-                    if cosine > least and waiting < MOST_WAITING:
-                        contact_faces[contacts] = face
-                        copy(weights, contact_weights[contacts])
-                        contacts += 1
-                        waiting = _push(keys, entries, waiting, -cosine, -contacts)
+            for child in below(entry, tree.depth):
+                if child == NO_NODE:
+                    continue
+                high = upper_bound(child, v, own, domain, least)
+                if high <= least or waiting == MOST_WAITING:
+                    continue
+                ball = tree.bounds[child]
+                if not _is_near(ball, ball[3], tested, failed + reached, spacing):
+                    waiting = _push(keys, entries, waiting, -high, child)
+            first, last = faces_of_leaf(entry, tree.depth, tree.order.shape[0])
+            for i in range(first, last):
+                face = tree.order[i]
+                if contacts == MOST_STEPS or not aim(face, v, domain.centres, surface, weights):
+                    continue
+                _write_point(face, weights, surface, point)
+                if _is_near(point, 0.0, tested, failed + reached, spacing):
+                    continue
+                read_face(face, v, surface, lines, corner_normals)
+                w0, w1, w2 = weights[0], weights[1], weights[2]
+                cosine = cosine_at(w0, w1, w2, lines, corner_normals, own, limits)
+                if cosine > least and waiting < MOST_WAITING:
+                    contact_faces[contacts] = face
+                    copy(weights, contact_weights[contacts])
+                    contacts += 1
+                    waiting = _push(keys, entries, waiting, -cosine, -contacts)
     return found_faces, found_weights

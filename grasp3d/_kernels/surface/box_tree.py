@@ -12,13 +12,18 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.compiling.decorators import kernel, merged, part
-from grasp3d._kernels.surface.face_tree import divide
+from grasp3d._kernels.surface.face_tree import (
+    GO_ON,
+    NO_NODE,
+    STOP,
+    below,
+    divide,
+    faces_of_leaf,
+    walk,
+)
 
 LEAF = 2
 """Most faces of a leaf."""
-
-STACK = 64
-"""Entries of a traversal's stack: more than the depth of any tree."""
 
 RADIUS, NORMAL, HEIGHT, THICKNESS, COLUMNS = 6, 7, 10, 11, 12
 """Columns of `BoxTree.boxes` behind the centre and the half sizes; and their number."""
@@ -125,10 +130,8 @@ def height_above(px, py, pz, box):
 
 @merged
 def leaf_rows(node, tree):
-    """(first, last): rows of `triangles` of a leaf."""
-    size, depth = tree.triangles.shape[0], tree.depth
-    leaf = node - ((1 << depth) - 1)
-    return size * leaf >> depth, size * (leaf + 1) >> depth
+    """(first, last): rows of `triangles` of a leaf; (0, 0): the node is no leaf."""
+    return faces_of_leaf(node, tree.depth, tree.triangles.shape[0])
 
 
 @merged
@@ -168,6 +171,26 @@ def triangle_distance(px, py, pz, triangle):
     return min(least, x * x + y * y + z * z)
 
 
+@merged
+def _visit_with_ball(node, _position, _stale, state):
+    """Visit a node; the walk ends at a face that is nearer to a point than a radius."""
+    px, py, pz, radius, tree = state
+    box, limit = tree.boxes[node], radius * radius
+    x = max(abs(px - box[0]) - box[3], 0.0)
+    y = max(abs(py - box[1]) - box[4], 0.0)
+    z = max(abs(pz - box[2]) - box[5], 0.0)
+    if x * x + y * y + z * z >= limit:
+        return NO_NODE, NO_NODE, GO_ON
+    if abs(height_above(px, py, pz, box)) - box[THICKNESS] >= radius:
+        return NO_NODE, NO_NODE, GO_ON
+    first, last = leaf_rows(node, tree)
+    for i in range(first, last):
+        if triangle_distance(px, py, pz, tree.triangles[i]) < limit:
+            return NO_NODE, NO_NODE, STOP
+    later, sooner = below(node, tree.depth)
+    return later, sooner, GO_ON
+
+
 @part
 def ball_is_free(px, py, pz, radius, tree, nodes):
     """Whether no face is nearer to a point than a radius.
@@ -180,31 +203,8 @@ def ball_is_free(px, py, pz, radius, tree, nodes):
         tree: `BoxTree`.
         nodes: Scratch (STACK,).
     """
-    if radius <= 0.0:
-        return True
-    limit = radius * radius
-    first_leaf = (1 << tree.depth) - 1
-    nodes[0], top = 0, 1
-    while top > 0:
-        top -= 1
-        node = nodes[top]
-        box = tree.boxes[node]
-        x = max(abs(px - box[0]) - box[3], 0.0)
-        y = max(abs(py - box[1]) - box[4], 0.0)
-        z = max(abs(pz - box[2]) - box[5], 0.0)
-        if x * x + y * y + z * z >= limit:
-            continue
-        if abs(height_above(px, py, pz, box)) - box[THICKNESS] >= radius:
-            continue
-        if node < first_leaf:
-            nodes[top], nodes[top + 1] = 2 * node + 1, 2 * node + 2
-            top += 2
-            continue
-        first, last = leaf_rows(node, tree)
-        for i in range(first, last):
-            if triangle_distance(px, py, pz, tree.triangles[i]) < limit:
-                return False
-    return True
+    state = px, py, pz, radius, tree
+    return radius <= 0.0 or not walk(_visit_with_ball, state, nodes)
 
 
 @part
@@ -265,6 +265,28 @@ def segment_distance(start, end, triangle):
     return least
 
 
+@merged
+def _visit_with_capsule(node, _position, _stale, state):
+    """Visit a node; the walk ends at a face that is nearer to a segment than a radius."""
+    start, end, (px, py, pz), half, radius, tree = state
+    box = tree.boxes[node]
+    x = max(abs(px - box[0]) - box[3], 0.0)
+    y = max(abs(py - box[1]) - box[4], 0.0)
+    z = max(abs(pz - box[2]) - box[5], 0.0)
+    if x * x + y * y + z * z >= (radius + half) ** 2:
+        return NO_NODE, NO_NODE, GO_ON
+    one = height_above(start[0], start[1], start[2], box)
+    two = height_above(end[0], end[1], end[2], box)
+    if one * two > 0.0 and min(abs(one), abs(two)) - box[THICKNESS] >= radius:
+        return NO_NODE, NO_NODE, GO_ON
+    first, last = leaf_rows(node, tree)
+    for i in range(first, last):
+        if segment_distance(start, end, tree.triangles[i]) < radius * radius:
+            return NO_NODE, NO_NODE, STOP
+    later, sooner = below(node, tree.depth)
+    return later, sooner, GO_ON
+
+
 @part
 def capsule_is_free(start, end, radius, tree, nodes):
     """Whether no face is nearer to a segment than a radius.
@@ -276,33 +298,9 @@ def capsule_is_free(start, end, radius, tree, nodes):
         tree: `BoxTree`.
         nodes: Scratch (STACK,).
     """
-    if radius <= 0.0:
-        return True
     half = 0.5 * math.sqrt(
         (end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2 + (end[2] - start[2]) ** 2
     )
-    px, py, pz = 0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]), 0.5 * (start[2] + end[2])
-    first_leaf = (1 << tree.depth) - 1
-    nodes[0], top = 0, 1
-    while top > 0:
-        top -= 1
-        node = nodes[top]
-        box = tree.boxes[node]
-        x = max(abs(px - box[0]) - box[3], 0.0)
-        y = max(abs(py - box[1]) - box[4], 0.0)
-        z = max(abs(pz - box[2]) - box[5], 0.0)
-        if x * x + y * y + z * z >= (radius + half) ** 2:
-            continue
-        one = height_above(start[0], start[1], start[2], box)
-        two = height_above(end[0], end[1], end[2], box)
-        if one * two > 0.0 and min(abs(one), abs(two)) - box[THICKNESS] >= radius:
-            continue
-        if node < first_leaf:
-            nodes[top], nodes[top + 1] = 2 * node + 1, 2 * node + 2
-            top += 2
-            continue
-        first, last = leaf_rows(node, tree)
-        for i in range(first, last):
-            if segment_distance(start, end, tree.triangles[i]) < radius * radius:
-                return False
-    return True
+    middle = 0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]), 0.5 * (start[2] + end[2])
+    state = start, end, middle, half, radius, tree
+    return radius <= 0.0 or not walk(_visit_with_capsule, state, nodes)

@@ -1,4 +1,4 @@
-"""A tree over the faces of a surface: bounds of positions and of contact normals.
+"""A tree over the faces of a surface: bounds of positions and of contact normals; walks over trees.
 
 Each node covers half of the faces of the node above it. Node i has the children 2 i + 1 and
 2 i + 2, and its faces are consecutive in the tree's order, so that no links are stored.
@@ -10,10 +10,20 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import kernel, part
+from grasp3d._kernels.compiling.decorators import kernel, merged, part
 
 LEAF = 1
 """Most faces of a leaf; more faces per leaf take less memory and more time."""
+
+STACK = 128
+"""Nodes that wait at most: fewer than two for each level of any tree."""
+
+NO_NODE = -1
+"""In place of a node: none."""
+
+GO_ON, CHANGED, STOP = 0, 1, 2
+"""What a visit to a node may end with: the walk goes on; it does, but what decides about nodes has
+changed, so that those that wait are stale; it ends."""
 
 NORMAL_SCALE = 0.3
 """Length, in object sizes, that counts as much as a difference of 1 between unit normals when faces
@@ -31,6 +41,50 @@ class FaceTree(NamedTuple):
     """Of each node: centre and radius of a ball that contains its faces; axis, and cosine and sine
     of the half-angle, of a cone that contains its inward normals, half-angle pi: any direction;
     largest coordinate of its faces along that axis (N, 10)."""
+
+
+@merged
+def walk(visit, state, nodes):
+    """Visit the nodes of a tree, depth first from the root.
+
+    Args:
+        visit: Kernel, called with a node, the position at which it waited, whether it is stale, and
+            the state. It returns the child to be visited later and the one to be visited next,
+            NO_NODE where there is none, and GO_ON, CHANGED or STOP. The children wait at the
+            position of their node and at the following one.
+        state: Tuple that is passed to `visit`.
+        nodes: Scratch (STACK,).
+
+    Returns:
+        Whether a visit ended it.
+    """
+    nodes[0], top, stale = 0, 1, 0
+    while top > 0:
+        top -= 1
+        later, sooner, event = visit(nodes[top], top, top < stale, state)
+        stale = top if event == CHANGED else min(stale, top)
+        if event == STOP:
+            return True
+        for node in (later, sooner):
+            if node != NO_NODE:
+                nodes[top] = node
+                top += 1
+    return False
+
+
+@merged
+def below(node, depth):
+    """The two nodes below a node; NO_NODE: it is a leaf."""
+    if node >= (1 << depth) - 1:
+        return NO_NODE, NO_NODE
+    return 2 * node + 1, 2 * node + 2
+
+
+@merged
+def faces_of_leaf(node, depth, size):
+    """(first, last): positions of a leaf's faces in the tree's order; (0, 0): it is no leaf."""
+    leaf = node - ((1 << depth) - 1)
+    return (size * leaf >> depth, size * (leaf + 1) >> depth) if leaf >= 0 else (0, 0)
 
 
 @kernel

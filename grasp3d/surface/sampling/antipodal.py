@@ -20,6 +20,7 @@ import numpy as np
 
 from grasp3d._kernels.search.antipodal_candidates import FOUND, no_pairs
 from grasp3d._kernels.search.descent import descend
+from grasp3d._kernels.search.face_contacts import PairDomain
 from grasp3d._kernels.search.rays import (
     RAYS_PER_ROUND,
     SMALLEST_OPENING,
@@ -298,18 +299,9 @@ class _Search:
                 self.progress(start + 0.2 * done / number)
 
     def _descend_at(self, tree: FaceTree, worst: bool, vertices: Ints) -> None:
-        descend(
-            vertices,
-            worst,
-            GAIN if worst else GAIN_BEST,
-            largest_cost(self.cone, self.ranking),
-            tree,
-            self.frames.centres,
-            self.surface,
-            self.sets,
-            self.limits,
-            self.grasps,
-        )
+        domain = PairDomain(self.surface, self.sets, self.frames.centres, tree, self.limits)
+        gain, most = GAIN if worst else GAIN_BEST, largest_cost(self.cone, self.ranking)
+        descend(vertices, worst, gain, most, domain, self.grasps)
 
     def _refine_near_limit(self) -> None:
         """Refine grasps whose openings are near the largest one."""

@@ -12,6 +12,7 @@ import numpy as np
 from grasp3d._kernels.search.antipodal_candidates import BestPairs, PairLimits
 from grasp3d._kernels.search.crease_contacts import bound_creases, faces_of_corners
 from grasp3d._kernels.search.descent import descend_exactly
+from grasp3d._kernels.search.face_contacts import PairDomain
 from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
 from grasp3d._kernels.surface.normal_sets import ContactNormals
 from grasp3d._kernels.surface.surface_contacts import Surface
@@ -48,11 +49,6 @@ class ExactSearch:
         """Tree over the faces, in the end over their creases and corners."""
         tree: FaceTree = face_tree(self.surface)
         return tree
-
-    @cached_property
-    def most_normals(self) -> int:
-        """Largest number of normals of a vertex, 1 at least."""
-        return max(int(self.sets.counts.max()), 1)
 
     def in_order(self, vertices: Ints) -> Ints:
         """Vertices (n,) in the order of the tree, so that neighbours follow one another."""
@@ -105,8 +101,6 @@ class ExactSearch:
             self.progress(first + (last - first) * done / len(chunks))
 
     def _descend_from(self, cone: float, worst: bool, owners: Ints, vertices: Ints) -> int:
-        tried: int = descend_exactly(
-            vertices, worst, owners, cone, self.most_normals, self.tree, self.centres,
-            self.surface, self.sets, self.limits, self.grasps,
-        )  # fmt: skip
+        domain = PairDomain(self.surface, self.sets, self.centres, self.tree, self.limits)
+        tried: int = descend_exactly(vertices, worst, owners, cone, domain, self.grasps)
         return tried

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from grasp3d._kernels.search.antipodal_candidates import FOUND, NO_PARTNER
-from grasp3d._kernels.search.multifinger import search_more_fingers, search_three_fingers
+from grasp3d._kernels.search.multifinger import search_fingers
 from grasp3d._kernels.search.multifinger_evaluation import make_hull_scratch, make_plane_scratch
 from grasp3d._kernels.search.multifinger_grasps import (
     BestGrasps,
@@ -228,15 +228,11 @@ class _Search:
             workspace = make_search_workspace(
                 self.fingers, max_normals, self.candidate_points.common_count
             )
-            about = (stage, chunk, self.own)
-            settings = (
-                domain, self.candidate_points, limits, int(self.sampling.seed), step_length,
-                rounds, previous, grasps, workspace, make_plane_scratch(max_normals),
+            search_fingers(
+                stage, chunk, self.own, n, domain, self.candidate_points, limits,
+                int(self.sampling.seed), step_length, rounds, previous, grasps, workspace,
+                make_plane_scratch(max_normals), None if n == 3 else make_hull_scratch(n),
             )  # fmt: skip
-            if n == 3:
-                search_three_fingers(*about, *settings)
-            else:
-                search_more_fingers(*about, n, *settings, make_hull_scratch(n))
             return int(workspace.evaluated[0])
 
         for done, evaluated in enumerate(self.executor.map(search_chunk, chunks), start=1):

@@ -15,9 +15,10 @@ import numpy.typing as npt
 
 from grasp3d._kernels.jaws.gripper_shape import ReachResults, make_workspace, no_results
 from grasp3d._kernels.search.antipodal_candidates import FOUND, BestPairs, PairLimits, no_pairs
+from grasp3d._kernels.search.face_contacts import PairDomain
 from grasp3d._kernels.search.rays import neighbour_rays, starting_rays
 from grasp3d._kernels.search.reachable_partners import explain_pairs, keep_reached, search_reachable
-from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
+from grasp3d._kernels.surface.face_tree import face_tree
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.hand.jaw_reach import NormalizedScene
 from grasp3d.hand.reach import Reach, Reachability
@@ -83,7 +84,8 @@ class ReachSearch:
         self.centres = mesh.normal_sets.centres
         assert scene.jaws is not None
         self.beside = NormalizedScene.of(mesh, scene.jaws, scene.table, scene.approach)
-        self.tree: FaceTree = face_tree(self.surface)
+        tree = face_tree(self.surface)
+        self.domain = PairDomain(self.surface, self.sets, self.centres, tree, self.limits)
         self.results = no_results(len(mesh.vertices))
         self.spacing = min(SPACING * self.beside.shape.finger_width, LARGEST_SPACING)
 
@@ -152,10 +154,8 @@ class ReachSearch:
         codes = self.results.codes
 
         def work(rows: slice, beside: Any) -> None:
-            explain_pairs(
-                vertices[rows], signs[rows], faces[rows], weights[rows], self.centres,
-                self.surface, self.sets, beside, codes,
-            )  # fmt: skip
+            pairs = (vertices[rows], signs[rows], faces[rows], weights[rows])
+            explain_pairs(*pairs, self.domain, beside, codes)
 
         self._in_chunks(work, len(missing))
         useless = missing[found.best[missing] >= self.cone]
@@ -192,9 +192,8 @@ class ReachSearch:
 
         def work(rows: slice, beside: Any) -> None:
             faces[rows], weights[rows] = search_reachable(
-                vertices[rows], worst, self.most, self.spacing, wanted, most_failed,
-                self.tree, self.centres,
-                self.surface, self.sets, self.limits, beside,
+                vertices[rows], worst, self.most, self.spacing, wanted, most_failed, self.domain,
+                beside,
             )  # fmt: skip
 
         self._in_chunks(work, len(vertices))
@@ -218,10 +217,8 @@ class ReachSearch:
         vertices, signs, faces, weights = (array[order] for array in pairs)
 
         def work(rows: slice, beside: Any) -> None:
-            keep_reached(
-                vertices[rows], signs[rows], faces[rows], weights[rows], self.centres,
-                self.surface, self.sets, beside, reached, results,
-            )  # fmt: skip
+            grasps = (vertices[rows], signs[rows], faces[rows], weights[rows])
+            keep_reached(*grasps, self.domain, beside, reached, results)
 
         # No two threads write the grasp of one vertex.
         self._in_chunks(work, len(vertices), np.flatnonzero(np.diff(vertices)) + 1)
