@@ -43,27 +43,20 @@ Within a package no modules import each other in a circle."""
 
 UPWARD = {
     ("grasp3d.hand.parallel_gripper", "grasp3d.hand.presets"),
-    ("grasp3d.mesh.object_mesh", "grasp3d.export.trimeshes"),
-    ("grasp3d.mesh.object_mesh", "grasp3d.export.vtp"),
     ("grasp3d.mesh.object_mesh", "grasp3d.viewer.show"),
-    ("grasp3d.surface.grasp_table", "grasp3d.grasps.closed_grasps"),
-    ("grasp3d.surface.grasp_table", "grasp3d.grasps.writing"),
     ("grasp3d.surface.grasp_table", "grasp3d.viewer.show"),
-    ("grasp3d.surface.labels", "grasp3d.export.parquet"),
-    ("grasp3d.surface.labels", "grasp3d.export.trimeshes"),
-    ("grasp3d.surface.labels", "grasp3d.export.vtp"),
     ("grasp3d.surface.labels", "grasp3d.viewer.show"),
     ("grasp3d.system.isolation.calls", "grasp3d.system.isolation.child"),
     ("grasp3d.reading.mesh_files", "grasp3d.reading.child"),
 }
-"""`labels.show()`, `labels.to_table()` and the like find the viewer and other libraries when they
-are called, as pandas does with plotting; a child process is started by the name of its module."""
+"""`labels.show()` finds the viewer when it is called, as pandas does with plotting; a child process
+is started by the name of its module."""
 
 ENGINES = {
     "manifold3d": {"mesh"},
     "embreex": {"mesh.ray_tracing"},
     "numba": {"_kernels"},
-    "trimesh": {"mesh", "export", "hand", "reading"},
+    "trimesh": {"mesh", "export", "hand", "reading", "surface"},
     "distributed": {"batch"},
     "dask": {"batch"},
     "fsspec": {"batch.storage"},
@@ -71,7 +64,7 @@ ENGINES = {
     "cloudpickle": {"system.isolation"},
     "pyarrow": {"system.tables"},
     "matplotlib": {"plots", "viewer"},
-    "pyvista": {"export", "plots", "viewer"},
+    "pyvista": {"mesh", "surface", "export", "plots", "viewer"},
     "vtkmodules": {"export", "viewer"},
     "trame": {"viewer"},
     "trame_rca": {"viewer"},

@@ -100,9 +100,9 @@ def check_same_settings(path: Path, task: "Labelling", *, overwrite: bool) -> No
     Raises:
         OutputError: It holds other labels.
     """
-    from grasp3d.export.settings import chosen_settings
     from grasp3d.export.stored_settings import stored_settings
     from grasp3d.settings import search_cone
+    from grasp3d.surface.label_settings import chosen_settings
 
     stored = None if overwrite or not path.exists() else stored_settings(path)
     if stored is None:

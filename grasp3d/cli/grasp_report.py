@@ -16,10 +16,10 @@ from grasp3d.cli.uncertainty_report import (
     margin_text,
     uncertainty_lines,
 )
-from grasp3d.grasps.closed_grasps import UNKNOWN, ClosedGrasps
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
 from grasp3d.settings.model_text import epsilon_min_text, friction_text
 from grasp3d.stability.label import COLORS, MEANING, Label
+from grasp3d.surface.closed_grasps import UNKNOWN, ClosedGrasps
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system.counts import counted
 

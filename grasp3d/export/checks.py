@@ -4,17 +4,16 @@ import math
 
 import numpy as np
 
-from grasp3d.export.fields import Array, Field
-from grasp3d.export.grasp_fields import MARGIN
-from grasp3d.export.needed import needed_fields
 from grasp3d.export.read_settings import FileSettings
-from grasp3d.export.stored import FIELDS, Stored
-from grasp3d.export.vertex_fields import LOCATED, SURFACE
+from grasp3d.export.stored import FIELDS, Stored, needed_fields
 from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.mesh_sources import LARGEST
 from grasp3d.reading.sources import check_finite
 from grasp3d.settings import GraspModel
 from grasp3d.stability.thresholds import label_angles
+from grasp3d.surface.fields import Array, Field
+from grasp3d.surface.grasp_fields import MARGIN
+from grasp3d.surface.vertex_fields import LOCATED, SURFACE
 from grasp3d.surface.vertex_grasps import Reason
 
 ROUNDING = 1e-6

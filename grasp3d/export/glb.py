@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from grasp3d.export.settings import settings_of
-from grasp3d.export.vertex_fields import label_colors
+from grasp3d.surface.label_settings import settings_of
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.vertex_fields import label_colors
 from grasp3d.system.files import atomic_write
 
 

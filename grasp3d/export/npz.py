@@ -10,13 +10,12 @@ from typing import IO, Any
 
 import numpy as np
 
-from grasp3d.export.fields import Array, Arrays, present
-from grasp3d.export.needed import check_complete
-from grasp3d.export.settings import SETTING, complete_settings
-from grasp3d.export.stored import FIELDS, Stored
-from grasp3d.export.vertex_fields import SURFACE, VERTICES
+from grasp3d.export.stored import FIELDS, Stored, check_complete
 from grasp3d.reading.sources import Source, check_memory
+from grasp3d.surface.fields import Array, Arrays, present
+from grasp3d.surface.label_settings import SETTING, complete_settings
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 from grasp3d.system.files import atomic_write
 
 

@@ -4,18 +4,15 @@ import base64
 import io
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from grasp3d.export.fields import Arrays, present
-from grasp3d.export.needed import check_complete
 from grasp3d.export.npz import MEMORY, arrays_of_npz
-from grasp3d.export.settings import complete_settings
-from grasp3d.export.stored import Stored, codes_of, damaged, fingers_of
-from grasp3d.export.vertex_fields import SURFACE, VERTICES
+from grasp3d.export.stored import Stored, check_complete, damaged, fingers_of
 from grasp3d.reading.sources import Source, check_memory
+from grasp3d.surface.fields import Array, Arrays, Field, present
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 
 SURFACE_KEY = "grasp3d_surface"
 """Key of the file's metadata with the arrays that are no columns: an NPZ in base64."""
@@ -54,19 +51,7 @@ def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
 
     check_complete(path, labels, complete=True)
     metadata = {SURFACE_KEY: _packed(labels)}
-    write_arrow(Path(path), labels_to_table(labels), metadata)
-
-
-def labels_to_table(labels: SurfaceLabels) -> Any:
-    """Arrow table with a row for each vertex, as in the file that `write_fields` writes."""
-    from grasp3d.system.tables import table_of_arrays
-
-    found = [(field, values) for field, values in present(VERTICES, labels) if field.table]
-    columns = {
-        name: column for field, values in found for name, column in field.as_columns(values).items()
-    }
-    texts = {field.name: field.texts for field, _ in found if field.texts}
-    return table_of_arrays(columns, texts, settings=complete_settings(labels))
+    write_arrow(Path(path), labels.to_table(), metadata)
 
 
 def _packed(labels: SurfaceLabels) -> bytes:
@@ -113,3 +98,13 @@ def _values(columns: Arrays, fingers: int) -> Arrays:
         if field.texts and field.name in values:
             values[field.name] = codes_of(field, values[field.name])
     return values
+
+
+def codes_of(field: Field, texts: Array) -> Array:
+    """Codes of texts. Raises ValueError."""
+    known, positions = np.unique(texts.astype(str), return_inverse=True)
+    unknown = set(known.tolist()) - set(field.texts)
+    if unknown:
+        raise ValueError(f"its {field.name} is {unknown.pop()[:20]!r} somewhere")
+    codes = np.array([field.texts.index(text) for text in known.tolist()], dtype=field.kind)
+    return codes[positions] if len(codes) else np.empty(0, dtype=field.kind)

@@ -11,14 +11,12 @@ import numpy as np
 from grasp3d.arrays import Floats, locked
 from grasp3d.errors import GraspError
 from grasp3d.export.checks import check_stored
-from grasp3d.export.fields import Array
 from grasp3d.export.npz import read_npz
 from grasp3d.export.parquet import read_fields
 from grasp3d.export.ply import ply_settings, read_ply
 from grasp3d.export.read_mesh import read_mesh
 from grasp3d.export.read_settings import FileSettings, settings_from
 from grasp3d.export.stored import FIELDS, Stored, damaged
-from grasp3d.export.vertex_fields import LOCATED, VERTICES, unpacked_bits
 from grasp3d.export.vtp import read_vtp
 from grasp3d.hand.reach import Reach
 from grasp3d.mesh import ObjectMesh
@@ -28,9 +26,11 @@ from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.reading.sources import Source, find_source
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.lengths import Unit
+from grasp3d.surface.fields import Array
 from grasp3d.surface.holding import Holding
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.vertex_fields import LOCATED, VERTICES, unpacked_bits
 
 READERS: dict[str, Callable[[Source], Stored | None]] = {
     ".ply": read_ply,

@@ -10,7 +10,6 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import GraspError
-from grasp3d.export.settings import GIVEN_ANGLE
 from grasp3d.hand.approach import Approach
 from grasp3d.hand.hand_files import hand_of_line
 from grasp3d.hand.scene import Scene
@@ -20,7 +19,8 @@ from grasp3d.settings import AnySampling, GraspModel, MeshOptions, sampling_kind
 from grasp3d.settings.lengths import Unit
 from grasp3d.settings.parsing import settings_of_texts
 from grasp3d.stability.label import Mode
-from grasp3d.surface.labels import SearchReport
+from grasp3d.surface.label_settings import GIVEN_ANGLE
+from grasp3d.surface.vertex_grasps import SearchReport
 
 NEEDED = (
     "mode", "friction", "sensor_resolution", "fingers", "method", "search_angle", "unit",

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from grasp3d.export.ply import comments_of
-from grasp3d.export.settings import SETTING
 from grasp3d.reading.sources import LONGEST_HEADER
+from grasp3d.surface.label_settings import SETTING
 from grasp3d.system.tables import read_settings
 
 FORMAT_KEYS = frozenset({"format", "version", "unit"})

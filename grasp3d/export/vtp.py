@@ -2,30 +2,19 @@
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-import numpy as np
-
-from grasp3d.arrays import Floats, Ints
-from grasp3d.export.fields import Array, Arrays, present
-from grasp3d.export.needed import check_complete
 from grasp3d.export.npz import MEMORY
-from grasp3d.export.settings import SETTING, complete_settings
-from grasp3d.export.stored import Stored, damaged, fingers_of
-from grasp3d.export.vertex_fields import CORNER_NORMALS, CORNERS, VERTICES
+from grasp3d.export.stored import Stored, check_complete, damaged, fingers_of
 from grasp3d.export.vtp_arrays import vtp_arrays
-from grasp3d.mesh import ObjectMesh
 from grasp3d.reading.sources import Source, check_memory
+from grasp3d.surface.conversions import INFINITE
+from grasp3d.surface.fields import Array, Arrays
+from grasp3d.surface.label_settings import SETTING
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.vertex_fields import CORNER_NORMALS, CORNERS, VERTICES
 from grasp3d.system.files import atomic_write
 from grasp3d.system.isolation.calls import call
 from grasp3d.system.isolation.failures import CallFailedError
-
-if TYPE_CHECKING:
-    import pyvista
-
-INFINITE = "infinite_"
-"""Start of the names of arrays that hold where values, which are nan here, are infinite."""
 
 
 def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
@@ -48,62 +37,12 @@ def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
     check_complete(path, labels, complete=True)
     # VTK writes to memory: on a full disk its own file output ends the process.
     writer = vtkXMLPolyDataWriter()
-    writer.SetInputData(labels_to_polydata(labels))
+    writer.SetInputData(labels.to_polydata())
     writer.SetDataModeToBinary()
     writer.WriteToOutputStringOn()
     writer.Write()
     with atomic_write(Path(path)) as part:
         part.write_text(writer.GetOutputString(), encoding="ascii")
-
-
-def mesh_to_polydata(mesh: ObjectMesh) -> "pyvista.PolyData":
-    """The surface as PyVista data, with outward normals as the array `normal`."""
-    return _polydata(mesh.vertices, mesh.faces, {"normal": -mesh.normals})
-
-
-def labels_to_polydata(labels: SurfaceLabels) -> "pyvista.PolyData":
-    """The surface as PyVista data, with the arrays of the file that `write_vtp` writes."""
-    arrays = point_arrays(labels)
-    mesh = labels.mesh
-    # An infinite value would stretch the colour map; nan has a separate colour.
-    data = _polydata(mesh.vertices, mesh.faces, {name: _finite(a) for name, a in arrays.items()})
-    for field, values in present((CORNERS, CORNER_NORMALS), mesh):
-        (data.cell_data if field is CORNERS else data.field_data)[field.name] = values
-    for name, values in arrays.items():
-        if np.isinf(values).any():
-            data.field_data[f"{INFINITE}{name}"] = _signed_rows(values)
-    for key, value in complete_settings(labels).items():
-        data.field_data[f"{SETTING}{key}"] = [str(value)]
-    return data
-
-
-def point_arrays(labels: SurfaceLabels) -> Arrays:
-    """The arrays over the vertices beside their positions, those of each finger apart."""
-    chosen = (field for field in VERTICES[1:] if field.array)
-    return {
-        name: part
-        for field, values in present(chosen, labels)
-        for name, part in field.as_points(values).items()
-    }
-
-
-def _finite(values: Array) -> Array:
-    return np.where(np.isinf(values), math.nan, values) if values.dtype.kind == "f" else values
-
-
-def _signed_rows(values: Array) -> Ints:
-    """Rows of infinite values; those of negative ones are -1 - row."""
-    rows = np.flatnonzero(np.isinf(values))
-    return np.where(values[rows] > 0.0, rows, ~rows)
-
-
-def _polydata(vertices: Floats, faces: Ints, arrays: Arrays) -> "pyvista.PolyData":
-    import pyvista
-
-    data: pyvista.PolyData = pyvista.PolyData.from_regular_faces(vertices, faces.astype(int))
-    for name, values in arrays.items():
-        data.point_data[name] = values
-    return data
 
 
 SECONDS = 60.0

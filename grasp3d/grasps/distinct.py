@@ -10,9 +10,9 @@ from scipy.sparse.csgraph import connected_components
 
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.errors import SettingError
-from grasp3d.grasps.closed_grasps import UNKNOWN
 from grasp3d.mesh import ObjectMesh
 from grasp3d.stability.label import Label
+from grasp3d.surface.closed_grasps import UNKNOWN
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 

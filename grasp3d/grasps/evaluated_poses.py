@@ -9,8 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
-from grasp3d.export.fields import columns_of
-from grasp3d.export.grasp_fields import CLOSED, FORCES, given_poses
 from grasp3d.grasps.pose_checks import pose_warning
 from grasp3d.grasps.pose_readings import FITTING, starting_inside, suspected_reading
 from grasp3d.grasps.poses import GraspPoses
@@ -21,8 +19,11 @@ from grasp3d.quality.loads import load_settings
 from grasp3d.quality.measures.known import METRICS
 from grasp3d.quality.measures.measuring import UNDEFINED, MetricValues
 from grasp3d.settings.parsing import plain_values
+from grasp3d.surface.fields import columns_of
+from grasp3d.surface.grasp_fields import CLOSED, FORCES, given_poses
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.surface.spread_grasps import NO_ROW, SpreadGrasps, rows_where
+from grasp3d.surface.rows import NO_ROW, rows_where
+from grasp3d.surface.spread_grasps import SpreadGrasps
 from grasp3d.system.versions import package_version
 
 STALE = frozenset({UNDEFINED, *METRICS, *(field.name for field in (*CLOSED, *FORCES))})

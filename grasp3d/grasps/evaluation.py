@@ -24,7 +24,8 @@ from grasp3d.settings import MAX_FINGERS, GraspModel, check_point_contacts, with
 from grasp3d.settings.lengths import GivenLength
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
-from grasp3d.surface.grasp_table import GraspTable, LabelledGrasps
+from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.processors import thread_count
 from grasp3d.system.progress import Progress, ignore, within

@@ -9,11 +9,11 @@ import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
 from grasp3d.errors import ContactError
-from grasp3d.export.fields import LENGTH
-from grasp3d.export.grasp_fields import FOUND_POSES
 from grasp3d.grasps.pose_checks import checked_poses
 from grasp3d.hand.hand import Hand
 from grasp3d.settings.lengths import METRES, Unit
+from grasp3d.surface.fields import LENGTH
+from grasp3d.surface.grasp_fields import FOUND_POSES
 
 LENGTH_COLUMNS = frozenset(
     {"centroid_distance", *(field.name for field in FOUND_POSES if field.unit == LENGTH)}

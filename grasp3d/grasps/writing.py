@@ -7,26 +7,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
-from grasp3d.export.fields import Field, columns_of, present
-from grasp3d.export.grasp_fields import CONTACTS, FOUND_POSES, GRASPS
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.scene import scene_settings
-from grasp3d.quality.loads import load_settings
 from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.settings import PoseFormat
-from grasp3d.settings.lengths import one_line
-from grasp3d.settings.parsing import plain_values
-from grasp3d.stability.label import MEANING, Label
-from grasp3d.surface.grasp_numbers import EPSILON_RTOL
+from grasp3d.surface.fields import columns_of
+from grasp3d.surface.grasp_fields import FOUND_POSES
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system.files import atomic_write, check_suffix
-from grasp3d.system.versions import package_version
 
 SUFFIXES = (".csv", ".parquet", ".json")
 
@@ -87,7 +79,7 @@ def write_grasps(
         write_poses(path, grasps, format=format)
         return
     if format is not None or (grasps.has_poses and grasps.size):
-        poses = replace(poses_of(grasps), settings=_settings(grasps))
+        poses = replace(poses_of(grasps), settings=grasps.settings())
         if metrics is not None:
             poses = replace(poses, columns={**poses.columns, **metrics.columns()})
         write_poses(path, poses, format=format)
@@ -98,88 +90,15 @@ def write_grasps(
         return
     from grasp3d.system.tables import write_columns
 
-    write_columns(path, _columns(grasps, metrics), settings=_settings(grasps))
-
-
-def grasps_to_table(grasps: GraspTable) -> Any:
-    """Arrow table with a row for each grasp, as in the file that `write_grasps` writes."""
-    from grasp3d.system.tables import table_of_columns
-
-    return table_of_columns(_columns(grasps), settings=_settings(grasps))
-
-
-def _columns(
-    grasps: GraspTable, metrics: MetricValues | None = None
-) -> dict[str, npt.NDArray[Any]]:
-    """Columns of a table, shape (b,)."""
-    columns = _grasp_columns(grasps, metrics)
-    contacts = _contact_values(grasps)
-    for number in range(grasps.contacts.count):
-        for field, values in contacts:
-            names = [f"{name}{number + 1}" for name in field.columns or (field.name,)]
-            flat = values[:, number].reshape(len(values), len(names))
-            columns |= dict(zip(names, flat.T, strict=True))
-    return columns
-
-
-def _contact_values(grasps: GraspTable) -> list[tuple[Field, npt.NDArray[Any]]]:
-    """What is known of each contact, shape (b, n, ...), without negative zeros."""
-    return [
-        (field, values + 0.0 if field.outward else values)
-        for field, values in present(CONTACTS, grasps)
-    ]
-
-
-def _grasp_columns(grasps: GraspTable, metrics: MetricValues | None) -> dict[str, npt.NDArray[Any]]:
-    """Columns of each grasp as a whole, shape (b,)."""
-    return {**columns_of(GRASPS, grasps), **({} if metrics is None else metrics.columns())}
-
-
-def _settings(grasps: GraspTable) -> dict[str, Any]:
-    """Settings of the evaluation; angles in radians."""
-    mesh, model = grasps.mesh, grasps.model
-    meaning = MEANING["scan"]
-    return {
-        "version": package_version(),
-        "source": mesh.report.source,
-        **plain_values(model),
-        **plain_values(mesh.options),
-        "center_of_mass": one_line(mesh.options.center_of_mass),
-        "unit": mesh.unit or "unknown",
-        "size": mesh.size,
-        "center_mass": mesh.center_mass.tolist(),
-        "torque_scale": mesh.torque_scale,
-        "epsilon_rtol": EPSILON_RTOL,
-        "epsilon_min": model.tilts,
-        "epsilon_max": "sampled_tilts" if model.method == "extremes" else "upper_bound",
-        "labels": {label.name: meaning[label] for label in sorted(Label)},
-        **_surroundings(grasps),
-        **_load(grasps),
-    }
-
-
-def _surroundings(grasps: GraspTable) -> dict[str, Any]:
-    """The table and the allowed approach of a gripper; it is stated itself beside the poses."""
-    if grasps.scene is None:
-        return {}
-    settings = scene_settings(grasps.scene)
-    return {name: value for name, value in settings.items() if name != "gripper"}
-
-
-def _load(grasps: GraspTable) -> dict[str, Any]:
-    """What is known of the load."""
-    if grasps.holding is None:
-        return {}
-    settings = {**load_settings(grasps.load), **grasps.holding.settings()}
-    return {name: value for name, value in settings.items() if value is not None}
+    write_columns(path, grasps.table_columns(metrics), settings=grasps.settings())
 
 
 def _write_json(path: Path, grasps: GraspTable, metrics: MetricValues | None) -> None:
     """Write the settings, then one line for each grasp."""
-    columns = {name: values.tolist() for name, values in _grasp_columns(grasps, metrics).items()}
-    contacts = {field.name: values.tolist() for field, values in _contact_values(grasps)}
+    columns = {name: values.tolist() for name, values in grasps.columns(metrics).items()}
+    contacts = {field.name: values.tolist() for field, values in grasps.contact_values()}
     with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
-        stream.write(f'{{"grasp3d": {_json(_settings(grasps))},\n"grasps": [')
+        stream.write(f'{{"grasp3d": {_json(grasps.settings())},\n"grasps": [')
         for row in range(grasps.size):
             entry = {name: values[row] for name, values in columns.items()}
             entry["contacts"] = [

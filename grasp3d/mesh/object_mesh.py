@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,10 @@ from grasp3d.settings.lengths import (
     length_in_unit,
     settings_in_unit,
 )
+
+if TYPE_CHECKING:
+    import pyvista
+    import trimesh
 
 
 @dataclass(frozen=True)
@@ -182,13 +186,22 @@ class ObjectMesh:
             twins=crease_twins(self.faces, corners.corners),
         )
 
-    def to_trimesh(self) -> Any:
+    def to_trimesh(self) -> "trimesh.Trimesh":
         """Return the prepared surface as a `trimesh.Trimesh`, with outward normals and its unit."""
-        return import_module("grasp3d.export.trimeshes").mesh_to_trimesh(self)
+        import trimesh
 
-    def to_polydata(self) -> Any:
+        surface = trimesh.Trimesh(
+            self.vertices, self.faces, vertex_normals=-self.normals, process=False, validate=False
+        )
+        if self.unit is not None:
+            surface.units = self.unit
+        return surface
+
+    def to_polydata(self) -> "pyvista.PolyData":
         """Return the prepared surface as a `pyvista.PolyData`, with outward normals as `normal`."""
-        return import_module("grasp3d.export.vtp").mesh_to_polydata(self)
+        data = polydata_of(self.vertices, self.faces)
+        data.point_data["normal"] = -self.normals
+        return data
 
     def show(self, **options: Any) -> Any:
         """Label the surface and show it: in a notebook below the cell, elsewhere in a window.
@@ -204,3 +217,16 @@ class ObjectMesh:
     def from_normalized(self, points: Floats) -> Floats:
         """Transform points (..., 3) of the normalised frame to the file's frame and unit."""
         return points * self.size + self.center
+
+
+def polydata_of(vertices: Floats, faces: Ints) -> "pyvista.PolyData":
+    """A surface of triangles as PyVista data.
+
+    Args:
+        vertices: Positions, shape (V, 3).
+        faces: Numbers of their vertices, shape (F, 3).
+    """
+    import pyvista
+
+    data: pyvista.PolyData = pyvista.PolyData.from_regular_faces(vertices, faces.astype(int))
+    return data

@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Bools, Floats, short_repr
 from grasp3d.contact.contacts import Contacts
-from grasp3d.export.settings import chosen_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.physics.drawing import DrawnGrasps
 from grasp3d.physics.pulling import Fate, Outcome
@@ -23,6 +22,7 @@ from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import Label
+from grasp3d.surface.label_settings import chosen_settings
 from grasp3d.system.versions import package_version
 from grasp3d.validating.intervals import wilson
 

@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from grasp3d.arrays import Bytes, Floats
-from grasp3d.grasps.closed_grasps import UNKNOWN
 from grasp3d.hand.shapes import hand_triangles
 from grasp3d.hand.triangles import Triangles
 from grasp3d.mesh.ray_tracing import SurfaceRays
@@ -20,7 +19,8 @@ from grasp3d.settings import DEGREE
 from grasp3d.settings.lengths import METRES
 from grasp3d.settings.model_text import model_line
 from grasp3d.stability.label import MEANING, Label
-from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.closed_grasps import UNKNOWN
+from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.progress import Progress, ignore
@@ -100,7 +100,7 @@ def draw_grasps(
     return pictures
 
 
-def _views(grasps: GraspTable, shown: SurfaceContacts, extent: float) -> list[View]:
+def _views(grasps: GraspTable, shown: GraspContacts, extent: float) -> list[View]:
     """The view of each grasp that is shown, (b, n)."""
     reach, scene, unit = grasps.reach, grasps.scene, grasps.mesh.unit
     if reach is None or scene is None or unit is None or np.isnan(reach.poses).any():
@@ -195,7 +195,7 @@ def _approach(grasps: GraspTable, number: int) -> str:
     return f"approach ±{math.degrees(margin):.0f}°{closed}"
 
 
-def views_of_gripper(contacts: SurfaceContacts, poses: Floats, length: float) -> list[View]:
+def views_of_gripper(contacts: GraspContacts, poses: Floats, length: float) -> list[View]:
     """Choose for each grasp the view that shows most of a gripper's fingers, side by side.
 
     Args:
@@ -225,7 +225,7 @@ def _view_of_fingers(rays: SurfaceRays, pose: Floats, parts: Floats) -> View:
     return views[int(np.argmax(score))]
 
 
-def views_of(contacts: SurfaceContacts, extent: float) -> list[View]:
+def views_of(contacts: GraspContacts, extent: float) -> list[View]:
     """Choose for each grasp the view that shows most of its fingers, well apart.
 
     Args:

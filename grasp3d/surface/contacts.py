@@ -1,8 +1,8 @@
-"""Contacts of grasps on a surface, and the sets of normals that each may have."""
+"""Contacts of grasps: on a surface, in a file, of closed jaws; and the normals of each."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -19,19 +19,36 @@ from grasp3d.arrays import (
     short_repr,
     unit_rows,
 )  # fmt: skip
-from grasp3d.contact.contacts import Contacts
+from grasp3d.contact.contacts import Contacts, evenly_pressed_radius, in_tangent_plane
+from grasp3d.errors import MeshError, SettingError
+from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
 from grasp3d.settings import GraspModel, check_point_contacts
 from grasp3d.stability.located_angles import PairLines
 
 WIDEST = RIGHT_ANGLE - 1e-9
 """Largest tilt that is evaluated [rad]: no force is the same for all normals of half a ball."""
 
+OFF_SURFACE = 1e-3
+"""Distance of contacts in a file from the surface, in object sizes, up to which they are on it."""
 
-@dataclass(frozen=True, eq=False)
-class SurfaceContacts:
-    """Contacts of grasps on a surface, and the sets of normals that each may have.
+
+class NormalSets(NamedTuple):
+    """Sets of normals at a flat batch of surface points (m,)."""
+
+    start: Ints
+    """First row of each set in `normals` (m + 1,)."""
+    normals: Floats
+    """Unit normals (K, 3)."""
+    counts: Ints
+    """Number of corners of each set, 0 where it spans every direction (m,)."""
+    middles: Floats
+    """Unit normal in the middle of each set, 0 where its normals cancel out (m, 3)."""
+
+
+class GraspContacts:
+    """Contacts of grasps on an object, and the sets of normals that each may have.
 
     Where the surface is smooth a contact has one normal; on creases and at corners it may have any
     of a convex set. The rows of `set_normals` are in the order of the contacts: those of contact i
@@ -39,10 +56,11 @@ class SurfaceContacts:
     """
 
     mesh: ObjectMesh
-    surface_points: SurfacePoints
-    """Contact points on the faces, shape (b, n)."""
 
-    __repr__ = short_repr
+    if TYPE_CHECKING:  # a field or an attribute of each class that has this base
+
+        @property
+        def surface_points(self) -> SurfacePoints: ...  # noqa: D102
 
     @property
     def known(self) -> bool:
@@ -139,16 +157,182 @@ class SurfaceContacts:
         points = self.points - self.mesh.center_mass
         return Contacts(points, self.normals, model.frictions, model.torsion_radius)
 
-    def take(self, which: slice | Ints | Bools) -> "SurfaceContacts":
+    def take(self, which: slice | Ints | Bools) -> "GraspContacts":
         """The chosen grasps."""
-        surface_points = SurfacePoints(
-            self.surface_points.faces[which], self.surface_points.weights[which]
-        )
-        return SurfaceContacts(self.mesh, surface_points)
+        points = self.surface_points
+        return SurfaceContacts(self.mesh, SurfacePoints(points.faces[which], points.weights[which]))
 
     @cached_property
-    def _sets(self) -> "NormalSets":
+    def _sets(self) -> NormalSets:
         return _normal_sets_at(self.mesh, self.surface_points)
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceContacts(GraspContacts):
+    """Contacts of grasps at points of a surface."""
+
+    mesh: ObjectMesh
+    surface_points: SurfacePoints
+    """Contact points on the faces, shape (b, n)."""
+
+    __repr__ = short_repr
+
+
+@dataclass(frozen=True, eq=False)
+class ReadContacts(GraspContacts):
+    """Contacts of grasps in a file: at vertices, and at positions that it contains or does not.
+
+    Their surface points are found when they are needed.
+    """
+
+    mesh: ObjectMesh
+    vertices: Ints
+    """The first contacts, numbers of vertices, shape (b,)."""
+    partners: Floats | None
+    """Positions of the others, shape (b, n - 1, 3); None: the file has none."""
+    fingers: int
+    """Number of contacts of each grasp, n."""
+    file: str
+    """Name of the file, for errors."""
+
+    __repr__ = short_repr
+
+    @property
+    def known(self) -> bool:
+        """Whether all contacts are known."""
+        return self.partners is not None
+
+    @property
+    def size(self) -> int:
+        """Number of grasps."""
+        return len(self.vertices)
+
+    @property
+    def count(self) -> int:
+        """Number of contacts of each grasp."""
+        return self.fingers
+
+    @cached_property
+    def surface_points(self) -> SurfacePoints:
+        """Contact points on the faces, shape (b, n): vertices, and points nearest to the others.
+
+        Raises:
+            SettingError: The file does not contain the other contacts.
+            MeshError: They are not on the surface.
+        """
+        if self.partners is None:
+            raise SettingError(
+                f"{self.file}: the file does not contain the opposing contacts of its grasps, "
+                "which this needs; label the mesh again, and write NPZ, VTP or Parquet to keep them"
+            )
+        nearest, _, distances = nearest_surface_points(
+            self.mesh, self.partners.reshape(-1, 3), limit=OFF_SURFACE * self.mesh.size
+        )
+        if np.isinf(distances).any():
+            raise MeshError(
+                f"{self.file}: opposing contacts are not on its surface; label it again"
+            )
+        shape = self.partners.shape[:2]
+        others = SurfacePoints(nearest.faces.reshape(shape), nearest.weights.reshape(*shape, 3))
+        return with_vertices(self.mesh, self.vertices, others)
+
+    def take(self, which: slice | Ints | Bools) -> GraspContacts:
+        """The chosen grasps."""
+        if "surface_points" in vars(self):
+            return super().take(which)
+        partners = None if self.partners is None else self.partners[which]
+        return replace(self, vertices=self.vertices[which], partners=partners)
+
+
+@dataclass(frozen=True, eq=False)
+class JawContacts(GraspContacts):
+    """Contacts where jaws have closed on an object: patches, each with one normal."""
+
+    mesh: ObjectMesh
+    jaws: ClosedJaws
+    """Where the jaws touch; all of them close."""
+
+    __repr__ = short_repr
+
+    @classmethod
+    def of(cls, mesh: ObjectMesh, jaws: ClosedJaws) -> "JawContacts":
+        """The contacts where jaws close on an object, of those that do.
+
+        Args:
+            mesh: The object.
+            jaws: Where the jaws touch.
+        """
+        return cls(mesh, jaws.take(jaws.closed))
+
+    @cached_property
+    def surface_points(self) -> SurfacePoints:
+        """Points on no one face, whose number is -1, shape (b, n)."""
+        shape = self.points.shape
+        return SurfacePoints(locked(np.full(shape[:2], -1)), locked(np.zeros(shape)))
+
+    @property
+    def points(self) -> Floats:
+        """Positions in the mesh's frame and unit, shape (b, n, 3)."""
+        return self.jaws.points
+
+    @cached_property
+    def lines(self) -> PairLines:
+        """Lines between the contacts of grasps of two, shape (b, 2)."""
+        return PairLines.of_contacts(self.contacts(GraspModel()))
+
+    def tilts(self, model: GraspModel) -> ArrayLike:
+        """Largest angle between the normal of each contact and any that may be true [rad]."""
+        return model.tilt_of_fingers
+
+    def contacts(self, model: GraspModel) -> Contacts:
+        """The contacts, relative to the mesh's centre of mass.
+
+        A point has the torsion radius of the model. Otherwise it is that of the patch that is
+        touched, evenly pressed, from its area and extents, unless the model has one; a contact with
+        a patch also resists rolling, over half the patch's extents along y and z of the gripper,
+        projected onto the tangent plane.
+
+        Args:
+            model: Friction, and what a contact is.
+        """
+        points, normals = self.jaws.points - self.mesh.center_mass, self.jaws.normals
+        torsion, patch = np.asarray(model.torsion_radius), None
+        half_extents = 0.5 * self.jaws.extents  # (b, n, 2)
+        if model.contact != "point" and model.torsion_radius == 0.0:
+            pressed = evenly_pressed_radius(half_extents, self.jaws.area)
+            torsion = np.asarray(model.frictions) * pressed
+        if model.contact == "patch":
+            y_and_z = np.swapaxes(self.jaws.poses[:, :3, 1:3], 1, 2)  # (b, 2, 3)
+            patch = in_tangent_plane(half_extents[..., None] * y_and_z[:, None], normals)
+        return Contacts(points, normals, model.frictions, torsion, patch)
+
+    def take(self, which: slice | Ints | Bools) -> "JawContacts":
+        """The chosen grasps."""
+        return JawContacts(self.mesh, self.jaws.take(which))
+
+    @cached_property
+    def _sets(self) -> NormalSets:
+        normals = self.jaws.normals.reshape(-1, 3)
+        count = len(normals)
+        return NormalSets(np.arange(count + 1), normals, np.ones(count, dtype=np.int64), normals)
+
+
+def with_vertices(mesh: ObjectMesh, vertices: Ints, others: SurfacePoints) -> SurfacePoints:
+    """Contact points of grasps, those at vertices first.
+
+    Args:
+        mesh: The surface.
+        vertices: Numbers of vertices, shape (b,).
+        others: The other contacts, shape (b, n - 1).
+
+    Returns:
+        Shape (b, n).
+    """
+    first = vertex_surface_points(mesh, vertices)
+    return SurfacePoints(
+        locked(np.concatenate([first.faces[:, None], others.faces], axis=1)),
+        locked(np.concatenate([first.weights[:, None], others.weights], axis=1)),
+    )
 
 
 def vertex_surface_points(mesh: ObjectMesh, vertices: ArrayLike) -> SurfacePoints:
@@ -168,19 +352,6 @@ def vertex_surface_points(mesh: ObjectMesh, vertices: ArrayLike) -> SurfacePoint
     corner[mesh.faces[::-1]] = np.arange(3)
     canonical = mesh.canonical[np.asarray(vertices, dtype=np.int64)]
     return SurfacePoints(face[canonical], np.eye(3)[corner[canonical]])
-
-
-class NormalSets(NamedTuple):
-    """Sets of normals at a flat batch of surface points (m,)."""
-
-    start: Ints
-    """First row of each set in `normals` (m + 1,)."""
-    normals: Floats
-    """Unit normals (K, 3)."""
-    counts: Ints
-    """Number of corners of each set, 0 where it spans every direction (m,)."""
-    middles: Floats
-    """Unit normal in the middle of each set, 0 where its normals cancel out (m, 3)."""
 
 
 def _normal_sets_at(mesh: ObjectMesh, surface_points: SurfacePoints) -> NormalSets:

@@ -22,7 +22,7 @@ from grasp3d.stability.normal_sets import (
     angle_bounds,
     planar_bounds,
 )
-from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.contacts import GraspContacts
 from grasp3d.system.progress import Progress, ignore
 
 SAME_POINT = 1e-12
@@ -47,7 +47,7 @@ U."""
 
 
 def critical_angles(
-    contacts: SurfaceContacts,
+    contacts: GraspContacts,
     *,
     tolerance: float = 1e-4,
     threads: int | None = None,
@@ -100,7 +100,7 @@ def critical_angles(
 
 
 def _best_at_one_point(
-    contacts: SurfaceContacts, rows: Ints, tolerance: float, threads: int | None
+    contacts: GraspContacts, rows: Ints, tolerance: float, threads: int | None
 ) -> Floats:
     """Lower bounds of the best angles (b,) of grasps with all contacts at the same point.
 
@@ -122,7 +122,7 @@ def _best_at_one_point(
 
 
 def _evaluated(
-    contacts: SurfaceContacts, separate: Bools, tolerance: float, threads: int | None
+    contacts: GraspContacts, separate: Bools, tolerance: float, threads: int | None
 ) -> Iterator[tuple[Ints, Floats]]:
     """Chunks of grasps, smooth ones first, and their angles (b,) or (2, b)."""
     on_crease = contacts.on_crease.any(axis=1)
@@ -137,14 +137,14 @@ def _chunks(rows: Ints) -> Iterator[Ints]:
         yield rows[start : start + CHUNK]
 
 
-def _contacts(contacts: SurfaceContacts, rows: Ints, normals: Floats) -> Contacts:
+def _contacts(contacts: GraspContacts, rows: Ints, normals: Floats) -> Contacts:
     """Chosen grasps with given normals, scaled, without friction."""
     points, _, _ = centred(contacts.points[rows])
     return Contacts(points, normals, friction=0.0)
 
 
 def _on_creases(
-    contacts: SurfaceContacts, rows: Ints, tolerance: float, threads: int | None
+    contacts: GraspContacts, rows: Ints, tolerance: float, threads: int | None
 ) -> Iterator[tuple[Ints, Floats]]:
     """Chunks of grasps with a contact on a crease, and their angles (2, b)."""
     if contacts.count <= 2:
@@ -175,7 +175,7 @@ def _on_creases(
     yield pending, np.transpose([AMBIGUOUS] * len(pending))
 
 
-def _of_triples(contacts: SurfaceContacts, tolerance: float) -> Floats:
+def _of_triples(contacts: GraspContacts, tolerance: float) -> Floats:
     """Three contacts with sets of normals, in the plane through them, (2, b); nan on one line."""
     start, normals = contacts.set_start, contacts.set_normals
     samples = NormalSamples.of_sets(start, normals, contacts.count, STEP)
@@ -190,7 +190,7 @@ def _chunks_of_sizes(sizes: Floats, rows: Ints) -> Iterator[Ints]:
     yield from (chunk for chunk in chunks if len(chunk))
 
 
-def _of_pairs(contacts: SurfaceContacts, rows: Ints) -> Floats:
+def _of_pairs(contacts: GraspContacts, rows: Ints) -> Floats:
     """Closed form of two contacts with sets of normals: squeezing or expanding, (2, b)."""
     found = np.full((2, len(rows)), math.inf)
     start, normals, any_normal = contacts.set_start, contacts.set_normals, contacts.any_normal

@@ -19,8 +19,7 @@ from grasp3d.stability.enumeration import (
     rings_needed,
 )
 from grasp3d.stability.label import Label
-from grasp3d.surface.contacts import SurfaceContacts
-from grasp3d.surface.jaw_contacts import JawContacts
+from grasp3d.surface.contacts import GraspContacts, JawContacts
 from grasp3d.system.progress import Progress
 
 BEFORE_ENUMERATION = 0.3
@@ -47,7 +46,7 @@ def check_combinations_of(model: GraspModel) -> None:
 
 
 def hull_labels(
-    grasps: SurfaceContacts,
+    grasps: GraspContacts,
     model: GraspModel,
     *,
     threads: int | None = None,
@@ -100,7 +99,7 @@ def _labels_of_jaws(grasps: JawContacts, model: GraspModel, threads: int | None)
 
 
 def hull_epsilons(
-    grasps: SurfaceContacts,
+    grasps: GraspContacts,
     model: GraspModel,
     options: EpsilonOptions,
     *,
@@ -131,7 +130,7 @@ def hull_epsilons(
     return found[0], found[1]
 
 
-def _groups(grasps: SurfaceContacts, model: GraspModel) -> Iterator[tuple[Ints, Contacts, Tested]]:
+def _groups(grasps: GraspContacts, model: GraspModel) -> Iterator[tuple[Ints, Contacts, Tested]]:
     """Chunks (rows, contacts, tested) of grasps with equal numbers of normals at each contact."""
     normals = _normals(grasps)
     points = grasps.points - grasps.mesh.center_mass
@@ -161,7 +160,7 @@ def _over_friction(contacts: Contacts, model: GraspModel) -> tuple[Contacts, Con
     return contacts.with_friction(low), contacts.with_friction(high)
 
 
-def _normals(grasps: SurfaceContacts) -> list[Floats]:
+def _normals(grasps: GraspContacts) -> list[Floats]:
     """Normals of the faces at every contact, (k, 3) each, at most `MAX_FACE_NORMALS`."""
     found = []
     for first, end in pairwise(grasps.set_start.tolist()):

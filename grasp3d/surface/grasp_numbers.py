@@ -21,11 +21,10 @@ from grasp3d.stability.located_angles import (
     located_pairs,
 )
 from grasp3d.stability.normal_sets import WorstAndBest
-from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.contacts import GraspContacts, JawContacts
 from grasp3d.surface.critical_angles import AMBIGUOUS
 from grasp3d.surface.extreme_normals import hull_epsilons
 from grasp3d.surface.holding import Holding, holding_of
-from grasp3d.surface.jaw_contacts import JawContacts
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.progress import Progress
 
@@ -37,7 +36,7 @@ BOUND_RTOL = 3e-2
 
 
 def located_angles_of(
-    grasps: SurfaceContacts,
+    grasps: GraspContacts,
     angles: WorstAndBest,
     model: GraspModel,
     *,
@@ -76,7 +75,7 @@ def located_angles_of(
 
 
 def surface_epsilons(
-    grasps: SurfaceContacts,
+    grasps: GraspContacts,
     model: GraspModel,
     *,
     center_radius: float = 0.0,
@@ -132,7 +131,7 @@ its principal axes is the longest."""
 
 
 def surface_metrics(
-    grasps: SurfaceContacts,
+    grasps: GraspContacts,
     model: GraspModel,
     names: str | Sequence[str] = "all",
     *,
@@ -195,7 +194,7 @@ def longest_axis(mesh: ObjectMesh) -> Floats:
 
 
 def surface_holding(
-    grasps: SurfaceContacts,
+    grasps: GraspContacts,
     model: GraspModel,
     case: LoadCase,
     *,

@@ -1,12 +1,11 @@
 """Tables of grasps: one grasp in each row, with its label, epsilon and forces."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from importlib import import_module
-from operator import attrgetter
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,131 +13,41 @@ import numpy.typing as npt
 from grasp3d.arrays import Bytes, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.hand.reach import Reach
-from grasp3d.hand.scene import Scene
+from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.closure import force_closure
-from grasp3d.quality.loads import Load
+from grasp3d.quality.loads import Load, load_settings
 from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
-from grasp3d.stability.label import Label
+from grasp3d.settings.lengths import one_line
+from grasp3d.settings.parsing import plain_values
+from grasp3d.stability.label import MEANING, Label
 from grasp3d.stability.located_angles import ContactLimits
 from grasp3d.stability.normal_sets import WorstAndBest
-from grasp3d.stability.thresholds import label_angles, margins, max_resolution
-from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.stability.thresholds import label_angles
+from grasp3d.surface.closed_grasps import ClosedGrasps, close_on
+from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.deferred import Deferred
 from grasp3d.surface.extreme_normals import hull_labels
+from grasp3d.surface.fields import Field, columns_of, present
+from grasp3d.surface.grasp_fields import CONTACTS, GRASPS
 from grasp3d.surface.grasp_numbers import (
+    EPSILON_RTOL,
     located_angles_of,
     surface_epsilons,
     surface_holding,
     surface_metrics,
 )
 from grasp3d.surface.holding import Holding
+from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.rows import if_known, rows_of
 from grasp3d.system.progress import Progress, ignore
+from grasp3d.system.versions import package_version
 
-if TYPE_CHECKING:
-    from grasp3d.grasps.closed_grasps import ClosedGrasps
-
-
-T = TypeVar("T")
-V = TypeVar("V")
-
-
-def if_known(values: T | None, function: Callable[[T], V]) -> V:
-    """What follows from values; None where these are None, as a file does not contain them.
-
-    The types say nothing of that: labels that were computed have all values.
-
-    Args:
-        values: The values.
-        function: What follows from them.
-    """
-    unknown: Any = None
-    found: V = unknown if values is None else function(values)
-    return found
-
-
-class LabelledGrasps:
-    """Grasps, one for each row of the arrays, with what follows from their angles and epsilon."""
-
-    if TYPE_CHECKING:  # fields and attributes of the classes that have this base
-
-        @property
-        def model(self) -> GraspModel: ...  # noqa: D102
-        @property
-        def located_angles(self) -> WorstAndBest: ...  # noqa: D102
-        @property
-        def epsilon_range(self) -> EpsilonRange: ...  # noqa: D102
-        @property
-        def holding(self) -> Holding | None: ...  # noqa: D102
-
-    @cached_property
-    def margin(self) -> Floats:
-        """Margin of the grasps [rad]: beta - alpha/2 - beta*, less all other uncertainties.
-
-        S iff above 0 (with method exact); the angle by which friction may be smaller, or normals
-        less certain, and the grasp is still surely stable. -inf where there is no grasp.
-        """
-        return locked(margins(self.located_angles[0], self.model))
-
-    @cached_property
-    def max_resolution(self) -> Floats:
-        """Coarsest sensor resolution below which the grasp is S [rad]; 0: none is fine enough.
-
-        With the other uncertainties of the model as they are.
-        """
-        return locked(max_resolution(self.located_angles[0], self.model))
-
-    @cached_property
-    def epsilon(self) -> Floats:
-        """Epsilon of the grasps (Ferrari & Canny 1992).
-
-        At the contacts' nominal normals, the middle of the set on creases; about the mesh's centre
-        of mass, torques divided by `mesh.torque_scale`, in the span of the wrenches. Certified from
-        below, within 1 %. 0 where the grasp is not force-closed, nan where there is no grasp or the
-        normals at a contact cancel out. None: of labels read from a PLY, which does not have the
-        contacts, for another model.
-        """
-        return if_known(self.epsilon_range, attrgetter("nominal"))
-
-    @cached_property
-    def epsilon_min(self) -> Floats:
-        """Smallest epsilon over the tilts within the sensor's resolution.
-
-        `model.tilts` says how it is computed: 'exact', by the 'effective_friction' of polygonal
-        cones, over 'sampled_tilts' for soft fingers and with method extremes, or as a 'bound' where
-        contact locations are uncertain; see `quality.epsilon_range`. None: as for `epsilon`.
-        """
-        return if_known(self.epsilon_range, attrgetter("minimum"))
-
-    @cached_property
-    def epsilon_max(self) -> Floats:
-        """Upper bound on epsilon over all tilts.
-
-        With method extremes it is the largest over the combinations of extreme normals, and is
-        attained. It is 0 at a few creases labelled M, whose label comes from another grasp, which
-        is better over the best normals. None: as for `epsilon`.
-        """
-        return if_known(self.epsilon_range, attrgetter("maximum"))
-
-    @property
-    def grip_force(self) -> Floats | None:
-        """Force that each finger needs under the load [N]; None: there is no load.
-
-        See `Holding.grip_force`.
-        """
-        return None if self.holding is None else self.holding.grip_force
-
-    @property
-    def payload(self) -> Floats | None:
-        """Mass that the force at hand holds [kg]; None: there is no load.
-
-        See `Holding.payload`.
-        """
-        return None if self.holding is None else self.holding.payload
+Columns = dict[str, npt.NDArray[Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +56,7 @@ class BestNormalGrasps:
 
     rows: Ints
     """Rows of the table in ascending order, shape (c,)."""
-    contacts: SurfaceContacts
+    contacts: GraspContacts
     """Their contacts, shape (c, n)."""
 
     __repr__ = short_repr
@@ -180,7 +89,7 @@ class GraspTable(LabelledGrasps):
         1      2     S     5     0.08
     """
 
-    contacts: SurfaceContacts
+    contacts: GraspContacts
     """Contacts, on the surface or where closed jaws touch, shape (b, n)."""
     model: GraspModel
     """Friction and sensor resolution; `fingers` is the number of contacts."""
@@ -307,17 +216,17 @@ class GraspTable(LabelledGrasps):
         return replace(found, grip_force_least=locked(np.fmin(found.grip_force_least, least)))
 
     @Deferred
-    def closed(self, progress: Progress) -> "ClosedGrasps | None":
+    def closed(self, progress: Progress) -> ClosedGrasps | None:
         """What the jaws touch when they close at the poses, with labels and margins.
 
         Computed when first read; None: no hand, or one without poses.
         """
-        if not self.has_poses:
+        reach, scene = self.reach, self.scene
+        if reach is None or scene is None or not self.has_poses:
             return None
-        found: ClosedGrasps = import_module("grasp3d.grasps.closed_grasps").close_on(
-            self, progress=progress
+        return close_on(
+            self.mesh, reach, scene, self.model, threads=self.threads, progress=progress
         )
-        return found
 
     @property
     def has_poses(self) -> bool:
@@ -353,7 +262,7 @@ class GraspTable(LabelledGrasps):
         return None if self.reach is None else self.reach.poses
 
     @property
-    def known_contacts(self) -> SurfaceContacts | None:
+    def known_contacts(self) -> GraspContacts | None:
         """The contacts; None: a file does not contain them."""
         return self.contacts if self.contacts.known else None
 
@@ -474,9 +383,68 @@ class GraspTable(LabelledGrasps):
         """
         GraspTable.holding.compute(self, progress)
 
+    def columns(self, metrics: MetricValues | None = None) -> Columns:
+        """What files have of each grasp as a whole by name, shape (b,) each.
+
+        Args:
+            metrics: Quality measures of the grasps, which become columns too.
+        """
+        own = columns_of(GRASPS, self)
+        return own if metrics is None else {**own, **metrics.columns()}
+
+    def contact_values(self) -> list[tuple[Field, npt.NDArray[Any]]]:
+        """What files have of each contact, shape (b, n, ...), without negative zeros."""
+        return [
+            (field, values + 0.0 if field.outward else values)
+            for field, values in present(CONTACTS, self)
+        ]
+
+    def table_columns(self, metrics: MetricValues | None = None) -> Columns:
+        """The columns of tables, those of the contacts with their number, shape (b,) each.
+
+        Args:
+            metrics: As in `columns`.
+        """
+        columns, contacts = self.columns(metrics), self.contact_values()
+        for number in range(self.contacts.count):
+            for field, values in contacts:
+                names = [f"{name}{number + 1}" for name in field.columns or (field.name,)]
+                flat = values[:, number].reshape(len(values), len(names))
+                columns |= dict(zip(names, flat.T, strict=True))
+        return columns
+
+    def settings(self) -> dict[str, Any]:
+        """Settings that the grasps were evaluated with, as files have them; angles in radians."""
+        mesh, model, scene = self.mesh, self.model, self.scene
+        meaning = MEANING["scan"]
+        surroundings = {} if scene is None else scene_settings(scene)
+        surroundings.pop("gripper", None)  # it is stated beside the poses
+        load = {}
+        if self.holding is not None:
+            load = {**load_settings(self.load), **self.holding.settings()}
+        return {
+            "version": package_version(),
+            "source": mesh.report.source,
+            **plain_values(model),
+            **plain_values(mesh.options),
+            "center_of_mass": one_line(mesh.options.center_of_mass),
+            "unit": mesh.unit or "unknown",
+            "size": mesh.size,
+            "center_mass": mesh.center_mass.tolist(),
+            "torque_scale": mesh.torque_scale,
+            "epsilon_rtol": EPSILON_RTOL,
+            "epsilon_min": model.tilts,
+            "epsilon_max": "sampled_tilts" if model.method == "extremes" else "upper_bound",
+            "labels": {label.name: meaning[label] for label in sorted(Label)},
+            **surroundings,
+            **{name: value for name, value in load.items() if value is not None},
+        }
+
     def to_table(self) -> Any:
         """Return a `pyarrow.Table` with a row for each grasp: the columns of `write_grasps`."""
-        return import_module("grasp3d.grasps.writing").grasps_to_table(self)
+        from grasp3d.system.tables import table_of_columns
+
+        return table_of_columns(self.table_columns(), settings=self.settings())
 
     def to_dataframe(self) -> Any:
         """Return `to_table` as a `pandas.DataFrame`.
@@ -503,6 +471,10 @@ class GraspTable(LabelledGrasps):
         return import_module("grasp3d.viewer.show").show(self, **options)
 
 
+COMPUTED = frozenset({"located_angles", "label", "epsilon_range", "holding", "closed"})
+"""What is computed when it is first read, a row for each grasp."""
+
+
 def _distances(points: Floats) -> Floats:
     """Distances of all pairs of contacts of each grasp (b, n, 3), shape (b, n (n - 1) / 2)."""
     first, second = np.triu_indices(points.shape[1], 1)
@@ -512,16 +484,3 @@ def _distances(points: Floats) -> Floats:
 def _limits(model: GraspModel) -> bytes:
     """What located angles of given grasps depend on; empty: on nothing."""
     return b"" if model.is_uniform else ContactLimits.of(model.fingertips).key
-
-
-COMPUTED = frozenset({"located_angles", "label", "epsilon_range", "holding", "closed"})
-"""What is computed when it is first read, a row for each grasp."""
-
-
-def rows_of(values: Any, rows: Ints) -> Any:
-    """The chosen rows of what was computed: an array, a tuple, or a class that takes rows."""
-    if values is None:
-        return None
-    if isinstance(values, tuple):
-        return tuple(rows_of(one, rows) for one in values)
-    return locked(values[rows]) if isinstance(values, np.ndarray) else values.take(rows)

@@ -1,27 +1,18 @@
 """Result of labelling a surface: the best grasp at every vertex, its label and epsilon."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from importlib import import_module
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked
+from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.errors import SearchCoverageError, SettingError
-from grasp3d.hand.reach import Reach
-from grasp3d.hand.scene import Scene
-from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import length_warnings
-from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.quality.loads import Load
 from grasp3d.settings import (
     ANGLE_ROUNDING,
-    AnySampling,
-    GraspModel,
     check_choice,
     sampling_kind,
     search_cone,
@@ -30,40 +21,21 @@ from grasp3d.settings.lengths import GivenLength
 from grasp3d.settings.model_text import model_line
 from grasp3d.settings.uncertainty import Uncertainty, friction_interval
 from grasp3d.stability.angle_distributions import SampledAngles
-from grasp3d.stability.label import Label, Mode
-from grasp3d.stability.normal_sets import WorstAndBest
+from grasp3d.stability.label import Label
 from grasp3d.surface.area_statistics import Weights, quantiles, vertex_weights
-from grasp3d.surface.contacts import SurfaceContacts
-from grasp3d.surface.grasp_table import COMPUTED, BestNormalGrasps, GraspTable, if_known, rows_of
+from grasp3d.surface.conversions import labels_to_polydata, labels_to_table, labels_to_trimesh
 from grasp3d.surface.label_table import LEVELS, label_table
-from grasp3d.surface.read_contacts import ReadContacts
-from grasp3d.surface.spread_grasps import NO_ROW, SpreadGrasps
-from grasp3d.surface.vertex_grasps import Reason, grasps_at, grasps_differ
+from grasp3d.surface.vertex_grasps import VertexGrasps
+
+if TYPE_CHECKING:
+    import pyvista
+    import trimesh
 
 Quantity = Literal["nominal", "minimum", "maximum"]
 
 
-@dataclass(frozen=True)
-class SearchReport:
-    """Extent of the search for grasps."""
-
-    cone: float
-    """Largest critical friction angle that was searched for [rad]; for two fingers the half-angle
-    of the cones about the inward normals that were searched."""
-    rays: int = 0
-    """Number of rays traced, for two fingers."""
-    evaluated: int = 0
-    """Number of candidate grasps evaluated, for three fingers and more; for two fingers that
-    squeeze, faces on which the best contact was computed, 0 where the search is by rays."""
-    rounds: int = 0
-    """Rounds of refinement about the best grasps; for three fingers and more, rounds in which the
-    neighbours' grasps were evaluated."""
-    still_falling: float = 0.0
-    """Fraction of the vertices that the last evaluation of neighbours' contacts still improved."""
-
-
 @dataclass(frozen=True, eq=False)
-class SurfaceLabels(SpreadGrasps):
+class SurfaceLabels(VertexGrasps):
     """The best grasp found at every vertex of a surface, and its reliability.
 
     Arrays have one row per vertex of `mesh`; positions are in its unit and frame. An S is a proof:
@@ -83,101 +55,6 @@ class SurfaceLabels(SpreadGrasps):
         >>> labels.to_dataframe().shape, labels.to_trimesh(), labels.to_polydata().n_points
         ((42, 33), <trimesh.Trimesh(vertices.shape=(42, 3), faces.shape=(80, 3))>, 42)
     """
-
-    grasps: GraspTable
-    """The best grasps over the worst normals, a row for each position that has one; with those that
-    are better over the best normals."""
-    row: Ints
-    """Row of each vertex's grasp in that table, -1: none, shape (V,)."""
-    reason: Bytes
-    """`Reason` codes, shape (V,); None: a file does not contain them."""
-    sampling: AnySampling | None
-    """How grasps were searched for; None in a scan, where they are given."""
-    mode: Mode
-    search: SearchReport
-    reach: Reach | None = None
-    """How the gripper reaches the grasp of each vertex, a row for each; None: no gripper.
-
-    `reach.poses` (V, 4, 4) in the mesh's frame and unit, nan where there is no grasp;
-    `reach.approach_margin` (V,) [rad]; and more.
-    """
-
-    @classmethod
-    def of_vertices(
-        cls,
-        mesh: ObjectMesh,
-        model: GraspModel,
-        *,
-        angles: WorstAndBest,
-        partners: Floats | None,
-        partner_points: SurfacePoints | None,
-        grip: ArrayLike | None,
-        reason: ArrayLike | None,
-        reach: Reach | None = None,
-        sampling: AnySampling | None,
-        mode: Mode,
-        search: SearchReport,
-        scene: Scene | None = None,
-        load: Load | None = None,
-        threads: int | None = None,
-        file: str | None = None,
-    ) -> "SurfaceLabels":
-        """Labels of the grasps of a surface's vertices, those of one position being the same.
-
-        Args:
-            mesh: The surface.
-            model: Friction and sensor resolution.
-            angles: Critical angles (worst, best) [rad], shape (V,) each.
-            partners: As the attribute; None: unknown, in a file.
-            partner_points: As the attribute; None: those nearest to the partners.
-            grip: As the attribute; one number for all vertices or shape (V,); None: unknown.
-            reason: `Reason` codes of the vertices on the surface, shape (V,); None: unknown, in a
-                file; vertices with finite angles have a grasp.
-            reach: As the field.
-            sampling: As the field.
-            mode: As the field.
-            search: As the field.
-            scene: The gripper that must reach each grasp, and the table; None: ideal points.
-            load: What each grasp must hold; None: nothing.
-            threads: As in `GraspTable`.
-            file: Name of the file that the grasps were read from; None: that of the mesh.
-        """
-        count = len(mesh.vertices)
-        reasons: Any = reason
-        found = np.isfinite(angles[1]) & mesh.on_surface
-        if reason is not None:
-            reasons = locked(np.where(mesh.on_surface, reason, Reason.OFF_SURFACE), np.uint8)
-            found = reasons == Reason.FOUND
-        vertices = np.unique(mesh.canonical[found])
-        row = np.full(count, NO_ROW, dtype=np.int64)
-        row[vertices] = np.arange(len(vertices))
-        own = None if partners is None else locked(partners[vertices])
-        contacts: SurfaceContacts = ReadContacts(
-            mesh, vertices, own, model.fingers, file or mesh.report.source
-        )
-        best_normals = None
-        if partner_points is not None:
-            contacts = grasps_at(mesh, partner_points, vertices, 0)
-            best_normals = _best_normals(mesh, partner_points, vertices)
-        table = GraspTable(
-            contacts=contacts,
-            model=model,
-            critical_angle=locked(angles[0][vertices]),
-            critical_angle_best=locked(angles[1][vertices]),
-            best_normals=best_normals,
-            points=None
-            if own is None
-            else locked(np.concatenate([mesh.vertices[vertices, None], own], axis=1)),
-            grip=None if grip is None else locked(np.broadcast_to(grip, count)[vertices], np.int8),
-            scene=scene,
-            reach=None if reach is None else reach.take(vertices),
-            load=load,
-            threads=threads,
-        )
-        return cls(
-            table, locked(row[mesh.canonical]), reasons, sampling=sampling, mode=mode,
-            search=search, reach=reach,
-        )  # fmt: skip
 
     def __repr__(self) -> str:
         model = self.model
@@ -206,144 +83,6 @@ class SurfaceLabels(SpreadGrasps):
             *self.mesh.report.warnings,
             *length_warnings(lengths, self.mesh.size, self.mesh.unit),
         )
-
-    @classmethod
-    def of_values(
-        cls,
-        mesh: ObjectMesh,
-        model: GraspModel,
-        *,
-        sampling: AnySampling | None,
-        mode: Mode,
-        search: SearchReport,
-        scene: Scene | None = None,
-        load: Load | None = None,
-        values: Mapping[str, Any],
-        file: str | None = None,
-    ) -> "SurfaceLabels":
-        """Labels whose values are known, from a file, instead of computed.
-
-        What the file does not contain is None where it needs the opposing contacts and these are
-        not known; else it is computed when it is read. Surface points that are not given are found
-        when they are needed.
-
-        Args:
-            mesh: The surface.
-            model: As in `of_vertices`, as what follows but `values`.
-            sampling: How grasps were searched for.
-            mode: Labels or a scan.
-            search: Extent of the search.
-            scene: The gripper and the table.
-            load: What each grasp must hold.
-            values: Attributes by name, with a row for each vertex: `critical_angle` and
-                `critical_angle_best` [rad] at least, and others such as `label`, `located_angles`,
-                `epsilon_range`, `holding`, `partners`, `partner_points`, `reason` or `reach`.
-            file: Name of the file, for errors; None: that of the mesh.
-        """
-        worst, best = values["critical_angle"], values["critical_angle_best"]
-        labels = cls.of_vertices(
-            mesh, model, angles=(worst, best), partners=values.get("partners"),
-            partner_points=values.get("partner_points"), grip=values.get("grip"),
-            reason=values.get("reason"), reach=values.get("reach"), sampling=sampling, mode=mode,
-            search=search, scene=scene, load=load, file=file,
-        )  # fmt: skip
-        known = {name: one for name, one in values.items() if one is not None}
-        vars(labels).update(known)
-        vars(labels.grasps).update(
-            {name: rows_of(known[name], labels.vertices) for name in COMPUTED.intersection(known)}
-        )
-        return labels
-
-    @cached_property
-    def vertices(self) -> Ints:
-        """The first vertex of each position that has a grasp: those of the table's rows."""
-        own = self.mesh.canonical == np.arange(len(self.row))
-        return locked(np.flatnonzero(own & (self.row != NO_ROW)))
-
-    @cached_property
-    def likely_reason(self) -> Bytes:
-        """`reason`, or the likely one where a file does not contain it, shape (V,)."""
-        if self.reason is not None:
-            return self.reason
-        none = Reason.SAME_POINT if self.mode == "scan" else Reason.NO_PARTNER
-        reasons = np.where(self.row != NO_ROW, Reason.FOUND, none)
-        return locked(np.where(self.mesh.on_surface, reasons, Reason.OFF_SURFACE), np.uint8)
-
-    @cached_property
-    def partners(self) -> Floats:
-        """Opposing contacts of the vertex's best grasp, shape (V, n - 1, 3); nan: no grasp.
-
-        None: read from a PLY, which does not have them.
-        """
-        own = self.grasps
-        return if_known(own.known_contacts, lambda _: self._spread(own.positions[:, 1:], math.nan))
-
-    @cached_property
-    def partner_normals(self) -> Floats:
-        """Inward unit normals there, the middle of the set on creases, shape (V, n - 1, 3).
-
-        None: read from a PLY, which does not have them.
-        """
-        return if_known(
-            self.grasps.known_contacts, lambda one: self._spread(one.normals[:, 1:], math.nan)
-        )
-
-    @cached_property
-    def partner_points(self) -> SurfacePoints:
-        """Opposing contacts as surface points, shape (V, 2, n - 1); face -1: no grasp.
-
-        Of the best grasp over the worst normals, which are `partners`, and of the best grasp over
-        the best normals. None: read from a PLY, which does not have them.
-        """
-        return if_known(self.grasps.known_contacts, self._spread_points)
-
-    def _spread_points(self, contacts: SurfaceContacts) -> SurfacePoints:
-        points, other = contacts.surface_points, self.grasps.best_normals
-        faces = np.repeat(points.faces[:, None, 1:], 2, axis=1)
-        weights = np.repeat(points.weights[:, None, 1:], 2, axis=1)
-        if other is not None:
-            faces[other.rows, 1] = other.contacts.surface_points.faces[:, 1:]
-            weights[other.rows, 1] = other.contacts.surface_points.weights[:, 1:]
-        return SurfacePoints(self._spread(faces, -1), self._spread(weights, 0.0))
-
-    @cached_property
-    def opening(self) -> Floats:
-        """Largest distance between any two contacts, shape (V,); nan: no grasp.
-
-        None: read from a PLY, which does not have it.
-        """
-        own = self.grasps
-        return if_known(own.known_contacts, lambda _: self._spread(own.opening, math.nan))
-
-    @cached_property
-    def grip(self) -> npt.NDArray[np.int8]:
-        """Two fingers: +1 for an external grasp, -1 for an internal one, shape (V,).
-
-        0 where there is no grasp, and for three fingers and more. None: read from a PLY, which does
-        not have it.
-        """
-        return if_known(self.grasps.grip, lambda grip: self._spread(grip, 0))
-
-    @cached_property
-    def reachable(self) -> Bools | None:
-        """Whether the gripper reaches the grasp of each vertex, shape (V,); None: no gripper."""
-        return None if self.reach is None else locked(self.reach.reached)
-
-    @cached_property
-    def approach(self) -> Floats | None:
-        """Direction from which the gripper comes, the z axis of its pose, shape (V, 3).
-
-        nan where it reaches no grasp; None: no gripper.
-        """
-        return None if self.reach is None else locked(self.reach.poses[:, :3, 2])
-
-    @cached_property
-    def approach_margin(self) -> Floats | None:
-        """Angle by which the approach may turn either way about the closing axis [rad], shape (V,).
-
-        nan where the gripper reaches no grasp; None: no gripper.
-        """
-        return None if self.reach is None else self.reach.approach_margin
 
     def using(self, **changed: Any) -> "SurfaceLabels":
         """The same grasps with another model or load, without checks or a new search.
@@ -529,7 +268,7 @@ class SurfaceLabels(SpreadGrasps):
             >>> table["label"].unique().to_pylist()
             ['S']
         """
-        return import_module("grasp3d.export.parquet").labels_to_table(self)
+        return labels_to_table(self)
 
     def to_dataframe(self) -> Any:
         """Return `to_table` as a `pandas.DataFrame`; labels and reasons are categories.
@@ -549,20 +288,20 @@ class SurfaceLabels(SpreadGrasps):
 
         return data_frame(self.to_table())
 
-    def to_trimesh(self) -> Any:
+    def to_trimesh(self) -> "trimesh.Trimesh":
         """Return a `trimesh.Trimesh` coloured by label.
 
         Every array is in its `vertex_attributes`: those of the file that `write_npz` writes, with
         `partner_2`, `partner_2_normal` and so on for the other fingers. Computes epsilon.
         """
-        return import_module("grasp3d.export.trimeshes").labels_to_trimesh(self)
+        return labels_to_trimesh(self)
 
-    def to_polydata(self) -> Any:
+    def to_polydata(self) -> "pyvista.PolyData":
         """Return a `pyvista.PolyData` with the arrays of the file that `write_vtp` writes.
 
         nan where there is no grasp. Computes epsilon.
         """
-        return import_module("grasp3d.export.vtp").labels_to_polydata(self)
+        return labels_to_polydata(self)
 
     def show(self, **options: Any) -> Any:
         """Show the surface: in a notebook as a page below the cell, elsewhere in a window.
@@ -574,7 +313,7 @@ class SurfaceLabels(SpreadGrasps):
             OutputError: Nothing can be shown in this environment.
         """
         # The viewer belongs to a higher layer and is slow to import, so it is imported by name when
-        # it is needed, as pandas does with its plotting backends; so are the conversions above.
+        # it is needed, as pandas does with its plotting backends.
         return import_module("grasp3d.viewer.show").show(self, **options)
 
     def _repr_html_(self) -> str:
@@ -601,13 +340,3 @@ _OF_SEARCH = frozenset({
     "partner_points", "opening", "grip", "reachable", "approach", "approach_margin",
 })  # fmt: skip
 """Attributes that depend on the grasps alone."""
-
-
-def _best_normals(
-    mesh: ObjectMesh, partner_points: SurfacePoints, vertices: Ints
-) -> BestNormalGrasps | None:
-    """The grasps of vertices over the best normals, where they differ; None: nowhere."""
-    rows = np.flatnonzero(grasps_differ(partner_points, vertices))
-    if not len(rows):
-        return None
-    return BestNormalGrasps(locked(rows), grasps_at(mesh, partner_points, vertices[rows], 1))

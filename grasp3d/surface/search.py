@@ -13,12 +13,12 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel, MultifingerSampling, Sampling, search_cone
 from grasp3d.surface.critical_angles import critical_angles
-from grasp3d.surface.labels import SearchReport, SurfaceLabels
+from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.merged_grasps import with_more_margin
 from grasp3d.surface.sampling.antipodal import AntipodalGrasps, best_pairs
 from grasp3d.surface.sampling.multifinger import search
 from grasp3d.surface.sampling.pair_limits import ALIKE, Ranking
-from grasp3d.surface.vertex_grasps import Reason, grasps_at, grasps_differ
+from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at, grasps_differ
 from grasp3d.system.progress import Progress, within
 
 BEFORE_MARGINS = 0.35

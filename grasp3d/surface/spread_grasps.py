@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked
+from grasp3d.arrays import Bytes, Floats, Ints
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.loads import Load
@@ -17,45 +17,12 @@ from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
 from grasp3d.stability.normal_sets import WorstAndBest
-from grasp3d.surface.grasp_table import GraspTable, LabelledGrasps, if_known
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.holding import Holding
+from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.rows import NO_ROW, if_known, spread
 from grasp3d.system.progress import Progress
-
-NO_ROW = -1
-"""Row of a place that has no grasp."""
-
-
-def spread(values: npt.NDArray[Any], row: Ints, missing: float) -> npt.NDArray[Any]:
-    """Values of the rows of a table at the places that have these rows.
-
-    Args:
-        values: A row for each grasp, shape (b, ...).
-        row: Row of each place, -1: none, shape (k,).
-        missing: Value of places without a row.
-
-    Returns:
-        Shape (k, ...), read-only.
-
-    Example:
-        >>> import numpy as np
-        >>> from grasp3d.surface.spread_grasps import spread
-        >>> spread(np.array([0.5, 0.7]), np.array([1, 0, -1, 1]), 0.0).tolist()
-        [0.7, 0.5, 0.0, 0.7]
-    """
-    found = np.full((len(row), *values.shape[1:]), missing, dtype=values.dtype)
-    known = row != NO_ROW
-    found[known] = values[row[known]]
-    return locked(found)
-
-
-def rows_where(known: Bools) -> Ints:
-    """Row of each place in a table of those that are known, in their order; -1: none, shape (k,).
-
-    Args:
-        known: Whether each place has a row, shape (k,).
-    """
-    return locked(np.where(known, np.cumsum(known) - 1, NO_ROW))
 
 
 class SpreadGrasps(LabelledGrasps):

@@ -1,14 +1,34 @@
-"""Grasps of vertices: one contact at the vertex, the others anywhere on the surface."""
+"""Grasps of the vertices of a surface: one contact at the vertex, the others anywhere on it."""
 
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from grasp3d._kernels.search import antipodal_candidates
-from grasp3d.arrays import Bools, Ints
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.hand.reach import Reach
+from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
+from grasp3d.quality.loads import Load
+from grasp3d.settings import AnySampling, GraspModel
+from grasp3d.stability.label import Mode
+from grasp3d.stability.normal_sets import WorstAndBest
+from grasp3d.surface.contacts import (
+    GraspContacts,
+    ReadContacts,
+    SurfaceContacts,
+    with_vertices,
+)
+from grasp3d.surface.grasp_table import COMPUTED, BestNormalGrasps, GraspTable
+from grasp3d.surface.rows import NO_ROW, if_known, rows_of
+from grasp3d.surface.spread_grasps import SpreadGrasps
 
 
 class Reason(IntEnum):
@@ -28,6 +48,268 @@ class Reason(IntEnum):
     """It has grasps, but the gripper reached none of those that were tested."""
 
 
+@dataclass(frozen=True)
+class SearchReport:
+    """Extent of the search for grasps."""
+
+    cone: float
+    """Largest critical friction angle that was searched for [rad]; for two fingers the half-angle
+    of the cones about the inward normals that were searched."""
+    rays: int = 0
+    """Number of rays traced, for two fingers."""
+    evaluated: int = 0
+    """Number of candidate grasps evaluated, for three fingers and more; for two fingers that
+    squeeze, faces on which the best contact was computed, 0 where the search is by rays."""
+    rounds: int = 0
+    """Rounds of refinement about the best grasps; for three fingers and more, rounds in which the
+    neighbours' grasps were evaluated."""
+    still_falling: float = 0.0
+    """Fraction of the vertices that the last evaluation of neighbours' contacts still improved."""
+
+
+@dataclass(frozen=True, eq=False)
+class VertexGrasps(SpreadGrasps):
+    """The best grasp found at every vertex of a surface.
+
+    Arrays have one row per vertex of `mesh`; positions are in its unit and frame.
+    """
+
+    grasps: GraspTable
+    """The best grasps over the worst normals, a row for each position that has one; with those that
+    are better over the best normals."""
+    row: Ints
+    """Row of each vertex's grasp in that table, -1: none, shape (V,)."""
+    reason: Bytes
+    """`Reason` codes, shape (V,); None: a file does not contain them."""
+    sampling: AnySampling | None
+    """How grasps were searched for; None in a scan, where they are given."""
+    mode: Mode
+    search: SearchReport
+    reach: Reach | None = None
+    """How the gripper reaches the grasp of each vertex, a row for each; None: no gripper.
+
+    `reach.poses` (V, 4, 4) in the mesh's frame and unit, nan where there is no grasp;
+    `reach.approach_margin` (V,) [rad]; and more.
+    """
+
+    @classmethod
+    def of_vertices(
+        cls,
+        mesh: ObjectMesh,
+        model: GraspModel,
+        *,
+        angles: WorstAndBest,
+        partners: Floats | None,
+        partner_points: SurfacePoints | None,
+        grip: ArrayLike | None,
+        reason: ArrayLike | None,
+        reach: Reach | None = None,
+        sampling: AnySampling | None,
+        mode: Mode,
+        search: SearchReport,
+        scene: Scene | None = None,
+        load: Load | None = None,
+        threads: int | None = None,
+        file: str | None = None,
+    ) -> Self:
+        """Labels of the grasps of a surface's vertices, those of one position being the same.
+
+        Args:
+            mesh: The surface.
+            model: Friction and sensor resolution.
+            angles: Critical angles (worst, best) [rad], shape (V,) each.
+            partners: As the attribute; None: unknown, in a file.
+            partner_points: As the attribute; None: those nearest to the partners.
+            grip: As the attribute; one number for all vertices or shape (V,); None: unknown.
+            reason: `Reason` codes of the vertices on the surface, shape (V,); None: unknown, in a
+                file; vertices with finite angles have a grasp.
+            reach: As the field.
+            sampling: As the field.
+            mode: As the field.
+            search: As the field.
+            scene: The gripper that must reach each grasp, and the table; None: ideal points.
+            load: What each grasp must hold; None: nothing.
+            threads: As in `GraspTable`.
+            file: Name of the file that the grasps were read from; None: that of the mesh.
+        """
+        count = len(mesh.vertices)
+        reasons: Any = reason
+        found = np.isfinite(angles[1]) & mesh.on_surface
+        if reason is not None:
+            reasons = locked(np.where(mesh.on_surface, reason, Reason.OFF_SURFACE), np.uint8)
+            found = reasons == Reason.FOUND
+        vertices = np.unique(mesh.canonical[found])
+        row = np.full(count, NO_ROW, dtype=np.int64)
+        row[vertices] = np.arange(len(vertices))
+        own = None if partners is None else locked(partners[vertices])
+        contacts: GraspContacts = ReadContacts(
+            mesh, vertices, own, model.fingers, file or mesh.report.source
+        )
+        best_normals = None
+        if partner_points is not None:
+            contacts = grasps_at(mesh, partner_points, vertices, 0)
+            best_normals = _best_normals(mesh, partner_points, vertices)
+        table = GraspTable(
+            contacts=contacts,
+            model=model,
+            critical_angle=locked(angles[0][vertices]),
+            critical_angle_best=locked(angles[1][vertices]),
+            best_normals=best_normals,
+            points=None
+            if own is None
+            else locked(np.concatenate([mesh.vertices[vertices, None], own], axis=1)),
+            grip=None if grip is None else locked(np.broadcast_to(grip, count)[vertices], np.int8),
+            scene=scene,
+            reach=None if reach is None else reach.take(vertices),
+            load=load,
+            threads=threads,
+        )
+        return cls(
+            table, locked(row[mesh.canonical]), reasons, sampling=sampling, mode=mode,
+            search=search, reach=reach,
+        )  # fmt: skip
+
+    __repr__ = short_repr
+
+    @classmethod
+    def of_values(
+        cls,
+        mesh: ObjectMesh,
+        model: GraspModel,
+        *,
+        sampling: AnySampling | None,
+        mode: Mode,
+        search: SearchReport,
+        scene: Scene | None = None,
+        load: Load | None = None,
+        values: Mapping[str, Any],
+        file: str | None = None,
+    ) -> Self:
+        """Labels whose values are known, from a file, instead of computed.
+
+        What the file does not contain is None where it needs the opposing contacts and these are
+        not known; else it is computed when it is read. Surface points that are not given are found
+        when they are needed.
+
+        Args:
+            mesh: The surface.
+            model: As in `of_vertices`, as what follows but `values`.
+            sampling: How grasps were searched for.
+            mode: Labels or a scan.
+            search: Extent of the search.
+            scene: The gripper and the table.
+            load: What each grasp must hold.
+            values: Attributes by name, with a row for each vertex: `critical_angle` and
+                `critical_angle_best` [rad] at least, and others such as `label`, `located_angles`,
+                `epsilon_range`, `holding`, `partners`, `partner_points`, `reason` or `reach`.
+            file: Name of the file, for errors; None: that of the mesh.
+        """
+        worst, best = values["critical_angle"], values["critical_angle_best"]
+        labels = cls.of_vertices(
+            mesh, model, angles=(worst, best), partners=values.get("partners"),
+            partner_points=values.get("partner_points"), grip=values.get("grip"),
+            reason=values.get("reason"), reach=values.get("reach"), sampling=sampling, mode=mode,
+            search=search, scene=scene, load=load, file=file,
+        )  # fmt: skip
+        known = {name: one for name, one in values.items() if one is not None}
+        vars(labels).update(known)
+        vars(labels.grasps).update(
+            {name: rows_of(known[name], labels.vertices) for name in COMPUTED.intersection(known)}
+        )
+        return labels
+
+    @cached_property
+    def vertices(self) -> Ints:
+        """The first vertex of each position that has a grasp: those of the table's rows."""
+        own = self.mesh.canonical == np.arange(len(self.row))
+        return locked(np.flatnonzero(own & (self.row != NO_ROW)))
+
+    @cached_property
+    def likely_reason(self) -> Bytes:
+        """`reason`, or the likely one where a file does not contain it, shape (V,)."""
+        if self.reason is not None:
+            return self.reason
+        none = Reason.SAME_POINT if self.mode == "scan" else Reason.NO_PARTNER
+        reasons = np.where(self.row != NO_ROW, Reason.FOUND, none)
+        return locked(np.where(self.mesh.on_surface, reasons, Reason.OFF_SURFACE), np.uint8)
+
+    @cached_property
+    def partners(self) -> Floats:
+        """Opposing contacts of the vertex's best grasp, shape (V, n - 1, 3); nan: no grasp.
+
+        None: read from a PLY, which does not have them.
+        """
+        own = self.grasps
+        return if_known(own.known_contacts, lambda _: self._spread(own.positions[:, 1:], math.nan))
+
+    @cached_property
+    def partner_normals(self) -> Floats:
+        """Inward unit normals there, the middle of the set on creases, shape (V, n - 1, 3).
+
+        None: read from a PLY, which does not have them.
+        """
+        return if_known(
+            self.grasps.known_contacts, lambda one: self._spread(one.normals[:, 1:], math.nan)
+        )
+
+    @cached_property
+    def partner_points(self) -> SurfacePoints:
+        """Opposing contacts as surface points, shape (V, 2, n - 1); face -1: no grasp.
+
+        Of the best grasp over the worst normals, which are `partners`, and of the best grasp over
+        the best normals. None: read from a PLY, which does not have them.
+        """
+        return if_known(self.grasps.known_contacts, self._spread_points)
+
+    def _spread_points(self, contacts: GraspContacts) -> SurfacePoints:
+        points, other = contacts.surface_points, self.grasps.best_normals
+        faces = np.repeat(points.faces[:, None, 1:], 2, axis=1)
+        weights = np.repeat(points.weights[:, None, 1:], 2, axis=1)
+        if other is not None:
+            faces[other.rows, 1] = other.contacts.surface_points.faces[:, 1:]
+            weights[other.rows, 1] = other.contacts.surface_points.weights[:, 1:]
+        return SurfacePoints(self._spread(faces, -1), self._spread(weights, 0.0))
+
+    @cached_property
+    def opening(self) -> Floats:
+        """Largest distance between any two contacts, shape (V,); nan: no grasp.
+
+        None: read from a PLY, which does not have it.
+        """
+        own = self.grasps
+        return if_known(own.known_contacts, lambda _: self._spread(own.opening, math.nan))
+
+    @cached_property
+    def grip(self) -> npt.NDArray[np.int8]:
+        """Two fingers: +1 for an external grasp, -1 for an internal one, shape (V,).
+
+        0 where there is no grasp, and for three fingers and more. None: read from a PLY, which does
+        not have it.
+        """
+        return if_known(self.grasps.grip, lambda grip: self._spread(grip, 0))
+
+    @cached_property
+    def reachable(self) -> Bools | None:
+        """Whether the gripper reaches the grasp of each vertex, shape (V,); None: no gripper."""
+        return None if self.reach is None else locked(self.reach.reached)
+
+    @cached_property
+    def approach(self) -> Floats | None:
+        """Direction from which the gripper comes, the z axis of its pose, shape (V, 3).
+
+        nan where it reaches no grasp; None: no gripper.
+        """
+        return None if self.reach is None else locked(self.reach.poses[:, :3, 2])
+
+    @cached_property
+    def approach_margin(self) -> Floats | None:
+        """Angle by which the approach may turn either way about the closing axis [rad], shape (V,).
+
+        nan where the gripper reaches no grasp; None: no gripper.
+        """
+        return None if self.reach is None else self.reach.approach_margin
+
+
 def grasps_at(
     mesh: ObjectMesh, partner_points: SurfacePoints, vertices: Ints, number: int
 ) -> SurfaceContacts:
@@ -42,18 +324,10 @@ def grasps_at(
     Returns:
         The grasps (b, n), the contacts at the vertices first.
     """
-    first = vertex_surface_points(mesh, vertices)
-    faces, weights = (
-        partner_points.faces[vertices, number],
-        partner_points.weights[vertices, number],
+    chosen = SurfacePoints(
+        partner_points.faces[vertices, number], partner_points.weights[vertices, number]
     )
-    return SurfaceContacts(
-        mesh,
-        SurfacePoints(
-            np.concatenate([first.faces[:, None], faces], axis=1),
-            np.concatenate([first.weights[:, None], weights], axis=1),
-        ),
-    )
+    return SurfaceContacts(mesh, with_vertices(mesh, vertices, chosen))
 
 
 def grasps_differ(partner_points: SurfacePoints, vertices: Ints) -> Bools:
@@ -61,3 +335,13 @@ def grasps_differ(partner_points: SurfacePoints, vertices: Ints) -> Bools:
     faces, weights = partner_points.faces[vertices], partner_points.weights[vertices]
     same = (faces[:, 0] == faces[:, 1]) & (weights[:, 0] == weights[:, 1]).all(axis=-1)
     return np.asarray(~same.all(axis=-1))
+
+
+def _best_normals(
+    mesh: ObjectMesh, partner_points: SurfacePoints, vertices: Ints
+) -> BestNormalGrasps | None:
+    """The grasps of vertices over the best normals, where they differ; None: nowhere."""
+    rows = np.flatnonzero(grasps_differ(partner_points, vertices))
+    if not len(rows):
+        return None
+    return BestNormalGrasps(locked(rows), grasps_at(mesh, partner_points, vertices[rows], 1))

@@ -10,9 +10,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import get_args
 
-from grasp3d.export.fields import Field, When
-from grasp3d.export.grasp_fields import CONTACTS, FOUND_POSES, GRASPS, given_poses
-from grasp3d.export.vertex_fields import SURFACE, VERTICES
+from grasp3d.surface.fields import Field, When
+from grasp3d.surface.grasp_fields import CONTACTS, FOUND_POSES, GRASPS, given_poses
+from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = (DOCS / "formats.md", DOCS / "pose_formats.md")

@@ -5,6 +5,7 @@ import pickle
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,26 +14,26 @@ from grasp3d import (
     GraspModel,
     Label,
     Load,
+    ParallelGripper,
     Sampling,
     SurfaceLabels,
     best_grasps,
+    evaluate_grasps,
     label_surface,
     load_mesh,
     write_grasps,
 )
+from grasp3d.arrays import Floats
 from grasp3d.grasps import (
-    EvaluatedPoses,
     alternatives_at,
-    closed_grasps,
     grasp_kinds,
     poses_of,
 )
-from grasp3d.grasps.closed_grasps import UNKNOWN
-from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.pose_files import read_poses
+from grasp3d.mesh import ObjectMesh
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface import GraspTable
+from grasp3d.surface.closed_grasps import UNKNOWN
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, SLIM, TIPS
 
@@ -104,15 +105,15 @@ def after(grasps: GraspTable) -> np.ndarray:
 
 @pytest.fixture
 def closings(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Numbers of poses of each call of `evaluate_poses` for grasps."""
+    """Numbers of poses at which jaws are closed."""
     sizes: list[int] = []
+    close = ParallelGripper.close
 
-    def counting(*arguments: object, **options: object) -> EvaluatedPoses:
-        found = evaluate_poses(*arguments, **options)
-        sizes.append(found.size)
-        return found
+    def counting(hand: ParallelGripper, mesh: ObjectMesh, poses: Floats, **options: Any) -> object:
+        sizes.append(len(poses))
+        return close(hand, mesh, poses, **options)
 
-    monkeypatch.setattr(closed_grasps, "evaluate_poses", counting)
+    monkeypatch.setattr(ParallelGripper, "close", counting)
     return sizes
 
 
@@ -147,13 +148,13 @@ def test_labels_of_points_and_of_what_the_jaws_touch_differ() -> None:
     turned = best_grasps(wedge(), ALL)
     assert (0, 2) in set(zip(turned.label, after(turned), strict=True))
     first = after(turned).argsort(kind="stable")[-1]
-    assert turned.closed.evaluated.jaws.turn[first] >= 0.0
+    assert turned.closed.jaws.turn[first] >= 0.0
 
 
 def test_labels_and_margins_are_those_of_the_critical_angles_of_the_closed_jaws() -> None:
     best = best_grasps(cone(17.4, 0.35), ALL)
-    found = best.closed.evaluated
-    closed = found.jaws.closed
+    found = evaluate_grasps(best.mesh, poses_of(best), best.model, hand=HAND)
+    closed = best.closed.jaws.closed
     assert closed.any()
     assert not closed.all()
     angles = np.where(closed, found.critical_angle, math.inf)
@@ -195,10 +196,7 @@ def test_the_jaws_close_once(closings: list[int]) -> None:
     assert len(closings) == 1
     every = best_grasps(wedge(), ALL)
     np.testing.assert_array_equal(every.closed.margin[:3], best.closed.margin)
-    np.testing.assert_array_equal(
-        every.closed.evaluated.jaws.points[:3], best.closed.evaluated.jaws.points
-    )
-    np.testing.assert_array_equal(best.closed.evaluated.poses, best.reach.poses)
+    np.testing.assert_array_equal(every.closed.jaws.points[:3], best.closed.jaws.points)
 
 
 def test_of_chosen_vertices_the_jaws_close_when_that_is_read(closings: list[int]) -> None:
@@ -242,7 +240,7 @@ def test_a_symmetric_box_has_the_same_best_grasps_each_time() -> None:
 def test_internal_grasps_are_not_known(tmp_path: Path) -> None:
     best = best_grasps(tube("expand"), 3)
     assert best.size
-    assert best.closed.evaluated is None
+    assert best.closed.jaws is None
     assert after(best).tolist() == [UNKNOWN] * best.size
     assert np.isnan(best.closed.margin).all()
     assert best.closed.note(best.label) == ""
@@ -265,7 +263,7 @@ def test_internal_grasps_count_as_ambiguous_beside_external_ones() -> None:
     taken = best.closed.take(rows)
     np.testing.assert_array_equal(taken.label, best.closed.label[rows])
     np.testing.assert_array_equal(taken.margin, best.closed.margin[rows])
-    assert best.closed.take(np.flatnonzero(internal)).evaluated is None
+    assert best.closed.take(np.flatnonzero(internal)).jaws is None
 
 
 @pytest.mark.slow
@@ -284,7 +282,7 @@ def test_no_grasps_close_on_nothing() -> None:
     plate = load_mesh(shapes.box((120.0, 100.0, 90.0)), unit="mm", max_edge=120.0)
     labels = label_surface(plate, MODEL, hand=HAND, threads=1)
     best = best_grasps(labels, 3)
-    assert (best.size, len(best.closed.row), best.closed.evaluated) == (0, 0, None)
+    assert (best.size, len(best.closed.row), best.closed.jaws) == (0, 0, None)
     assert best.closed.note(best.label) == ""
 
 

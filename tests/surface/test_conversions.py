@@ -24,10 +24,10 @@ from grasp3d import (
 from grasp3d.batch.row import AreaFractions, Row
 from grasp3d.batch.summary import Summary
 from grasp3d.errors import OutputError, SettingError
-from grasp3d.export.vertex_fields import VERTICES
 from grasp3d.stability import COLORS, Label
 from grasp3d.surface import GraspTable
 from grasp3d.surface.sweeps import write_sweeps
+from grasp3d.surface.vertex_fields import VERTICES
 from grasp3d.system.progress import ignore
 from grasp3d.system.tables import columns
 from grasp3d.viewer import show

@@ -16,7 +16,7 @@ from grasp3d import GraspModel, Load, MultifingerSampling, SurfaceLabels, label_
 from grasp3d.errors import SettingError
 from grasp3d.hand.scene import Scene
 from grasp3d.surface import Holding
-from grasp3d.surface.spread_grasps import NO_ROW, spread
+from grasp3d.surface.rows import NO_ROW, spread
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, SLIM
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from grasp3d import GraspModel, Label, SurfaceLabels
 from grasp3d.errors import SearchCoverageError
-from grasp3d.surface.labels import SearchReport
+from grasp3d.surface.vertex_grasps import SearchReport
 from grasp3d.viewer.session.painting import (
     BOTH_SIDES,
     GREY,

@@ -24,7 +24,7 @@ from grasp3d import (
 from grasp3d.errors import MeshError, OutputError, SettingError
 from grasp3d.settings import MeshOptions
 from grasp3d.surface import Reason
-from grasp3d.surface.labels import SearchReport
+from grasp3d.surface.vertex_grasps import SearchReport
 from grasp3d.system.progress import Progress, ignore
 from grasp3d.viewer.scene.captions import Captions
 from grasp3d.viewer.scene.layout import TextArea, TextLine

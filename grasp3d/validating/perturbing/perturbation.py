@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from grasp3d.arrays import Floats, short_repr
-from grasp3d.export.settings import chosen_settings
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.settings import GraspModel
 from grasp3d.settings.parsing import plain_values
+from grasp3d.surface.label_settings import chosen_settings
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.files import check_suffix
 from grasp3d.system.tables import SUFFIXES as TABLES

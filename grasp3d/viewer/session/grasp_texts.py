@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.settings import GraspModel
 from grasp3d.stability.thresholds import margin_budget
-from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.grasp_numbers import surface_holding
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.viewer.session.explanations import PAIR, Case
@@ -128,7 +128,7 @@ class HeldGrasp:
         return "the fingers can only push, and the contacts cannot push against all of the load"
 
 
-def held_grasp(contacts: SurfaceContacts, model: GraspModel, case: LoadCase) -> HeldGrasp:
+def held_grasp(contacts: GraspContacts, model: GraspModel, case: LoadCase) -> HeldGrasp:
     """Force and payload of one grasp, shape (1, n)."""
     found = surface_holding(contacts, replace(model, fingers=contacts.count), case, threads=1)
     numbers = (found.grip_force, found.grip_force_least, found.grip_force_largest, found.payload)

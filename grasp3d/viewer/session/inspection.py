@@ -12,7 +12,7 @@ from grasp3d.quality.grip_forces import Resistance
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import EPSILON_MIN
 from grasp3d.stability.thresholds import label_angles
-from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.contacts import GraspContacts, SurfaceContacts
 from grasp3d.surface.grasp_numbers import surface_epsilons
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
@@ -270,7 +270,7 @@ def _held(subject: Subject, vertex: int, model: GraspModel) -> HeldGrasp | None:
     )
 
 
-def _held_by(subject: Subject, grasp: SurfaceContacts, model: GraspModel) -> HeldGrasp | None:
+def _held_by(subject: Subject, grasp: GraspContacts, model: GraspModel) -> HeldGrasp | None:
     """Force and payload of one grasp; None: there is no load."""
     case = subject.labels.load_case if subject.prepared else None
     if case is None:
@@ -372,7 +372,7 @@ def _grasp(labels: SurfaceLabels, vertex: int) -> SurfaceContacts:
     )
 
 
-def _epsilons_of(grasp: SurfaceContacts, model: GraspModel) -> tuple[float, float, float]:
+def _epsilons_of(grasp: GraspContacts, model: GraspModel) -> tuple[float, float, float]:
     """Nominal, smallest and largest epsilon of one grasp, shape (1, n).
 
     Sampling the tilts of three or more fingers takes too long for a click: nominal epsilon only.

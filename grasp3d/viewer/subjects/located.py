@@ -7,7 +7,7 @@ import numpy as np
 from grasp3d.arrays import Floats, locked, short_repr
 from grasp3d.settings import GraspModel
 from grasp3d.stability.located_angles import ContactLimits
-from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.grasp_numbers import located_angles_of
 from grasp3d.surface.labels import SurfaceLabels
 
@@ -56,7 +56,7 @@ def fits(model: GraspModel) -> bool:
 
 
 def located_grasp(
-    grasp: SurfaceContacts, worst: float, best: float, model: GraspModel
+    grasp: GraspContacts, worst: float, best: float, model: GraspModel
 ) -> tuple[float, float]:
     """Angles that decide the label of one grasp, over the worst and the best normals [rad].
 

@@ -18,7 +18,7 @@ from grasp3d.settings import GraspModel, MeshOptions, search_cone
 from grasp3d.settings.lengths import Unit
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import vertex_weights
-from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.viewer.subjects.forces import Forces, LoadNumbers
@@ -68,7 +68,7 @@ class LastContact:
     """Indices of the fingers that are on sharp edges (creases), from 0."""
     held: GripperPose | None = None
     """Pose of a gripper, if it reaches the grasp."""
-    grasp: SurfaceContacts | None = None
+    grasp: GraspContacts | None = None
     """The contacts on the surface, (1, n); None: unknown."""
 
     __repr__ = short_repr

@@ -12,7 +12,7 @@ from grasp3d.settings.lengths import one_line
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import Label, Mode
 from grasp3d.surface.grasp_numbers import EPSILON_RTOL
-from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.vertex_grasps import VertexGrasps
 from grasp3d.system.versions import package_version
 
 SETTING = "setting_"
@@ -24,7 +24,7 @@ GIVEN_ANGLE = "given_angle"
 Values = dict[str, str | float | int | None]
 
 
-def settings_of(labels: SurfaceLabels) -> Values:
+def settings_of(labels: VertexGrasps) -> Values:
     """Settings and versions that the labels were computed with; angles in radians."""
     mesh, search = labels.mesh, labels.search
     u_means = "no_grasp_found" if labels.mode == "label" else "surely_unstable"
@@ -46,7 +46,7 @@ def settings_of(labels: SurfaceLabels) -> Values:
     }
 
 
-def complete_settings(labels: SurfaceLabels) -> Values:
+def complete_settings(labels: VertexGrasps) -> Values:
     """The same with what a prepared mesh has beside its arrays, and the extent of the search."""
     mesh, sampling = labels.mesh, labels.sampling
     solids, given = mesh.solids, None if sampling is None else sampling.search_angle

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from grasp3d.export.fields import (
+from grasp3d.hand.closed_jaws import Closing, Touch
+from grasp3d.surface.fields import (
     ANGLE,
     ANGLE_OR_INF,
     ANGLE_OR_NAN,
@@ -26,7 +27,6 @@ from grasp3d.export.fields import (
     Array,
     Field,
 )  # fmt: skip
-from grasp3d.hand.closed_jaws import Closing, Touch
 
 FLOAT = "f4"
 """Type of most numbers in a PLY."""

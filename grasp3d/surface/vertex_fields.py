@@ -8,7 +8,10 @@ from operator import attrgetter
 import numpy as np
 
 from grasp3d.arrays import Bools, Bytes
-from grasp3d.export.fields import (
+from grasp3d.hand.reach import Reachability
+from grasp3d.quality.grip_forces import Resistance
+from grasp3d.stability.label import COLORS
+from grasp3d.surface.fields import (
     AREA,
     KNOWN_OR_NAN,
     LENGTH,
@@ -19,7 +22,7 @@ from grasp3d.export.fields import (
     Array,
     Field,
 )  # fmt: skip
-from grasp3d.export.grasp_fields import (
+from grasp3d.surface.grasp_fields import (
     APPROACH_MARGIN,
     CRITICAL_ANGLE,
     DECIDED,
@@ -31,16 +34,12 @@ from grasp3d.export.grasp_fields import (
     names_of,
     of_part,
 )  # fmt: skip
-from grasp3d.hand.reach import Reachability
-from grasp3d.quality.grip_forces import Resistance
-from grasp3d.stability.label import COLORS
-from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.surface.vertex_grasps import Reason, VertexGrasps
 
 _COLORS = np.array([COLORS[label] for label in sorted(COLORS)], dtype=np.uint8)
 
 
-def label_colors(labels: SurfaceLabels) -> Bytes:
+def label_colors(labels: VertexGrasps) -> Bytes:
     """Colour of each vertex by its label, red, green, blue, shape (V, 3)."""
     return _COLORS[labels.label]
 
@@ -57,31 +56,31 @@ def unpacked_bits(numbers: Array, count: int) -> Bools:
     return (bits & np.uint64(1)).astype(np.bool_)
 
 
-def _located(number: int) -> Callable[[SurfaceLabels], Array | None]:
+def _located(number: int) -> Callable[[VertexGrasps], Array | None]:
     """Located angles; None where the labels follow from the critical angles."""
     return lambda labels: None if labels.model.is_uniform else labels.located_angles[number]
 
 
-def _pose(column: int) -> Callable[[SurfaceLabels], Array | None]:
+def _pose(column: int) -> Callable[[VertexGrasps], Array | None]:
     """An axis of the gripper's poses, or their origin."""
     return lambda labels: None if labels.reach is None else labels.reach.poses[:, :3, column]
 
 
-def _free_angles(labels: SurfaceLabels) -> Array | None:
+def _free_angles(labels: VertexGrasps) -> Array | None:
     """Free approach angles as bits; None: none are tested, as for three round tips and more."""
     free = None if labels.reach is None else labels.reach.free
     return None if free is None or not free.shape[1] else packed_bits(free)
 
 
-def _posture(labels: SurfaceLabels) -> Array | None:
+def _posture(labels: VertexGrasps) -> Array | None:
     posture = None if labels.reach is None else labels.reach.posture
     return None if posture is None or not posture.shape[1] else posture
 
 
-def _partner(name: str, number: int) -> Callable[[SurfaceLabels], Array | None]:
+def _partner(name: str, number: int) -> Callable[[VertexGrasps], Array | None]:
     """Opposing contacts as surface points, of the best grasps over the worst or best normals."""
 
-    def values(labels: SurfaceLabels) -> Array | None:
+    def values(labels: VertexGrasps) -> Array | None:
         points = labels.partner_points
         return None if points is None else np.asarray(getattr(points, name)[:, number])
 

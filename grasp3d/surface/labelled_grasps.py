@@ -1,0 +1,95 @@
+"""What follows from the angles, epsilon and forces of grasps, whatever has a row for each."""
+
+from functools import cached_property
+from operator import attrgetter
+from typing import TYPE_CHECKING
+
+from grasp3d.arrays import Floats, locked
+from grasp3d.stability.thresholds import margins, max_resolution
+from grasp3d.surface.rows import if_known
+
+if TYPE_CHECKING:
+    from grasp3d.quality.tilting import EpsilonRange
+    from grasp3d.settings import GraspModel
+    from grasp3d.stability.normal_sets import WorstAndBest
+    from grasp3d.surface.holding import Holding
+
+
+class LabelledGrasps:
+    """Grasps, one for each row of the arrays, with what follows from their angles and epsilon."""
+
+    if TYPE_CHECKING:  # fields and attributes of the classes that have this base
+
+        @property
+        def model(self) -> GraspModel: ...  # noqa: D102
+        @property
+        def located_angles(self) -> WorstAndBest: ...  # noqa: D102
+        @property
+        def epsilon_range(self) -> EpsilonRange: ...  # noqa: D102
+        @property
+        def holding(self) -> Holding | None: ...  # noqa: D102
+
+    @cached_property
+    def margin(self) -> Floats:
+        """Margin of the grasps [rad]: beta - alpha/2 - beta*, less all other uncertainties.
+
+        S iff above 0 (with method exact); the angle by which friction may be smaller, or normals
+        less certain, and the grasp is still surely stable. -inf where there is no grasp.
+        """
+        return locked(margins(self.located_angles[0], self.model))
+
+    @cached_property
+    def max_resolution(self) -> Floats:
+        """Coarsest sensor resolution below which the grasp is S [rad]; 0: none is fine enough.
+
+        With the other uncertainties of the model as they are.
+        """
+        return locked(max_resolution(self.located_angles[0], self.model))
+
+    @cached_property
+    def epsilon(self) -> Floats:
+        """Epsilon of the grasps (Ferrari & Canny 1992).
+
+        At the contacts' nominal normals, the middle of the set on creases; about the mesh's centre
+        of mass, torques divided by `mesh.torque_scale`, in the span of the wrenches. Certified from
+        below, within 1 %. 0 where the grasp is not force-closed, nan where there is no grasp or the
+        normals at a contact cancel out. None: of labels read from a PLY, which does not have the
+        contacts, for another model.
+        """
+        return if_known(self.epsilon_range, attrgetter("nominal"))
+
+    @cached_property
+    def epsilon_min(self) -> Floats:
+        """Smallest epsilon over the tilts within the sensor's resolution.
+
+        `model.tilts` says how it is computed: 'exact', by the 'effective_friction' of polygonal
+        cones, over 'sampled_tilts' for soft fingers and with method extremes, or as a 'bound' where
+        contact locations are uncertain; see `quality.epsilon_range`. None: as for `epsilon`.
+        """
+        return if_known(self.epsilon_range, attrgetter("minimum"))
+
+    @cached_property
+    def epsilon_max(self) -> Floats:
+        """Upper bound on epsilon over all tilts.
+
+        With method extremes it is the largest over the combinations of extreme normals, and is
+        attained. It is 0 at a few creases labelled M, whose label comes from another grasp, which
+        is better over the best normals. None: as for `epsilon`.
+        """
+        return if_known(self.epsilon_range, attrgetter("maximum"))
+
+    @property
+    def grip_force(self) -> Floats | None:
+        """Force that each finger needs under the load [N]; None: there is no load.
+
+        See `Holding.grip_force`.
+        """
+        return None if self.holding is None else self.holding.grip_force
+
+    @property
+    def payload(self) -> Floats | None:
+        """Mass that the force at hand holds [kg]; None: there is no load.
+
+        See `Holding.payload`.
+        """
+        return None if self.holding is None else self.holding.payload

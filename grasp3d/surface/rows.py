@@ -1,0 +1,70 @@
+"""Rows of tables of grasps, and places, such as vertices or poses, that have such a row or none."""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.arrays import Bools, Ints, locked
+
+NO_ROW = -1
+"""Row of a place that has no grasp."""
+
+T = TypeVar("T")
+V = TypeVar("V")
+
+
+def spread(values: npt.NDArray[Any], row: Ints, missing: float) -> npt.NDArray[Any]:
+    """Values of the rows of a table at the places that have these rows.
+
+    Args:
+        values: A row for each grasp, shape (b, ...).
+        row: Row of each place, -1: none, shape (k,).
+        missing: Value of places without a row.
+
+    Returns:
+        Shape (k, ...), read-only.
+
+    Example:
+        >>> import numpy as np
+        >>> from grasp3d.surface.rows import spread
+        >>> spread(np.array([0.5, 0.7]), np.array([1, 0, -1, 1]), 0.0).tolist()
+        [0.7, 0.5, 0.0, 0.7]
+    """
+    found = np.full((len(row), *values.shape[1:]), missing, dtype=values.dtype)
+    known = row != NO_ROW
+    found[known] = values[row[known]]
+    return locked(found)
+
+
+def rows_where(known: Bools) -> Ints:
+    """Row of each place in a table of those that are known, in their order; -1: none, shape (k,).
+
+    Args:
+        known: Whether each place has a row, shape (k,).
+    """
+    return locked(np.where(known, np.cumsum(known) - 1, NO_ROW))
+
+
+def rows_of(values: Any, rows: Ints) -> Any:
+    """The chosen rows of what was computed: an array, a tuple, or a class that takes rows."""
+    if values is None:
+        return None
+    if isinstance(values, tuple):
+        return tuple(rows_of(one, rows) for one in values)
+    return locked(values[rows]) if isinstance(values, np.ndarray) else values.take(rows)
+
+
+def if_known(values: T | None, function: Callable[[T], V]) -> V:
+    """What follows from values; None where these are None, as a file does not contain them.
+
+    The types say nothing of that: labels that were computed have all values.
+
+    Args:
+        values: The values.
+        function: What follows from them.
+    """
+    unknown: Any = None
+    found: V = unknown if values is None else function(values)
+    return found
