@@ -232,7 +232,7 @@ def diagnose(
     given_surface = Triangles(given_points, joined[given.raw.faces])
     crossing = crossings(surface.vertices, surface.faces)
     fraction = float(surface.areas[crossing.faces].sum() / surface.areas.sum())
-    noise = normal_noise(surface)
+    noise, _ = normal_noise(surface)
     bodies, cavities = _count_parts(surface)
     impossible = impossible_size(mesh.size, mesh.unit)  # then it is not the object that is meant
     warnings = (

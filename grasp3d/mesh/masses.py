@@ -57,7 +57,9 @@ def with_load(mesh: ObjectMesh, load: Load) -> ObjectMesh:
         )
     if not isinstance(load.density, tuple) or mesh.report.center_mass_from == "given":
         return mesh
-    center = _center_of(mesh, np.array(load.density))
+    assert mesh.solids is not None  # their volumes give the mass
+    masses = np.array(load.density) * mesh.solids.volumes
+    center = locked(mesh.from_normalized(masses @ mesh.solids.centers / masses.sum()))
     x, y, z = center.tolist()
     return replace(
         mesh,
@@ -134,13 +136,6 @@ def _volumes(mesh: ObjectMesh, count: int) -> Floats:
             "mass (--center-of-mass) instead"
         )
     return solids.volumes * mesh.size**3
-
-
-def _center_of(mesh: ObjectMesh, densities: Floats) -> Floats:
-    """Centre of mass of bodies of several densities, shape (3,)."""
-    assert mesh.solids is not None
-    masses = densities * mesh.solids.volumes
-    return locked(mesh.from_normalized(masses @ mesh.solids.centers / masses.sum()))
 
 
 def _without_volume(mesh: ObjectMesh) -> str:

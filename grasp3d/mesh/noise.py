@@ -39,7 +39,7 @@ CHUNK = 1 << 14
 """Points at which the waves are evaluated at once."""
 
 
-def normal_noise(surface: Triangles) -> float:
+def normal_noise(surface: Triangles) -> tuple[float, float]:
     """Estimate the error of the vertices' normals due to noise.
 
     Each normal is compared with the linear extrapolation of its neighbours' normals to its own
@@ -52,16 +52,8 @@ def normal_noise(surface: Triangles) -> float:
         surface: Faces that all have an area.
 
     Returns:
-        Median error over the area [rad]; 0 where no normal has neighbours on all sides.
-    """
-    return normal_noise_and_crease(surface)[0]
-
-
-def normal_noise_and_crease(surface: Triangles) -> tuple[float, float]:
-    """The estimate of `normal_noise`, and the crease angle at which it was made [rad].
-
-    Args:
-        surface: Faces that all have an area.
+        Median error over the area [rad], 0 where no normal has neighbours on all sides; the crease
+        angle at which it was estimated [rad].
     """
     noise, crease = 0.0, CREASES[0][0]
     for crease, largest in CREASES:

@@ -13,7 +13,7 @@ from grasp3d.mesh.mesh_sources import MeshSource
 from grasp3d.mesh.noise import (
     noise_below_creases,
     noise_stream,
-    normal_noise_and_crease,
+    normal_noise,
     random_field,
 )
 from grasp3d.mesh.normals import CornerNormals, corner_normals, fingertip_normals
@@ -215,7 +215,7 @@ def noise_length(surface: MovableSurface, correlation: float = 0.0, *, seed: int
     """
     points = (surface.points - surface.mesh.center) / surface.mesh.size
     faces = np.searchsorted(np.unique(surface.repaired.faces), surface.repaired.faces)
-    own, crease = normal_noise_and_crease(Triangles(points, faces))
+    own, crease = normal_noise(Triangles(points, faces))
     if own < SMOOTH:
         raise MeshError(
             f"{surface.mesh.report.source}: the surface has no noise that can be measured; state "

@@ -38,19 +38,16 @@ def stripped_gltf(source: Source) -> tuple[bytes, dict[str, bytes]]:
     if source.kind == "glb":
         data, binary = _chunks(source, data)
     tree = _tree(source, data)
-    found = tree.get("buffers")
-    buffers = found if isinstance(found, list) else []
+    buffers = tree["buffers"] if isinstance(tree.get("buffers"), list) else []
     side_files = {
-        f"buffer{number}": _side_data(source, buffer)
+        f"buffer{number}": _side_data(source, buffer["uri"])
         for number, buffer in enumerate(buffers)
         if isinstance(buffer, dict) and "uri" in buffer
     }
-    sizes = [
-        len(side_files[name]) if (name := f"buffer{number}") in side_files else None
-        for number in range(len(buffers))
-    ]
-    if binary and sizes and sizes[0] is None:
-        sizes[0] = len(binary)
+    known = {name: len(data) for name, data in side_files.items()}
+    if binary:
+        known.setdefault("buffer0", len(binary))
+    sizes = [known.get(f"buffer{number}") for number in range(len(buffers))]
     stripped = GltfReduction(source, tree, sizes).reduced()
     for number, size in enumerate(sizes):
         if size is None:  # no mesh uses it
@@ -105,10 +102,11 @@ def _tree(source: Source, data: bytes) -> Tree:
     return tree
 
 
-def _side_data(source: Source, buffer: Tree) -> bytes:
-    if not isinstance(buffer["uri"], str):
+def _side_data(source: Source, uri: object) -> bytes:
+    """Return the content of a buffer that is not part of the file's binary data."""
+    if not isinstance(uri, str):
         raise source.unexpected("the uri of a buffer is not a text")
-    return read_address(source, buffer["uri"])
+    return _embedded(source, uri) if uri[:5].lower() == "data:" else _side_file(source, uri)
 
 
 def side_names(path: Path) -> list[str]:
@@ -142,19 +140,6 @@ def side_names(path: Path) -> list[str]:
         if _is_plain(uri) and _is_plain(name) and not name.lower().endswith(IMAGE_SUFFIXES):
             names[name] = None
     return list(names)
-
-
-def read_address(source: Source, uri: str) -> bytes:
-    """Return the content of a buffer that is not part of the file's binary data.
-
-    Args:
-        source: The .gltf or .glb file.
-        uri: Address of the content.
-
-    Raises:
-        MeshError: It is damaged, missing, or outside the folder of the glTF.
-    """
-    return _embedded(source, uri) if uri[:5].lower() == "data:" else _side_file(source, uri)
 
 
 def _embedded(source: Source, uri: str) -> bytes:
@@ -193,15 +178,6 @@ def _is_plain(name: str) -> bool:
         address = urlsplit(name)
     except ValueError:
         return False
-    return (
-        bool(name)
-        and name.isprintable()
-        and not (
-            address.scheme
-            or address.netloc
-            or "\\" in name
-            or Path(name).is_absolute()
-            or name.startswith("/")
-            or ".." in name.split("/")
-        )
-    )
+    elsewhere = address.scheme or address.netloc or Path(name).is_absolute() or name.startswith("/")
+    upward = "\\" in name or ".." in name.split("/")
+    return bool(name) and name.isprintable() and not (elsewhere or upward)

@@ -101,7 +101,8 @@ def _read_in_child(source: Source, unpacked: int) -> RawMesh:
             answer, data = _answer(source, seconds)
     except CallFailedError as failure:
         if failure.kind is CallFailure.OUT_OF_TIME:
-            raise MeshUnreadError(_message(source, f"took more than {seconds:.0f} s")) from failure
+            reason = f"took more than {seconds:.0f} s"
+            raise MeshUnreadError(_message(source, reason)) from failure
         if failure.kind is CallFailure.KILLED:
             raise MeshUnreadError(
                 f"{source.where}: the process that reads it {failure}; try again"
