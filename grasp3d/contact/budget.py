@@ -130,7 +130,9 @@ class MarginBudget:
             SettingError: No friction is given, or two; or a length has a unit of its own.
         """
         further = other or Uncertainty()
-        smallest, largest = friction_interval(_one_friction(friction, further))
+        if (friction is None) == (further.friction is None):
+            raise SettingError("a budget needs one friction: as friction=, or in the uncertainty")
+        smallest, largest = friction_interval(further.friction if friction is None else friction)
         beta = math.atan(0.5 * (smallest + largest))
         known = sensor.uncertainty if isinstance(sensor, Sensor) else sensor
         total, joints = (known or Uncertainty()) + further, encoders or JointEncoders.exact()
@@ -211,12 +213,6 @@ class MarginBudget:
             raise SettingError("there is no grasp whose margin could have a mean")
         columns = (np.where(used > 0.0, getattr(self, one.name), 0.0) for one in fields(self))
         return MarginBudget(*(np.average(column, weights=used) for column in columns))
-
-
-def _one_friction(friction: float | Interval | str | None, other: Uncertainty) -> Any:
-    if (friction is None) == (other.friction is None):
-        raise SettingError("a budget needs one friction: as friction=, or in the uncertainty")
-    return other.friction if friction is None else friction
 
 
 def _turns(opening: Floats, *lengths: float) -> tuple[Floats, ...]:

@@ -14,7 +14,7 @@ from scipy.special import ellipe
 
 from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Bools, Floats, Ints, locked, short_repr
 from grasp3d.contact.friction_cones import tangents
-from grasp3d.errors import ContactError, SettingError
+from grasp3d.errors import ContactError, GraspError, SettingError
 
 LARGEST = 1e100
 """Largest coordinate; the squares of larger ones could overflow."""
@@ -106,13 +106,9 @@ class Contacts:
             values = finite_numbers(name, given)
             if (values < 0.0).any():
                 raise ContactError(f"{name} must be at least 0; got {values.min():g}")
-            try:
-                per_finger = np.broadcast_to(values, p.shape[:-1])
-            except ValueError as error:
-                raise ContactError(
-                    f"{name} must be one number or have shape {p.shape[:-1]}; got {values.shape}"
-                ) from error
-            object.__setattr__(self, name, locked(per_finger))
+            object.__setattr__(
+                self, name, locked(of_shape(name, values, p.shape[:-1], ContactError))
+            )
         axes = _patches(patch, self.normals)
         object.__setattr__(self, "patch", axes)
         arms = None if axes is None else locked(np.cross(axes, self.normals[..., None, :]))
@@ -272,6 +268,28 @@ def finite_numbers(name: str, values: ArrayLike, *, most: float = math.inf) -> F
     return array
 
 
+def of_shape(
+    name: str, numbers: Floats, shape: tuple[int, ...], kind: type[GraspError] = SettingError
+) -> Floats:
+    """Broadcast numbers to a shape.
+
+    Args:
+        name: What they are, for the error message.
+        numbers: One for all, or of a shape that fits.
+        shape: The shape.
+        kind: Class of the error.
+
+    Raises:
+        GraspError: Their shape does not fit.
+    """
+    try:
+        return np.broadcast_to(numbers, shape)
+    except ValueError as error:
+        raise kind(
+            f"{name} must be one number or have shape {shape}; got {numbers.shape}"
+        ) from error
+
+
 def per_contact(name: str, values: ArrayLike, contacts: Contacts) -> Floats:
     """Broadcast a setting to one value per contact.
 
@@ -292,13 +310,7 @@ def per_contact(name: str, values: ArrayLike, contacts: Contacts) -> Floats:
         raise SettingError(f"{name} must be a number: {error}") from error
     if not np.isfinite(numbers).all():
         raise SettingError(f"{name} must be finite; got {numbers}")
-    try:
-        return np.broadcast_to(numbers, contacts.friction.shape)
-    except ValueError as error:
-        raise SettingError(
-            f"{name} must be one number or have shape {contacts.friction.shape}; "
-            f"got {numbers.shape}"
-        ) from error
+    return of_shape(name, numbers, contacts.friction.shape)
 
 
 def tilts_of(tilt: ArrayLike, contacts: Contacts) -> Floats:

@@ -84,8 +84,7 @@ class Sensor:
         radius, field = self.fingertip_radius, self.receptive_field
         if not radius > 0.0:
             raise SettingError(f"fingertip radius must be above 0, inf for flat; got {radius:g}")
-        if not (field > 0.0 and math.isfinite(field)):
-            raise SettingError(f"receptive field must be a finite length above 0; got {field:g}")
+        check_field(field)
         if not self.resolution < math.pi:
             raise SettingError(
                 "receptive field must be shorter than half the fingertip's circumference, "
@@ -305,6 +304,12 @@ class Sensor:
         return (sentence,)
 
 
+def check_field(length: float) -> None:
+    """Raise SettingError unless the length of a receptive field is above 0 and finite."""
+    if not 0.0 < length < math.inf:
+        raise SettingError(f"receptive field must be a finite length above 0; got {length:g}")
+
+
 def radius_of(curvature: float) -> float:
     """Radius of a fingertip of given curvature; inf: flat.
 
@@ -368,10 +373,7 @@ def overlapping_field(receptive_field: float, pitch: float) -> float:
         >>> overlapping_field(6.0, 4.0), overlapping_field(4.0, 4.0)
         (2.0, 4.0)
     """
-    if not 0.0 < receptive_field < math.inf:
-        raise SettingError(
-            f"receptive field must be a finite length above 0; got {receptive_field:g}"
-        )
+    check_field(receptive_field)
     if not 0.0 < pitch <= receptive_field:
         raise SettingError(
             "pitch must be above 0 and at most the receptive field, or contacts between the fields "

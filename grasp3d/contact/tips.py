@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, angles_between, unit_rows
-from grasp3d.contact.sensor import COUNT_ROUNDING, Sensor
+from grasp3d.contact.sensor import COUNT_ROUNDING, Sensor, check_field
 from grasp3d.errors import SettingError
 
 DIRECTIONS = 64
@@ -149,7 +149,7 @@ class EllipsoidTip:
         Raises:
             SettingError: A value is outside its range.
         """
-        _check_field(receptive_field)
+        check_field(receptive_field)
         start = self._surface_point(towards)
         normal = self._normals(start)
         tangents = _tangents(normal)
@@ -173,7 +173,7 @@ class EllipsoidTip:
             SettingError: The length is outside its range, or so long that normals differ by 90
                 degrees and more.
         """
-        _check_field(receptive_field)
+        check_field(receptive_field)
         if not receptive_field < self.longest_field:
             raise SettingError(
                 f"receptive field must be below {self.longest_field:.4g} on this fingertip, since "
@@ -204,7 +204,7 @@ class EllipsoidTip:
         Raises:
             SettingError: The length is outside its range.
         """
-        _check_field(receptive_field)
+        check_field(receptive_field)
         count = self._half_area / (math.pi * (receptive_field / 2.0) ** 2)
         return math.ceil(count * (1.0 - COUNT_ROUNDING))
 
@@ -295,10 +295,3 @@ def _tangents(normal: Floats) -> Floats:
 def _triple(vector: Floats) -> tuple[float, float, float]:
     x, y, z = (float(value) + 0.0 for value in vector)
     return x, y, z
-
-
-def _check_field(receptive_field: float) -> None:
-    if not 0.0 < receptive_field < math.inf:
-        raise SettingError(
-            f"receptive field must be a finite length above 0; got {receptive_field:g}"
-        )

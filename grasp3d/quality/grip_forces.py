@@ -21,7 +21,7 @@ from scipy.optimize.elementwise import find_root
 from grasp3d._kernels.forces import grip_force as kernels
 from grasp3d._kernels.forces.grip_force import ForceResults
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, shaped, short_repr
-from grasp3d.contact.contacts import LARGEST, Contacts
+from grasp3d.contact.contacts import LARGEST, Contacts, of_shape
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.quality.force_problem import ForceBound, ForceProblem, LimitSurface
 from grasp3d.quality.tasks import Task
@@ -393,12 +393,7 @@ def masses_of(given: ArrayLike, contacts: Contacts) -> Floats:
     masses = np.asarray(given, dtype=np.float64)
     if not ((masses >= 0.0) & np.isfinite(masses)).all():
         raise SettingError(f"masses must be finite and at least 0 [kg]; got {masses}")
-    try:
-        return np.broadcast_to(masses, contacts.batch).reshape(-1).copy()
-    except ValueError as error:
-        raise SettingError(
-            f"masses must be one, or have shape {contacts.batch}; got {masses.shape}"
-        ) from error
+    return of_shape("masses", masses, contacts.batch).reshape(-1).copy()
 
 
 @dataclass(frozen=True, eq=False)

@@ -309,8 +309,13 @@ def classify(
     if rings is not None:
         whole_number("rings", rings, 1)
     whole_number("extreme normals", extreme_normals, MIN_EXTREMES)
-    tilt = _resolutions(contacts, sensor_resolution) / 2.0
-    tilt = tilt + _errors("normal error", normal_error, contacts, math.pi / 2.0)
+    alpha = per_contact("sensor resolution", sensor_resolution, contacts)
+    if not ((alpha >= 0.0) & (alpha < math.pi)).all():
+        raise SettingError(
+            "sensor resolution must be at least 0 and below pi radians; "
+            f"got {sensor_resolution!r} (radians)"
+        )
+    tilt = alpha / 2.0 + _errors("normal error", normal_error, contacts, math.pi / 2.0)
     location = _errors("location error", location_error, contacts, math.inf)
     if method == "extremes" and location.any():
         raise SettingError("method extremes tests normals only; a location_error needs exact")
@@ -356,17 +361,6 @@ def _check_patches(contacts: Contacts, method: Method, *, creases: bool, located
                 "labels of contacts with patches are those of two fingers by method exact, without "
                 f"creases and location_error; got {what}: give contacts.without_patches()"
             )
-
-
-def _resolutions(contacts: Contacts, sensor_resolution: ArrayLike) -> Floats:
-    """Check resolutions and broadcast them to the contacts, shape (..., n)."""
-    alpha = per_contact("sensor resolution", sensor_resolution, contacts)
-    if not ((alpha >= 0.0) & (alpha < math.pi)).all():
-        raise SettingError(
-            "sensor resolution must be at least 0 and below pi radians; "
-            f"got {sensor_resolution!r} (radians)"
-        )
-    return alpha
 
 
 def _errors(name: str, values: ArrayLike, contacts: Contacts, limit: float) -> Floats:

@@ -207,13 +207,10 @@ def located_grasps(
         limits: What is known about the contacts.
         threads: Threads; None: one per processor.
     """
-    hard = Contacts(contacts.points, contacts.normals, friction=0.0)
     if limits.uniform:
         return critical, critical
-    return (
-        _smallest_sure(hard, critical, limits, threads),
-        _largest_excluded(hard, critical, limits, threads),
-    )
+    given = Contacts(contacts.points, contacts.normals, friction=0.0), critical, limits, threads
+    return _smallest_sure(*given), _largest_excluded(*given)
 
 
 def _smallest_sure(
