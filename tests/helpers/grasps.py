@@ -26,6 +26,9 @@ REGULAR_SHAPES = {
     "octahedron": OCTAHEDRON,
 }
 
+NAMES = ("points", "normals", "friction", "torsion_radius")
+"""Arrays of point contacts."""
+
 LINE = Contacts([[-1, 0, 0], [0, 0, 0], [1, 0, 0]], [[1, 0, 0], [0, 1, 0], [-1, 0, 0]], 0.5)
 
 
@@ -65,18 +68,12 @@ def frictionless_grasp(seed: int, fingers: int = 16) -> Contacts:
 
 def one(contacts: Contacts, *index: int) -> Contacts:
     """One grasp of a batch."""
-    return Contacts(
-        contacts.points[index],
-        contacts.normals[index],
-        contacts.friction[index],
-        contacts.torsion_radius[index],
-    )
+    return Contacts(*(getattr(contacts, name)[index] for name in NAMES))
 
 
 def changed(contacts: Contacts, **fields: Any) -> Contacts:
     """The same contacts with some fields replaced."""
-    names = ("points", "normals", "friction", "torsion_radius")
-    return Contacts(*(fields.get(name, getattr(contacts, name)) for name in names))
+    return Contacts(*(fields.get(name, getattr(contacts, name)) for name in NAMES))
 
 
 def at_angle(contacts: Contacts, beta: float) -> Contacts:
@@ -86,12 +83,7 @@ def at_angle(contacts: Contacts, beta: float) -> Contacts:
 
 def stacked(single: list[Contacts]) -> Contacts:
     """A batch of single grasps."""
-    return Contacts(
-        np.stack([c.points for c in single]),
-        np.stack([c.normals for c in single]),
-        np.stack([c.friction for c in single]),
-        np.stack([c.torsion_radius for c in single]),
-    )
+    return Contacts(*(np.stack([getattr(c, name) for c in single]) for name in NAMES))
 
 
 def with_options(**arguments: Any) -> dict[str, Any]:
