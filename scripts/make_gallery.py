@@ -17,8 +17,8 @@ from PIL import Image, ImageDraw, ImageFont
 from grasp3d import GraspModel, label_surface, load_mesh
 from grasp3d.stability.label import COLORS, MEANING, Label
 from grasp3d.system.progress import ignore
+from grasp3d.viewer.scene.overlays import BOLD, PLAIN
 from grasp3d.viewer.scene.pictures import open_renderer
-from grasp3d.viewer.scene.text_layout import BOLD, PLAIN
 from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.view_settings import ViewSettings
 

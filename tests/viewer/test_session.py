@@ -27,7 +27,7 @@ from grasp3d.surface import Reason
 from grasp3d.surface.vertex_grasps import SearchReport
 from grasp3d.system.progress import Progress, ignore
 from grasp3d.viewer.scene.captions import Captions
-from grasp3d.viewer.scene.layout import TextArea, TextLine
+from grasp3d.viewer.scene.overlays import TextArea, TextLine
 from grasp3d.viewer.session import planning, saving
 from grasp3d.viewer.session.background import Cancelled, Job, Worker
 from grasp3d.viewer.session.collection import Collection, Item, collection_of, open_collection

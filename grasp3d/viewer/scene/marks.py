@@ -1,5 +1,7 @@
 """Markers of a grasp: contacts, lines between them, friction cones, fixed fingers."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -11,17 +13,6 @@ from grasp3d.arrays import Floats, unit_rows
 from grasp3d.contact.friction_cones import tangents
 from grasp3d.settings import GraspModel
 from grasp3d.viewer.scene.framing import pixel_ratio
-from grasp3d.viewer.scene.solids import (
-    TriangleMesh,
-    closed,
-    cone_rims,
-    cone_surfaces,
-    cylinders,
-    lines,
-    merged,
-    solid_cones,
-    spheres,
-)
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.subjects.subject import Subject
 
@@ -39,6 +30,12 @@ HIDDEN_OPACITY = 0.4
 
 DEPTH_OFFSET = -60000.0
 """Depth offset that puts hidden markers in front of the surface [units of depth]."""
+
+ROUND, LATITUDES = 40, 11
+"""Corners of a circle; circles of a sphere, with its poles."""
+
+CIRCLE = np.linspace(0.0, 2.0 * math.pi, ROUND + 1)
+"""Angles along a closed circle [rad]."""
 
 WHITE, BLACK, GREY = "#FFFFFF", "#1A1A1A", "#4A5562"
 BLUE = "#0072B2"
@@ -127,41 +124,34 @@ class Marks:
             *(one[(gaps > SAME * size).all(axis=1)] for one in (grasp.points, grasp.normals))
         )
         several = len(grasp.points) > 1
-
-        def contacts(extra: float) -> TriangleMesh:
-            parts = [spheres(free.points, (CONTACT_RADIUS + extra) * size)]
+        for extra, hidden, visible in (
+            (0.0, self._hidden, self._contacts),
+            (RIM * size, self._hidden_rims, self._rims),
+        ):
+            contacts = spheres(free.points, CONTACT_RADIUS * size + extra)
             if several:
-                parts.append(cylinders(*_connections(grasp.points), (ROD_RADIUS + extra) * size))
-            return merged(*parts)
-
-        arrows = [_arrows(free, size, extra) for extra in (0.0, RIM * size)] if several else []
-        plain, enlarged = contacts(0.0), contacts(RIM)
-        self._hidden.show(plain)
-        self._hidden_rims.show(enlarged)
-        self._contacts.show(merged(plain, *arrows[:1]))
-        self._rims.show(merged(enlarged, *arrows[1:]))
+                contacts += cylinders(*_connections(grasp.points), ROD_RADIUS * size + extra)
+            hidden.show(contacts)
+            visible.show([*contacts, *(_arrows(free, size, extra) if several else [])])
 
     def _show_fixed(self, fixed: MarkedContacts, size: float) -> None:
         radius, rim = 1.15 * CONTACT_RADIUS * size, RIM * size
-        plain = merged(spheres(fixed.points, radius), _arrows(fixed, size, 0.0))
+        plain = [*spheres(fixed.points, radius), *_arrows(fixed, size, 0.0)]
         self._fixed.show(plain)
         self._hidden_fixed.show(plain)
-        self._fixed_rims.show(
-            merged(spheres(fixed.points, radius + rim), _arrows(fixed, size, rim))
-        )
+        self._fixed_rims.show([*spheres(fixed.points, radius + rim), *_arrows(fixed, size, rim)])
 
     def _show_cones(self, grasp: MarkedContacts, model: GraspModel | None, size: float) -> None:
         """Draw the cones outside the surface, around the outward normals."""
-        beta, tilt = (model.friction_angle, model.tilt) if model else (0.0, 0.0)
         outward, length = -grasp.normals, CONE_LENGTH * size
+        beta, tilt, inner = 0.0, 0.0, 0.0
+        if model is not None:
+            beta, tilt = model.friction_angle, model.tilt
+            inner = max(0.0, model.effective_friction_angle)
         self._cones.show(cone_surfaces(grasp.points, outward, beta, length))
-        nominal = closed(cone_rims(grasp.points, outward, beta, length))
-        safe: list[Floats] = []
-        self._safe_cones.show([])
-        inner = model.effective_friction_angle if model else 0.0
-        if inner > 0.0:
-            self._safe_cones.show(cone_surfaces(grasp.points, outward, inner, length))
-            safe = closed(cone_rims(grasp.points, outward, inner, length))
+        self._safe_cones.show(cone_surfaces(grasp.points, outward, inner, length))
+        nominal = cone_rims(grasp.points, outward, beta, length)
+        safe = cone_rims(grasp.points, outward, inner, length) if inner else []
         extreme = _extreme_cones(grasp, beta, tilt, length) if tilt > 0.0 else []
         self._grey_lines.show(nominal)
         self._blue_lines.show(safe)
@@ -208,14 +198,77 @@ class _Marker:
         self._actor.VisibilityOff()
         renderer.AddActor(self._actor)
 
-    def show(self, shape: TriangleMesh | list[Floats]) -> None:
-        """Draw triangles, or polylines of shape (k, 3) each; hide the actor if there are none."""
-        some = bool(shape) if isinstance(shape, list) else len(shape.points) > 0
-        if some:
-            self._mapper.SetInputData(lines(shape) if isinstance(shape, list) else shape.data())
+    def show(self, shapes: Sequence[pyvista.PolyData]) -> None:
+        """Draw triangles or lines; hide the actor if there are none."""
+        if shapes:
+            self._mapper.SetInputData(shapes[0].append_polydata(*shapes[1:]))
         if self._width:
             self._actor.prop.line_width = self._width * pixel_ratio(self._renderer)
-        self._actor.visibility = some
+        self._actor.visibility = bool(shapes)
+
+
+def spheres(centers: Floats, radius: float) -> list[pyvista.PolyData]:
+    """Spheres about points (n, 3)."""
+    return [
+        pyvista.Sphere(
+            center=point, radius=radius, theta_resolution=ROUND, phi_resolution=LATITUDES
+        )
+        for point in centers
+    ]
+
+
+def cylinders(starts: Floats, ends: Floats, radius: float) -> list[pyvista.PolyData]:
+    """Closed cylinders between points, both of shape (n, 3)."""
+    return [
+        pyvista.Cylinder(
+            center=0.5 * (start + end), direction=end - start, height=math.dist(start, end),
+            radius=radius, resolution=ROUND,
+        )
+        for start, end in zip(starts, ends, strict=True)
+    ]  # fmt: skip
+
+
+def cones(
+    bases: Floats, tips: Floats, radius: float, *, open_base: bool = False
+) -> list[pyvista.PolyData]:
+    """Cones with the centres of their bases and their tips at points, both of shape (n, 3)."""
+    return [
+        pyvista.Cone(
+            center=0.5 * (base + tip), direction=tip - base, height=math.dist(base, tip),
+            radius=radius, resolution=ROUND, capping=not open_base,
+        )
+        for base, tip in zip(bases, tips, strict=True)
+    ]  # fmt: skip
+
+
+def cone_surfaces(
+    apexes: Floats, axes: Floats, angle: float, length: float
+) -> list[pyvista.PolyData]:
+    """Open lateral surfaces of cones; none if the angle is 0.
+
+    Args:
+        apexes: Apexes of the cones, shape (n, 3).
+        axes: Unit vectors along which they open, shape (n, 3).
+        angle: Half-angle [rad], from 0 to below pi / 2.
+        length: Length of the sides.
+    """
+    if not angle:
+        return []
+    bases = apexes + length * math.cos(angle) * axes
+    return cones(bases, apexes, length * math.sin(angle), open_base=True)
+
+
+def cone_rims(apexes: Floats, axes: Floats, angle: float, length: float) -> list[pyvista.PolyData]:
+    """Circles at the open ends of `cone_surfaces`."""
+    first, second = tangents(axes)
+    across = np.cos(CIRCLE)[:, None, None] * first + np.sin(CIRCLE)[:, None, None] * second
+    circles = apexes + length * (math.cos(angle) * axes + math.sin(angle) * across)  # (k, n, 3)
+    return lines(np.swapaxes(circles, 0, 1))
+
+
+def lines(paths: Floats) -> list[pyvista.PolyData]:
+    """Polylines, shape (n, k, 3)."""
+    return [pyvista.MultipleLines(path) for path in paths]
 
 
 def _connections(points: Floats) -> tuple[Floats, Floats]:
@@ -228,18 +281,18 @@ def _connections(points: Floats) -> tuple[Floats, Floats]:
     return points[first], points[second]
 
 
-def _arrows(contacts: MarkedContacts, size: float, extra: float) -> TriangleMesh:
+def _arrows(contacts: MarkedContacts, size: float, extra: float) -> list[pyvista.PolyData]:
     """Arrows along the inward normals that end at contacts."""
     tails = contacts.points - ARROW * size * contacts.normals
     ends = contacts.points - (CONTACT_RADIUS * size - extra) * contacts.normals
     necks = ends - (HEAD * size + 2.0 * extra) * contacts.normals
-    return merged(
-        cylinders(tails, necks, SHAFT * size + extra),
-        solid_cones(necks, ends, HEAD_RADIUS * size + extra),
-    )
+    shafts = cylinders(tails, necks, SHAFT * size + extra)
+    return [*shafts, *cones(necks, ends, HEAD_RADIUS * size + extra)]
 
 
-def _extreme_cones(grasp: MarkedContacts, beta: float, tilt: float, length: float) -> list[Floats]:
+def _extreme_cones(
+    grasp: MarkedContacts, beta: float, tilt: float, length: float
+) -> list[pyvista.PolyData]:
     """Outlines of the cones about the two extreme normals in the plane of the contact line."""
     others = grasp.points.sum(axis=0) - grasp.points
     toward = others / (len(grasp.points) - 1) - grasp.points
@@ -247,17 +300,17 @@ def _extreme_cones(grasp: MarkedContacts, beta: float, tilt: float, length: floa
     side = unit_rows(toward - along)
     straight = np.linalg.norm(toward - along, axis=1) < 1e-6 * np.linalg.norm(toward, axis=1)
     side[straight] = tangents(grasp.normals[straight])[0]
-    paths: list[Floats] = []
+    outlines: list[pyvista.PolyData] = []
     for turn in (-tilt, tilt):
         axes = -np.cos(turn) * grasp.normals + np.sin(turn) * side
         across = np.sin(turn) * grasp.normals + np.cos(turn) * side
-        paths += closed(cone_rims(grasp.points, axes, beta, length))
         ends = [
             grasp.points + length * (np.cos(beta) * axes + sign * np.sin(beta) * across)
             for sign in (-1.0, 1.0)
         ]
-        paths += list(np.stack([ends[0], grasp.points, ends[1]], axis=1))
-    return paths
+        outlines += cone_rims(grasp.points, axes, beta, length)
+        outlines += lines(np.stack([ends[0], grasp.points, ends[1]], axis=1))
+    return outlines
 
 
 def _fixed_contacts(subject: Subject, fixed: Floats) -> MarkedContacts:

@@ -9,7 +9,6 @@ from grasp3d.arrays import Bytes, Floats
 from grasp3d.plots.rendering import AMBIENT, LIGHT
 from grasp3d.settings import GraspModel
 from grasp3d.viewer.scene.framing import pixel_ratio
-from grasp3d.viewer.scene.solids import lines
 from grasp3d.viewer.session.painting import faded, texture_coordinates, texture_image
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import Paint
@@ -175,4 +174,5 @@ def _rectangle(subject: Subject, point: Floats, normal: Floats) -> pyvista.PolyD
     corners = np.tile(low, (5, 1))
     corners[1:3, u] = high[u]
     corners[2:4, v] = high[v]
-    return lines([corners])
+    outline: pyvista.PolyData = pyvista.MultipleLines(corners)
+    return outline

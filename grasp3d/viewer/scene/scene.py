@@ -13,7 +13,6 @@ from grasp3d.plots.rendering import View
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.captions import Captions
-from grasp3d.viewer.scene.contact_numbers import contact_numbers, display_positions
 from grasp3d.viewer.scene.framing import (
     Frame,
     FreeArea,
@@ -27,9 +26,15 @@ from grasp3d.viewer.scene.framing import (
     visible_fraction,
 )
 from grasp3d.viewer.scene.gripper_actors import GripperActors
-from grasp3d.viewer.scene.layout import OverlayItem, TextArea, text_size
 from grasp3d.viewer.scene.marks import CONTACT_RADIUS, Marks
-from grasp3d.viewer.scene.overlays import Overlay
+from grasp3d.viewer.scene.overlays import (
+    Overlay,
+    OverlayItem,
+    TextArea,
+    contact_numbers,
+    display_positions,
+    text_size,
+)
 from grasp3d.viewer.scene.panes import Pane
 from grasp3d.viewer.scene.picking import prepare_picking, vertex_at
 from grasp3d.viewer.session.inspection import Inspection

@@ -14,7 +14,7 @@ from grasp3d.errors import GraspError, OutputError
 from grasp3d.system.files import atomic_write
 from grasp3d.system.isolation import describe_unexpected
 from grasp3d.viewer.scene.framing import pixel_ratio
-from grasp3d.viewer.scene.layout import text_size
+from grasp3d.viewer.scene.overlays import text_size
 from grasp3d.viewer.scene.picking import ClickDetector
 from grasp3d.viewer.scene.pictures import file_name, render_copy
 from grasp3d.viewer.scene.scene import Scene, new_plotter

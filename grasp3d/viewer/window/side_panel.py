@@ -10,9 +10,19 @@ from vtkmodules.vtkInteractionWidgets import vtkSliderRepresentation2D, vtkSlide
 
 from grasp3d.settings import DEGREE, GraspModel
 from grasp3d.stability.label import Label
-from grasp3d.viewer.scene.layout import INK, QUIET, OverlayItem, Rectangle, TextArea, TextLine
-from grasp3d.viewer.scene.overlays import Overlay
-from grasp3d.viewer.scene.text_layout import shortened, text_width, wrapped
+from grasp3d.viewer.scene.overlays import (
+    INK,
+    PARAGRAPH_LINE,
+    QUIET,
+    Overlay,
+    OverlayItem,
+    Rectangle,
+    TextArea,
+    TextLine,
+    shortened,
+    text_width,
+    wrapped,
+)
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.keys import LEAST_FRICTION
 from grasp3d.viewer.session.painting import PALETTE, UNSEARCHED
@@ -236,7 +246,7 @@ class _Lines:
         """Add a text, broken into lines; `indent` is in pixels."""
         width = self.area.width - 2.0 * self.area.margin - indent
         for line in wrapped(text, width, self.area.size):
-            self.y -= 1.42 * self.area.size
+            self.y -= PARAGRAPH_LINE * self.area.size
             x = self.area.margin + indent
             self._items.append(TextLine(line, x, self.y, self.area.size, color, bold=bold))
 
