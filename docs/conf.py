@@ -49,6 +49,7 @@ nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
     ("py:class", r".*\.\w*T|SettingsTs"),  # type variables
     ("py:class", r"grasp3d\._kernels\..*|.*\.StabilityProblem|.*\.PairLines"),  # inside results
     ("py:class", r"grasp3d\.hand\.jaws\.Jaws"),  # a part of `ParallelGripper`
+    ("py:class", r"grasp3d\.mesh\.\w+\.MovableSurface"),  # a scan that is prepared already
     ("py:class", r".*\.tasks\.Terms?|.*\._Part"),  # likewise
     ("py:obj", r".*"),  # parameters, and words in backticks
 ]

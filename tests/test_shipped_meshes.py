@@ -49,6 +49,7 @@ def test_readme_lists_exactly_the_files() -> None:
     assert sorted(rows()) == [path.name for path in FILES]
 
 
+@pytest.mark.slow
 def test_readme_has_size_and_count(path: Path, mesh: trimesh.Trimesh) -> None:
     _, size, triangles, volume, angle, remark = rows()[path.name]
     assert size == " x ".join(f"{length / MILLIMETRE:.0f}" for length in mesh.extents)

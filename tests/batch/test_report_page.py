@@ -442,6 +442,7 @@ def test_three_fingers_are_never_surely_unstable_from_90_degrees_on(
         assert fractions(page) == pytest.approx(relabelled.fractions(), abs=1e-3)
 
 
+@pytest.mark.slow
 def test_labels_beyond_the_searched_cone_are_marked(page: Any, report: Report) -> None:
     opened_object(page, report, "spray")
     labels = report.labels["spray"]

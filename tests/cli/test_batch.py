@@ -228,6 +228,7 @@ def test_the_death_of_a_worker_and_the_client_does_not_change_the_rows(
     check_no_unfinished_files(out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

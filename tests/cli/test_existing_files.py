@@ -70,6 +70,7 @@ def test_labels_of_another_mesh_of_the_same_name_are_not_replaced(tmp_path: Path
         check_same_settings(path, task(small, replace(same, rays=16)), overwrite=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

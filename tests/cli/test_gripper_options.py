@@ -213,6 +213,7 @@ def test_a_bad_gripper_is_one_sentence(
     assert sorted(path.name for path in box.iterdir()) == ["box.stl", "own.json"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "message"),
     [

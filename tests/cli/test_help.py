@@ -29,6 +29,7 @@ def commands() -> list[str]:
     return re.findall(r"\w+", usage.partition("{")[2])
 
 
+@pytest.mark.slow
 def test_every_command_has_at_least_two_examples() -> None:
     assert set(EXAMPLES) <= set(commands())
     for command in commands():
@@ -48,6 +49,7 @@ def test_the_version_is_listed() -> None:
     assert grasp3d("--version", cwd=Path()).stdout.startswith("grasp3d 0.")
 
 
+@pytest.mark.slow
 def test_placeholders_are_the_same_everywhere() -> None:
     for command in commands():
         text = grasp3d(command, "--help", cwd=Path(), columns=80).stdout

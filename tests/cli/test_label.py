@@ -166,6 +166,7 @@ def test_bad_input_prints_one_line_and_writes_nothing(tmp_path: Path, name: str)
     assert sorted(p for p in tmp_path.rglob("*")) == before
 
 
+@pytest.mark.slow
 def test_bad_input_of_a_process_is_one_line_as_well(tmp_path: Path) -> None:
     run = grasp3d("label", "nothing.stl", cwd=tmp_path)
     assert (run.returncode, run.stdout) == (2, "")

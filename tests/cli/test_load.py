@@ -79,6 +79,7 @@ def test_evaluate_contacts(tmp_path: Path) -> None:
     assert table["label_with_force"] == ["S", "S"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -103,6 +103,7 @@ def test_what_noisy_copies_do_not_take_is_no_option(scan: Path, words: tuple[str
     assert words[0] not in re.findall(r"--[a-z-]+", helped.stdout)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [

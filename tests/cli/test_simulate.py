@@ -52,6 +52,7 @@ def test_given_poses_are_simulated(folder: Path) -> None:
     assert read_columns(folder / "tried.csv")["outcome"].tolist() == [1, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [

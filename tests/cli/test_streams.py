@@ -43,6 +43,7 @@ def test_a_full_standard_error_leaves_the_exit_code(
     assert (run.returncode, run.stdout.strip()) == (2, "")
 
 
+@pytest.mark.slow
 @needs_full
 @pytest.mark.parametrize("words", ["--version", "design --friction 0.5", "design --help"])
 @pytest.mark.parametrize("unbuffered", ["", "1"])

@@ -89,6 +89,7 @@ def test_a_computation_that_cannot_be_interrupted_is_ended_with_its_process() ->
     assert "searching for grasps" in ended.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["label", "view"])
 def test_commands_end_with_the_message_and_leave_no_file(
     tmp_path: Path, command: str, monkeypatch: pytest.MonkeyPatch
@@ -106,6 +107,7 @@ def test_commands_end_with_the_message_and_leave_no_file(
     assert [path.name for path in tmp_path.iterdir()] == ["a.off"]
 
 
+@pytest.mark.slow
 def test_the_unit_of_a_mesh_to_view_is_read_within_the_limit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -54,6 +54,7 @@ def test_the_options_are_the_settings() -> None:
     assert parsed("--per-finger", "none").per_finger == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -190,6 +191,7 @@ def test_every_line_of_the_required_resolutions_has_its_name(tmp_path: Path) -> 
     assert first == ["location", "(radius", "circle", "0.1", "square", "0.1"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "fixed", "rows"),
     [

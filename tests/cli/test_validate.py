@@ -54,6 +54,7 @@ def folder(tmp_path: Path) -> Path:
 GIVEN = ("validate", "log.csv", "--mesh", "body.ply", "--hand", "franka", *QUICK)
 
 
+@pytest.mark.slow
 def test_it_prints_how_well_scores_predict(folder: Path) -> None:
     done = grasp3d(*GIVEN, cwd=folder)
     assert (done.returncode, done.stderr) == (0, "")
@@ -210,6 +211,7 @@ def test_end_to_end_with_outcomes_drawn_from_the_margin(folder: Path) -> None:
     assert "<h2>Calibration of the margin</h2>" in (folder / "out" / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_acronym_needs_no_options(tmp_path: Path) -> None:
     import h5py
 

@@ -65,6 +65,7 @@ def test_the_error_without_a_display_names_the_alternatives(box: Path) -> None:
     assert re.fullmatch(r"grasp3d: no display here: .* --web .* --screenshot .*\n", run.stderr)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -110,6 +110,7 @@ def bits(values: object) -> object:
     return repr(values)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", COMPLETE)
 @pytest.mark.parametrize("case", CASES)
 def test_complete_files_have_every_field_bit_for_bit(
@@ -190,6 +191,7 @@ def _as_text(path: Path, labels: SurfaceLabels) -> None:
     write_ply(path, labels, binary=False)
 
 
+@pytest.mark.slow
 @given(
     friction=st.floats(0.2, 0.7),
     sensor_resolution=st.floats(0.0, 0.3),
@@ -389,6 +391,7 @@ def bad_values() -> dict[str, tuple[dict[str, Array | None], str]]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", bad_values())
 def test_impossible_values_are_refused(tmp_path: Path, case: str) -> None:
     path = tmp_path / "labels.npz"

@@ -154,6 +154,7 @@ def test_matrices_are_poses_in_the_meshs_unit(box: ObjectMesh) -> None:
         evaluate_grasps(box, np.diag([2.0, 2.0, 2.0, 1.0]), MODEL, hand=pads())
 
 
+@pytest.mark.slow
 def test_what_was_found_is_evaluated_by_its_poses_or_contacts(box: ObjectMesh) -> None:
     labels = label_surface(box, MODEL, hand=pads())
     grasps = best_grasps(labels, 3)

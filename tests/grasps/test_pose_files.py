@@ -845,6 +845,7 @@ def test_a_damaged_file_that_hdf5_reads_for_ever_is_refused(
         read_poses(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

@@ -196,6 +196,7 @@ def test_a_ring_is_held_from_inside() -> None:
     assert names(reach_grasps(mesh, points, normals, thick, grip=-1)) == ["WIDTH"]
 
 
+@pytest.mark.slow
 def test_tips_of_three_fingers() -> None:
     mesh = load_mesh(shapes.sphere(4, 30.0), unit="mm", max_edge=200.0)
     turns = 2.0 * np.pi * np.arange(3) / 3

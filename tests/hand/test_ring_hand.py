@@ -169,6 +169,7 @@ def expected_on_ball(contacts: Floats, hand: RingHand, height: float) -> tuple[b
     return decided > 0.0, abs(decided)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("hand", "height"), [(RING, -30.0), (RING, -45.0), (SMALL_RING, -30.0)])
 def test_reached_vertices_of_a_ball_are_those_of_the_formula(hand: RingHand, height: float) -> None:
     labels, compared = labelled(hand, height), 0
@@ -195,6 +196,7 @@ def test_labels_are_those_of_ideal_points_where_the_hand_reaches() -> None:
     assert (labels.reason[~reached & (ideal().reason == Reason.FOUND)] == Reason.NOT_REACHED).all()
 
 
+@pytest.mark.slow
 def test_what_is_reached_does_not_collide() -> None:
     """By another test: points of the drawn hand are not deep in the object."""
     labels = labelled()
@@ -221,6 +223,7 @@ def best() -> Any:
     return best_grasps(labelled(), 4)
 
 
+@pytest.mark.slow
 def test_best_grasps_have_poses_and_labels_after_closing() -> None:
     grasps = best()
     assert grasps.size == 4
@@ -267,6 +270,7 @@ def test_closing_on_nothing_and_from_inside() -> None:
     assert inside.state.tolist() == [Closing.STARTS_INSIDE]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["json", "csv", "parquet"])
 def test_poses_are_written_and_read_back(tmp_path: Path, suffix: str) -> None:
     grasps = best()
@@ -307,6 +311,7 @@ def test_a_hand_is_read_by_the_reader_of_all_hands(tmp_path: Path) -> None:
     assert '"format": "test ring"' in str(settings["gripper"])
 
 
+@pytest.mark.slow
 def test_distances_are_those_of_many_samples() -> None:
     random = np.random.default_rng(5)
     for _ in range(30):

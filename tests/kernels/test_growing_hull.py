@@ -166,6 +166,7 @@ def test_the_sign_of_a_closure_test_agrees_with_the_distance(dimension: int, see
     assert (len(grown.facets) > 0 and grown.lower > 0.0) == (expected > 0.0)
 
 
+@pytest.mark.slow
 @given(seeds, st.integers(1, 3))
 @few
 def test_wrenches_of_lower_rank_are_evaluated_in_their_span(seed: int, times: int) -> None:
@@ -196,6 +197,7 @@ def test_a_cube(dimension: int) -> None:
     check_boundary(grown)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("facets", [16, 64, 256])
 def test_a_full_polytope_ends_the_growth_with_valid_bounds(facets: int) -> None:
     rows = np.random.default_rng(0).normal(size=(400, 6))

@@ -186,6 +186,7 @@ def test_a_prepared_mesh_stays_unless_other_options_are_given() -> None:
     assert diagnosis.label_vertices == len(mesh.vertices)
 
 
+@pytest.mark.slow
 def test_functions_on_surfaces_take_any_mesh() -> None:
     vertices, faces = shapes.sphere(1)
     mesh = load_mesh((vertices, faces))

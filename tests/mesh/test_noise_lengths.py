@@ -52,12 +52,14 @@ def ball(noise: float, scale: float = 1.0) -> MovableSurface:
     return movable_surface((points * (1.0 + errors)[:, None], faces), options)
 
 
+@pytest.mark.slow
 def test_it_is_in_the_unit_of_the_mesh() -> None:
     small, large = noise_length(ball(0.004)), noise_length(ball(0.004, 1000.0))
     assert small == pytest.approx(0.004, rel=0.15)
     assert large == pytest.approx(1000.0 * small, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_more_noise_is_more() -> None:
     found = [noise_length(ball(noise)) for noise in (0.001, 0.003, 0.01)]
     assert found == sorted(found)

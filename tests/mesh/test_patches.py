@@ -398,6 +398,7 @@ def test_a_patch_that_would_reach_around_the_object_is_refused() -> None:
     )
 
 
+@pytest.mark.slow
 def test_patches_that_would_take_hours_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("grasp3d.mesh.normals.MOST_VISITS", 1e6)
     load_mesh(shapes.sphere(3), patch_radius=0.1)

@@ -229,6 +229,7 @@ def test_a_closed_body_beside_an_open_one_is_oriented_by_itself() -> None:
     assert outward_fraction(mesh, len(bowl), [5.0, 0.0, 0.0]) == 1.0
 
 
+@pytest.mark.slow
 def test_a_body_within_another_and_wound_alike_gives_a_warning() -> None:
     mesh = load_mesh(joined(shapes.sphere(3), ball_at([0.1, 0.0, 0.0], 0.5)))
     assert "1 body within others" in mesh.report.warnings[0]
@@ -244,6 +245,7 @@ def test_a_tray_is_not_closed_to_a_box() -> None:
     assert "open" in mesh.report.warnings[0]
 
 
+@pytest.mark.slow
 def test_a_needle_in_a_flat_face_makes_no_crease() -> None:
     """Its third corner is moved off the line by the rounding of 32 bits only."""
     vertices, faces = shapes.box((0.1, 0.1, 0.1))

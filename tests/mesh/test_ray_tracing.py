@@ -76,6 +76,7 @@ def test_every_exit_of_every_ray_is_found(shape: Surface) -> None:
     assert found == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scale", "offset"), [(1e-6, 0.0), (1e6, 0.0), (1.0, 1e6)])
 def test_exits_are_found_at_any_size_and_anywhere(scale: float, offset: float) -> None:
     vertices, faces = shapes.torus()

@@ -205,6 +205,7 @@ def test_a_mug_is_repaired() -> None:
     assert_repaired("mug", damaged, (shapes.rotation(3), 1e-3, np.array([1.0, 2.0, 3.0])))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOUND)
 @pytest.mark.parametrize("level", ["none", "safe", "full"])
 def test_a_sound_surface_is_not_changed(name: str, level: str) -> None:

@@ -147,6 +147,7 @@ def test_a_large_open_body_is_turned_by_its_extremes(
     assert steps.get("inverted", 0) == (len(faces) if turned else 0)
 
 
+@pytest.mark.slow
 def test_many_long_holes_are_closed_in_linear_time(monkeypatch: pytest.MonkeyPatch) -> None:
     turn = np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False)
     ring = np.stack([np.cos(turn), np.sin(turn), 0.1 * np.sin(5.0 * turn)], axis=1)

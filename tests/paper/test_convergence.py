@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -23,27 +22,30 @@ from grasp3d.quality.wrenches import EpsilonOptions
 S, M, U = Label.S, Label.M, Label.U
 
 
-@cache
-def measured() -> tuple[Comparison, ...]:
-    progress: list[float] = []
-    found = tuple(comparisons(progress.append))
-    assert progress == sorted(progress)
-    assert len(progress) == len(found)
-    assert progress[-1] == pytest.approx(1.0)
-    return found
-
-
-def of(fingers: int, *, polygonal: bool) -> list[Comparison]:
-    return [
-        one for one in measured() if one.fingers == fingers and (one.edges is not None) == polygonal
-    ]
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("polygonal", [False, True])
-@pytest.mark.parametrize("fingers", SAMPLES)
-def test_disagreements_become_fewer_and_all_are_allowed(fingers: int, polygonal: bool) -> None:
-    found = of(fingers, polygonal=polygonal)
+def test_disagreements_become_fewer_and_all_are_allowed() -> None:
+    """One test, as all comparisons together take long."""
+    assert {fingers: (grasps, normals[-1]) for fingers, (grasps, normals) in SAMPLES.items()} == {
+        2: (2000, 32),
+        3: (500, 16),
+        4: (200, 8),
+    }
+    measured = comparisons()
+    assert len(measured) == 2 * sum(len(normals) for _, normals in SAMPLES.values())
+    for fingers, polygonal in itertools.product(SAMPLES, (False, True)):
+        check([
+            one for one in measured
+            if one.fingers == fingers and (one.edges is not None) == polygonal
+        ], polygonal=polygonal)  # fmt: skip
+    # With 32 extreme normals the labels of two fingers are almost exact.
+    finest = next(one for one in measured if one.fingers == 2 and one.extreme_normals == 32)
+    assert finest.edges is None
+    assert finest.disagreement < 0.01
+
+
+def check(found: list[Comparison], *, polygonal: bool) -> None:
+    """Check comparisons of one number of fingers, from few extreme normals to many."""
+    fingers = found[0].fingers
     grasps, numbers = SAMPLES[fingers]
     assert [one.extreme_normals for one in found] == list(numbers)
     exact = found[0].counts.sum(axis=1)
@@ -61,19 +63,6 @@ def test_disagreements_become_fewer_and_all_are_allowed(fingers: int, polygonal:
         assert polygonal or more.disagreement <= less.disagreement
     assert found[-1].disagreement < 0.5 * found[0].disagreement
     assert found[0].disagreement > found[0].error > 0.0
-
-
-@pytest.mark.slow
-def test_samples_are_large() -> None:
-    assert {fingers: (grasps, normals[-1]) for fingers, (grasps, normals) in SAMPLES.items()} == {
-        2: (2000, 32),
-        3: (500, 16),
-        4: (200, 8),
-    }
-    assert len(measured()) == 2 * sum(len(normals) for _, normals in SAMPLES.values())
-    # With 32 extreme normals the labels of two fingers are almost exact.
-    (finest,) = [one for one in of(2, polygonal=False) if one.extreme_normals == 32]
-    assert finest.disagreement < 0.01
 
 
 @pytest.mark.slow

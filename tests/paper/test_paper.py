@@ -5,11 +5,13 @@ import re
 import subprocess
 import sys
 from ctypes.util import find_library
+from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+import trimesh
 from matplotlib.image import AxesImage
 from PIL import Image
 
@@ -18,12 +20,11 @@ from grasp3d.cli import main
 from grasp3d.contact.contacts import Contacts
 from grasp3d.errors import SettingError
 from grasp3d.mesh.primitives import box_mesh
-from grasp3d.paper import convergence
-from grasp3d.paper.convergence import surface_table
 from grasp3d.paper.figures import FIGURES, resolution_and_location, sampled_fractions
 from grasp3d.paper.markdown import percent
 from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page, quoted_numbers
 from grasp3d.paper.objects import (
+    ScannedObject,
     best_contact_point,
     object_figure,
     real_object,
@@ -37,9 +38,7 @@ from grasp3d.plots.rendering import WINDOW, can_render
 from tests.helpers import shapes
 from tests.helpers.figures import check_texts
 
-COMMAND = Path(sys.executable).with_name("grasp3d")
 PAPER = PaperSettings()
-SOLIDS = list(solids(PAPER))
 NAMES = [
     *(f"figure_{number:02d}" for number in range(4, 12)),
     "extension_errors",
@@ -50,8 +49,13 @@ NAMES = [
 ]
 FLAT = len(FIGURES)
 """Number of names of figures without pictures of surfaces, the first ones."""
-SMALLER_SOLIDS = {"SUBDIVISIONS": 1, "EDGE": 1.0}
 FIXED = ("--fixed", "0", "0", "-9")
+
+
+@cache
+def scanned() -> tuple[ScannedObject, ...]:
+    """Sphere, box and cylinder."""
+    return tuple(solids(PAPER))
 
 
 def rows_of(page: str, title: str) -> dict[tuple[str, ...], list[str]]:
@@ -70,7 +74,7 @@ def number(cell: str) -> float:
 
 @pytest.fixture(scope="module")
 def page() -> str:
-    return numbers_page(PAPER, SOLIDS, {})
+    return numbers_page(PAPER, scanned(), {})
 
 
 @pytest.mark.parametrize(
@@ -223,6 +227,7 @@ def test_tips_have_their_location_normals_and_friction(page: str) -> None:
             assert float(row[column + 3]) == pytest.approx(friction, abs=6e-4)
 
 
+@pytest.mark.slow
 def test_fractions_under_further_uncertainties_agree_with_random_errors(page: str) -> None:
     under = page.split("## Further uncertainties", 1)[1].split("\n## ", 1)[0]
     rows = [
@@ -349,34 +354,17 @@ def test_the_box_agrees_with_random_points() -> None:
     second = np.degrees(np.arccos(np.clip(-(apart * normals).sum(axis=1), -1.0, 1.0)))
     squeeze, expand = np.maximum(first, second), np.maximum(180.0 - first, 180.0 - second)
     critical = np.minimum(squeeze, expand)
-    box = SOLIDS[1]
-    for scanned, alpha in zip(box.scans, (30.0, 15.0), strict=True):
-        found = scanned.fractions()
+    box = scanned()[1]
+    for one, alpha in zip(box.scans, (30.0, 15.0), strict=True):
+        found = one.fractions()
         assert found["S"] == pytest.approx((critical < 45.0 - alpha / 2.0).mean(), abs=0.01)
         assert found["U"] == pytest.approx((critical >= 45.0 + alpha / 2.0).mean(), abs=0.01)
 
 
 @pytest.mark.slow
 def test_further_sections_are_at_the_end_of_the_page() -> None:
-    page = numbers_page(PAPER, SOLIDS[:1], {"One": "| a table |", "Another": "| b |"})
+    page = numbers_page(PAPER, scanned()[:1], {"One": "| a table |", "Another": "| b |"})
     assert page.endswith("## One\n\n| a table |\n\n## Another\n\n| b |\n")
-
-
-@pytest.mark.slow
-def test_labels_from_hulls_on_solids_differ_only_as_allowed(
-    runs: list[tuple[Path, str]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    page, smaller = ((folder / "numbers.md").read_text() for folder, _ in runs)
-    for name, value in SMALLER_SOLIDS.items():
-        monkeypatch.setattr(convergence, name, value)
-    assert surface_table(PAPER) in smaller  # of another process
-    rows = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("|")]
-    rows = [row for row in rows if row[1] in {"one finger fixed", "searched"}]
-    assert [row[0] for row in rows] == ["sphere"] * 4 + ["box"] * 4 + ["cylinder"] * 4
-    assert {row[-1] for row in rows} == {"0"}
-    differing = [float(row[-2].rstrip(" %")) for row in rows]
-    assert 0.0 < max(differing[::2]) < 4.0  # circular cones
-    assert max(differing[::2]) < max(differing[1::2]) < 12.0  # polygons are inside them
 
 
 def test_fractions_are_written_in_percent_with_one_decimal() -> None:
@@ -424,7 +412,7 @@ def test_the_view_has_the_finger_at_the_side_and_the_opposing_contact_in_front(
 
 
 def test_without_pictures_only_the_fractions_are_drawn() -> None:
-    sphere = SOLIDS[0]
+    sphere = scanned()[0]
     figure = object_figure(sphere, PAPER, pictures=False)
     assert len(figure.axes) == 1
     check_texts(figure)
@@ -436,9 +424,10 @@ def test_without_pictures_only_the_fractions_are_drawn() -> None:
     assert dashed[1][within] == pytest.approx(100.0 - stable)
 
 
+@pytest.mark.slow
 def test_pictures_are_drawn_beside_the_fractions() -> None:
     pictures = [np.full((20, 20, 3), shade, np.uint8) for shade in (90, 200)]
-    box = SOLIDS[1]
+    box = scanned()[1]
     figure = surface_figure(box.scans, pictures, box.sweep(PAPER))
     check_texts(figure)
     images = [axes.findobj(AxesImage)[0] for axes in figure.axes[:2]]
@@ -488,56 +477,61 @@ def test_a_file_with_the_folders_name_is_kept(
     assert [path.name for path in (tmp_path / "folder").iterdir()] == ["numbers.md"]
 
 
-SMALLER = f"""
+FEWER = """
 import sys
 from grasp3d.cli import main
 from grasp3d.paper import convergence
-convergence.SAMPLES = {{4: convergence.SAMPLES[4]}}
-vars(convergence).update({SMALLER_SOLIDS})
-sys.exit(main())
+convergence.SAMPLES = {4: convergence.SAMPLES[4]}
 """
-"""The command with fewer samples and coarser solids for the tables that take long."""
+"""The command with fewer samples, all of which other tests compare."""
+
+COARSER = f"{FEWER}vars(convergence).update(SUBDIVISIONS=1, EDGE=1.0)\n"
+"""The same with coarser solids for the table that takes long."""
 
 
-@pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Path, str]]:
-    """Two parallel runs in separate folders: with OpenGL, if any, and a smaller one without."""
-    folder = tmp_path_factory.mktemp("paper")
+def both_runs(folder: Path) -> tuple[tuple[Path, str], tuple[Path, str]]:
+    """Two parallel runs in separate folders: with OpenGL, if any, and a coarser one without."""
     box = box_mesh((2.0, 3.0, 4.0), max_edge=1.0)
-    lines = ["OFF", f"{len(box.vertices)} {len(box.faces)} 0"]
-    lines += [" ".join(map(str, row)) for row in box.vertices]
-    lines += [f"3 {' '.join(map(str, row))}" for row in box.faces]
-    (folder / "box.off").write_text("\n".join(lines))
+    trimesh.Trimesh(box.vertices, box.faces, process=False).export(folder / "box.off")
     (folder / "first").mkdir()
     (folder / "first" / "mine.txt").write_text("mine")
     (folder / "first" / "figure_05.svg").write_text("old")
-    without = {**os.environ, WINDOW: "vtkOSOpenGLRenderWindow", "DISPLAY": ""}
-    object_ = ("--object", str(folder / "box.off"), *FIXED)
+    without = {WINDOW: "vtkOSOpenGLRenderWindow", "DISPLAY": ""}
     started = [
         subprocess.Popen(
-            [*command, "paper", "-o", output, *arguments],
+            [sys.executable, "-c", f"{code}sys.exit(main())", "paper", "-o", output, *arguments],
             cwd=folder,
-            env={**environment, "COLUMNS": "160"},
+            env={**os.environ, **environment, "COLUMNS": "160"},
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
         )
-        for command, output, arguments, environment in (
-            ([str(COMMAND)], "first", object_, dict(os.environ)),
-            ([sys.executable, "-c", SMALLER], "second/deeper", (), without),
+        for code, output, arguments, environment in (
+            (FEWER, "first", ("--object", "box.off", *FIXED), {}),
+            (COARSER, "second/deeper", (), without),
         )
     ]
-    finished = []
-    for output, process in zip(("first", "second/deeper"), started, strict=True):
+    printed = []
+    for process in started:
         out, error = process.communicate(timeout=300)
         assert (process.returncode, error) == (0, "")
-        finished.append((folder / output, out))
-    return finished
+        printed.append(out)
+    return (folder / "first", printed[0]), (folder / "second/deeper", printed[1])
 
 
 @pytest.mark.slow
-def test_the_command_writes_all_of_the_paper(runs: list[tuple[Path, str]]) -> None:
-    (first, printed), (second, _) = runs
+def test_the_command_writes_all_of_the_paper(tmp_path: Path) -> None:
+    """One test, as both runs take long."""
+    (first, printed), (second, without) = both_runs(tmp_path)
+    check_files(first, second, printed)
+    check_bytes(first, second)
+    check_hulls((first / "numbers.md").read_text())
+    if find_library("OSMesa") is None:
+        check_pictures(first, second, printed, without)
+
+
+def check_files(first: Path, second: Path, printed: str) -> None:
+    """All files are there, pictures have pixels, and other files are kept."""
     expected = sorted([f"{name}{end}" for name in NAMES for end in (".png", ".svg")])
     objects = ["surface_object.png", "surface_object.svg"]
     assert sorted(path.name for path in second.iterdir()) == sorted([*expected, "numbers.md"])
@@ -558,26 +552,33 @@ def test_the_command_writes_all_of_the_paper(runs: list[tuple[Path, str]]) -> No
     assert "--object" not in printed
 
 
-@pytest.mark.slow
-def test_two_runs_write_the_same_bytes(runs: list[tuple[Path, str]]) -> None:
-    (first, _), (second, _) = runs
+def check_bytes(first: Path, second: Path) -> None:
+    """Both runs write the same figures, and the same numbers but of solids of other sizes."""
     for name in NAMES[:FLAT]:
         for end in (".svg", ".png"):
             path = f"{name}{end}"
             assert (first / path).read_bytes() == (second / path).read_bytes(), path
     one, other = ((folder / "numbers.md").read_text() for folder in (first, second))
-    sizes = ("| box", "| 2 |", "| 3 |", "| sphere | searched", "| sphere | one finger",
-             "| cylinder | searched", "| cylinder | one finger")  # fmt: skip
+    sizes = ("| box", "| sphere | searched", "| sphere | one finger", "| cylinder | searched",
+             "| cylinder | one finger")  # fmt: skip
     lines = [line for line in one.splitlines() if not line.startswith(sizes)]
     assert lines == [line for line in other.splitlines() if not line.startswith(sizes)]
-    assert other.count("\n| 4 | 200 |") == 4
-    assert one.count("\n| 2 | 2,000 |") == 8  # four numbers of normals, circular and polygonal
+    assert one.count("\n| 4 | 200 |") == 4
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(find_library("OSMesa") is not None, reason="OSMesa draws")
-def test_without_opengl_everything_else_is_drawn(runs: list[tuple[Path, str]]) -> None:
-    (first, printed), (second, without) = runs
+def check_hulls(page: str) -> None:
+    """Labels from hulls on solids differ only as allowed."""
+    rows = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("|")]
+    rows = [row for row in rows if row[1] in {"one finger fixed", "searched"}]
+    assert [row[0] for row in rows] == ["sphere"] * 4 + ["box"] * 4 + ["cylinder"] * 4
+    assert {row[-1] for row in rows} == {"0"}
+    differing = [float(row[-2].rstrip(" %")) for row in rows]
+    assert 0.0 < max(differing[::2]) < 4.0  # circular cones
+    assert max(differing[::2]) < max(differing[1::2]) < 12.0  # polygons are inside them
+
+
+def check_pictures(first: Path, second: Path, printed: str, without: str) -> None:
+    """Without OpenGL everything but the pictures of surfaces is drawn."""
     assert "not available, so surface_sphere, surface_box, surface_cylinder show" in without
     assert "--object FILE" in without
     for solid in ("sphere", "box", "cylinder"):

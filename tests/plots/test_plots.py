@@ -139,6 +139,7 @@ def test_the_line_is_in_a_cone_within_its_half_angle(
     assert ((found == (off < beta)) | near).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCANS)
 def test_curves_show_the_scan(name: str) -> None:
     found, over = SCANS[name]

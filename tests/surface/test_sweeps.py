@@ -53,6 +53,7 @@ def test_stability_falls_with_resolution_and_grows_with_friction(
         assert (np.diff(swept.required_resolution(fraction)) >= 0.0).all()
 
 
+@pytest.mark.slow
 @given(every(), frictions, resolutions)
 def test_each_entry_of_the_grid_agrees_with_the_distribution(
     angles: AngleDistribution, friction: list[float], resolution: list[float]

@@ -182,6 +182,7 @@ def test_each_failure_has_its_kind_and_message_and_the_next_call_succeeds(case: 
     assert call(process) not in {before, os.getpid()}
 
 
+@pytest.mark.slow
 def test_a_call_within_its_limits_succeeds() -> None:
     limits = {"memory": 1.5, "seconds": 30.0}
     assert call(fill, 0.3, **limits) == pytest.approx(0.3)

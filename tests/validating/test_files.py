@@ -102,6 +102,7 @@ def test_the_gripper_is_given_stated_or_known(tmp_path: Path, box: Path) -> None
         used(tmp_path / "odd.json")
 
 
+@pytest.mark.slow
 def test_acronym_without_a_gripper_is_of_a_franka_hand(tmp_path: Path, box: Path) -> None:
     import h5py
 

@@ -28,6 +28,7 @@ def found() -> Perturbation:
     return perturb_surface(clean(), noise=FEW)
 
 
+@pytest.mark.slow
 def test_fractions_of_every_vertex_add_up() -> None:
     one = found()
     np.testing.assert_allclose(one.stable + one.ambiguous + one.unstable, 1.0, atol=1e-12)
@@ -90,6 +91,7 @@ def test_correlated_noise_turns_normals_less() -> None:
     assert np.median(alike.shift) == pytest.approx(np.median(white.shift), rel=0.5)
 
 
+@pytest.mark.slow
 def test_the_advised_errors_are_checked_with_new_labels() -> None:
     one = found()
     assert math.isfinite(one.advice.normal_error)

@@ -107,6 +107,7 @@ def test_it_agrees_with_an_evaluation() -> None:
     assert "grip_force" not in grasps.scores
 
 
+@pytest.mark.slow
 def test_neither_chunks_nor_threads_change_it(monkeypatch: pytest.MonkeyPatch) -> None:
     one, _ = drawn()
     monkeypatch.setattr("grasp3d.validating.validate.CHUNK", 50)
@@ -172,6 +173,7 @@ def test_a_load_adds_the_grip_force() -> None:
     assert "mass 50 g, as given" in sentences.sources_of(found)[0]
 
 
+@pytest.mark.slow
 def test_equal_outcomes_rank_nothing() -> None:
     found = validated(np.ones(COUNT, bool))
     assert math.isnan(found.quality("margin").roc_auc)

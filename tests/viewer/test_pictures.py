@@ -56,6 +56,7 @@ def read(path: Path) -> np.ndarray:
         return np.asarray(picture.convert("RGB"))
 
 
+@pytest.mark.slow
 @needs_opengl
 @pytest.mark.parametrize("size", [(320, 240), (501, 301)])
 def test_a_picture_has_its_size_and_smooth_edges(size: tuple[int, int], tmp_path: Path) -> None:
@@ -72,6 +73,7 @@ def test_a_picture_has_its_size_and_smooth_edges(size: tuple[int, int], tmp_path
     assert [one.name for one in tmp_path.iterdir()] == ["box.png"]
 
 
+@pytest.mark.slow
 @needs_opengl
 def test_epsilon_is_computed_before_it_is_drawn(tmp_path: Path) -> None:
     model = GraspModel(friction=0.5, sensor_resolution=math.radians(10.0))
@@ -95,6 +97,7 @@ def test_messages_do_not_prevent_a_picture(tmp_path: Path, monkeypatch: pytest.M
     assert read(tmp_path / "box.png").shape == (240, 320, 3)
 
 
+@pytest.mark.slow
 @needs_opengl
 def test_a_gif_shows_every_side_once_and_loops(tmp_path: Path) -> None:
     path = tmp_path / "box.gif"
@@ -116,6 +119,7 @@ def test_a_gif_shows_every_side_once_and_loops(tmp_path: Path) -> None:
     assert all(side.min() > 0 and side.max() < 319 for side in sides)
 
 
+@pytest.mark.slow
 @needs_opengl
 def test_an_mp4_can_be_decoded(tmp_path: Path) -> None:
     ffmpeg = pytest.importorskip("imageio_ffmpeg")

@@ -246,6 +246,7 @@ def test_a_grasp_is_marked_and_its_hidden_part_is_faint() -> None:
         assert (scene.screenshot() == plain).all()
 
 
+@pytest.mark.slow
 @needs_opengl
 @pytest.mark.parametrize("compare", [None, 0.5])
 def test_contact_numbers_are_at_the_displayed_contacts(compare: float | None) -> None:
@@ -699,6 +700,7 @@ def test_a_ray_outside_the_visible_side_of_a_section_hits_nothing() -> None:
     assert vertex_at(subject, within, np.array([-1.0, 0.0, 0.0]), section) is None
 
 
+@pytest.mark.slow
 @needs_opengl
 @pytest.mark.parametrize("section", [None, Section("x", 0.6, flipped=True)])
 @pytest.mark.parametrize("compare", [None, 0.5])
