@@ -16,9 +16,9 @@ from .grasps.distinct import best_grasps as best_grasps
 from .grasps.evaluation import evaluate_grasps as evaluate_grasps
 from .grasps.reading import read_grasps as read_grasps
 from .grasps.writing import write_grasps as write_grasps
-from .hand.approach import Approach as Approach
 from .hand.hand_files import read_hand as read_hand
 from .hand.parallel_gripper import ParallelGripper as ParallelGripper
+from .hand.table import Approach as Approach
 from .hand.table import Table as Table
 from .mesh.diagnosis import check_mesh as check_mesh
 from .mesh.object_mesh import ObjectMesh as ObjectMesh

@@ -17,7 +17,7 @@ from grasp3d.arrays import Floats
 from grasp3d.grasps import poses_of
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.closing import close_jaws
-from grasp3d.hand.metres import metres_per_unit
+from grasp3d.hand.jaws import metres_per_unit
 
 MESHES = ("mug.glb", "spray.glb", "bulb.glb")
 FINENESS = 1.0 / 22.0

@@ -25,9 +25,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d._kernels.jaws.gripper_shape import RESULTS, make_workspace
 from grasp3d._kernels.jaws.reaching import collide_poses, reach_pairs
-from grasp3d.hand.approach import Approach
 from grasp3d.hand.jaw_reach import NormalizedScene
-from grasp3d.hand.table import Table
+from grasp3d.hand.table import Approach, Table
 from tests.helpers.collisions import FAR
 from tests.helpers.grippers import HAND, TIPS, normalized_poses, opposed, random_poses
 

@@ -21,7 +21,7 @@ import grasp3d
 from grasp3d.arrays import Floats
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.closing import close_jaws
-from grasp3d.hand.metres import metres_per_unit
+from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
 
 MESHES = ("mug.glb", "spray.glb", "banana.ply", "knob.ply", "wrench.glb")

@@ -62,7 +62,7 @@ def main() -> int:
 
 
 def _labels(path: Path, options: argparse.Namespace) -> SurfaceLabels:
-    from grasp3d.hand.approach import Approach
+    from grasp3d.hand.table import Approach
 
     try:
         mesh = load_mesh(path)

@@ -19,7 +19,7 @@ import grasp3d
 from grasp3d.grasps import GraspPoses, poses_of
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.hand.choices import ObjectMotion
-from grasp3d.hand.metres import metres_per_unit
+from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.physics import simulate_poses
 from grasp3d.validating import ValidationSettings
 

@@ -42,7 +42,6 @@ LAYERS = [
 Within a package no modules import each other in a circle."""
 
 UPWARD = {
-    ("grasp3d.hand.parallel_gripper", "grasp3d.hand.presets"),
     ("grasp3d.mesh.object_mesh", "grasp3d.viewer.show"),
     ("grasp3d.surface.grasp_table", "grasp3d.viewer.show"),
     ("grasp3d.surface.labels", "grasp3d.viewer.show"),

@@ -242,9 +242,9 @@ def _grow_hulls() -> None:
 
 def _reach(mesh: "ObjectMesh", model: GraspModel, sampling: Sampling | None) -> None:
     """Label grasps that a gripper reaches, and those that it closes on."""
-    from grasp3d.hand.approach import Approach
     from grasp3d.hand.jaw_reach import reach_grasps
     from grasp3d.hand.parallel_gripper import ParallelGripper
+    from grasp3d.hand.table import Approach
     from grasp3d.surface.labelling import label_surface
 
     tactile = ParallelGripper.preset("tactile")

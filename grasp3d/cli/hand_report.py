@@ -8,8 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.presets import PRESETS, preset_names
+from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper, preset_names
 from grasp3d.system.names import printable
 
 

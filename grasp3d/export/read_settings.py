@@ -10,10 +10,9 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import GraspError
-from grasp3d.hand.approach import Approach
 from grasp3d.hand.hand_files import hand_of_line
 from grasp3d.hand.scene import Scene
-from grasp3d.hand.table import Table
+from grasp3d.hand.table import Approach, Table
 from grasp3d.quality.loads import Load, load_from
 from grasp3d.settings import AnySampling, GraspModel, MeshOptions, sampling_kind
 from grasp3d.settings.lengths import Unit

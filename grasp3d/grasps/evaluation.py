@@ -11,11 +11,10 @@ from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.approach import Approach
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.scene import Scene
-from grasp3d.hand.table import Table
+from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point, nearest_surface_points

@@ -9,8 +9,7 @@ import numpy as np
 from grasp3d.arrays import Bools, Bytes, Floats
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.metres import metres_per_unit
-from grasp3d.hand.robot_frame import RobotFrame
+from grasp3d.hand.jaws import Jaws, metres_per_unit
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings.lengths import METRES, Unit
 
@@ -77,7 +76,7 @@ def suspected_reading(
         >>> import trimesh
         >>> import grasp3d
         >>> from grasp3d.grasps.pose_readings import suspected_reading
-        >>> from grasp3d.hand.presets import preset
+        >>> from grasp3d.hand.parallel_gripper import preset
         >>> box = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.04, 0.02]), unit="m")
         >>> poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (5, 1, 1))
         >>> suspected_reading(box, poses, preset("franka")) is None
@@ -146,7 +145,7 @@ def _readings(mesh: ObjectMesh, hand: Hand, unit: Unit | None) -> Iterator[_Read
     for how, change in (*_ROTATIONS, *_units(unit)):
         for frame in (np.eye(4), *bases):  # files state the pose of the TCP, or of the hand's base
             yield _Reading(how, _in_frame(change, frame))
-    behind = hand.base_to_tcp if isinstance(hand, RobotFrame) else 0.0
+    behind = hand.base_to_tcp if isinstance(hand, Jaws) else 0.0
     distance = f"{1000.0 * behind:.4g} mm"
     for base in bases:
         yield _Reading(
@@ -168,7 +167,7 @@ def _bases(hand: Hand, metres: float) -> list[Floats]:
 
     Data sets have the axes of the TCP, robots those of the hand's description.
     """
-    if not isinstance(hand, RobotFrame):
+    if not isinstance(hand, Jaws):
         return []
     own = hand.base_pose
     own[:3, 3] /= metres

@@ -13,9 +13,7 @@ from grasp3d.arrays import ArrayLike, Bools, Floats
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws, closed_jaws
-from grasp3d.hand.finger_faces import Corners
-from grasp3d.hand.jaws import Jaws
-from grasp3d.hand.metres import metres_per_unit
+from grasp3d.hand.jaws import Corners, Jaws, metres_per_unit
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import check_choice
 from grasp3d.settings.lengths import GivenLength, Measure

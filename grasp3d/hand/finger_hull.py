@@ -21,7 +21,7 @@ import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
 from grasp3d.arrays import Floats
-from grasp3d.hand.convex_polygons import clipped, common, rectangle, width, without
+from grasp3d.hand.jaws import MOST_CORNERS, Corners, problem_of_face
 
 TOLERANCE = 2e-4
 """Largest distance of the faces from the hull [m]; parts that are narrower are left out. Collision
@@ -206,3 +206,195 @@ def _seen(
             hidden = clipped(hidden, face.x(hidden) - other.x(hidden) + gap)
             parts = [rest for part in parts for rest in without(part, hidden, SLIVER)]
     return [Face(face.plane, part) for part in parts]
+
+
+SAME_CORNER = 1e-9
+"""Distance up to which neighbouring corners are one [m]: the line through them has no direction."""
+
+
+def rectangle(low: Floats, high: Floats) -> Floats:
+    """The rectangle between two opposite corners (2,), shape (4, 2)."""
+    return np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+
+
+def clipped(polygon: Floats, values: Floats) -> Floats:
+    """The part of a polygon where a linear function, of values (n,) at its corners, is at most 0.
+
+    Example:
+        >>> import numpy as np
+        >>> from grasp3d.hand.finger_hull import clipped, rectangle
+        >>> square = rectangle(np.zeros(2), np.ones(2))
+        >>> clipped(square, square[:, 0] - 0.5).tolist()
+        [[0.0, 0.0], [0.5, 0.0], [0.5, 1.0], [0.0, 1.0]]
+    """
+    inside = values <= 0.0
+    if inside.all():
+        return polygon
+    kept = []
+    for i in range(len(polygon)):
+        j = (i + 1) % len(polygon)
+        if inside[i]:
+            kept.append(polygon[i])
+        if inside[i] != inside[j]:
+            t = values[i] / (values[i] - values[j])
+            kept.append((1.0 - t) * polygon[i] + t * polygon[j])
+    points = np.array(kept).reshape(-1, 2)
+    steps = np.abs(points - np.roll(points, 1, axis=0)).max(axis=1, initial=0.0)
+    return np.asarray(points[steps > SAME_CORNER])
+
+
+def common(one: Floats, two: Floats) -> Floats:
+    """The part of a polygon that is within another one."""
+    if len(one) < 3 or len(two) < 3:
+        return one[:0]
+    if (one.max(axis=0) < two.min(axis=0)).any() or (two.max(axis=0) < one.min(axis=0)).any():
+        return one[:0]
+    for *normal, offset in _sides(two):
+        one = clipped(one, one @ normal + offset)
+    return one
+
+
+def without(polygon: Floats, hole: Floats, narrow: float) -> Iterator[Floats]:
+    """Parts of a polygon that are outside another one, but for those at most `narrow` wide."""
+    if width(common(polygon, hole)) <= narrow:
+        yield polygon
+        return
+    for *normal, offset in _sides(hole):
+        outside = polygon @ normal + offset
+        part = clipped(polygon, -outside)
+        if width(part) > narrow:
+            yield part
+        polygon = clipped(polygon, outside)
+
+
+def _sides(polygon: Floats) -> Floats:
+    """Half-planes ny y + nz z + d <= 0 whose intersection a polygon is, not scaled (n, 3)."""
+    along = np.roll(polygon, -1, axis=0) - polygon
+    normals = np.column_stack([along[:, 1], -along[:, 0]])
+    return np.column_stack([normals, -(normals * polygon).sum(axis=1)])
+
+
+def width(polygon: Floats) -> float:
+    """Smallest distance of parallel lines that a polygon is between."""
+    if len(polygon) < 3:
+        return 0.0
+    sides = _sides(polygon)
+    rows = sides / np.hypot(sides[:, 0], sides[:, 1])[:, None]
+    return float(-(polygon @ rows[:, :2].T + rows[:, 2]).min(axis=0).max())
+
+
+def area(polygon: Floats) -> float:
+    """Area of a polygon."""
+    x, y = polygon.T
+    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+def without_flat_corners(polygon: Floats, distance: float) -> Floats:
+    """A polygon without corners that are nearer than that to the line through their neighbours."""
+    while len(polygon) > 2:
+        before, after = np.roll(polygon, 1, axis=0), np.roll(polygon, -1, axis=0)
+        (ax, ay), (bx, by) = (after - before).T, (polygon - before).T
+        heights = np.abs(ax * by - ay * bx) / np.maximum(np.hypot(ax, ay), distance)
+        flattest = int(heights.argmin())
+        if heights[flattest] >= distance:
+            break
+        polygon = np.delete(polygon, flattest, axis=0)
+    return polygon
+
+
+ALIKE, ALIKE_WITHIN = 0.95, 1e-3
+"""Fraction of their inner sides on which fingers agree that mirror each other, within that distance
+[m]: the compliance of a gripper that states none."""
+
+FLAT = 0.99
+"""Fraction of a pad and of the inner side on which they agree where the pad is the inner side."""
+
+STANDS_OUT = 5e-5
+"""Distance from the line through its neighbours, seen along x, below which a corner is none [m]."""
+
+DIGITS = 9
+"""Decimals of coordinates [m]: fewer than rounding errors have."""
+
+
+def inner_faces(
+    fingers: tuple[Floats, Floats], *, front: float, pad: tuple[float, float]
+) -> tuple[Corners, ...] | None:
+    """Faces of the inner side of finger 1, as `ParallelGripper` has them.
+
+    Args:
+        fingers: Corners of the geometry of finger 1 and of the mirror image of finger 2, with the
+            foremost points at x = 0 [m], shape (n, 3, 3) each.
+        front: Position along z of the front of the palm [m].
+        pad: Sizes of the pad along y and z [m].
+
+    Returns:
+        The faces; empty where the pad is all of them, or where fingers are too large for a face.
+        None: the fingers do not mirror each other.
+
+    Example:
+        >>> import trimesh
+        >>> from grasp3d.hand.finger_hull import inner_faces
+        >>> box = trimesh.creation.box(bounds=[[-0.01, -0.01, -0.03], [0.0, 0.01, 0.01]]).triangles
+        >>> inner_faces((box, box), front=-0.01, pad=(0.02, 0.02))
+        ()
+        >>> inner_faces((box, box), front=-0.02, pad=(0.02, 0.02))
+        (((0.0, -0.01, -0.02), (0.0, 0.01, -0.02), (0.0, 0.01, 0.01), (0.0, -0.01, 0.01)),)
+        >>> inner_faces((box, 0.5 * box), front=-0.02, pad=(0.01, 0.01)) is None
+        True
+    """
+    one, two = (finger_faces(finger, front=front) for finger in fingers)
+    if agreement(one, two, ALIKE_WITHIN) < ALIKE:
+        return None
+    half = 0.5 * np.array(pad)
+    if agreement([Face(np.zeros(3), rectangle(-half, half))], one, TOLERANCE) > FLAT:
+        return ()
+    faces = tuple(corners for face in one for corners in corners_of(face))
+    return () if any(map(problem_of_face, faces)) else faces
+
+
+def agreement(one: Sequence[Face], two: Sequence[Face], within: float) -> float:
+    """Area on which inner sides are equally far in front, as a fraction of the larger one.
+
+    Args:
+        one: Faces that do not overlap, seen along x.
+        two: The same of another finger.
+        within: Largest difference along x that counts as none [m].
+
+    Returns:
+        0 to 1; 1 if both are empty.
+    """
+    total = 0.0
+    for face in one:
+        for other in two:
+            part = common(face.outline, other.outline)
+            for front, back in ((face, other), (other, face)):
+                part = clipped(part, front.x(part) - back.x(part) - within)
+            total += area(part)
+    largest = max(sum(area(face.outline) for face in faces) for faces in (one, two))
+    return total / largest if largest else 1.0
+
+
+def corners_of(face: Face) -> list[Corners]:
+    """A face as one that a gripper may have, in several parts if it has too many corners.
+
+    Example:
+        >>> import numpy as np
+        >>> from grasp3d.hand.finger_hull import Face
+        >>> from grasp3d.hand.finger_hull import corners_of
+        >>> square = np.array([[0, 0], [0.01, 0], [0.01, 0.01], [0.005, 0.01], [0, 0.01]])
+        >>> corners_of(Face(np.zeros(3), square))
+        [((0.0, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.01, 0.01), (0.0, 0.0, 0.01))]
+    """
+    points = Face(face.plane, without_flat_corners(face.outline, STANDS_OUT)).corners
+    points[:, 0] = np.minimum(points[:, 0], 0.0)
+    corners = [(float(x), float(y), float(z)) for x, y, z in points.round(DIGITS) + 0.0]
+    step = MOST_CORNERS - 2
+    starts = range(1, len(corners) - 1, step)
+    return [(corners[0], *corners[start : start + step + 1]) for start in starts]
+
+
+def thickness_at_tcp(finger: Floats) -> float:
+    """Size of a finger (n, 3, 3) along x at z = 0, behind x = 0; 0: nothing is there [m]."""
+    points = points_beyond(finger, 0.0)
+    section = points[points[:, 2] < 10.0**-DIGITS]
+    return round(float(-section[:, 0].min()), DIGITS) if len(section) else 0.0

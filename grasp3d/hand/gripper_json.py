@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 from grasp3d.errors import SettingError
-from grasp3d.hand.finger_faces import Corners
-from grasp3d.hand.parallel_gripper import FORMAT, VERSION, ParallelGripper
+from grasp3d.hand.jaws import Corners
 from grasp3d.system.names import printable
+
+FORMAT, VERSION = "grasp3d gripper", 1
+"""What the keys `format` and `version` of a file contain."""
 
 LARGEST_FILE = 2**20
 """Largest JSON file [bytes]; one gripper takes a thousand."""
@@ -32,15 +34,23 @@ _KINDS: dict[Any, str] = {
 """Descriptions of the types of fields."""
 
 
-def gripper_of(found: object) -> ParallelGripper:
-    """A gripper from the content of a JSON file. Raises SettingError."""
+def fields_in_json(found: object, kind: type) -> dict[str, Any]:
+    """The fields of a gripper from the content of a JSON file.
+
+    Args:
+        found: The content.
+        kind: Dataclass of the gripper.
+
+    Raises:
+        SettingError: It is not the description of a gripper.
+    """
     if not isinstance(found, dict) or found.get("format") != FORMAT:
         raise SettingError(f'is no gripper: expected an object with "format": "{FORMAT}"')
     for key, value in (("version", VERSION), ("unit", "m")):
         if found.get(key) != value or isinstance(found.get(key), bool):
             got = json.dumps(found.get(key))[:40]
             raise SettingError(f"{key} must be {json.dumps(value)}; got {got}")
-    known = {field.name: field for field in fields(ParallelGripper)}
+    known = {field.name: field for field in fields(kind)}
     for key in found.keys() - {*KEYS, NOTES} - known.keys():
         near = get_close_matches(key, known, 1)
         guess = f" (did you mean {near[0]}?)" if near else ""
@@ -50,10 +60,8 @@ def gripper_of(found: object) -> ParallelGripper:
     ]
     if missing:
         raise SettingError(f"{', '.join(missing)} missing; every gripper needs it")
-    kinds = get_type_hints(ParallelGripper)
-    return ParallelGripper(
-        **{name: _typed(name, found[name], kinds[name]) for name in known if name in found}
-    )
+    kinds = get_type_hints(kind)
+    return {name: _typed(name, found[name], kinds[name]) for name in known if name in found}
 
 
 def read_json(path: Path) -> object:

@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import SettingError
-from grasp3d.hand.gripper_json import KEYS, gripper_of, read_json
+from grasp3d.hand.gripper_json import FORMAT, KEYS, VERSION, read_json
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.parallel_gripper import FORMAT, VERSION
-from grasp3d.hand.presets import ALIASES, PRESETS, preset
+from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, gripper_of, preset
 from grasp3d.system.files import atomic_write, check_suffix
 from grasp3d.system.names import printable, unsupported
 

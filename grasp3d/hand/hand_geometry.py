@@ -34,9 +34,9 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
-from grasp3d.hand.inner_side import inner_faces, thickness_at_tcp
+from grasp3d.hand.finger_hull import inner_faces, thickness_at_tcp
+from grasp3d.hand.jaws import AXES
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.robot_frame import AXES
 
 FLATNESS = 0.0005
 """Distance from the contact plane up to which the inner side of a finger is its pad [m]."""

@@ -13,12 +13,10 @@ from grasp3d._kernels.jaws.reaching import collide_poses, reach_pairs, reach_tip
 from grasp3d._kernels.surface.box_tree import BoxTree, box_tree
 from grasp3d.arrays import ArrayLike, Bools, Floats, locked, unit_rows
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.hand.approach import Approach
 from grasp3d.hand.closed_jaws import ClosedJaws
-from grasp3d.hand.jaws import Jaws
-from grasp3d.hand.metres import metres_per_unit
+from grasp3d.hand.jaws import Jaws, metres_per_unit
 from grasp3d.hand.reach import Reach
-from grasp3d.hand.table import Table
+from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh import ObjectMesh
 from grasp3d.system.processors import available_processors
 

@@ -1,14 +1,30 @@
-"""Stroke and shape of a parallel gripper: two fingers that move along one axis, and a palm."""
+"""Lengths and abilities of a parallel gripper: two fingers that move along one axis, a palm."""
 
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
-from grasp3d.hand.finger_faces import Corners, problem_of_face
+from grasp3d.settings import GraspModel, Radians
+from grasp3d.settings.lengths import METRES
 
 if TYPE_CHECKING:
+    from grasp3d.arrays import Floats
+    from grasp3d.mesh import ObjectMesh
     from grasp3d.settings.sampling import Grip
+
+Corners = tuple[tuple[float, float, float], ...]
+"""Corners of a face in the gripper's frame [m]."""
+
+MOST_CORNERS = 12
+"""Most corners of a face."""
+
+FLATNESS = 1e-4
+"""Largest distance of a corner from the plane of its face [m]."""
+
+LARGEST_COORDINATE = 1.0
+"""Largest coordinate of a corner [m]."""
 
 LARGEST = 10.0
 """Largest length of a gripper [m]: more is a length in millimetres."""
@@ -17,9 +33,16 @@ UNIFORM_PRESSURE = 2.0 / 3.0
 """Torsional moment of an evenly pressed disc, per friction, normal force and radius."""
 
 
+AXES: dict[str, tuple[float, float, float]] = {
+    "x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0),
+    "-x": (-1.0, 0.0, 0.0), "-y": (0.0, -1.0, 0.0), "-z": (0.0, 0.0, -1.0),
+}  # fmt: skip
+"""Unit vectors of the axes of a hand's own frame, by name."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Jaws:
-    """Fingers with flat pads or round tips that move along one axis, and a palm [m].
+    """Fingers with flat pads or round tips that move along one axis, and a palm; lengths in metres.
 
     The frame, and what each field means, are those of `ParallelGripper`.
     """
@@ -40,6 +63,15 @@ class Jaws:
     palm_length: float
     compliance: float = 0.001
     clearance: float = 0.002
+    max_force: float | None = None
+    sensor_resolution: Radians | None = None
+    receptive_field: float | None = None
+    base_to_tcp: float = 0.0
+    base_axes: tuple[str, str] = ("x", "z")
+    joint_names: tuple[str, ...] = ()
+    joint_scale: tuple[float, ...] = ()
+    joint_closed: tuple[float, ...] = ()
+    source: str = ""
 
     def __post_init__(self) -> None:
         for name in (
@@ -52,6 +84,8 @@ class Jaws:
         ):  # fmt: skip
             check_metres(self.name, name, getattr(self, name))
         self._check_sizes()
+        self._check_tips()
+        self._check_frame()
 
     def _check_sizes(self) -> None:
         """Refuse sizes that contradict each other."""
@@ -98,6 +132,39 @@ class Jaws:
             if problem:
                 raise SettingError(f"gripper {self.name!r}: face {number} of inner_faces {problem}")
 
+    def _check_tips(self) -> None:
+        """Refuse forces and resolutions of the fingertips that are impossible."""
+        if self.max_force is not None and not 0.0 < self.max_force < math.inf:
+            raise SettingError(
+                f"gripper {self.name!r}: max_force must be a finite force above 0 [N]; "
+                f"got {self.max_force:g}"
+            )
+        if self.receptive_field is not None:
+            if self.sensor_resolution is not None or self.tip_radius == 0.0:
+                raise SettingError(
+                    f"gripper {self.name!r}: a receptive_field needs round tips (tip_radius), and "
+                    "replaces sensor_resolution"
+                )
+            Sensor(self.receptive_field, self.tip_radius)
+        if self.sensor_resolution is not None:
+            GraspModel(sensor_resolution=self.sensor_resolution)
+
+    def _check_frame(self) -> None:
+        """Refuse axes of the hand's own frame that are none, and joints without their numbers."""
+        check_metres(self.name, "base_to_tcp", self.base_to_tcp)
+        one, two = self.base_axes if len(self.base_axes) == 2 else ("", "")
+        if not {one, two} <= AXES.keys() or one[-1] == two[-1]:
+            raise SettingError(
+                f"gripper {self.name!r}: base_axes must be two axes at right angles of "
+                f"{', '.join(AXES)}; got {list(self.base_axes)}"
+            )
+        joints = len(self.joint_names)
+        if not len(self.joint_scale) == len(self.joint_closed) == joints:
+            raise SettingError(
+                f"gripper {self.name!r}: joint_scale and joint_closed must have a number for each "
+                f"of the {joints} joint_names"
+            )
+
     @property
     def round_tips(self) -> bool:
         """Whether the fingers have round tips instead of flat pads."""
@@ -130,6 +197,20 @@ class Jaws:
         inside = 0.0 if grip == "squeeze" else 2.0 * self.finger_thickness
         least, most = self.limits
         return least, most + inside + 2.0 * self.tip_radius
+
+    @property
+    def base_pose(self) -> "Floats":
+        """Matrix that takes coordinates of the hand's own frame to the gripper's, shape (4, 4).
+
+        Its translation is in metres.
+        """
+        import numpy as np
+
+        closing, approach = (np.array(AXES[name]) for name in self.base_axes)
+        pose = np.eye(4)
+        pose[:3, :3] = np.stack([closing, np.cross(approach, closing), approach])
+        pose[2, 3] = -self.base_to_tcp
+        return pose
 
     @property
     def touch_area(self) -> float:
@@ -174,3 +255,66 @@ def check_metres(gripper: str, name: str, value: object, *, positive: bool = Fal
             f"gripper {gripper!r}: {name} must be in metres, at most {LARGEST:g}; "
             f"got {value:g}: is it in millimetres?"
         )
+
+
+def metres_per_unit(mesh: "ObjectMesh") -> float:
+    """Metres per unit of a mesh.
+
+    Raises:
+        SettingError: The unit of the mesh is not known.
+    """
+    if mesh.unit is None:
+        raise SettingError(
+            f"a gripper is given in metres, but the unit of {mesh.report.source} is not known: "
+            "give the unit of its coordinates (--unit, in Python unit=...)"
+        )
+    return METRES[mesh.unit]
+
+
+def problem_of_face(face: Corners) -> str | None:
+    """What keeps a face from being one that a jaw touches with; None: nothing does.
+
+    Args:
+        face: Its corners in order, as in `ParallelGripper.inner_faces`.
+
+    Example:
+        >>> from grasp3d.hand.jaws import problem_of_face
+        >>> print(problem_of_face(((0.0, 0.0, 0.0), (0.0, 0.01, 0.0), (0.001, 0.0, 0.01))))
+        has a corner with x = 0.001; it must be at most 0, behind the plane of the pad
+    """
+    if not 3 <= len(face) <= MOST_CORNERS:
+        return f"must have 3 to {MOST_CORNERS} corners; got {len(face)}"
+    if any(len(corner) != 3 for corner in face):
+        return "must have corners of three numbers, x, y and z"
+    if not all(
+        math.isfinite(value) and abs(value) <= LARGEST_COORDINATE for c in face for value in c
+    ):
+        return f"must have coordinates in metres, at most {LARGEST_COORDINATE:g}"
+    behind = max(corner[0] for corner in face)
+    if behind > 0.0:
+        return (
+            f"has a corner with x = {behind:g}; it must be at most 0, behind the plane of the pad"
+        )
+    return _problem_of_outline(face)
+
+
+def _problem_of_outline(face: Corners) -> str | None:
+    """Whether a face is flat, and convex seen along x."""
+    turns = [_turn(face, i) for i in range(len(face))]
+    if not (min(turns) > 0.0 or max(turns) < 0.0):
+        return "must be convex, with its corners in order and none on a side"
+    (x0, y0, z0), (x1, y1, z1), (x2, y2, z2) = face[:3]
+    area = _turn(face, 1)
+    for x, y, z in face[3:]:
+        a = ((y - y0) * (z2 - z0) - (z - z0) * (y2 - y0)) / area
+        b = ((y1 - y0) * (z - z0) - (z1 - z0) * (y - y0)) / area
+        off = x - x0 - a * (x1 - x0) - b * (x2 - x0)
+        if abs(off) > FLATNESS:
+            return f"must be flat; a corner is {1e3 * abs(off):.3g} mm off the plane of the others"
+    return None
+
+
+def _turn(face: Corners, i: int) -> float:
+    """Twice the signed area of the triangle of a corner and its neighbours, seen along x."""
+    (_, ay, az), (_, by, bz), (_, cy, cz) = face[i - 1], face[i], face[(i + 1) % len(face)]
+    return (by - ay) * (cz - bz) - (bz - az) * (cy - by)

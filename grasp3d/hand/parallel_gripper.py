@@ -1,14 +1,15 @@
 """Grippers of two fingers that move along one axis."""
 
 from dataclasses import asdict, dataclass
+from difflib import get_close_matches
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
+from grasp3d.hand.gripper_json import FORMAT, VERSION, fields_in_json, read_json
 from grasp3d.hand.hand import touching
-from grasp3d.hand.jaws import Jaws
-from grasp3d.hand.robot_frame import RobotFrame
-from grasp3d.hand.touch import Touch
+from grasp3d.hand.jaws import Jaws, metres_per_unit
 
 if TYPE_CHECKING:
     from grasp3d.arrays import ArrayLike, Bools, Floats
@@ -18,15 +19,12 @@ if TYPE_CHECKING:
     from grasp3d.mesh import ObjectMesh
     from grasp3d.settings import GraspModel
 
-FORMAT, VERSION = "grasp3d gripper", 1
-"""What the keys `format` and `version` of a file contain."""
-
 ROUNDING = 1e-9
 """Fraction of the stroke by which a limit may be exceeded through rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ParallelGripper(RobotFrame, Touch, Jaws):
+class ParallelGripper(Jaws):
     """A gripper of two fingers that move along one axis; lengths in metres.
 
     Its frame has the origin at the tool centre point (TCP), midway between the centres of the pads,
@@ -82,16 +80,9 @@ class ParallelGripper(RobotFrame, Touch, Jaws):
         70.0
     """
 
-    source: str = ""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.check_touch(self.name, self.tip_radius)
-        self.check_frame(self.name)
-
     @classmethod
     def preset(cls, name: str) -> "ParallelGripper":
-        """A gripper that is known by name; see `grasp3d.hand.presets`.
+        """A gripper that is known by name; see `PRESETS`.
 
         Args:
             name: franka (or panda), robotiq_2f85, robotiq_2f140, wsg50 or tactile.
@@ -99,8 +90,6 @@ class ParallelGripper(RobotFrame, Touch, Jaws):
         Raises:
             SettingError: No preset has that name.
         """
-        from grasp3d.hand.presets import preset
-
         return preset(name)
 
     @property
@@ -133,7 +122,7 @@ class ParallelGripper(RobotFrame, Touch, Jaws):
 
     def shape(self, opening: float, posture: "ArrayLike" = ()) -> "Triangles":
         """Palm, fingers and tips in its own frame [m]; see `jaw_triangles`."""
-        from grasp3d.hand.jaw_triangles import jaw_triangles
+        from grasp3d.hand.triangles import jaw_triangles
 
         del posture
         return jaw_triangles(self, opening)
@@ -182,8 +171,6 @@ class ParallelGripper(RobotFrame, Touch, Jaws):
         """Whether it can open to each opening, with clearance on both sides, shape (k,)."""
         import numpy as np
 
-        from grasp3d.hand.metres import metres_per_unit
-
         metres = metres_per_unit(mesh)
         least, most = (limit / metres for limit in self.limits)
         slack = ROUNDING * most
@@ -196,3 +183,58 @@ class ParallelGripper(RobotFrame, Touch, Jaws):
     def description(self) -> dict[str, Any]:
         """All fields, with the format and unit of its files."""
         return {"format": FORMAT, "version": VERSION, "unit": "m", **asdict(self)}
+
+
+def gripper_of(found: object) -> ParallelGripper:
+    """A gripper from the content of a JSON file. Raises SettingError."""
+    return ParallelGripper(**fields_in_json(found, ParallelGripper))
+
+
+FOLDER = Path(__file__).with_name("presets")
+"""Where the JSON files of the presets are."""
+
+PRESETS: dict[str, ParallelGripper] = {
+    name: gripper_of(read_json(FOLDER / f"{name}.json"))
+    for name in ("franka", "robotiq_2f85", "robotiq_2f140", "wsg50", "tactile")
+}
+"""The grippers by name.
+
+Makers state strokes and forces; the other lengths are measured on the geometry of published robot
+descriptions. Fingers and palm are boxes around that geometry, but for exceptions that are stated.
+The JSON file of each gripper has notes on where its numbers come from.
+"""
+
+ALIASES = {"panda": "franka"}
+"""Other names of presets."""
+
+
+def preset(name: str) -> ParallelGripper:
+    """A gripper that is known by name.
+
+    Args:
+        name: Its name or alias.
+
+    Raises:
+        SettingError: No preset has that name.
+
+    Example:
+        >>> from grasp3d.hand.parallel_gripper import preset
+        >>> preset("robotiq_2f85").max_opening
+        0.085
+        >>> preset("nope")
+        Traceback (most recent call last):
+            ...
+        grasp3d.errors.SettingError: no gripper is called 'nope'; known: franka (panda), ...
+    """
+    key = ALIASES.get(name, name)
+    if key in PRESETS:
+        return PRESETS[key]
+    near = get_close_matches(name, [*PRESETS, *ALIASES], 1)
+    guess = f" (did you mean {near[0]}?)" if near else ""
+    raise SettingError(f"no gripper is called {name!r}{guess}; known: {', '.join(preset_names())}")
+
+
+def preset_names() -> list[str]:
+    """Names of the presets, with their aliases in brackets."""
+    others = {name: [alias for alias, of in ALIASES.items() if of == name] for name in PRESETS}
+    return [f"{name} ({', '.join(more)})" if more else name for name, more in others.items()]

@@ -6,14 +6,12 @@ from dataclasses import dataclass, field, replace
 
 from grasp3d.arrays import ArrayLike
 from grasp3d.errors import SettingError
-from grasp3d.hand.approach import Approach
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_line
-from grasp3d.hand.jaws import Jaws
-from grasp3d.hand.metres import metres_per_unit
+from grasp3d.hand.jaws import Jaws, metres_per_unit
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.hand.table import Table, axis_vector
+from grasp3d.hand.table import Approach, Table, axis_vector
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import Sampling
 

@@ -49,7 +49,7 @@ def hand_triangles(
         SettingError: The opening is no length, or the pose no matrix.
 
     Example:
-        >>> from grasp3d.hand.presets import preset
+        >>> from grasp3d.hand.parallel_gripper import preset
         >>> from grasp3d.hand.shapes import hand_triangles
         >>> shape = hand_triangles(preset("franka"), 40.0, unit="mm")
         >>> shape.vertices.max(axis=0).round(1).tolist()

@@ -1,4 +1,4 @@
-"""The plane that an object stands on, which a gripper must not enter."""
+"""The plane that an object stands on, and the directions from which a gripper may approach."""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.hand.choices import Axis
+from grasp3d.hand.choices import Axis, check_approach
 from grasp3d.settings import check_choice
 
 if TYPE_CHECKING:
@@ -91,3 +91,27 @@ def axis_vector(name: str) -> Floats:
     vector = np.zeros(3)
     vector["xyz".index(name[-1])] = -1.0 if name.startswith("-") else 1.0
     return vector
+
+
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """Approach directions: a cone about one direction, in the frame of the mesh."""
+
+    direction: Floats | None = None
+    """The direction in which the gripper would best move, shape (3,); None: into the table, or
+    any direction where there is no table."""
+    within: float = math.pi
+    """Largest angle between it and the approach direction [rad]."""
+    angles: int = 32
+    """Angles about the closing axis that are tested, 8 to 64."""
+
+    def __post_init__(self) -> None:
+        if self.direction is not None:
+            direction = np.asarray(self.direction, dtype=np.float64)
+            length = float(np.linalg.norm(direction)) if direction.shape == (3,) else math.nan
+            if not (math.isfinite(length) and length > 0.0):
+                raise SettingError(
+                    f"an approach direction must be three finite numbers; got {self.direction}"
+                )
+            object.__setattr__(self, "direction", locked(direction / length))
+        check_approach(self.within, self.angles)

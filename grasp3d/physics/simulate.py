@@ -15,8 +15,7 @@ from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.pose_evaluation import in_stated_scale
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand, touching
-from grasp3d.hand.jaws import Jaws
-from grasp3d.hand.metres import metres_per_unit
+from grasp3d.hand.jaws import Jaws, metres_per_unit
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.noise import noise_stream
 from grasp3d.physics.drawing import DrawnGrasps, TruePoints, draw_grasps, true_points

@@ -28,7 +28,7 @@ def gripper_shape(hand: Hand, pose: ArrayLike, opening: float, unit: Unit) -> py
 
     Example:
         >>> import numpy as np
-        >>> from grasp3d.hand.presets import preset
+        >>> from grasp3d.hand.parallel_gripper import preset
         >>> from grasp3d.plots.gripper_shapes import gripper_shape
         >>> shape = gripper_shape(preset("franka"), np.eye(4), 40.0, "mm")
         >>> sorted(shape.cell_data)

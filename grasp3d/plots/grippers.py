@@ -8,9 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.patheffects import withStroke
 
-from grasp3d.hand.jaw_triangles import PAD_DEPTH
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.triangles import COLORS, Part
+from grasp3d.hand.triangles import COLORS, PAD_DEPTH, Part
 from grasp3d.plots.style import PAGE, bare, new_figure, styled
 from grasp3d.system.names import printable
 
@@ -114,7 +113,7 @@ def gripper_figure(gripper: ParallelGripper) -> Figure:
         gripper: The gripper.
 
     Example:
-        >>> from grasp3d.hand.presets import preset
+        >>> from grasp3d.hand.parallel_gripper import preset
         >>> from grasp3d.plots.grippers import gripper_figure
         >>> figure = gripper_figure(preset("franka"))
         >>> [axes.get_title() for axes in figure.axes]

@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass
 
-from grasp3d.hand.approach import Approach
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.metres import metres_per_unit
+from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
-from grasp3d.hand.table import Table
+from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths

@@ -14,8 +14,8 @@ from grasp3d.grasps.pose_evaluation import in_stated_scale
 from grasp3d.grasps.pose_files import read_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.metres import metres_per_unit
-from grasp3d.hand.presets import ALIASES, PRESETS, preset
+from grasp3d.hand.jaws import metres_per_unit
+from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, preset
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh, mass_of
 from grasp3d.quality.loads import Load

@@ -16,7 +16,7 @@ from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.metres import metres_per_unit
+from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import MeshSource

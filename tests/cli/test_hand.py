@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from grasp3d.hand.hand_files import read_hand
-from grasp3d.hand.presets import PRESETS, preset
+from grasp3d.hand.parallel_gripper import PRESETS, preset
 from tests.hand.test_robot_descriptions import mjcf, urdf
 from tests.helpers.commands import run_here as grasp3d
 

@@ -25,10 +25,9 @@ from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.pose_files import read_poses, write_poses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.approach import Approach
 from grasp3d.hand.closed_jaws import Closing
-from grasp3d.hand.presets import preset
-from grasp3d.hand.table import Table
+from grasp3d.hand.parallel_gripper import preset
+from grasp3d.hand.table import Approach, Table
 from grasp3d.quality import critical_friction_angle
 from grasp3d.stability.classification import classify
 from grasp3d.stability.label import Label

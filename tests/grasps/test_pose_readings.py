@@ -12,7 +12,7 @@ from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.pose_files import read_poses
 from grasp3d.grasps.pose_readings import suspected_reading
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.presets import preset
+from grasp3d.hand.parallel_gripper import preset
 from tests.helpers import shapes
 
 Floats = Any

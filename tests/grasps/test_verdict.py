@@ -17,7 +17,7 @@ from grasp3d import (
     load_mesh,
 )
 from grasp3d.grasps import verdict_of
-from grasp3d.hand.approach import Approach
+from grasp3d.hand.table import Approach
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND
 

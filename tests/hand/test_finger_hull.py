@@ -15,22 +15,26 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d import load_mesh
 from grasp3d.hand.closing import close_jaws
-from grasp3d.hand.convex_polygons import area, clipped, common, rectangle, without
-from grasp3d.hand.finger_faces import Corners, problem_of_face
 from grasp3d.hand.finger_hull import (
     MOST_FACES,
     STEEP,
     TOLERANCE,
     Face,
+    agreement,
+    area,
+    clipped,
+    common,
+    corners_of,
     finger_faces,
     hull_faces,
     points_beyond,
+    rectangle,
+    without,
 )
 from grasp3d.hand.hand_files import read_hand, write_hand
 from grasp3d.hand.hand_geometry import SlidingFinger, SlidingHand, gripper_of_hand
-from grasp3d.hand.inner_side import agreement, corners_of
+from grasp3d.hand.jaws import AXES, Corners, problem_of_face
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.robot_frame import AXES
 from tests.helpers.closing_jaws import Floats, pads, random_poses
 
 EXACT = 1e-9

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.hand.hand_files import read_hand, write_hand
-from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.presets import PRESETS, preset
+from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper, preset
 
 LENGTHS = st.floats(1e-4, 0.05)
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand import Hand, touching
+from grasp3d.hand.jaws import AXES
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.robot_frame import AXES
 from grasp3d.settings import GraspModel
 
 FLAT: dict[str, Any] = {

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from grasp3d.errors import SettingError
-from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.presets import ALIASES, PRESETS, preset
+from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, ParallelGripper, preset
 
 PUBLISHED = {  # stroke [mm] and greatest force [N], from the data sheets
     "franka": (80, 70),

@@ -12,11 +12,10 @@ from hypothesis import strategies as st
 
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.hand.approach import Approach
 from grasp3d.hand.jaw_reach import collides, reach_grasps
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach import Reach, Reachability
-from grasp3d.hand.table import Table
+from grasp3d.hand.table import Approach, Table
 from grasp3d.settings.lengths import Unit
 from tests.helpers import shapes
 from tests.helpers.collisions import Oracle

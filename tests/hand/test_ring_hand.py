@@ -25,13 +25,13 @@ from grasp3d.errors import OutputError, SettingError
 from grasp3d.grasps import poses_of
 from grasp3d.grasps.pose_files.files import OWN_FORMATS, check_hand, suffixes_of, write_poses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.approach import Approach
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import write_hand
 from grasp3d.hand.reach import Reachability
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.hand.shapes import hand_triangles
+from grasp3d.hand.table import Approach
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import MultifingerSampling, PoseFormat
 from grasp3d.surface.labels import SurfaceLabels
@@ -229,13 +229,14 @@ def test_best_grasps_have_poses_and_labels_after_closing() -> None:
     assert grasps.size == 4
     assert np.isfinite(grasps.poses).all()
     assert set(grasps.closed.label.tolist()) <= {0, 1, 2}
-    found = grasps.closed.evaluated
-    assert (found.state == Closing.CLOSED).all()
+    poses, mesh = poses_of(grasps), labelled().mesh
+    found = evaluate_grasps(mesh, poses, MODEL, scene=labelled().scene)
+    assert (grasps.closed.jaws.state == Closing.CLOSED).all()
     turned = (found.jaws.normals * grasps.contacts.normals).sum(axis=2)
     assert (turned > math.cos(FACET)).all()  # on facets, nearby
     assert found.opening == pytest.approx(grasps.reach.opening, abs=2.0 * SLACK)
     assert (found.reachable == ~found.collides).all()  # wide open it may touch the table
-    without = evaluate_grasps(labelled().mesh, poses_of(grasps), MODEL, hand=RING)
+    without = evaluate_grasps(mesh, poses, MODEL, hand=RING)
     assert without.label.tolist() == grasps.closed.label.tolist()
     assert not without.collides.any()
     assert without.reachable.all()

@@ -7,11 +7,11 @@ import pytest
 
 from grasp3d import GraspModel, Sampling, evaluate_grasps, label_surface, load_mesh
 from grasp3d.errors import SettingError
-from grasp3d.hand.approach import Approach
-from grasp3d.hand.metres import metres_per_unit
+from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
+from grasp3d.hand.table import Approach
 from grasp3d.settings.lengths import METRES
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, TIPS
@@ -127,7 +127,7 @@ def test_the_touch_of_a_gripper_is_that_of_the_model_unless_it_is_given() -> Non
 
 
 def test_approach_directions_are_unit_vectors() -> None:
-    from grasp3d.hand.approach import Approach
+    from grasp3d.hand.table import Approach
 
     assert np.linalg.norm(Approach(np.array([0.0, 3.0, 4.0])).direction) == pytest.approx(1.0)
     for direction in ((0.0, 0.0, 0.0), (1.0, 0.0), (math.nan, 0.0, 1.0)):

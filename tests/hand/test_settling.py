@@ -17,7 +17,7 @@ from grasp3d.errors import SettingError
 from grasp3d.grasps import poses_of
 from grasp3d.hand.closed_jaws import ClosedJaws, Closing, Touch, centres_of_pressure
 from grasp3d.hand.closing import close_jaws
-from grasp3d.hand.finger_faces import problem_of_face
+from grasp3d.hand.jaws import problem_of_face
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from tests.helpers import shapes
 from tests.helpers.closing_jaws import Floats, pads, pose, random_poses, tips

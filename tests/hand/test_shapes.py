@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import grasp3d
 from grasp3d.errors import SettingError
-from grasp3d.hand.presets import PRESETS, preset
+from grasp3d.hand.parallel_gripper import PRESETS, preset
 from grasp3d.hand.shapes import approach_triangles, hand_triangles, moved, table_triangles
 from grasp3d.hand.table import Table
 from grasp3d.hand.triangles import Part, Triangles

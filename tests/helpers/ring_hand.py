@@ -15,11 +15,10 @@ import trimesh
 
 from grasp3d.arrays import ArrayLike, Bools, Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.hand.approach import Approach
 from grasp3d.hand.closed_jaws import ClosedJaws, Closing, Touch
 from grasp3d.hand.hand_files import READERS
 from grasp3d.hand.reach import Reach, Reachability
-from grasp3d.hand.table import Table
+from grasp3d.hand.table import Approach, Table
 from grasp3d.hand.triangles import Part, Triangles, triangles_of
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import GraspModel

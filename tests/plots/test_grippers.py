@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.patches import Circle, Rectangle
 
-from grasp3d.hand.presets import PRESETS, preset
+from grasp3d.hand.parallel_gripper import PRESETS, preset
 from grasp3d.hand.shapes import hand_triangles
 from grasp3d.hand.triangles import COLORS, Part
 from grasp3d.plots.formats import save_as

@@ -19,10 +19,10 @@ from grasp3d import (
     load_mesh,
 )
 from grasp3d.errors import SettingError
-from grasp3d.hand.approach import Approach
 from grasp3d.hand.jaw_reach import reach_grasps
 from grasp3d.hand.reach import Reachability
 from grasp3d.hand.scene import Scene
+from grasp3d.hand.table import Approach
 from grasp3d.settings.lengths import Unit
 from grasp3d.settings.sampling import Grip
 from grasp3d.surface.vertex_grasps import Reason, grasps_at

@@ -20,8 +20,8 @@ from grasp3d import (
     load_mesh,
 )
 from grasp3d.grasps import verdict_of
-from grasp3d.hand.approach import Approach
 from grasp3d.hand.reach import Reachability
+from grasp3d.hand.table import Approach
 from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, SLIM, TIPS
