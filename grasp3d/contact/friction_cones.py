@@ -52,11 +52,7 @@ def edge_angles(edges: int, phase: float = 0.0) -> Floats:
 
 
 def cone_edges(
-    normals: ArrayLike,
-    friction_angle: ArrayLike,
-    *,
-    edges: int = 8,
-    phase: float = 0.0,
+    normals: ArrayLike, friction_angle: ArrayLike, *, edges: int = 8, phase: float = 0.0
 ) -> Floats:
     """Unit forces along the edges of friction cones (Wan & Howe 2018, Sec. II).
 

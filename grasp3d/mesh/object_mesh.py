@@ -14,13 +14,7 @@ from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins, normal_sets
 from grasp3d.mesh.repair import RepairStep, Solids
 from grasp3d.settings import MeshOptions
-from grasp3d.settings.lengths import (
-    GivenLength,
-    SettingsTs,
-    Unit,
-    length_in_unit,
-    settings_in_unit,
-)
+from grasp3d.settings.lengths import GivenLength, SettingsTs, Unit, length_in_unit, settings_in_unit
 
 if TYPE_CHECKING:
     import pyvista

@@ -172,10 +172,7 @@ def _structure(text: bytes) -> tuple[dict[str, _Part], list[str], list[tuple[str
 
 
 def _check_paths(
-    source: Source,
-    archive: zipfile.ZipFile,
-    parts: dict[str, _Part],
-    paths: list[tuple[str, str]],
+    source: Source, archive: zipfile.ZipFile, parts: dict[str, _Part], paths: list[tuple[str, str]]
 ) -> None:
     """Add objects of other files; reject those that trimesh would confuse with others."""
     names = [name for name, _ in paths]

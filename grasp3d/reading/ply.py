@@ -5,7 +5,9 @@ The reduced file is one that trimesh reads correctly: positions, and faces with 
 
 import re
 import struct
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 
@@ -88,10 +90,14 @@ class PlyHeader:
 
     def plain(self) -> bytes:
         """Return the header without comments, colours and textures, which trimesh would read."""
-        lines = ["ply", f"format {_FORMATS[self.order]} 1.0"]
-        for element in self.elements:
-            lines += element.lines() if element.count else []
-        return "\n".join([*lines, "end_header\n"]).encode("utf-8", "replace")
+        return _header_text(self.order, [element for element in self.elements if element.count])
+
+
+def _header_text(order: str, elements: Iterable[Element], *more: str) -> bytes:
+    """A header of some elements, and further lines."""
+    lines = chain.from_iterable(element.lines() for element in elements)
+    text = ["ply", f"format {_FORMATS[order]} 1.0", *lines, *more, "end_header\n"]
+    return "\n".join(text).encode("utf-8", "replace")
 
 
 def read_ply_header(source: Source) -> PlyHeader:
@@ -237,11 +243,7 @@ def _first_record(
 
 def _with_triangles(source: Source, header: PlyHeader, data: bytes) -> bytes:
     """Return a binary PLY with its positions, and its faces as triangle fans."""
-    start, parts = header.start, list[bytes]()
-    lines = [
-        b"ply",
-        b"format binary_%s_endian 1.0" % (b"little" if header.order == "<" else b"big"),
-    ]
+    start, parts, before = header.start, list[bytes](), list[Element]()
     for element in header.elements:
         if element.name == "face":
             faces = _fans(*_corners(source, header.order, element, data, start))
@@ -251,17 +253,13 @@ def _with_triangles(source: Source, header: PlyHeader, data: bytes) -> bytes:
                 "has lists of differing lengths before its faces; export the "
                 "mesh again, as triangles"
             )
-        lines += [line.encode("utf-8", "replace") for line in element.lines()]
+        before.append(element)
         parts.append(data[start : start + element.count * element.min_bytes])
         start += element.count * element.min_bytes
-    lines += [
-        b"element face %d" % len(faces),
-        b"property list uchar int64 vertex_indices",
-        b"end_header\n",
-    ]
+    face = f"element face {len(faces)}", "property list uchar int64 vertex_indices"
     rows = np.zeros(len(faces), dtype=[("n", "u1"), ("corners", f"{header.order}i8", 3)])
     rows["n"], rows["corners"] = 3, faces
-    return b"\n".join(lines) + b"".join(parts) + rows.tobytes()
+    return _header_text(header.order, before, *face) + b"".join(parts) + rows.tobytes()
 
 
 def _corners(

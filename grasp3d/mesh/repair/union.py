@@ -251,11 +251,7 @@ def put_on_surface(points: Floats, faces: Ints, loose: Ints, distance: float) ->
 
 
 def _divided(
-    points: Floats,
-    pieces: list[tuple[int, ...]],
-    point: int,
-    across: Floats,
-    distance: float,
+    points: Floats, pieces: list[tuple[int, ...]], point: int, across: Floats, distance: float
 ) -> list[tuple[int, ...]]:
     """Divide the pieces of a face that a point lies in, or on an edge of."""
     result: list[tuple[int, ...]] = []

@@ -6,14 +6,7 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Floats, Ints, first_at_position, short_repr
 from grasp3d.errors import MeshError
-from grasp3d.mesh.measures import (
-    edges_of,
-    face_areas,
-    has_area,
-    is_closed,
-    parts_of,
-    rounding_of,
-)
+from grasp3d.mesh.measures import edges_of, face_areas, has_area, is_closed, parts_of, rounding_of
 from grasp3d.mesh.repair.bodies import TOUCH, Bodies, Solids, without_inner_walls
 from grasp3d.mesh.repair.cleaning import (
     disagreeing,
