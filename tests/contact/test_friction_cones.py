@@ -185,13 +185,6 @@ def test_effective_friction_is_the_friction_angle_minus_the_tilt(
     assert math.atan(effective) == pytest.approx(expected, abs=1e-14)
 
 
-def test_known_effective_friction() -> None:
-    assert effective_friction(1.0, 0.0) == pytest.approx(1.0)
-    assert effective_friction(1.0, math.radians(30.0)) == pytest.approx(1.0 / math.sqrt(3.0))
-    assert effective_friction(0.5, 2.0 * math.atan(0.5)) == pytest.approx(0.0, abs=1e-15)
-    assert effective_friction(0.2, 3.0) == 0.0
-
-
 def test_effective_friction_of_many_contacts_at_once() -> None:
     friction, resolution = np.array([[0.2], [1.0]]), np.array([0.0, 0.3, 2.0])
     found = effective_friction(friction, resolution)
@@ -223,23 +216,23 @@ def test_effective_friction_refuses_invalid_values(
         effective_friction(friction, resolution)
 
 
-@pytest.mark.parametrize("edges", [-1, 0, 1, 2, 2.9, 8.5, math.nan, math.inf])
-def test_fewer_than_three_or_fractional_edges_are_refused(edges: Any) -> None:
-    with pytest.raises(SettingError, match="at least 3 edges, a whole number; got"):
-        edge_angles(edges)
-    with pytest.raises(SettingError, match="at least 3 edges"):
-        cone_edges([1.0, 0.0, 0.0], 0.3, edges=edges)
-
-
-@pytest.mark.parametrize("phase", [math.nan, math.inf])
-def test_a_phase_must_be_finite(phase: float) -> None:
-    with pytest.raises(SettingError, match="phase of the edges must be finite; got"):
-        edge_angles(8, phase)
-
-
-def test_two_extreme_normals_are_too_few() -> None:
-    with pytest.raises(SettingError, match="at least 3"):
-        tilted_normals([1.0, 0.0, 0.0], 0.1, count=2)
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        *(((edges,), "at least 3 edges, a whole number; got") for edges in (-1, 0, 1, 2)),
+        *(((edges,), "at least 3 edges") for edges in (2.9, 8.5, math.nan, math.inf)),
+        *(((8, phase), "phase of the edges must be finite; got") for phase in (math.nan, math.inf)),
+    ],
+)
+def test_fewer_than_three_or_fractional_edges_are_refused(arguments: Any, message: str) -> None:
+    axis = [1.0, 0.0, 0.0]
+    with pytest.raises(SettingError, match=message):
+        edge_angles(*arguments)
+    with pytest.raises(SettingError, match=message):
+        cone_edges(axis, 0.3, **dict(zip(("edges", "phase"), arguments, strict=False)))
+    if len(arguments) == 1:
+        with pytest.raises(SettingError, match=message):
+            tilted_normals(axis, 0.1, count=arguments[0])
 
 
 def test_whole_numbers_may_come_as_floats() -> None:

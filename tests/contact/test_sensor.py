@@ -1,5 +1,6 @@
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -278,49 +279,38 @@ def test_a_location_uncertainty_that_is_not_small_gives_a_warning(radius: float)
 
 
 @pytest.mark.parametrize(
-    ("field", "radius", "message"),
+    ("make", "values", "message"),
     [
-        (0.0, 10.0, "receptive field must be a finite length above 0; got 0"),
-        (-1.0, 10.0, "receptive field must be a finite length above 0; got -1"),
-        (math.nan, 10.0, "receptive field must be a finite length"),
-        (math.inf, 10.0, "receptive field must be a finite length"),
-        (math.inf, math.inf, "receptive field must be a finite length"),
-        (1.0, 0.0, "fingertip radius must be above 0, inf for flat; got 0"),
-        (1.0, -2.0, "fingertip radius must be above 0"),
-        (1.0, math.nan, "fingertip radius must be above 0"),
-        (10.0 * math.pi, 10.0, r"half the fingertip's circumference, pi x 10 = 31.42; got 31.4159"),
-        (40.0, 10.0, "must be shorter than half"),
+        (lambda field: Sensor(field, 10.0), (0.0, -1.0, math.nan, math.inf),
+         "receptive field must be a finite length above 0; got"),
+        (lambda field: Sensor(field, math.inf), (math.inf,), "receptive field must be a finite"),
+        (lambda radius: Sensor(1.0, radius), (0.0, -2.0, math.nan),
+         "fingertip radius must be above 0, inf for flat; got"),
+        (lambda field: Sensor(field, 10.0), (10.0 * math.pi, 40.0),
+         "must be shorter than half the fingertip's circumference, pi x 10 = 31.42; got"),
+        (radius_of, (-0.1, math.nan, math.inf), "curvature must be a finite number of at least 0"),
+        (lambda resolution: Sensor.for_resolution(resolution, 10.0),
+         (0.0, -0.1, math.pi, math.nan, 22.6), "above 0 and below 180 degrees"),
+        (lambda radius: Sensor.for_resolution(0.3, radius), (math.inf,),
+         "its resolution is 0; give its receptive field"),
+        (lambda radius: Sensor.for_resolution(0.3, radius), (math.nan,), "radius must be above 0"),
+        (lambda radius: Sensor.limiting(0.5, radius), (math.inf,), "give the opening"),
+        (lambda radius: Sensor.limiting(0.5, radius), (-1.0,), "radius must be above 0"),
+        (resolution_limit, (0.0, -0.5, math.nan, math.inf), "friction must be a finite number"),
+        (lambda friction: Sensor.limiting(friction, 10.0), (0.0, -0.5, math.nan, math.inf),
+         "friction must be a finite number above 0"),
     ],
-)
-def test_invalid_lengths_of_a_sensor_are_refused(field: float, radius: float, message: str) -> None:
-    with pytest.raises(SettingError, match=message):
-        Sensor(field, radius)
-
-
-@pytest.mark.parametrize("curvature", [-0.1, math.nan, math.inf])
-def test_curvature_must_be_finite_and_at_least_0(curvature: float) -> None:
-    with pytest.raises(SettingError, match="curvature must be a finite number of at least 0"):
-        radius_of(curvature)
-    assert math.isinf(radius_of(1e-320))
-
-
-@pytest.mark.parametrize("resolution", [0.0, -0.1, math.pi, math.nan, 22.6])
-def test_the_resolution_of_a_round_tip_is_between_0_and_180_degrees(
-    resolution: float,
+)  # fmt: skip
+def test_values_out_of_range_are_refused(
+    make: Callable[[float], object], values: tuple[float, ...], message: str
 ) -> None:
-    with pytest.raises(SettingError, match="above 0 and below 180 degrees"):
-        Sensor.for_resolution(resolution, 10.0)
+    for value in values:
+        with pytest.raises(SettingError, match=message):
+            make(value)
 
 
-def test_a_flat_tip_has_neither_a_given_resolution_nor_a_limit_without_opening() -> None:
-    with pytest.raises(SettingError, match="its resolution is 0; give its receptive field"):
-        Sensor.for_resolution(0.3, math.inf)
-    with pytest.raises(SettingError, match="give the opening"):
-        Sensor.limiting(0.5, math.inf)
-    with pytest.raises(SettingError, match="fingertip radius must be above 0"):
-        Sensor.limiting(0.5, -1.0)
-    with pytest.raises(SettingError, match="fingertip radius must be above 0"):
-        Sensor.for_resolution(0.5, math.nan)
+def test_a_curvature_that_is_nearly_0_is_that_of_a_flat_tip() -> None:
+    assert math.isinf(radius_of(1e-320))
 
 
 @pytest.mark.parametrize("opening", [0.0, -1.0, math.nan])
@@ -332,11 +322,3 @@ def test_an_opening_must_be_above_0(opening: float) -> None:
     ):  # fmt: skip
         with pytest.raises(SettingError, match="distance between two fingers must be above 0"):
             function(opening)
-
-
-@pytest.mark.parametrize("friction", [0.0, -0.5, math.nan, math.inf])
-def test_friction_must_be_a_finite_number_above_0(friction: float) -> None:
-    with pytest.raises(SettingError, match="friction must be a finite number above 0"):
-        resolution_limit(friction)
-    with pytest.raises(SettingError, match="friction must be a finite number above 0"):
-        Sensor.limiting(friction, 10.0)
