@@ -16,6 +16,7 @@ from grasp3d.mesh.measures import (
 )
 from grasp3d.mesh.normals import corner_normals, crease_twins
 from tests.helpers import oracles, shapes
+from tests.helpers.repairs import joined
 from tests.helpers.shapes import Surface
 
 
@@ -194,14 +195,6 @@ def test_one_inside_out_body_beside_another_is_turned() -> None:
 def ball_at(center: list[float], radius: float) -> Surface:
     vertices, faces = shapes.sphere(3)
     return vertices * radius + center, faces
-
-
-def joined(*surfaces: Surface) -> Surface:
-    starts = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
-    return (
-        np.vstack([vertices for vertices, _ in surfaces]),
-        np.vstack([faces + start for (_, faces), start in zip(surfaces, starts, strict=False)]),
-    )
 
 
 def outward_fraction(mesh: ObjectMesh, first: int, middle: list[float]) -> float:

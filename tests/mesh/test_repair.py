@@ -15,7 +15,7 @@ from grasp3d.mesh.measures import (
     is_closed,
     signed_volumes,
 )
-from grasp3d.mesh.repair import RepairedSurface, repair_surface, union
+from grasp3d.mesh.repair import RepairedSurface, union
 from grasp3d.mesh.repair.bodies import Bodies
 from grasp3d.mesh.repair.cleaning import disagreeing, is_first, without_mirrored
 from grasp3d.mesh.repair.holes import LONG, close_hole, holes_of
@@ -23,42 +23,18 @@ from grasp3d.mesh.repair.union import put_on_surface, without_slivers
 from grasp3d.settings.mesh_options import Repair
 from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
+from tests.helpers.repairs import counts, inward, joined, moved, repaired, used_by, volume_of
 from tests.helpers.shapes import Surface
 
 COARSE = 1e9
-
-
-def repaired(surface: Surface, level: Repair = "safe") -> RepairedSurface:
-    return repair_surface(*surface, level, "test")
 
 
 def prepared(surface: Surface, level: Repair = "safe") -> ObjectMesh:
     return load_mesh(surface, max_edge=COARSE, repair=level)
 
 
-def counts(surface: RepairedSurface | ObjectMesh) -> dict[str, int]:
-    steps = surface.steps if isinstance(surface, RepairedSurface) else surface.report.repairs
-    return {step.name: step.count for step in steps}
-
-
-def joined(*surfaces: Surface) -> Surface:
-    starts = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
-    return (
-        np.vstack([vertices for vertices, _ in surfaces]),
-        np.vstack([faces + start for (_, faces), start in zip(surfaces, starts, strict=False)]),
-    )
-
-
-def moved(surface: Surface, shift: tuple[float, float, float], scale: float = 1.0) -> Surface:
-    return surface[0] * scale + shift, surface[1]
-
-
 def rotated(surface: Surface, seed: int) -> Surface:
     return surface[0] @ shapes.rotation(seed).T, surface[1]
-
-
-def inward(surface: Surface) -> Surface:
-    return surface[0], surface[1][:, ::-1]
 
 
 def grid_box(extents: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Surface:
@@ -68,17 +44,6 @@ def grid_box(extents: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Surface:
 
 def area_of(surface: RepairedSurface) -> float:
     return float(face_areas(surface.vertices, surface.faces).sum())
-
-
-def volume_of(surface: RepairedSurface) -> float:
-    return float(signed_volumes(surface.vertices, surface.faces).sum())
-
-
-def used_by(surface: RepairedSurface) -> np.ndarray:
-    """Mask of the vertices whose canonical vertex is on the surface."""
-    used = np.zeros(len(surface.vertices), dtype=bool)
-    used[surface.faces] = True
-    return used[surface.canonical]
 
 
 def assert_whole(surface: RepairedSurface) -> None:

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp3d.mesh.measures import signed_volumes
-from grasp3d.mesh.repair import RepairedSurface, repair_surface, solids
+from grasp3d.mesh.repair import solids
 from grasp3d.mesh.repair.bodies import Bodies
 from grasp3d.mesh.repair.solids import enclosed, overlap_groups, overlapping
 from grasp3d.mesh.repair.union import without_slits
 from grasp3d.system.counts import counted
 from tests.helpers import shapes
+from tests.helpers.repairs import counts, inward, joined, moved, repaired, volume_of
 from tests.helpers.shapes import Surface
 
 ORDERS = range(6)
@@ -21,30 +21,9 @@ FINE = 1.0 / 3.0
 """Scale that makes positions need more than 32 bits, so that they count as exact."""
 
 
-def joined(*surfaces: Surface) -> Surface:
-    starts = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
-    return (
-        np.concatenate([vertices for vertices, _ in surfaces]),
-        np.concatenate(
-            [faces + start for (_, faces), start in zip(surfaces, starts, strict=False)]
-        ),
-    )
-
-
-def moved(surface: Surface, shift: tuple[float, float, float], scale: float = 1.0) -> Surface:
-    return surface[0] * scale + shift, surface[1]
-
-
-def inward(surface: Surface) -> Surface:
-    return surface[0], surface[1][:, ::-1]
-
-
 def surface_of(solid: manifold3d.Manifold) -> Surface:
     mesh = solid.to_mesh64()
-    return (
-        np.array(mesh.vert_properties)[:, :3],
-        np.array(mesh.tri_verts).astype(np.int64),
-    )
+    return np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts).astype(np.int64)
 
 
 def in_order(surface: Surface, seed: int) -> Surface:
@@ -54,18 +33,6 @@ def in_order(surface: Surface, seed: int) -> Surface:
     start = rng.integers(0, 3, len(faces))[:, None]
     turned = np.take_along_axis(faces, (np.arange(3) + start) % 3, axis=1)
     return vertices, turned[rng.permutation(len(faces))]
-
-
-def repaired(surface: Surface) -> RepairedSurface:
-    return repair_surface(*surface, "safe", "test")
-
-
-def volume_of(surface: RepairedSurface) -> float:
-    return float(signed_volumes(surface.vertices, surface.faces).sum())
-
-
-def steps_of(surface: RepairedSurface) -> dict[str, int]:
-    return {step.name: step.count for step in surface.steps}
 
 
 # Within or not
@@ -83,7 +50,7 @@ def test_a_bar_through_a_hollow_ball_does_not_take_its_cavity(width: float, seed
     assert volume_of(repaired_surface) == pytest.approx(((ball - hollow) + bar).volume(), rel=1e-8)
     assert repaired_surface.closed
     assert repaired_surface.warnings == ()
-    assert steps_of(repaired_surface) == {"united": 2}
+    assert counts(repaired_surface) == {"united": 2}
 
 
 @pytest.mark.parametrize("seed", ORDERS)
@@ -95,7 +62,7 @@ def test_an_inward_ball_half_out_of_a_body_is_no_cavity(seed: int) -> None:
     ball = manifold3d.Manifold.sphere(0.15, 24).translate(middle.tolist())
     repaired_surface = repaired(in_order(joined((vertices, faces), inward(surface_of(ball))), seed))
     assert volume_of(repaired_surface) == pytest.approx((cube + ball).volume(), rel=1e-8)
-    assert steps_of(repaired_surface) == {"inverted": ball.num_tri(), "united": 2}
+    assert counts(repaired_surface) == {"inverted": ball.num_tri(), "united": 2}
     assert repaired_surface.warnings == ()
 
 
@@ -134,7 +101,7 @@ def test_each_cavity_belongs_to_the_smallest_body_around_it(seed: int) -> None:
     whole += manifold3d.Manifold(manifold3d.Mesh64(bar[0], bar[1].astype(np.uint64)))
     repaired_surface = repaired(in_order(joined(*shells, bar), seed))
     assert volume_of(repaired_surface) == pytest.approx(whole.volume(), rel=1e-8)
-    assert steps_of(repaired_surface) == {"united": 3}
+    assert counts(repaired_surface) == {"united": 3}
 
 
 @settings(max_examples=25, deadline=None)
@@ -185,7 +152,7 @@ def test_a_long_chain_of_cubes_is_one_bar(seed: int) -> None:
     assert volume_of(repaired_surface) == pytest.approx(150.5 * FINE**3, rel=1e-7)
     assert repaired_surface.closed
     assert repaired_surface.bodies == 1
-    assert steps_of(repaired_surface)["united"] == 300
+    assert counts(repaired_surface)["united"] == 300
     assert repaired_surface.warnings == ()
 
 
@@ -196,7 +163,7 @@ def test_many_pairs_are_each_united() -> None:
     repaired_surface = repaired(moved(joined(*pairs), (0.0, 0.0, 0.0), FINE))
     assert volume_of(repaired_surface) == pytest.approx(164.0 * FINE**3, rel=1e-7)
     assert repaired_surface.bodies == 100
-    assert steps_of(repaired_surface) == {"united": 200}
+    assert counts(repaired_surface) == {"united": 200}
     step = np.abs(
         repaired_surface.vertices - repaired_surface.vertices[repaired_surface.canonical]
     ).max()

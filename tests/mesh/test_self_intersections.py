@@ -8,6 +8,7 @@ from grasp3d.mesh.ray_tracing import Crossings, crossings
 from grasp3d.mesh.repair import repair_surface
 from grasp3d.reading import read_mesh
 from tests.helpers import shapes
+from tests.helpers.repairs import joined
 from tests.helpers.shapes import Surface
 
 ROUNDED = 1e-6
@@ -77,14 +78,6 @@ def test_crossings_of_random_triangles_are_true_and_no_sure_one_is_missed(
     turned = shape[1][order][:, ::-1]
     again = {tuple(sorted(order[pair])) for pair in crossings(points, turned).pairs}
     assert {tuple(pair) for pair in again} == pairs
-
-
-def joined(*parts: Surface) -> Surface:
-    faces, start = [], 0
-    for vertices, corners in parts:
-        faces.append(corners + start)
-        start += len(vertices)
-    return np.concatenate([vertices for vertices, _ in parts]), np.concatenate(faces)
 
 
 def two_spheres() -> Surface:

@@ -1,4 +1,5 @@
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,38 +11,64 @@ from grasp3d.settings import check_search_settings, search_cone
 from grasp3d.settings.checks import check_range
 
 
-@pytest.mark.parametrize("friction", [0.0, -1.0, math.nan, math.inf])
-def test_friction_must_be_a_finite_number_above_zero(friction: float) -> None:
-    with pytest.raises(SettingError, match="friction must be a finite number above 0"):
-        GraspModel(friction=friction)
-
-
-@pytest.mark.parametrize("degrees", [-1.0, 180.0, 400.0, math.nan])
-def test_resolution_lies_between_0_and_180_degrees(degrees: float) -> None:
-    with pytest.raises(SettingError, match="below 180 degrees"):
-        GraspModel(sensor_resolution=math.radians(degrees))
-
-
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("kind", "options", "message"),
     [
-        ({"edges": 2}, "edges must be from 3 to 360, or none for circular cones; got 2"),
-        ({"edges": 361}, "edges must be from 3 to 360"),
-        ({"actuation": "both"}, "known: total, per_finger"),
-        ({"torsion_radius": -1.0}, "torsion radius must be a finite length of at least 0; got -1"),
-        ({"torsion_radius": math.inf}, "torsion radius must be a finite length"),
-        ({"torsion_radius": math.nan}, "torsion radius must be a finite length"),
-        ({"method": "guess"}, "no method is called 'guess'; known: exact, extremes"),
-        ({"extreme_normals": 2}, "extreme normals must be from 3 to 360; got 2"),
-        ({"extreme_normals": 361}, "extreme normals must be from 3 to 360; got 361"),
-        ({"extreme_normals": 8.0}, "extreme normals must be from 3 to 360; got 8.0"),
+        *(
+            (GraspModel, {"friction": value}, "friction must be a finite number above 0")
+            for value in (0.0, -1.0, math.nan, math.inf)
+        ),
+        *(
+            (GraspModel, {"sensor_resolution": math.radians(value)}, "below 180 degrees")
+            for value in (-1.0, 180.0, 400.0, math.nan)
+        ),
+        (
+            GraspModel,
+            {"edges": 2},
+            "edges must be from 3 to 360, or none for circular cones; got 2",
+        ),
+        (GraspModel, {"edges": 361}, "edges must be from 3 to 360"),
+        (GraspModel, {"actuation": "both"}, "known: total, per_finger"),
+        (
+            GraspModel,
+            {"torsion_radius": -1.0},
+            "torsion radius must be a finite length of at least 0; got -1",
+        ),
+        (GraspModel, {"torsion_radius": math.inf}, "torsion radius must be a finite length"),
+        (GraspModel, {"torsion_radius": math.nan}, "torsion radius must be a finite length"),
+        (GraspModel, {"method": "guess"}, "no method is called 'guess'; known: exact, extremes"),
+        (GraspModel, {"extreme_normals": 2}, "extreme normals must be from 3 to 360; got 2"),
+        (GraspModel, {"extreme_normals": 361}, "extreme normals must be from 3 to 360; got 361"),
+        (GraspModel, {"extreme_normals": 8.0}, "extreme normals must be from 3 to 360; got 8.0"),
+        (Sampling, {"rays": 3}, "rays must be from 8 to 65536"),
+        (Sampling, {"rays": 10**9}, "rays must be from 8 to 65536"),
+        (Sampling, {"grip": "pinch"}, "known: squeeze, expand, both"),
+        (Sampling, {"min_opening": 2.0, "max_opening": 1.0}, "min_opening <= max_opening"),
+        (Sampling, {"max_opening": 0.0}, "max_opening above 0"),
+        (Sampling, {"max_opening": math.nan}, "min_opening <= max_opening"),
+        (Sampling, {"search_angle": 2.0}, "at most 90 degrees"),
+        (Sampling, {"tolerance": 0.0}, "tolerance must be above 0"),
+        (MeshOptions, {"unit": "km"}, "known: m, cm, mm, in"),
+        (MeshOptions, {"max_edge": 0.0}, "max_edge must be above 0"),
+        (MeshOptions, {"crease_angle": -0.1}, "crease angle must be from 0"),
+        (MultifingerSampling, {"candidates": 7}, "candidates must be from 8 to 4096"),
+        (MultifingerSampling, {"candidates": 8.5}, "candidates must be from 8 to 4096; got 8.5"),
+        (
+            MultifingerSampling,
+            {"min_separation": 2.0, "max_spread": 1.0},
+            "min_separation <= max_spread",
+        ),
+        (MultifingerSampling, {"candidate_points": "edges"}, "known: surface, vertices"),
+        (MultifingerSampling, {"seed": -1}, "seed must be a whole number of at least 0"),
+        (MultifingerSampling, {"seed": 2**63}, "seed must be below"),
+        (MultifingerSampling, {"search_angle": 2.0}, "at most 90 degrees"),
     ],
 )
-def test_errors_of_the_grasp_model_name_valid_values(
-    options: dict[str, float], message: str
+def test_errors_of_settings_name_valid_values(
+    kind: Callable[..., object], options: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(SettingError, match=message):
-        GraspModel(**options)  # type: ignore[arg-type]
+        kind(**options)
 
 
 @pytest.mark.parametrize(
@@ -62,37 +89,6 @@ def test_the_model_states_how_epsilon_is_computed(
 ) -> None:
     model = GraspModel(**options)  # type: ignore[arg-type]
     assert (model.tilts, model.epsilon_rank) == (tilts, rank)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"rays": 3}, "rays must be from 8 to 65536"),
-        ({"rays": 10**9}, "rays must be from 8 to 65536"),
-        ({"grip": "pinch"}, "known: squeeze, expand, both"),
-        ({"min_opening": 2.0, "max_opening": 1.0}, "min_opening <= max_opening"),
-        ({"max_opening": 0.0}, "max_opening above 0"),
-        ({"max_opening": math.nan}, "min_opening <= max_opening"),
-        ({"search_angle": 2.0}, "at most 90 degrees"),
-        ({"tolerance": 0.0}, "tolerance must be above 0"),
-    ],
-)
-def test_errors_of_sampling_name_valid_values(options: dict[str, float], message: str) -> None:
-    with pytest.raises(SettingError, match=message):
-        Sampling(**options)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"unit": "km"}, "known: m, cm, mm, in"),
-        ({"max_edge": 0.0}, "max_edge must be above 0"),
-        ({"crease_angle": -0.1}, "crease angle must be from 0"),
-    ],
-)
-def test_errors_of_mesh_options_name_valid_values(options: dict[str, float], message: str) -> None:
-    with pytest.raises(SettingError, match=message):
-        MeshOptions(**options)  # type: ignore[arg-type]
 
 
 def test_the_search_cone_is_the_angle_that_friction_and_resolution_need() -> None:
@@ -132,25 +128,6 @@ def test_a_search_is_limited_to_a_distance_between_contacts() -> None:
         assert kind().limited(3.0).max_distance == 3.0
         assert kind(tolerance=0.01).common == {"search_angle": None, "tolerance": 0.01}
         assert set(kind.limits) == set(kind.own_names()) & set(kind.length_names())
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"candidates": 7}, "candidates must be from 8 to 4096"),
-        ({"candidates": 8.5}, "candidates must be from 8 to 4096; got 8.5"),
-        ({"min_separation": 2.0, "max_spread": 1.0}, "min_separation <= max_spread"),
-        ({"candidate_points": "edges"}, "known: surface, vertices"),
-        ({"seed": -1}, "seed must be a whole number of at least 0"),
-        ({"seed": 2**63}, "seed must be below"),
-        ({"search_angle": 2.0}, "at most 90 degrees"),
-    ],
-)
-def test_errors_of_sampling_of_more_fingers_name_valid_values(
-    options: dict[str, float], message: str
-) -> None:
-    with pytest.raises(SettingError, match=message):
-        MultifingerSampling(**options)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

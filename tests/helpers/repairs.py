@@ -1,0 +1,48 @@
+"""Surfaces of several bodies, and what repair makes of them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grasp3d import ObjectMesh
+from grasp3d.mesh.measures import signed_volumes
+from grasp3d.mesh.repair import RepairedSurface, repair_surface
+from grasp3d.settings.mesh_options import Repair
+from tests.helpers.shapes import Surface
+
+
+def joined(*surfaces: Surface) -> Surface:
+    """Surfaces as one, without joining vertices."""
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
+    return (
+        np.vstack([vertices for vertices, _ in surfaces]),
+        np.vstack([faces + start for (_, faces), start in zip(surfaces, starts, strict=False)]),
+    )
+
+
+def moved(surface: Surface, shift: tuple[float, float, float], scale: float = 1.0) -> Surface:
+    return surface[0] * scale + shift, surface[1]
+
+
+def inward(surface: Surface) -> Surface:
+    return surface[0], surface[1][:, ::-1]
+
+
+def repaired(surface: Surface, level: Repair = "safe") -> RepairedSurface:
+    return repair_surface(*surface, level, "test")
+
+
+def counts(surface: RepairedSurface | ObjectMesh) -> dict[str, int]:
+    """How often each change was made, by its name."""
+    steps = surface.steps if isinstance(surface, RepairedSurface) else surface.report.repairs
+    return {step.name: step.count for step in steps}
+
+
+def volume_of(surface: RepairedSurface) -> float:
+    return float(signed_volumes(surface.vertices, surface.faces).sum())
+
+
+def used_by(surface: RepairedSurface) -> NDArray[np.bool_]:
+    """Mask of the vertices whose canonical vertex is on the surface."""
+    used = np.zeros(len(surface.vertices), dtype=bool)
+    used[surface.faces] = True
+    return used[surface.canonical]
