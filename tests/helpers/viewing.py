@@ -19,6 +19,7 @@ from grasp3d import (
     scan_surface,
 )
 from grasp3d.mesh.object_mesh import MeshReport
+from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.viewer.session.collection import Collection, collection_of
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.subjects.subject import Subject
@@ -62,6 +63,14 @@ def with_values(subject: Subject, **values: Any) -> Subject:
     labels = copy(subject.labels)
     vars(labels).update(values)
     return replace(subject, labels=labels)
+
+
+def with_epsilon(subject: Subject, value: float, model: GraspModel) -> Subject:
+    """The subject with one epsilon everywhere, computed for a model; the largest is unknown."""
+    known = copy(subject.labels.using(model=model))
+    epsilon = np.full(len(known.row), value)
+    vars(known)["epsilon_range"] = EpsilonRange(epsilon, epsilon, np.full_like(epsilon, np.nan))
+    return replace(subject, epsilons=known)
 
 
 def as_ply(subject: Subject) -> Subject:

@@ -154,7 +154,7 @@ def test_a_labelled_file_contains_the_data_of_the_labels(file: Path) -> None:
     assert subject.labels.partners is None
     assert subject.labels.opening is None
     assert subject.epsilons is not None
-    assert subject.epsilons.nominal == pytest.approx(labels.epsilon, abs=1e-6, nan_ok=True)
+    assert subject.epsilons.epsilon == pytest.approx(labels.epsilon, abs=1e-6, nan_ok=True)
     assert subject.epsilons.model == labels.model
     none = np.isinf(labels.critical_angle_best)
     assert (subject.labels.likely_reason[none] == Reason.NO_PARTNER).all()

@@ -12,7 +12,7 @@ from grasp3d.surface import Reason
 from grasp3d.viewer.session.explanations import Case, angle_text, explain
 from grasp3d.viewer.session.inspection import inspect
 from grasp3d.viewer.session.painting import UNSEARCHED, labels_at
-from grasp3d.viewer.subjects.subject import Epsilons, subject_of
+from grasp3d.viewer.subjects.subject import subject_of
 from tests.helpers import viewing
 from tests.helpers.vertex_labels import with_arrays
 
@@ -85,8 +85,7 @@ def test_epsilon_of_one_grasp_agrees_with_evaluate_grasps(fingers: int) -> None:
 def test_epsilon_is_the_known_value_or_missing() -> None:
     labels = viewing.box()
     subject, model = subject_of(labels), labels.model
-    values = np.full(len(subject.mesh.vertices), 0.125)
-    lone = replace(viewing.as_ply(subject), epsilons=Epsilons(values, values, model))
+    lone = viewing.with_epsilon(viewing.as_ply(subject), 0.125, model)
     vertex = int(np.flatnonzero(labels.reason == Reason.FOUND)[0])
     numbers = dict(inspect(lone, vertex, model).numbers)
     assert (numbers["ε"], numbers["ε_min"], numbers["ε_max"]) == ("0.125", "0.125", "–")

@@ -24,7 +24,7 @@ from grasp3d.viewer.session.painting import (
     texture_coordinates,
     texture_image,
 )
-from grasp3d.viewer.subjects.subject import Epsilons, Subject, subject_of
+from grasp3d.viewer.subjects.subject import Subject, subject_of
 from grasp3d.viewer.view_settings import Paint
 from tests.helpers import viewing
 
@@ -218,8 +218,7 @@ def test_names_of_ramps() -> None:
         "not computed yet",
     )
     assert "the same β*" in unknown.note
-    values = np.full(len(subject.mesh.vertices), 0.25)
-    known = replace(subject, epsilons=Epsilons(values, values, model))
+    known = viewing.with_epsilon(subject, 0.25, model)
     ramp = ramp_of(known, "epsilon_min", model)
     assert ramp is not None
     assert (ramp.text, ramp.maximum, ramp.grey) == (
@@ -227,7 +226,7 @@ def test_names_of_ramps() -> None:
         0.25,
         "",
     )
-    located = replace(known, epsilons=Epsilons(values, values, replace(model, location_error=0.1)))
+    located = viewing.with_epsilon(subject, 0.25, replace(model, location_error=0.1))
     bound = ramp_of(located, "epsilon_min", replace(model, location_error=0.1))
     assert bound is not None
     assert bound.text == "ε_min: lower bound of epsilon over all uncertainties"
@@ -243,8 +242,7 @@ def test_names_of_ramps() -> None:
 @pytest.mark.parametrize("paint", ["critical_angle", "max_resolution", "epsilon_min"])
 def test_grey_is_explained_where_it_occurs(paint: Paint) -> None:
     for labels in (viewing.labels(), viewing.box()):
-        values = np.zeros(len(labels.critical_angle))
-        subject = replace(subject_of(labels), epsilons=Epsilons(values, values, labels.model))
+        subject = viewing.with_epsilon(subject_of(labels), 0.0, labels.model)
         ramp = ramp_of(subject, paint, labels.model)
         assert ramp is not None
         some = bool(np.isinf(labels.critical_angle[labels.mesh.on_surface]).any())

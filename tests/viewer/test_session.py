@@ -399,7 +399,7 @@ def test_epsilon_of_one_opening_is_not_used_for_another() -> None:
     assert session.subject is not None
     assert session.subject.epsilons is not None
     expected = viewing.box().epsilon
-    assert session.subject.epsilons.nominal == pytest.approx(expected, nan_ok=True)
+    assert session.subject.epsilons.epsilon == pytest.approx(expected, nan_ok=True)
     assert session.subject.labels.sampling == viewing.box().sampling
 
 
@@ -539,7 +539,7 @@ def test_epsilon_is_computed_when_it_is_shown() -> None:
     assert subject is not None
     assert subject.epsilons is not None
     expected = labels.relabel(friction=0.45)
-    assert subject.epsilons.minimum == pytest.approx(expected.epsilon_min, nan_ok=True)
+    assert subject.epsilons.epsilon_min == pytest.approx(expected.epsilon_min, nan_ok=True)
     assert np.array_equal(subject.labels.critical_angle, labels.critical_angle)
 
 
@@ -555,8 +555,8 @@ def test_epsilon_depends_on_edges_actuation_and_torsion(model: GraspModel) -> No
     assert session.subject is not None
     assert session.subject.epsilons is not None
     expected = labels.relabel(friction=0.45)
-    assert session.subject.epsilons.nominal == pytest.approx(expected.epsilon, nan_ok=True)
-    assert session.subject.epsilons.minimum == pytest.approx(expected.epsilon_min, nan_ok=True)
+    assert session.subject.epsilons.epsilon == pytest.approx(expected.epsilon, nan_ok=True)
+    assert session.subject.epsilons.epsilon_min == pytest.approx(expected.epsilon_min, nan_ok=True)
 
 
 # Files
@@ -644,7 +644,7 @@ def test_a_file_with_partners_keeps_them_when_epsilon_is_computed(batched: Subje
     expected = viewing.labels().relabel(friction=0.6)
     assert found.labels is batched.labels
     assert found.epsilons is not None
-    assert np.array_equal(found.epsilons.nominal, expected.epsilon, equal_nan=True)
+    assert np.array_equal(found.epsilons.epsilon, expected.epsilon, equal_nan=True)
 
 
 def test_the_mesh_of_a_file_keeps_its_vertices(file: Path) -> None:

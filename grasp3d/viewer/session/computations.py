@@ -20,8 +20,7 @@ from grasp3d.viewer.session.last_contact import best_last_contact
 from grasp3d.viewer.session.painting import labels_at
 from grasp3d.viewer.session.state import FixedPoints
 from grasp3d.viewer.subjects.forces import Forces
-from grasp3d.viewer.subjects.located import Located
-from grasp3d.viewer.subjects.subject import Epsilons, Subject, subject_of
+from grasp3d.viewer.subjects.subject import Subject, dependence, located_angles, subject_of
 
 WIDEST = math.pi / 2.0
 
@@ -135,7 +134,7 @@ def compute_epsilon(subject: Subject, model: GraspModel, progress: Progress) -> 
     model = replace(model, fingers=subject.labels.model.fingers)
     labels = subject.labels.using(model=model)
     labels.compute_epsilon(progress)
-    return replace(subject, epsilons=Epsilons.of(labels.epsilon_range, model))
+    return replace(subject, epsilons=labels)
 
 
 def compute_forces(subject: Subject, model: GraspModel, progress: Progress) -> Subject:
@@ -165,7 +164,7 @@ def locate_contacts(subject: Subject, model: GraspModel, progress: Progress) -> 
         SettingError: The model is for another number of fingers.
     """
     progress(0.0)
-    return replace(subject, located=Located.of(subject.labels, model))
+    return replace(subject, located={dependence(model): located_angles(subject.labels, model)})
 
 
 def difference(subject: Subject, other: Subject) -> float:

@@ -22,8 +22,7 @@ from grasp3d.viewer.session.grasp_texts import HeldGrasp, angle_numbers, budget_
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
 from grasp3d.viewer.session.reached_grasps import alternatives_of
 from grasp3d.viewer.subjects.gripper_pose import GripperPose
-from grasp3d.viewer.subjects.located import located_grasp
-from grasp3d.viewer.subjects.subject import Subject
+from grasp3d.viewer.subjects.subject import Subject, located_grasp
 
 UNKNOWN = "–"
 EPSILONS = ("ε", EPSILON_MIN, "ε_max")
@@ -336,9 +335,7 @@ def _epsilon_texts(subject: Subject, vertex: int, model: GraspModel) -> list[str
     """Nominal, smallest and largest epsilon of a vertex's grasp; a dash where unknown."""
     known, values = subject.epsilons, (math.nan,) * 3
     if known is not None and same_settings(known.model, model):
-        maximum = known.maximum
-        values = (known.nominal[vertex], known.minimum[vertex],
-                  math.nan if maximum is None else maximum[vertex])  # fmt: skip
+        values = (known.epsilon[vertex], known.epsilon_min[vertex], known.epsilon_max[vertex])
     elif subject.prepared and subject.labels.likely_reason[vertex] == Reason.FOUND:
         values = _epsilons_of(_grasp(subject.labels, vertex), model)
     return [_epsilon_text(value) for value in values]

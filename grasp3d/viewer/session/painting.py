@@ -326,7 +326,7 @@ def _labels(subject: Subject, model: GraspModel) -> Bytes:
 def _epsilon(subject: Subject, paint: Paint) -> Floats:
     if subject.epsilons is None:
         return np.full(len(subject.mesh.vertices), math.nan)
-    return subject.epsilons.nominal if paint == "epsilon" else subject.epsilons.minimum
+    return subject.epsilons.epsilon if paint == "epsilon" else subject.epsilons.epsilon_min
 
 
 def _approach_margin(subject: Subject) -> Floats:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from grasp3d.settings import AnySampling, GraspModel, Sampling, sampling_kind
 from grasp3d.settings.lengths import METRES
+from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.viewer.session.background import Job
 from grasp3d.viewer.session.computations import (
     compute_epsilon,
@@ -26,8 +27,7 @@ from grasp3d.viewer.session.saving import write_labels
 from grasp3d.viewer.session.state import FixedPoints, ViewState
 from grasp3d.viewer.session.wider_search import search_wider
 from grasp3d.viewer.subjects.forces import Forces
-from grasp3d.viewer.subjects.located import PAIR, dependence
-from grasp3d.viewer.subjects.subject import Epsilons, Subject
+from grasp3d.viewer.subjects.subject import PAIR, Subject, dependence
 
 if TYPE_CHECKING:
     from grasp3d.viewer.session.collection import Item
@@ -281,7 +281,7 @@ def _forces_job(subject: Subject, state: ViewState, number: int) -> SubjectJob |
     return Job(key, "computing grip forces", partial(compute_forces, subject, model), DELAY)
 
 
-def _is_known(values: Epsilons | Forces | None, state: ViewState) -> bool:
+def _is_known(values: SurfaceLabels | Forces | None, state: ViewState) -> bool:
     """Whether numbers were computed for the chosen model."""
     return values is not None and same_settings(values.model, state.model)
 

@@ -10,7 +10,7 @@ from grasp3d.settings import GraspModel, Sampling
 from grasp3d.system.progress import Progress, within
 from grasp3d.viewer.session.computations import search_grasps
 from grasp3d.viewer.subjects.forces import Forces
-from grasp3d.viewer.subjects.subject import Epsilons, Subject
+from grasp3d.viewer.subjects.subject import Subject
 
 SEARCHED, COMPUTED = 0.5, 0.95
 """Fractions of the work after which the grasps are found, and epsilon and forces are computed."""
@@ -69,7 +69,7 @@ def write_labels(subject: Subject, model: GraspModel, path: Path, progress: Prog
     holding = relabelled.holding
     return replace(
         ready,
-        epsilons=Epsilons.of(relabelled.epsilon_range, model),
+        epsilons=relabelled,
         forces=None if holding is None else Forces.of(holding, model),
     )
 

@@ -1,6 +1,7 @@
 """The viewed surface, and the best grasp of each of its vertices as far as it is known."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,41 +14,23 @@ from grasp3d.export.read_settings import FileSettings
 from grasp3d.export.stored import Stored
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import FaceRays
-from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel, MeshOptions, search_cone
 from grasp3d.settings.lengths import Unit
+from grasp3d.stability.located_angles import ContactLimits
+from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.contacts import GraspContacts
+from grasp3d.surface.grasp_numbers import located_angles_of
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.viewer.subjects.forces import Forces, LoadNumbers
 from grasp3d.viewer.subjects.gripper_pose import GripperPose
-from grasp3d.viewer.subjects.located import PAIR, Located, dependence, fits, located_grasp
+
+PAIR = 2
 
 KEPT = 4
 """Sets of located angles that are kept: those of two panes, before and after a change."""
-
-
-@dataclass(frozen=True, eq=False)
-class Epsilons:
-    """Epsilon of every vertex's grasp, for one friction and resolution."""
-
-    nominal: Floats
-    """At the perceived normals; nan: no grasp. (V,)"""
-    minimum: Floats
-    """Smallest over the tilts. (V,)"""
-    model: GraspModel
-    """Model for which epsilon was computed."""
-    maximum: Floats | None = None
-    """Largest over the tilts. (V,)"""
-
-    __repr__ = short_repr
-
-    @classmethod
-    def of(cls, found: EpsilonRange, model: GraspModel) -> "Epsilons":
-        """Epsilon that was computed for a model."""
-        return cls(found.nominal, found.minimum, model, found.maximum)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +82,8 @@ class Subject:
     name: str
     notes: tuple[str, ...] = ()
     """Warnings that concern the labels, one sentence each."""
-    epsilons: Epsilons | None = None
-    """None: not computed yet."""
+    epsilons: SurfaceLabels | None = None
+    """The same grasps at the model for which epsilon was computed; None: not computed yet."""
     load_numbers: LoadNumbers | None = None
     """Mass and force at hand of the load; None: no load."""
     forces: Forces | None = None
@@ -109,10 +92,10 @@ class Subject:
     """With fixed fingers: the best contact found for the last one; None: unknown."""
     alternatives: Alternatives | None = None
     """Other grasps of the vertex that was inspected last; None: not searched."""
-    located: Located | None = None
-    """Located angles that took a computation; None: none."""
-    _known: dict[object, Located] = field(init=False, repr=False, default_factory=dict)
-    """Located angles that were needed last, by what they depend on."""
+    located: Mapping[object, WorstAndBest] = field(default_factory=dict)
+    """Located angles that took a computation, by what they depend on; see `dependence`."""
+    _recent: dict[object, WorstAndBest] = field(init=False, repr=False, default_factory=dict)
+    """Located angles that were needed last, likewise."""
 
     __repr__ = short_repr
 
@@ -170,21 +153,17 @@ class Subject:
         """
         if model.is_uniform or not self.locates(model):
             return self.labels.critical_angle, self.labels.critical_angle_best
-        known, key = self._known, dependence(model)
-        if key not in known:
-            if len(known) >= KEPT:
-                known.pop(next(iter(known)))
-            known[key] = self._locate(model)
-        return known[key].worst, known[key].best
-
-    def _locate(self, model: GraspModel) -> Located:
-        """Located angles for a model, computed if they are not known."""
         key = dependence(model)
-        if key == dependence(self.labels.model):
-            return Located(*self.labels.located_angles, key)
-        if self.located is not None and self.located.key == key:
-            return self.located
-        return Located.of(self.labels, model)
+        if key in self.located:
+            return self.located[key]
+        if key not in self._recent:
+            if len(self._recent) >= KEPT:
+                self._recent.pop(next(iter(self._recent)))
+            of_labels = key == dependence(self.labels.model)
+            self._recent[key] = (
+                self.labels.located_angles if of_labels else located_angles(self.labels, model)
+            )
+        return self._recent[key]
 
     def locates(self, model: GraspModel) -> bool:
         """Whether the angles that decide the labels for a model are known, or quickly computed.
@@ -193,9 +172,7 @@ class Subject:
         and more for another one take too long for a move of a slider.
         """
         key = dependence(model)
-        if model.is_uniform or key == dependence(self.labels.model):
-            return True
-        if self.located is not None and self.located.key == key:
+        if model.is_uniform or key == dependence(self.labels.model) or key in self.located:
             return True
         return self.prepared and model.fingers == PAIR and fits(model)
 
@@ -217,13 +194,13 @@ def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
         labels: The labels.
         name: Name of the object; None: that of its file.
     """
-    report, known = labels.mesh.report, labels.computed("epsilon_range")
+    report = labels.mesh.report
     case, held = labels.load_case, labels.computed("holding")
     return Subject(
         labels,
         report.source if name is None else name,
         notes=(*report.warnings, *_method_notes(labels.model, math.nan)),
-        epsilons=None if known is None else Epsilons.of(known, labels.model),
+        epsilons=None if labels.computed("epsilon_range") is None else labels,
         load_numbers=None if case is None else LoadNumbers.of(case),
         forces=None if held is None else Forces.of(held, labels.model),
     )
@@ -290,3 +267,48 @@ def _method_notes(model: GraspModel, other: float) -> tuple[str, ...]:
     if math.isfinite(other):
         note += f", and differ on {other:.1%} of the area"
     return (note,)
+
+
+def located_angles(labels: SurfaceLabels, model: GraspModel) -> WorstAndBest:
+    """Located angles of labels for another model, see `stability.located_angles`, (V,) each [rad].
+
+    Raises:
+        SettingError: The model is for another number of fingers.
+    """
+    worst, best = labels.using(model=model).located_angles
+    # A file has no second grasp, of the best normals at a crease, whose line could be turned:
+    # what the worst finger adds to its angle is a bound.
+    bound = labels.critical_angle_best + ContactLimits.of(model.fingertips).outer.max()
+    return worst, locked(np.minimum(best, bound))
+
+
+def dependence(model: GraspModel) -> object:
+    """What located angles depend on: of equal fingers the location error alone.
+
+    The thresholds that they are compared with have all that the fingers have in common.
+    """
+    return model if model.per_finger else model.location_error
+
+
+def fits(model: GraspModel) -> bool:
+    """Whether the values of single fingers are for the model's number of fingers."""
+    return not model.per_finger or len(model.per_finger) == model.fingers
+
+
+def located_grasp(
+    grasp: GraspContacts, worst: float, best: float, model: GraspModel
+) -> tuple[float, float]:
+    """Angles that decide the label of one grasp, over the worst and the best normals [rad].
+
+    Args:
+        grasp: The grasp, shape (1, n).
+        worst: Its critical angle over the worst normals [rad].
+        best: The same over the best normals.
+        model: Grasp model, with lengths in the mesh's unit.
+    """
+    model = replace(model, fingers=grasp.count)
+    if model.is_uniform or not fits(model):
+        return float(worst), float(best)
+    angles = np.array([worst]), np.array([best])
+    found = located_angles_of(grasp, angles, model, threads=1)
+    return float(found[0][0]), float(found[1][0])
