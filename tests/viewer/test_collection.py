@@ -35,11 +35,15 @@ from grasp3d.surface import Reason
 from grasp3d.surface.sampling.pair_limits import OPENING_SLACK
 from grasp3d.system.progress import ignore
 from grasp3d.viewer.session.background import Cancelled
-from grasp3d.viewer.session.collection import Collection, collection_of, open_collection
+from grasp3d.viewer.session.collection import (
+    Collection,
+    SubjectCache,
+    collection_of,
+    open_collection,
+)
 from grasp3d.viewer.session.inspection import inspect
 from grasp3d.viewer.session.painting import area_fractions, labels_at
 from grasp3d.viewer.subjects.subject import Subject, read_subject, subject_of
-from grasp3d.viewer.subjects.subject_cache import SubjectCache
 from tests.helpers import shapes, viewing
 from tests.helpers.mesh_files import FACES, VERTICES
 

@@ -29,14 +29,13 @@ from grasp3d.viewer.scene.framing import MOST_BESIDE, extents, frame_of, middle_
 from grasp3d.viewer.scene.pictures import open_renderer
 from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session import collection, computations, planning, reached_grasps, wider_search
-from grasp3d.viewer.session.collection import collection_of, open_collection
+from grasp3d.viewer.session.collection import collection_of, open_collection, read_result
 from grasp3d.viewer.session.computations import search_grasps
 from grasp3d.viewer.session.keys import handle_key
 from grasp3d.viewer.session.painting import ramp_of, texture_coordinates
 from grasp3d.viewer.session.panel_text import grasp_number, panel_text
 from grasp3d.viewer.session.reached_grasps import best_vertices
 from grasp3d.viewer.session.session import BEST, Session
-from grasp3d.viewer.subjects.results import read_result
 from grasp3d.viewer.subjects.subject import Subject, read_subject, subject_of
 from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web.fields import set_field

@@ -1,7 +1,9 @@
 """The objects that a viewer can open: a mesh, a labelled file, the results of a batch."""
 
 import re
-from collections.abc import Callable, Mapping
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -9,7 +11,10 @@ from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
-from grasp3d.errors import MeshError, SettingError
+from grasp3d.batch.folders import MARKER
+from grasp3d.batch.row import Outcome, Row
+from grasp3d.batch.store import read_summary
+from grasp3d.errors import GraspError, MeshError, SettingError
 from grasp3d.export.read_labels import settings_of_file
 from grasp3d.export.read_settings import FileSettings
 from grasp3d.hand.reach_settings import ReachSettings
@@ -29,12 +34,16 @@ from grasp3d.system.progress import Progress, within
 from grasp3d.viewer.session.computations import mesh_of, search_grasps
 from grasp3d.viewer.session.inspection import warm_up
 from grasp3d.viewer.subjects.gripper_pose import GripperPose
-from grasp3d.viewer.subjects.results import labelled_rows, read_result, settings_of_results
 from grasp3d.viewer.subjects.subject import LastContact, Subject, read_subject, subject_of
-from grasp3d.viewer.subjects.subject_cache import SubjectCache
 
 READ = 0.2
 """Fraction of the work of opening a mesh after which it is read and prepared."""
+
+MAX_OPEN = 4
+"""Number of objects that are kept open."""
+
+POLL_INTERVAL = 0.1
+"""How often a thread that waits for another one's opening reports progress [s]."""
 
 SettingsT = TypeVar("SettingsT")
 Lengths: TypeAlias = Mapping[str, float | None]
@@ -64,6 +73,59 @@ class Collection:
     def __post_init__(self) -> None:
         if not self.items:
             raise SettingError("there is no object to view")
+
+
+class SubjectCache:
+    """Keeps the objects that were opened last, for several threads.
+
+    Each object is opened by one thread at a time. An opening that fails or is cancelled is not
+    cached: the next one starts again.
+    """
+
+    def __init__(self) -> None:
+        self._subjects: OrderedDict[int, Subject] = OrderedDict()
+        self._lock = threading.Lock()
+        self._count = 0
+
+    def cached(self, read: Callable[[Progress], Subject]) -> Callable[[Progress], Subject]:
+        """Add the cache to a function that opens one object.
+
+        Args:
+            read: Opens the object.
+        """
+        number, opening, fraction = self._count, threading.Lock(), [0.0]
+        self._count += 1
+
+        def recorded(progress: Progress) -> Progress:
+            def report(done: float) -> None:
+                fraction[0] = done
+                progress(done)
+
+            return report
+
+        def read_cached(progress: Progress) -> Subject:
+            while not opening.acquire(timeout=POLL_INTERVAL):
+                progress(fraction[0])  # of the other thread; raises if this opening is cancelled
+            try:
+                found = self._get(number)
+                return found or self._store(number, read(recorded(progress)))
+            finally:
+                opening.release()
+
+        return read_cached
+
+    def _get(self, number: int) -> Subject | None:
+        with self._lock:
+            if number in self._subjects:
+                self._subjects.move_to_end(number)
+            return self._subjects.get(number)
+
+    def _store(self, number: int, subject: Subject) -> Subject:
+        with self._lock:
+            self._subjects[number] = subject
+            while len(self._subjects) > MAX_OPEN:
+                self._subjects.popitem(last=False)
+        return subject
 
 
 def collection_of(labels: SurfaceLabels) -> Collection:
@@ -211,6 +273,68 @@ def _batch_collection(
     count = left_out + len(rows)
     note = f"{left_out} of {count} meshes were not labelled; see report/index.html for the reasons"
     return Collection(tuple(items), *settings, (note,) if left_out else ())
+
+
+def labelled_rows(folder: Path) -> tuple[list[Row], int]:
+    """Rows of the meshes that a batch has labelled, and the number of other meshes.
+
+    Args:
+        folder: Folder of the results.
+
+    Raises:
+        GraspError: It contains no results, they are damaged, or no mesh was labelled.
+    """
+    where = printable(str(folder))
+    if not (folder / MARKER).is_file():
+        raise MeshError(
+            f"{where}: is a folder, but was not written by grasp3d batch; label its meshes with "
+            "grasp3d batch, or give the path of one mesh"
+        )
+    rows = read_summary(folder)
+    found = [row for row in rows if row.outcome is Outcome.LABELLED and row.labels]
+    if not found:
+        raise MeshError(
+            f"{where}: none of its {len(rows)} meshes was labelled; see report/index.html"
+        )
+    return found, len(rows) - len(found)
+
+
+def settings_of_results(
+    folder: Path, rows: Sequence[Row], max_memory: float
+) -> FileSettings | None:
+    """Settings of the first mesh whose file can be read; None: no file can be read."""
+    for row in rows:
+        try:
+            return settings_of_file(folder / row.labels, max_memory)
+        except GraspError:
+            continue  # the error is reported when that mesh is opened
+    return None
+
+
+def read_result(folder: Path, row: Row, max_memory: float, *, unit: Unit | None = None) -> Subject:
+    """Read one mesh of a batch.
+
+    If the table of its vertices cannot be read, the mesh is returned without partners.
+
+    Args:
+        folder: Folder of the results.
+        row: Row of the mesh.
+        max_memory: Memory limit for reading [GB].
+        unit: Unit of a file that states none.
+
+    Raises:
+        MeshError: Its labelled PLY is missing or damaged.
+    """
+    read = partial(read_subject, max_memory=max_memory, unit=unit, name=row.mesh)
+    path, notes = folder / row.fields, [text for text in row.warnings.split("; ") if text]
+    try:
+        subject, missing = read(path), []
+        if row.size not in {None, subject.mesh.size}:
+            raise MeshError(f"{printable(str(path))}: is of another mesh")
+    except GraspError as error:
+        subject = read(folder / row.labels)
+        missing = [f"{error}: grasps are searched again when you click"]
+    return replace(subject, notes=tuple(dict.fromkeys((*notes, *subject.notes, *missing))))
 
 
 def _open_stored(
