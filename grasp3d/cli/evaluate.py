@@ -140,8 +140,8 @@ class Evaluate:
         from grasp3d.grasps.writing import write_grasps
         from grasp3d.hand.scene import Scene
         from grasp3d.mesh import load_mesh
-        from grasp3d.mesh.masses import loaded_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths
+        from grasp3d.surface.masses import loaded_mesh
 
         mesh = in_stated_scale(load_mesh(self.file, self.mesh), given)
         mesh, load = loaded_mesh(mesh, self.load.chosen)

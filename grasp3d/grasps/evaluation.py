@@ -16,7 +16,6 @@ from grasp3d.hand.hand import Hand
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
-from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point, nearest_surface_points
 from grasp3d.quality.loads import Load
 from grasp3d.settings import MAX_FINGERS, GraspModel, check_point_contacts, with_fingers
@@ -26,6 +25,7 @@ from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.masses import loaded_mesh
 from grasp3d.system.processors import thread_count
 from grasp3d.system.progress import Progress, ignore, within
 

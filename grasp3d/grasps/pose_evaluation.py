@@ -13,13 +13,13 @@ from grasp3d.hand.hand import touching
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
-from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, with_fingers
 from grasp3d.surface.contacts import JawContacts
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.masses import loaded_mesh
 from grasp3d.surface.rows import rows_where
 from grasp3d.system.processors import thread_count
 from grasp3d.system.progress import Progress, ignore, within

@@ -1,6 +1,5 @@
 """Object meshes: reading, repair, refinement and the contact normals of every surface point."""
 
-from grasp3d.mesh.masses import mass_of, with_load
 from grasp3d.mesh.mesh_sources import MeshSource
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.preparing import load_mesh
@@ -10,6 +9,4 @@ __all__ = [
     "MeshSource",
     "ObjectMesh",
     "load_mesh",
-    "mass_of",
-    "with_load",
 ]

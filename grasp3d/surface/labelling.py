@@ -8,7 +8,6 @@ from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
-from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.quality.loads import Load
 from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling, check_search_settings
@@ -16,6 +15,7 @@ from grasp3d.settings.costs import check_cost
 from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.masses import loaded_mesh
 from grasp3d.surface.search import label_multifinger, label_pairs
 from grasp3d.system.processors import thread_count
 from grasp3d.system.progress import Progress, ignore, within

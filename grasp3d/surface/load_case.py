@@ -8,11 +8,11 @@ from grasp3d.arrays import ArrayLike
 from grasp3d.contact.contacts import Contacts
 from grasp3d.hand.hand import Hand
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.masses import mass_of, with_load
 from grasp3d.quality.loads import Load
 from grasp3d.quality.tasks import Task
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
+from grasp3d.surface.masses import mass_of, with_load
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ def with_load(mesh: ObjectMesh, load: Load) -> ObjectMesh:
 
         >>> import trimesh
         >>> import grasp3d
-        >>> from grasp3d.mesh import mass_of, with_load
+        >>> from grasp3d.surface import mass_of, with_load
         >>> head = trimesh.creation.box([120, 30, 30])
         >>> handle = trimesh.creation.box([20, 20, 250]).apply_translation([0, 0, -140])
         >>> both = trimesh.util.concatenate([head, handle])

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from grasp3d import Load, MeshOptions, ObjectMesh, check_mesh, load_mesh
 from grasp3d.errors import SettingError
-from grasp3d.mesh import mass_of, with_load
-from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.repair.bodies import Bodies
 from grasp3d.mesh.work_bounds import NESTED_BODIES
 from grasp3d.settings.lengths import METRES, Measure
+from grasp3d.surface import mass_of, with_load
+from grasp3d.surface.masses import loaded_mesh
 from tests.helpers import shapes
 
 DENSITY = st.floats(100.0, 20_000.0)
