@@ -14,6 +14,7 @@ from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.hand.closed_jaws import ClosedJaws, Closing
 from grasp3d.hand.closing import close_jaws
+from grasp3d.hand.jaw_reach import collides_closing
 from grasp3d.settings.lengths import Unit
 from tests.helpers import shapes
 from tests.helpers.closing_jaws import Floats, pads, pose, random_poses, tips
@@ -248,6 +249,19 @@ def test_of_an_open_sheet_only_the_front_is_touched() -> None:
     assert found.area[0].tolist() == pytest.approx([2e-4, 0.0])
     turned = close_jaws(sheet, pose(turn=Rotation.from_rotvec([0, 0, math.pi])), pads())
     assert turned.area[0].tolist() == pytest.approx([0.0, 2e-4])
+
+
+def test_jaws_that_close_beside_their_middle_hold_the_object_without_collision(
+    box: ObjectMesh,
+) -> None:
+    poses, hand = pose((0.008, 0.0, 0.005))[None], pads()
+    found = close_jaws(box, poses, hand)
+    assert found.offset == pytest.approx(-0.008)
+    held = np.array([True])
+    assert not collides_closing(box, poses, found, hand, held=held)
+    opposite = replace(found, positions=-found.positions[:, ::-1])
+    assert opposite.offset == pytest.approx(0.008)
+    assert collides_closing(box, poses, opposite, hand, held=held)
 
 
 @pytest.mark.parametrize("hand", [pads(), tips()])

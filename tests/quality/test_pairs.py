@@ -212,6 +212,19 @@ def test_separating_directions_separate(kind: str, seed: int) -> None:
             assert across or np.linalg.norm(seen) < 1e-9
 
 
+@given(KINDS, SEEDS, FORMS)
+@settings(deadline=None, max_examples=40)
+def test_forces_in_equilibrium_press_against_each_other(
+    kind: str, seed: int, form: dict[str, Any]
+) -> None:
+    contacts = drawn(kind, seed, 10)
+    found = epsilon(contacts, **form)
+    forces = found.certificate.equilibrium[found.closed, :, :3]
+    known = np.isfinite(forces).all(axis=(1, 2))  # not where only the hull proves closure
+    np.testing.assert_allclose(forces[known].sum(axis=1), 0.0, atol=1e-9)
+    assert ((forces * contacts.normals[found.closed]).sum(axis=-1)[known] > 0.0).all()
+
+
 def test_contacts_that_nearly_coincide_are_left_to_the_growing_hull() -> None:
     near = Contacts([[1.0, 0.0, 0.0], [1.0 + 1e-6, 0.0, 0.0]], [[1, 0, 0], [-1, 0, 0]], 0.5)
     assert left_to_the_hull(near) == 1
