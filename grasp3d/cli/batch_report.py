@@ -1,15 +1,20 @@
-"""Output of `grasp3d batch`: a table of the meshes, the failures, and the paths of the results."""
+"""Printed report of `grasp3d batch`: the meshes, the failures, and the paths of the results."""
 
 from collections import Counter
 from collections.abc import Collection, Sequence
 from typing import get_args
 
-from rich.console import Console
-from rich.table import Table
-
 from grasp3d.batch.library import REPORT, LibraryLabels
 from grasp3d.batch.row import Outcome, Row
-from grasp3d.cli.report import CHECK_HINT, angle_text, escaped
+from grasp3d.cli.report import (
+    CHECK_HINT,
+    FAILED,
+    WARNING,
+    Report,
+    angle_text,
+    escaped,
+    table_of,
+)
 from grasp3d.cli.uncertainty_report import MARGIN, is_uncertain, margin_text
 from grasp3d.grasps.verdict import Word
 from grasp3d.settings import GraspModel
@@ -32,30 +37,28 @@ def print_library(library: LibraryLabels, model: GraspModel, *, report: bool) ->
         model: Model of the labels.
         report: Whether the report was written.
     """
-    console = Console(emoji=False)
-    rows = library.rows.values()
+    output, rows = Report(), library.rows.values()
     if len(rows) <= MAX_ROWS:
-        _print_table(console, rows, model)
-    for warning in library.warnings:
-        console.print(f"[yellow]warning:[/] {escaped(warning)}", soft_wrap=True)
-    failed = [escaped(row.error) for row in library.failed]
-    _print_some(console, "[red]failed:[/]", failed, "failures")
+        _print_table(output, rows, model)
+    output.lines(library.warnings, WARNING)
+    failed = [row.error for row in library.failed]
+    _print_some(output, FAILED, failed, "failures")
     warned = [
-        escaped(f"{row.mesh}: {row.warnings}")
+        f"{row.mesh}: {row.warnings}"
         for row in rows
         if row.outcome == Outcome.LABELLED and row.warnings
     ]
-    _print_some(console, "[yellow]warning:[/]", warned, "warnings")
+    _print_some(output, WARNING, warned, "warnings")
     if failed or warned:
-        console.print(CHECK_HINT)
+        output.paragraph(CHECK_HINT)
     verdicts = _verdicts(rows)
     if verdicts:
-        console.print(verdicts)
+        output.paragraph(verdicts)
     before = f"; {library.finished} of them were finished before" if library.finished else ""
-    console.print(f"{len(rows) - len(failed)} labelled, {len(failed)} failed{before}")
-    console.print(f"written: {escaped(library.output)}", soft_wrap=True)
+    output.paragraph(f"{len(rows) - len(failed)} labelled, {len(failed)} failed{before}")
+    output.written(library.output)
     if report:
-        console.print(f"report: {escaped(f'{library.output}/{REPORT}')}", soft_wrap=True)
+        output.lines([f"{library.output}/{REPORT}"], "report:")
 
 
 def _verdicts(rows: Collection[Row]) -> str:
@@ -66,34 +69,29 @@ def _verdicts(rows: Collection[Row]) -> str:
 
 def print_failed(library: LibraryLabels) -> None:
     """Print only the failures, to standard error."""
-    console = Console(stderr=True, emoji=False)
-    _print_some(console, "failed:", [escaped(row.error) for row in library.failed], "failures")
+    errors = [row.error for row in library.failed]
+    _print_some(Report(errors=True), "failed:", errors, "failures")
 
 
-def _print_some(console: Console, mark: str, lines: Sequence[str], what: str) -> None:
-    for line in lines[:MAX_MESSAGES]:
-        console.print(f"{mark} {line}", soft_wrap=True)
+def _print_some(report: Report, mark: str, lines: Sequence[str], what: str) -> None:
+    report.lines(lines[:MAX_MESSAGES], mark)
     more = len(lines) - MAX_MESSAGES
     if more > 0:
-        console.print(f"{mark} {more} more {noun(more, what)}: see the summary or the report")
+        report.paragraph(f"{mark} {more} more {noun(more, what)}: see the summary or the report")
 
 
-def _print_table(console: Console, rows: Collection[Row], model: GraspModel) -> None:
-    table = Table(box=None, pad_edge=False)
-    table.add_column("mesh", overflow="fold")
+def _print_table(report: Report, rows: Collection[Row], model: GraspModel) -> None:
     uncertain = is_uncertain(model)
-    margin = ["margin"] if uncertain else []
-    for heading in ("vertices", "S %", "M %", "U %", "β* 10/50/90 %", *margin, EPSILON_MIN, "s"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for row in rows:
-        table.add_row(*_cells(row, uncertain=uncertain))
-    console.print(table)
+    margin = ["margin"] * uncertain
+    names = ("vertices", "S %", "M %", "U %", "β* 10/50/90 %", *margin, EPSILON_MIN, "s")
+    cells = (_cells(row, uncertain=uncertain) for row in rows)
+    report.table(table_of(("mesh", *names), cells))
     legend = ", ".join(f"{code.name} {meaning}" for code, meaning in MEANING["label"].items())
     safe = f" ({SAFE_LABELS})" if model.certainty == "safe" else ""
     spare, medians = (
         (MARGIN, "margin and ε_min are medians") if uncertain else ("", "ε_min is a median")
     )
-    console.print(
+    report.paragraph(
         f"{legend}{safe}; area fractions; β* critical friction angle; {spare}"
         f"{epsilon_min_text(model)}; {medians} over the area; s: seconds"
     )

@@ -2,15 +2,13 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from grasp3d.cli.design_options import friction_text
 from grasp3d.cli.design_report import FLAT
-from grasp3d.cli.report import escaped
+from grasp3d.cli.report import Report, escaped, exact_angle, percent_text, table_of
 from grasp3d.contact.budget import CRITICAL, MARGIN, FingerDesign, GraspSamples, MarginBudget
 from grasp3d.contact.sensor import JointEncoders, Sensor
 from grasp3d.contact.tips import CylinderTip, EllipsoidTip
@@ -63,9 +61,6 @@ def print_finger(
         encoders: The encoders; None: not given.
         other: Errors beside those of sensor and encoders; None: there are none.
     """
-    table = Table(box=None, pad_edge=False, show_header=False)
-    table.add_column(overflow="fold")
-    table.add_column(overflow="fold")
     rows = [("fingertip", _tip_text(unit, tip))]
     if sensor is not None:
         rows += _sensor_rows(unit, tip, sensor)
@@ -73,11 +68,9 @@ def print_finger(
         rows += _encoder_rows(unit, encoders)
     if other is not None:
         rows += _other_rows(unit, other)
-    for row in rows:
-        table.add_row(*row)
-    console = Console()
-    console.print("[bold]Finger[/]")
-    console.print(table)
+    report = Report()
+    report.paragraph("[bold]Finger[/]")
+    report.fields(rows)
 
 
 def _tip_text(unit: Unit, tip: Tip) -> str:
@@ -91,18 +84,18 @@ def _tip_text(unit: Unit, tip: Tip) -> str:
 def _sensor_rows(unit: Unit, tip: Tip, sensor: Sensor) -> Iterator[tuple[str, str]]:
     yield "receptive field", f"{sensor.receptive_field:.4g} {unit}"
     if isinstance(tip, EllipsoidTip):
-        yield "sensor resolution, at worst", _angle(sensor.resolution)
+        yield "sensor resolution, at worst", exact_angle(sensor.resolution)
         for axis in range(3):
             towards = np.eye(3)[axis]
             found = tip.resolution_at(sensor.receptive_field, towards).resolution
-            yield f"  at the end of semi-axis {axis + 1}", _angle(found)
+            yield f"  at the end of semi-axis {axis + 1}", exact_angle(found)
         yield "sensors on half of it", f"at least {tip.sensors_by_discs(sensor.receptive_field)}"
     elif isinstance(tip, CylinderTip):
-        yield "sensor resolution, at worst", f"{_angle(sensor.resolution)}, around the axis"
+        yield "sensor resolution, at worst", f"{exact_angle(sensor.resolution)}, around the axis"
     elif sensor.flat:
         yield "sensor resolution", FLAT
     else:
-        yield "sensor resolution", _angle(sensor.resolution)
+        yield "sensor resolution", exact_angle(sensor.resolution)
     yield "location uncertainty", f"within {sensor.location_uncertainty:.4g} {unit}"
 
 
@@ -139,31 +132,22 @@ def print_designs(
         grasps: The grasps that it is for.
         source: The object that they are of; '': one grasp.
     """
-    console = Console(emoji=False)
+    report = Report()
     if source:
-        console.print(f"\n[bold]Object[/]: {escaped(source)}", soft_wrap=True)
+        report.line(f"\n[bold]Object[/]: {escaped(source)}")
     for friction, budget in mean_budgets(designs, grasps).items():
-        console.print(f"\n{_heading(unit, friction, grasps, source)}")
-        _print_bars(console, budget)
-        console.print(_verdict(budget, source))
+        report.paragraph(f"\n{_heading(unit, friction, grasps, source)}")
+        _print_bars(report, budget)
+        report.paragraph(_verdict(budget, source))
     if source:
-        console.print("\n[bold]Area fraction of S: as given, and without an uncertainty[/]")
-        console.print(_losses(designs, grasps))
-        console.print(_OBJECT_NOTE)
-    console.print("\n[bold]Limits[/]")
-    console.print(_limits(unit, tip, designs, grasps, FRACTIONS if source else (1.0,)))
-    console.print(_LIMITS_NOTE)
+        report.paragraph("\n[bold]Area fraction of S: as given, and without an uncertainty[/]")
+        report.table(_losses(designs, grasps))
+        report.paragraph(_OBJECT_NOTE)
+    report.paragraph("\n[bold]Limits[/]")
+    report.table(_limits(unit, tip, designs, grasps, FRACTIONS if source else (1.0,)))
+    report.paragraph(_LIMITS_NOTE)
     if not np.isfinite(grasps.opening).any():
-        console.print(_LOCATIONS_NOTE)
-
-
-def print_written(path: Path) -> None:
-    """Print the name of a file that was written.
-
-    Args:
-        path: The file.
-    """
-    Console(emoji=False).print(f"written: {escaped(str(path))}", soft_wrap=True)
+        report.paragraph(_LOCATIONS_NOTE)
 
 
 def mean_budgets(designs: Sequence[FingerDesign], grasps: GraspSamples) -> dict[str, MarginBudget]:
@@ -192,20 +176,16 @@ def _heading(unit: Unit, friction: str, grasps: GraspSamples, source: str) -> st
     return f"[bold]Budget at friction {friction}[/]{apart}"
 
 
-def _print_bars(console: Console, budget: MarginBudget) -> None:
+def _print_bars(report: Report, budget: MarginBudget) -> None:
     """Print the friction angle and below it its parts, each bar where the one before ends."""
-    width = min(WIDEST, max(NARROWEST, console.width - BESIDE_BAR))
+    width = min(WIDEST, max(NARROWEST, report.console.width - BESIDE_BAR))
     total = float(budget.friction_angle)
     scale = width / max(total, float(budget.uncertain + budget.critical_angle))
 
     def block(bar: str) -> str:
-        return bar.translate(_ASCII) if console.options.ascii_only else bar
+        return bar.translate(_ASCII) if report.console.options.ascii_only else bar
 
-    table = Table(box=None, pad_edge=False, show_header=False)
-    table.add_column()
-    table.add_column(justify="right")
-    table.add_column(no_wrap=True)
-    table.add_row("friction angle", _angle(total), block(_bar(0.0, total, scale)))
+    rows = [("friction angle", exact_angle(total), block(_bar(0.0, total, scale)))]
     start = 0.0
     for name, value in budget.stack.items():
         angle = float(value)
@@ -214,14 +194,16 @@ def _print_bars(console: Console, budget: MarginBudget) -> None:
         low, high = sorted((start, start + angle))
         style = "" if name != MARGIN else "green" if angle > 0.0 else "red"
         bar = block(_bar(low, high, scale, _MISSING if angle < 0.0 else _BAR))
-        table.add_row(name, _angle(angle), f"[{style}]{bar}[/]" if style else bar)
+        rows.append((name, exact_angle(angle), f"[{style}]{bar}[/]" if style else bar))
         start += angle
-    console.print(table)
+    table = table_of(("", "", ""), rows)
+    table.columns[2].justify = "left"
+    report.table(table)
 
 
 def _verdict(budget: MarginBudget, source: str) -> str:
     """The margin in words, and what costs the most."""
-    angle = _angle(float(budget.margin))
+    angle = exact_angle(float(budget.margin))
     stable = "surely stable" if float(budget.margin) > 0.0 else "not surely stable"
     margin = f"the mean margin is {angle}" if source else f"{stable}: the margin is {angle}"
     if float(budget.critical_angle) >= float(budget.friction_angle):
@@ -239,7 +221,6 @@ def _bar(low: float, high: float, scale: float, block: str = _BAR) -> str:
 def _losses(designs: Sequence[FingerDesign], grasps: GraspSamples) -> Table:
     """Fractions S, and those with one uncertainty removed, a column for each friction."""
     frictions = [friction_text(friction_interval(design.friction)) for design in designs]
-    table = _table("", *(f"μ {friction}" for friction in frictions))
     budgets = [design.budget(grasps) for design in designs]
     used = [
         name
@@ -250,10 +231,11 @@ def _losses(designs: Sequence[FingerDesign], grasps: GraspSamples) -> Table:
     for name in used:
         changes[f"without {name}"] = lambda one, name=name: one.without(name)  # type: ignore[misc]
     changes["without any"] = lambda one: FingerDesign(one.without("friction").friction)
-    for text, change in changes.items():
-        fractions = (change(design).stable_fraction(grasps) for design in designs)
-        table.add_row(text, *(f"{100.0 * fraction:.1f} %" for fraction in fractions))
-    return table
+    rows = (
+        (text, *(percent_text(change(design).stable_fraction(grasps)) for design in designs))
+        for text, change in changes.items()
+    )
+    return table_of(("", *(f"μ {friction}" for friction in frictions)), rows, folded=True)
 
 
 def _limits(
@@ -271,14 +253,14 @@ def _limits(
     headings += [] if _is_flat(tip) else ["resolution\nbelow"]
     headings += ["counts\nat least"] if designs[0].encoders else []
     headings += [f"other location\nerror below, {unit}"] if located else []
-    table = _table(*headings)
+    rows = []
     for design in designs:
         for fraction in fractions:
             row = [friction_text(friction_interval(design.friction))]
             row += [f"{100.0 * fraction:g} %"] if several else []
             row += _limits_of(design, grasps, fraction, tip, located=located)
-            table.add_row(*row)
-    return table
+            rows.append(row)
+    return table_of(headings, rows, folded=True)
 
 
 def _limits_of(
@@ -306,24 +288,13 @@ def _resolution(field: float, tip: Tip) -> str:
     if not 0.0 < field < math.inf:
         return _limit(field)
     sensor = Sensor(field, tip) if isinstance(tip, float) else tip.sensor(field)
-    return _angle(sensor.resolution)
+    return exact_angle(sensor.resolution)
 
 
 def _limit(value: float) -> str:
     if value == 0.0:
         return "none"
     return f"{value:#.4g}" if math.isfinite(value) else "any"
-
-
-def _table(*headings: str) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for number, heading in enumerate(headings):
-        table.add_column(heading, justify="right" if number else "left", overflow="fold")
-    return table
-
-
-def _angle(angle: float) -> str:
-    return f"{round(math.degrees(angle), 2) + 0.0:.2f}°"  # never -0.00
 
 
 def _small_angle(angle: float) -> str:

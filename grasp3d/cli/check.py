@@ -1,5 +1,8 @@
 """The command `grasp3d check`: diagnoses meshes before they are labelled."""
 
+import math
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
@@ -17,13 +20,27 @@ from grasp3d.cli.options import (
     Quiet,
     given_sampling,
 )
+from grasp3d.cli.report import FAILED, Report, escaped, table_of
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
+from grasp3d.system.counts import counted, noun
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from grasp3d.batch.batch_settings import BatchSettings
     from grasp3d.batch.checking import CheckedMesh
     from grasp3d.batch.inputs import MeshFile
+    from grasp3d.mesh.diagnosis import MeshDiagnosis, SurfaceMeasures, Trust
+
+MAX_PAGES = 3
+"""Largest number of meshes with a page each."""
+
+_COLORS = {"yes": "green", "with care": "yellow", "no": "red"}
+"""Colours of the values of `Trust`."""
+
+_MIN_CHANGE = 1e-4
+"""Relative change below which nothing is printed."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +94,6 @@ class Check:
         from grasp3d.batch.checking import SUFFIXES, json_of, write_checks
         from grasp3d.batch.inputs import find_meshes
         from grasp3d.batch.storage import local_path
-        from grasp3d.cli import check_report
         from grasp3d.cli.existing_files import check_replaceable
         from grasp3d.mesh.diagnosis import Trust
         from grasp3d.system.files import check_suffix, check_writable
@@ -98,24 +114,214 @@ class Check:
             print(json_of(meshes, settings))  # noqa: T201
         elif not self.quiet:
             given = {str(local_path(item) or item) for item in self.inputs}
-            check_report.print_checks(meshes, named=all(file.source in given for file in files))
+            print_checks(meshes, named=all(file.source in given for file in files))
         accepted = {Trust.YES} if self.strict else {Trust.YES, Trust.CARE}
         return 0 if all(mesh.trust in accepted for mesh in meshes) else 1
 
     def _checked(self, files: list["MeshFile"], settings: "BatchSettings") -> list["CheckedMesh"]:
         """Check one mesh in this process, several in child processes."""
         from grasp3d.batch.checking import check_file, lost_check
-        from grasp3d.cli import report
+        from grasp3d.cli import progress_bars
 
         if len(files) == 1:
             return [check_file(files[0], settings, force=self.force)]
         from grasp3d.batch.run import run
 
         rows = []
-        with report.counter("checking", len(files), quiet=self.quiet) as advance:
+        with progress_bars.counter("checking", len(files), quiet=self.quiet) as advance:
             check = partial(check_file, force=self.force)
             checks = run(check, files, settings, lost=lost_check, cluster=self.cluster, kernels=0)
             for row in checks:
                 rows.append(row)
                 advance()
         return sorted(rows, key=lambda row: row.name)
+
+
+def print_checks(meshes: Sequence["CheckedMesh"], *, named: bool) -> None:
+    """Print a page for each of a few named meshes, otherwise a line for each mesh.
+
+    Args:
+        meshes: Checked meshes.
+        named: Whether the user named every mesh, instead of folders or lists.
+    """
+    report = Report()
+    if named and len(meshes) <= MAX_PAGES:
+        for mesh in meshes:
+            _print_page(report, mesh)
+        return
+    _print_lines(report, meshes)
+
+
+def _print_page(report: Report, mesh: "CheckedMesh") -> None:
+    diagnosis = mesh.diagnosis
+    if diagnosis is None:
+        report.lines([mesh.refusal], FAILED)
+        return
+    file = f"{diagnosis.format.upper()}, {_bytes(diagnosis)}"
+    report.paragraph(f"[bold]{escaped(diagnosis.mesh)}[/]: {file}")
+    report.lines([_unit(diagnosis)], "unit:")
+    extents = " x ".join(f"{extent:.4g}" for extent in diagnosis.extents)
+    unit = f" {diagnosis.unit}" if diagnosis.unit else ""
+    size = f"{diagnosis.size:.4g}{unit} (diameter of the bounding sphere)"
+    report.line(f"extents {extents}{unit}; size {size}")
+    report.table(_measures(diagnosis))
+    for step in diagnosis.repairs:
+        report.line(f"repaired: {step}")
+    report.paragraph(
+        f"self-intersecting faces: {diagnosis.crossing_faces:,}; noise of normals: "
+        f"{math.degrees(diagnosis.noise):.1f}°; manifold: {_manifold(diagnosis)}"
+    )
+    cost = diagnosis.cost
+    report.paragraph(
+        f"labelling: {counted(diagnosis.label_vertices, 'vertices')}, "
+        f"{'several times' if cost.more else 'about'} {_seconds(cost.seconds)} and "
+        f"{cost.memory:.1f} GB"
+    )
+    report.paragraph(f"labels can be trusted: {_colored(diagnosis.trust)}")
+    for warning in diagnosis.warnings:
+        report.lines([warning.message], _colored(warning.trust, "•"))
+
+
+def _colored(trust: "Trust", text: str | None = None) -> str:
+    """A text in the colour of the trust; None: its own."""
+    return f"[{_COLORS[trust]}]{trust if text is None else text}[/]"
+
+
+def _unit(diagnosis: "MeshDiagnosis") -> str:
+    if diagnosis.unit is None:
+        return f"not stated; {diagnosis.guess.reason}"
+    if diagnosis.guess.unit in {None, diagnosis.unit}:
+        return diagnosis.unit
+    suggested = f"its size suggests {diagnosis.guess.unit}: {diagnosis.guess.reason}"
+    return f"{diagnosis.unit} as stated; {suggested}"
+
+
+def _manifold(diagnosis: "MeshDiagnosis") -> str:
+    return "yes" if diagnosis.manifold == "NoError" else f"no ({diagnosis.manifold})"
+
+
+def _measures(diagnosis: "MeshDiagnosis") -> "Table":
+    """Return a table of the measures before and after repair."""
+    before, after = both = diagnosis.before, diagnosis.after
+    length, area, volume = (
+        f", {diagnosis.unit}{power}" if diagnosis.unit else "" for power in ("", *"²³")
+    )
+    shift = diagnosis.center_shift if before.closed and after.closed else 0.0
+    cavities = f", cavities: {diagnosis.cavities}" if diagnosis.cavities else ""
+    rows = [
+        ("vertices, faces", *(f"{one.vertices:,} {one.faces:,}" for one in both), ""),
+        ("watertight", *map(_closed, both), ""),
+        (f"area{area}", *(f"{one.area:.5g}" for one in both), _change(before.area, after.area)),
+        (f"volume{volume}", *map(_volume, both), _volume_change(before, after)),
+        (
+            f"centre of mass{length}",
+            *(_center(one, diagnosis.size) for one in both),
+            f"{100.0 * shift:.2g} % of the size" if shift > _MIN_CHANGE else "",
+        ),
+        ("bodies", "", f"{diagnosis.bodies}{cavities}", ""),
+    ]
+    table = table_of(("", "in the file", "after repair", "change"), rows, folded=True)
+    table.columns[-1].justify = "left"
+    return table
+
+
+def _closed(measured: "SurfaceMeasures") -> str:
+    words = ["yes" if measured.closed else "no"]
+    if not measured.closed and not measured.boundary_edges:
+        words.append("inconsistent orientation")
+    if measured.boundary_edges:
+        words.append(f"{counted(measured.boundary_edges, 'edges')} with one face")
+    if measured.crowded_edges:
+        words.append(f"{measured.crowded_edges:,} with more than two")
+    return ", ".join(words)
+
+
+def _center(measured: "SurfaceMeasures", size: float) -> str:
+    """Format the centre of mass, to a thousandth of the object's size."""
+    if not measured.closed:
+        return "open"
+    digits = max(0, 3 - math.floor(math.log10(size)))
+    return " ".join(f"{round(x, digits) + 0.0:.{digits}f}" for x in measured.center_mass)
+
+
+def _volume(measured: "SurfaceMeasures") -> str:
+    return "open" if measured.volume is None else f"{measured.volume:.5g}"
+
+
+def _volume_change(before: "SurfaceMeasures", after: "SurfaceMeasures") -> str:
+    if before.volume is None or after.volume is None:
+        return ""
+    return _change(before.volume, after.volume)
+
+
+def _change(before: float, after: float) -> str:
+    if abs(after - before) <= _MIN_CHANGE * abs(after):
+        return ""
+    if before * after < 0.0:
+        return "inverted"
+    if not before:
+        return "new"
+    percent = 100.0 * (after / before - 1.0)
+    return f"{percent:+.2g} %" if abs(percent) < 99.5 else f"{percent:+,.0f} %"
+
+
+def _bytes(diagnosis: "MeshDiagnosis") -> str:
+    size = float(diagnosis.file_bytes or 0)
+    for unit in ("bytes", "kB", "MB"):
+        if size < 1000.0:
+            return f"{size:.3g} {noun(int(size), unit)}"
+        size /= 1000.0
+    return f"{size:.3g} GB"
+
+
+def _seconds(seconds: float) -> str:
+    if seconds < 1.0:
+        return "a second"
+    minutes = seconds / 60.0
+    return f"{seconds:.0f} s" if minutes < 2.0 else f"{minutes:.0f} min"
+
+
+def _print_lines(report: Report, meshes: Sequence["CheckedMesh"]) -> None:
+    """Print a line for each mesh, then the errors and the warnings."""
+    headings = ("faces", "size", "bodies", "closed", "repairs", "crossing", "noise")
+    table = table_of(("mesh", "labels", *headings), map(_cells, meshes))
+    table.columns[0].min_width, table.columns[1].justify = 12, "left"
+    table.padding = (0, 1, 0, 0)
+    report.table(table)
+    report.paragraph(
+        "labels: whether they can be trusted; size: with the stated unit, or with ? the unit that "
+        "it suggests; closed: watertight, in the file > after repair; repairs: kinds of repair; "
+        "crossing: self-intersecting faces; noise: of the normals"
+    )
+    for mesh in meshes:
+        if mesh.diagnosis is None:
+            report.lines([mesh.refusal], FAILED)
+            continue
+        for warning in mesh.diagnosis.warnings:
+            mark = _colored(warning.trust, f"{warning.trust}:")
+            report.lines([f"{mesh.name}: {warning.message}"], mark)
+    trusts = Counter(mesh.diagnosis.trust for mesh in meshes if mesh.diagnosis is not None)
+    counts = ", ".join(f"{trusts[trust]} {trust}" for trust in _COLORS)  # type: ignore[index]
+    report.paragraph(
+        f"{counted(len(meshes), 'meshes')}; labels can be trusted: {counts}; "
+        f"{len(meshes) - trusts.total()} failed"
+    )
+
+
+def _cells(mesh: "CheckedMesh") -> list[str]:
+    diagnosis = mesh.diagnosis
+    if diagnosis is None:
+        return [escaped(mesh.name), "[red]failed[/]", *[""] * 7]
+    before, after = ("yes" if one.closed else "no" for one in (diagnosis.before, diagnosis.after))
+    unit = diagnosis.unit or (f"{diagnosis.guess.unit}?" if diagnosis.guess.unit else "?")
+    return [
+        escaped(mesh.name),
+        _colored(diagnosis.trust),
+        f"{diagnosis.after.faces:,}",
+        f"{diagnosis.size:.3g} {unit}",
+        str(diagnosis.bodies),
+        before if before == after else f"{before} > {after}",
+        str(len(diagnosis.repairs)),
+        str(diagnosis.crossing_faces),
+        f"{math.degrees(diagnosis.noise):.1f}°",
+    ]

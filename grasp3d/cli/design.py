@@ -10,6 +10,7 @@ import tyro
 
 from grasp3d.cli.design_options import FrictionList, GraspOptions, JointOptions
 from grasp3d.cli.options import Flag, Force, LengthOption, OutputFile, SensorResolution
+from grasp3d.cli.report import Report
 from grasp3d.contact.sensor import Sensor, overlapping_field, radius_of
 from grasp3d.errors import SettingError
 from grasp3d.settings.lengths import AnyLength, Unit, length_in_unit, measure
@@ -186,7 +187,7 @@ class Design:
 
         budgets = report.mean_budgets(self.designs, grasps)
         save_as(budget_figure({f"μ {friction}": one for friction, one in budgets.items()}), path)
-        report.print_written(path)
+        Report().written(path)
 
     @property
     def has_budget(self) -> bool:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from grasp3d.cli import report
+from grasp3d.cli import progress_bars
 from grasp3d.cli.design_options import GraspOptions
 from grasp3d.contact.budget import FingerDesign, GraspSamples
 from grasp3d.errors import SettingError
@@ -62,7 +62,7 @@ def grasps_of(
     widest = math.inf if options.max_opening is None else options.max_opening
     scale = METRES[mesh.unit] / METRES[unit]
     columns = []
-    with report.progress(f"searching {name}", quiet=False) as progress:
+    with progress_bars.progress(f"searching {name}", quiet=False) as progress:
         for number, model in enumerate(_models(designs, mesh.size * scale, unit)):
             labels = label_surface(
                 mesh,

@@ -4,9 +4,9 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from rich.console import Console
 from rich.table import Table
 
+from grasp3d.cli.report import WARNING, Report, exact_angle, table_of
 from grasp3d.contact.friction_cones import effective_friction
 from grasp3d.contact.sensor import Sensor, resolution_limit
 from grasp3d.settings.lengths import Unit
@@ -70,12 +70,12 @@ class Setup:
         """Format a length with its unit."""
         return f"{value:.4g} {self.unit}"
 
-    def print_notes(self, console: Console) -> None:
+    def print_notes(self, report: Report) -> None:
         """Print the notes on numbers of sensors and on uncertain locations."""
         if not self.flat:
-            console.print(_COUNTS_NOTE)
+            report.paragraph(_COUNTS_NOTE)
         if self.object_size is None:
-            console.print(_LOCATIONS_NOTE)
+            report.paragraph(_LOCATIONS_NOTE)
 
 
 def print_limits(setup: Setup, frictions: Sequence[float], *, paper: bool = False) -> None:
@@ -89,53 +89,48 @@ def print_limits(setup: Setup, frictions: Sequence[float], *, paper: bool = Fals
     # A flat tip has a limit only if locations are included; otherwise `limiting` raises an error.
     openings = setup.openings[1:] if setup.flat and setup.object_size else setup.openings
     tables = [(heading, _limits(setup, opening, frictions)) for opening, heading in openings]
-    console = Console()
-    console.print("[bold]Required sensor for each friction[/]")
-    console.print(f"fingertip: {setup.fingertip}")
-    _print_tables(console, tables)
-    console.print(
+    report = Report()
+    report.paragraph("[bold]Required sensor for each friction[/]")
+    report.paragraph(f"fingertip: {setup.fingertip}")
+    _print_tables(report, tables)
+    report.paragraph(
         "\nGrasps can be surely stable only with a finer sensor than this; grasp3d sweep computes "
         "the area fraction of an object where they are."
     )
-    setup.print_notes(console)
+    setup.print_notes(report)
     if paper:
-        console.print(_PAPER_NOTE)
+        report.paragraph(_PAPER_NOTE)
 
 
 def _limits(setup: Setup, opening: float, frictions: Sequence[float]) -> Table:
     headings = ["friction", f"receptive field\nbelow, {setup.unit}"]
     if not setup.flat:
         headings += ["resolution\nbelow", "sensors,\ndiscs", "sensors,\ncaps"]
-    table = _table(*headings)
+    rows = []
     for friction in frictions:
         sensor = Sensor.limiting(friction, setup.radius, opening=opening)
         row = [f"{friction:g}", f"{sensor.receptive_field:#.4g}"]
         if not setup.flat:
-            row += [_angle(sensor.resolution), *_counts(sensor)]
-        table.add_row(*row)
-    return table
+            row += [exact_angle(sensor.resolution), *_counts(sensor)]
+        rows.append(row)
+    return table_of(headings, rows, texts=0, folded=True)
 
 
 def print_sensor(setup: Setup, sensor: Sensor) -> None:
     """Print the properties of a sensor, and the friction that it requires."""
-    table = Table(box=None, pad_edge=False, show_header=False)
-    table.add_column(overflow="fold")
-    table.add_column(overflow="fold")
-    for row in [*_sensor_rows(setup, sensor), *_size_rows(setup, sensor)]:
-        table.add_row(*row)
     warnings = () if setup.object_size is None else sensor.warnings(setup.object_size)
-    console = Console()
-    console.print("[bold]Required friction for this sensor[/]")
-    console.print(table)
+    report = Report()
+    report.paragraph("[bold]Required friction for this sensor[/]")
+    report.fields([*_sensor_rows(setup, sensor), *_size_rows(setup, sensor)])
     for warning in warnings:
-        console.print(f"[yellow]warning:[/] {warning}")
-    setup.print_notes(console)
+        report.paragraph(f"{WARNING} {warning}")
+    setup.print_notes(report)
 
 
 def _sensor_rows(setup: Setup, sensor: Sensor) -> Iterator[tuple[str, str]]:
     yield "fingertip", setup.fingertip
     yield "receptive field", setup.length(sensor.receptive_field)
-    yield "sensor resolution", FLAT if sensor.flat else _angle(sensor.resolution)
+    yield "sensor resolution", FLAT if sensor.flat else exact_angle(sensor.resolution)
     yield "location uncertainty", f"within {setup.length(sensor.location_uncertainty)}"
     if not sensor.flat:
         discs, caps = _counts(sensor)
@@ -146,7 +141,7 @@ def _sensor_rows(setup: Setup, sensor: Sensor) -> Iterator[tuple[str, str]]:
 def _size_rows(setup: Setup, sensor: Sensor) -> Iterator[tuple[str, str]]:
     if setup.object_size is not None:
         yield f"two fingers {setup.length(setup.object_size)} apart", ""
-        yield "  their line tilts by up to", _angle(sensor.line_error(setup.object_size))
+        yield "  their line tilts by up to", exact_angle(sensor.line_error(setup.object_size))
         required = sensor.required_friction_at(setup.object_size)
         yield "  required friction with this", _above(required)
 
@@ -156,13 +151,13 @@ def print_comparison(setup: Setup, sensor: Sensor, frictions: Sequence[float]) -
     tables = [
         (heading, _comparison(sensor, opening, frictions)) for opening, heading in setup.openings
     ]
-    console = Console()
-    console.print("\n[bold]Comparison of this sensor with each friction[/]")
-    console.print(
+    report = Report()
+    report.paragraph("\n[bold]Comparison of this sensor with each friction[/]")
+    report.paragraph(
         "For the best grasps: two fingers that push along the line through both contacts."
     )
-    _print_tables(console, tables)
-    console.print(
+    _print_tables(report, tables)
+    report.paragraph(
         "\nmargin: friction angle minus the largest angle between a normal and this line; "
         "effective friction: friction whose friction angle is the margin. Where the contact "
         "normals are not along the line, a finer sensor is required: see grasp3d sweep."
@@ -170,27 +165,20 @@ def print_comparison(setup: Setup, sensor: Sensor, frictions: Sequence[float]) -
 
 
 def _comparison(sensor: Sensor, opening: float, frictions: Sequence[float]) -> Table:
-    table = _table("friction", "fine\nenough", "margin", "effective\nfriction")
-    tilt = sensor.misalignment(opening)
+    tilt, rows = sensor.misalignment(opening), []
     for friction in frictions:
         margin = resolution_limit(friction) / 2.0 - tilt
         effective = float(effective_friction(friction, 2.0 * tilt))
         enough = "yes" if margin > ROUNDING else "no"
-        table.add_row(f"{friction:g}", enough, _angle(margin), f"{effective:.4g}")
-    return table
+        rows.append((f"{friction:g}", enough, exact_angle(margin), f"{effective:.4g}"))
+    headings = ("friction", "fine\nenough", "margin", "effective\nfriction")
+    return table_of(headings, rows, texts=0, folded=True)
 
 
-def _table(*headings: str) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for heading in headings:
-        table.add_column(heading, justify="right", overflow="fold")
-    return table
-
-
-def _print_tables(console: Console, tables: Sequence[tuple[str, Table]]) -> None:
+def _print_tables(report: Report, tables: Sequence[tuple[str, Table]]) -> None:
     for heading, table in tables:
-        console.print(f"\n{heading}")
-        console.print(table)
+        report.paragraph(f"\n{heading}")
+        report.table(table)
 
 
 def _above(friction: float) -> str:
@@ -203,7 +191,3 @@ def _counts(sensor: Sensor) -> tuple[str, str]:
 
 def _count(sensors: int | None) -> str:
     return "inf" if sensors is None else str(sensors)
-
-
-def _angle(angle: float) -> str:
-    return f"{round(math.degrees(angle), 2) + 0.0:.2f}°"  # never -0.00

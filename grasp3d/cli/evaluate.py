@@ -24,7 +24,6 @@ from grasp3d.system.names import safe_stem
 if TYPE_CHECKING:
     from grasp3d.arrays import Floats
     from grasp3d.grasps.poses import GraspPoses
-    from grasp3d.quality.measures.measuring import MetricValues
 
 
 @dataclass(frozen=True)
@@ -133,7 +132,7 @@ class Evaluate:
 
     def _evaluate(self, given: "GraspPoses | Floats", model: GraspModel, output: Path) -> None:
         """Evaluate grasps, write and print the results."""
-        from grasp3d.cli import grasp_report, pose_report, report
+        from grasp3d.cli import grasp_report, progress_bars
         from grasp3d.grasps.evaluated_poses import EvaluatedPoses
         from grasp3d.grasps.evaluation import evaluate_grasps
         from grasp3d.grasps.pose_evaluation import in_stated_scale
@@ -147,27 +146,22 @@ class Evaluate:
         mesh, load = loaded_mesh(mesh, self.load.chosen)
         if not self.force:
             refuse_lengths(mesh, model, load, max_distance=self.max_distance)
-        with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
+        with progress_bars.progress(
+            f"evaluating {self.contacts.name}", quiet=self.quiet
+        ) as progress:
             options: dict[str, Any] = {
                 "scene": Scene.of(self.reach, mesh), "object_motion": self.object_motion,
                 "max_distance": self.max_distance, "load": load, "progress": progress,
             }  # fmt: skip
             grasps = evaluate_grasps(mesh, given, model, **options)
-        report.measure(grasps.compute_epsilon, "measuring epsilon", quiet=self.quiet)
+        progress_bars.measure(grasps.compute_epsilon, "measuring epsilon", quiet=self.quiet)
         metrics = None if self.metrics is None else grasps.metrics(self.metrics)
         write_grasps(output, grasps, metrics=metrics)
         if self.quiet:
             return
         if isinstance(grasps, EvaluatedPoses):
-            pose_report.print_poses(grasps, output)
+            grasp_report.print_poses(grasps, output)
         else:
             grasp_report.print_evaluated(grasps, output)
-        self._print_metrics(metrics, mesh.unit)
-
-    @staticmethod
-    def _print_metrics(metrics: "MetricValues | None", unit: str | None) -> None:
-        """Print the quality measures, if there are any."""
-        from grasp3d.cli.metric_report import print_metrics
-
         if metrics is not None:
-            print_metrics(metrics, unit)
+            grasp_report.print_metrics(metrics, mesh.unit)

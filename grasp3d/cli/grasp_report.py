@@ -1,24 +1,43 @@
-"""Printed reports of grasps."""
+"""Printed reports of grasps: evaluated contacts and poses, the best of a surface, and measures."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
-from grasp3d.arrays import Floats
-from grasp3d.cli.load_report import LEGEND, holding_cells, holding_headings, print_load_of_grasps
-from grasp3d.cli.report import angle_text, escaped, print_table
+from grasp3d.cli.load_report import LEGEND, holding_columns, print_load_of_grasps
+from grasp3d.cli.report import (
+    LEVELS,
+    PERCENTS,
+    WARNING,
+    Column,
+    Report,
+    angle_text,
+    escaped,
+    label_name,
+    model_words,
+    percent_text,
+    table_of,
+    table_of_columns,
+)
 from grasp3d.cli.uncertainty_report import (
     MARGIN,
     is_uncertain,
+    margin_columns,
     margin_text,
     uncertainty_lines,
 )
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
-from grasp3d.settings.model_text import epsilon_min_text, friction_text
-from grasp3d.stability.label import COLORS, MEANING, Label
+from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
+from grasp3d.hand.closed_jaws import Closing
+from grasp3d.quality.measures.geometry import Texts
+from grasp3d.quality.measures.known import Metric
+from grasp3d.quality.measures.measuring import MetricValues
+from grasp3d.settings.model_text import epsilon_min_text
+from grasp3d.stability.label import MEANING, Label
+from grasp3d.surface.area_statistics import quantiles
 from grasp3d.surface.closed_grasps import UNKNOWN, ClosedGrasps
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system.counts import counted
@@ -26,20 +45,24 @@ from grasp3d.system.counts import counted
 MAX_ROWS = 10
 """Largest number of evaluated grasps in the table."""
 
-LEVELS = (0.1, 0.5, 0.9)
-"""Levels of the quantiles."""
-_PERCENTS = "/".join(f"{100.0 * level:.0f}" for level in LEVELS)
-
-_LEGEND = (
-    "β*: critical friction angle; α*: the grasp is surely stable at any smaller sensor resolution; "
+_SURELY = "α*: the grasp is surely stable at any smaller sensor resolution; "
+_CONTACTS_LEGEND = f"β*: critical friction angle; {_SURELY}"
+_POSES_LEGEND = (
+    f"β*: critical friction angle at the mean normals of the touched patches; {_SURELY}"
+    "area: the smaller patch; opening in "
 )
-
 _APPROACH = "approach: how far the approach may turn about the closing axis; "
-
 _CLOSED = (
     "closed: label at what the jaws touch when they close, and its margin, the friction angle to "
     "spare; "
 )
+
+_CONTACTS = {
+    "point": "",
+    "soft": "; contacts resist torsion",
+    "patch": "; contacts resist torsion and rolling",
+}
+"""What contacts are, beside points."""
 
 
 def print_evaluated(grasps: GraspTable, output: Path) -> None:
@@ -49,31 +72,25 @@ def print_evaluated(grasps: GraspTable, output: Path) -> None:
         grasps: Evaluated grasps.
         output: The file that they were written to.
     """
-    console = Console(emoji=False)
-    _print_heading(console, grasps)
+    report, mesh = Report(), grasps.mesh
+    count = f"{counted(grasps.size, 'grasps')} of {grasps.model.fingers} fingers"
+    report.line(f"[bold]{escaped(mesh.report.source)}[/]: {count}; {model_words(grasps.model)}")
     counts = np.bincount(grasps.label, minlength=len(Label))
-    table = Table("label", "", box=None, pad_edge=False)
-    table.add_column("grasps", justify="right")
-    table.add_column("fraction", justify="right")
-    for label in sorted(Label, reverse=True):
-        fraction = f"{100.0 * counts[label] / grasps.size:.1f} %"
-        table.add_row(label_name(label), MEANING["scan"][label], str(counts[label]), fraction)
-    console.print(table)
-    console.print(
-        f"critical friction angle, {_PERCENTS} % of the grasps: {_angles(grasps.critical_angle)}"
-    )
-    for line in uncertainty_lines(grasps, None, of="grasps", unit=grasps.mesh.unit):
-        console.print(escaped(line), soft_wrap=True)
-    console.print(_distance_text(grasps))
-    print_load_of_grasps(console, grasps.holding)
-    warnings = grasps.mesh.report.warnings
-    for line in warnings:
-        console.print(f"[yellow]warning:[/] {escaped(line)}", soft_wrap=True)
-    if grasps.size > MAX_ROWS:
-        console.print(f"the first {MAX_ROWS} of {grasps.size}:")
-    print_table(console, _table(grasps, MAX_ROWS, distances=True))
-    console.print(_legend(grasps), soft_wrap=True)
-    _print_written(console, output)
+    rows = [
+        (label_name(label), MEANING["scan"][label], *_number_of(int(counts[label]), grasps.size))
+        for label in sorted(Label, reverse=True)
+    ]
+    report.table(table_of(("label", "", "grasps", "fraction"), rows, texts=2))
+    angles = quantiles(grasps.critical_angle, LEVELS, np.ones(grasps.size))
+    texts = ", ".join(map(angle_text, angles))
+    report.paragraph(f"critical friction angle, {PERCENTS} of the grasps: {texts}")
+    report.lines(uncertainty_lines(grasps, None, of="grasps", unit=mesh.unit))
+    report.paragraph(_distance_text(grasps))
+    print_load_of_grasps(report, grasps.holding)
+    report.lines(mesh.report.warnings, WARNING)
+    _print_first(report, [*_columns(grasps), *_conditional_columns(grasps, distances=True)], grasps)
+    report.line(_legend(grasps))
+    report.written(output)
 
 
 def print_best(
@@ -88,50 +105,105 @@ def print_best(
         drawn: Whether pictures of them were written to a file of the same name.
         written: Whether that file was written.
     """
-    console = Console(emoji=False)
+    report = Report()
     if not grasps.size:
-        console.print("best grasps: none found")
+        report.paragraph("best grasps: none found")
     else:
         what = "best distinct grasp" if grasps.size == 1 else f"{grasps.size} best distinct grasps"
-        console.print(f"the {what}:")
-        print_table(console, _table(grasps, grasps.size))
-        console.print(_legend(grasps), soft_wrap=True)
+        report.paragraph(f"the {what}:")
+        columns = [*_columns(grasps), *_conditional_columns(grasps)]
+        report.table(table_of_columns(columns, grasps.size), whole=True)
+        report.line(_legend(grasps))
         note = "" if grasps.closed is None else grasps.closed.note(grasps.label)
         if note:
-            console.print(f"[yellow]warning:[/] {note}", soft_wrap=True)
+            report.line(f"{WARNING} {note}")
         if grasps.size < requested:
-            console.print(f"{requested} were requested; all others are similar to one of these")
-    if grasps.size and not drawn:
-        console.print(
-            "no pictures: they need OpenGL, which is not available (on Debian: libegl1 libgl1)",
-            soft_wrap=True,
-        )
+            report.paragraph(f"{requested} were requested; all others are similar to one of these")
+        if not drawn:
+            report.line(
+                "no pictures: they need OpenGL, which is not available (on Debian: libegl1 libgl1)"
+            )
     if written:
-        _print_written(console, output, *([output.with_suffix(".png")] if drawn else []))
+        report.written(output, *([output.with_suffix(".png")] if drawn else []))
 
 
-def _print_heading(console: Console, grasps: GraspTable) -> None:
-    mesh, model = grasps.mesh, grasps.model
-    console.print(
-        f"[bold]{escaped(mesh.report.source)}[/]: "
-        f"{counted(grasps.size, 'grasps')} of {model.fingers} fingers; friction "
-        f"{friction_text(model)}, sensor resolution "
-        f"{math.degrees(model.sensor_resolution):.4g}°",
-        soft_wrap=True,
+def print_poses(poses: EvaluatedPoses, output: Path) -> None:
+    """Print the numbers of poses by label and by what the jaws do, and the first poses.
+
+    Args:
+        poses: Evaluated poses.
+        output: The file that they were written to.
+    """
+    report, mesh, model = Report(), poses.mesh, poses.model
+    report.line(
+        f"[bold]{escaped(mesh.report.source)}[/]: {counted(poses.size, 'poses')} of gripper "
+        f"{escaped(poses.hand.name)}; {model_words(model)}{_CONTACTS[model.contact]}"
     )
+    rows = [(*names, *_number_of(count, poses.size)) for names, count in _pose_counts(poses)]
+    report.table(table_of(("", "", "poses", "fraction"), rows, texts=2))
+    report.lines(uncertainty_lines(poses, None, of="poses", unit=mesh.unit))
+    if not np.isnan(poses.outcome).all():
+        report.line(_outcomes(poses))
+    print_load_of_grasps(report, poses.holding)
+    report.lines(poses.warnings, WARNING)
+    _print_first(report, _pose_columns(poses), poses)
+    report.line(f"{_added_legend(poses)}{_POSES_LEGEND}{mesh.unit}")
+    report.written(output)
+
+
+def print_metrics(metrics: MetricValues, unit: str | None) -> None:
+    """Print the quantiles of each quality measure over the grasps, and why some are undefined.
+
+    Args:
+        metrics: Values of the grasps.
+        unit: Unit of lengths; None: not stated.
+    """
+    report, rows = Report(), []
+    for metric in metrics.descriptions:
+        values = np.ravel(metrics[metric.name])
+        defined = values[~np.isnan(values)]
+        texts = ["none"] * len(LEVELS)
+        if len(defined):
+            texts = [f"{value:.4g}" for value in np.quantile(defined, LEVELS)]
+        missing = len(values) - len(defined)
+        name = escaped(f"{metric.name}{_unit_text(metric, unit)}")
+        rows.append([name, metric.better, *texts, str(missing) if missing else ""])
+    levels = (f"{100.0 * level:.0f} %" for level in LEVELS)
+    headings = ("quality measure", "better", *levels, "undefined")
+    report.table(table_of(headings, rows, texts=2))
+    for metric in metrics.descriptions:
+        lines = _reasons(np.ravel(metrics.reasons[metric.name]))
+        report.lines(lines, f"{metric.name} undefined:")
+
+
+def _print_first(
+    report: Report, columns: Sequence[Column], grasps: GraspTable | EvaluatedPoses
+) -> None:
+    """Print a table of the first grasps."""
+    if grasps.size > MAX_ROWS:
+        report.paragraph(f"the first {MAX_ROWS} of {grasps.size}:")
+    report.table(table_of_columns(columns, min(MAX_ROWS, grasps.size)), whole=True)
+
+
+def _number_of(count: int, total: int) -> tuple[str, str]:
+    """Cells of a number of grasps, and of its fraction of all."""
+    return str(count), percent_text(count / total)
+
+
+def _added_legend(grasps: GraspTable | EvaluatedPoses) -> str:
+    """Meaning of the columns on loads and margins, if there are any."""
+    forces = "" if grasps.holding is None else LEGEND
+    return forces + (MARGIN if is_uncertain(grasps.model) else "")
 
 
 def _legend(grasps: GraspTable) -> str:
     approach = "" if grasps.reach is None else _APPROACH
-    approach += "" if grasps.closed is None else _CLOSED
-    forces = "" if grasps.holding is None else LEGEND
-    forces += MARGIN if is_uncertain(grasps.model) else ""
+    closed = "" if grasps.closed is None else _CLOSED
     unit = grasps.mesh.unit or "the unit of the mesh, which is not stated"
-    return f"{approach}{forces}{_LEGEND}{epsilon_min_text(grasps.model)}; lengths in {unit}"
-
-
-def _print_written(console: Console, *outputs: Path) -> None:
-    console.print("written: " + escaped(", ".join(map(str, outputs))), soft_wrap=True)
+    return (
+        f"{approach}{closed}{_added_legend(grasps)}{_CONTACTS_LEGEND}"
+        f"{epsilon_min_text(grasps.model)}; lengths in {unit}"
+    )
 
 
 def _distance_text(grasps: GraspTable) -> str:
@@ -146,39 +218,34 @@ def _distance(grasps: GraspTable, distance: float) -> str:
     return "0" if distance < DISTANCE_ROUNDING * grasps.mesh.size else f"{distance:.3g}"
 
 
-def _table(grasps: GraspTable, count: int, *, distances: bool = False) -> Table:
-    """Return a table of the first grasps, optionally with their distances from the surface."""
-    several = grasps.contacts.count > 2
-    table = Table(box=None, pad_edge=False)
-    uncertain = is_uncertain(grasps.model)
-    headings = ["grasp", "label", "β*", "α*", *["margin"] * uncertain, "ε", "ε_min", "opening"]
-    reach, holding = grasps.reach, grasps.holding
-    headings += ["separation"] * several + ["distance"] * distances
-    headings += ["approach"] * (grasps.has_poses and reach is not None)
-    headings += ["closed"] * (grasps.closed is not None)
-    headings += holding_headings(holding)
-    for heading in headings:
-        table.add_column(heading, justify="right", no_wrap=True)
-    for row in range(min(count, grasps.size)):
-        cells = [
-            str(row + 1),
-            label_name(Label(int(grasps.label[row]))),
-            angle_text(grasps.critical_angle[row]),
-            angle_text(grasps.max_resolution[row]) if grasps.max_resolution[row] > 0.0 else "none",
-            *([margin_text(grasps.margin[row])] if uncertain else []),
-            _number(grasps.epsilon[row]),
-            _number(grasps.epsilon_min[row]),
-            f"{grasps.opening[row]:.4g}",
-        ]
-        cells += [f"{grasps.separation[row]:.4g}"] * several
-        cells += [_distance(grasps, grasps.distance[row].max())] * distances
-        if grasps.has_poses and reach is not None:
-            cells.append(f"±{math.degrees(reach.approach_margin[row]):.0f}°")
-        if grasps.closed is not None:
-            cells.append(_closed_text(grasps.closed, row))
-        cells += holding_cells(holding, row)
-        table.add_row(*cells)
-    return table
+def _columns(grasps: GraspTable | EvaluatedPoses, first: str = "grasp") -> list[Column]:
+    """The columns of every table of grasps."""
+    return [
+        (first, lambda row: str(row + 1)),
+        ("label", lambda row: label_name(Label(int(grasps.label[row])))),
+        ("β*", lambda row: angle_text(grasps.critical_angle[row])),
+        ("α*", lambda row: _resolution(grasps.max_resolution[row])),
+        *margin_columns(grasps),
+        ("ε", lambda row: _number(grasps.epsilon[row])),
+        ("ε_min", lambda row: _number(grasps.epsilon_min[row])),
+        ("opening", lambda row: f"{grasps.opening[row]:.4g}"),
+    ]
+
+
+def _conditional_columns(grasps: GraspTable, *, distances: bool = False) -> list[Column]:
+    """The columns of some grasps: of several fingers, a gripper, a load."""
+    reach, closed = grasps.reach, grasps.closed
+    columns: list[Column] = []
+    if grasps.contacts.count > 2:
+        columns.append(("separation", lambda row: f"{grasps.separation[row]:.4g}"))
+    if distances:
+        columns.append(("distance", lambda row: _distance(grasps, grasps.distance[row].max())))
+    if grasps.has_poses and reach is not None:
+        margin = np.degrees(reach.approach_margin)
+        columns.append(("approach", lambda row: f"±{margin[row]:.0f}°"))
+    if closed is not None:
+        columns.append(("closed", lambda row: _closed_text(closed, row)))
+    return [*columns, *holding_columns(grasps.holding)]
 
 
 def _closed_text(closed: ClosedGrasps, row: int) -> str:
@@ -190,18 +257,79 @@ def _closed_text(closed: ClosedGrasps, row: int) -> str:
     return name if math.isnan(margin) else f"{name} {margin_text(margin)}"
 
 
-def label_name(label: Label) -> str:
-    """Return a label with a square of its colour."""
-    color = "#{:02X}{:02X}{:02X}".format(*COLORS[label])
-    return f"[{color}]■[/] {label.name}"
-
-
-def _angles(angles: Floats) -> str:
-    """Return the quantiles of angles; angles of grasps that cannot balance forces are infinite."""
-    ordered = np.sort(angles)
-    rows = np.ceil(np.array(LEVELS) * len(ordered)).astype(np.int64) - 1
-    return ", ".join(angle_text(angle) for angle in ordered[np.maximum(rows, 0)])
-
-
 def _number(value: float) -> str:
     return "none" if math.isnan(value) else f"{value:.3f}"
+
+
+def _resolution(angle: float) -> str:
+    return angle_text(angle) if angle > 0.0 else "none"
+
+
+def _pose_counts(poses: EvaluatedPoses) -> list[tuple[tuple[str, str], int]]:
+    """The numbers of labels, of jaws that do not close, and of collisions, with their meanings."""
+    closed = poses.jaws.closed
+    return [
+        *(
+            (
+                (label_name(label), MEANING["scan"][label]),
+                int((closed & (poses.label == label)).sum()),
+            )
+            for label in sorted(Label, reverse=True)
+        ),
+        *(
+            (("", meaning), int((poses.state == state).sum()))
+            for state, meaning in CLOSINGS.items()
+            if state != Closing.CLOSED
+        ),
+        (("", "closed, but the gripper collides"), int((closed & poses.collides).sum())),
+        (("", "closed and reachable"), int(poses.reachable.sum())),
+    ]
+
+
+def _outcomes(poses: EvaluatedPoses) -> str:
+    """Return the fraction of the poses of each label that held, of those that were tried."""
+    parts = []
+    for label in sorted(Label, reverse=True):
+        tried = poses.outcome[(poses.label == label) & ~np.isnan(poses.outcome)]
+        if len(tried):
+            parts.append(f"{label.name} {percent_text(tried.mean())} of {len(tried)}")
+    return "held when tried: " + ", ".join(parts)
+
+
+def _pose_columns(poses: EvaluatedPoses) -> list[Column]:
+    """The columns of poses; where the jaws do not close, only label and jaws are known."""
+
+    def closed(column: Column, otherwise: str) -> Column:
+        heading, cell = column
+        is_closed = poses.state == Closing.CLOSED
+        return heading, lambda row: cell(row) if is_closed[row] else otherwise
+
+    def jaws(row: int) -> str:
+        state = Closing(int(poses.state[row]))
+        name = state.name.lower().replace("_", " ")
+        return f"{name}, collides" if state == Closing.CLOSED and poses.collides[row] else name
+
+    number, label, *measures, opening = _columns(poses, "pose")
+    area: Column = ("area", lambda row: f"{poses.jaws.area[row].min():.3g}")
+    return [
+        number,
+        label,
+        *(closed(column, "none") for column in measures),
+        *(closed(column, "") for column in (opening, area, *holding_columns(poses.holding))),
+        ("jaws", jaws),
+    ]
+
+
+def _reasons(texts: Texts) -> list[str]:
+    """The reasons with the numbers of grasps, the most frequent first."""
+    reasons, counts = np.unique(texts[texts != ""], return_counts=True)
+    order = np.argsort(-counts, kind="stable")
+    return [f"{reasons[k]} ({counts[k]} of {len(texts)})" for k in order]
+
+
+def _unit_text(metric: Metric, unit: str | None) -> str:
+    """The unit of a measure in brackets; '' if it has none."""
+    if not metric.unit:
+        return ""
+    length = unit or "unit of the mesh"
+    return f" [{metric.unit.replace('length', length)}]"

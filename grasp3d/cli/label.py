@@ -105,7 +105,7 @@ class Label:
 
     def run(self) -> int:
         """Run the command, and return the exit code."""
-        from grasp3d.cli import report
+        from grasp3d.cli import label_report
         from grasp3d.cli.existing_files import check_not_task, check_replaceable
         from grasp3d.export.writers import writer_for
 
@@ -122,7 +122,7 @@ class Label:
             labels = self._labels((output, *grasp_files[:1]))
         write(output, labels)
         if not self.quiet:
-            report.print_labels(labels, output)
+            label_report.print_labels(labels, output)
         if self.best:
             self._write_best(labels, grasp_file, self.best)
         return 0
@@ -157,7 +157,7 @@ class Label:
 
     def _labels(self, outputs: tuple[Path, ...]) -> "SurfaceLabels":
         """Read and label the mesh; `outputs` must not have been made with other settings."""
-        from grasp3d.cli import report
+        from grasp3d.cli import progress_bars
         from grasp3d.cli.existing_files import check_same_settings
         from grasp3d.surface.labelling import Labelling
 
@@ -168,16 +168,16 @@ class Label:
         )
         for path in outputs:
             check_same_settings(path, task, overwrite=self.overwrite)
-        with report.progress(f"labelling {self.file.name}", quiet=self.quiet) as progress:
+        with progress_bars.progress(f"labelling {self.file.name}", quiet=self.quiet) as progress:
             labels = task.labels(progress=progress)
-        report.measure(labels.compute_epsilon, "measuring epsilon", quiet=self.quiet)
+        progress_bars.measure(labels.compute_epsilon, "measuring epsilon", quiet=self.quiet)
         if load is not None:
-            report.measure(labels.compute_holding, "measuring grip forces", quiet=self.quiet)
+            progress_bars.measure(labels.compute_holding, "measuring grip forces", quiet=self.quiet)
         return labels
 
     def _write_best(self, labels: "SurfaceLabels", output: Path, count: int) -> None:
         """Print and write the best distinct grasps, and draw them if OpenGL is available."""
-        from grasp3d.cli import grasp_report, report
+        from grasp3d.cli import grasp_report, progress_bars
         from grasp3d.grasps.distinct import best_grasps
         from grasp3d.grasps.writing import write_grasps
         from grasp3d.plots.formats import save_as
@@ -190,7 +190,7 @@ class Label:
             write_grasps(output, grasps, format=self.grasps_format)
         drawn = grasps.size > 0 and can_render()
         if drawn:
-            with report.progress("drawing grasps", quiet=self.quiet) as progress:
+            with progress_bars.progress("drawing grasps", quiet=self.quiet) as progress:
                 pictures = draw_grasps(labels, grasps, progress=progress)
             save_as(grasp_figure(labels, grasps, pictures), output.with_suffix(".png"))
         if not self.quiet:

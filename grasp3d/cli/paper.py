@@ -2,12 +2,16 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from grasp3d.cli.options import Friction, Quiet, SensorResolutions
+from grasp3d.cli.report import NOTE, Report, escaped
 from grasp3d.settings import DEGREE
+
+if TYPE_CHECKING:
+    from grasp3d.paper.writing import Paper as Recomputed
 
 
 @dataclass(frozen=True)
@@ -40,12 +44,12 @@ class Paper:
 
     def run(self) -> int:
         """Run the command, and return the exit code."""
-        from grasp3d.cli import paper_report, report
+        from grasp3d.cli import progress_bars
         from grasp3d.paper.paper_settings import PaperSettings
         from grasp3d.paper.writing import write_paper
 
         settings = PaperSettings(self.friction, self.sensor_resolution)
-        with report.progress("recomputing the paper", quiet=self.quiet) as progress:
+        with progress_bars.progress("recomputing the paper", quiet=self.quiet) as progress:
             paper = write_paper(
                 self.output,
                 settings,
@@ -54,5 +58,15 @@ class Paper:
                 progress=progress,
             )
         if not self.quiet:
-            paper_report.print_paper(paper, self.output)
+            self._print(paper)
         return 0
+
+    def _print(self, paper: "Recomputed") -> None:
+        """Print the notes, and the names of the written files, each figure once."""
+        report = Report()
+        report.lines(paper.notes, NOTE)
+        suffixes: dict[str, list[str]] = {}
+        for path in paper.written:
+            suffixes.setdefault(path.stem, []).append(path.suffix)
+        names = ", ".join(f"{stem}{' '.join(ends)}" for stem, ends in suffixes.items())
+        report.line(escaped(f"written to {self.output}: {names}"))

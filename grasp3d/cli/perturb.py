@@ -1,5 +1,7 @@
 """The command `grasp3d perturb`: labels noisy copies of a scan."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,12 +19,46 @@ from grasp3d.cli.options import (
     Quiet,
     given_sampling,
 )
+from grasp3d.cli.report import (
+    CHECK_HINT,
+    WARNING,
+    Report,
+    angle_text,
+    escaped,
+    label_name,
+    length_with_unit,
+    model_words,
+    percent_text,
+    table_of,
+)
 from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
+from grasp3d.settings.lengths import Unit, small_length
+from grasp3d.settings.model_text import error_texts
+from grasp3d.stability.label import MEANING, Label
+from grasp3d.system.counts import counted
 from grasp3d.system.names import safe_stem
 from grasp3d.validating.perturbing.noise_settings import NoiseSettings
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from grasp3d.validating.perturbing.perturbation import Perturbation
+
+
+MIN_STABLE = 0.01
+"""Area fraction that is S below which errors to enter are of no use."""
+
+NO_ADVICE = (
+    "[yellow]no errors to enter:[/] with errors large enough for this noise hardly any of the area "
+    "would be S; {}, or smooth the scan"
+)
+"""What is printed then, with a remedy."""
+
+NOT_PASSED = (
+    "[yellow]not all of this S is reliable:[/] `stable` in the file is the fraction of the copies "
+    "that are S at each vertex; where it is low, the surface is too rough: {}"
+)
+"""What is printed where larger errors leave too little S, with a remedy."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +132,6 @@ class Perturb:
 
     def run(self) -> int:
         """Run the command, and return the exit code."""
-        from grasp3d.cli import perturb_report
         from grasp3d.cli.existing_files import check_replaceable
         from grasp3d.plots.formats import METADATA
         from grasp3d.plots.rendering import check_rendering
@@ -116,12 +151,12 @@ class Perturb:
         if self.figure is not None:
             self._draw(found, self.figure)
         if not self.quiet:
-            perturb_report.print_perturbation(found, written)
+            print_perturbation(found, written)
         return 0
 
     def _found(self) -> "Perturbation":
         """Read the mesh, and label its copies."""
-        from grasp3d.cli import report
+        from grasp3d.cli import progress_bars
         from grasp3d.mesh.noisy_copies import movable_surface
         from grasp3d.mesh.plausible_lengths import refuse_lengths
         from grasp3d.validating.perturbing.perturb import perturb_surface
@@ -131,7 +166,7 @@ class Perturb:
         if not self.force:
             refuse_lengths(surface.mesh, self.model, sampling)
         text = f"labelling {self.copies} copies of {self.file.name}"
-        with report.progress(text, quiet=self.quiet) as progress:
+        with progress_bars.progress(text, quiet=self.quiet) as progress:
             return perturb_surface(
                 surface,
                 self.model,
@@ -146,3 +181,113 @@ class Perturb:
         from grasp3d.plots.perturbations import perturbation_figure
 
         save_as(perturbation_figure(found), path)
+
+
+def print_perturbation(perturbation: "Perturbation", written: Sequence[Path]) -> None:
+    """Print the noise, area fractions with and without it, and the errors to enter.
+
+    Args:
+        perturbation: Results of the copies.
+        written: The files that they were written to.
+    """
+    report = Report()
+    mesh, model = perturbation.mesh, perturbation.labels.model
+    words = [model_words(model), *error_texts(model, mesh.unit)]
+    words += [] if model.fingers == 2 else [f"{model.fingers} fingers"]
+    report.line(
+        f"[bold]{escaped(mesh.report.source)}[/]: {counted(len(mesh.vertices), 'vertices')}, "
+        f"size {length_with_unit(mesh.size, mesh.unit)}; {', '.join(words)}"
+    )
+    report.line(_noise(perturbation))
+    report.table(_fractions(perturbation))
+    for line in (*_measured(perturbation), *_advised(perturbation)):
+        report.line(line)
+    report.lines(perturbation.labels.warnings, WARNING)
+    if mesh.report.warnings:
+        report.paragraph(CHECK_HINT)
+    report.written(*written)
+
+
+def _noise(perturbation: "Perturbation") -> str:
+    settings, unit = perturbation.settings, perturbation.mesh.unit
+    assert settings.noise is not None  # it is a number in results
+    origin = "estimated from the surface's roughness" if perturbation.estimated else "as given"
+    kind = (
+        f"alike within {_length(settings.correlation, unit)}"
+        if settings.correlation
+        else "independent at every vertex"
+    )
+    return (
+        f"noise of each of the {counted(settings.copies, 'copies')}: "
+        f"{_length(settings.noise, unit)} along the normals ({origin}), {kind}"
+    )
+
+
+def _fractions(perturbation: "Perturbation") -> "Table":
+    """Area fractions of the labels of the surface itself, and of the copies."""
+    areas = perturbation.mesh.vertex_areas / perturbation.mesh.vertex_areas.sum()
+    copies = {
+        Label.S: perturbation.stable,
+        Label.M: perturbation.ambiguous,
+        Label.U: perturbation.unstable,
+    }
+    own = perturbation.labels.fractions()
+    rows = (
+        (
+            label_name(label),
+            MEANING["label"][label],
+            percent_text(own[label.name]),
+            percent_text(float((areas * fraction).sum())),
+        )
+        for label, fraction in copies.items()
+    )
+    return table_of(("label", "", "scan", "noisy copies"), rows, texts=2)
+
+
+def _measured(perturbation: "Perturbation") -> list[str]:
+    """What noise does to normals, contacts and grasps."""
+    advice, unit, level = perturbation.advice, perturbation.mesh.unit, perturbation.settings.level
+    where = " across the line between them" if perturbation.labels.model.fingers == 2 else ""
+    turn, shift = angle_text(advice.measured_turn), _length(perturbation.shift_across, unit)
+    measured = (
+        f"over {100.0 * level:g} % of the area and copies, normals turn by at most {turn} and "
+        f"contacts shift by at most {shift}{where}"
+    )
+    if math.isnan(perturbation.confirmed_fraction):
+        return [measured]
+    right = (
+        f"{percent_text(perturbation.confirmed_fraction)} of the area that is S in a copy has a "
+        "grasp that is S on the scan as well; the rest is S because of the noise"
+    )
+    return [measured, right]
+
+
+def _advised(perturbation: "Perturbation") -> list[str]:
+    """The errors to enter, and how they were checked."""
+    advice, level = perturbation.advice, 100.0 * perturbation.settings.level
+    if advice.stable_fraction < MIN_STABLE:
+        return [NO_ADVICE.format(_remedy(perturbation))]
+    location = _length(advice.location_error, perturbation.mesh.unit).replace(" ", "")
+    words = f"--normal-error {math.degrees(advice.normal_error):.4g} --location-error {location}"
+    stable, failing = map(percent_text, (advice.stable_fraction, advice.unconfirmed_fraction))
+    own = perturbation.labels.model.normal_error
+    contained = f" (they contain the {math.degrees(own):.4g}° given)" if own else ""
+    checked = (
+        f"with these errors{contained} {stable} of the area is S; {failing} of that is S in fewer "
+        f"than {level:g} % of the copies"
+    )
+    lines = [f"[bold]enter: {words}[/]", checked]
+    return lines if advice.passed else [*lines, NOT_PASSED.format(_remedy(perturbation))]
+
+
+def _remedy(perturbation: "Perturbation") -> str:
+    """What makes the labels depend less on noise."""
+    patch = perturbation.mesh.options.patch_radius
+    if patch:
+        radius = _length(patch, perturbation.mesh.unit)
+        return f"average the normals over a patch larger than {radius} (--patch-radius)"
+    return "average the normals over a patch of a few edge lengths (--patch-radius)"
+
+
+def _length(length: float, unit: Unit | None) -> str:
+    return small_length(length, unit, digits=3)

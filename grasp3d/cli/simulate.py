@@ -1,6 +1,8 @@
 """The command `grasp3d simulate`: simulates labelled grasps in MuJoCo."""
 
 import math
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,14 +20,31 @@ from grasp3d.cli.options import (
     Quiet,
     SimulatedModel,
 )
+from grasp3d.cli.report import WARNING, Report, escaped, label_name, length_with_unit, table_of
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.hand.hand import touching
 from grasp3d.physics.simulation_settings import SimulationSettings
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.settings.lengths import small_length
+from grasp3d.settings.model_text import model_line
+from grasp3d.stability.label import MEANING, Label
+from grasp3d.system.counts import counted
 from grasp3d.system.names import safe_stem
 
 if TYPE_CHECKING:
-    from grasp3d.physics.simulation import Simulation
+    from grasp3d.grasps.poses import GraspPoses
+    from grasp3d.physics.simulation import Simulation, SuccessRate
+
+EXPLANATIONS = {
+    "held": "held through all pulls, at the contacts that were labelled",
+    "regrasped": "object held, but the contacts slipped first: by another grasp",
+    "pulled": "held while squeezed, lost to a pull",
+    "lost": "slipped or turned away while squeezed",
+    "missed": "the two tips never touched it at once",
+    "blocked": "the open tips touch the object before they close",
+    "broken": "the simulation failed, and says nothing",
+}
+"""What the fates of grasps mean."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +100,6 @@ class Simulate:
 
     def run(self) -> int:
         """Run the command, and return the exit code."""
-        from grasp3d.cli import simulate_report
         from grasp3d.cli.existing_files import check_replaceable
         from grasp3d.physics.simulation import write_simulation
         from grasp3d.system.files import check_suffix
@@ -95,12 +113,12 @@ class Simulate:
         found = self._found()
         write_simulation(output, found)
         if not self.quiet:
-            simulate_report.print_simulation(found, output)
+            print_simulation(found, output)
         return 0
 
     def _simulate_poses(self, output: Path) -> int:
         """Close the gripper at given poses, write and print the outcomes."""
-        from grasp3d.cli import report, simulate_report
+        from grasp3d.cli import progress_bars
         from grasp3d.cli.existing_files import check_replaceable
         from grasp3d.grasps.pose_files import read_poses, write_poses
         from grasp3d.mesh import load_mesh
@@ -116,7 +134,7 @@ class Simulate:
         poses = read_poses(self.grasps, hand=self.hand)
         check_replaceable(output, overwrite=self.overwrite, source=self.file)
         text = f"simulating {self.grasps.name}"
-        with report.progress(text, quiet=self.quiet) as progress:
+        with progress_bars.progress(text, quiet=self.quiet) as progress:
             found = simulate_poses(
                 load_mesh(self.file, self.mesh),
                 poses,
@@ -128,12 +146,12 @@ class Simulate:
             )
         write_poses(output, found)
         if not self.quiet:
-            simulate_report.print_poses(found, output)
+            print_poses(found, output)
         return 0
 
     def _found(self) -> "Simulation":
         """Read the mesh, draw grasps and simulate them."""
-        from grasp3d.cli import report
+        from grasp3d.cli import progress_bars
         from grasp3d.mesh import load_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths
         from grasp3d.physics.engine import mujoco_module
@@ -145,7 +163,7 @@ class Simulate:
         if not self.force:
             refuse_lengths(mesh, self.model, sampling, self.simulation)
         text = f"simulating {self.simulation.count} grasps of {self.file.name}"
-        with report.progress(text, quiet=self.quiet) as progress:
+        with progress_bars.progress(text, quiet=self.quiet) as progress:
             return simulate_grasps(
                 mesh,
                 self.model if self.hand is None else touching(self.hand, self.model),
@@ -164,3 +182,85 @@ class Simulate:
             min_opening=0.0 if least is None else least,
             max_opening=math.inf if most is None else most,
         )
+
+
+def print_simulation(simulation: "Simulation", output: Path) -> None:
+    """Print what was simulated, success by label and by margin, and what became of the grasps.
+
+    Args:
+        simulation: The simulated grasps.
+        output: The file that they were written to.
+    """
+    report = Report()
+    for line in _head(simulation):
+        report.line(line)
+    held = simulation.rates(held=True)
+    rows = [(*_named(rate), _percent(held[rate.name])) for rate in simulation.rates().values()]
+    headings = ("label", "", "grasps", "grasp held", "95 %", "object held")
+    report.table(table_of(headings, rows, texts=2))
+    margins = [
+        (f"{rate.name}°", *_cells(rate)) for rate in simulation.rates_by_margin() if rate.count
+    ]
+    report.table(table_of(("margin", "grasps", "grasp held", "95 %"), margins))
+    _print_fates(report, simulation.fates)
+    report.lines(simulation.warnings, WARNING)
+    report.written(output)
+
+
+def print_poses(poses: "GraspPoses", output: Path) -> None:
+    """Print what became of given poses, by label.
+
+    Args:
+        poses: The simulated poses.
+        output: The file that they were written to.
+    """
+    from grasp3d.physics.simulation import success_rate
+
+    report, rows = Report(), []
+    for label in sorted(Label, reverse=True):
+        outcome = poses.outcome[poses.columns["label"] == label.name]
+        tried = outcome[abs(outcome) < math.inf]
+        rows.append(_named(success_rate(label.name, tried == 1.0)))
+    report.table(table_of(("label", "", "poses", "object held", "95 %"), rows, texts=2))
+    _print_fates(report, poses.columns["fate"].tolist())
+    report.written(output)
+
+
+def _print_fates(report: Report, fates: Iterable[str]) -> None:
+    """Print how often each fate was met."""
+    counts = Counter(map(str, fates))
+    for fate, text in EXPLANATIONS.items():
+        if counts[fate]:
+            report.line(f"{fate}: {counts[fate]} ({text})")
+
+
+def _head(simulation: "Simulation") -> list[str]:
+    mesh, settings = simulation.mesh, simulation.settings
+    depth = small_length(float(simulation.part_depth.max(initial=0.0)), mesh.unit, digits=2)
+    angle = math.degrees(float(simulation.part_angle.max(initial=0.0)))
+    where = "line between the contacts" if settings.pulled == "line" else "centre of mass"
+    size, model = length_with_unit(mesh.size, mesh.unit), model_line(simulation.model, mesh.unit)
+    parts = counted(simulation.parts, "convex parts")
+    force, weight = f"{settings.force:.3g} N", f"{settings.weight:.3g} N"
+    grasps = counted(simulation.size, "grasps")
+    return [
+        f"[bold]{escaped(mesh.report.source)}[/]: size {size}; {escaped(model)}",
+        f"{grasps}; grip force {force}; 6 pulls of {weight} at the {where}",
+        f"simulated as {parts}, whose surface is off by at most {depth}, {angle:.1f}° at contacts",
+    ]
+
+
+def _named(rate: "SuccessRate") -> tuple[str, ...]:
+    """Cells of the success of a label."""
+    label = Label[rate.name]
+    return label_name(label), MEANING["scan"][label], *_cells(rate)
+
+
+def _cells(rate: "SuccessRate") -> tuple[str, str, str]:
+    """Number of grasps, the percentage that held, and its interval."""
+    interval = f"{100.0 * rate.low:.0f} to {100.0 * rate.high:.0f} %" if rate.count else "–"
+    return str(rate.count), _percent(rate), interval
+
+
+def _percent(rate: "SuccessRate") -> str:
+    return "–" if math.isnan(rate.rate) else f"{100.0 * rate.rate:.0f} %"

@@ -31,6 +31,7 @@ from grasp3d.cli.ranges import (
     parse_numbers,
     parse_resolutions,
 )
+from grasp3d.cli.report import Report
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
@@ -161,7 +162,7 @@ class Sweep:
         if not self.quiet:
             sweep_report.print_sweeps(swept, fractions)
             sweep_report.print_notes(targets, meshes, fractions)
-            sweep_report.print_written([table, *([figure] if shown else [])])
+            Report().written(table, *([figure] if shown else []))
         return 1 if failures else 0
 
     @property
@@ -240,12 +241,12 @@ class Sweep:
     def _swept(self, targets: list["Target"], settings: "SweepSettings") -> list["SweptMesh"]:
         """Sweep each mesh once: a single mesh in this process, several in child processes."""
         from grasp3d.batch.sweeping import lost_mesh, meshes_of, sweep_mesh
-        from grasp3d.cli import report
+        from grasp3d.cli import progress_bars
 
         meshes = meshes_of(targets)
         if len(meshes) == 1 and not any(target.folder for target in targets):
             text = f"labelling {meshes[0].name}"
-            with report.progress(text, quiet=self.quiet) as progress:
+            with progress_bars.progress(text, quiet=self.quiet) as progress:
                 swept = sweep_mesh(meshes[0], settings, force=self.force, progress=progress)
             if swept.error:
                 raise GraspError(swept.error)
@@ -255,7 +256,7 @@ class Sweep:
         from grasp3d.batch.run import run
 
         rows = []
-        with report.counter("sweeping", len(meshes), quiet=self.quiet) as advance:
+        with progress_bars.counter("sweeping", len(meshes), quiet=self.quiet) as advance:
             one_thread = partial(sweep_mesh, force=self.force, threads=1)  # in as many processes
             sweeps = run(
                 one_thread, meshes, settings, lost=lost_mesh, cluster=self.cluster,

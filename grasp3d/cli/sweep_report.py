@@ -1,15 +1,15 @@
 """Printed report of `grasp3d sweep`."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from grasp3d.batch.sweeping import SweptMesh, SweptTarget, Target
-from grasp3d.cli.report import escaped
+from grasp3d.cli.report import FAILED, NOTE, WARNING, Report, escaped, table_of
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.sweeps import Sweep
@@ -35,31 +35,28 @@ def print_sweeps(targets: Sequence[SweptTarget], fractions: Sequence[float]) -> 
         targets: Swept targets; every mesh of a folder has a line in the second table.
         fractions: Area fractions of S for which the required resolution is printed.
     """
-    console = Console(emoji=False)
     shown = [sweep for target in targets for sweep in target.shown]
     if not shown:
         return
-    axes = shown[0].axes
+    report, axes = Report(), shown[0].axes
     fixed = "" if axes.is_default else f", {axes.fixed_text}"
-    console.print(
-        f"area fractions of S/M/U [%] by {_axis(shown, shown[0].columns)}{fixed}:",
-        soft_wrap=True,
+    columns = _axis(shown, shown[0].columns)
+    report.line(f"area fractions of S/M/U [%] by {columns}{fixed}:")
+    report.table(_fraction_table(shown))
+    report.line(escaped(_legend(shown)))
+    if not fractions:
+        return
+    report.line(
+        "\nrequired resolution: below it at least this fraction of the surface is S "
+        "(none: at no resolution)"
     )
-    console.print(_fraction_table(shown))
-    console.print(escaped(_legend(shown)), soft_wrap=True)
-    if fractions:
-        console.print(
-            "\nrequired resolution: below it at least this fraction of the surface is S "
-            "(none: at no resolution)",
-            soft_wrap=True,
-        )
-        every = list(dict.fromkeys(sweep for target in targets for sweep in target.sweeps))
-        if shown[0].columns == COLUMN:
-            console.print(_required_table(every, fractions))
-            return
-        for fraction in fractions:
-            console.print(f"{100.0 * fraction:g} %, by {_axis(shown, shown[0].columns)}:")
-            console.print(_required_entries(every, fraction))
+    every = list(dict.fromkeys(sweep for target in targets for sweep in target.sweeps))
+    if shown[0].columns == COLUMN:
+        report.table(_required_table(every, fractions))
+        return
+    for fraction in fractions:
+        report.paragraph(f"{100.0 * fraction:g} %, by {columns}:")
+        report.table(_required_entries(every, fraction))
 
 
 def print_notes(
@@ -72,48 +69,36 @@ def print_notes(
         meshes: Swept meshes of the targets.
         fractions: As in `print_sweeps`.
     """
-    console = Console(emoji=False)
+    report = Report()
     for target in targets:
         if not target.files and Path(target.name).exists():
             name = escaped(target.name)
-            console.print(
-                f"[yellow]note:[/] {name} is the shape in closed form; for the file or folder of "
-                f"that name write ./{name}",
-                soft_wrap=True,
+            report.line(
+                f"{NOTE} {name} is the shape in closed form; for the file or folder of that name "
+                f"write ./{name}"
             )
     for mesh in meshes:
-        if mesh.error:
-            console.print(f"[red]failed:[/] {escaped(mesh.error)}", soft_wrap=True)
-        for line in mesh.warnings:
-            console.print(f"[yellow]warning:[/] {escaped(f'{mesh.name}: {line}')}", soft_wrap=True)
-    _print_crease_note(console, meshes, fractions)
+        report.lines([mesh.error] if mesh.error else [], FAILED)
+        report.lines((f"{mesh.name}: {line}" for line in mesh.warnings), WARNING)
+    _print_crease_note(report, meshes, fractions)
     failed = sum(1 for mesh in meshes if mesh.error)
     if failed:
-        console.print(f"{len(meshes) - failed} swept, {failed} failed")
+        report.paragraph(f"{len(meshes) - failed} swept, {failed} failed")
 
 
 def _print_crease_note(
-    console: Console, meshes: Sequence[SweptMesh], fractions: Sequence[float]
+    report: Report, meshes: Sequence[SweptMesh], fractions: Sequence[float]
 ) -> None:
     """Print the meshes whose required resolution depends on the length of their edges."""
     limit = MAX_CREASES * (1.0 - max(fractions, default=0.0))
     creased = [mesh for mesh in meshes if fractions and mesh.crease_fraction > limit]
     if creased:
-        names = escaped(
-            ", ".join(f"{mesh.name} {100.0 * mesh.crease_fraction:.0f} %" for mesh in creased)
+        names = ", ".join(f"{mesh.name} {100.0 * mesh.crease_fraction:.0f} %" for mesh in creased)
+        report.line(
+            f"{NOTE} the area includes strips along creases, on {escaped(names)}; they are smaller "
+            f"on a finer mesh (--max-edge), so the resolution required for "
+            f"{100.0 * max(fractions):g} % may be larger than printed here"
         )
-        console.print(
-            f"[yellow]note:[/] the area includes strips along creases, on {names}; they are "
-            f"smaller on a finer mesh (--max-edge), so the resolution required for "
-            f"{100.0 * max(fractions):g} % may be larger than printed here",
-            soft_wrap=True,
-        )
-
-
-def print_written(paths: Sequence[Path]) -> None:
-    """Print the names of the written files."""
-    console = Console(emoji=False)
-    console.print("written: " + escaped(", ".join(map(str, paths))), soft_wrap=True)
 
 
 def _fraction_table(sweeps: Sequence[Sweep]) -> Table:
@@ -141,21 +126,27 @@ def _grid_table(sweeps: Sequence[Sweep], cells: Sequence[Sequence[Sequence[str]]
     """
     first = sweeps[0]
     columns, rows = _shown_columns(first), _shown_rows(first)
-    table = Table(box=None, pad_edge=False)
-    table.add_column("", overflow="fold", min_width=12)
-    table.add_column(_axis(sweeps, first.rows, "\n"), justify="right", no_wrap=True)
-    for column in columns:
-        value = float(first.axes.values[first.columns][column])
-        heading = describe_value(first.columns, value, first.unit)
-        table.add_column(heading, justify="right", no_wrap=True)
-    for sweep, entries in zip(sweeps, cells, strict=True):
-        for number, row in enumerate(rows):
-            value = float(first.axes.values[first.rows][row])
-            table.add_row(
-                "" if number else escaped(sweep.name),
-                describe_value(first.rows, value, first.unit),
-                *(entries[row][column] for column in columns),
-            )
+
+    def described(axis: AxisName, index: int) -> str:
+        return describe_value(axis, float(first.axes.values[axis][index]), first.unit)
+
+    headings = [described(first.columns, column) for column in columns]
+    lines = (
+        (
+            "" if number else escaped(sweep.name),
+            described(first.rows, row),
+            *(entries[row][column] for column in columns),
+        )
+        for sweep, entries in zip(sweeps, cells, strict=True)
+        for number, row in enumerate(rows)
+    )
+    return _named_table(("", _axis(sweeps, first.rows, "\n"), *headings), lines)
+
+
+def _named_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
+    """A table whose first column has the names of sweeps."""
+    table = table_of(headings, rows)
+    table.columns[0].min_width = 12
     return table
 
 
@@ -207,8 +198,6 @@ def _legend(sweeps: Sequence[Sweep]) -> str:
 
 def _required_table(sweeps: Sequence[Sweep], fractions: Sequence[float]) -> Table:
     """Return a table of required resolutions: a line per sweep, or per sweep and friction."""
-    table = Table(box=None, pad_edge=False)
-    table.add_column("", overflow="fold", min_width=12)
     percents = [f"{100.0 * fraction:g} %" for fraction in fractions]
     first, shown = sweeps[0], _shown_rows(sweeps[0])
     texts = [
@@ -217,17 +206,17 @@ def _required_table(sweeps: Sequence[Sweep], fractions: Sequence[float]) -> Tabl
     ]
     wide = first.rows == ROW and len(texts) * len(fractions) <= MAX_ANGLES
     columns = [f"μ {text}\n{percent}" for text in texts for percent in percents]
-    for heading in columns if wide else [_axis(sweeps, first.rows, "\n"), *percents]:
-        table.add_column(heading, justify="right", no_wrap=True)
+    lines: list[tuple[str, ...]] = []
     for sweep in sweeps:
         required = np.stack([sweep.required_resolution(value) for value in fractions], axis=1)
         rows = [[_angle(angle) for angle in angles] for angles in required[shown]]
         if wide:
-            table.add_row(escaped(sweep.name), *(cell for cells in rows for cell in cells))
+            lines.append((escaped(sweep.name), *chain.from_iterable(rows)))
             continue
         for number, (text, cells) in enumerate(zip(texts, rows, strict=True)):
-            table.add_row("" if number else escaped(sweep.name), text, *cells)
-    return table
+            lines.append(("" if number else escaped(sweep.name), text, *cells))
+    headings = columns if wide else [_axis(sweeps, first.rows, "\n"), *percents]
+    return _named_table(("", *headings), lines)
 
 
 def _angle(angle: float) -> str:

@@ -8,14 +8,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from grasp3d.arrays import Floats
+from grasp3d.cli.report import LEVELS, PERCENTS, Column
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import Measure, Unit, small_length
 from grasp3d.settings.model_text import SAFE_LABELS, error_texts, friction_text
 from grasp3d.stability.thresholds import margin_budget
 from grasp3d.surface.area_statistics import quantiles
-
-LEVELS = (0.1, 0.5, 0.9)
-"""Levels of the quantiles of margins."""
 
 MARGIN = "margin: friction angle to spare, S: above 0; "
 """Part of the legend of a table."""
@@ -66,14 +64,19 @@ def uncertainty_lines(
     if not used.sum() > 0.0:
         return lines
     margin = np.where(np.isfinite(critical), labelled.margin, -np.inf)
-    percents = "/".join(f"{100.0 * level:.0f}" for level in LEVELS)
     texts = ", ".join(map(margin_text, quantiles(margin, LEVELS, given)))
     budget = margin_budget(model, critical, model.effective_friction_angle - margin)
     return [
         *lines,
-        f"margin, {percents} % of the {of}: {texts} (S: above 0)",
+        f"margin, {PERCENTS} of the {of}: {texts} (S: above 0)",
         f"mean budget: {budget.mean(used).line}",
     ]
+
+
+def margin_columns(grasps: _Labelled) -> list[Column]:
+    """The margin of each grasp, if anything but the sensor's normals is uncertain."""
+    margin: Column = ("margin", lambda row: margin_text(grasps.margin[row]))
+    return [margin] * is_uncertain(grasps.model)
 
 
 def margin_text(margin: float) -> str:

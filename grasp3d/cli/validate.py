@@ -149,12 +149,12 @@ class Validate:
 
     def _found(self, settings: ValidationSettings) -> "Validation":
         """Evaluate the grasps, and compare the scores with the outcomes."""
-        from grasp3d.cli import report
+        from grasp3d.cli import progress_bars
         from grasp3d.system.counts import counted
         from grasp3d.validating.validate import validate_grasps
 
         name = self.grasps[0].name if len(self.grasps) == 1 else counted(len(self.grasps), "files")
-        with report.progress(f"evaluating {name}", quiet=self.quiet) as progress:
+        with progress_bars.progress(f"evaluating {name}", quiet=self.quiet) as progress:
             return validate_grasps(
                 self.grasps,
                 self.model,
@@ -170,8 +170,8 @@ class Validate:
 
     def _write(self, found: "Validation", folder: Path) -> None:
         """Write the report."""
-        from grasp3d.cli import report
+        from grasp3d.cli import progress_bars
         from grasp3d.plots.validation_page import write_report
 
-        with report.progress("drawing the report", quiet=self.quiet) as progress:
+        with progress_bars.progress("drawing the report", quiet=self.quiet) as progress:
             write_report(folder, found, progress)

@@ -1,15 +1,12 @@
 """Printed report of `grasp3d validate`."""
 
 import math
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
-from grasp3d.cli.grasp_report import label_name
-from grasp3d.cli.report import escaped
+from grasp3d.cli.report import WARNING, Report, escaped, label_name, table_of
 from grasp3d.stability.label import Label
 from grasp3d.system.counts import counted
 from grasp3d.validating import sentences
@@ -30,61 +27,53 @@ def print_validation(found: Validation, output: Path | None) -> None:
         found: The result.
         output: Folder of the report; None: it was not written.
     """
-    console = Console(emoji=False)
-    _lines(console, [sentences.counts_of(found), sentences.model_of(found)])
-    _lines(console, [*sentences.sources_of(found), sentences.closing_of(found)])
-    for line in found.warnings[:MOST_WARNINGS]:
-        console.print(f"[yellow]warning:[/] {escaped(line)}", soft_wrap=True)
+    report = Report()
+    report.lines([sentences.counts_of(found), sentences.model_of(found)])
+    report.lines([*sentences.sources_of(found), sentences.closing_of(found)])
+    report.lines(found.warnings[:MOST_WARNINGS], WARNING)
     if len(found.warnings) > MOST_WARNINGS:
         more = counted(len(found.warnings) - MOST_WARNINGS, "warnings")
-        console.print(f"and {more} more")
-    console.print(_scores(found))
-    _lines(console, [sentences.intervals_of(found)])
-    console.print(_labels(found))
-    console.print(_calibration(found))
-    _lines(console, sentences.calibration_of(found))
-    _print_disagreements(console, found)
+        report.paragraph(f"and {more} more")
+    report.table(_scores(found))
+    report.lines([sentences.intervals_of(found)])
+    report.table(_labels(found))
+    report.table(_calibration(found))
+    report.lines(sentences.calibration_of(found))
+    for kind, meaning in MEANING.items():
+        shown = [_disagreement(found, one) for one in found.disagreements if one.kind == kind]
+        if shown:
+            report.paragraph(f"[bold]{meaning}[/]")
+            report.lines(shown, " ")
     if output is not None:
-        _lines(console, [f"written: {output / 'report.html'} and its tables"])
-
-
-def _lines(console: Console, lines: Iterable[str]) -> None:
-    for line in lines:
-        console.print(escaped(line), soft_wrap=True)
-
-
-def _table(*headings: str) -> Table:
-    """A table whose first column is text."""
-    table = Table(box=None, pad_edge=False)
-    for number, heading in enumerate(headings):
-        table.add_column(heading, justify="right" if number else "left", no_wrap=True)
-    return table
+        report.lines([f"written: {output / 'report.html'} and its tables"])
 
 
 def _scores(found: Validation) -> Table:
     """ROC-AUC and average precision of each score."""
-    table = _table("score", "better", "ROC-AUC, 95 %", "average precision, 95 %")
-    for one in found.qualities:
-        table.add_row(
+    rows = (
+        (
             escaped(one.score.title),
             one.score.better,
             f"{_number(one.roc_auc)} {_interval(one.roc_auc_interval)}",
             f"{_number(one.average_precision)} {_interval(one.average_precision_interval)}",
         )
-    return table
+        for one in found.qualities
+    )
+    return table_of(("score", "better", "ROC-AUC, 95 %", "average precision, 95 %"), rows)
 
 
 def _labels(found: Validation) -> Table:
     """Success within S, M and U over friction and resolution."""
     order = sorted(Label, reverse=True)
-    table = _table("μ", "α", *(f"{label_name(label)} held, 95 %, of" for label in order))
-    for one in found.labels:
-        table.add_row(
+    rows = (
+        (
             f"{one.friction:.4g}",
             f"{math.degrees(one.sensor_resolution):.4g}°",
             *(_success(one, label) for label in order),
         )
-    return table
+        for one in found.labels
+    )
+    return table_of(("μ", "α", *(f"{label_name(label)} held, 95 %, of" for label in order)), rows)
 
 
 def _success(one: LabelSuccess, label: Label) -> str:
@@ -98,26 +87,16 @@ def _success(one: LabelSuccess, label: Label) -> str:
 
 def _calibration(found: Validation) -> Table:
     """Success in bins of the margin."""
-    table = _table("margin", "grasps", "held", "95 %")
+    rows = []
     missing = ~found.grasps.closed
     if missing.any():
         held, count = int(found.grasps.held[missing].sum()), int(missing.sum())
         ends = _interval(wilson(held, count))
-        table.add_row("jaws do not close", f"{count:,}", percent(held / count), ends)
+        rows.append(("jaws do not close", f"{count:,}", percent(held / count), ends))
     for one in found.calibration.bins:
         span = f"{degrees(one.low)} to {degrees(one.high)}"
-        table.add_row(span, f"{one.count:,}", percent(one.fraction), _interval(one.interval))
-    return table
-
-
-def _print_disagreements(console: Console, found: Validation) -> None:
-    """Print the greatest disagreements with their likely causes."""
-    for kind, meaning in MEANING.items():
-        shown = [one for one in found.disagreements if one.kind == kind]
-        if shown:
-            console.print(f"[bold]{meaning}[/]")
-            for one in shown:
-                console.print(f"  {escaped(_disagreement(found, one))}", soft_wrap=True)
+        rows.append((span, f"{one.count:,}", percent(one.fraction), _interval(one.interval)))
+    return table_of(("margin", "grasps", "held", "95 %"), rows)
 
 
 def _disagreement(found: Validation, one: Disagreement) -> str:

@@ -103,7 +103,7 @@ class View:
 
     def _opened(self) -> "Collection":
         """The collection, with its first object opened."""
-        from grasp3d.cli import report
+        from grasp3d.cli import progress_bars
         from grasp3d.viewer.session.collection import open_collection
 
         collection = open_collection(
@@ -118,7 +118,7 @@ class View:
         self._check()
         first = collection.items[0]
         try:
-            with report.progress(f"opening {first.name}", quiet=self.quiet) as progress:
+            with progress_bars.progress(f"opening {first.name}", quiet=self.quiet) as progress:
                 first.open(progress)
         except GraspError:
             if len(collection.items) == 1:
@@ -146,13 +146,13 @@ class View:
 
     def _write(self, collection: "Collection") -> None:
         """Write the requested pictures and films."""
-        from grasp3d.cli import report
+        from grasp3d.cli import progress_bars
         from grasp3d.viewer.scene.pictures import save_picture, save_turntable
 
         for path, save in ((self.screenshot, save_picture), (self.turntable, save_turntable)):
             if path is None:
                 continue
-            with report.progress(f"rendering {path.name}", quiet=self.quiet) as progress:
+            with progress_bars.progress(f"rendering {path.name}", quiet=self.quiet) as progress:
                 save(collection, self.view, path, progress=progress)
             self._print(f"written: {path}")
 

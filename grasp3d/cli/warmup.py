@@ -37,7 +37,7 @@ class Warmup:
     def run(self) -> int:
         """Run the command, and return the exit code."""
         from grasp3d.batch.warmup import warmup
-        from grasp3d.cli.report import waiting
+        from grasp3d.cli.progress_bars import waiting
 
         begun = time.perf_counter()
         with waiting("compiling kernels", quiet=self.quiet):

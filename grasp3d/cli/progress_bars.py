@@ -1,0 +1,69 @@
+"""Progress bars on standard error."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+)
+from rich.text import Text
+
+from grasp3d.cli.report import escaped
+from grasp3d.system.compiling import compilations
+from grasp3d.system.progress import Progress as ProgressFunction
+from grasp3d.system.steps import begin_step
+
+
+@contextmanager
+def progress(text: str, *, quiet: bool) -> Iterator[ProgressFunction]:
+    """Show a progress bar; yields a function of the fraction of the work that is done."""
+    with _bar(TextColumn("{task.percentage:>3.0f} %"), quiet=quiet) as bar:
+        task = bar.add_task(escaped(text), total=1.0)
+        yield lambda fraction: bar.update(task, completed=fraction)
+
+
+def measure(compute: Callable[[ProgressFunction], None], text: str, *, quiet: bool) -> None:
+    """Compute something with a progress bar, as a step that a time limit names."""
+    begin_step(text)
+    with progress(text, quiet=quiet) as report:
+        compute(report)
+
+
+@contextmanager
+def counter(text: str, total: int, *, quiet: bool) -> Iterator[Callable[[], None]]:
+    """Show a progress bar that counts meshes; yields a function to call after each mesh."""
+    with _bar(MofNCompleteColumn(), quiet=quiet) as bar:
+        task = bar.add_task(text, total=total)
+        yield lambda: bar.advance(task)
+
+
+@contextmanager
+def waiting(text: str, *, quiet: bool) -> Iterator[None]:
+    """Show that something is being done, of which no fraction is known."""
+    with _bar(quiet=quiet) as bar:
+        bar.add_task(text, total=None)
+        yield
+
+
+class _Kernel(ProgressColumn):
+    """The kernel that is being compiled."""
+
+    def render(self, task: Task) -> Text:  # noqa: ARG002, the interface of Rich
+        """The column's text."""
+        kernel = compilations.current
+        return Text(f"compiling {kernel}" if kernel else "", style="dim")
+
+
+def _bar(*columns: ProgressColumn, quiet: bool) -> Progress:
+    console = Console(stderr=True, quiet=quiet, soft_wrap=True, emoji=False)
+    return Progress(
+        TextColumn("{task.description}"), BarColumn(), *columns, TimeElapsedColumn(), _Kernel(),
+        console=console, transient=True, disable=quiet or not console.is_terminal,
+    )  # fmt: skip
