@@ -1,30 +1,395 @@
-"""Render the meshes of the library into one picture: each labelled, with its area fractions.
+"""Make the pictures of the documentation.
 
-    python scripts/make_gallery.py [-o meshes/gallery.png] [FOLDER]
+    python scripts/make_gallery.py [NAME ...] [-o docs]
 
-Friction and resolution are chosen so that all three labels are on most objects. Needs OpenGL (EGL
-or a display).
+Without names: all that need neither a browser nor files of experiments. Most need OpenGL (EGL or a
+display). `report` and `viewer` need Chromium, and the package playwright of the extra `test`;
+`physics` and `evidence` what `validate_physics.py -o physics` wrote:
+
+    python scripts/make_gallery.py physics --physics physics
+    python scripts/make_gallery.py evidence --physics physics --grasps GRASPS --mesh MESH
+
+GRASPS is a file of poses with outcomes, as for `grasp3d validate`, on MESH.
 """
 
 import argparse
 import math
-from collections.abc import Iterator
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
 
+import matplotlib as mpl
+import numpy as np
+import trimesh
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Polygon
 from PIL import Image, ImageDraw, ImageFont
 
-from grasp3d import GraspModel, label_surface, load_mesh
-from grasp3d.stability.label import COLORS, MEANING, Label
+from grasp3d import (
+    GraspModel,
+    Label,
+    MeshOptions,
+    MultifingerSampling,
+    ObjectMesh,
+    ParallelGripper,
+    Sampling,
+    Sensor,
+    SurfaceLabels,
+    Table,
+    best_grasps,
+    label_library,
+    label_surface,
+    load_mesh,
+    planar,
+    validate_grasps,
+)
+from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN, grow
+from grasp3d._kernels.hull.polytope import Polytope, make_polytope
+from grasp3d._kernels.hull.support_functions import NO_TORSION, ROWS, WrenchSpace
+from grasp3d.arrays import Bytes, Floats
+from grasp3d.contact import FingerDesign, GraspSamples, JointEncoders
+from grasp3d.hand.shapes import hand_triangles
+from grasp3d.hand.triangles import Triangles
+from grasp3d.mesh.primitives import sphere_mesh
+from grasp3d.paper.figures import FIGURES
+from grasp3d.paper.paper_settings import PaperSettings
+from grasp3d.physics.simulation import rates_by
+from grasp3d.plots.budgets import budget_figure
+from grasp3d.plots.formats import save_as
+from grasp3d.plots.painting import paint_labels
+from grasp3d.plots.perturbations import perturbation_figure
+from grasp3d.plots.rendering import Finger, View, picture, span_of
+from grasp3d.plots.style import (
+    LABEL_COLORS,
+    LINES,
+    bare,
+    label_patches,
+    new_figure,
+    show_picture,
+    styled,
+)
+from grasp3d.plots.validations import calibration_figure, label_figure
+from grasp3d.quality.loads import Load
+from grasp3d.settings import with_fingers
+from grasp3d.stability.label import COLORS, MEANING
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system.progress import ignore
+from grasp3d.system.tables import read_columns
+from grasp3d.validating.perturbing import NoiseSettings, perturb_surface
 from grasp3d.viewer.scene.overlays import BOLD, PLAIN
 from grasp3d.viewer.scene.pictures import open_renderer
 from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.view_settings import ViewSettings
 
-LIBRARY = Path(__file__).parents[1] / "meshes"
+ROOT = Path(__file__).parents[1]
+MESHES = ROOT / "meshes"
 SUFFIXES = {".stl", ".obj", ".ply", ".off", ".glb"}
-MODEL = GraspModel(friction=0.2, sensor_resolution=math.radians(15.0))
+
+WOOD = (214, 190, 150)
+"""Colour of objects without labels."""
+DPI = 140
+"""Pixels of most pictures in an inch."""
+
+
+@dataclass(frozen=True)
+class Experiments:
+    """What was measured for some of the pictures."""
+
+    physics: Path
+    """Folder that `validate_physics.py` wrote."""
+    grasps: Path | None
+    """File of poses with outcomes."""
+    mesh: Path | None
+    """Mesh of their object."""
+
+
+def fine_mesh(name: str, fineness: float = 1.0 / 100.0) -> ObjectMesh:
+    """A mesh of the library whose longest edge is a fraction of its size, for smooth borders."""
+    path = MESHES / name
+    return load_mesh(path, unit="m", max_edge=load_mesh(path).size * fineness)
+
+
+def fraction_words(labels: SurfaceLabels, digits: int = 0) -> str:
+    """The area fractions of S, M and U."""
+    parts = labels.fractions().items()
+    return "  ".join(f"{name} {100.0 * part:.{digits}f} %" for name, part in parts)
+
+
+def graded(values: Floats) -> Bytes:
+    """Colours of values from 0 to 1, (V, 3)."""
+    return np.asarray(255.0 * mpl.colormaps["viridis"](values)[:, :3], dtype=np.uint8)
+
+
+def add_scale(figure: Figure, scale: Normalize, axes: Any, **options: Any) -> Any:
+    """Add the colour bar of `graded` values."""
+    bar = figure.colorbar(mpl.cm.ScalarMappable(scale, "viridis"), ax=axes, **options)
+    bar.ax.grid(visible=False)
+    return bar
+
+
+def add_labels(figure: Figure) -> None:
+    """Add the legend of searched labels."""
+    figure.legend(handles=label_patches(MEANING["label"]), loc="outside lower center", ncols=3)
+
+
+def save_tight(figure: Figure, path: Path) -> None:
+    """Write a figure without the white around it."""
+    figure.savefig(path, dpi=DPI, bbox_inches="tight", pad_inches=0.05)
+
+
+@styled
+def draw_labels(path: Path) -> None:
+    """One row per mesh, one column per sensor resolution, and the coarsest resolution for S."""
+    friction, resolutions, cell = 0.5, (10.0, 22.6, 40.0), 1.8
+    coarsest = 2.0 * math.degrees(math.atan(friction))
+    names, view = ("mug.glb", "spray.glb", "banana.ply"), View()
+    figure = new_figure(cell * (len(resolutions) + 1) + 0.5, 1.15 * cell * len(names) + 0.6)
+    grid = figure.subplots(len(names), len(resolutions) + 1)
+    titles = (
+        *(f"sensor resolution {angle:g}°" for angle in resolutions),
+        "coarsest resolution for S",
+    )
+    for row, name in zip(grid, names, strict=True):
+        model = GraspModel(friction=friction, sensor_resolution=math.radians(max(resolutions)))
+        labels = label_surface(fine_mesh(name, 1.0 / 120.0), model)
+        for axes, angle in zip(row, resolutions, strict=False):
+            shown = labels.relabel(sensor_resolution=math.radians(angle))
+            image = paint_labels(shown, view=view, size=(640, 640))
+            show_picture(axes, image, "", fraction_words(shown))
+        show_picture(row[-1], coarsest_picture(labels, coarsest, view, (640, 640)), "", "")
+    for axes, title in zip(grid[0], titles, strict=True):
+        axes.set_title(title)
+    add_scale(
+        figure, Normalize(0.0, coarsest), grid[:, -1], shrink=0.6, format="%g°",
+        ticks=[0, 10, 22.6, 40],
+    )  # fmt: skip
+    add_labels(figure)
+    figure.savefig(path, dpi=DPI)
+
+
+def coarsest_picture(
+    labels: SurfaceLabels, coarsest: float, view: View, size: tuple[int, int]
+) -> Bytes:
+    """Render the coarsest resolution at which the best grasp of each vertex is surely stable."""
+    mesh, colors = labels.mesh, graded(np.degrees(labels.max_resolution) / coarsest)
+    return picture(mesh.vertices, mesh.faces, colors, view=view, size=size)
+
+
+@styled
+def draw_grips(path: Path) -> None:
+    """One object labelled for different grippers, and the coarsest sensor for each."""
+    model = GraspModel(friction=0.3, sensor_resolution=math.radians(20.0))
+    grippers: dict[str, tuple[int, Sampling | MultifingerSampling]] = {
+        "two fingers, up to 60 mm": (2, Sampling(max_opening=0.06)),
+        "two fingers, up to 80 mm": (2, Sampling(max_opening=0.08)),
+        "two fingers, any width": (2, Sampling()),
+        "three fingers, up to 80 mm": (3, MultifingerSampling(max_spread=0.08)),
+    }
+    coarsest, view, size = (
+        2.0 * math.degrees(model.friction_angle),
+        View(elevation=math.radians(20.0)),
+        (520, 760),
+    )
+    figure = new_figure(1.75 * len(grippers) + 0.4, 5.4)
+    grid = figure.subplots(2, len(grippers))
+    for axes, (title, (fingers, sampling)) in zip(grid.T, grippers.items(), strict=True):
+        model = with_fingers(model, fingers)
+        labels = label_surface(fine_mesh("bottle.off"), model, sampling=sampling)
+        image = paint_labels(labels, view=view, size=size)
+        show_picture(axes[0], image, title, fraction_words(labels))
+        show_picture(axes[1], coarsest_picture(labels, coarsest, view, size), "", "")
+    add_scale(
+        figure, Normalize(0.0, coarsest), grid[1], shrink=0.8, format="%g°",
+        label="coarsest α for S",
+    )  # fmt: skip
+    add_labels(figure)
+    figure.savefig(path, dpi=110)
+
+
+GRIPPER = ParallelGripper.preset("robotiq_2f85")
+MODEL = GraspModel(friction=0.5, sensor_resolution=math.radians(22.6))
+HANDLE = 0.03
+"""Opening [m] below which a grasp of the mug is one of the handle or the wall."""
+
+
+@styled
+def draw_reach(path: Path) -> None:
+    """A mug on a table, labelled for points and for a gripper, and two kinds of grasps."""
+    view, mesh = View(math.radians(-70.0), math.radians(25.0)), fine_mesh("mug.glb")
+    low, high = GRIPPER.limits
+    points = label_surface(mesh, MODEL, sampling=Sampling(min_opening=low, max_opening=high))
+    labels = label_surface(mesh, MODEL, hand=GRIPPER, table=Table.below(mesh))
+    grasps = best_grasps(labels, 40)
+    wide, narrow = (
+        next(row for row, width in enumerate(grasps.opening) if (width < HANDLE) == is_narrow)
+        for is_narrow in (False, True)
+    )
+    panels: list[tuple[str, SurfaceLabels, Triangles | None]] = [
+        ("two points, same stroke", points, None),
+        (f"gripper {GRIPPER.name}, on a table", labels, None),
+        (f"across, {approach_words(grasps, wide)}", labels, held_gripper(grasps, wide)),
+        (f"handle, {approach_words(grasps, narrow)}", labels, held_gripper(grasps, narrow)),
+    ]
+    figure = new_figure(1.8 * len(panels), 2.8)
+    for axes, (title, shown, hand) in zip(figure.subplots(1, 4), panels, strict=True):
+        span = 0.15 if hand is None else 0.33  # [m]
+        image = paint_labels(shown, view=view, size=(560, 600), beside=hand, span=span)
+        show_picture(axes, image, title, fraction_words(shown) if hand is None else "")
+    add_labels(figure)
+    figure.savefig(path, dpi=130)
+
+
+def held_gripper(grasps: GraspTable, row: int) -> Triangles:
+    """The gripper at a grasp."""
+    reach = grasps.reach
+    assert reach is not None
+    return hand_triangles(GRIPPER, float(reach.opening[row]), pose=reach.poses[row], unit="m")
+
+
+def approach_words(grasps: GraspTable, row: int) -> str:
+    """The approach margin of a grasp."""
+    assert grasps.reach is not None
+    return f"approach ±{math.degrees(grasps.reach.approach_margin[row]):.0f}°"
+
+
+LOWEST = 0.1
+"""Payload of the first colour [kg]; less has it, too."""
+GREY = (0x9A, 0xA0, 0xA6)
+"""Colour of vertices without a grasp that the gripper reaches."""
+
+
+class Loaded(NamedTuple):
+    """One object of the picture of payloads."""
+
+    name: str
+    view: View
+    size: tuple[int, int]
+    """Width and height of its picture [pixels]."""
+    labels: SurfaceLabels
+    payload: Floats
+    """[kg], shape (V,); nan: no grasp."""
+
+
+def loaded(name: str, azimuth: float, elevation: float, width: int) -> Loaded:
+    """Label a mesh for the gripper with 40 N at hand; the view is given in degrees."""
+    labels = label_surface(
+        load_mesh(MESHES / name, unit="m"), MODEL, hand=GRIPPER, load=Load(grip_force=40.0)
+    )
+    assert labels.holding is not None
+    view = View(math.radians(azimuth), math.radians(elevation))
+    return Loaded(Path(name).stem, view, (width, 640), labels, labels.holding.payload)
+
+
+@styled
+def draw_payload(path: Path) -> None:
+    """The largest mass that the best grasp of each vertex holds in any orientation.
+
+    Whatever the true normals are; the cross is the centre of mass.
+    """
+    objects = [
+        loaded("hammer.ply", 100.0, 10.0, 400),
+        loaded("mug.glb", -70.0, 30.0, 640),
+        loaded("wrench.glb", -80.0, 60.0, 860),
+    ]
+    most = max(float(np.nanmax(one.payload)) for one in objects)
+    scale, widths = LogNorm(LOWEST, most), [one.size[0] for one in objects]
+    figure = new_figure(sum(widths) / 300.0 + 0.7, 2.6)
+    grid = figure.subplots(1, len(objects), width_ratios=widths)
+    for axes, one in zip(grid, objects, strict=True):
+        draw_loaded(axes, one, scale)
+    bar = add_scale(
+        figure, scale, list(grid), shrink=0.8, format="%g kg", extend="min",
+        ticks=[tick for tick in (0.1, 0.2, 0.5, 1.0, 2.0, 5.0) if tick <= most],
+    )  # fmt: skip
+    bar.ax.minorticks_off()
+    bar.ax.set_title("payload", fontsize=8)
+    figure.savefig(path, dpi=150)
+
+
+def draw_loaded(axes: Axes, one: Loaded, scale: Normalize) -> None:
+    """Render an object, and mark its centre of mass."""
+    mesh, view, size = one.labels.mesh, one.view, one.size
+    known = np.isfinite(one.payload)
+    ramp = graded(np.asarray(scale(np.where(known, np.maximum(one.payload, LOWEST), LOWEST))))
+    colors = np.where(known[:, None], ramp, np.array(GREY, dtype=np.uint8))
+    image = picture(mesh.vertices, mesh.faces, colors, view=view, size=size)
+    best, median = one.payload[known].max(), np.median(one.payload[known])
+    show_picture(axes, image, one.name, f"best {best:.1f} kg,\nmedian {median:.2f} kg")
+    used = mesh.vertices[np.unique(mesh.faces)]
+    pixel = size[1] / span_of(used, view, size)
+    across = used @ view.axes.T  # to the right, up and toward the camera
+    middle = 0.5 * (across.min(axis=0) + across.max(axis=0))
+    right, up, _ = pixel * (view.axes @ mesh.center_mass - middle)
+    for color, width in (("white", 3.0), ("black", 1.2)):
+        axes.plot(
+            0.5 * size[0] + right, 0.5 * size[1] - up, "+", color=color, markersize=9.0,
+            markeredgewidth=width,
+        )  # fmt: skip
+
+
+PATCH_NOISE, PATCH_RADIUS = 0.15, 4.0
+"""Standard deviation of the noise, and radius of the patch, in mean edges."""
+PATCH_SEED = 1
+
+
+@styled
+def draw_patches(path: Path) -> None:
+    """A ball and a mug: clean, with noise as of a scan, and with noise and a contact patch."""
+    view, cell = View(), 2.1
+    surfaces = (sphere_mesh(), fine_mesh("mug.glb"))
+    figure = new_figure(3.0 * cell + 0.3, 1.2 * cell * len(surfaces) + 0.4)
+    for row, mesh in zip(figure.subplots(len(surfaces), 3), surfaces, strict=True):
+        for axes, (title, surface) in zip(row, noisy_surfaces(mesh).items(), strict=True):
+            labels = label_surface(surface, GraspModel())
+            image = paint_labels(labels, view=view, size=(640, 640))
+            show_picture(axes, image, title, fraction_words(labels, digits=1))
+    add_labels(figure)
+    figure.savefig(path, dpi=DPI)
+
+
+def noisy_surfaces(mesh: ObjectMesh) -> dict[str, ObjectMesh]:
+    """A surface, the same with noise, and with normals averaged over a patch, by their titles."""
+    corners = mesh.vertices[mesh.faces]
+    edge = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
+    errors = np.random.default_rng(PATCH_SEED).standard_normal(len(mesh.vertices))[mesh.canonical]
+    noisy = mesh.vertices + PATCH_NOISE * edge * errors[:, None] * mesh.normals
+    plain, smoothed = (
+        load_mesh((noisy, mesh.faces), max_edge=mesh.size, patch_radius=radius)
+        for radius in (0.0, PATCH_RADIUS * edge)
+    )
+    percent = 100.0 * edge / mesh.size
+    return {
+        "clean": mesh,
+        f"noise of {PATCH_NOISE * percent:.2g} % of the size": plain,
+        f"and a patch of radius {PATCH_RADIUS * percent:.2g} %": smoothed,
+    }
+
+
+def draw_noise(path: Path) -> None:
+    """Labels of a scan of known noise, of its noisy copies, and with the advised errors."""
+    fine, noise = load_mesh(MESHES / "bulb.glb"), 0.0003
+    errors = np.random.default_rng(1).normal(0.0, noise, len(fine.vertices))[fine.canonical]
+    with TemporaryDirectory() as folder:
+        scan = Path(folder) / "scan.ply"
+        moved = fine.vertices + errors[:, None] * fine.normals
+        trimesh.Trimesh(moved, fine.faces, process=False).export(scan)
+        options = MeshOptions(unit="m", patch_radius="3mm")
+        found = perturb_surface(scan, noise=NoiseSettings(copies=50), options=options)
+    save_as(perturbation_figure(found, view=View(azimuth=math.radians(30.0))), path)
+
+
+LIBRARY_MODEL = GraspModel(friction=0.2, sensor_resolution=math.radians(15.0))
 COLUMNS = 6
 CELL = (320, 280)
 """Width and height of a picture [pixels]."""
@@ -45,16 +410,12 @@ class Entry:
     fractions: dict[str, float]
 
 
-def entries(folder: Path) -> Iterator[Entry]:
-    """Label and render all meshes of a folder."""
-    for path in sorted(folder.iterdir()):
-        if path.suffix.lower() not in SUFFIXES:
-            continue
-        labels = label_surface(load_mesh(path, unit="m"), MODEL)
-        settings = ViewSettings(width=CELL[0], height=CELL[1])
-        with open_renderer(collection_of(labels), settings, ignore, legend=False) as renderer:
-            yield Entry(path.stem, Image.fromarray(renderer.picture()), labels.fractions())
-        print(path.name, *(f"{name} {value:.1%}" for name, value in labels.fractions().items()))
+def entry(path: Path) -> Entry:
+    """Label and render a mesh."""
+    labels = label_surface(load_mesh(path, unit="m"), LIBRARY_MODEL)
+    settings = ViewSettings(width=CELL[0], height=CELL[1])
+    with open_renderer(collection_of(labels), settings, ignore, legend=False) as renderer:
+        return Entry(path.stem, Image.fromarray(renderer.picture()), labels.fractions())
 
 
 def draw_caption(draw: ImageDraw.ImageDraw, middle: float, top: float, one: Entry) -> None:
@@ -77,8 +438,12 @@ def draw_key(
     draw.text((x + 20, y), text, INK, TEXT, anchor="lm")
 
 
-def gallery(objects: list[Entry]) -> Image.Image:
-    """Lay out all objects in rows, with one legend."""
+def draw_meshes(path: Path) -> None:
+    """All meshes of the library, each labelled, with its area fractions.
+
+    Friction and resolution are chosen so that all three labels are on most objects.
+    """
+    objects = [entry(one) for one in sorted(MESHES.iterdir()) if one.suffix.lower() in SUFFIXES]
     rows = math.ceil(len(objects) / COLUMNS)
     width, height = CELL[0], CELL[1] + CAPTION
     image = Image.new("RGB", (COLUMNS * width + 2 * EDGE, rows * height + LEGEND + EDGE), "white")
@@ -94,23 +459,627 @@ def gallery(objects: list[Entry]) -> Image.Image:
         draw_key(draw, x, y, text, COLORS[label])
         x += TEXT.getlength(text) + 60
     settings = (
-        f"two fingers, friction μ {MODEL.friction:g}, "
-        f"sensor resolution α {math.degrees(MODEL.sensor_resolution):g}°"
+        f"two fingers, friction μ {LIBRARY_MODEL.friction:g}, "
+        f"sensor resolution α {math.degrees(LIBRARY_MODEL.sensor_resolution):g}°"
     )
     draw.text((image.width - 2 * EDGE, y), settings, QUIET, TEXT, anchor="rm")
-    return image
+    image.quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
+def draw_budgets(path: Path) -> None:
+    """What each uncertainty takes of the friction angle, for antipodal grasps of several widths.
+
+    The wider the grasp, the less the line between the contacts may turn.
+    """
+    design = FingerDesign(
+        friction=(0.4, 0.6),
+        sensor=Sensor(receptive_field=4.0, fingertip_radius=10.0),
+        encoders=JointEncoders(counts=4096, lengths=(60.0, 30.0)),
+    )
+    budgets = {
+        f"{opening:.0f} mm": design.budget(GraspSamples(0.0, opening)).mean()
+        for opening in (10.0, 15.0, 25.0, 40.0, 80.0)
+    }
+    save_as(budget_figure(budgets), path)
+
+
+def draw_paper(path: Path) -> None:
+    """Figures of Wan & Howe 2018 and, of uncertainties that they name only, two more."""
+    for name, figure in PAPER.items():
+        FIGURES[figure](PaperSettings()).savefig(path.with_stem(name), dpi=DPI)
+
+
+PAPER = {
+    "paper_tips": "figure_04",
+    "paper_cones": "figure_05",
+    "paper_epsilon": "figure_07",
+    "paper_fractions": "figure_08",
+    "paper_ceilings": "figure_11",
+    "paper_errors": "extension_errors",
+    "paper_map": "extension_map",
+}
+"""Pictures, and the figures that `grasp3d paper` makes."""
+
+
+OUTLINE_FRICTION = 0.5
+OUTLINE_RESOLUTIONS = (0.0, 10.0, 22.6, 40.0, 60.0)
+OUTLINE_POINTS = 1440
+OUTLINES = (planar.Circle(), planar.square())
+
+
+def draw_outline(axes: Axes, outline: planar.Outline, degrees: float) -> None:
+    """Draw an outline in the colours of its labels."""
+    model = GraspModel(friction=OUTLINE_FRICTION, sensor_resolution=math.radians(degrees))
+    found = planar.scan(outline, model, points=OUTLINE_POINTS)
+    bare(axes)
+    axes.fill(*found.points.T, color="#F1F1F1")
+    ends = np.concatenate([found.points, found.points[:1]])
+    first = np.flatnonzero(np.diff(found.label, prepend=255))
+    for start, end in pairwise([*first.tolist(), len(found.label)]):
+        color = LABEL_COLORS[Label(found.label[start])]
+        axes.plot(*ends[start : end + 1].T, color=color, linewidth=4.0, solid_capstyle="butt")
+    point = found.points[0]
+    inward = np.array([0.0, 0.45])
+    axes.annotate(
+        "", point + inward, point - inward, arrowprops={"arrowstyle": "-|>", "color": "#333333"}
+    )
+    fractions = outline.fractions(
+        friction=OUTLINE_FRICTION, sensor_resolution=model.sensor_resolution
+    )
+    text = "\n".join(f"{name} {100.0 * part:.0f} %" for name, part in fractions.items())
+    axes.text(0.0, 0.15, text, ha="center", va="center")
+    axes.set(xlim=(-1.2, 1.2), ylim=(-1.5, 1.15))
+
+
+@styled
+def draw_planar(path: Path) -> None:
+    """The paper's circle and square, labelled by where the second finger is.
+
+    The first is the arrow; the numbers are fractions of the perimeter in closed form.
+    """
+    figure = new_figure(1.45 * len(OUTLINE_RESOLUTIONS), 1.62 * len(OUTLINES) + 0.4)
+    grid = figure.subplots(len(OUTLINES), len(OUTLINE_RESOLUTIONS))
+    for row, outline in zip(grid, OUTLINES, strict=True):
+        for axes, degrees in zip(row, OUTLINE_RESOLUTIONS, strict=True):
+            draw_outline(axes, outline, degrees)
+    for axes, degrees in zip(grid[0], OUTLINE_RESOLUTIONS, strict=True):
+        axes.set_title(f"α = {degrees:g}°")
+    figure.legend(handles=label_patches(), loc="outside lower center", ncols=3)
+    save_tight(figure, path)
+
+
+DIRECTIONS = np.radians([80.0, 205.0, 310.0])
+"""Inward normals of the contacts, as polar angles."""
+FRICTION_ANGLE = math.radians(20.0)
+CONE_FORCES = 25
+"""Forces by which the arc of a cone is drawn."""
+TRIANGLE = 3
+"""Vertices of the first polytope, a triangle."""
+HULL_PLANE = (0, 0)
+"""As long as the wrenches have components: two."""
+HULL_GOAL = (0.0, 0.0, math.inf, 0.0)
+
+SPACE, FACET, NEAR, POINT = "#D9DEE3", "#0072B2", "#D55E00", "#111111"
+
+
+class Step(NamedTuple):
+    """The polytope before its nearest facet is replaced."""
+
+    facets: Floats
+    """Ends of the edges, shape (f, 2, 2)."""
+    nearest: int
+    normal: Floats
+    """Outward unit normal of the nearest facet, shape (2,)."""
+    distance: float
+    height: float
+    """Support of the wrench space in the direction of the normal."""
+    point: Floats
+    """Wrench that attains it, shape (2,)."""
+
+
+def cones() -> Floats:
+    """Unit forces of the three contacts, shape (3 * CONE_FORCES, 2)."""
+    turn = DIRECTIONS[:, None] + np.linspace(-FRICTION_ANGLE, FRICTION_ANGLE, CONE_FORCES)
+    return np.stack([np.cos(turn), np.sin(turn)], axis=-1).reshape(-1, 2)
+
+
+def grown(wrenches: Floats, vertices: int) -> tuple[Polytope, float, float]:
+    """The kernel's polytope of at most so many vertices, and the bounds of epsilon."""
+    whole = make_polytope(256)
+    polytope = whole._replace(points=whole.points[:vertices])
+    axes = np.zeros((1, 6, len(wrenches)))
+    axes[0, :2] = wrenches.T
+    space = WrenchSpace(
+        kind=ROWS, spherical=True, torsion=NO_TORSION, axes=axes, cones=np.ones((1, 2)),
+        rim=np.zeros((0, 2)),
+    )  # fmt: skip
+    metric = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    _, lower, upper, _, _ = grow(
+        space, HULL_PLANE, metric, None, AROUND_ORIGIN, HULL_GOAL, polytope
+    )
+    return polytope, lower, upper
+
+
+def step_of(wrenches: Floats, polytope: Polytope) -> Step:
+    """Read the facets of a polytope, and find the support at the nearest."""
+    planes, corners = polytope.planes, polytope.corners
+    present = np.flatnonzero((planes[:2] != 0.0).any(axis=0) & ~np.isnan(planes[6]))
+    facets = polytope.points[corners[present, :2]][..., :2]
+    nearest = int(planes[6, present].argmin())
+    normal = planes[:2, present[nearest]]
+    heights = wrenches @ normal
+    return Step(
+        facets, nearest, normal, float(planes[6, present[nearest]]), float(heights.max()),
+        wrenches[heights.argmax()],
+    )  # fmt: skip
+
+
+def draw_step(axes: Axes, wrenches: Floats, shown: Step, upper: float) -> None:
+    """Draw one step, with the bounds of epsilon known after it."""
+    axes.fill(*wrenches.T, color=SPACE, zorder=0)
+    for facet in shown.facets:
+        axes.plot(*facet.T, color=FACET, linewidth=1.4)
+    axes.plot(*shown.facets[shown.nearest].T, color=NEAR, linewidth=2.6)
+    axes.add_patch(Circle((0.0, 0.0), shown.distance, fill=False, color=NEAR, linewidth=0.8))
+    axes.plot(0.0, 0.0, "+", color=POINT, markersize=6)
+    along = np.array([-shown.normal[1], shown.normal[0]])
+    line = shown.height * shown.normal + np.outer([-0.6, 0.6], along)
+    axes.plot(*line.T, color=POINT, linewidth=0.9, linestyle=(0, (4, 2)))
+    found = shown.height - shown.distance < 1e-9
+    if not found:
+        axes.plot(*shown.point, "o", color=POINT, markersize=4.5)
+    lower = f"{shown.distance:.3f}"
+    axes.set_title(f"ε = {lower}" if found else f"{lower} ≤ ε ≤ {upper:.3f}")
+    axes.set(xlim=(-1.2, 1.1), ylim=(-1.1, 1.15), xticks=[], yticks=[], aspect="equal")
+    axes.grid(visible=False)
+    axes.spines[:].set_visible(False)
+
+
+@styled
+def draw_hull(path: Path) -> None:
+    """How the growing hull finds epsilon, step by step.
+
+    The wrench space is that of three planar contacts, of which only the two force components are
+    drawn, so that facets are edges. The steps are those of the kernel: it is stopped each time when
+    it has reached a number of vertices, until the nearest facet is one of the wrench space.
+    """
+    wrenches, steps = cones(), []
+    for vertices in range(TRIANGLE, len(wrenches)):
+        steps.append(step_of(wrenches, grown(wrenches, vertices)[0]))
+        if steps[-1].height - steps[-1].distance < 1e-9:
+            break
+    _, lower, _ = grown(wrenches, len(wrenches))
+    assert math.isclose(lower, steps[-1].distance)
+    figure = new_figure(1.75 * len(steps), 2.1)
+    bounds = np.minimum.accumulate([shown.height for shown in steps])
+    for axes, shown, upper in zip(
+        figure.subplots(1, len(steps)), steps, bounds.tolist(), strict=True
+    ):
+        draw_step(axes, wrenches, shown, upper)
+    handles = [
+        Line2D([], [], color=SPACE, linewidth=6, label="grasp wrench space"),
+        Line2D([], [], color=FACET, label="polytope inside it"),
+        Line2D([], [], color=NEAR, linewidth=2.6, label="nearest facet"),
+        Line2D([], [], color=POINT, linewidth=0.9, linestyle=(0, (4, 2)),
+               label="support in its direction"),
+        Line2D([], [], color=POINT, marker="o", markersize=4.5, linestyle="none",
+               label="new vertex"),
+    ]  # fmt: skip
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    save_tight(figure, path)
+
+
+ELLIPSE, LINEAR, DISC = "#0072B2", "#D55E00", "#111111"
+MOMENT = 0.6
+"""Torsional moment at which the friction circles are compared, as a fraction of the largest."""
+DISC_STEPS = 400
+"""Steps of the integrals over a disc along its radius, and half of those around it."""
+CENTERS = np.array([0.0, 0.1, 0.25, 0.5, 0.75, 1.0, 1.3, 1.8, 3.0, 8.0])
+"""Distances of the centre of rotation from the disc's, in radii."""
+OFFSET = 1.18
+"""Height of a text above the middle."""
+
+
+def disc(centers: Floats) -> tuple[Floats, Floats]:
+    """Friction force and moment of an evenly pressed disc that begins to turn about points.
+
+    Every part of the disc has its full friction, opposite to its velocity.
+
+    Args:
+        centers: Distances of the points from the disc's centre, in radii.
+
+    Returns:
+        Tangential force and moment, as fractions of their largest values.
+    """
+    radius, around = np.meshgrid(
+        (np.arange(DISC_STEPS) + 0.5) / DISC_STEPS,
+        (np.arange(2 * DISC_STEPS) + 0.5) * math.pi / DISC_STEPS,
+    )
+    x, y = radius * np.cos(around), radius * np.sin(around)
+    area = radius / radius.sum()
+    forces, moments = [], []
+    for center in centers:
+        along = x - center  # component of the velocity across the line to the centre of rotation
+        speed = np.hypot(along, y)
+        forces.append(abs((area * along / speed).sum()))
+        moments.append(abs((area * (x * along + y * y) / speed).sum()))
+    return np.array(forces), np.array(moments) / (2.0 / 3.0)
+
+
+def draw_section(axes: Axes) -> None:
+    """Draw tangential force against torsional moment."""
+    turn = np.linspace(0.0, 2.0 * math.pi, 200)
+    axes.plot(np.cos(turn), np.sin(turn), color=ELLIPSE)
+    axes.fill(np.cos(turn), np.sin(turn), color=ELLIPSE, alpha=0.08)
+    axes.add_patch(Polygon([(1, 0), (0, 1), (-1, 0), (0, -1)], fill=False, edgecolor=LINEAR))
+    force, moment = disc(CENTERS)
+    for signs in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        axes.plot(signs[0] * force, signs[1] * moment, "o", color=DISC, markersize=2.5)
+    axes.axhline(MOMENT, color="#888888", linewidth=0.8, linestyle=(0, (4, 2)))
+    axes.set(title="section", xlabel="tangential force / μ$f_n$", ylabel="moment / e$f_n$")
+
+
+def draw_circles(axes: Axes) -> None:
+    """Draw the tangential forces that are left beside no moment, and beside a moment."""
+    turn = np.linspace(0.0, 2.0 * math.pi, 200)
+    circle = np.stack([np.cos(turn), np.sin(turn)])
+    left = math.sqrt(1.0 - MOMENT**2)
+    axes.plot(*circle, color="#888888", linewidth=0.9)
+    axes.plot(*(left * circle), color=ELLIPSE, linestyle=(0, (4, 2)))
+    axes.plot(*((1.0 - MOMENT) * circle), color=LINEAR, linestyle=(0, (4, 2)))
+    for radius, text in ((1.0, "no moment"), (left, f"{left:.1f}"), (1.0 - MOMENT, "0.4")):
+        axes.text(0.0, radius - 0.03, text, ha="center", va="top", fontsize=7)
+    axes.set(
+        title=f"forces beside {MOMENT:g} of the moment",
+        xlabel="tangential force / μ$f_n$",
+    )
+
+
+def draw_solid(figure: Figure, number: int) -> None:
+    """Draw both surfaces in space."""
+    axes = figure.add_subplot(1, 3, number, projection="3d", computed_zorder=False)
+    turn, height = np.meshgrid(np.linspace(0.0, 2.0 * math.pi, 49), np.linspace(-1.0, 1.0, 25))
+    for color, radius, alpha in (
+        (LINEAR, 1.0 - np.abs(height), 0.9),
+        (ELLIPSE, np.sqrt(1.0 - height**2), 0.22),
+    ):
+        x, y = radius * np.cos(turn), radius * np.sin(turn)
+        axes.plot_surface(x, y, height, color=color, alpha=alpha, linewidth=0, shade=True)
+    circle = np.linspace(0.0, 2.0 * math.pi, 100)
+    axes.plot(np.cos(circle), np.sin(circle), np.zeros(100), color="#333333", linewidth=0.8)
+    axes.view_init(elev=18.0, azim=-60.0)
+    axes.set_box_aspect((1, 1, 1), zoom=1.25)
+    axes.set_axis_off()
+    axes.set_title("limit surface at one normal force")
+    axes.text(0, 0, OFFSET, "moment", ha="center", va="center", fontsize=8)
+    axes.text2D(0.5, 0.06, "across: tangential force", ha="center", transform=axes.transAxes)
+
+
+@styled
+def draw_limit_surface(path: Path) -> None:
+    """What a pad's friction resists at a given normal force.
+
+    The ellipse of Howe & Cutkosky, as grip forces take it, with the linear hull inside it that
+    epsilon takes, and beside them that of an evenly pressed disc, integrated.
+    """
+    figure = new_figure(7.16, 2.9)
+    draw_solid(figure, 1)
+    for number, draw in ((2, draw_section), (3, draw_circles)):
+        axes = figure.add_subplot(1, 3, number)
+        draw(axes)
+        axes.set(xlim=(-1.15, 1.15), ylim=(-1.15, 1.15), aspect="equal", xticks=[-1, 0, 1],
+                 yticks=[-1, 0, 1])  # fmt: skip
+    handles = [
+        Line2D([], [], color=ELLIPSE, label="ellipse: grip forces"),
+        Line2D([], [], color=LINEAR, label="linear hull: epsilon"),
+        Line2D([], [], color=DISC, marker="o", markersize=2.5, linestyle="none",
+               label="evenly pressed disc, e = 2/3 μ r"),
+    ]  # fmt: skip
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    figure.savefig(path, dpi=DPI)
+
+
+BORDERS = np.array([-70.0, -50.0, -40.0, -30.0, -22.6, -17.0, -11.3, -5.7, 0.0, 4.0, 8.0, 16.0])
+"""Of the bins of the margin [degrees]."""
+
+
+@styled
+def draw_physics(path: Path, experiments: Experiments) -> None:
+    """Slip of facets, success over the margin, and grip forces, as simulated."""
+    folder = experiments.physics
+    figure = new_figure(height=2.5)
+    axes = figure.subplots(1, 3, width_ratios=(1.0, 1.7, 1.0))
+    draw_facets(axes[0], read_columns(folder / "facets.csv"))
+    draw_margins(axes[1], sorted(folder.glob("normals_*.csv")))
+    draw_forces(axes[2], read_columns(folder / "forces.csv"))
+    save_as(figure, path)
+
+
+def draw_facets(axes: Axes, columns: dict[str, np.ndarray]) -> None:
+    """Draw the friction below which pairs of facets slip, against the critical angle."""
+    computed = np.degrees(columns["critical_angle"])
+    axes.plot([0.0, 90.0], [0.0, 90.0], color="#999999", linewidth=0.7)
+    axes.plot(
+        computed, np.degrees(columns["slip_friction_angle"]), ".", color="#0072B2", markersize=3
+    )
+    axes.set(
+        xlabel="critical friction angle β* [°]",
+        ylabel="slips below [°]",
+        title=f"{len(computed)} pairs of facets",
+        xlim=(0, 90),
+        ylim=(0, 90),
+    )
+
+
+def draw_margins(axes: Axes, paths: list[Path]) -> None:
+    """Draw the fractions of grasps and objects that held, over the margin."""
+    tables = [read_columns(path) for path in paths]
+    margin, success, held, fate = (
+        np.concatenate([table[name] for table in tables])
+        for name in ("margin", "success", "held", "fate")
+    )
+    known = fate != "broken"
+    border = -math.degrees(GraspModel().sensor_resolution)
+    for label, low, high in (
+        (Label.U, BORDERS[0], border),
+        (Label.M, border, 0.0),
+        (Label.S, 0.0, BORDERS[-1]),
+    ):
+        axes.axvspan(low, high, color=LABEL_COLORS[label], alpha=0.18, linewidth=0.0)
+        axes.text(0.5 * (low + high), 1.06, label.name, ha="center", va="bottom")
+    for values, name, style, shift in (
+        (held, "object held", LINES[1], 0.4),
+        (success, "grasp held", LINES[0], -0.4),
+    ):
+        rates = list(rates_by(np.degrees(margin[known]), values[known].astype(bool), BORDERS))
+        rows = [number for number, rate in enumerate(rates) if rate.count]
+        middles = 0.5 * (BORDERS[:-1] + BORDERS[1:])[rows] + shift
+        rate = np.array([rates[number].rate for number in rows])
+        low, high = (
+            np.array([getattr(rates[number], end) for number in rows]) for end in ("low", "high")
+        )
+        axes.errorbar(
+            middles, rate, np.abs([low - rate, high - rate]), label=name, marker="o", markersize=3,
+            elinewidth=0.8, capsize=1.5, **style,
+        )  # fmt: skip
+    axes.set(
+        xlabel="margin [°]",
+        ylabel="fraction",
+        xlim=(BORDERS[0], BORDERS[-1]),
+        ylim=(-0.04, 1.15),
+        yticks=np.linspace(0.0, 1.0, 6),
+    )
+    axes.set_title(f"{int(known.sum())} grasps of {len(paths)} objects")
+    axes.legend(loc="center left")
+
+
+def draw_forces(axes: Axes, columns: dict[str, np.ndarray]) -> None:
+    """Draw the smallest forces that held, against the computed ones."""
+    most = 1.1 * max(columns["computed"].max(), columns["simulated"].max())
+    axes.plot([0.0, most], [0.0, most], color="#999999", linewidth=0.7)
+    soft = columns["soft"].astype(bool)
+    for name, mine, marker in (("hard tips", ~soft, "o"), ("soft tips", soft, "^")):
+        axes.plot(
+            columns["computed"][mine], columns["simulated"][mine], marker, label=name, markersize=3
+        )
+    axes.set(
+        xlabel="computed grip force [N]",
+        ylabel="smallest force that holds [N]",
+        title=f"{len(soft)} loads of 1 N",
+        xlim=(0.0, most),
+        ylim=(0.0, most),
+    )
+    axes.legend(loc="upper left")
+
+
+CAUSES = {
+    "soft": "pulled at its centre of mass:\nit turns about the tips",
+    "weak": "squeezed by twice its weight:\nthe pull decides",
+}
+"""Why S grasps failed under each condition of `validate_physics.py`."""
+
+
+def draw_evidence(path: Path, experiments: Experiments) -> None:
+    """Success of grasps by label and by margin, and grasps labelled S that failed in simulation."""
+    if experiments.grasps is None or experiments.mesh is None:
+        raise SystemExit("evidence needs --grasps and --mesh")
+    found = validate_grasps(experiments.grasps, mesh=experiments.mesh)
+    save_as(failure_figure(failures(experiments.physics)), path.with_stem("evidence_failures"))
+    save_as(calibration_figure(found), path.with_stem("evidence_calibration"))
+    save_as(label_figure(found), path.with_stem("evidence_labels"))
+
+
+def failures(folder: Path) -> list[dict[str, Any]]:
+    """S grasps that were lost, those with the largest margins, one of an object and condition."""
+    found = []
+    for cause in CAUSES:
+        for path in sorted(folder.glob(f"{cause}_*.csv")):
+            columns = read_columns(path)
+            lost = np.flatnonzero((columns["label"] == "S") & (columns["fate"] == "pulled"))
+            if len(lost):
+                row = lost[np.argmax(columns["margin"][lost])]
+                one = {name: values[row] for name, values in columns.items()}
+                found.append({**one, "cause": cause, "object": path.stem.removeprefix(f"{cause}_")})
+    return sorted(found, key=lambda one: -float(one["margin"]))[:4]
+
+
+def rendered(one: dict[str, Any]) -> Bytes:
+    """The object with both tips, seen across the line between them."""
+    (path,) = MESHES.glob(f"{one['object']}.*")
+    mesh = load_mesh(path, unit="m")
+    points = np.array([[one[f"{axis}{tip}"] for axis in "xyz"] for tip in (1, 2)])
+    normals = np.array([[one[f"n{axis}{tip}"] for axis in "xyz"] for tip in (1, 2)])
+    line = points[1] - points[0]
+    upright = abs(line[2]) > 0.9 * float(np.linalg.norm(line))
+    across = np.cross(line, [0.0, 1.0, 0.0] if upright else [0.0, 0.0, 1.0])
+    across = across / np.linalg.norm(across) + [0.0, 0.0, 0.35]
+    view = View(
+        azimuth=math.atan2(across[1], across[0]),
+        elevation=math.atan2(across[2], math.hypot(across[0], across[1])),
+    )
+    colors = np.tile(np.array(WOOD, dtype=np.uint8), (len(mesh.vertices), 1))
+    fingers = [Finger(point, normal) for point, normal in zip(points, normals, strict=True)]
+    return picture(
+        mesh.vertices, mesh.faces, colors, normals=-mesh.normals, view=view, size=(460, 420),
+        fingers=fingers,
+    )  # fmt: skip
+
+
+@styled
+def failure_figure(found: list[dict[str, Any]]) -> Figure:
+    """A panel for each grasp."""
+    figure = new_figure(height=2.4)
+    for axes, one in zip(figure.subplots(1, len(found)), found, strict=True):
+        show_picture(axes, rendered(one), "", "")
+        axes.set_title(f"{one['object']}: S, margin {math.degrees(one['margin']):.0f}°", fontsize=8)
+        turn, slip = math.degrees(one["turn"]), 1e3 * one["slip"]
+        axes.set_xlabel(f"{CAUSES[one['cause']]}\nturn {turn:.0f}°, slip {slip:.0f} mm", fontsize=7)
+    return figure
+
+
+BROWSER_OPTIONS = [
+    "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+]  # fmt: skip
+
+
+@contextmanager
+def browser() -> Iterator[Any]:
+    """Start Chromium."""
+    from playwright.sync_api import sync_playwright
+
+    program = shutil.which("chromium") or shutil.which("google-chrome")
+    with (
+        sync_playwright() as driver,
+        driver.chromium.launch(executable_path=program, args=BROWSER_OPTIONS) as started,
+    ):
+        yield started
+
+
+def click(page: Any, place: str, at: tuple[float, float]) -> None:
+    """Click a part of a page at fractions of its width and height."""
+    box = page.locator(place).first.bounding_box()
+    assert box is not None
+    page.mouse.click(box["x"] + at[0] * box["width"], box["y"] + at[1] * box["height"])
+
+
+def draw_report(path: Path) -> None:
+    """A library's report: the library page, and an object page with a picked vertex."""
+    with TemporaryDirectory() as name, browser() as started:
+        folder = Path(name)
+        label_library([MESHES], folder / "results")
+        report = folder / "results" / "report"
+        shots = [folder / "index.png", folder / "object.png"]
+        page = started.new_page(viewport={"width": 1300, "height": 1230})
+        page.goto((report / "index.html").as_uri())
+        page.wait_for_timeout(1500)
+        page.screenshot(path=shots[0])
+        page = started.new_page(viewport={"width": 1300, "height": 800})
+        page.goto(f"{(report / 'object.html').as_uri()}#spray")
+        page.wait_for_timeout(2500)
+        click(page, "canvas", (0.44, 0.68))
+        page.wait_for_timeout(800)
+        page.screenshot(path=shots[1])
+        sheet = stacked([Image.open(shot).convert("RGB") for shot in shots], gap=12)
+    size = (1000, round(sheet.height * 1000 / sheet.width))
+    sheet.resize(size, Image.Resampling.LANCZOS).save(path, optimize=True)
+
+
+def stacked(pictures: Sequence[Image.Image], gap: int) -> Image.Image:
+    """Put pictures of one width one below the other, with a gap below each [pixels]."""
+    heights = [one.height + gap for one in pictures]
+    sheet = Image.new("RGB", (pictures[0].width, sum(heights)), "white")
+    for number, one in enumerate(pictures):
+        sheet.paste(one, (0, sum(heights[:number])))
+    return sheet
+
+
+def draw_viewer(path: Path) -> None:
+    """The viewer's page, with two resolutions compared and a vertex inspected."""
+    main = [sys.executable, "-c", "import sys; from grasp3d.cli import main; sys.exit(main())"]
+    view = [*main, "view", str(MESHES / "spray.glb"), "--web", "--port", "0"]
+    with subprocess.Popen(view, stdout=subprocess.PIPE, text=True) as server:  # noqa: S603
+        assert server.stdout is not None
+        address = re.match(r"(http:\S+) ", server.stdout.readline())
+        assert address is not None
+        with browser() as started:
+            page = started.new_page(viewport={"width": 1280, "height": 1010})
+            photograph(page, address[1], path)
+        server.terminate()
+    with Image.open(path) as image:
+        reduced = image.convert("RGB").quantize(
+            method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
+        )
+    reduced.save(path, optimize=True)
+
+
+def photograph(page: Any, address: str, path: Path) -> None:
+    """Wait for the object, set up the view, and take the picture."""
+    page.goto(address)
+    page.locator("#fractions").wait_for(timeout=60_000)
+    page.wait_for_timeout(1500)
+    page.locator("#comparing").check()
+    page.wait_for_timeout(1500)
+    click(page, "#stage, .stage, main", (0.22, 0.66))
+    page.locator("#reason").wait_for()
+    page.locator("#progress").wait_for(state="detached", timeout=60_000)  # the wider search
+    page.wait_for_timeout(1500)
+    page.screenshot(path=path)
+
+
+PICTURES: dict[str, Callable[[Path], None]] = {
+    "labels": draw_labels,
+    "grips": draw_grips,
+    "reach": draw_reach,
+    "meshes": draw_meshes,
+    "budgets": draw_budgets,
+    "planar": draw_planar,
+    "paper": draw_paper,
+    "noise": draw_noise,
+    "hull": draw_hull,
+    "patches": draw_patches,
+    "payload": draw_payload,
+    "limit_surface": draw_limit_surface,
+}
+"""Pictures by name, each NAME.png; `paper` is several."""
+
+OF_PAGES: dict[str, Callable[[Path], None]] = {"report": draw_report, "viewer": draw_viewer}
+"""Pictures that need a browser."""
+
+OF_EXPERIMENTS: dict[str, Callable[[Path, Experiments], None]] = {
+    "physics": draw_physics,
+    "evidence": draw_evidence,
+}
+"""Pictures of what `validate_physics.py` wrote; `evidence` is several."""
 
 
 def main() -> None:
-    """Render the library and write the picture."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path, nargs="?", default=LIBRARY)
-    parser.add_argument("-o", "--output", type=Path, default=LIBRARY / "gallery.png")
+    """Make the pictures."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    known = (*PICTURES, *OF_PAGES, *OF_EXPERIMENTS)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(known))
+    parser.add_argument(
+        "-o", "--output", type=Path, help="folder (default: docs, and meshes for that of meshes)"
+    )
+    parser.add_argument("--physics", type=Path, default=Path("physics"))
+    parser.add_argument("--grasps", type=Path)
+    parser.add_argument("--mesh", type=Path)
     options = parser.parse_args()
-    image = gallery(list(entries(options.folder)))
-    colors = image.quantize(256, dither=Image.Dither.NONE)
-    colors.save(options.output, optimize=True)
-    print(f"{options.output}: {options.output.stat().st_size / 1000:.0f} kB")
+    unknown = sorted(set(options.names) - set(known))
+    if unknown:
+        parser.error(f"no picture is called {unknown[0]!r}; known: {', '.join(known)}")
+    experiments = Experiments(options.physics, options.grasps, options.mesh)
+    for name in options.names or PICTURES:
+        path = (options.output or ROOT / "docs") / f"{name}.png"
+        if name == "meshes":
+            path = (options.output or MESHES) / "gallery.png"
+        if name in OF_EXPERIMENTS:
+            OF_EXPERIMENTS[name](path, experiments)
+        else:
+            (PICTURES | OF_PAGES)[name](path)
+        print(f"made: {name}")
 
 
 if __name__ == "__main__":

@@ -454,7 +454,7 @@ and `python scripts/make_meshes.py` generate them and this page.
 
 ![All meshes, labelled at friction 0.2 and a sensor resolution of 15 degrees](gallery.png)
 
-`python scripts/make_gallery.py` generates the picture.
+`python scripts/make_gallery.py meshes` generates the picture.
 
 | file | object | size [mm] | triangles | volume [cm3] | least angle [deg] | what it tests |
 |---|---|---|---|---|---|---|
