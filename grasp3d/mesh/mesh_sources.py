@@ -179,11 +179,11 @@ def _of_arrays(pair: tuple[Any, ...] | list[Any]) -> RawMesh:
             f"{_described(pair)} is no mesh: give one path at a time; label_library labels "
             "several files"
         )
-    if len(pair) != 2:
+    names = ("vertices", "faces") if len(pair) == 2 else ()
+    arrays = [_array(name, values) for name, values in zip(names, pair, strict=False)]
+    if not (arrays and all(array.ndim for array in arrays)):
         raise MeshError(f"{_described(pair)} is no mesh; {ACCEPTED}")
-    vertices, faces = _array("vertices", pair[0]), _array("faces", pair[1])
-    if not (vertices.ndim and faces.ndim):
-        raise MeshError(f"{_described(pair)} is no mesh; {ACCEPTED}")
+    vertices, faces = arrays
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise MeshError(f"vertices must have shape (V, 3); got {vertices.shape}")
     if vertices.dtype.kind not in "fiu" and vertices.size:

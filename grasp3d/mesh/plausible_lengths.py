@@ -1,7 +1,7 @@
 """Units in which sizes of objects are plausible, and lengths that are not, or cannot be meant."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import get_args
 
@@ -54,14 +54,13 @@ def guess_unit(size: float) -> UnitGuess:
     if not likely:
         plausible = _fitting(size, PLAUSIBLE)
         likely = tuple(unit for unit in plausible if unit in usual or unit in PREFERRED)
-    if not likely:
-        sizes = _size_texts(size, get_args(Unit))
-        return UnitGuess(None, f"largest extent {size:.4g}: {sizes}; no hand holds any of these")
+    unit, shown, remark = None, get_args(Unit), "; no hand holds any of these"
     if len(likely) > 1:
-        sizes = _size_texts(size, likely)
-        return UnitGuess(None, f"largest extent {size:.4g}: {sizes}; these are equally plausible")
-    sizes = _size_texts(size, dict.fromkeys((*likely, *PREFERRED)))
-    return UnitGuess(likely[0], f"largest extent {size:.4g}: {sizes}")
+        shown, remark = likely, "; these are equally plausible"
+    elif likely:
+        unit, shown, remark = likely[0], tuple(dict.fromkeys((*likely, *PREFERRED))), ""
+    sizes = ", ".join(f"{length_text(size * METRES[one])} if {one}" for one in shown)
+    return UnitGuess(unit, f"largest extent {size:.4g}: {sizes}{remark}")
 
 
 def unit_warning(size: float, unit: Unit) -> str:
@@ -89,17 +88,14 @@ def impossible_size(size: float, unit: Unit | None) -> str:
         size: Size of the object, in its unit.
         unit: The unit; None: not stated.
     """
-    if any(_possible(size, known) for known in ((unit,) if unit else get_args(Unit))):
+    least, most = POSSIBLE
+    if any(least <= size * METRES[one] <= most for one in ((unit,) if unit else get_args(Unit))):
         return ""
     shown = length_text(size * METRES[unit]) if unit else f"{size:.2g} in any unit"
     return (
         f"the object is {shown} large: no object to grasp is; is the transform of a part or a "
         "vertex of the file wrong?"
     )
-
-
-def _possible(size: float, unit: Unit) -> bool:
-    return POSSIBLE[0] <= size * METRES[unit] <= POSSIBLE[1]
 
 
 def length_text(metres: float) -> str:
@@ -118,10 +114,6 @@ def _fitting(size: float, limits: tuple[float, float]) -> tuple[Unit, ...]:
     """Units in which a size is within limits [m]."""
     least, most = limits[0] * (1.0 - _ROUNDING), limits[1] * (1.0 + _ROUNDING)
     return tuple(unit for unit in get_args(Unit) if least <= size * METRES[unit] <= most)
-
-
-def _size_texts(size: float, units: Iterable[Unit]) -> str:
-    return ", ".join(f"{length_text(size * METRES[unit])} if {unit}" for unit in units)
 
 
 def _listed(words: Sequence[str]) -> str:
