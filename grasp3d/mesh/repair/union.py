@@ -1,6 +1,6 @@
 """Union of bodies that overlap or touch, so that no face lies inside the object, and its seams."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 
 import manifold3d
@@ -81,7 +81,8 @@ def unite(bodies: Bodies) -> United:
         outer[group]
         for group in overlap_groups(bodies.lower[outer] - touch, bodies.upper[outer] + touch)
     ]
-    _check_work(bodies, owner, groups)
+    if not groups:
+        return United(points, bodies.faces, np.arange(len(points)), 0, 0, 0.0)
     unions, joined, refused = [], [outer[:0]], 0
     for group, solids in zip(groups, _solids(bodies, owner, groups), strict=True):
         whole = manifold3d.Manifold.batch_boolean(
@@ -93,35 +94,24 @@ def unite(bodies: Bodies) -> United:
             unions.append(_union(points, whole, solids, touch))
             joined.append(group)
     unchanged = ~np.isin(owner, np.concatenate(joined))
-    united = _put_together(points, bodies.faces[unchanged[bodies.body]], unions)
-    return replace(united, refused=refused, rounding=touch if unions else 0.0)
-
-
-def _check_work(bodies: Bodies, owner: Ints, groups: list[Ints]) -> None:
-    """Refuse bodies with too many faces that may cross; some faces are compared with all others.
-
-    Raises:
-        WorkBoundError: There are too many.
-    """
-    if not groups:
-        return
-    of_face = owner[bodies.body]
-    chosen = np.isin(of_face, np.concatenate(groups))
-    corners = bodies.points[bodies.faces[chosen]]
-    lower, upper = corners.min(axis=1), corners.max(axis=1)
-    UNITED_BODIES.check(estimated_overlaps(lower, upper, of_face[chosen]))
+    faces = bodies.faces[unchanged[bodies.body]]
+    return _put_together(points, faces, unions, refused, touch if unions else 0.0)
 
 
 def _solids(bodies: Bodies, owner: Ints, groups: list[Ints]) -> list[list[Solid]]:
-    """Solids of the bodies of each group, with their cavities."""
-    if not groups:
-        return []
+    """Solids of the bodies of each group, with their cavities.
+
+    Raises:
+        WorkBoundError: Too many of their faces may cross; some are compared with all others.
+    """
     members = np.concatenate(groups)
     number = np.full(bodies.count + 1, -1)  # owner -1 (none) indexes the last entry
     number[members] = np.arange(len(members))
     of_face = number[owner][bodies.body]
-    own = of_face >= 0
-    solids = solids_of(bodies.points, bodies.faces[own], of_face[own], bodies.touch)
+    faces, solid = bodies.faces[of_face >= 0], of_face[of_face >= 0]
+    corners = bodies.points[faces]
+    UNITED_BODIES.check(estimated_overlaps(corners.min(axis=1), corners.max(axis=1), solid))
+    solids = solids_of(bodies.points, faces, solid, bodies.touch)
     ends = np.cumsum([len(group) for group in groups]).tolist()
     return [solids[end - len(group) : end] for group, end in zip(groups, ends, strict=True)]
 
@@ -166,7 +156,9 @@ def _union(points: Floats, whole: manifold3d.Manifold, solids: list[Solid], touc
     return _Union(given, found[new], canonical, faces, len(np.unique(solid_of_face[gone])))
 
 
-def _put_together(points: Floats, unchanged: Ints, unions: list[_Union]) -> United:
+def _put_together(
+    points: Floats, unchanged: Ints, unions: list[_Union], refused: int, rounding: float
+) -> United:
     """Combine unions with the faces that are not part of any."""
     count = len(points) + sum(len(union.added) for union in unions)
     canonical, faces, end = np.arange(count), [unchanged], len(points)
@@ -180,8 +172,8 @@ def _put_together(points: Floats, unchanged: Ints, unions: list[_Union]) -> Unit
         faces=np.concatenate(faces),
         canonical=canonical,
         bodies=sum(union.changed for union in unions),
-        refused=0,
-        rounding=0.0,
+        refused=refused,
+        rounding=rounding,
     )
 
 
