@@ -593,8 +593,9 @@ def _subject(name: str) -> Subject:
     return replace(subject_of(viewing.box()), name=name)
 
 
-def test_the_last_few_objects_stay_open() -> None:
-    cache, opened = SubjectCache(2), list[str]()
+def test_the_last_few_objects_stay_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("grasp3d.viewer.session.collection.MAX_OPEN", 2)
+    cache, opened = SubjectCache(), list[str]()
 
     def reader(name: str) -> Callable[[Callable[[float], None]], Subject]:
         def read(_: Callable[[float], None]) -> Subject:
