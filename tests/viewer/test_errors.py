@@ -18,13 +18,12 @@ from grasp3d.settings import DEGREE
 from grasp3d.viewer.session import planning
 from grasp3d.viewer.session.collection import Collection, collection_of, open_collection
 from grasp3d.viewer.session.computations import mesh_of
+from grasp3d.viewer.session.controls import CONTROLS, handle_key
 from grasp3d.viewer.session.history import History
 from grasp3d.viewer.session.inspection import inspect
-from grasp3d.viewer.session.keys import handle_key
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.subjects.subject import read_subject, subject_of
-from grasp3d.viewer.web.fields import set_field
 from grasp3d.viewer.web.page_state import page_state
 from tests.helpers import viewing
 from tests.helpers.viewing import ready_session, rewritten, wait_until_idle
@@ -92,18 +91,25 @@ def test_a_page_refuses_impossible_errors(
 ) -> None:
     before = session.state
     with pytest.raises(SettingError, match=message):
-        set_field(session, name, value)
+        CONTROLS[name].change(session, value)
     assert session.state == before
 
 
+def location_row(session: Session) -> dict[str, Any]:
+    """The slider of the location error."""
+    rows = page_state(session)["controls"]
+    return next(row for row in rows if row["field"] == "location_error")
+
+
 def test_the_page_has_the_errors(session: Session) -> None:
+    session.change(show_errors=True)
     for name, value in (("friction_error", 0.1), ("normal_error", 2.0), ("location_error", 1e-3)):
-        set_field(session, name, value)
+        CONTROLS[name].change(session, value)
         assert page_state(session)[name] == pytest.approx(value)
     model = session.state.model
     assert model.friction_interval == pytest.approx((0.4, 0.6))
     assert model.normal_error == pytest.approx(2.0 * DEGREE)
-    assert page_state(session)["unlocated"] == ""
+    assert not location_row(session)["problem"]
 
 
 def test_undo_restores_errors(session: Session) -> None:
@@ -322,7 +328,8 @@ def test_a_file_of_a_scan_says_why_it_has_no_location_error(tmp_path: Path) -> N
     session = ready_session(open_collection(tmp_path / "scan.ply"))
     with pytest.raises(SettingError, match="does not contain the fixed fingers"):
         session.change(location_error=0.01)
-    assert "fixed fingers" in page_state(session)["unlocated"]
+    session.change(show_errors=True)
+    assert "fixed fingers" in location_row(session)["problem"]
     session.change(friction_error=0.1, normal_error=0.1)  # these need no contacts
     assert not session.stale
 

@@ -18,8 +18,8 @@ from grasp3d.quality.tasks import Weight, Wrenches
 from grasp3d.surface import Reason
 from grasp3d.viewer.session import planning
 from grasp3d.viewer.session.collection import collection_of, open_collection
+from grasp3d.viewer.session.controls import handle_key
 from grasp3d.viewer.session.grasp_texts import HeldGrasp
-from grasp3d.viewer.session.keys import handle_key
 from grasp3d.viewer.session.painting import MOST, ramp_of, texture_coordinates, texture_image
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session

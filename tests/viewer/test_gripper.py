@@ -28,17 +28,16 @@ from grasp3d.system.progress import ignore
 from grasp3d.viewer.scene.framing import MOST_BESIDE, extents, frame_of, middle_of, view_axes
 from grasp3d.viewer.scene.pictures import open_renderer
 from grasp3d.viewer.scene.scene import Scene, new_plotter
-from grasp3d.viewer.session import collection, computations, planning, reached_grasps, wider_search
+from grasp3d.viewer.session import collection, computations, planning, reached_grasps
 from grasp3d.viewer.session.collection import collection_of, open_collection, read_result
 from grasp3d.viewer.session.computations import search_grasps
-from grasp3d.viewer.session.keys import handle_key
+from grasp3d.viewer.session.controls import CONTROLS, handle_key
 from grasp3d.viewer.session.painting import ramp_of, texture_coordinates
 from grasp3d.viewer.session.panel_text import grasp_number, panel_text
 from grasp3d.viewer.session.reached_grasps import best_vertices
 from grasp3d.viewer.session.session import BEST, Session
 from grasp3d.viewer.subjects.subject import Subject, read_subject, subject_of
 from grasp3d.viewer.view_settings import ViewSettings
-from grasp3d.viewer.web.fields import set_field
 from grasp3d.viewer.web.page_state import page_state
 from tests.helpers import viewing
 from tests.helpers.held_grasps import JAWS, held_box, neighbours_grasps, not_reached, reached
@@ -167,8 +166,8 @@ def test_an_alternative_has_its_own_contacts_angles_and_epsilon(session: Session
 
 
 def test_the_page_has_switches(session: Session) -> None:
-    set_field(session, "show_gripper", False)  # noqa: FBT003
-    set_field(session, "show_table", False)  # noqa: FBT003
+    CONTROLS["show_gripper"].change(session, False)  # noqa: FBT003
+    CONTROLS["show_table"].change(session, False)  # noqa: FBT003
     state = page_state(session)
     assert (state["show_gripper"], state["show_table"]) == (False, False)
     assert (state["gripper"], state["table"]) == ("jaws", True)
@@ -213,7 +212,7 @@ def test_every_new_search_is_for_the_same_gripper_and_table(
         asked.append(settings["scene"])
         return replace(labels, sampling=settings["sampling"])
 
-    for module in (computations, wider_search, collection):
+    for module in (computations, collection):
         monkeypatch.setattr(module, "label_surface", label)
     session = ready_session(labels)
     session.change(max_opening=0.05)
@@ -221,7 +220,7 @@ def test_every_new_search_is_for_the_same_gripper_and_table(
     session.change(max_opening=math.inf)
     subject = subject_of(labels)
     search_grasps(subject, subject.labels.model, Sampling(), ignore)
-    wider_search.search_wider(subject, subject.labels.model, Sampling(), ignore)
+    computations.search_wider(subject, subject.labels.model, Sampling(), ignore)
     assert len(asked) == 3
     assert labels.scene is not None
     assert all(one is labels.scene for one in asked)
@@ -246,7 +245,7 @@ def test_a_wider_search_keeps_the_poses_of_known_grasps() -> None:
     assert reach is not None
     other = {one.name: getattr(reach, one.name)[::-1] for one in fields(Reach)}
     wide = replace(known, reach=Reach(**other))
-    found = wider_search.with_known_grasps(wide, known).reach
+    found = computations.with_known_grasps(wide, known).reach
     assert found is not None
     for one in fields(Reach):
         assert np.array_equal(getattr(found, one.name), getattr(reach, one.name), equal_nan=True)

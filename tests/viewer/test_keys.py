@@ -9,8 +9,8 @@ from grasp3d.errors import SettingError
 from grasp3d.mesh.primitives import box_mesh
 from grasp3d.settings import DEGREE
 from grasp3d.viewer.session.collection import collection_of
+from grasp3d.viewer.session.controls import KEYS, handle_key
 from grasp3d.viewer.session.history import History
-from grasp3d.viewer.session.keys import KEYS, handle_key
 from grasp3d.viewer.session.session import Session
 from tests.helpers.viewing import ready_session
 

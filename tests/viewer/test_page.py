@@ -15,7 +15,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -332,8 +331,11 @@ def test_colours_without_a_resolution_are_not_compared(seen: Visitor) -> None:
     page.locator("#comparing").check()
     page.wait_for_selector("#compare")
     page.locator("#paint").select_option("max_resolution")
-    page.wait_for_selector("#uncompared")
-    assert "α* does not depend on the sensor resolution" in page.locator("#uncompared").inner_text()
+    page.wait_for_selector("#comparing-problem")
+    assert (
+        "α* does not depend on the sensor resolution"
+        in page.locator("#comparing-problem").inner_text()
+    )
     assert page.locator("#comparing").is_disabled()
     assert page.locator("#compare").count() == 0
     assert page.locator("#fractions li").first.locator("output").count() == 1
@@ -604,21 +606,23 @@ def test_a_page_is_opened_with_the_choices_of_a_session(
 ) -> None:
     from grasp3d.viewer.web.page import background_server, open_page
 
-    opened: SimpleQueue[str] = SimpleQueue()
+    opened: list[str] = []
     started: list[Session] = []
     add = background_server().add
-    monkeypatch.setattr("webbrowser.open", opened.put)
+    monkeypatch.setattr("webbrowser.open", lambda address: opened.append(address) is None)
     monkeypatch.setattr(
         background_server(), "add", lambda start: (started.append(start()), add(start))[1]
     )
     session = Session(collection_of(labels))
     session.change(friction=0.7, paint="margin", sensor_resolution=0.2)
     session.click(3)
-    message = open_page(session)
-    address = opened.get(timeout=10)
-    assert address in message
+    address = open_page(session)
+    assert opened == [address]
     assert address.startswith(background_server().address)
     assert [one.state for one in started] == [session.state]
+    monkeypatch.setattr("webbrowser.open", lambda _: False)
+    with pytest.raises(OutputError, match="no browser was found; open http"):
+        open_page(session)
     for one in (session, *started):
         one.close()
 
@@ -682,16 +686,16 @@ def test_idle_clients_are_closed_and_clients_are_limited(labels: SurfaceLabels) 
     ],
 )
 def test_fields_refuse_invalid_values(labels: SurfaceLabels, name: str, value: Any) -> None:
-    from grasp3d.viewer.web.fields import field_values, set_field
+    from grasp3d.viewer.session.controls import CONTROLS, control_values
 
     session = Session(collection_of(labels))
-    set_field(session, "comparing", value=True)
-    set_field(session, "axis", "y")
-    before = field_values(session)
+    CONTROLS["comparing"].change(session, value=True)
+    CONTROLS["axis"].change(session, "y")
+    before = control_values(session)
     with pytest.raises(SettingError) as refused:
-        set_field(session, name, value)
+        CONTROLS[name].change(session, value)
     assert "Python" not in str(refused.value)
-    assert field_values(session) == before
+    assert control_values(session) == before
     session.close()
 
 

@@ -28,17 +28,18 @@ from grasp3d.surface.vertex_grasps import SearchReport
 from grasp3d.system.progress import Progress, ignore
 from grasp3d.viewer.scene.captions import Captions
 from grasp3d.viewer.scene.overlays import TextArea, TextLine
-from grasp3d.viewer.session import planning, saving
+from grasp3d.viewer.session import planning
 from grasp3d.viewer.session.background import Cancelled, Job, Worker
 from grasp3d.viewer.session.collection import Collection, Item, collection_of, open_collection
 from grasp3d.viewer.session.computations import (
     compute_epsilon,
     mesh_of,
-    scan_with_fixed,
+    write_labels,
 )
-from grasp3d.viewer.session.keys import DRAWING, handle_key
+from grasp3d.viewer.session.controls import DRAWING, handle_key
 from grasp3d.viewer.session.painting import UNSEARCHED
 from grasp3d.viewer.session.panel_text import panel_text
+from grasp3d.viewer.session.scans import scan_with_fixed
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Section, ViewState
 from grasp3d.viewer.subjects.subject import Subject, read_subject, subject_of
@@ -752,7 +753,7 @@ def test_labels_beyond_the_search_cannot_be_saved(tmp_path: Path) -> None:
 def test_a_batch_is_saved_with_its_partners(tmp_path: Path, batched: Subject) -> None:
     subject, reported = batched, list[float]()
     assert subject.labels.partners is not None
-    found = saving.write_labels(subject, subject.labels.model, tmp_path / "a.npz", reported.append)
+    found = write_labels(subject, subject.labels.model, tmp_path / "a.npz", reported.append)
     assert found.prepared
     assert sorted(reported) == reported
     with np.load(tmp_path / "a.npz") as data:

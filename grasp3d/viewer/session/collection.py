@@ -9,8 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-import numpy as np
-
 from grasp3d.batch.folders import MARKER
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.store import read_summary
@@ -28,13 +26,12 @@ from grasp3d.settings.lengths import Measure, Unit, settings_in_unit
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import Labelling, label_surface
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.scanning import scan_surface
 from grasp3d.system.names import as_unicode, printable
 from grasp3d.system.progress import Progress, within
 from grasp3d.viewer.session.computations import mesh_of, search_grasps
 from grasp3d.viewer.session.inspection import warm_up
-from grasp3d.viewer.subjects.gripper_pose import GripperPose
-from grasp3d.viewer.subjects.subject import LastContact, Subject, read_subject, subject_of
+from grasp3d.viewer.session.scans import scan_of_grasp
+from grasp3d.viewer.subjects.subject import Subject, read_subject, subject_of
 
 READ = 0.2
 """Fraction of the work of opening a mesh after which it is read and prepared."""
@@ -169,7 +166,7 @@ def collection_of_grasps(grasps: GraspTable) -> Collection:
     items = tuple(
         Item(
             f"{source}, grasp {row + 1}",
-            cache.cached(partial(_scan_grasp, grasps, row)),
+            cache.cached(partial(scan_of_grasp, grasps, row)),
         )
         for row in range(grasps.size)
     )
@@ -387,29 +384,6 @@ def _label_mesh(
     mesh: ObjectMesh, model: GraspModel, sampling: AnySampling, progress: Progress
 ) -> Subject:
     return warm_up(subject_of(label_surface(mesh, model, sampling=sampling, progress=progress)))
-
-
-def _scan_grasp(grasps: GraspTable, row: int, progress: Progress) -> Subject:
-    """The surface with all fingers of a grasp fixed but the first."""
-    contacts = grasps.contacts.take(slice(row, row + 1))
-    labels = scan_surface(
-        grasps.mesh,
-        grasps.model,
-        fixed=contacts.points[0, 1:],
-        threads=grasps.threads,
-        progress=progress,
-    )
-    shown = LastContact(
-        points=contacts.points[0],
-        normals=contacts.normals[0],
-        worst=float(grasps.critical_angle[row]),
-        best=float(grasps.critical_angle_best[row]),
-        between=bool(contacts.surface_points.weights[0, 0].max() < 1.0),
-        creases=tuple(int(finger) for finger in np.flatnonzero(contacts.on_crease[0])),
-        held=GripperPose.of(grasps.reach, row),
-        grasp=contacts,
-    )
-    return warm_up(replace(subject_of(labels.using(scene=grasps.scene)), last_contact=shown))
 
 
 def _given_lengths(

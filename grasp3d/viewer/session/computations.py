@@ -1,24 +1,24 @@
-"""Computations of the viewer: new searches, scans, epsilon."""
+"""Computations of the viewer: new and wider searches, epsilon, forces, and files of labels."""
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from grasp3d.errors import MeshError
+from grasp3d.errors import MeshError, SettingError
+from grasp3d.export.writers import writer_for
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh, load_mesh
-from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.settings import AnySampling, GraspModel, search_cone
+from grasp3d.settings import AnySampling, GraspModel, Sampling, search_cone
 from grasp3d.surface.labelling import label_surface
-from grasp3d.surface.scanning import scan_surface
-from grasp3d.system.progress import Progress, within
-from grasp3d.viewer.session.explanations import PAIR
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.merged_grasps import merged
+from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.system.progress import Progress, ignore, within
 from grasp3d.viewer.session.inspection import warm_up
-from grasp3d.viewer.session.last_contact import best_last_contact
-from grasp3d.viewer.session.painting import labels_at
-from grasp3d.viewer.session.state import FixedPoints
+from grasp3d.viewer.session.painting import ROUNDING, labels_at
 from grasp3d.viewer.subjects.forces import Forces
 from grasp3d.viewer.subjects.subject import Subject, dependence, located_angles, subject_of
 
@@ -27,8 +27,12 @@ WIDEST = math.pi / 2.0
 _meshes: WeakKeyDictionary[Subject, ObjectMesh] = WeakKeyDictionary()
 """Meshes prepared for subjects that were read from files."""
 
-PREPARED, SCANNED = 0.2, 0.8
-"""Fractions of the work after which the mesh of a file is prepared, and the vertices scanned."""
+PREPARED = 0.2
+"""Fraction of the work after which the mesh of a file is prepared."""
+KNOWN = 0.5
+"""Fraction of the work after which the known grasps of a file are available."""
+COMPUTED = 0.95
+"""Fraction of the work of saving after which epsilon and forces are computed."""
 
 
 def mesh_of(subject: Subject) -> ObjectMesh:
@@ -90,37 +94,68 @@ def search_grasps(
     return warm_up(subject_of(labels, subject.name))
 
 
-def scan_with_fixed(
-    subject: Subject, model: GraspModel, fixed: FixedPoints, progress: Progress
+def with_grasps(
+    subject: Subject, progress: Progress = ignore, *, sampling: AnySampling | None = None
 ) -> Subject:
-    """Label every vertex as the contact of one more finger, and search the best contact for it."""
-    start = 0.0 if subject.prepared else PREPARED
-    mesh = mesh_of(subject)
-    progress(start)
-    model = replace(model, fingers=len(fixed) + 1)
-    labels = scan_surface(
-        mesh, model, fixed=np.array(fixed), progress=within(progress, start, SCANNED)
-    )
-    found = best_last_contact(
-        labels, _opposing_contacts(subject, fixed), within(progress, SCANNED, 1.0)
-    )
-    return warm_up(replace(subject_of(labels, subject.name), last_contact=found))
+    """The subject with its mesh and grasps; those that its file does not contain are searched.
+
+    Args:
+        subject: The surface.
+        progress: Called with the finished fraction of the work, from 0 to 1.
+        sampling: Search settings, apart from the cone; None: those of the file, or the default.
+    """
+    if subject.prepared:
+        return subject
+    model = subject.labels.model
+    sampling = sampling or subject.labels.sampling or Sampling().fitted(model.fingers)
+    sampling = replace(sampling, search_angle=min(subject.cone, WIDEST))
+    return search_grasps(subject, model, sampling, progress)
 
 
-def _opposing_contacts(subject: Subject, fixed: FixedPoints) -> SurfacePoints:
-    """Opposing contacts of one fixed finger's own best grasps, shape (c,); else none."""
-    labels, none = subject.labels, SurfacePoints(np.empty(0, dtype=np.int64), np.empty((0, 3)))
-    if (
-        not subject.prepared
-        or labels.mode != "label"
-        or labels.model.fingers != PAIR
-        or len(fixed) != 1
-    ):
-        return none
-    nearest = int(np.argmin(((subject.mesh.vertices - np.array(fixed[0])) ** 2).sum(axis=1)))
-    faces, weights = labels.partner_points.faces[nearest], labels.partner_points.weights[nearest]
-    known = faces[:, 0] >= 0
-    return SurfacePoints(faces[known, 0], weights[known, 0])
+def search_wider(
+    subject: Subject, model: GraspModel, sampling: AnySampling, progress: Progress
+) -> Subject:
+    """Search the widest cone for the vertices that have no grasp within the searched cone.
+
+    Where a search samples directions or contacts, those in a wider cone are further apart and may
+    miss a grasp that the narrower search has found. As those grasps are kept, labels and area
+    fractions at the resolutions that were already searched do not change.
+
+    Args:
+        subject: The surface; grasps that its file does not contain are searched first.
+        model: Grasp model.
+        sampling: Settings of the search, the same as before apart from the cone.
+        progress: Called with the finished fraction of the work, from 0 to 1.
+
+    Raises:
+        GraspError: The mesh cannot be prepared or searched.
+    """
+    start = 0.0 if subject.prepared else KNOWN
+    known = with_grasps(subject, within(progress, 0.0, KNOWN), sampling=sampling).labels
+    wide = label_surface(
+        known.mesh, replace(model, fingers=known.model.fingers),
+        sampling=replace(sampling, search_angle=WIDEST), load=subject.labels.load,
+        progress=within(progress, start, 1.0), scene=subject.labels.scene,
+    )  # fmt: skip
+    return warm_up(subject_of(with_known_grasps(wide, known), subject.name))
+
+
+def with_known_grasps(wide: SurfaceLabels, known: SurfaceLabels) -> SurfaceLabels:
+    """Labels of a wider search, with the grasps that a narrower one found within its cone.
+
+    Args:
+        wide: Labels of the wider search.
+        known: Labels of the narrower search on the same mesh.
+    """
+    new, old = wide, known
+    beyond = known.search.cone + ROUNDING
+    worst = (old.critical_angle > beyond) & (new.critical_angle < old.critical_angle)
+    best = (old.critical_angle_best > beyond) | worst
+    best &= new.critical_angle_best < old.critical_angle_best
+    missing = old.reason != Reason.FOUND
+    return merged(
+        old, new, worst=worst, best=best, reason=np.where(missing, new.reason, old.reason)
+    )
 
 
 def compute_epsilon(subject: Subject, model: GraspModel, progress: Progress) -> Subject:
@@ -165,6 +200,64 @@ def locate_contacts(subject: Subject, model: GraspModel, progress: Progress) -> 
     """
     progress(0.0)
     return replace(subject, located={dependence(model): located_angles(subject.labels, model)})
+
+
+def check_savable(subject: Subject, model: GraspModel, path: Path) -> None:
+    """Check whether the labels of a surface can be written.
+
+    Args:
+        subject: The surface.
+        model: Friction and resolution.
+        path: File to create or replace.
+
+    Raises:
+        SettingError: The search does not cover the model, or the contacts are unknown.
+        OutputError: No writer has that suffix.
+    """
+    writer_for(path)
+    if not subject.covers(model):
+        raise SettingError(
+            "the grasps for this friction and resolution are not searched yet; save when the "
+            "search is finished"
+        )
+    if not subject.measurable:
+        raise SettingError(
+            f"{subject.name}: the file does not contain its fixed fingers, so it cannot be written "
+            "for other settings; scan the mesh again"
+        )
+
+
+def write_labels(subject: Subject, model: GraspModel, path: Path, progress: Progress) -> Subject:
+    """Write the labels of a surface.
+
+    Args:
+        subject: The surface; grasps that its file does not contain are searched first.
+        model: Friction and resolution; fingers as the subject has them.
+        path: File to create or replace; its suffix determines the format.
+        progress: Called with the finished fraction of the work, from 0 to 1.
+
+    Returns:
+        The subject with everything that was computed for the file.
+
+    Raises:
+        GraspError: The file cannot be written; see also `check_savable`.
+    """
+    check_savable(subject, model, path)
+    ready = with_grasps(subject, within(progress, 0.0, KNOWN))
+    model = replace(model, fingers=ready.labels.model.fingers)
+    relabelled = ready.labels.using(model=model)
+    relabelled.compute_labels(within(progress, KNOWN, KNOWN))
+    middle = COMPUTED if relabelled.load is None else 0.5 * (KNOWN + COMPUTED)
+    relabelled.compute_epsilon(within(progress, KNOWN, middle))
+    relabelled.compute_holding(within(progress, middle, COMPUTED))
+    writer_for(path)(path, relabelled)
+    progress(1.0)
+    holding = relabelled.holding
+    return replace(
+        ready,
+        epsilons=relabelled,
+        forces=None if holding is None else Forces.of(holding, model),
+    )
 
 
 def difference(subject: Subject, other: Subject) -> float:

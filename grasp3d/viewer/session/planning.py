@@ -1,6 +1,5 @@
 """The next computation that the current choices need."""
 
-import math
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -14,8 +13,10 @@ from grasp3d.viewer.session.computations import (
     compute_epsilon,
     compute_forces,
     locate_contacts,
-    scan_with_fixed,
     search_grasps,
+    search_wider,
+    with_grasps,
+    write_labels,
 )
 from grasp3d.viewer.session.painting import FORCE_PAINTS, same_settings
 from grasp3d.viewer.session.reached_grasps import (
@@ -23,9 +24,8 @@ from grasp3d.viewer.session.reached_grasps import (
     find_alternatives,
     is_reached,
 )
-from grasp3d.viewer.session.saving import write_labels
+from grasp3d.viewer.session.scans import scan_with_fixed
 from grasp3d.viewer.session.state import FixedPoints, ViewState
-from grasp3d.viewer.session.wider_search import search_wider
 from grasp3d.viewer.subjects.forces import Forces
 from grasp3d.viewer.subjects.subject import PAIR, Subject, dependence
 
@@ -226,11 +226,7 @@ def _grasps_job(subject: Subject, state: ViewState, number: int) -> SubjectJob |
     located = _locates(subject, state)
     if state.vertex is None and located and not (other_epsilon or other_forces):
         return None
-    cone, model = min(subject.cone, math.pi / 2.0), subject.labels.model
-    default = Sampling().fitted(model.fingers)
-    sampling = replace(subject.labels.sampling or default, search_angle=cone)
-    run = partial(search_grasps, subject, model, sampling)
-    return Job(("grasps", number), "searching grasps", run)
+    return Job(("grasps", number), "searching grasps", partial(with_grasps, subject))
 
 
 def _located_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:

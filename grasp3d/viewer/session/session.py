@@ -10,7 +10,7 @@ from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel
 from grasp3d.system.progress import Progress, ignore
 from grasp3d.viewer.session.background import Finished, Worker
 from grasp3d.viewer.session.collection import Collection
-from grasp3d.viewer.session.computations import difference
+from grasp3d.viewer.session.computations import check_savable, difference, write_labels
 from grasp3d.viewer.session.inspection import Inspection, inspect, inspect_last_contact
 from grasp3d.viewer.session.painting import FORCE_PAINTS
 from grasp3d.viewer.session.planning import (
@@ -19,11 +19,10 @@ from grasp3d.viewer.session.planning import (
     ViewedItem,
     is_stale,
     missing_result,
+    needs_search,
     next_job,
 )
 from grasp3d.viewer.session.reached_grasps import best_vertices
-from grasp3d.viewer.session.saving import check_savable, write_labels
-from grasp3d.viewer.session.search_cache import SearchCache
 from grasp3d.viewer.session.state import ViewState, changed_state, has_errors
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import Paint, ViewSettings
@@ -34,6 +33,9 @@ if TYPE_CHECKING:
 BEST = 20
 """Number of the best grasps of a surface that a user steps through."""
 
+MAX_CACHED = 2
+"""Search results of an object that are cached besides the displayed one; a large one takes hundreds
+of megabytes."""
 NOTABLE_DIFFERENCE = 0.005
 """Area fraction of different labels after a new search that is reported as a message."""
 
@@ -79,7 +81,7 @@ class Session:
         self._worker: Worker[Subject] = Worker()
         self._failed: dict[Hashable, str] = {}
         self._saving: SaveRequest | None = None
-        self._cache = SearchCache()
+        self._cached: list[Subject] = []
         self._last_inspection: tuple[Subject, tuple[object, ...], Inspection] | None = None
         self._start_next_job()
 
@@ -330,7 +332,7 @@ class Session:
             return
         self._viewed = ViewedItem(number, self.collection.items[number])
         self._failed.clear()
-        self._cache = SearchCache()
+        self._cached = []
         self._saving, self._message = None, ""
         self.state = replace(self.state, vertex=None, alternative=0, fixed=(), section=None)
         self.revision += 1
@@ -447,7 +449,7 @@ class Session:
         """Display a new search result, and keep the previous one in the cache."""
         before = self._viewed.subject
         if before is not None and self.stale:
-            self._cache.add(before)
+            self._cached = [*self._cached, before][-MAX_CACHED:]
         self._viewed = replace(self._viewed, subject=subject)
 
     @property
@@ -483,8 +485,10 @@ class Session:
         if not self.state.fixed and self._viewed.scan is not None:
             self._viewed = replace(self._viewed, scan=None, fixed=())
         if self.stale and not self.state.fixed:
-            known = self._cache.take(self.state, self.collection.sampling)
-            if known is not None:
-                self._show(known)
+            sampling = self.collection.sampling
+            known = [one for one in self._cached if not needs_search(one, self.state, sampling)]
+            if known:
+                self._cached.remove(known[0])
+                self._show(known[0])
         job = self._next_job()
         self._worker.request(None if job is None or job.key in self._failed else job)

@@ -6,6 +6,7 @@ import logging
 import secrets
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,10 +25,9 @@ from grasp3d.errors import GraspError, SettingError
 from grasp3d.viewer.scene.picking import ClickDetector
 from grasp3d.viewer.scene.pictures import file_name, render_copy
 from grasp3d.viewer.scene.scene import Scene, new_plotter
+from grasp3d.viewer.session.controls import CONTROLS, control_values, handle_key
 from grasp3d.viewer.session.history import History
-from grasp3d.viewer.session.keys import handle_key
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.web.fields import FIELDS, field_values, set_field
 from grasp3d.viewer.web.messages import MessageError, check_message, guarded, one_line
 from grasp3d.viewer.web.page_state import constant_state, page_state, progress_state
 
@@ -188,7 +188,8 @@ class Client:
     def _build(self) -> None:
         """Make the page and connect its events."""
         state, controller = self._server.state, self._server.controller
-        state.update({**constant_state(self.session), **page_state(self.session), "help": False})
+        state.update({**constant_state(self.session), **page_state(self.session)})
+        state.update({"help": False, "held": False})
         state.update(progress_state(self.session))
         with VAppLayout(self._server):
             html.Div(_template("help.html"))
@@ -204,7 +205,7 @@ class Client:
             still_quality=STILL_QUALITY,
         )  # fmt: skip
         self._view.max_pixel_count = MAX_PIXELS
-        state.change(*FIELDS)(self._on_change)
+        state.change(*CONTROLS)(self._on_change)
         controller.on_error.add(lambda text: LOG.warning("error in a page: %s", one_line(text)))
         controller.trigger("key")(self._on_key)
         controller.trigger("step")(lambda by: self._run(lambda: self.session.step(int(by))))
@@ -213,10 +214,10 @@ class Client:
 
     def _on_change(self, **state: Any) -> None:
         """Apply the fields that differ from the session."""
-        values = field_values(self.session)
-        for name in FIELDS:
+        values = control_values(self.session)
+        for name, control in CONTROLS.items():
             if state[name] != values[name]:
-                self._run(lambda name=name: set_field(self.session, name, state[name]))
+                self._run(partial(control.change, self.session, state[name]))
 
     def _run(self, action: Any) -> None:
         """Run an action of the visitor; after an error the fields are reset."""
@@ -264,7 +265,7 @@ class Client:
             self._view.update()
             with self._server.state as state:
                 state.update(page_state(self.session))
-        else:  # nothing changes any more: a step for undo
+        elif not self._server.state.held:  # a whole drag of a slider is one step for undo
             self._history.record()
         with self._server.state as state:
             state.update(progress_state(self.session))

@@ -74,29 +74,28 @@ def check_page(host: str, port: int) -> None:
 
 
 def open_page(session: Session) -> str:
-    """Serve what a session shows to a browser of this machine, until the process ends.
+    """Serve what a session shows until the process ends, and open it in a browser.
 
     The page has a session of its own, which starts with the same object and the same choices:
-    friction, resolution, errors, colours, section, inspected vertex and fixed fingers. It is
-    opened in the browser, if there is one.
+    friction, resolution, errors, colours, section, inspected vertex and fixed fingers.
 
     Args:
         session: The session, which is not changed.
 
     Returns:
-        A message with the page's address.
+        Address of the page.
 
     Raises:
-        OutputError: There is no OpenGL, or no free port.
+        OutputError: It cannot be served, or there is no browser.
     """
     server = background_server()
     start = partial(
         Session, session.collection, session.settings, state=session.state, number=session.number
     )
     address = server.address + server.add(start)
-    # In a thread of its own, as some browsers keep the caller until they are closed.
-    threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
-    return f"the page with this view is at {address} while this program runs"
+    if not webbrowser.open(address):
+        raise OutputError(f"no browser was found; open {address} in one while this program runs")
+    return address
 
 
 def create_server() -> "ViewerServer":

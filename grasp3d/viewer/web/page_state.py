@@ -5,19 +5,18 @@ from collections.abc import Sequence
 from typing import Any
 
 from grasp3d.stability.label import MEANING, Label
+from grasp3d.viewer.session.controls import CONTROLS, DRAWING, KEYS, MOUSE, PAINTS, control_values
 from grasp3d.viewer.session.inspection import Inspection
-from grasp3d.viewer.session.keys import DRAWING, KEYS, MOUSE
 from grasp3d.viewer.session.painting import PALETTE, Ramp
 from grasp3d.viewer.session.panel_text import (
     NOTHING,
     LabelFraction,
     PanelText,
     grasp_number,
+    interval_text,
     panel_text,
 )
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.view_settings import comparison_problem
-from grasp3d.viewer.web.fields import PAINTS, field_values
 
 STOPS = 16
 """Colour stops of a ramp's gradient."""
@@ -49,10 +48,12 @@ def page_state(session: Session) -> dict[str, Any]:
     """State that depends on the session's choices and results."""
     text, subject, scene = panel_text(session), session.subject, session.scene
     return {
-        **field_values(session),
+        **control_values(session),
+        "controls": _controls(session),
+        "fixed_count": len(session.state.fixed),
         "paints": [
             {"name": name, "text": shown}
-            for name, shown in PAINTS.items()
+            for name, (shown, _) in PAINTS.items()
             if session.offers(name) or session.state.paint == name
         ],
         "gripper": "" if scene is None else scene.hand.name,
@@ -61,12 +62,10 @@ def page_state(session: Session) -> dict[str, Any]:
         "facts": text.facts,
         "rules": list(text.rules),
         **_table(session, text),
-        "ramp": text.ramp and _ramp(text.ramp),
+        "ramp": text.ramp and _ramp(text.ramp, stale=text.stale),
         "inspection": text.inspection and _inspection(text.inspection),
         "hint": click_hint(session),
         "stale": text.stale,
-        "uncompared": comparison_problem(session.state.paint),
-        "unlocated": session.location_problem,
         "size": 0.0 if subject is None else subject.mesh.size,
         "message": text.message,
         "notes": list(text.notes),
@@ -76,10 +75,44 @@ def page_state(session: Session) -> dict[str, Any]:
     }
 
 
+def _controls(session: Session) -> list[dict[str, Any]]:
+    """Sliders with numbers, and check boxes, that are declared with their controls."""
+    mesh = None if session.subject is None else session.subject.mesh
+    listed = []
+    for name, control in CONTROLS.items():
+        field = control.page
+        if field is None or not field.shown(session) or (field.of_size and mesh is None):
+            continue
+        scale, unit = (mesh.size, mesh.unit or "") if field.of_size and mesh else (1.0, field.unit)
+        least, most = field.limits(session)
+        listed.append({
+            "field": name,
+            "id": name.replace("_", "-"),
+            "text": _name(session, name, field.text),
+            "name": field.name,
+            "end": None if field.most is None else field.most * scale,
+            "step": field.step * scale,
+            "any_step": field.of_size,
+            "unit": unit,
+            "least": least,
+            "most": most,
+            "problem": field.problem(session),
+        })  # fmt: skip
+    return listed
+
+
+def _name(session: Session, name: str, text: str) -> str:
+    """Name of a control, with all friction that may be true if it is uncertain."""
+    model = session.state.model
+    uncertain = name == "friction" and model.friction_error > 0.0
+    return f"{text}, {interval_text(model)}" if uncertain else text
+
+
 def click_hint(session: Session) -> str:
     """What a click does, or what is being computed before clicks have an effect."""
     if session.stale and session.working is not None:
-        return f"{session.working[0]} …"
+        then = " Then the grasp of the clicked vertex is shown."
+        return f"{session.working[0]} …{then if session.state.vertex is not None else ''}"
     count, missing = len(session.state.fixed), session.state.model.fingers - 1
     fixes = session.state.click == "fix"
     if not count:
@@ -145,14 +178,14 @@ def progress_state(session: Session) -> dict[str, Any]:
     }
 
 
-def _ramp(ramp: Ramp) -> dict[str, Any]:
+def _ramp(ramp: Ramp, *, stale: bool) -> dict[str, Any]:
     steps = [int(k * (len(ramp.colors) - 1) / (STOPS - 1)) for k in range(STOPS)]
     colors = ", ".join("rgb({}, {}, {})".format(*ramp.colors[step]) for step in steps)
     return {
         "text": ramp.text,
         "minimum": ramp.start,
-        "maximum": ramp.end,
-        "grey": ramp.grey,
+        "maximum": "…" if stale else ramp.end,
+        "grey": "" if stale else ramp.grey,
         "note": ramp.note,
         "css": f"linear-gradient(to right, {colors})",
     }

@@ -1,16 +1,14 @@
 """The desktop window: scene, side panel, keys and mouse."""
 
 import time
-import webbrowser
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from PIL import Image
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 
-from grasp3d.errors import GraspError, OutputError
+from grasp3d.errors import GraspError
 from grasp3d.system.files import atomic_write
 from grasp3d.system.isolation import describe_unexpected
 from grasp3d.viewer.scene.framing import pixel_ratio
@@ -19,10 +17,10 @@ from grasp3d.viewer.scene.picking import ClickDetector
 from grasp3d.viewer.scene.pictures import file_name, render_copy
 from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session.background import Job, Worker
+from grasp3d.viewer.session.controls import handle_key
 from grasp3d.viewer.session.history import History
-from grasp3d.viewer.session.keys import handle_key
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.web.page import background_server
+from grasp3d.viewer.web.page import open_page
 from grasp3d.viewer.window.display import check_display
 from grasp3d.viewer.window.side_panel import SidePanel
 
@@ -44,7 +42,7 @@ KEYSYMS = {
     "bracketleft": "[", "bracketright": "]", "comma": ",", "period": ".", "plus": "+", "equal": "+",
     "minus": "-", "KP_Add": "+", "KP_Subtract": "-",
 }  # fmt: skip
-"""VTK's names of keys, where they differ from those of `session.keys`."""
+"""VTK's names of keys, where they differ from those of `session.controls`."""
 
 
 def show_window(
@@ -234,12 +232,8 @@ class Window:
     def _open_page(self) -> None:
         """Open the same object, with the current choices, as a page in a browser."""
         session = self._session
-        start = partial(
-            Session, session.collection, session.settings, state=session.state,
-            number=session.number,
-        )  # fmt: skip
         session.show_message("opening the page …")
-        self._page.request(Job(start, "opening the page", lambda _: open_page(start)))
+        self._page.request(Job(session.state, "opening the page", lambda _: open_page(session)))
 
     def _save_picture(self) -> None:
         """Write a picture of the scene into the working folder."""
@@ -259,22 +253,3 @@ class Window:
             number += 1
             path = path.with_name(f"{name.stem}_{number}{suffix}")
         return path
-
-
-def open_page(start: Callable[[], Session]) -> str:
-    """Serve a page until the process ends, and open it in a browser.
-
-    Args:
-        start: Starts the session of a visitor.
-
-    Returns:
-        Address of the page.
-
-    Raises:
-        OutputError: It cannot be served, or no browser is found.
-    """
-    server = background_server()
-    address = f"{server.address}{server.add(start)}"
-    if not webbrowser.open(address):
-        raise OutputError(f"no browser was found; open {address} in one, while the window is open")
-    return address

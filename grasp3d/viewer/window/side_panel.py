@@ -23,8 +23,8 @@ from grasp3d.viewer.scene.overlays import (
     text_width,
     wrapped,
 )
+from grasp3d.viewer.session.controls import LEAST_FRICTION
 from grasp3d.viewer.session.inspection import Inspection
-from grasp3d.viewer.session.keys import LEAST_FRICTION
 from grasp3d.viewer.session.painting import PALETTE, UNSEARCHED
 from grasp3d.viewer.session.panel_text import grasp_number
 from grasp3d.viewer.session.session import Session

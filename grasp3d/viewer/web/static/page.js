@@ -5,7 +5,7 @@
     s: () => document.getElementById("save").click(),
     g: () => document.getElementById("picture").click(),
     r: () => window.trame.trigger("reset_view"),
-    h: () => window.trame.state.set("help", true),
+    h: () => window.trame.state.set("help", !window.trame.state.get("help")),
   };
 
   const isTyping = (element) =>
@@ -14,8 +14,8 @@
 
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || !window.trame?.state.get("keys")) return;
-    if (isTyping(event.target) || window.trame.state.get("help")) return;
     const key = ARROWS[event.key] ?? (event.key === "=" ? "+" : event.key.toLowerCase());
+    if (window.trame.state.get("help") ? key !== "h" : isTyping(event.target)) return;
     if (!window.trame.state.get("keys").some((known) => known.key === key)) return;
     event.preventDefault();
     if (ACTIONS[key]) ACTIONS[key]();
@@ -34,15 +34,20 @@
     else if (down > 0) rows.scrollBy({ top: down, behavior: "smooth" });
   };
 
-  // While a slider is dragged the contents keep their height, so that nothing moves below the pointer.
+  // While a slider is dragged the contents keep their height, so that nothing moves below the pointer,
+  // and no step for undo is recorded.
   addEventListener("pointerdown", (event) => {
     const content = document.getElementById("content");
     if (content && event.target.matches?.("#rows input[type=range]")) {
       content.style.minHeight = `${content.offsetHeight}px`;
+      window.trame.state.set("held", true);
     }
   });
   for (const end of ["pointerup", "pointercancel"]) {
-    addEventListener(end, () => document.getElementById("content")?.style.removeProperty("min-height"));
+    addEventListener(end, () => {
+      document.getElementById("content")?.style.removeProperty("min-height");
+      if (window.trame?.state?.get("held")) window.trame.state.set("held", false);
+    });
   }
 
   let clicked = null;

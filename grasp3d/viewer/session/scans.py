@@ -1,21 +1,32 @@
-"""The best contact point of the last finger when the others are fixed.
+"""Scans with fixed fingers, and the best contact point of the last finger.
 
 A scan labels the vertices. The contact that decides whether the fixed fingers can hold the object
 may lie between them: therefore the opposing contacts that inspecting the fixed finger shows are
 tested as well, and the faces about the best vertices in ever finer grids.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.settings import GraspModel
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.critical_angles import critical_angles
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.system.progress import Progress
-from grasp3d.viewer.subjects.subject import LastContact
+from grasp3d.surface.scanning import scan_surface
+from grasp3d.system.progress import Progress, within
+from grasp3d.viewer.session.computations import PREPARED, mesh_of
+from grasp3d.viewer.session.explanations import PAIR
+from grasp3d.viewer.session.inspection import warm_up
+from grasp3d.viewer.session.state import FixedPoints
+from grasp3d.viewer.subjects.gripper_pose import GripperPose
+from grasp3d.viewer.subjects.subject import LastContact, Subject, subject_of
+
+SCANNED = 0.8
+"""Fraction of the work after which the vertices are scanned."""
 
 BEST_VERTICES = 12
 """Vertices of the scan whose faces are searched."""
@@ -34,6 +45,62 @@ _STEPS = [(i, j, STEPS - i - j) for i in range(STEPS + 1) for j in range(STEPS +
 GRID = INSIDE * (np.array(_STEPS) / STEPS - 1.0 / 3.0)
 """Barycentric coordinates of a grid's points, relative to its middle, shape (g, 3)."""
 MIDDLE = np.full(3, 1.0 / 3.0)
+
+
+def scan_with_fixed(
+    subject: Subject, model: GraspModel, fixed: FixedPoints, progress: Progress
+) -> Subject:
+    """Label every vertex as the contact of one more finger, and search the best contact for it."""
+    start = 0.0 if subject.prepared else PREPARED
+    mesh = mesh_of(subject)
+    progress(start)
+    model = replace(model, fingers=len(fixed) + 1)
+    labels = scan_surface(
+        mesh, model, fixed=np.array(fixed), progress=within(progress, start, SCANNED)
+    )
+    found = best_last_contact(
+        labels, _opposing_contacts(subject, fixed), within(progress, SCANNED, 1.0)
+    )
+    return warm_up(replace(subject_of(labels, subject.name), last_contact=found))
+
+
+def _opposing_contacts(subject: Subject, fixed: FixedPoints) -> SurfacePoints:
+    """Opposing contacts of one fixed finger's own best grasps, shape (c,); else none."""
+    labels, none = subject.labels, SurfacePoints(np.empty(0, dtype=np.int64), np.empty((0, 3)))
+    if (
+        not subject.prepared
+        or labels.mode != "label"
+        or labels.model.fingers != PAIR
+        or len(fixed) != 1
+    ):
+        return none
+    nearest = int(np.argmin(((subject.mesh.vertices - np.array(fixed[0])) ** 2).sum(axis=1)))
+    faces, weights = labels.partner_points.faces[nearest], labels.partner_points.weights[nearest]
+    known = faces[:, 0] >= 0
+    return SurfacePoints(faces[known, 0], weights[known, 0])
+
+
+def scan_of_grasp(grasps: GraspTable, row: int, progress: Progress) -> Subject:
+    """The surface with all fingers of a grasp fixed but the first."""
+    contacts = grasps.contacts.take(slice(row, row + 1))
+    labels = scan_surface(
+        grasps.mesh,
+        grasps.model,
+        fixed=contacts.points[0, 1:],
+        threads=grasps.threads,
+        progress=progress,
+    )
+    shown = LastContact(
+        points=contacts.points[0],
+        normals=contacts.normals[0],
+        worst=float(grasps.critical_angle[row]),
+        best=float(grasps.critical_angle_best[row]),
+        between=bool(contacts.surface_points.weights[0, 0].max() < 1.0),
+        creases=tuple(int(finger) for finger in np.flatnonzero(contacts.on_crease[0])),
+        held=GripperPose.of(grasps.reach, row),
+        grasp=contacts,
+    )
+    return warm_up(replace(subject_of(labels.using(scene=grasps.scene)), last_contact=shown))
 
 
 def best_last_contact(

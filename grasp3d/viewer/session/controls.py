@@ -1,0 +1,384 @@
+"""The user's controls, each declared once: fields and sliders of the page, and all keys."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, get_args
+
+from grasp3d.errors import SettingError
+from grasp3d.settings import DEGREE
+from grasp3d.settings.model_text import EPSILON_MIN
+from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.session.state import OF_MODEL, Axis, Section
+from grasp3d.viewer.view_settings import Paint, check_comparison, comparison_problem
+
+LEAST_FRICTION = 0.01
+"""Smallest friction that can be true within the friction error that is chosen."""
+FRICTION_STEP, RESOLUTION_STEP, SECTION_STEP = 0.05, 2.0, 0.05
+"""Changes by a key; resolutions are in degrees."""
+DEFAULT_COMPARED = 40.0
+"""Initial second resolution of a comparison [degrees]."""
+
+
+@dataclass(frozen=True)
+class Key:
+    """Description and action of a key."""
+
+    text: str
+    action: Callable[[Session], None] | None = None
+    """None: the window or the page handles the key itself."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """How the page shows a control: a slider with a number, or a check box."""
+
+    text: str
+    name: str = ""
+    """Spoken name of a number, with its unit."""
+    most: float | None = None
+    """Value at the right end, unless the present one is larger; None: a check box."""
+    step: float = 0.01
+    unit: str = ""
+    of_size: bool = False
+    """Whether `most` and `step` are relative to the object's size, and the unit is the mesh's."""
+    limits: Callable[[Session], tuple[float, float | None]] = lambda _: (0.0, None)
+    """Smallest and largest value that a drag sets; None: unlimited."""
+    problem: Callable[[Session], str] = lambda _: ""
+    """Why it cannot be changed; empty if it can."""
+    shown: Callable[[Session], bool] = lambda _: True
+
+
+@dataclass(frozen=True)
+class Control:
+    """One choice of the user."""
+
+    read: Callable[[Session], Any]
+    """The present value; angles are in degrees."""
+    write: Callable[[Session, Any], None]
+    """Changes it; raises SettingError, or a ValueError or TypeError that `valid` explains."""
+    valid: str = ""
+    """What is valid, as the message for a value that is not."""
+    keys: Mapping[str, tuple[str, Callable[[Any], Any]]] = field(default_factory=dict)
+    """For each key its description, and the next value for the present one."""
+    page: Field | None = None
+    """None: the page has markup of its own for it."""
+
+    def change(self, session: Session, value: Any) -> None:
+        """Change the session to a new value.
+
+        Raises:
+            SettingError: The value is invalid; the message is meant for the user.
+        """
+        try:
+            self.write(session, value)
+        except (TypeError, ValueError, OverflowError):
+            raise SettingError(self.valid or f"invalid value: {value}") from None
+
+    def step(self, session: Session, following: Callable[[Any], Any]) -> None:
+        """Change it to the value that follows the present one."""
+        value = following(self.read(session))
+        if self.page is not None and self.page.most is not None:
+            value = max(value, self.page.limits(session)[0])
+        self.change(session, value)
+
+
+def control_values(session: Session) -> dict[str, Any]:
+    """The present values of all controls."""
+    return {name: control.read(session) for name, control in CONTROLS.items()}
+
+
+def handle_key(session: Session, key: str) -> bool:
+    """Run the action of a key.
+
+    Args:
+        session: The session to change.
+        key: A key of `KEYS`.
+
+    Returns:
+        Whether the key has an action here.
+    """
+    known = KEYS.get(key)
+    if known is None or known.action is None:
+        return False
+    try:
+        known.action(session)
+    except SettingError as error:
+        session.show_message(str(error))
+    return True
+
+
+def _number(value: Any, *, below: float = math.inf, above: float = -math.inf) -> float:
+    """A number that is at least 0, and between limits.
+
+    Raises:
+        ValueError: The value is not such a number.
+    """
+    number = float(value)
+    if not (0.0 <= number < below and number > above):
+        raise ValueError
+    return number
+
+
+def _chosen(name: str, kind: Callable[[Any], Any], **options: Any) -> Control:
+    """Control of a field of the state, or of its model."""
+
+    def read(session: Session) -> Any:
+        return getattr(session.state.model if name in OF_MODEL else session.state, name)
+
+    return Control(read, lambda session, value: session.change(**{name: kind(value)}), **options)
+
+
+def _angle(name: str, below: float, **options: Any) -> Control:
+    """Control of an angle of the model."""
+    return Control(
+        lambda session: _degrees(getattr(session.state.model, name)),
+        lambda session, value: session.change(**{name: _number(value, below=below) * DEGREE}),
+        **options,
+    )
+
+
+def _of_section(name: str, kind: Callable[[Any], Any], **options: Any) -> Control:
+    """Control of a field of the section, if there is one."""
+
+    def write(session: Session, value: Any) -> None:
+        section = session.state.section
+        if section is not None:
+            session.change(section=replace(section, **{name: kind(value)}))
+
+    return Control(
+        lambda session: getattr(session.state.section or Section(), name), write, **options
+    )
+
+
+def _drawn(name: str, check: Callable[[Session], None], **options: Any) -> Control:
+    """Control of whether something is drawn, if the object has it."""
+
+    def write(session: Session, value: Any) -> None:
+        check(session)
+        session.change(**{name: bool(value)})
+
+    return Control(lambda session: getattr(session.state, name), write, **options)
+
+
+def _write_comparing(session: Session, value: Any) -> None:
+    check_comparison(session.state.paint)
+    session.change(compare=DEFAULT_COMPARED * DEGREE if value else None)
+
+
+def _read_compare(session: Session) -> float:
+    chosen = session.state.compare
+    return DEFAULT_COMPARED if chosen is None else _degrees(chosen)
+
+
+def _write_compare(session: Session, value: Any) -> None:
+    if session.state.compare is not None:
+        session.change(compare=_number(value, below=180.0) * DEGREE)
+
+
+def _write_axis(session: Session, value: Any) -> None:
+    section = session.state.section or Section()
+    session.change(section=None if value == "off" else replace(section, axis=value))
+
+
+def _read_opening(session: Session) -> float | None:
+    limit = session.state.max_opening
+    return limit if math.isfinite(limit) else None
+
+
+def _write_opening(session: Session, value: Any) -> None:
+    limit = math.inf if value in {None, ""} else _number(value, above=0.0)
+    session.change(max_opening=limit)
+
+
+def _degrees(angle: float) -> float:
+    return round(math.degrees(angle), 9)
+
+
+def _negated(now: bool) -> bool:
+    return not now
+
+
+def _shows_errors(session: Session) -> bool:
+    return session.state.show_errors
+
+
+AXES = ("off", *get_args(Axis))
+
+PAINTS: dict[Paint, tuple[str, str]] = {
+    "label": ("S, M, U", ""),
+    "critical_angle": ("β*, critical friction angle", ""),
+    "max_resolution": ("α*, coarsest resolution at which it is S", ""),
+    "epsilon": ("ε", ""),
+    "epsilon_min": (f"{EPSILON_MIN}, over all uncertainties", ""),
+    "approach_margin": ("approach margin of the gripper", "approach margin of a gripper"),
+    "grip_force": ("grip force of each finger", "grip force under a load"),
+    "payload": ("payload", "payload of the force at hand"),
+    "margin": ("margin: how far it is S, or fails to be", "margin, by how much it is S"),
+}
+"""Quantities that colours can show: their names in a list, and among the keys if they differ."""
+
+CONTROLS: dict[str, Control] = {
+    "friction": _chosen(
+        "friction", lambda value: _number(value, above=0.0),
+        valid="friction must be a number above 0",
+        keys={
+            "Right": ("more friction μ", lambda now: round(now + FRICTION_STEP, 10)),
+            "Left": (
+                "less friction μ", lambda now: max(FRICTION_STEP, round(now - FRICTION_STEP, 10))
+            ),
+        },
+        page=Field(
+            "friction μ", "Friction coefficient μ", 1.5,
+            limits=lambda session: (session.state.model.friction_error + LEAST_FRICTION, None),
+        ),
+    ),
+    "resolution": _angle(
+        "sensor_resolution", 180.0,
+        valid="sensor resolution must be from 0 to below 180 degrees",
+        keys={
+            "Up": ("coarser sensor, larger α", lambda now: now + RESOLUTION_STEP),
+            "Down": ("finer sensor, smaller α", lambda now: max(0.0, now - RESOLUTION_STEP)),
+        },
+        page=Field("sensor resolution α", "Sensor resolution α in degrees", 90.0, 0.1, "°"),
+    ),
+    "paint": _chosen(
+        "paint", str,
+        keys={
+            str(number): (f"colours: {key or text}", lambda _, paint=paint: paint)
+            for number, (paint, (text, key)) in enumerate(PAINTS.items(), start=1)
+        },
+    ),
+    "show_errors": _chosen(
+        "show_errors", bool,
+        keys={"e": ("choose errors of friction, normals and locations", _negated)},
+        page=Field("errors of friction, normals and locations"),
+    ),
+    "friction_error": _chosen(
+        "friction_error", _number,
+        valid="friction error must be a number of at least 0 and below the friction",
+        page=Field(
+            "friction error ±", "Friction error", 0.5, shown=_shows_errors,
+            limits=lambda session: (0.0, session.state.model.friction - LEAST_FRICTION),
+        ),
+    ),
+    "normal_error": _angle(
+        "normal_error", 90.0,
+        valid="normal error must be from 0 to below 90 degrees",
+        page=Field("normal error", "Normal error in degrees", 20.0, 0.1, "°", shown=_shows_errors),
+    ),
+    "location_error": _chosen(
+        "location_error", _number,
+        valid="location error must be a number of at least 0",
+        page=Field(
+            "location error", "Location error", 0.05, 0.001, of_size=True, shown=_shows_errors,
+            problem=lambda session: session.location_problem,
+        ),
+    ),
+    "comparing": Control(
+        lambda session: session.state.compare is not None, _write_comparing,
+        keys={"c": ("compare with a second resolution", _negated)},
+        page=Field(
+            "compare with a second α",
+            problem=lambda session: comparison_problem(session.state.paint),
+        ),
+    ),
+    "compare": Control(
+        _read_compare, _write_compare,
+        valid="the second resolution must be from 0 to below 180 degrees",
+        page=Field(
+            "second resolution α", "Second sensor resolution α in degrees", 90.0, 0.1, "°",
+            shown=lambda session: session.state.compared is not None,
+        ),
+    ),
+    "axis": Control(
+        lambda session: "off" if session.state.section is None else session.state.section.axis,
+        _write_axis,
+        keys={
+            "x": (
+                "section across x, y, z, none",
+                lambda now: AXES[(AXES.index(now) + 1) % len(AXES)],
+            ),
+        },
+    ),
+    "position": _of_section(
+        "position", float,
+        keys={
+            "[": ("move the section down", lambda now: max(0.0, now - SECTION_STEP)),
+            "]": ("move the section up", lambda now: min(1.0, now + SECTION_STEP)),
+        },
+    ),
+    "flipped": _of_section(
+        "flipped", bool, keys={"i": ("show the other side of the section", _negated)}
+    ),
+    "click": _chosen(
+        "click", str,
+        keys={
+            "f": (
+                "clicks inspect, or fix a finger",
+                lambda now: "inspect" if now == "fix" else "fix",
+            ),
+        },
+    ),
+    "show_gripper": _drawn(
+        "show_gripper", Session.check_gripper, keys={"j": ("show or hide the gripper", _negated)}
+    ),
+    "show_table": _drawn(
+        "show_table", lambda session: session.check_gripper(table=True),
+        keys={"t": ("show or hide the table", _negated)},
+    ),
+    "fingers": _chosen("fingers", int),
+    "opening": Control(
+        _read_opening, _write_opening, "the largest opening must be a number above 0"
+    ),
+    "number": Control(
+        lambda session: session.number,
+        lambda session, value: session.step(int(value) - session.number),
+    ),
+}  # fmt: skip
+"""The user's choices by the name of their field."""
+
+KEYS: dict[str, Key] = {
+    **{
+        key: Key(text, partial(control.step, following=following))
+        for control in CONTROLS.values()
+        for key, (text, following) in control.keys.items()
+    },
+    "u": Key("release fixed fingers", lambda session: session.change(fixed=())),
+    "b": Key("next one of the best grasps", lambda session: session.step_best(1)),
+    "v": Key("previous one of the best grasps", lambda session: session.step_best(-1)),
+    ".": Key("next grasp at the vertex, with a gripper", lambda session: session.step_grasp(1)),
+    ",": Key("previous grasp at the vertex", lambda session: session.step_grasp(-1)),
+    "n": Key("next object", lambda session: session.step(1)),
+    "p": Key("previous object", lambda session: session.step(-1)),
+    "s": Key("save the labelled PLY"),
+    "g": Key("save a picture"),
+    "r": Key("reset the view"),
+    "+": Key("zoom in"),
+    "-": Key("zoom out"),
+    "z": Key("undo"),
+    "h": Key("show this help"),
+    "q": Key("quit"),
+}
+
+MOUSE: tuple[tuple[str, str], ...] = (
+    ("drag", "rotate"),
+    ("shift drag", "pan"),
+    ("wheel", "zoom"),
+    ("click", "inspect, or fix a finger"),
+    ("shift click", "always inspect"),
+)
+"""Mouse actions on the scene."""
+
+DRAWING: tuple[tuple[str, str], ...] = (
+    ("white balls, 1, 2, …", "contacts of the best grasp; 1 is where you clicked"),
+    ("rod between them", "line through the contacts, visible through the object"),
+    ("arrow", "inward contact normal, along which the finger pushes"),
+    ("grey cone", "friction cone, half-angle β"),
+    ("blue cone", "its part that is safe for all normals and frictions within their errors"),
+    ("thin outlines", "friction cones of the extreme normals, tilted to either side"),
+    ("black balls", "fixed fingers"),
+    ("blue fan", "free approach angles of the gripper about its closing axis"),
+)
+"""Symbols in the scene and their meanings."""
