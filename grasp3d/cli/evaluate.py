@@ -134,8 +134,7 @@ class Evaluate:
         """Evaluate grasps, write and print the results."""
         from grasp3d.cli import grasp_report, progress_bars
         from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-        from grasp3d.grasps.evaluation import evaluate_grasps
-        from grasp3d.grasps.pose_evaluation import in_stated_scale
+        from grasp3d.grasps.evaluation import evaluate_grasps, in_stated_scale
         from grasp3d.grasps.writing import write_grasps
         from grasp3d.hand.scene import Scene
         from grasp3d.mesh import load_mesh

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Ints
 from grasp3d.errors import MeshError
+from grasp3d.export.read_settings import comments_of
 from grasp3d.export.stored import ADVICE, Stored, check_complete, damaged
 from grasp3d.reading.obj_off_stl import check_declared_size
 from grasp3d.reading.ply import Element, PlyHeader, read_ply_header
@@ -61,7 +62,6 @@ LABELLED = tuple(field.name for field in (*DECIDED, *EPSILONS))
 the types, values and comments that `write_ply` writes; otherwise it is refused, as its numbers
 could mean anything. Other properties (colours, confidence, texture coordinates) are allowed."""
 
-_COMMENT = "comment grasp3d "
 _KINDS = {"u1": "a uchar", "f4": "a float", "f8": "a float"}
 
 
@@ -91,13 +91,6 @@ def ply_settings(source: Source) -> dict[str, str] | None:
         for name in field.column_names(0) if field.ply else ():
             _check_kind(source, field, name, kinds.get(name))
     return comments_of(source.head(LONGEST_HEADER)[: header.start])
-
-
-def comments_of(header: bytes) -> dict[str, str]:
-    """The settings in the header of a PLY."""
-    lines = header.decode("ascii", "replace").splitlines()
-    comments = [line.removeprefix(_COMMENT) for line in lines if line.startswith(_COMMENT)]
-    return {name: value for name, _, value in (line.partition(" ") for line in comments)}
 
 
 def _check_kind(source: Source, field: Field, name: str, kind: str | None) -> None:

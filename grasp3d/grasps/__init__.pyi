@@ -1,4 +1,4 @@
-from .alternatives import alternatives_at as alternatives_at
+from .distinct import alternatives_at as alternatives_at
 from .distinct import best_grasps as best_grasps
 from .distinct import grasp_kinds as grasp_kinds
 from .evaluated_poses import EvaluatedPoses as EvaluatedPoses

@@ -11,8 +11,7 @@ from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.run import run
 from grasp3d.errors import GraspError, MeshError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.grasps.pose_evaluation import in_stated_scale
+from grasp3d.grasps.evaluation import evaluate_grasps, in_stated_scale
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand, touching
 from grasp3d.hand.jaws import Jaws, metres_per_unit

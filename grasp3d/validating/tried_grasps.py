@@ -10,7 +10,7 @@ import numpy as np
 
 from grasp3d.arrays import Ints, locked, short_repr
 from grasp3d.errors import ContactError, MeshError, SettingError
-from grasp3d.grasps.pose_evaluation import in_stated_scale
+from grasp3d.grasps.evaluation import in_stated_scale
 from grasp3d.grasps.pose_files import read_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand

@@ -21,8 +21,7 @@ from grasp3d.grasps.pose_files.documents import (
     optional_numbers,
     required,
 )
-from grasp3d.grasps.pose_files.header import fields_of, header_of
-from grasp3d.grasps.pose_files.outcomes import NAMES, outcomes_of
+from grasp3d.grasps.pose_files.header import NAMES, fields_of, header_of, outcomes_of
 from grasp3d.grasps.poses import OWN_NAMES, VECTOR_COLUMNS, GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.settings.lengths import Unit

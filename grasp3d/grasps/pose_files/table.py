@@ -12,8 +12,7 @@ from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
 from grasp3d.grasps.pose_files.documents import numbers
 from grasp3d.grasps.pose_files.frames import from_quaternions, quaternions
-from grasp3d.grasps.pose_files.header import fields_of, header_of
-from grasp3d.grasps.pose_files.outcomes import outcomes_of
+from grasp3d.grasps.pose_files.header import fields_of, header_of, outcomes_of
 from grasp3d.grasps.poses import OWN_NAMES, GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.settings.lengths import Unit

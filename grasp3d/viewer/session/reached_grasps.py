@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from grasp3d.arrays import Ints
-from grasp3d.grasps.alternatives import alternatives_at
-from grasp3d.grasps.distinct import distance_of_distinct, distinct_rows
+from grasp3d.grasps.distinct import alternatives_at, distance_of_distinct, distinct_rows
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.progress import Progress
