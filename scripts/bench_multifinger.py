@@ -171,7 +171,7 @@ def random_candidates(mesh, fingers: int, friction: float):  # noqa: ANN001, ANN
     import grasp3d
     from grasp3d.mesh.surface_points import SurfacePoints
     from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
-    from grasp3d.surface.sampling.blue_noise import spread_points
+    from grasp3d.surface.sampling.candidate_points import spread_points
 
     rng = np.random.default_rng(0)
     points = spread_points(mesh, DEFAULT_CANDIDATES)

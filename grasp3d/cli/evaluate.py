@@ -80,10 +80,9 @@ class Evaluate:
     def run(self) -> int:
         """Run the command, and return the exit code."""
         from grasp3d.cli.existing_files import check_not_task, check_replaceable
+        from grasp3d.grasps.grasp_files import SUFFIXES, read_grasps
         from grasp3d.grasps.pose_files import holds_poses
         from grasp3d.grasps.poses import GraspPoses
-        from grasp3d.grasps.reading import read_grasps
-        from grasp3d.grasps.writing import SUFFIXES
         from grasp3d.quality.measures.known import metric_names
         from grasp3d.system.files import check_suffix
 
@@ -135,7 +134,7 @@ class Evaluate:
         from grasp3d.cli import grasp_report, progress_bars
         from grasp3d.grasps.evaluated_poses import EvaluatedPoses
         from grasp3d.grasps.evaluation import evaluate_grasps, in_stated_scale
-        from grasp3d.grasps.writing import write_grasps
+        from grasp3d.grasps.grasp_files import write_grasps
         from grasp3d.hand.scene import Scene
         from grasp3d.mesh import load_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths

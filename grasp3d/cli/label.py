@@ -141,9 +141,9 @@ class Label:
 
     def _check_grasp_file(self, path: Path) -> None:
         """Check before the work that the best grasps can be written to a file of that name."""
+        from grasp3d.grasps.grasp_files import SUFFIXES
         from grasp3d.grasps.pose_files import SUFFIXES as POSES
         from grasp3d.grasps.pose_files.files import check_hand, format_of, suffixes_of
-        from grasp3d.grasps.writing import SUFFIXES
         from grasp3d.system.files import check_suffix
 
         hand = self._posed()
@@ -179,7 +179,7 @@ class Label:
         """Print and write the best distinct grasps, and draw them if OpenGL is available."""
         from grasp3d.cli import grasp_report, progress_bars
         from grasp3d.grasps.distinct import best_grasps
-        from grasp3d.grasps.writing import write_grasps
+        from grasp3d.grasps.grasp_files import write_grasps
         from grasp3d.plots.formats import save_as
         from grasp3d.plots.grasps import draw_grasps, grasp_figure
         from grasp3d.plots.rendering import can_render

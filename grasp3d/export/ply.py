@@ -13,8 +13,7 @@ from grasp3d.export.stored import ADVICE, Stored, check_complete, damaged
 from grasp3d.reading.obj_off_stl import check_declared_size
 from grasp3d.reading.ply import Element, PlyHeader, read_ply_header
 from grasp3d.reading.sources import LONGEST_HEADER, Source
-from grasp3d.surface.fields import Field, present
-from grasp3d.surface.grasp_fields import DECIDED, EPSILONS
+from grasp3d.surface.fields import DECIDED, EPSILONS, Field, present
 from grasp3d.surface.label_settings import settings_of
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import VERTICES

@@ -16,8 +16,7 @@ from grasp3d.mesh.mesh_sources import LARGEST
 from grasp3d.reading.sources import Source, check_finite
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel
 from grasp3d.stability.thresholds import label_angles
-from grasp3d.surface.fields import Array, Arrays, Field
-from grasp3d.surface.grasp_fields import MARGIN
+from grasp3d.surface.fields import MARGIN, Array, Arrays, Field
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import LOCATED, SURFACE, VERTICES
 from grasp3d.surface.vertex_grasps import Reason

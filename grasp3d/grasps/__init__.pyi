@@ -3,10 +3,10 @@ from .distinct import best_grasps as best_grasps
 from .distinct import grasp_kinds as grasp_kinds
 from .evaluated_poses import EvaluatedPoses as EvaluatedPoses
 from .evaluation import evaluate_grasps as evaluate_grasps
+from .grasp_files import poses_of as poses_of
+from .grasp_files import read_grasps as read_grasps
+from .grasp_files import write_grasps as write_grasps
 from .poses import GraspPoses as GraspPoses
-from .reading import read_grasps as read_grasps
 from .verdict import HoldingVerdict as HoldingVerdict
 from .verdict import Verdict as Verdict
 from .verdict import verdict_of as verdict_of
-from .writing import poses_of as poses_of
-from .writing import write_grasps as write_grasps

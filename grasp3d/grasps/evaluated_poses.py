@@ -19,8 +19,7 @@ from grasp3d.quality.loads import load_settings
 from grasp3d.quality.measures.known import METRICS
 from grasp3d.quality.measures.measuring import UNDEFINED, MetricValues
 from grasp3d.settings.parsing import plain_values
-from grasp3d.surface.fields import columns_of
-from grasp3d.surface.grasp_fields import CLOSED, FORCES, given_poses
+from grasp3d.surface.fields import CLOSED, FORCES, columns_of, given_poses
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.rows import NO_ROW, rows_where
 from grasp3d.surface.spread_grasps import SpreadGrasps

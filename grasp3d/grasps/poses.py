@@ -12,8 +12,7 @@ from grasp3d.errors import ContactError
 from grasp3d.grasps.pose_checks import checked_poses
 from grasp3d.hand.hand import Hand
 from grasp3d.settings.lengths import METRES, Unit
-from grasp3d.surface.fields import LENGTH
-from grasp3d.surface.grasp_fields import FOUND_POSES
+from grasp3d.surface.fields import FOUND_POSES, LENGTH
 
 LENGTH_COLUMNS = frozenset(
     {"centroid_distance", *(field.name for field in FOUND_POSES if field.unit == LENGTH)}

@@ -1,14 +1,19 @@
-"""Fields: values of each vertex or of each grasp, declared once for all files and tables."""
+"""Fields: values of each vertex or of each grasp, declared once for all files and tables.
+
+Those of grasps are here, also those that vertices have too.
+"""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
+from enum import IntEnum
 from operator import attrgetter
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from grasp3d.hand.closed_jaws import Closing, Touch
 from grasp3d.stability.label import Label
 
 Array = npt.NDArray[Any]
@@ -143,3 +148,170 @@ def present(fields: Iterable[Field], holder: object) -> Iterator[tuple[Field, Ar
         values = field.values_of(holder)
         if values is not None:
             yield field, values
+
+
+FLOAT = "f4"
+"""Type of most numbers in a PLY."""
+
+
+def of_part(part: str, name: str) -> Callable[[Any], Array | None]:
+    """The values of an attribute that labels or grasps may lack; None where they do."""
+
+    def values(holder: Any) -> Array | None:
+        found = getattr(holder, part)
+        return None if found is None else getattr(found, name)
+
+    return values
+
+
+def names_of(codes: type[IntEnum]) -> tuple[str, ...]:
+    """Texts of codes 0, 1, ..."""
+    return tuple(code.name.lower() for code in sorted(codes))
+
+
+def _payload(holder: Any) -> Array | None:
+    held = holder.holding
+    return held.payload if held is not None and held.has_payload else None
+
+
+LABEL = Field("label", "the label S, M or U", kind="u1", ply="u1", texts=LETTERS)
+CRITICAL_ANGLE = Field(
+    "critical_angle", "critical friction angle of the grasp, over the worst normals of its "
+    "contacts; decides S; `inf`: no grasp", RADIANS, (), ANGLE_OR_INF, ply=FLOAT,
+)  # fmt: skip
+CRITICAL_ANGLE_BEST = replace(
+    CRITICAL_ANGLE, name="critical_angle_best", meaning="the same over the best normals; decides "
+    "U; different on creases, and where contact locations are uncertain: there that of the best "
+    "aligned grasp",
+)  # fmt: skip
+MAX_RESOLUTION = Field(
+    "max_resolution", "sensor resolution below which the grasp is S, at the friction and the other "
+    "errors of the settings; `0`: none", RADIANS, (), ANGLE, ply=FLOAT,
+)  # fmt: skip
+MARGIN = Field(
+    "margin", r"angle by which the grasp is S: $\beta - \alpha/2 - \beta^*$, less what all other "
+    "uncertainties take; S where it is above 0; `-inf`: no grasp", RADIANS, (),
+    Allowed(infinite=-math.inf), ply=FLOAT,
+)  # fmt: skip
+EPSILON = Field(
+    "epsilon", r"$\varepsilon$ at the nominal normals, a lower bound; `nan`: no grasp", "", (),
+    POSITIVE_OR_NAN, ply=FLOAT,
+)  # fmt: skip
+DECIDED = (LABEL, CRITICAL_ANGLE, CRITICAL_ANGLE_BEST, MAX_RESOLUTION, MARGIN)
+EPSILONS = (
+    EPSILON,
+    replace(EPSILON, name="epsilon_min", meaning=r"smallest $\varepsilon$ over all tilts of the "
+            "normals; how it is computed is a [setting](formats.md#settings)"),
+    replace(EPSILON, name="epsilon_max", meaning="bound on the largest"),
+)  # fmt: skip
+OPENING = Field(
+    "opening", "largest distance between any two contacts of the grasp", LENGTH, (), POSITIVE_OR_NAN
+)
+APPROACH_MARGIN = Field(
+    "approach_margin", "by how much the approach may turn about the closing axis either way",
+    RADIANS, (), ANGLE_OR_NAN, of=of_part("reach", "approach_margin"), when="gripper", ply=FLOAT,
+)  # fmt: skip
+DEPTH = Field(
+    "depth", "how far the fingertips reach beyond the contacts along the approach", LENGTH, (),
+    KNOWN_OR_NAN, of=of_part("reach", "depth"), when="gripper",
+)  # fmt: skip
+GRIP_FORCE = Field(
+    "grip_force", "force of each finger, along its contact's normal, that holds the load at the "
+    "nominal normals; for 1 kg where no mass is given; `inf`: no force does, `nan`: no grasp",
+    NEWTONS, (), Allowed(0.0, infinite=math.inf, unknown=True),
+    of=of_part("holding", "grip_force"), when="load", ply=FLOAT,
+)  # fmt: skip
+FORCES = (
+    GRIP_FORCE,
+    replace(GRIP_FORCE, name="grip_force_least", of=of_part("holding", "grip_force_least"),
+            meaning="the same at the best normals that the sensor cannot distinguish; how it is "
+            "known is a [setting](formats.md#settings)"),
+    replace(GRIP_FORCE, name="grip_force_largest", of=of_part("holding", "grip_force_largest"),
+            meaning="the same at the worst of these normals"),
+    replace(GRIP_FORCE, name="payload", of=_payload, unit=KILOGRAMS, meaning="mass that the force "
+            "at hand holds at the worst normals; `nan`: no grasp. Absent where no force is at "
+            "hand, or the task does not depend on the mass"),
+    replace(LABEL, name="label_with_force", of=of_part("holding", "label"), when="load",
+            meaning="the label with the force at hand: S: the load is held at all these normals, "
+            "U: at none, or there is no grasp, M: the sensor cannot decide. Absent where the mass "
+            "or the force is not known"),
+)  # fmt: skip
+"""What a load adds to grasps."""
+
+CLOSED = (
+    Field("closed_label", "`label` at what the jaws touch when they close on the object, which is "
+          "free: that of `grasp3d evaluate`. Empty: not known, as for internal grasps", kind="i8",
+          of=of_part("closed", "label"), when="gripper", texts=(*LETTERS, "")),
+    replace(MARGIN, name="closed_margin", meaning="`margin` there; empty also where the jaws do "
+            "not close", of=of_part("closed", "margin"), when="gripper",
+            allowed=Allowed(infinite=-math.inf, unknown=True)),
+)  # fmt: skip
+"""What the closed jaws of a gripper make of grasps that were found."""
+
+GRASPS = (
+    Field("grasp", "number, from 1", of=lambda one: range(1, one.size + 1), kind="i8"),
+    *DECIDED,
+    *EPSILONS,
+    Field("rank", "dimension of the span of the wrenches", kind="i8"),
+    OPENING,
+    replace(OPENING, name="separation", meaning="smallest distance between any two contacts"),
+    *CLOSED,
+    *FORCES,
+)
+"""Grasps in tables."""
+
+CONTACTS = (
+    Field("point", "contact point on the surface", LENGTH, ("n", 3), columns=XYZ,
+          of=attrgetter("contacts.points")),
+    Field("normal", "outward normal there", "", ("n", 3), columns=("nx", "ny", "nz"), outward=True,
+          of=attrgetter("contacts.normals")),
+    Field("distance", "distance from the surface before the contact was moved there", LENGTH,
+          ("n",)),
+    Field("on_crease", "whether the contact is on a crease or at a corner", "", ("n",), kind="?",
+          of=attrgetter("contacts.on_crease")),
+)  # fmt: skip
+"""The contacts of grasps in tables."""
+
+FOUND_POSES = (
+    *DECIDED,
+    *EPSILONS,
+    APPROACH_MARGIN,
+    DEPTH,
+    replace(CONTACTS[0], name="contacts"),
+    replace(CONTACTS[1], name="normals", meaning="normal into the object there", outward=False),
+    *CLOSED,
+    *FORCES,
+)
+"""Poses of grasps that were found."""
+
+
+def _jaw(name: str, number: int) -> Callable[[Any], Array]:
+    """What is at one of the jaws."""
+    return lambda poses: np.asarray(getattr(poses.jaws, name)[:, number])
+
+
+def given_poses(fingers: int = 2) -> tuple[Field, ...]:
+    """Given poses that were evaluated, of a hand with so many fingers."""
+    numbers = range(fingers)
+    return (
+        Field("closing", "`closed`; `nothing`: the jaws close on nothing; `one_side`: only one jaw "
+              "touches; `starts_inside`: a finger starts in the object; `slips_out`: the object "
+              "slides out of the closing jaws", of=attrgetter("state"), kind="u1",
+              texts=names_of(Closing)),
+        *(field for field in DECIDED if field is not CRITICAL_ANGLE_BEST),
+        *EPSILONS,
+        Field("collides", "whether the gripper collides with object or table, at the grasp, before "
+              "closing, or on its approach", kind="?"),
+        Field("reachable", "closed, without collision, within the stroke and the allowed "
+              "directions", kind="?"),
+        *(Field(f"area{number + 1}", f"area of the patch that jaw {number + 1} touches", AREA,
+                of=_jaw("area", number)) for number in numbers),
+        *(Field(f"touch{number + 1}", f"what jaw {number + 1} touches: `face`, `edge` (a strip), "
+                "`point`, `pad_rim` (a small patch or a strip at the rim of the pad), `nothing`",
+                of=_jaw("touch", number), kind="u1", texts=names_of(Touch)) for number in numbers),
+        Field("apart", "whether the patches do not overlap, seen along the closing axis, as where "
+              "the jaws touch at different heights", of=attrgetter("jaws.apart"), kind="?"),
+        Field("turn", "angle by which a free object has turned between the jaws", RADIANS,
+              of=attrgetter("jaws.turn")),
+        *FORCES,
+    )  # fmt: skip

@@ -31,8 +31,7 @@ from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.deferred import Deferred
 from grasp3d.surface.extreme_normals import hull_labels
-from grasp3d.surface.fields import Field, columns_of, present
-from grasp3d.surface.grasp_fields import CONTACTS, GRASPS
+from grasp3d.surface.fields import CONTACTS, GRASPS, Field, columns_of, present
 from grasp3d.surface.grasp_numbers import (
     EPSILON_RTOL,
     located_angles_of,

@@ -1,8 +1,9 @@
 """Result of labelling a surface: the best grasp at every vertex, its label and epsilon."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from html import escape
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -11,20 +12,14 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.mesh.plausible_lengths import length_warnings
-from grasp3d.settings import (
-    ANGLE_ROUNDING,
-    check_choice,
-    sampling_kind,
-    search_cone,
-)
+from grasp3d.settings import ANGLE_ROUNDING, check_choice, sampling_kind, search_cone
 from grasp3d.settings.lengths import GivenLength
 from grasp3d.settings.model_text import model_line
 from grasp3d.settings.uncertainty import Uncertainty, friction_interval
 from grasp3d.stability.angle_distributions import SampledAngles
-from grasp3d.stability.label import Label
+from grasp3d.stability.label import COLORS, MEANING, Label, Mode
 from grasp3d.surface.area_statistics import Weights, quantiles, vertex_weights
 from grasp3d.surface.conversions import labels_to_polydata, labels_to_table, labels_to_trimesh
-from grasp3d.surface.label_table import LEVELS, label_table
 from grasp3d.surface.vertex_grasps import VertexGrasps
 
 if TYPE_CHECKING:
@@ -317,18 +312,26 @@ class SurfaceLabels(VertexGrasps):
         return import_module("grasp3d.viewer.show").show(self, **options)
 
     def _repr_html_(self) -> str:
-        """Table of fractions and angles for notebooks; epsilon only if it has been computed."""
-        labelled = self.model.method == "exact" or self.computed("label") is not None
-        has_epsilon = self.computed("epsilon_range") is not None
-        return label_table(
-            source=self.mesh.report.source,
-            model=self.model,
-            mode=self.mode,
-            count=len(self.row),
-            fractions=self.fractions() if labelled else {},
-            angles=self.angle_quantiles(LEVELS),
-            epsilons=self.epsilon_quantiles(LEVELS) if has_epsilon else None,
-            warnings=self.warnings,
+        """Table of settings, fractions and angles for notebooks; epsilon only if it is computed."""
+        model = self.model
+        labelled = model.method == "exact" or self.computed("label") is not None
+        fractions = self.fractions() if labelled else {}
+        epsilons = None
+        if self.computed("epsilon_range") is not None:
+            epsilons = self.epsilon_quantiles(LEVELS)
+        grasps = "scan" if self.mode == "scan" else f"{model.fingers} fingers"
+        rows = "".join(
+            f'<tr><th scope="row" style="{_CELL}">{name}</th><td style="{_CELL}">{value}</td></tr>'
+            for name, value in (
+                *_labels(fractions, self.mode),
+                *_numbers(self.angle_quantiles(LEVELS), epsilons),
+            )
+        )
+        notes = "".join(f"<li>{escape(text)}</li>" for text in self.warnings)
+        return (
+            f"<div><strong>{escape(self.mesh.report.source)}</strong> "
+            f"{escape(model_line(model))}, {grasps}, {len(self.row):,} vertices{_bar(fractions)}"
+            f"<table>{rows}</table>{f'<ul>{notes}</ul>' if notes else ''}</div>"
         )
 
     def _weights(self, weights: Weights) -> Floats:
@@ -340,3 +343,44 @@ _OF_SEARCH = frozenset({
     "partner_points", "opening", "grip", "reachable", "approach", "approach_margin",
 })  # fmt: skip
 """Attributes that depend on the grasps alone."""
+
+
+LEVELS = (0.1, 0.5, 0.9)
+"""Area fractions at which quantiles are shown."""
+
+_BAR = "display:flex;width:24em;max-width:100%;height:0.8em;margin:0.3em 0"
+_CHIP = "display:inline-block;width:0.8em;height:0.8em;margin-right:0.4em"
+_CELL = "text-align:left;padding:0.1em 1em 0.1em 0"
+
+
+def _color(letter: str) -> str:
+    return "#{:02X}{:02X}{:02X}".format(*COLORS[Label[letter]])
+
+
+def _bar(fractions: Mapping[str, float]) -> str:
+    """The area fractions as a bar in the colours of the labels."""
+    if not fractions:
+        return ""
+    text = ", ".join(f"{letter} {fraction:.1%}" for letter, fraction in fractions.items())
+    parts = "".join(
+        f'<span style="width:{100.0 * fraction:.2f}%;background:{_color(letter)}"></span>'
+        for letter, fraction in fractions.items()
+    )
+    return f'<div role="img" aria-label="{text}" style="{_BAR}">{parts}</div>'
+
+
+def _labels(fractions: Mapping[str, float], mode: Mode) -> Iterator[tuple[str, str]]:
+    for letter, fraction in fractions.items():
+        chip = f'<span style="{_CHIP};background:{_color(letter)}"></span>'
+        yield f"{chip}{letter}", f"{fraction:.1%} {escape(MEANING[mode][Label[letter]])}"
+
+
+def _numbers(angles: Floats, epsilons: Floats | None) -> Iterator[tuple[str, str]]:
+    levels = ", ".join(f"{level:.0%}" for level in LEVELS)
+    yield f"β* at {levels} of the area", ", ".join(map(_angle, angles.tolist()))
+    if epsilons is not None:
+        yield f"ε at {levels}", ", ".join(f"{value:.3g}" for value in epsilons.tolist())
+
+
+def _angle(radians: float) -> str:
+    return f"{math.degrees(radians):.1f}°" if math.isfinite(radians) else "none"

@@ -12,28 +12,26 @@ from grasp3d.hand.reach import Reachability
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.stability.label import COLORS
 from grasp3d.surface.fields import (
-    AREA,
-    KNOWN_OR_NAN,
-    LENGTH,
-    NORMAL,
-    NORMAL_OR_NAN,
-    XYZ,
-    Allowed,
-    Array,
-    Field,
-)  # fmt: skip
-from grasp3d.surface.grasp_fields import (
     APPROACH_MARGIN,
+    AREA,
     CRITICAL_ANGLE,
     DECIDED,
     DEPTH,
     EPSILONS,
     FLOAT,
     FORCES,
+    KNOWN_OR_NAN,
+    LENGTH,
+    NORMAL,
+    NORMAL_OR_NAN,
     OPENING,
+    XYZ,
+    Allowed,
+    Array,
+    Field,
     names_of,
     of_part,
-)  # fmt: skip
+)  # fmt: skip  # fmt: skip
 from grasp3d.surface.vertex_grasps import Reason, VertexGrasps
 
 _COLORS = np.array([COLORS[label] for label in sorted(COLORS)], dtype=np.uint8)

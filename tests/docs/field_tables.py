@@ -10,8 +10,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import get_args
 
-from grasp3d.surface.fields import Field, When
-from grasp3d.surface.grasp_fields import CONTACTS, FOUND_POSES, GRASPS, given_poses
+from grasp3d.surface.fields import CONTACTS, FOUND_POSES, GRASPS, Field, When, given_poses
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -32,14 +32,13 @@ from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
 from grasp3d.export import write_fields, write_glb, write_npz, write_ply, write_vtp
 from grasp3d.grasps.evaluation import evaluate_grasps
+from grasp3d.grasps.grasp_files import write_grasps
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.grasps.writing import write_grasps
 from grasp3d.mesh.repair import RepairStep
 from grasp3d.physics import SimulationSettings, simulate_grasps, write_simulation
 from grasp3d.plots.validation_page import FILES
 from grasp3d.quality.loads import Load
-from grasp3d.surface.fields import Field
-from grasp3d.surface.grasp_fields import CONTACTS
+from grasp3d.surface.fields import CONTACTS, Field
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.sweeps import write_sweeps
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES

@@ -16,9 +16,9 @@ import yaml
 from grasp3d import GraspModel, ParallelGripper, best_grasps, label_surface, load_mesh
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
+from grasp3d.grasps.grasp_files import poses_of
 from grasp3d.grasps.pose_files import SUFFIXES, write_poses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.grasps.writing import poses_of
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.settings import PoseFormat
 from tests.docs.test_formats import Names, sections_of, tables_of

@@ -14,8 +14,7 @@ import pytest
 from grasp3d import GraspModel, load_mesh
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.grasps.reading import read_contacts
-from grasp3d.grasps.writing import SUFFIXES, write_grasps
+from grasp3d.grasps.grasp_files import SUFFIXES, read_contacts, write_grasps
 from grasp3d.surface.grasp_table import GraspTable
 from tests.helpers import shapes
 

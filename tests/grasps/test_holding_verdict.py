@@ -18,8 +18,8 @@ from grasp3d import (
 from grasp3d.cli.load_report import force_text
 from grasp3d.grasps import verdict_of
 from grasp3d.grasps.evaluation import evaluate_grasps
+from grasp3d.grasps.grasp_files import poses_of
 from grasp3d.grasps.verdict import HoldingVerdict
-from grasp3d.grasps.writing import poses_of
 from grasp3d.quality import Wrenches
 from grasp3d.quality.loads import Load
 from grasp3d.stability.label import Label

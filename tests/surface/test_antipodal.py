@@ -22,7 +22,7 @@ from grasp3d._kernels.surface.normal_sets import smallest_angle
 from grasp3d.settings.sampling import Grip
 from grasp3d.surface.sampling import antipodal
 from grasp3d.surface.sampling.antipodal import best_pairs
-from grasp3d.surface.sampling.tangents import tangents
+from grasp3d.surface.sampling.vertices import tangents
 from tests.helpers import oracles, shapes
 from tests.helpers.pair_search import domain_of, own_normals, read
 

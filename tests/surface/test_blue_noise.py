@@ -10,7 +10,7 @@ from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.primitives import box_mesh, sphere_mesh
-from grasp3d.surface.sampling.blue_noise import INSIDE, spread_points, spread_vertices
+from grasp3d.surface.sampling.candidate_points import INSIDE, spread_points, spread_vertices
 from tests.helpers import shapes
 
 Floats = NDArray[np.float64]

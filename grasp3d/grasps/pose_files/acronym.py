@@ -12,8 +12,7 @@ from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.grasps.pose_files.frames import (
     check_metres,
-    gripper_of,
-    in_metres,
+    for_robots,
     joint_values,
     moved,
     needed_gripper,
@@ -64,7 +63,7 @@ OBJECT = {
 def write_acronym(path: Path, poses: GraspPoses) -> None:
     """Write the poses of the hand's base, and outcomes where any are known."""
     h5py = _h5py()
-    hand, given = gripper_of(poses, WHAT), in_metres(poses, WHAT)
+    hand, given = for_robots(poses, WHAT)
     values: dict[str, Any] = {
         TRANSFORMS: moved(given.poses, -hand.base_to_tcp),
         "object/file": given.object_file or "",
@@ -152,7 +151,7 @@ def _read(h5py: Any, file: Any, hand: Hand | None) -> GraspPoses:
 
 def _base_to_tcp(h5py: Any, file: Any, hand: Hand | None) -> float:
     if hand is not None:
-        return needed_gripper(hand, WHAT).base_to_tcp
+        return needed_gripper(hand, None, WHAT).base_to_tcp
     stated = _numbers(h5py, file, "gripper/base_to_tcp", ())
     return BASE_TO_TCP if stated is None else float(stated)
 

@@ -16,14 +16,20 @@ from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.settings.lengths import Unit
 
 
-def in_metres(poses: GraspPoses, what: str) -> GraspPoses:
-    """The poses in metres. Raises OutputError if their unit is not known."""
+def for_robots(poses: GraspPoses, what: str) -> tuple[ParallelGripper, GraspPoses]:
+    """The gripper of poses to write, and the poses in metres.
+
+    Raises:
+        OutputError: There is no gripper, or the unit of the poses is not known.
+    """
+    if not isinstance(poses.hand, ParallelGripper):
+        raise OutputError(missing_of_hand(poses.hand, what))
     if poses.unit is None:
         raise OutputError(
             f"{what} files are in metres, but the unit of the poses is not known: give the mesh's "
             "unit (--unit, in Python unit=...)"
         )
-    return poses.in_unit("m")
+    return poses.hand, poses.in_unit("m")
 
 
 def check_metres(unit: Unit | None, what: str) -> None:
@@ -33,13 +39,6 @@ def check_metres(unit: Unit | None, what: str) -> None:
             f"{what} files are in metres, not in {unit}: read them without a unit, and convert the "
             "poses with in_unit"
         )
-
-
-def gripper_of(poses: GraspPoses, what: str) -> ParallelGripper:
-    """The gripper of poses to write. Raises OutputError if there is none."""
-    if not isinstance(poses.hand, ParallelGripper):
-        raise OutputError(missing_of_hand(poses.hand, what))
-    return poses.hand
 
 
 def missing_of_hand(hand: Hand | str | None, what: str, *, joints: bool = False) -> str:
@@ -63,8 +62,13 @@ def missing_of_hand(hand: Hand | str | None, what: str, *, joints: bool = False)
     return ""
 
 
-def needed_gripper(hand: Hand | str | None, what: str) -> ParallelGripper:
-    """The gripper of a file to read. Raises ContactError if there is none."""
+def needed_gripper(hand: Hand | None, unit: Unit | None, what: str) -> ParallelGripper:
+    """The gripper of a file to read, which is in metres.
+
+    Raises:
+        ContactError: There is none, or another unit is given.
+    """
+    check_metres(unit, what)
     if not isinstance(hand, ParallelGripper):
         raise ContactError(
             f"{what} files have the pose of the hand's base, not of the fingertips: give the "

@@ -17,9 +17,7 @@ from grasp3d.grasps.pose_files.documents import (
     text_or_none,
 )
 from grasp3d.grasps.pose_files.frames import (
-    check_metres,
-    gripper_of,
-    in_metres,
+    for_robots,
     moved,
     needed_gripper,
 )
@@ -42,7 +40,7 @@ def is_graspgen(content: object) -> bool:
 
 def write_graspgen(path: Path, poses: GraspPoses) -> None:
     """Write the poses of the hand's base and the outcomes, which all grasps must have."""
-    hand, given = gripper_of(poses, WHAT), in_metres(poses, WHAT)
+    hand, given = for_robots(poses, WHAT)
     unknown = np.flatnonzero(np.isnan(given.outcome))
     if len(unknown):
         raise OutputError(
@@ -71,8 +69,7 @@ def parse_graspgen(content: object, hand: Hand | None, unit: Unit | None) -> Gra
     grasps = mapping(required(document, "grasps"), "grasps")
     transforms = grasp_list(required(grasps, "transforms", "grasps: "), "grasps.transforms")
     about = mapping(document.get("object", {}), "object")
-    check_metres(unit, WHAT)
-    hand = needed_gripper(hand, WHAT)
+    hand = needed_gripper(hand, unit, WHAT)
     count = len(transforms)
     scale = about.get("scale")
     fields = {"outcome": "object_in_gripper", **EXTRA}

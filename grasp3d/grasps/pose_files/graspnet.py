@@ -8,9 +8,7 @@ import numpy as np
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
 from grasp3d.grasps.pose_files.frames import (
-    check_metres,
-    gripper_of,
-    in_metres,
+    for_robots,
     moved,
     needed_gripper,
 )
@@ -48,7 +46,7 @@ BEST_SCORE = 1.1
 
 def write_graspnet(path: Path, poses: GraspPoses) -> None:
     """Write a row for each grasp, float64."""
-    hand, given = gripper_of(poses, WHAT), in_metres(poses, WHAT)
+    hand, given = for_robots(poses, WHAT)
     moved_back = moved(given.poses, hand.end - DEPTH)
     rows = np.empty((given.count, LENGTH))
     rows[:, 0] = _scores(given)
@@ -75,8 +73,7 @@ def _scores(poses: GraspPoses) -> Floats:
 def read_graspnet(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     """Poses in the order of the rows. Raises ContactError, OSError."""
     rows = _rows(path)
-    check_metres(unit, WHAT)
-    hand = needed_gripper(hand, WHAT)
+    hand = needed_gripper(hand, unit, WHAT)
     if not np.isfinite(rows[:, 3:]).all():
         bad = np.flatnonzero(~np.isfinite(rows[:, 3:]).all(axis=1))
         raise ContactError(f"grasp {bad[0] + 1} has numbers that are not finite")

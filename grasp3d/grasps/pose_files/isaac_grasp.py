@@ -20,11 +20,9 @@ from grasp3d.grasps.pose_files.documents import (
     text_or_none,
 )
 from grasp3d.grasps.pose_files.frames import (
-    check_metres,
+    for_robots,
     from_quaternions,
-    gripper_of,
     hand_poses,
-    in_metres,
     joint_values,
     needed_gripper,
     openings_of_joints,
@@ -51,7 +49,7 @@ _PYTHON = "tag:yaml.org,2002:python"
 def write_isaac(path: Path, poses: GraspPoses) -> None:
     """Write grasps by name, the hand's base relative to the object."""
     yaml = _yaml()
-    hand, given = gripper_of(poses, WHAT), in_metres(poses, WHAT)
+    hand, given = for_robots(poses, WHAT)
     unequal_names(given.names)
     document = {
         "format": WHAT,
@@ -111,8 +109,7 @@ def read_isaac(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     grasps = mapping(required(document, "grasps"), "grasps")
     if not grasps:
         raise ContactError("there are no grasps in it")
-    check_metres(unit, WHAT)
-    hand = needed_gripper(hand, WHAT)
+    hand = needed_gripper(hand, unit, WHAT)
     entries = [mapping(entry, f"grasp {number}") for number, entry in enumerate(grasps.values(), 1)]
     scale = document.get("object_scale")
     return GraspPoses(

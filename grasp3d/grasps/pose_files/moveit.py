@@ -19,11 +19,9 @@ from grasp3d.grasps.pose_files.documents import (
     text_or_none,
 )
 from grasp3d.grasps.pose_files.frames import (
-    check_metres,
+    for_robots,
     from_quaternions,
-    gripper_of,
     hand_poses,
-    in_metres,
     joint_values,
     needed_gripper,
     openings_of_joints,
@@ -53,7 +51,7 @@ def is_moveit(content: object) -> bool:
 
 def write_moveit(path: Path, poses: GraspPoses) -> None:
     """Write one message for each grasp."""
-    hand, given = gripper_of(poses, WHAT), in_metres(poses, WHAT)
+    hand, given = for_robots(poses, WHAT)
     frame = str(given.settings.get("frame_id", "object"))
     bases = hand_poses(given.poses, hand)
     turned = quaternions(bases)
@@ -128,8 +126,7 @@ def parse_moveit(content: object, hand: Hand | None, unit: Unit | None) -> Grasp
     """Poses of the content of a JSON file, a list of messages or one. Raises ContactError."""
     found = grasp_list(content if isinstance(content, list) else [content], "the file")
     messages = [mapping(message, f"grasp {number}") for number, message in enumerate(found, 1)]
-    check_metres(unit, WHAT)
-    hand = needed_gripper(hand, WHAT)
+    hand = needed_gripper(hand, unit, WHAT)
     return GraspPoses(
         poses=tcp_poses(_bases(messages), hand),
         opening=_openings(hand, messages, "grasp_posture"),

@@ -40,10 +40,9 @@ from grasp3d.mesh.ray_tracing import SurfaceRays
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import Sampling
 from grasp3d.surface.sampling.exact_pairs import ExactSearch
-from grasp3d.surface.sampling.neighbours import neighbours
 from grasp3d.surface.sampling.pair_limits import ALIKE, Ranking, largest_cost, pair_limits
 from grasp3d.surface.sampling.reachable import ReachSearch
-from grasp3d.surface.sampling.tangents import tangents
+from grasp3d.surface.sampling.vertices import neighbours, tangents
 from grasp3d.system.progress import Progress, ignore
 
 CHUNK = 100_000

@@ -1,17 +1,26 @@
-"""Candidate points of the fingers on a mesh, as arrays for the kernels."""
+"""Points of a surface where other fingers may be put, evenly spread: blue noise (Yuksel 2015).
 
+C. Yuksel, 'Sample Elimination for Generating Poisson Disk Sample Sets', Computer Graphics Forum
+34(2), 2015. More samples than wanted are drawn, and the most crowded one is eliminated repeatedly.
+Eliminating further, to half of them, to a quarter and so on, orders the samples such that every
+beginning of the sequence is evenly spread.
+"""
+
+import heapq
 import math
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
 
 from grasp3d._kernels.search.multifinger_grasps import NO_CONTACT, CandidatePoints, ContactDomain
-from grasp3d.arrays import Floats, Ints, angles_between, locked, unit_rows
+from grasp3d.arrays import Floats, Ints, angles_between, locked, unit_rows, used_indices
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.measures import paired_edges
+from grasp3d.mesh.measures import face_areas, inward_normals, paired_edges
 from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.settings import whole_number
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
-from grasp3d.surface.sampling.blue_noise import spread_points, spread_vertices
-from grasp3d.surface.sampling.neighbours import neighbours
+from grasp3d.surface.sampling.vertices import neighbours
 
 STEP = math.radians(15.0)
 """Largest angle between samples along the border of a set of normals [rad]."""
@@ -127,3 +136,143 @@ def _borders(mesh: ObjectMesh, vertices: Ints, *, closed: bool) -> tuple[Ints, F
     sine = np.maximum(np.sin(turn), 1e-300)
     left, right = np.sin((1.0 - fraction) * turn) / sine, np.sin(fraction * turn) / sine
     return vertex[side], unit_rows(left[:, None] * a[side] + right[:, None] * b[side])
+
+
+SURPLUS = 5
+"""Samples drawn per sample that remains."""
+
+INSIDE = 1e-6
+"""Smallest barycentric coordinate of a sample, so that none lies on an edge."""
+
+SHARPNESS = 8
+"""Exponent with which the weight of a sample falls with the distance (Yuksel's alpha)."""
+
+MIN_FRACTION, DECLINE = 0.65, 1.5
+"""Fraction of the largest spacing to which smaller distances are raised, and the exponent with
+which it falls with the fraction of the samples that remain (Yuksel's beta and gamma)."""
+
+MAX_NEIGHBOURS = 48
+"""Nearest samples that are weighted: more than evenly spread samples have within the radius, so
+only dense regions are truncated. They are found anew whenever half of the samples are gone."""
+
+
+def spread_points(mesh: ObjectMesh, count: int, *, seed: int = 0) -> SurfacePoints:
+    """Sample points evenly spread over the area of a surface.
+
+    They lie strictly inside faces. Every beginning of the sequence is evenly spread too. Points
+    whose normals differ by more than 90 degrees, as on the two sides of a plate, are independent.
+
+    Args:
+        mesh: The surface.
+        count: Number of points.
+        seed: Seed of the random numbers; the same seed gives the same points.
+
+    Returns:
+        The points, shape (count,).
+
+    Raises:
+        SettingError: A count below 1, or a negative seed.
+    """
+    count, seed = whole_number("count", count, 1), whole_number("seed", seed, 0)
+    rng = np.random.default_rng(seed)
+    areas = face_areas(mesh.normalized, mesh.faces)
+    drawn = SURPLUS * count
+    faces = rng.choice(len(areas), drawn, p=areas / areas.sum())
+    root, uniform = np.sqrt(rng.random(drawn)), rng.random(drawn)
+    even = np.stack([1.0 - root, root * (1.0 - uniform), root * uniform], axis=1)
+    weights = INSIDE + (1.0 - 3.0 * INSIDE) * even
+    corners = mesh.normalized[mesh.faces[faces]]  # (drawn, 3, 3)
+    points = np.einsum("bk,bkj->bj", weights, corners)
+    normals = inward_normals(mesh.normalized, mesh.faces[faces])
+    chosen = _choose(points, normals, float(areas.sum()), count)
+    return SurfacePoints(faces[chosen], weights[chosen])
+
+
+def spread_vertices(mesh: ObjectMesh, count: int, *, seed: int = 0) -> Ints:
+    """Choose vertices evenly spread over the area of a surface, independently of their density.
+
+    Args:
+        mesh: The surface.
+        count: Number of vertices; all where there are fewer.
+        seed: Seed of the random numbers; the same seed gives the same vertices.
+
+    Returns:
+        Distinct canonical vertices on the surface, shape (k,), k the smaller of `count` and their
+        number. Every beginning of the sequence is evenly spread too.
+
+    Raises:
+        SettingError: A count below 1, or a negative seed.
+    """
+    count, seed = whole_number("count", count, 1), whole_number("seed", seed, 0)
+    rng = np.random.default_rng(seed)
+    candidates = used_indices(mesh.faces)
+    areas = mesh.vertex_areas[candidates] / mesh.vertex_areas[candidates].max()
+    # The largest u^(1/area) are a weighted sample without replacement (Efraimidis & Spirakis 2006).
+    keys = np.log(rng.random(len(candidates))) / np.maximum(areas, np.finfo(np.float64).tiny)
+    drawn = candidates[np.argsort(-keys, kind="stable")[: SURPLUS * count]]
+    area = float(face_areas(mesh.normalized, mesh.faces).sum())
+    chosen = _choose(mesh.normalized[drawn], mesh.normals[drawn], area, min(count, len(drawn)))
+    return np.asarray(drawn[chosen])
+
+
+def _choose(points: Floats, normals: Floats, area: float, count: int) -> Ints:
+    """Choose samples (m, 3), in an order of which every beginning is evenly spread."""
+    alive, _ = _eliminate(points, normals, np.arange(len(points)), area, count)
+    later = []
+    while len(alive) > 1:
+        alive, eliminated = _eliminate(points, normals, alive, area, len(alive) // 2)
+        later.append(eliminated[::-1])
+    return np.concatenate([alive, *later[::-1]])
+
+
+def _eliminate(
+    points: Floats, normals: Floats, alive: Ints, area: float, count: int
+) -> tuple[Ints, Ints]:
+    """Eliminate the most crowded samples until `count` remain.
+
+    Returns:
+        The remaining samples, and the eliminated ones in the order of their elimination.
+    """
+    widest = 2.0 * math.sqrt(area / (2.0 * math.sqrt(3.0) * count))  # densest packing of discs
+    clipped_distance = widest * MIN_FRACTION * (1.0 - (count / len(alive)) ** DECLINE)
+    removed = []
+    while len(alive) > count:
+        crowding = _crowding(points[alive], normals[alive], clipped_distance, widest)
+        eliminated = _most_crowded(crowding, len(alive) - max(count, len(alive) // 2))
+        removed.append(alive[eliminated])
+        alive = np.delete(alive, eliminated)
+    return alive, np.concatenate([*removed, np.zeros(0, dtype=np.int64)])
+
+
+def _crowding(points: Floats, normals: Floats, clipped_distance: float, widest: float) -> csr_array:
+    """Weights of all pairs of samples, shape (m, m): 1 for equal ones, 0 from `widest` on."""
+    near = min(MAX_NEIGHBOURS, len(points))
+    found = cKDTree(points).query(points, np.arange(2, near + 1), distance_upper_bound=widest)
+    distance, other = np.asarray(found[0]), np.asarray(found[1])  # (m, near - 1)
+    one, column = np.nonzero(np.isfinite(distance))
+    two = other[one, column]
+    facing = np.einsum("ij,ij->i", normals[one], normals[two]) >= 0.0
+    one, two, column = one[facing], two[facing], column[facing]
+    amount = (1.0 - np.maximum(distance[one, column], clipped_distance) / widest) ** SHARPNESS
+    crowding = csr_array((amount, (one, two)), shape=(len(points),) * 2)
+    return csr_array(crowding.maximum(crowding.T))
+
+
+def _most_crowded(crowding: csr_array, count: int) -> Ints:
+    """The next `count` samples to eliminate, in order: each is the most crowded one remaining."""
+    sums = np.asarray(crowding.sum(axis=1)).ravel().tolist()
+    first, others = crowding.indptr.tolist(), crowding.indices.tolist()
+    amounts = crowding.data.tolist()
+    heap = [(-amount, sample) for sample, amount in enumerate(sums)]
+    heapq.heapify(heap)
+    eliminated: list[int] = []
+    while len(eliminated) < count:
+        key, sample = heap[0]
+        if -key > sums[sample]:  # the entry is outdated: neighbours were eliminated since
+            heapq.heapreplace(heap, (-sums[sample], sample))
+            continue
+        heapq.heappop(heap)
+        eliminated.append(sample)
+        for i in range(first[sample], first[sample + 1]):
+            sums[others[i]] -= amounts[i]
+    return np.array(eliminated, dtype=np.int64)
