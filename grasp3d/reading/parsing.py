@@ -100,19 +100,17 @@ def _parsed_3mf(source: Source) -> trimesh.Scene:
 def _parsed_obj(source: Source) -> trimesh.Scene:
     data = source.path.read_bytes()
     try:
-        kept, vertices, faces = plain_obj(source, data)
+        kept, *declared = plain_obj(source, data)
         scene = _scene(source, kept, maintain_order=True, skip_materials=True)
-        _check_complete(source, scene, vertices, faces)
+        return _complete(source, scene, *declared)
     except (MeshError, ValueError, IndexError):
         check_obj_lines(source, data)
         raise
-    return scene
 
 
 def _parsed_off(source: Source) -> trimesh.Scene:
     scene = _scene(source, plain_off(source, source.path.read_bytes()))
-    _check_complete(source, scene, *off_counts(source))
-    return scene
+    return _complete(source, scene, *off_counts(source))
 
 
 def _parsed_ply(source: Source) -> trimesh.Scene:
@@ -121,17 +119,14 @@ def _parsed_ply(source: Source) -> trimesh.Scene:
         return trimesh.Scene()
     data = plain_ply(source, header, source.path.read_bytes())
     scene = _scene(source, data, fix_texture=False, skip_materials=True)
-    _check_complete(source, scene, header.count("vertex"), header.count("face"))
-    return scene
+    return _complete(source, scene, header.count("vertex"), header.count("face"))
 
 
 def _parsed_stl(source: Source) -> trimesh.Scene:
     data, faces = source.path.read_bytes(), binary_stl_faces(source)
     if faces is None:
         data, facets = plain_stl(source, data)
-        scene = _scene(source, data)
-        _check_complete(source, scene, 3 * facets, facets)
-        return scene
+        return _complete(source, _scene(source, data), 3 * facets, facets)
     # Some exporters write a few bytes after the last face.
     data = data[: STL_HEADER + STL_FACE * faces]
     rows = np.frombuffer(data, dtype="V12, (9,)<f4, V2", offset=STL_HEADER)["f1"]
@@ -139,8 +134,8 @@ def _parsed_stl(source: Source) -> trimesh.Scene:
     return _scene(source, data)
 
 
-def _check_complete(source: Source, scene: trimesh.Scene, vertices: int, faces: int) -> None:
-    """Reject a file of which trimesh read fewer vertices or faces than its header declares."""
+def _complete(source: Source, scene: trimesh.Scene, vertices: int, faces: int) -> trimesh.Scene:
+    """The scene, after rejecting one with fewer vertices or faces than the file declares."""
     parts = list(scene.geometry.values())
     found = [sum(len(getattr(part, name, ())) for part in parts) for name in ("vertices", "faces")]
     if found[0] < vertices or found[1] < faces:
@@ -148,6 +143,7 @@ def _check_complete(source: Source, scene: trimesh.Scene, vertices: int, faces: 
             f"declares {vertices:,} vertices and {faces:,} faces, but contains {found[0]:,} and "
             f"{found[1]:,}"
         )
+    return scene
 
 
 _READERS = {
