@@ -168,8 +168,7 @@ finite numbers; got '0,0,-5'
         if count > MAX_WRENCHES:
             raise SettingError(f"a task may have at most {MAX_WRENCHES} wrenches; got {count}")
         if all(part.empty for part in self.parts):
-            text = printable(self.text)
-            raise SettingError(f"task {text!r}: a task needs a force or a torque")
+            raise _no_task(self.text, "a task needs a force or a torque")
         return self
 
     @property
@@ -205,9 +204,17 @@ finite numbers; got '0,0,-5'
         source: str = "the mesh",
     ) -> "Task":
         """The task that it describes; see `parse_task`."""
+        from grasp3d.quality.tasks import Acceleration, Ellipsoid, Weight, Wrenches
 
         def build(part: _Part) -> "Task":
-            return _task(part, mass, center_radius, metres_per_unit, source)
+            if part.kind == "weight":
+                axis = part.rows[0] if part.rows else None
+                return Weight(mass, center_radius, axis, part.within)  # type: ignore[arg-type]
+            if part.kind == "acceleration":
+                return Acceleration(mass, center_radius, part.rows[0][0])
+            kind = Wrenches if part.kind == "wrench" else Ellipsoid
+            rows = ((*row[:3], *_torque(row[3:], metres_per_unit, source)) for row in part.rows)
+            return kind(list(rows))
 
         return reduce(add, map(build, self.with_files_read().parts))
 
@@ -267,18 +274,6 @@ def parse_task(
     )
 
 
-def _task(part: _Part, mass: float, radius: float, metres: float | None, source: str) -> "Task":
-    from grasp3d.quality.tasks import Acceleration, Ellipsoid, Weight, Wrenches
-
-    if part.kind == "weight":
-        direction = part.rows[0][:3] if part.rows else None
-        return Weight(mass, radius, direction, part.within)  # type: ignore[arg-type]
-    if part.kind == "acceleration":
-        return Acceleration(mass, radius, part.rows[0][0])
-    kind = Wrenches if part.kind == "wrench" else Ellipsoid
-    return kind([(*row[:3], *_torque(row[3:], metres, source)) for row in part.rows])
-
-
 def _torque(torque: Row, metres: float | None, source: str) -> Row:
     """A torque [N m] in newtons times a unit of so many metres."""
     if metres is None:
@@ -314,25 +309,21 @@ def _weight(text: str, rest: str) -> _Part:
         return _Part(text, "weight")
     found = _WITHIN.fullmatch(rest)
     if found is None:
-        raise SettingError(
-            f"task {printable(text)!r}: write 'weight', or 'weight within DEGREES of AXIS'"
-        )
+        raise _no_task(text, "write 'weight', or 'weight within DEGREES of AXIS'")
     (degrees,) = _numbers(text, found[1], 1, "the angle in degrees as")
     if not 0.0 <= degrees <= 90.0:
-        raise SettingError(
-            f"task {printable(text)!r}: the angle must be from 0 to 90 degrees; 'weight' alone "
-            "acts in any direction"
-        )
+        remedy = "'weight' alone acts in any direction"
+        raise _no_task(text, f"the angle must be from 0 to 90 degrees; {remedy}")
     axis = AXES.get(found[2]) or _numbers(text, found[2], 3, "the axis x, y, z, -x, -y or -z, or")
     if not any(axis):
-        raise SettingError(f"task {printable(text)!r}: the axis has no direction")
+        raise _no_task(text, "the axis has no direction")
     return _Part(text, "weight", (axis,), math.radians(degrees))
 
 
 def _acceleration(text: str, rest: str) -> _Part:
     row = _numbers(text, _PER_SECOND_SQUARED.sub("", rest), 1, "the acceleration in m/s^2 as")
     if row[0] < 0.0:
-        raise SettingError(f"task {printable(text)!r}: the acceleration must be at least 0")
+        raise _no_task(text, "the acceleration must be at least 0")
     return _Part(text, "acceleration", (row,))
 
 
@@ -363,11 +354,13 @@ def _numbers(text: str, words: str, count: int, what: str) -> Row:
         numbers = ()
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
         noun = "number" if count == 1 else "numbers"
-        raise SettingError(
-            f"task {printable(text)!r}: give {what} {count} finite {noun}; "
-            f"got {printable(words.strip())!r}"
-        )
+        shown = printable(words.strip())
+        raise _no_task(text, f"give {what} {count} finite {noun}; got {shown!r}")
     return numbers
+
+
+def _no_task(text: str, reason: str) -> SettingError:
+    return SettingError(f"task {printable(text)!r}: {reason}")
 
 
 def _shortest(number: float) -> str:
