@@ -40,8 +40,8 @@ class View:
     """A mesh, a labelled PLY, or the folder of results of `grasp3d batch`."""
 
     web: Flag = False
-    """Serve a page for a browser instead of opening a window; each visitor has a view of their
-    own."""
+    """Serve a page for a browser instead of opening a window, as where there is no display; each
+    visitor has a view of their own."""
 
     host: Annotated[str, tyro.conf.arg(metavar="ADDRESS")] = "127.0.0.1"
     """Address of the page; at 127.0.0.1 only this computer can connect."""
@@ -90,10 +90,10 @@ class View:
     def run(self) -> int:
         """Run the command; returns the exit code."""
         with time_limit(self.timeout, printable(str(self.target))):
-            collection = self._opened()
+            collection, problem = self._opened()
         self._write(collection)
-        if self.web:
-            self._serve(collection)
+        if self.web or problem:
+            self._serve(collection, problem)
         elif not (self.screenshot or self.turntable):
             from grasp3d.viewer.session.session import Session
             from grasp3d.viewer.window.desktop import show_window
@@ -101,8 +101,8 @@ class View:
             show_window(Session(collection, self.view))
         return 0
 
-    def _opened(self) -> "Collection":
-        """The collection, with its first object opened."""
+    def _opened(self) -> tuple["Collection", str]:
+        """The collection, with its first object opened, and why no window can be opened."""
         from grasp3d.cli import progress_bars
         from grasp3d.viewer.session.collection import open_collection
 
@@ -115,7 +115,7 @@ class View:
             reach=self.reach,
             load=self.load.chosen,
         )
-        self._check()
+        problem = self._check()
         first = collection.items[0]
         try:
             with progress_bars.progress(f"opening {first.name}", quiet=self.quiet) as progress:
@@ -123,13 +123,17 @@ class View:
         except GraspError:
             if len(collection.items) == 1:
                 raise  # with several objects the viewer shows the error of the first one
-        return collection
+        return collection, problem
 
-    def _check(self) -> None:
-        """Check that the output is possible, before the work begins."""
+    def _check(self) -> str:
+        """Check that the output is possible, before the work begins.
+
+        Returns:
+            Why no window can be opened; empty if one can, or is not needed.
+        """
         from grasp3d.cli.existing_files import check_replaceable
         from grasp3d.viewer.scene.pictures import check_film, check_picture
-        from grasp3d.viewer.window.display import check_display
+        from grasp3d.viewer.window.display import display_problem
 
         if self.screenshot:
             check_picture(self.screenshot)
@@ -137,12 +141,13 @@ class View:
         if self.turntable:
             check_film(self.turntable)
             check_replaceable(self.turntable, overwrite=self.overwrite)
-        if self.web:
+        needs_window = not (self.web or self.screenshot or self.turntable)
+        problem = display_problem() if needs_window else ""
+        if self.web or problem:
             from grasp3d.viewer.web.page import check_page
 
             check_page(self.host, self.port)
-        elif not (self.screenshot or self.turntable):
-            check_display()
+        return problem
 
     def _write(self, collection: "Collection") -> None:
         """Write the requested pictures and films."""
@@ -156,11 +161,13 @@ class View:
                 save(collection, self.view, path, progress=progress)
             self._print(f"written: {path}")
 
-    def _serve(self, collection: "Collection") -> None:
+    def _serve(self, collection: "Collection", problem: str) -> None:
+        """Serve the page; say first why no window was opened, if that is the reason."""
         from grasp3d.viewer.web.page import serve, uses_other_port
 
         def ready(address: str) -> None:
-            note = f"{self.port} is in use; " if uses_other_port(address, self.port) else ""
+            note = f"{problem}; " if problem else ""
+            note += f"{self.port} is in use; " if uses_other_port(address, self.port) else ""
             self._print(f"{note}{address} shows {self.target.name}; Ctrl+C stops it")
 
         serve(collection, self.view, host=self.host, port=self.port, ready=ready)

@@ -322,7 +322,7 @@ def test_the_error_without_a_display_names_the_alternatives(
 ) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-0")
-    with pytest.raises(OutputError, match="DISPLAY is not set; use --web"):
+    with pytest.raises(OutputError, match=r"DISPLAY is not set; .* browser .* --screenshot FILE"):
         check_display()
     monkeypatch.setenv("DISPLAY", ":65000")
     with pytest.raises(OutputError, match="no window opens on display :65000"):

@@ -6,28 +6,36 @@ import sys
 from grasp3d.errors import OutputError
 from grasp3d.plots.rendering import exits_cleanly
 
-ALTERNATIVES = "use --web for a browser or --screenshot FILE for a picture"
+ALTERNATIVES = (
+    "grasp3d view shows a page for a browser there, or writes a picture with --screenshot FILE"
+)
 ATTEMPTS = 2
 """An X server that restarts after its last window was closed may refuse one connection."""
 
 
-def check_display() -> None:
-    """Open a window in a child process, as a test.
+def display_problem() -> str:
+    """Why no window can be opened, from one in a child process; empty if one can.
 
     On Linux VTK needs an X server, and may abort the process if it does not respond.
-
-    Raises:
-        OutputError: No window can be opened.
     """
     if not sys.platform.startswith("linux"):
-        return
+        return ""
     name = os.environ.get("DISPLAY")
     if not name:
-        raise OutputError(f"no display here: DISPLAY is not set; {ALTERNATIVES}")
+        return "no display here: DISPLAY is not set"
     if not any(_child_opens_window() for _ in range(ATTEMPTS)):
-        raise OutputError(
-            f"no window opens on display {name} (no answer, or no OpenGL); {ALTERNATIVES}"
-        )
+        return f"no window opens on display {name} (no answer, or no OpenGL)"
+    return ""
+
+
+def check_display() -> None:
+    """Check that a window can be opened.
+
+    Raises:
+        OutputError: It cannot.
+    """
+    if problem := display_problem():
+        raise OutputError(f"{problem}; {ALTERNATIVES}")
 
 
 def _child_opens_window() -> bool:
