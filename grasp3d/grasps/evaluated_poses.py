@@ -170,16 +170,6 @@ class EvaluatedPoses(SpreadGrasps):
                 columns[f"n{axis}{jaw + 1}"] = outward[:, jaw, k]
         return table_of_columns(columns, settings=self._settings())
 
-    def to_dataframe(self) -> Any:
-        """Return `to_table` as a `pandas.DataFrame`.
-
-        Raises:
-            OutputError: pandas is not installed; the extra `grasp3d[pandas]` installs it.
-        """
-        from grasp3d.system.tables import data_frame
-
-        return data_frame(self.to_table())
-
     def _columns(self) -> dict[str, npt.NDArray[Any]]:
         """Results of shape (k,)."""
         return columns_of(given_poses(self.jaws.area.shape[1]), self)

@@ -445,16 +445,6 @@ class GraspTable(LabelledGrasps):
 
         return table_of_columns(self.table_columns(), settings=self.settings())
 
-    def to_dataframe(self) -> Any:
-        """Return `to_table` as a `pandas.DataFrame`.
-
-        Raises:
-            OutputError: pandas is not installed; the extra `grasp3d[pandas]` installs it.
-        """
-        from grasp3d.system.tables import data_frame
-
-        return data_frame(self.to_table())
-
     def show(self, **options: Any) -> Any:
         """Show each grasp on the surface: in a notebook below the cell, elsewhere in a window.
 

@@ -2,7 +2,7 @@
 
 from functools import cached_property
 from operator import attrgetter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from grasp3d.arrays import Floats, locked
 from grasp3d.stability.thresholds import margins, max_resolution
@@ -26,6 +26,7 @@ class LabelledGrasps:
         def located_angles(self) -> WorstAndBest: ...  # noqa: D102
         @property
         def epsilon_range(self) -> EpsilonRange: ...  # noqa: D102
+        def to_table(self) -> Any: ...  # noqa: D102
         @property
         def holding(self) -> Holding | None: ...  # noqa: D102
 
@@ -93,3 +94,21 @@ class LabelledGrasps:
         See `Holding.payload`.
         """
         return None if self.holding is None else self.holding.payload
+
+    def to_dataframe(self) -> Any:
+        """Return `to_table` as a `pandas.DataFrame`; labels and reasons are categories.
+
+        Raises:
+            OutputError: pandas is not installed; the extra `grasp3d[pandas]` installs it.
+
+        Example:
+            >>> import trimesh
+            >>> import grasp3d
+            >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(1), max_edge=9.0)
+            >>> frame = grasp3d.label_surface(ball).to_dataframe()
+            >>> frame["label"].value_counts().to_dict()
+            {'S': 42, 'U': 0, 'M': 0}
+        """
+        from grasp3d.system.tables import data_frame
+
+        return data_frame(self.to_table())

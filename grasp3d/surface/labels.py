@@ -265,24 +265,6 @@ class SurfaceLabels(VertexGrasps):
         """
         return labels_to_table(self)
 
-    def to_dataframe(self) -> Any:
-        """Return `to_table` as a `pandas.DataFrame`; labels and reasons are categories.
-
-        Raises:
-            OutputError: pandas is not installed; the extra `grasp3d[pandas]` installs it.
-
-        Example:
-            >>> import trimesh
-            >>> import grasp3d
-            >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(1), max_edge=9.0)
-            >>> frame = grasp3d.label_surface(ball).to_dataframe()
-            >>> frame["label"].value_counts().to_dict()
-            {'S': 42, 'U': 0, 'M': 0}
-        """
-        from grasp3d.system.tables import data_frame
-
-        return data_frame(self.to_table())
-
     def to_trimesh(self) -> "trimesh.Trimesh":
         """Return a `trimesh.Trimesh` coloured by label.
 
