@@ -124,7 +124,7 @@ def test_the_worst_of_all_combinations_on_creases() -> None:
     """Single combinations, varied contact by contact, reach the worst angle but never exceed it."""
     rng = np.random.default_rng(5)
     shortfalls = []
-    for _ in range(50):
+    for _ in range(30):
         points = grasps.TRIANGLE + 0.2 * rng.normal(size=(3, 3))
         sets = [coplanar.sampled_normals(some) for some in corners_of_sets(points, rng)]
         worst = worst_angle(points, sets)
@@ -142,7 +142,7 @@ def test_the_worst_of_all_combinations_on_creases() -> None:
             reached[start] = best
         if np.isfinite(worst):
             shortfalls.append(worst - reached.max())
-    assert len(shortfalls) > 15
+    assert len(shortfalls) > 9
     assert np.mean(np.array(shortfalls) < 2e-3) > 0.8
 
 
@@ -150,7 +150,7 @@ def test_the_worst_of_all_combinations_on_creases() -> None:
 def test_all_combinations_on_two_creases() -> None:
     rng = np.random.default_rng(8)
     compared = 0
-    for _ in range(40):
+    for _ in range(25):
         points = grasps.TRIANGLE + 0.2 * rng.normal(size=(3, 3))
         middles = -points + 0.2 * rng.normal(size=(3, 3))
         spread = rng.uniform(0.1, 1.0) * rng.normal(size=3)
@@ -162,7 +162,7 @@ def test_all_combinations_on_two_creases() -> None:
         if np.isfinite(worst):
             assert worst == pytest.approx(largest, abs=2e-3)
             compared += 1
-    assert compared > 15
+    assert compared > 9
 
 
 @pytest.mark.slow

@@ -39,7 +39,7 @@ def sampled(
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(list(SHAPES)), st.booleans(), st.booleans())
 def test_no_point_of_a_face_is_better_than_the_best_one(
     seed: int, shape: str, worst: bool, limited: bool
@@ -72,7 +72,7 @@ def test_no_point_of_a_face_is_better_than_the_best_one(
 
 
 @pytest.mark.slow
-@settings(deadline=None)
+@settings(deadline=None, max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(list(SHAPES)))
 def test_a_node_with_a_good_contact_is_not_left_out(seed: int, shape: str) -> None:
     """Where a contact is within the limit, no node above its face is ranked as useless."""
@@ -126,7 +126,7 @@ def test_a_cut_polygon_contains_what_is_on_the_right_side_of_all_lines(seed: int
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.6))
 def test_faces_that_look_large_from_a_crease_hide_no_better_contact(
     seed: int, height: float

@@ -71,8 +71,8 @@ def empty_grasps(count: int) -> BestPairs:
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", [shapes.lopsided(), shapes.tube(), shapes.torus()])
 def test_every_exit_of_every_ray_is_found(shape: Surface) -> None:
-    expected, found = exits_found(shape, seed=2, count=60)
-    assert expected > 40
+    expected, found = exits_found(shape, seed=2, count=40)
+    assert expected > 25
     assert found == expected
 
 
@@ -80,6 +80,6 @@ def test_every_exit_of_every_ray_is_found(shape: Surface) -> None:
 @pytest.mark.parametrize(("scale", "offset"), [(1e-6, 0.0), (1e6, 0.0), (1.0, 1e6)])
 def test_exits_are_found_at_any_size_and_anywhere(scale: float, offset: float) -> None:
     vertices, faces = shapes.torus()
-    expected, found = exits_found((vertices * scale + offset, faces), seed=3, count=60)
-    assert expected > 40
+    expected, found = exits_found((vertices * scale + offset, faces), seed=3, count=40)
+    assert expected > 25
     assert found == expected
