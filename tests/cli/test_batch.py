@@ -5,7 +5,6 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -18,17 +17,9 @@ import trimesh
 
 from grasp3d.batch.row import TIMINGS
 from tests.helpers import shapes
-from tests.helpers.commands import run_here
+from tests.helpers.commands import COMMAND, run_here, run_process
 
-COMMAND = Path(sys.executable).parent / "grasp3d"
 OPTIONS = ("--rays", "8", "--max-edge", "0.3")
-
-
-def grasp3d(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [str(COMMAND), "batch", *arguments],
-        check=False, capture_output=True, text=True, cwd=cwd, timeout=300,
-    )  # fmt: skip
 
 
 @contextmanager
@@ -91,7 +82,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A library and its results without interruptions."""
     folder = tmp_path_factory.mktemp("undisturbed")
     make_library(folder / "in")
-    run = grasp3d("in", "-o", "out", "--log", "log.txt", *OPTIONS, cwd=folder)
+    run = run_process("batch", "in", "-o", "out", "--log", "log.txt", *OPTIONS, cwd=folder)
     (folder / "stderr").write_text(run.stderr, encoding="utf-8")
     assert (run.returncode, run.stderr.count("Traceback")) == (0, 0)
     assert "10 labelled, 0 failed" in run.stdout
@@ -117,7 +108,7 @@ def test_failures_do_not_end_the_batch(tmp_path: Path) -> None:
     trimesh.Trimesh(*shapes.box()).export(tmp_path / "in" / "deep" / "box.stl")
     (tmp_path / "in" / "bad.obj").write_text("nonsense", encoding="ascii")
     options = ("--friction", "1", "--workers", "1", *OPTIONS)
-    run = grasp3d("in", "-o", "out", *options, cwd=tmp_path)
+    run = run_process("batch", "in", "-o", "out", *options, cwd=tmp_path)
     assert run.returncode == 1
     assert "2 labelled, 1 failed" in run.stdout
     assert "Traceback" not in run.stderr
@@ -220,7 +211,9 @@ def test_the_death_of_a_worker_and_the_client_does_not_change_the_rows(
             wait_for(lambda: labelled(out) >= 4 or run.poll() is not None)
             assert run.poll() is None
             run.kill()
-        again = grasp3d("in", "-o", "out", "--scheduler", address, *OPTIONS, cwd=tmp_path)
+        again = run_process(
+            "batch", "in", "-o", "out", "--scheduler", address, *OPTIONS, cwd=tmp_path
+        )
     assert again.returncode == 0
     assert "10 labelled, 0 failed" in again.stdout
     assert int(re.search(r"; (\d+) of them were finished before", again.stdout)[1]) >= 2  # type: ignore[index]

@@ -9,10 +9,10 @@ import pyarrow.csv as pc
 import pyarrow.parquet as pq
 import pytest
 
-from tests.cli.test_label import export
-from tests.cli.test_label import grasp3d as real_grasp3d
 from tests.helpers import shapes
+from tests.helpers.commands import export
 from tests.helpers.commands import run_here as grasp3d
+from tests.helpers.commands import run_process as real_grasp3d
 
 
 @pytest.fixture

@@ -1,44 +1,24 @@
 """`grasp3d design`: mostly in this process, once in a process of its own."""
 
-import io
 import math
-import os
 import re
 import subprocess
 import sys
-from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
-from unittest import mock
 
 import pytest
 
-from grasp3d.cli import main
 from grasp3d.contact.friction_cones import effective_friction
 from grasp3d.contact.sensor import Sensor
-
-COMMAND = Path(sys.executable).with_name("grasp3d")
+from tests.helpers.commands import run_here, run_process
 
 
 def design(*arguments: object, columns: int = 80) -> subprocess.CompletedProcess[str]:
-    """Run the command in this process; a new one for each would cost a second."""
-    out, err, words = io.StringIO(), io.StringIO(), ["design", *map(str, arguments)]
-    environment = mock.patch.dict(os.environ, COLUMNS=str(columns))
-    with environment, redirect_stdout(out), redirect_stderr(err):
-        try:
-            code = main(words)
-        except SystemExit as ended:  # help, and errors of usage
-            code = int(ended.code or 0)
-    return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
+    return run_here("design", *map(str, arguments), cwd=Path(), columns=columns)
 
 
-def real_design(*arguments: object, columns: int = 80) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [str(COMMAND), "design", *map(str, arguments)],
-        check=False,
-        capture_output=True,
-        text=True,
-        env={**os.environ, "COLUMNS": str(columns)},
-    )
+def real_design(*arguments: object) -> subprocess.CompletedProcess[str]:
+    return run_process("design", *map(str, arguments), cwd=Path(), columns=80)
 
 
 def printed(*arguments: object, columns: int = 80) -> str:

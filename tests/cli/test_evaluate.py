@@ -13,10 +13,10 @@ from PIL import Image
 
 from grasp3d.plots import rendering
 from grasp3d.quality import METRICS, metric_names
-from tests.cli.test_label import export
-from tests.cli.test_label import grasp3d as real_grasp3d
 from tests.helpers import shapes
+from tests.helpers.commands import export
 from tests.helpers.commands import run_here as grasp3d
+from tests.helpers.commands import run_process as real_grasp3d
 from tests.plots.test_rendering import needs_opengl
 
 BOX = (1.0, 0.7, 0.5)

@@ -13,8 +13,8 @@ from grasp3d.export.read_settings import stored_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.primitives import box_mesh
 from grasp3d.surface.labelling import Labelling
-from tests.cli.test_label import export
 from tests.helpers import shapes
+from tests.helpers.commands import export
 from tests.helpers.commands import run_here as grasp3d
 
 COARSE = ("--max-edge", "inf", "--rays", "8", "--unit", "m")

@@ -4,7 +4,6 @@ import math
 import os
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,26 +11,8 @@ import pytest
 import trimesh
 
 from tests.helpers import shapes
-from tests.helpers.commands import run_here
-
-COMMAND = Path(sys.executable).with_name("grasp3d")
-
-
-def grasp3d(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [str(COMMAND), *map(str, arguments)],
-        check=False,
-        capture_output=True,
-        text=True,
-        cwd=cwd,
-        env={**os.environ, "COLUMNS": "160"},
-    )
-
-
-def export(path: Path, shape: shapes.Surface) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    trimesh.Trimesh(*shape, process=False).export(path)
-    return path
+from tests.helpers.commands import COMMAND, export, run_here
+from tests.helpers.commands import run_process as grasp3d
 
 
 @pytest.mark.slow

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.test_label import export
 from tests.helpers import shapes
+from tests.helpers.commands import export
 from tests.helpers.commands import run_here as grasp3d
 
 COARSE = ("--max-edge", "inf", "--rays", "8")

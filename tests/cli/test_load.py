@@ -2,8 +2,6 @@
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +9,8 @@ import pyarrow.csv as pc
 import pytest
 
 from grasp3d.surface.holding import HARD_FINGERS
-from tests.cli.test_label import export
 from tests.helpers import shapes
-from tests.helpers.commands import run_here
+from tests.helpers.commands import export, run_here
 
 BLOCK = shapes.box((0.08, 0.05, 0.03))
 SOFT = ("--unit", "m", "--max-edge", "0.02", "--torsion-radius", "3mm")
@@ -23,9 +20,7 @@ LOAD = ("--mass", "500 g", "--grip-force", "40N")
 @pytest.mark.slow
 def test_label_end_to_end(tmp_path: Path) -> None:
     export(tmp_path / "block.ply", BLOCK)
-    words = ["label", "block.ply", *SOFT, *LOAD, "--best", "2"]
-    command = [str(Path(sys.executable).with_name("grasp3d")), *words]
-    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    run = run_here("label", "block.ply", *SOFT, *LOAD, "--best", "2", cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     assert "load: 0.5 kg, weight; force at hand: 40 N per finger" in run.stdout
     assert "holds 0.5 kg at 40 N in any orientation" in run.stdout

@@ -10,10 +10,10 @@ import pytest
 
 from grasp3d.plots import rendering
 from grasp3d.system.names import as_unicode, printable, safe_stem, short_hash
-from tests.cli.test_label import export
-from tests.cli.test_label import grasp3d as real_grasp3d
 from tests.helpers import shapes
+from tests.helpers.commands import export
 from tests.helpers.commands import run_here as grasp3d
+from tests.helpers.commands import run_process as real_grasp3d
 
 QUICK = ("--rays", "8", "--max-edge", "9")
 LONG = "é" * 123  # with its suffix 250 bytes

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.test_label import COMMAND, export
 from tests.helpers import shapes
+from tests.helpers.commands import COMMAND, export
 
 needs_full = pytest.mark.skipif(not Path("/dev/full").exists(), reason="/dev/full is missing")
 

@@ -32,10 +32,10 @@ from grasp3d.cli.ranges import parse_resolutions
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.stability.angle_distributions import SphereAngles
 from grasp3d.surface.sweeps import sweep
-from tests.cli.test_label import export
-from tests.cli.test_label import grasp3d as real_grasp3d
 from tests.helpers import shapes
+from tests.helpers.commands import export
 from tests.helpers.commands import run_here as grasp3d
+from tests.helpers.commands import run_process as real_grasp3d
 
 QUICK = ("--rays", "16", "--max-edge", "9")
 SETTINGS = SweepSettings(

@@ -21,8 +21,8 @@ from grasp3d.planar import Circle
 from grasp3d.settings.lengths import Measure
 from grasp3d.settings.parsing import plain_values
 from grasp3d.surface.sweeps import sweep
-from tests.cli.test_label import export
 from tests.helpers import shapes
+from tests.helpers.commands import export
 from tests.helpers.commands import run_here as grasp3d
 
 COARSE = ("--max-edge", "inf", "--rays", "8", "--unit", "mm")

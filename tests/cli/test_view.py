@@ -5,7 +5,6 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -17,21 +16,14 @@ from PIL import Image
 from grasp3d.cli import main
 from grasp3d.plots import rendering
 from tests.helpers import shapes
+from tests.helpers.commands import COMMAND, run_process
 
-COMMAND = Path(sys.executable).with_name("grasp3d")
 KEPT = {
     name: value for name, value in os.environ.items() if name not in {"DISPLAY", rendering.WINDOW}
 }
 needs_opengl = pytest.mark.skipif(
     not (os.environ.get("CI") or rendering.can_render()), reason="needs OpenGL"
 )
-
-
-def view(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [str(COMMAND), "view", *map(str, arguments)],
-        check=False, capture_output=True, text=True, cwd=cwd, env=KEPT, timeout=300,
-    )  # fmt: skip
 
 
 @pytest.fixture
@@ -44,7 +36,17 @@ def box(tmp_path: Path) -> Path:
 @needs_opengl
 def test_a_picture_and_a_film_without_a_display(box: Path) -> None:
     options = ("--width", "401", "--height", "301", "--friction", "0.9", "--paint", "label")
-    run = view("box.stl", "--screenshot", "a.png", "--turntable", "a.gif", *options, cwd=box)
+    run = run_process(
+        "view",
+        "box.stl",
+        "--screenshot",
+        "a.png",
+        "--turntable",
+        "a.gif",
+        *options,
+        cwd=box,
+        env=KEPT,
+    )
     assert run.returncode == 0
     assert re.fullmatch(r"(grasp3d: compiling .*\n)*", run.stderr)  # if nothing was compiled before
     assert run.stdout == "written: a.png\nwritten: a.gif\n"

@@ -1,13 +1,37 @@
-"""The command line in this process, for what does not need one of its own."""
+"""The command line, in this process or in one of its own, and meshes for it."""
 
 import io
 import os
 import subprocess
+import sys
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 from unittest import mock
 
+import trimesh
+
 from grasp3d.cli import main
+from tests.helpers.shapes import Surface
+
+COMMAND = Path(sys.executable).with_name("grasp3d")
+
+
+def export(path: Path, shape: Surface) -> Path:
+    """Write a mesh file, in a folder that is made if it is missing."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    trimesh.Trimesh(*shape, process=False).export(path)
+    return path
+
+
+def run_process(
+    *arguments: str | Path, cwd: Path, columns: int = 160, env: dict[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run the command in a folder, in a process of its own."""
+    return subprocess.run(
+        [COMMAND, *map(str, arguments)], cwd=cwd, timeout=300,
+        env={**(os.environ if env is None else env), "COLUMNS": str(columns)},
+        check=False, capture_output=True, text=True,
+    )  # fmt: skip
 
 
 def run_here(
