@@ -1,10 +1,7 @@
 """Tests of labels from wrench hulls at extreme normals, compared with exact ones."""
 
 import math
-import os
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -37,7 +34,6 @@ from tests.helpers.commands import run_here
 from tests.helpers.tilts import all_combinations
 
 degrees = math.radians
-COMMAND = Path(sys.executable).with_name("grasp3d")
 
 S, M, U = Label.S, Label.M, Label.U
 
@@ -386,15 +382,11 @@ def test_a_ball_with_extreme_settings(friction: float, resolution: float, code: 
 def test_the_command_labels_by_enumeration(tmp_path: Path) -> None:
     vertices, faces = shapes.box((0.06, 0.04, 0.1))
     trimesh.Trimesh(vertices, faces, process=False).export(tmp_path / "box.stl")
-    command = [
-        COMMAND, "label", "box.stl", "-o", "out.npz", "--unit", "m", "--max-edge", "0.02",
+    words = (
+        "label", "box.stl", "-o", "out.npz", "--unit", "m", "--max-edge", "0.02",
         "--method", "extremes", "--edges", "8", "--extreme-normals", "8",
-    ]  # fmt: skip
-    options: dict[str, Any] = {
-        "capture_output": True, "text": True, "cwd": tmp_path,
-        "env": {**os.environ, "COLUMNS": "160"},
-    }  # fmt: skip
-    run = subprocess.run(command, check=False, **options)
+    )  # fmt: skip
+    run = run_here(*words, cwd=tmp_path)
     assert (run.returncode, run.stderr) == (0, "")
     assert "8 extreme normals per contact, cones of 8 edges" in " ".join(run.stdout.split())
     assert "smallest over sampled tilts" in run.stdout
@@ -410,7 +402,7 @@ def test_the_command_labels_by_enumeration(tmp_path: Path) -> None:
             assert str(data[f"setting_{key}"]) == value
     percent = 100.0 * labels.fractions()["S"]
     assert re.search(rf"S +surely stable +{percent:.1f} %", run.stdout)
-    refused = run_here(*command[1:], "--friction", "1e-6", "--overwrite", cwd=tmp_path)
+    refused = run_here(*words, "--friction", "1e-6", "--overwrite", cwd=tmp_path)
     assert refused.returncode == 2
     assert "use method='exact'" in " ".join(refused.stderr.split())
     assert "Traceback" not in refused.stderr
