@@ -36,17 +36,8 @@ def box(tmp_path: Path) -> Path:
 @needs_opengl
 def test_a_picture_and_a_film_without_a_display(box: Path) -> None:
     options = ("--width", "401", "--height", "301", "--friction", "0.9", "--paint", "label")
-    run = run_process(
-        "view",
-        "box.stl",
-        "--screenshot",
-        "a.png",
-        "--turntable",
-        "a.gif",
-        *options,
-        cwd=box,
-        env=KEPT,
-    )
+    files = ("--screenshot", "a.png", "--turntable", "a.gif")
+    run = run_process("view", "box.stl", *files, *options, cwd=box, env=KEPT)
     assert run.returncode == 0
     assert re.fullmatch(r"(grasp3d: compiling .*\n)*", run.stderr)  # if nothing was compiled before
     assert run.stdout == "written: a.png\nwritten: a.gif\n"
