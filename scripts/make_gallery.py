@@ -66,19 +66,19 @@ from grasp3d.paper.figures import FIGURES
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.physics.simulation import rates_by
 from grasp3d.plots.budgets import budget_figure
-from grasp3d.plots.formats import save_as
-from grasp3d.plots.painting import paint_labels
-from grasp3d.plots.perturbations import perturbation_figure
-from grasp3d.plots.rendering import Finger, View, picture, span_of
-from grasp3d.plots.style import (
+from grasp3d.plots.figures import (
     LABEL_COLORS,
     LINES,
     bare,
     label_patches,
     new_figure,
+    save_as,
     show_picture,
     styled,
 )
+from grasp3d.plots.painting import paint_labels
+from grasp3d.plots.perturbations import perturbation_figure
+from grasp3d.plots.rendering import Finger, View, picture, span_of
 from grasp3d.plots.validations import calibration_figure, label_figure
 from grasp3d.quality.loads import Load
 from grasp3d.settings import with_fingers

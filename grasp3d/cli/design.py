@@ -138,7 +138,7 @@ class Design:
         """Check before the work that the figure can be written, and that it shows anything."""
         if self.figure is None:
             return
-        from grasp3d.plots.formats import METADATA
+        from grasp3d.plots.figures import METADATA
         from grasp3d.system.files import check_suffix, check_writable
 
         check_suffix(self.figure, METADATA, "figure")
@@ -183,7 +183,7 @@ class Design:
         """Draw the budget of each friction as a bar."""
         from grasp3d.cli import budget_report as report
         from grasp3d.plots.budgets import budget_figure
-        from grasp3d.plots.formats import save_as
+        from grasp3d.plots.figures import save_as
 
         budgets = report.mean_budgets(self.designs, grasps)
         save_as(budget_figure({f"μ {friction}": one for friction, one in budgets.items()}), path)

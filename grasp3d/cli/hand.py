@@ -77,7 +77,7 @@ class Hand:
 
     def _check_outputs(self) -> None:
         from grasp3d.cli.existing_files import check_replaceable
-        from grasp3d.plots.formats import METADATA
+        from grasp3d.plots.figures import METADATA
         from grasp3d.system.files import check_suffix
 
         for path, suffixes, what in (
@@ -102,7 +102,7 @@ class Hand:
     def _write(self, gripper: "ParallelGripper") -> list[Path]:
         """Write the files that are asked for, and return their paths."""
         from grasp3d.hand.hand_files import write_hand
-        from grasp3d.plots.formats import save_as
+        from grasp3d.plots.figures import save_as
         from grasp3d.plots.grippers import gripper_figure
 
         if self.output is not None:

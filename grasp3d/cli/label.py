@@ -180,7 +180,7 @@ class Label:
         from grasp3d.cli import grasp_report, progress_bars
         from grasp3d.grasps.distinct import best_grasps
         from grasp3d.grasps.grasp_files import write_grasps
-        from grasp3d.plots.formats import save_as
+        from grasp3d.plots.figures import save_as
         from grasp3d.plots.grasps import draw_grasps, grasp_figure
         from grasp3d.plots.rendering import can_render
 

@@ -133,7 +133,7 @@ class Perturb:
     def run(self) -> int:
         """Run the command, and return the exit code."""
         from grasp3d.cli.existing_files import check_replaceable
-        from grasp3d.plots.formats import METADATA
+        from grasp3d.plots.figures import METADATA
         from grasp3d.plots.rendering import check_rendering
         from grasp3d.system.files import check_suffix
         from grasp3d.validating.perturbing.perturbation import SUFFIXES, write_perturbation
@@ -177,7 +177,7 @@ class Perturb:
 
     def _draw(self, found: "Perturbation", path: Path) -> None:
         """Draw the surface, its copies, and the labels with the errors to enter."""
-        from grasp3d.plots.formats import save_as
+        from grasp3d.plots.figures import save_as
         from grasp3d.plots.perturbations import perturbation_figure
 
         save_as(perturbation_figure(found), path)

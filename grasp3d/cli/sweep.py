@@ -202,7 +202,7 @@ class Sweep:
         path: Path,
     ) -> None:
         """Write the figure."""
-        from grasp3d.plots.formats import save_as
+        from grasp3d.plots.figures import save_as
 
         fractions = sorted(set(self.fraction))
         first = shown[0]
@@ -222,7 +222,7 @@ class Sweep:
         from grasp3d.batch.storage import local_path
         from grasp3d.batch.sweeping import meshes_of
         from grasp3d.cli.existing_files import check_replaceable
-        from grasp3d.plots.formats import METADATA
+        from grasp3d.plots.figures import METADATA
         from grasp3d.system.files import check_suffix, check_writable
         from grasp3d.system.tables import SUFFIXES
 

@@ -16,8 +16,9 @@ from grasp3d.contact.sensor import Sensor
 from grasp3d.paper.objects import swept
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.planar import Circle, scan, square
-from grasp3d.plots.cones import combinations_figure, cone_figure
+from grasp3d.plots.cones import combinations_figure, cone_figure, tips_figure
 from grasp3d.plots.curves import curves_figure
+from grasp3d.plots.figures import Drawing
 from grasp3d.plots.fraction_figures import (
     ErrorPanel,
     ceiling_figure,
@@ -25,8 +26,6 @@ from grasp3d.plots.fraction_figures import (
     fractions_figure,
 )
 from grasp3d.plots.heat_maps import heat_map_figure
-from grasp3d.plots.style import Drawing
-from grasp3d.plots.tips import tips_figure
 from grasp3d.settings import DEGREE, GraspModel
 from grasp3d.stability.angle_distributions import SphereAngles
 from grasp3d.surface.sweeps import Sweep, sweep

@@ -16,7 +16,7 @@ from grasp3d.paper.objects import (
     solids,
 )
 from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.plots.formats import save
+from grasp3d.plots.figures import save
 from grasp3d.plots.rendering import can_render
 from grasp3d.system.files import atomic_write, check_writable
 from grasp3d.system.progress import Progress, ignore, within

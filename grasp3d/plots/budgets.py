@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from grasp3d.contact.budget import CRITICAL, MARGIN, PARTS, MarginBudget
 from grasp3d.errors import SettingError
-from grasp3d.plots.style import LABEL_COLORS, PAGE, as_text, new_figure, styled
+from grasp3d.plots.figures import LABEL_COLORS, PAGE, as_text, new_figure, styled
 from grasp3d.stability.label import Label
 
 COLORS = {

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.planar import PlanarScan
-from grasp3d.plots.style import LABEL_COLORS, LINES, PAGE, label_patches, new_figure, styled
+from grasp3d.plots.figures import LABEL_COLORS, LINES, PAGE, label_patches, new_figure, styled
 from grasp3d.stability.label import Label
 
 Over = Literal["angle", "position"]

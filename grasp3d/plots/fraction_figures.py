@@ -16,9 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from grasp3d.arrays import Bytes
-from grasp3d.plots.fractions import axis_numbers, draw_ceiling, stack_fractions
-from grasp3d.plots.rendering import Finger
-from grasp3d.plots.style import (
+from grasp3d.plots.figures import (
     COLUMN,
     PAGE,
     fractions_text,
@@ -27,6 +25,8 @@ from grasp3d.plots.style import (
     show_picture,
     styled,
 )
+from grasp3d.plots.fractions import axis_numbers, draw_ceiling, stack_fractions
+from grasp3d.plots.rendering import Finger
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.sweeps import Sweep
 

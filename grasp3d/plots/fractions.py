@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from grasp3d.arrays import Floats
 from grasp3d.planar import Circle, Polyline
 from grasp3d.planar.outlines import Outline
-from grasp3d.plots.style import (
+from grasp3d.plots.figures import (
     LABEL_COLORS,
     LINES,
     PAGE,

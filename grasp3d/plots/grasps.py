@@ -12,9 +12,9 @@ from grasp3d.arrays import Bytes, Floats
 from grasp3d.hand.shapes import hand_triangles
 from grasp3d.hand.triangles import Triangles
 from grasp3d.mesh.ray_tracing import SurfaceRays
+from grasp3d.plots.figures import PAGE, as_text, label_patches, new_figure, show_picture, styled
 from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.rendering import ARROW, Finger, View, extent_of, span_of
-from grasp3d.plots.style import PAGE, as_text, label_patches, new_figure, show_picture, styled
 from grasp3d.settings import DEGREE
 from grasp3d.settings.lengths import METRES
 from grasp3d.settings.model_text import model_line

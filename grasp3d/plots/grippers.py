@@ -10,7 +10,7 @@ from matplotlib.patheffects import withStroke
 
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.triangles import COLORS, PAD_DEPTH, Part
-from grasp3d.plots.style import PAGE, bare, new_figure, styled
+from grasp3d.plots.figures import PAGE, bare, new_figure, styled
 from grasp3d.system.names import printable
 
 LINE, FAINT = "#222222", "#777777"

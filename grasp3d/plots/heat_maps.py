@@ -14,8 +14,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from grasp3d.arrays import Floats
+from grasp3d.plots.figures import LABEL_COLORS, LINES, PAGE, as_text, new_figure, styled
 from grasp3d.plots.fractions import axis_numbers, axis_title
-from grasp3d.plots.style import LABEL_COLORS, LINES, PAGE, as_text, new_figure, styled
 from grasp3d.stability.label import Label
 from grasp3d.surface.sweeps import Sweep
 from grasp3d.surface.sweeps.axes import COLUMN

@@ -8,9 +8,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from grasp3d.arrays import Bytes
-from grasp3d.plots.painting import paint_labels
-from grasp3d.plots.rendering import View, picture
-from grasp3d.plots.style import (
+from grasp3d.plots.figures import (
     LABEL_COLORS,
     PAGE,
     as_text,
@@ -20,6 +18,8 @@ from grasp3d.plots.style import (
     show_picture,
     styled,
 )
+from grasp3d.plots.painting import paint_labels
+from grasp3d.plots.rendering import View, picture
 from grasp3d.settings.model_text import error_texts
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.labelling import label_surface

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 from grasp3d.arrays import Bytes, Floats, Ints
 from grasp3d.hand.shapes import hand_triangles
+from grasp3d.plots.figures import LABEL_COLORS, LINES, PAGE, label_patches, new_figure, styled
 from grasp3d.plots.painting import Corners, corners_of, translucent
 from grasp3d.plots.rendering import Finger, View, picture
-from grasp3d.plots.style import LABEL_COLORS, LINES, PAGE, label_patches, new_figure, styled
 from grasp3d.settings.lengths import METRES
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.validating.disagreements import Disagreement

@@ -9,7 +9,7 @@ from grasp3d.contact import JointEncoders, MarginBudget
 from grasp3d.contact.budget import PARTS
 from grasp3d.errors import SettingError
 from grasp3d.plots.budgets import COLORS, NEGATIVE, budget_figure
-from grasp3d.plots.formats import save_as
+from grasp3d.plots.figures import save_as
 from grasp3d.settings.uncertainty import Uncertainty
 from tests.helpers.figures import check_texts
 

@@ -12,9 +12,8 @@ from matplotlib.text import Text
 from PIL import Image
 
 from grasp3d.errors import OutputError
-from grasp3d.plots.formats import save_as
+from grasp3d.plots.figures import LABEL_COLORS, new_figure, save_as
 from grasp3d.plots.fractions import draw_ceiling, stack_fractions, sweep_figure
-from grasp3d.plots.style import LABEL_COLORS, new_figure
 from grasp3d.stability.angle_distributions import SampledAngles, SphereAngles
 from grasp3d.stability.label import Label
 from grasp3d.surface.sweeps import Sweep, mean_sweep, sweep

@@ -11,7 +11,7 @@ from matplotlib.patches import Circle, Rectangle
 from grasp3d.hand.parallel_gripper import PRESETS, preset
 from grasp3d.hand.shapes import hand_triangles
 from grasp3d.hand.triangles import COLORS, Part
-from grasp3d.plots.formats import save_as
+from grasp3d.plots.figures import save_as
 from grasp3d.plots.gripper_shapes import approach_arc, gripper_shape
 from grasp3d.plots.grippers import gripper_figure
 

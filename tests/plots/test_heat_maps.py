@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from grasp3d.planar import Circle, square
-from grasp3d.plots.formats import save_as
+from grasp3d.plots.figures import save_as
 from grasp3d.plots.fractions import axis_title, sweep_figure
 from grasp3d.plots.heat_maps import heat_map_figure
 from grasp3d.stability.angle_distributions import SampledAngles, SphereAngles

@@ -20,16 +20,17 @@ from grasp3d.errors import OutputError, SettingError
 from grasp3d.planar import Circle, PlanarScan, Polyline, scan, square
 from grasp3d.plots.cones import combinations_figure, cone_figure, cones_with_line
 from grasp3d.plots.curves import Over, axis_positions, curves_figure, label_runs
-from grasp3d.plots.formats import DPI, save
-from grasp3d.plots.fraction_figures import ceiling_figure, fractions_figure
-from grasp3d.plots.style import (
+from grasp3d.plots.figures import (
+    DPI,
     LABEL_COLORS,
     LINES,
     STYLE,
     label_patches,
     new_figure,
+    save,
     styled,
 )
+from grasp3d.plots.fraction_figures import ceiling_figure, fractions_figure
 from grasp3d.stability import COLORS
 from grasp3d.surface.sweeps import sweep
 from tests.helpers.figures import check_texts

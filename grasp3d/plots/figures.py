@@ -1,10 +1,13 @@
-"""Style of all figures: sizes, fonts, colours, line styles.
+"""Figures: their common style, their parts, and files of them in formats chosen by suffix.
 
 Neither pyplot nor matplotlib's global settings are changed.
 """
 
+import warnings
 from collections.abc import Callable, Mapping
 from functools import wraps
+from io import BytesIO
+from pathlib import Path
 from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 from matplotlib import style
@@ -15,6 +18,7 @@ from matplotlib.patches import Patch
 
 from grasp3d.arrays import Bytes
 from grasp3d.stability.label import COLORS, MEANING, Label
+from grasp3d.system.files import atomic_write, check_suffix
 
 Parameters = ParamSpec("Parameters")
 Made = TypeVar("Made")
@@ -64,6 +68,23 @@ LINES: tuple[dict[str, Any], ...] = (
     {"color": "#8C6D1F", "linestyle": (0, (3, 1, 1, 1, 1, 1))},
 )
 """Styles of curves: distinct in dashes as well, and in colour from the labels."""
+
+
+DPI = 300
+
+SAVING: dict[str, Any] = {
+    # Text as outlines, so that it has the same size with any fonts; the text itself is in a comment
+    # beside each outline.
+    "svg.fonttype": "path",
+    "svg.hashsalt": "grasp3d",
+}
+
+METADATA: dict[str, dict[str, Any]] = {
+    ".svg": {"Date": None, "Creator": "grasp3d"},
+    ".png": {"Software": "grasp3d"},
+    ".pdf": {"CreationDate": None, "Creator": "grasp3d"},
+}
+"""Metadata of each format: no time, so that files are the same bytes each time."""
 
 
 def styled(make: Callable[Parameters, Made]) -> Callable[Parameters, Made]:
@@ -131,3 +152,58 @@ def fractions_text(fractions: Mapping[str, float]) -> str:
 def as_text(name: str) -> str:
     """Escape the bytes of a file name that are not Unicode, which no font can show."""
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
+@styled
+def save_as(figure: Figure, path: Path) -> None:
+    """Write a figure atomically.
+
+    Args:
+        figure: The figure.
+        path: File to make or replace; .svg, .png or .pdf.
+
+    Raises:
+        OutputError: No figure has that suffix, or the file cannot be written.
+    """
+    check_suffix(path, METADATA, "figure")
+    suffix = path.suffix.lower()
+    with atomic_write(path) as part:
+        _write(figure, part, suffix)
+
+
+@styled
+def as_svg(figure: Figure) -> bytes:
+    """A figure as an SVG document, as `save_as` writes it.
+
+    Args:
+        figure: The figure.
+    """
+    stream = BytesIO()
+    _write(figure, stream, ".svg")
+    return stream.getvalue()
+
+
+def _write(figure: Figure, file: Path | BytesIO, suffix: str) -> None:
+    with style.context(SAVING), warnings.catch_warnings():
+        # A name in letters that the font lacks is drawn as boxes, without a warning.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        figure.savefig(file, format=suffix[1:], dpi=DPI, metadata=METADATA[suffix])
+
+
+def save(figure: Figure, path: Path) -> tuple[Path, Path]:
+    """Write a figure as vector graphics and as a picture, each atomically.
+
+    Args:
+        figure: The figure.
+        path: Path without suffix, or with one that is replaced.
+
+    Returns:
+        The paths, .svg and .png.
+
+    Raises:
+        OutputError: The folder is missing or cannot be written to.
+    """
+    vector, picture = path.with_suffix(".svg"), path.with_suffix(".png")
+    save_as(figure, vector)
+    save_as(figure, picture)
+    return vector, picture
