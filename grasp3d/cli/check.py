@@ -14,10 +14,12 @@ from grasp3d.cli.options import (
     Flag,
     Force,
     Inputs,
+    MeshGroup,
     Multifinger,
     OutputFile,
     Overwrite,
     Quiet,
+    SearchGroup,
     given_sampling,
 )
 from grasp3d.cli.report import FAILED, Report, escaped, table_of
@@ -65,15 +67,11 @@ class Check:
     model: GraspModel = field(default_factory=GraspModel)
     """Friction, sensor resolution and fingers."""
 
-    sampling: Sampling = field(default_factory=Sampling)
-    """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
-    80mm, 8cm, 0.08m, 3in."""
+    sampling: SearchGroup = field(default_factory=Sampling)
 
     multifinger: Multifinger = field(default_factory=MultifingerSampling)
-    """How candidate grasps of three fingers and more are searched."""
 
-    mesh: MeshOptions = field(default_factory=MeshOptions)
-    """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
+    mesh: MeshGroup = field(default_factory=MeshOptions)
 
     cluster: ClusterSettings = field(default_factory=ClusterSettings)
     """Which processes check the meshes, if there are several."""

@@ -10,6 +10,8 @@ from grasp3d.cli.options import (
     Force,
     InputFile,
     LengthOption,
+    LoadGroup,
+    MeshGroup,
     OutputFile,
     Overwrite,
     Quiet,
@@ -65,11 +67,9 @@ class Evaluate:
     reach: ReachSettings = field(default_factory=ReachSettings)
     """The gripper of the poses, and what the object stands on."""
 
-    load: Load = field(default_factory=Load)
-    """What each grasp must hold, and the force at hand."""
+    load: LoadGroup = field(default_factory=Load)
 
-    mesh: MeshOptions = field(default_factory=MeshOptions)
-    """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
+    mesh: MeshGroup = field(default_factory=MeshOptions)
 
     force: Force = False
 

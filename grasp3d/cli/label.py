@@ -9,10 +9,14 @@ import tyro
 from grasp3d.cli.options import (
     Force,
     InputFile,
+    LoadGroup,
+    MeshGroup,
     Multifinger,
     OutputFile,
     Overwrite,
     Quiet,
+    ReachGroup,
+    SearchGroup,
     given_sampling,
 )
 from grasp3d.cli.time_limit import DEFAULT_TIMEOUT, Timeout, check_timeout, time_limit
@@ -61,21 +65,15 @@ class Label:
     model: GraspModel = field(default_factory=GraspModel)
     """Friction, sensor resolution and fingers."""
 
-    sampling: Sampling = field(default_factory=Sampling)
-    """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
-    80mm, 8cm, 0.08m, 3in."""
+    sampling: SearchGroup = field(default_factory=Sampling)
 
     multifinger: Multifinger = field(default_factory=MultifingerSampling)
-    """How candidate grasps of three fingers and more are searched."""
 
-    reach: ReachSettings = field(default_factory=ReachSettings)
-    """The gripper that must reach each grasp, and what the object stands on."""
+    reach: ReachGroup = field(default_factory=ReachSettings)
 
-    load: Load = field(default_factory=Load)
-    """What each grasp must hold, and the force at hand."""
+    load: LoadGroup = field(default_factory=Load)
 
-    mesh: MeshOptions = field(default_factory=MeshOptions)
-    """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
+    mesh: MeshGroup = field(default_factory=MeshOptions)
 
     timeout: Timeout = DEFAULT_TIMEOUT
 

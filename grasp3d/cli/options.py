@@ -23,13 +23,23 @@ from tyro.constructors import (
 
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.hand import Hand
+from grasp3d.hand.reach_settings import ReachSettings
+from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskField, TaskText
-from grasp3d.settings import AnySampling, GraspModel, MultifingerSampling, Radians, Sampling
+from grasp3d.settings import (
+    AnySampling,
+    GraspModel,
+    MeshOptions,
+    MultifingerSampling,
+    Radians,
+    Sampling,
+)
 from grasp3d.settings.lengths import AnyLength, Length, Measure, Position, parse_length
 from grasp3d.settings.parsing import ParsedField
 from grasp3d.settings.quantities import Quantity
 from grasp3d.settings.uncertainty import Friction as FrictionField
 from grasp3d.settings.uncertainty import PerFinger, Uncertainty, parse_fingers
+from grasp3d.validating.validation_settings import ValidationSettings
 
 _NONE = "none"
 _METAVARS = {
@@ -373,8 +383,36 @@ Inputs = Annotated[
 Multifinger = Annotated[
     MultifingerSampling,
     partial(MultifingerSampling, **MultifingerSampling().common),
+    tyro.conf.arg(help="How candidate grasps of three fingers and more are searched."),
 ]
 """The options of a search of three fingers and more that one of two fingers does not have."""
+
+SearchGroup = Annotated[
+    Sampling,
+    tyro.conf.arg(
+        help="How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a "
+        "unit: 80mm, 8cm, 0.08m, 3in."
+    ),
+]
+"""The options of a search."""
+
+ReachGroup = Annotated[
+    ReachSettings,
+    tyro.conf.arg(help="The gripper that must reach each grasp, and what the object stands on."),
+]
+"""The options of grippers that reach grasps."""
+
+LoadGroup = Annotated[Load, tyro.conf.arg(help="What each grasp must hold, and the force at hand.")]
+"""The options of loads."""
+
+MeshGroup = Annotated[
+    MeshOptions,
+    tyro.conf.arg(
+        help="How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a "
+        "unit."
+    ),
+]
+"""The options of reading a mesh."""
 
 
 def given_sampling(sampling: Sampling, multifinger: MultifingerSampling) -> AnySampling:
@@ -398,22 +436,28 @@ def given_sampling(sampling: Sampling, multifinger: MultifingerSampling) -> AnyS
     return replace(multifinger, **sampling.common)
 
 
-def _without(*names: str) -> "partial[GraspModel]":
-    """Return how a command makes a model of whose fields it does not take some."""
-    return partial(GraspModel, **{name: getattr(GraspModel, name) for name in names})
+def _without(kind: Any, *names: str) -> "partial[Any]":
+    """Return how a command makes settings of whose fields it does not take some."""
+    return partial(kind, **{name: getattr(kind, name) for name in names})
 
 
 NoisyModel = Annotated[
-    GraspModel, _without("location_error", "per_finger", "method", "extreme_normals")
+    GraspModel, _without(GraspModel, "location_error", "per_finger", "method", "extreme_normals")
 ]
 """The model of labels of noisy copies."""
 
 SimulatedModel = Annotated[
-    GraspModel, _without("fingers", "method", "extreme_normals", "edges", "actuation")
+    GraspModel,
+    _without(GraspModel, "fingers", "method", "extreme_normals", "edges", "actuation"),
 ]
 """The model of simulated grasps."""
 
 ValidatedModel = Annotated[
-    GraspModel, _without("fingers", "per_finger", "method", "extreme_normals")
+    GraspModel, _without(GraspModel, "fingers", "per_finger", "method", "extreme_normals")
 ]
 """The model of labels that are held against outcomes."""
+
+ValidationGroup = Annotated[
+    ValidationSettings, _without(ValidationSettings, "frictions", "sensor_resolutions")
+]
+"""The options of a validation; those of its grid are ranges."""

@@ -11,12 +11,13 @@ import tyro
 from grasp3d.cli.options import (
     Force,
     InputFile,
-    LengthOption,
+    MeshGroup,
     Multifinger,
     NoisyModel,
     OutputFile,
     Overwrite,
     Quiet,
+    SearchGroup,
     given_sampling,
 )
 from grasp3d.cli.report import (
@@ -80,55 +81,24 @@ class Perturb:
     figure: OutputFile = None
     """Figure (.svg, .png or .pdf) (default: none)."""
 
-    noise: LengthOption = None
-    """Noise of the scanner: standard deviation of its points' errors along the normals, a length
-    (default: estimated from the roughness of the surface)."""
-
-    correlation: LengthOption = 0.0
-    """Distance over which the errors of neighbours are alike, a length: the radius of a depth
-    camera's filter, the edge of a voxel. 0: the errors of neighbours are independent (default:
-    0)."""
-
-    copies: int = NoiseSettings.copies
-    """Number of noisy copies; 200 for numbers that hardly depend on chance."""
-
-    level: float = NoiseSettings.level
-    """What is S with the printed errors must be S in at least this fraction of the copies."""
-
-    noise_seed: int = NoiseSettings.seed
-    """Seed of the noise; the same seed gives the same copies."""
+    noise: NoiseSettings = field(default_factory=NoiseSettings)
+    """The noise, and how many copies are made with it."""
 
     model: NoisyModel = field(default_factory=GraspModel)
     """Friction, sensor resolution and fingers. Errors of contact locations, and those of single
     fingers, are none of the scan's: add them afterwards to the errors that are printed."""
 
-    sampling: Sampling = field(default_factory=Sampling)
-    """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
-    80mm, 8cm, 0.08m, 3in."""
+    sampling: SearchGroup = field(default_factory=Sampling)
 
     multifinger: Multifinger = field(default_factory=MultifingerSampling)
-    """How candidate grasps of three fingers and more are searched."""
 
-    mesh: MeshOptions = field(default_factory=MeshOptions)
-    """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
+    mesh: MeshGroup = field(default_factory=MeshOptions)
 
     force: Force = False
 
     overwrite: Overwrite = False
 
     quiet: Quiet = False
-
-    def __post_init__(self) -> None:
-        self._noise()
-
-    def _noise(self) -> NoiseSettings:
-        return NoiseSettings(
-            noise=self.noise,
-            correlation=self.correlation or 0.0,
-            copies=self.copies,
-            level=self.level,
-            seed=self.noise_seed,
-        )
 
     def run(self) -> int:
         """Run the command, and return the exit code."""
@@ -165,12 +135,12 @@ class Perturb:
         surface = movable_surface(self.file, self.mesh)
         if not self.force:
             refuse_lengths(surface.mesh, self.model, sampling)
-        text = f"labelling {self.copies} copies of {self.file.name}"
+        text = f"labelling {self.noise.copies} copies of {self.file.name}"
         with progress_bars.progress(text, quiet=self.quiet) as progress:
             return perturb_surface(
                 surface,
                 self.model,
-                noise=self._noise(),
+                noise=self.noise,
                 sampling=sampling,
                 progress=progress,
             )

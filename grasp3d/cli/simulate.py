@@ -15,6 +15,7 @@ from grasp3d.cli.options import (
     HandOption,
     InputFile,
     LengthOption,
+    MeshGroup,
     OutputFile,
     Overwrite,
     Quiet,
@@ -86,8 +87,7 @@ class Simulate:
     """Friction and what is uncertain, from which labels follow, and within which the true contacts
     are drawn."""
 
-    mesh: MeshOptions = field(default_factory=MeshOptions)
-    """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
+    mesh: MeshGroup = field(default_factory=MeshOptions)
 
     cluster: ClusterSettings = field(default_factory=ClusterSettings)
     """Which processes simulate, with their limits; each simulates a few grasps at a time."""

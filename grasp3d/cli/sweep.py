@@ -16,11 +16,14 @@ from grasp3d.cli.options import (
     FrictionRanges,
     Inputs,
     LocationErrorRanges,
+    MeshGroup,
     Multifinger,
     NormalErrorRanges,
     OutputFile,
     Overwrite,
     Quiet,
+    ReachGroup,
+    SearchGroup,
     SensorResolutionRanges,
     given_sampling,
 )
@@ -98,18 +101,13 @@ class Sweep:
 
     fingers: Fingers = 2
 
-    sampling: Sampling = field(default_factory=Sampling)
-    """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
-    80mm, 8cm, 0.08m, 3in."""
+    sampling: SearchGroup = field(default_factory=Sampling)
 
     multifinger: Multifinger = field(default_factory=MultifingerSampling)
-    """How candidate grasps of three fingers and more are searched."""
 
-    reach: ReachSettings = field(default_factory=ReachSettings)
-    """The gripper that must reach each grasp, and what the object stands on."""
+    reach: ReachGroup = field(default_factory=ReachSettings)
 
-    mesh: MeshOptions = field(default_factory=MeshOptions)
-    """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
+    mesh: MeshGroup = field(default_factory=MeshOptions)
 
     cluster: ClusterSettings = field(default_factory=ClusterSettings)
     """Which processes label the meshes, if there are several."""

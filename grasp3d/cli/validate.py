@@ -1,6 +1,6 @@
 """The command `grasp3d validate`: holds labels and scores against what became of grasps."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,6 +10,7 @@ from grasp3d.cli.options import (
     Overwrite,
     Quiet,
     ValidatedModel,
+    ValidationGroup,
 )
 from grasp3d.cli.ranges import parse_angles, parse_frictions
 from grasp3d.errors import OutputError
@@ -69,21 +70,8 @@ class Validate:
     ] = ("0", "10", "22.6", "40")
     """Sensor resolutions of that table."""
 
-    bins: int = ValidationSettings.bins
-    """Bins of the calibration, with about as many grasps each, 2 to 50."""
-
-    target: float = ValidationSettings.target
-    """Fraction of the accepted grasps that shall hold; the least margin from which on this fraction
-    held is printed."""
-
-    resamples: int = ValidationSettings.resamples
-    """Resamples of the bootstrap intervals, at least 100: of objects, or of the grasps of one."""
-
-    seed: int = ValidationSettings.seed
-    """Seed of the resamples; the same seed gives the same intervals."""
-
-    worst: int = ValidationSettings.worst
-    """Largest number of disagreements of each kind that are listed, 0 to 50."""
+    statistics: ValidationGroup = field(default_factory=ValidationSettings)
+    """What is computed from outcomes, and listed."""
 
     model: ValidatedModel = field(default_factory=GraspModel)
     """Friction and sensor resolution of label, margin, epsilon and grip force."""
@@ -109,7 +97,11 @@ class Validate:
         """Run the command, and return the exit code."""
         from grasp3d.cli import validate_report
 
-        settings = self._settings()
+        settings = replace(
+            self.statistics,
+            frictions=parse_frictions("--frictions", self.frictions),
+            sensor_resolutions=parse_angles("--sensor-resolutions", self.sensor_resolutions),
+        )
         self._check_output()
         found = self._found(settings)
         if self.output is not None:
@@ -117,17 +109,6 @@ class Validate:
         if not self.quiet:
             validate_report.print_validation(found, self.output)
         return 0
-
-    def _settings(self) -> ValidationSettings:
-        return ValidationSettings(
-            frictions=parse_frictions("--frictions", self.frictions),
-            sensor_resolutions=parse_angles("--sensor-resolutions", self.sensor_resolutions),
-            bins=self.bins,
-            target=self.target,
-            resamples=self.resamples,
-            seed=self.seed,
-            worst=self.worst,
-        )
 
     def _check_output(self) -> None:
         """Check that the report can be written, and replaces no file of others."""

@@ -9,10 +9,12 @@ import tyro
 from grasp3d.cli.options import (
     Flag,
     Force,
+    LoadGroup,
     Multifinger,
     OutputFile,
     Overwrite,
     Quiet,
+    ReachGroup,
     given_sampling,
 )
 from grasp3d.cli.time_limit import (
@@ -65,13 +67,10 @@ class View:
     """How candidate grasps are searched; likewise from a labelled file."""
 
     multifinger: Multifinger = field(default_factory=MultifingerSampling)
-    """How candidate grasps of three fingers and more are searched."""
 
-    reach: ReachSettings = field(default_factory=ReachSettings)
-    """The gripper that must reach each grasp, and what the object stands on."""
+    reach: ReachGroup = field(default_factory=ReachSettings)
 
-    load: Load = field(default_factory=Load)
-    """What each grasp must hold, and the force at hand."""
+    load: LoadGroup = field(default_factory=Load)
 
     mesh: MeshOptions = field(default_factory=MeshOptions)
     """How a mesh is read and prepared; likewise from a labelled file."""

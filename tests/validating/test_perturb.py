@@ -174,7 +174,7 @@ def test_three_fingers() -> None:
         ({"correlation": -1.0}, "correlation must be a finite length at least 0"),
         ({"level": 0.5}, "level must be above 0.5 and below 1"),
         ({"level": 1.0}, "level must be above 0.5 and below 1"),
-        ({"seed": 2**63}, "noise seed must be below"),
+        ({"noise_seed": 2**63}, "noise seed must be below"),
         ({"noise": "two"}, "noise must be a length"),
     ],
 )

@@ -18,14 +18,15 @@ class NoiseSettings(LengthSettings):
     A length is a number in the mesh's unit, or has a unit: '0.5mm', '0.0005 m'.
 
     Attributes:
-        noise: Standard deviation of the errors along the normals, a length; none: estimated from
-            the roughness of the surface.
-        correlation: Distance over which the errors of neighbours are alike, a length: the
-            correlation falls to 61 % at this distance and to 14 % at twice of it. 0: white noise,
-            every vertex has its own error.
-        copies: Number of copies, from 2.
-        level: Fraction of the copies in which what is S must be S, above 0.5 and below 1.
-        seed: Seed of the noise; the same seed gives the same copies.
+        noise: Noise of the scanner: standard deviation of its points' errors along the normals, a
+            length; none: estimated from the roughness of the surface.
+        correlation: Distance over which the errors of neighbours are alike, a length: the radius of
+            a depth camera's filter, the edge of a voxel. The correlation falls to 61 % at this
+            distance and to 14 % at twice of it. 0: the errors of neighbours are independent.
+        copies: Number of noisy copies, from 2; 200 for numbers that hardly depend on chance.
+        level: What is S with the printed errors must be S in at least this fraction of the copies,
+            above 0.5 and below 1.
+        noise_seed: Seed of the noise; the same seed gives the same copies.
 
     Example:
         >>> from grasp3d.validating.perturbing import NoiseSettings
@@ -37,7 +38,7 @@ class NoiseSettings(LengthSettings):
     correlation: Length[float] = Length(0.0)
     copies: int = 50
     level: float = 0.95
-    seed: int = 0
+    noise_seed: int = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -49,4 +50,4 @@ class NoiseSettings(LengthSettings):
         if whole_number("copies", self.copies, 2) > MAX_COPIES:
             raise SettingError(f"copies must be at most {MAX_COPIES:,}; got {self.copies:,}")
         check_range("level", self.level, 0.5, 1.0, ends="()")
-        check_seed("noise seed", self.seed)
+        check_seed("noise seed", self.noise_seed)

@@ -239,7 +239,7 @@ def perturb_surface(
     begin_step("labelling noisy copies")
     results = []
     for copy in noisy_copies(
-        surface, sigma, settings.correlation, settings.seed, settings.copies, threads=threads
+        surface, sigma, settings.correlation, settings.noise_seed, settings.copies, threads=threads
     ):
         results.append(examine_copy(labels, copy))
         report(len(results) / (settings.copies + 1))
@@ -271,7 +271,7 @@ def _sigma(surface: MovableSurface, settings: NoiseSettings) -> float:
             )
     if settings.noise is not None:
         return settings.noise
-    return noise_length(surface, settings.correlation, seed=settings.seed)
+    return noise_length(surface, settings.correlation, seed=settings.noise_seed)
 
 
 def _gathered(

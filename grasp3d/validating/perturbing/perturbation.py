@@ -131,12 +131,11 @@ def write_perturbation(path: str | Path, found: Perturbation) -> None:
 
 def settings_of(found: Perturbation) -> dict[str, Any]:
     """Settings of the copies and the errors to enter; angles in radians."""
-    labels, noise, advice = found.labels, plain_values(found.settings), found.advice
+    labels, advice = found.labels, found.advice
     return {
         "version": package_version(),
         **chosen_settings(labels.mesh, labels.model, labels.sampling, labels.mode),
-        **{name: value for name, value in noise.items() if name != "seed"},
-        "noise_seed": found.settings.seed,
+        **plain_values(found.settings),
         "noise_from": "roughness" if found.estimated else "given",
         **{f"advised_{name}": getattr(advice, name) for name in ("normal_error", "location_error")},
     }
