@@ -56,7 +56,7 @@ class Report:
     def lines(self, texts: Iterable[str], mark: str = "") -> None:
         """Print texts without markup, a line each, after a mark."""
         for text in texts:
-            self.line(f"{mark} {escaped(text)}".lstrip(" "))
+            self.line(f"{mark} {escaped(text)}" if mark else escaped(text))
 
     def paragraph(self, text: str) -> None:
         """Print a text that is wrapped at words."""
