@@ -31,6 +31,8 @@ from grasp3d.viewer.session.session import Session
 
 BACKGROUND, WARNING = "#F6F7F9", "#9A4A00"
 TRACK, THUMB, PRESSED = "#C3C9CF", "#1F5FA8", "#123A68"
+WIDENED = 1.03
+"""Width of a text that VTK draws, relative to that of the font, at most."""
 TRACK_HEIGHT, THUMB_HEIGHT, THUMB_WIDTH = 0.5, 1.4, 0.9
 """Sizes of a slider, relative to the text size."""
 
@@ -245,7 +247,7 @@ class _Lines:
     ) -> None:
         """Add a text, broken into lines; `indent` is in pixels."""
         width = self.area.width - 2.0 * self.area.margin - indent
-        for line in wrapped(text, width, self.area.size):
+        for line in wrapped(text, width / WIDENED, self.area.size):
             self.y -= PARAGRAPH_LINE * self.area.size
             x = self.area.margin + indent
             self._items.append(TextLine(line, x, self.y, self.area.size, color, bold=bold))
@@ -254,10 +256,10 @@ class _Lines:
         """Add a name at the left and its value at the right, below it if it is long."""
         area, space = self.area, self.area.width - 2.0 * self.area.margin
         self.paragraph(name, name_color)
-        if text_width(name, area.size) + text_width(value, area.size) + area.size > space:
+        if WIDENED * text_width(f"{name} {value}", area.size) + area.size > space:
             self.y -= 1.42 * area.size
-        value = shortened(value, space, area.size)
-        x = area.width - area.margin - text_width(value, area.size)
+        value = shortened(value, space / WIDENED, area.size)
+        x = area.width - area.margin - WIDENED * text_width(value, area.size)
         self._items.append(TextLine(value, x, self.y, area.size))
 
     def square(self, color: str) -> None:
