@@ -23,7 +23,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from grasp3d import ObjectMesh, load_mesh
-from grasp3d._kernels.jaws.gripper_shape import RESULTS, make_workspace
+from grasp3d._kernels.jaws.gripper_parts import RESULTS, make_workspace
 from grasp3d._kernels.jaws.reaching import collide_poses, reach_pairs
 from grasp3d.hand.jaw_reach import NormalizedScene
 from grasp3d.hand.table import Approach, Table

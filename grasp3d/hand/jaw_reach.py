@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from grasp3d._kernels.jaws import gripper_shape
-from grasp3d._kernels.jaws.gripper_shape import ApproachLimits, GripperShape, make_workspace
+from grasp3d._kernels.jaws import gripper_parts
+from grasp3d._kernels.jaws.gripper_parts import ApproachLimits, GripperShape, make_workspace
 from grasp3d._kernels.jaws.reaching import collide_poses, reach_pairs, reach_tips
 from grasp3d._kernels.surface.box_tree import BoxTree, box_tree
 from grasp3d.arrays import ArrayLike, Bools, Floats, locked, unit_rows
@@ -170,7 +170,7 @@ def reach_grasps(
         return _reach_tips(scene, inner, normals, threads)
     count, angles = len(points), approach.angles
     explain = True
-    results = gripper_shape.no_results(count)
+    results = gripper_parts.no_results(count)
 
     def work(rows: slice, workspace: Any) -> None:
         reach_pairs(

@@ -7,7 +7,7 @@ from typing import Self
 
 import numpy as np
 
-from grasp3d._kernels.jaws import gripper_shape
+from grasp3d._kernels.jaws import gripper_parts
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.mesh import ObjectMesh
 
@@ -15,19 +15,19 @@ from grasp3d.mesh import ObjectMesh
 class Reachability(IntEnum):
     """Whether a gripper reaches a grasp, or why not."""
 
-    REACHED = gripper_shape.REACHED
+    REACHED = gripper_parts.REACHED
     """A pose was found that is free of collisions, as is the way to it."""
-    WIDTH = gripper_shape.WIDTH
+    WIDTH = gripper_parts.WIDTH
     """The opening, with the clearance, is outside the stroke."""
-    TIP = gripper_shape.TIP
+    TIP = gripper_parts.TIP
     """A round tip touches the object elsewhere too."""
-    DIRECTION = gripper_shape.DIRECTION
+    DIRECTION = gripper_parts.DIRECTION
     """No tested approach direction is within the allowed ones."""
-    TABLE = gripper_shape.TABLE
+    TABLE = gripper_parts.TABLE
     """Only the table is in the way."""
-    BLOCKED = gripper_shape.BLOCKED
+    BLOCKED = gripper_parts.BLOCKED
     """At every tested angle the gripper collides with the object."""
-    NO_GRASP = gripper_shape.NO_GRASP
+    NO_GRASP = gripper_parts.NO_GRASP
     """There is no grasp that could be reached."""
 
 
@@ -62,7 +62,7 @@ class Reach:
         return np.asarray(self.state == Reachability.REACHED)
 
     @classmethod
-    def of(cls, mesh: ObjectMesh, results: gripper_shape.ReachResults, angles: int) -> Self:
+    def of(cls, mesh: ObjectMesh, results: gripper_parts.ReachResults, angles: int) -> Self:
         """Arrange the results of the kernels, which are in the normalised frame.
 
         Args:
@@ -77,10 +77,10 @@ class Reach:
         return cls(
             state=locked(results.codes),
             poses=locked(poses),
-            approach_margin=locked(found[:, gripper_shape.MARGIN]),
-            opening=locked(found[:, gripper_shape.OPENING] * mesh.size),
-            pregrasp_opening=locked(found[:, gripper_shape.PREGRASP] * mesh.size),
-            depth=locked(found[:, gripper_shape.DEPTH] * mesh.size),
+            approach_margin=locked(found[:, gripper_parts.MARGIN]),
+            opening=locked(found[:, gripper_parts.OPENING] * mesh.size),
+            pregrasp_opening=locked(found[:, gripper_parts.PREGRASP] * mesh.size),
+            depth=locked(found[:, gripper_parts.DEPTH] * mesh.size),
             posture=locked(np.zeros((len(poses), 0))),
             free=locked(bits.astype(np.bool_)),
         )

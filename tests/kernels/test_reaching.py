@@ -10,9 +10,13 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from grasp3d import load_mesh
-from grasp3d._kernels.jaws.blocked_angles import all_angles, bit
-from grasp3d._kernels.jaws.gripper_parts import margin_of, widest_arc
-from grasp3d._kernels.jaws.gripper_shape import make_workspace
+from grasp3d._kernels.jaws.gripper_parts import (
+    all_angles,
+    bit,
+    make_workspace,
+    margin_of,
+    widest_arc,
+)
 from grasp3d._kernels.jaws.reaching import tip_fits, winding_number
 from grasp3d._kernels.surface.box_tree import (
     ball_is_free,

@@ -18,7 +18,7 @@ from grasp3d._kernels.compiling.decorators import part
 from grasp3d._kernels.forces.tasks import TaskInSpan, task_reach
 from grasp3d._kernels.forces.wrench_resistance import RESISTED, resist
 from grasp3d._kernels.hull.support_functions import WrenchSpace, support
-from grasp3d._kernels.surface.vectors import dot6
+from grasp3d._kernels.surface.vectors import copy6, dot6
 
 SIX = (0, 0, 0, 0, 0, 0)
 
@@ -64,10 +64,9 @@ def _boundary(slice_, u, point):
     # The direction v that proves the bound along this ray may prove a larger one along another.
     v = slice_.vectors[16]
     support_there = dot6(v, goal) / lower
-    ratio = support_there / task_reach(slice_.task, v[0], v[1], v[2], v[3], v[4], v[5])
+    ratio = support_there / task_reach(slice_.task, v)
     if ratio < best[6]:
-        for k in range(6):
-            best[k] = v[k]
+        copy6(v, best)
         best[6] = ratio
     return ratio * length * slice_.size, -1, 0
 

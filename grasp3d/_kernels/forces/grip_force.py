@@ -29,7 +29,7 @@ from grasp3d._kernels.hull.wrench_problem import (
     write_direction,
 )
 from grasp3d._kernels.hull.wrenches import RANK_TOLERANCE, span
-from grasp3d._kernels.surface.vectors import dot6
+from grasp3d._kernels.surface.vectors import add6, clear6, dot6
 
 THREE = (0, 0, 0)
 """A tuple as long as the rank of forces, for which `grow` is compiled."""
@@ -103,8 +103,7 @@ class ForceResults(NamedTuple):
 def _reset(results, g):
     results.lower[g] = results.upper[g] = math.inf
     results.status[g], results.reason[g] = CONVERGED, FINITE
-    for k in range(6):
-        results.direction[g, k] = 0.0
+    clear6(results.direction[g])
 
 
 @merged
@@ -149,8 +148,7 @@ def _complement(rank, basis, out):
                 component = 0.0
                 for k in range(6):
                     component += row[k] * v[k]
-                for k in range(6):
-                    v[k] -= component * row[k]
+                add6(v, -component, row)
         square = 0.0
         for k in range(6):
             square += v[k] * v[k]
@@ -298,7 +296,7 @@ def task_forces(
             best = polytope.vectors[16]
             if used > 0 or start == AT_ORIGIN:
                 break
-            if task_reach(task, best[0], best[1], best[2], best[3], best[4], best[5]) > 0.0:
+            if task_reach(task, best) > 0.0:
                 break
             # Not force-closed, but the task may lie where the contacts can push.
             start = AT_ORIGIN
@@ -325,8 +323,7 @@ def _write_goal(wrench, rank, torque_scale, workspace, missing, goal):
     for k in range(rank):
         value = dot6(workspace.basis[k], missing)
         goal[k] = value / workspace.extents[k]
-        for c in range(6):
-            missing[c] -= value * workspace.basis[k, c]
+        add6(missing, -value, workspace.basis[k])
     for c in range(6):
         outside += missing[c] * missing[c]
     return math.sqrt(size), math.sqrt(outside)

@@ -113,27 +113,18 @@ def reach(terms, points, fx, fy, fz, tx, ty, tz):
 
 
 @part
-def task_reach(task, n0, n1, n2, n3, n4, n5):
+def task_reach(task, direction):
     """How far a task's opposite reaches along a direction in balanced coordinates; not below 0.
 
     The contacts must apply the opposite of each wrench of the task.
+
+    Args:
+        task: `TaskInSpan`.
+        direction: At least as many numbers as its rank.
     """
-    frame = task.frame
-    u0 = u1 = u2 = u3 = u4 = u5 = 0.0
-    extent = 0.0
+    u0 = u1 = u2 = u3 = u4 = u5 = extent = 0.0
     for k in range(task.rank):
-        n = n0
-        if k == 1:
-            n = n1
-        elif k == 2:
-            n = n2
-        elif k == 3:
-            n = n3
-        elif k == 4:
-            n = n4
-        elif k == 5:
-            n = n5
-        row = frame[k]
+        n, row = direction[k], task.frame[k]
         u0 -= n * row[0]
         u1 -= n * row[1]
         u2 -= n * row[2]

@@ -16,7 +16,7 @@ import math
 from grasp3d._kernels.compiling.decorators import merged, part
 from grasp3d._kernels.hull.equilibrium import solve
 from grasp3d._kernels.hull.support_functions import contact_forces, farthest
-from grasp3d._kernels.surface.vectors import dot6
+from grasp3d._kernels.surface.vectors import copy6, dot6
 
 RESISTED, UNREACHED, UNFINISHED = 0, 1, 2
 """How the search ended: a force was found; none was; or the steps did not suffice."""
@@ -102,8 +102,7 @@ def _search(space, dims, goal, rtol, length, vectors):
         # asked . goal is the upper bound, as u . goal is: so that their mixtures have it as well.
         if height > 0.0 and upper > lower * height:
             lower = upper / height
-            for k in range(6):
-                best[k] = asked[k]
+            copy6(asked, best)
         if upper - lower <= rtol * upper:
             status = RESISTED
             break
@@ -111,8 +110,7 @@ def _search(space, dims, goal, rtol, length, vectors):
             leaving, least = _leaving(dims, inverse, point, x, y)
             if leaving < 0:
                 break
-            for k in range(6):
-                directions[leaving, k] = asked[k]
+            copy6(asked, directions[leaving])
             upper = _replace(dims, inverse, x, y, leaving, least, u)
             between = lower > 0.0
         elif not between:
@@ -125,8 +123,7 @@ def _search(space, dims, goal, rtol, length, vectors):
             for k in range(6):
                 asked[k] = (1.0 - TOWARD_BEST) * u[k] + factor * best[k]
         else:
-            for k in range(6):
-                asked[k] = u[k]
+            copy6(u, asked)
     return status, min(lower, upper), upper
 
 

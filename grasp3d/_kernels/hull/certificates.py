@@ -27,7 +27,7 @@ import math
 
 from grasp3d._kernels.compiling.decorators import merged, part
 from grasp3d._kernels.hull.support_functions import NO_TORSION, ROWS, farthest_in_patch
-from grasp3d._kernels.surface.vectors import dot6, remove_components
+from grasp3d._kernels.surface.vectors import clear6, copy6, dot6, remove_components, scale6
 
 LARGEST_SLACK = 0.01
 """Slack up to which forces count as a proof. 1 would do in exact arithmetic; the exactly balanced
@@ -290,8 +290,7 @@ def clear_slack(space, rank, extents, radius, forces, residual):
     if not _normalise(forces):
         return math.inf
     least = math.inf
-    for k in range(6):
-        residual[k] = 0.0
+    clear6(residual)
     for i in range(forces.shape[0]):
         least = min(least, _margin(space, i, forces))
         for j in range(_generators(space, i)):
@@ -439,19 +438,16 @@ def _leave_at_rest(axes, soft, slowest, scratch, u, v):
             if size >= 6:
                 return False
             row = basis[size]
-            for k in range(6):
-                row[k] = axes[i, j, k]
+            copy6(axes[i, j], row)
             before = dot6(row, row)
             remove_components(basis, size, row, components)
             remove_components(basis, size, row, components)
             square = dot6(row, row)
             if square > INDEPENDENT * INDEPENDENT * before:
                 factor = 1.0 / math.sqrt(square)
-                for k in range(6):
-                    row[k] *= factor
+                scale6(row, factor)
                 size += 1
-    for k in range(6):
-        v[k] = u[k]
+    copy6(u, v)
     remove_components(basis, size, v, components)
     remove_components(basis, size, v, components)
     square = dot6(v, v)
@@ -519,6 +515,5 @@ def separation(kind, soft, axes, cones, rim, largest, u, scratch):
                 or _support(axes[i], cones[i], soft, rim, v) > ANGLE * speed
             ):
                 return UNPROVEN
-    for k in range(6):
-        u[k] = v[k]
+    copy6(v, u)
     return RESTING

@@ -7,6 +7,7 @@ import math
 
 from grasp3d._kernels.compiling.decorators import merged, part
 from grasp3d._kernels.hull.support_functions import ROWS
+from grasp3d._kernels.surface.vectors import add6, clear6
 
 TIE = 1e-9
 """Relative rounding error in deciding which facet a ray intersects, and of its weights."""
@@ -60,30 +61,23 @@ def equilibrium(space, dims, polytope, vertices, used, forces):
             (n, 6); or each row's weight in the first column (n, 4).
     """
     dim = len(dims)
-    points, planes, corners, vectors = (
-        polytope.points,
-        polytope.planes,
-        polytope.corners,
-        polytope.vectors,
-    )
+    points, planes = polytope.points, polytope.planes
+    corners, vectors = polytope.corners, polytope.vectors
     residual, matrix, x = vectors[15], vectors[0:6], vectors[14]
     count, width = forces.shape
-    for k in range(6):
-        residual[k] = 0.0
+    clear6(residual)
     for i in range(count):
         for k in range(width):
             forces[i, k] = 0.0
         if space.kind != ROWS:
             forces[i, 0] = 1.0
-            for k in range(6):
-                residual[k] -= space.axes[i, 0, k]
+            add6(residual, -1.0, space.axes[i, 0])
     # With weight 1 for every vertex, each contact's force is a sum of several vectors of its cone,
     # together with its normal: hence non-zero and strictly inside.
     for i in range(vertices):
         for k in range(width):
             forces[polytope.owners[i], k] += polytope.vertex_forces[i, k]
-        for k in range(6):
-            residual[k] -= points[i, k]
+        add6(residual, -1.0, points[i])
     # The polytope contains the origin, so the ray along the residual leaves it through a facet.
     distances, nearest = polytope.heights, math.inf
     for f in range(used):
@@ -112,6 +106,5 @@ def equilibrium(space, dims, polytope, vertices, used, forces):
             weight = max(x[c], 0.0)
             for k in range(width):
                 forces[polytope.owners[vertex], k] += weight * polytope.vertex_forces[vertex, k]
-            for k in range(6):
-                residual[k] -= weight * points[vertex, k]
+            add6(residual, -weight, points[vertex])
         break

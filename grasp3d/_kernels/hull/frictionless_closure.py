@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from grasp3d._kernels.compiling.decorators import merged, scratch_kernel
+from grasp3d._kernels.surface.vectors import copy
 
 PIVOTS = 200
 """Largest number of pivots of the simplex method; few games need more than 20."""
@@ -361,8 +362,7 @@ def _bisect(axes, dim, cells, cell, other, a, b):
             cells.rays[other, k, c] = cells.rays[cell, k, c]
         for i in range(axes.shape[0]):
             cells.speeds[other, k, i] = cells.speeds[cell, k, i]
-            for c in range(3):
-                cells.velocities[other, k, i, c] = cells.velocities[cell, k, i, c]
+            copy(cells.velocities[cell, k, i], cells.velocities[other, k, i])
     total = cells.mixture[a] + cells.mixture[b]
     fraction = cells.mixture[b] / total if total > 0.0 else 0.5
     fraction = min(max(fraction, NEAREST_CUT), 1.0 - NEAREST_CUT)

@@ -32,7 +32,7 @@ from grasp3d._kernels.hull.polytope import (
     set_plane,
     square_in,
 )
-from grasp3d._kernels.surface.vectors import dot6, remove_components
+from grasp3d._kernels.surface.vectors import add6, clear6, copy6, dot6, remove_components, scale6
 
 AROUND_ORIGIN, AT_ORIGIN = 0, 1
 """Where the first simplex is: about the origin if possible; or with the origin as a vertex."""
@@ -54,8 +54,7 @@ def _write_orthogonal_direction(basis, size, dim, components, u):
             remaining -= basis[j, c] * basis[j, c]
         if remaining > largest:
             largest, axis = remaining, c
-    for k in range(6):
-        u[k] = 0.0
+    clear6(u)
     u[axis] = 1.0
     for _ in range(2):
         remove_components(basis, size, u, components)
@@ -82,8 +81,7 @@ def _add_edge(basis, triangle, size, nearest, components):
         e[k] /= row[size]
     for _ in range(2):
         component = dot6(nearest, e)
-        for k in range(6):
-            nearest[k] -= component * e[k]
+        add6(nearest, -component, e)
 
 
 @merged
@@ -95,30 +93,21 @@ def _set_facets(basis, triangle, dim, metric, task, polytope, g, x, total):
     of the vertex that it lacks.
     """
     points, planes = polytope.points, polytope.planes
-    for k in range(6):
-        total[k] = 0.0
+    clear6(total)
     for j in range(dim):
-        for k in range(6):
-            g[k] = 0.0
+        clear6(g)
         # Column j of the inverse of the triangular matrix, by forward substitution.
         for i in range(j, dim):
             value = 1.0 if i == j else 0.0
             for k in range(j, i):
                 value -= triangle[i, k] * x[k]
             x[i] = value / triangle[i, i]
-            for k in range(6):
-                g[k] += x[i] * basis[i, k]
-        for k in range(6):
-            total[k] += g[k]
-        height = -dot6(g, points[0])
-        set_normalised_plane(
-            planes, j + 1, -g[0], -g[1], -g[2], -g[3], -g[4], -g[5], height, metric, task
-        )
+            add6(g, x[i], basis[i])
+        add6(total, 1.0, g)
+        scale6(g, -1.0)
+        set_normalised_plane(planes, j + 1, g, dot6(g, points[0]), metric, task)
     # The barycentric coordinates sum to 1, so the gradient of the first is minus the others' sum.
-    height = dot6(total, points[1])
-    set_normalised_plane(
-        planes, 0, total[0], total[1], total[2], total[3], total[4], total[5], height, metric, task
-    )
+    set_normalised_plane(planes, 0, total, dot6(total, points[1]), metric, task)
     for i in range(dim + 1):
         polytope.marks[i] = 0
         for j in range(dim + 1):
@@ -132,10 +121,8 @@ def _set_facets(basis, triangle, dim, metric, task, polytope, g, x, total):
 def _set_origin(polytope):
     """Make the origin, no force at any contact, the first vertex."""
     polytope.identifiers[0], polytope.owners[0] = -1, 0
-    for k in range(6):
-        polytope.points[0, k] = 0.0
-    for k in range(6):
-        polytope.vertex_forces[0, k] = 0.0
+    clear6(polytope.points[0])
+    clear6(polytope.vertex_forces[0])
 
 
 @part_for_constants
@@ -163,8 +150,7 @@ def first_simplex(space, dims, metric, task, start, polytope):
     basis, triangle = vectors[0:6], vectors[6:12]
     u, nearest, components, total = vectors[12], vectors[13], vectors[14], vectors[15]
     radius = ORIGIN_TOLERANCE * TOLERANCE
-    for k in range(6):
-        nearest[k] = 0.0
+    clear6(nearest)
     pointed = start == AT_ORIGIN
     if pointed:
         _set_origin(polytope)
@@ -172,8 +158,8 @@ def first_simplex(space, dims, metric, task, start, polytope):
         point = points[size]
         both_ways = False
         if dot6(nearest, nearest) > radius * radius:
-            for k in range(6):
-                u[k] = -nearest[k]
+            copy6(nearest, u)
+            scale6(u, -1.0)
         else:
             _write_orthogonal_direction(basis, size - 1, dim, components, u)
             both_ways = size > 0
@@ -185,22 +171,18 @@ def first_simplex(space, dims, metric, task, start, polytope):
         if height <= tolerance and not pointed:
             return 12
         if both_ways:
-            for k in range(6):
-                u[k] = -u[k]
+            scale6(u, -1.0)
             other, other_force = points[size + 1], vertex_forces[size + 1]
             opposite, other_identifier, other_owner = farthest_point(space, u, other, other_force)
             if opposite <= tolerance and not (pointed and height > tolerance):
                 return 12
             if opposite > height:
                 identifier, owner = other_identifier, other_owner
-                for k in range(6):
-                    point[k] = other[k]
-                for k in range(6):
-                    vertex_forces[size, k] = other_force[k]
+                copy6(other, point)
+                copy6(other_force, vertex_forces[size])
         polytope.identifiers[size], polytope.owners[size] = identifier, owner
         if size == 0:
-            for k in range(6):
-                nearest[k] = point[k]
+            copy6(point, nearest)
         else:
             for k in range(6):
                 basis[size - 1, k] = point[k] - points[0, k]
@@ -261,8 +243,7 @@ def _fit_plane(polytope, dim, f, metric, task):
         square = dot6(edge, edge)
         if square > TOLERANCE * before:
             factor = 1.0 / math.sqrt(square)
-            for k in range(6):
-                edge[k] *= factor
+            scale6(edge, factor)
             size += 1
     for k in range(6):
         normal[k] = planes[k, f]
@@ -271,11 +252,7 @@ def _fit_plane(polytope, dim, f, metric, task):
     remove_components(basis, size, normal, components)
     # Of degenerate vertices nearly all is subtracted: then the combination of planes is kept.
     if dot6(normal, normal) > 0.25 * before:
-        height = dot6(normal, first)
-        set_normalised_plane(
-            planes, f, normal[0], normal[1], normal[2], normal[3], normal[4], normal[5], height,
-            metric, task,
-        )  # fmt: skip
+        set_normalised_plane(planes, f, normal, dot6(normal, first), metric, task)
 
 
 @merged
@@ -374,7 +351,7 @@ def _per_reach(plane, task):
     """Factor from distances along a plane's normal to distances relative to the task's reach."""
     if task is None:
         return 1.0
-    reach = task_reach(task, plane[0], plane[1], plane[2], plane[3], plane[4], plane[5])
+    reach = task_reach(task, plane)
     return 1.0 / reach if reach > 0.0 else math.inf
 
 
@@ -416,8 +393,7 @@ def grow(space, dims, metric, task, start, goal, polytope):
     best, plane = polytope.vectors[16], polytope.vectors[17]
     row = first_simplex(space, dims, metric, task, start, polytope)
     if row != COMPLETE:  # all wrenches lie in a half-space: the direction proves it
-        for k in range(6):
-            best[k] = polytope.vectors[row, k]
+        copy6(polytope.vectors[row], best)
         return CONVERGED, 0.0, 0.0, 0, 0
     vertices = used = dim + 1
     lower, upper, limit = math.inf, math.inf, cutoff

@@ -36,7 +36,7 @@ from grasp3d._kernels.compiling.decorators import merged, part, scratch_kernel
 from grasp3d._kernels.hull.cap_maximum import Arrow, largest_on_cap, value_at
 from grasp3d._kernels.hull.growing_hull import CONVERGED
 from grasp3d._kernels.hull.support_functions import PER_FINGER
-from grasp3d._kernels.surface.vectors import cross, dot
+from grasp3d._kernels.surface.vectors import angle_between, combined, cross, dot
 
 ON_LINE = 1e-12
 """Distance of the centre of mass from the line, relative to that of the contacts, taken as 0."""
@@ -83,12 +83,6 @@ class Side(NamedTuple):
 def triple(values):
     """The first three numbers of a row."""
     return values[0], values[1], values[2]
-
-
-@merged
-def combined(s, a, t, b):
-    """Sum of s times a and t times b."""
-    return s * a[0] + t * b[0], s * a[1] + t * b[1], s * a[2] + t * b[2]
 
 
 @merged
@@ -375,11 +369,8 @@ def _divided(side, front, per_finger, middle, half, parts, factor, scratch, size
     """
     intervals, best = scratch.intervals, scratch.best
     narrow = half / parts
-    reduction, turn_cosine, turn_sine = (
-        math.cos(narrow),
-        math.cos(2.0 * narrow),
-        math.sin(2.0 * narrow),
-    )
+    reduction = math.cos(narrow)
+    turn_cosine, turn_sine = math.cos(2.0 * narrow), math.sin(2.0 * narrow)
     psi = middle - half + narrow
     cosine, sine = math.cos(psi), math.sin(psi)
     for _ in range(parts):
@@ -453,15 +444,9 @@ def _nearly_symmetric(sides, angles, spherical, per_finger, factor, scratch):
 
 
 @merged
-def _angle_between(a, b):
-    x = cross(a, b)
-    return math.atan2(math.sqrt(dot(x, x)), dot(a, b))
-
-
-@merged
 def _placed(d, normal, cone):
     """(angle from d to a normal, half-angle of the cone about it) [rad]."""
-    return _angle_between(normal, d), math.atan2(cone[1], cone[0])
+    return angle_between(normal, d), math.atan2(cone[1], cone[0])
 
 
 @merged

@@ -132,7 +132,7 @@ def set_plane(planes, f, n0, n1, n2, n3, n4, n5, height, factor, task):
     planes[6, f] = height * factor
     planes[7, f] = TOLERANCE * (((abs(n0) + abs(n1)) + (abs(n2) + abs(n3))) + (abs(n4) + abs(n5)))
     if task is not None:
-        reach = task_reach(task, n0, n1, n2, n3, n4, n5)
+        reach = task_reach(task, (n0, n1, n2, n3, n4, n5))
         if reach > 0.0:
             planes[8, f] = planes[6, f] / reach
         else:  # beyond it is nothing of the task; but the polytope must contain the origin
@@ -140,10 +140,10 @@ def set_plane(planes, f, n0, n1, n2, n3, n4, n5, height, factor, task):
 
 
 @merged
-def set_normalised_plane(planes, f, n0, n1, n2, n3, n4, n5, height, metric, task):
+def set_normalised_plane(planes, f, n, height, metric, task):
     """Write a plane, its normal scaled to length 1 in the metric."""
-    factor = 1.0 / math.sqrt(square_in(metric, n0, n1, n2, n3, n4, n5))
-    set_plane(planes, f, n0, n1, n2, n3, n4, n5, height, factor, task)
+    factor = 1.0 / math.sqrt(square_in(metric, n[0], n[1], n[2], n[3], n[4], n[5]))
+    set_plane(planes, f, n[0], n[1], n[2], n[3], n[4], n[5], height, factor, task)
 
 
 @merged

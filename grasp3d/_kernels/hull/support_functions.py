@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.compiling.decorators import merged, part, scratch_kernel
-from grasp3d._kernels.surface.vectors import dot6
+from grasp3d._kernels.surface.vectors import clear6, dot6
 
 TINY = 1e-300
 """Smallest divisor."""
@@ -228,8 +228,7 @@ def farthest(space, u, point, force):
         return height, identifier, identifier
     best, owner, identifier = -math.inf, 0, -1
     total = 0.0
-    for k in range(6):
-        point[k] = 0.0
+    clear6(point)
     for i in range(axes.shape[0]):
         height, index, f0, f1, f2, f3, c1, c2 = _farthest_force(space, i, u)
         if space.kind == PER_FINGER:

@@ -29,6 +29,7 @@ from grasp3d._kernels.hull.growing_hull import (
 )
 from grasp3d._kernels.hull.support_functions import NO_TORSION, PER_FINGER, ROWS, TOTAL, WrenchSpace
 from grasp3d._kernels.hull.wrenches import span
+from grasp3d._kernels.surface.vectors import copy6
 
 SIX = (0, 0, 0, 0, 0, 0)
 """A tuple as long as the most common rank, for which `grow` is compiled with fixed loop lengths."""
@@ -104,8 +105,7 @@ def _load_rows(wrenches, workspace):
     """Copy given wrenches (n, 6) into the workspace."""
     rows = workspace.rows
     for i in range(rows.shape[0]):
-        for k in range(6):
-            rows[i, k] = wrenches[i, k]
+        copy6(wrenches[i], rows[i])
 
 
 @merged
@@ -138,12 +138,8 @@ def _coordinate(basis, is_unit_basis, k, wrench):
 @merged
 def project(kind, source, workspace, rank):
     """Write the wrenches in coordinates of their span, each coordinate scaled to at most 1."""
-    basis, extents, metric, count = (
-        workspace.basis,
-        workspace.extents,
-        workspace.metric,
-        source.shape[0],
-    )
+    basis, extents, metric = workspace.basis, workspace.extents, workspace.metric
+    count = source.shape[0]
     is_unit_basis = True
     for k in range(6):
         extents[k] = 0.0

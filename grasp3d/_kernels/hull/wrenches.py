@@ -7,7 +7,7 @@ The tangents are those of `contact.friction_cones.tangents`.
 import math
 
 from grasp3d._kernels.compiling.decorators import kernel, merged, scratch_kernel
-from grasp3d._kernels.surface.vectors import dot6
+from grasp3d._kernels.surface.vectors import add6, copy6, dot6, scale6
 
 
 @merged
@@ -85,17 +85,14 @@ def _is_clearly_full(scratch, basis):
     size = 0
     for i in range(scratch.shape[0]):
         b = basis[size]
-        for k in range(6):
-            b[k] = scratch[i, k]
+        copy6(scratch[i], b)
         for j in range(size):
             component = dot6(basis[j], b)
-            for k in range(6):
-                b[k] -= component * basis[j, k]
+            add6(b, -component, basis[j])
         square = dot6(b, b)
         if square > CLEARLY_INDEPENDENT * CLEARLY_INDEPENDENT:
             factor = 1.0 / math.sqrt(square)
-            for k in range(6):
-                b[k] *= factor
+            scale6(b, factor)
             size += 1
             if size == 6:
                 return True
@@ -114,21 +111,17 @@ def _orthonormalise(scratch, basis, max_rank, tolerance):
         if chosen < 0:
             return size
         b = basis[size]
-        for k in range(6):
-            b[k] = scratch[chosen, k]
+        copy6(scratch[chosen], b)
         for j in range(size):
             component = dot6(basis[j], b)
-            for k in range(6):
-                b[k] -= component * basis[j, k]
+            add6(b, -component, basis[j])
         factor = 1.0 / math.sqrt(dot6(b, b))
-        for k in range(6):
-            b[k] *= factor
+        scale6(b, factor)
         # Twice: one subtraction leaves rounding errors along b where nearly all cancels.
         for i in range(scratch.shape[0]):
             for _ in range(2):
                 component = dot6(b, scratch[i])
-                for k in range(6):
-                    scratch[i, k] -= component * b[k]
+                add6(scratch[i], -component, b)
     return max_rank
 
 
@@ -155,8 +148,7 @@ def span(rows, tolerance, scratch, basis):
     if not full:
         rank = _orthonormalise(scratch, basis, 6, tolerance)
         for i in range(rows.shape[0]):
-            for k in range(6):
-                scratch[i, k] = rows[i, k]
+            copy6(rows[i], scratch[i])
         rank = _orthonormalise(scratch, basis, rank, 0.0)
     for j in range(0 if full else rank, 6):
         for k in range(6):

@@ -12,38 +12,28 @@ import math
 import numpy as np
 
 from grasp3d._kernels.compiling.decorators import merged, part
-from grasp3d._kernels.jaws.gripper_shape import (
+from grasp3d._kernels.jaws.gripper_parts import (
     AXIS,
     BOTTOM,
     FINGER_2,
     HALF_WIDTH,
     HIGH,
     LOW,
+    NONE,
     OUTER_AXIS,
     PALM,
     PARTS,
     TIP_1,
     TOP,
+    all_angles,
+    bit,
 )
 from grasp3d._kernels.surface.box_tree import HEIGHT, NORMAL, RADIUS, THICKNESS, leaf_rows
 from grasp3d._kernels.surface.face_tree import GO_ON, NO_NODE, STOP, below, walk
-
-ONE, NONE = np.uint64(1), np.uint64(0)
+from grasp3d._kernels.surface.vectors import copy
 
 MEETS_FRONT, MEETS_BOTH = 1, 2
 """Whether a face meets a part only as far in front as it is, or also farther back."""
-
-
-@merged
-def all_angles(count):
-    """The mask of so many angles, at least 1 and at most 64."""
-    return ~NONE >> np.uint64(64 - count)
-
-
-@merged
-def bit(k):
-    """The bit of an angle."""
-    return ONE << np.uint64(k)
 
 
 @part
@@ -54,8 +44,7 @@ def _clip(source, count, axis, bound, sign, target):
         j = i + 1 if i + 1 < count else 0
         one, two = sign * (source[i, axis] - bound), sign * (source[j, axis] - bound)
         if one <= 0.0:
-            for k in range(3):
-                target[kept, k] = source[i, k]
+            copy(source[i], target[kept])
             kept += 1
         if (one < 0.0 < two) or (two < 0.0 < one):
             t = one / (one - two)

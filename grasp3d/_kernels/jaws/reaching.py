@@ -3,9 +3,27 @@
 import math
 
 from grasp3d._kernels.compiling.decorators import kernel, merged, part, scratch_kernel
-from grasp3d._kernels.jaws.blocked_angles import NONE, all_angles, block_angles, turn_sizes
+from grasp3d._kernels.jaws.blocked_angles import block_angles, turn_sizes
 from grasp3d._kernels.jaws.gripper_parts import (
+    BLOCKED,
+    BOTTOM,
+    DEPTH,
+    DIRECTION,
+    HIGH,
+    LOW,
+    MARGIN,
+    NONE,
+    OPENING,
+    PALM,
+    PREGRASP,
     RADIUS,
+    REACHED,
+    TABLE,
+    TIP,
+    TOP,
+    TOUCHING,
+    WIDTH,
+    all_angles,
     in_table,
     in_table_angles,
     margin_of,
@@ -15,24 +33,6 @@ from grasp3d._kernels.jaws.gripper_parts import (
     write_closing_axis,
     write_parts,
     write_reference,
-)
-from grasp3d._kernels.jaws.gripper_shape import (
-    BLOCKED,
-    BOTTOM,
-    DEPTH,
-    DIRECTION,
-    HIGH,
-    LOW,
-    MARGIN,
-    OPENING,
-    PALM,
-    PREGRASP,
-    REACHED,
-    TABLE,
-    TIP,
-    TOP,
-    TOUCHING,
-    WIDTH,
 )
 from grasp3d._kernels.surface.box_tree import ball_is_free, capsule_is_free
 

@@ -38,6 +38,7 @@ from grasp3d._kernels.jaws.jaws import (
     starts_inside,
 )
 from grasp3d._kernels.jaws.touching import slopes, touch_face
+from grasp3d._kernels.surface.vectors import difference
 
 PARALLEL = 1e-14
 """Determinant, relative to the squares of slopes, below which lines do not meet."""
@@ -112,11 +113,7 @@ def _balanced(along, slope, distance):
 @kernel
 def _on_line(planes, number, slope, i, j, reach, best):
     """The best point so far, or a better one on the line where two planes meet."""
-    a, b, c = (
-        planes[i, 0] - planes[j, 0],
-        planes[i, 1] - planes[j, 1],
-        planes[i, 2] - planes[j, 2],
-    )
+    a, b, c = difference(planes[i], planes[j])
     square = b * b + c * c
     if square == 0.0:
         return best
@@ -138,11 +135,7 @@ def _on_line(planes, number, slope, i, j, reach, best):
 @kernel
 def _at_corner(planes, number, slope, a, b, c, i, k, reach, best):
     """The best point so far, or a better one where a third plane meets the line a + b u + c v."""
-    d, e, f = (
-        planes[i, 0] - planes[k, 0],
-        planes[i, 1] - planes[k, 1],
-        planes[i, 2] - planes[k, 2],
-    )
+    d, e, f = difference(planes[i], planes[k])
     determinant = b * f - c * e
     if abs(determinant) <= PARALLEL * (abs(b) + abs(c)) * (abs(e) + abs(f)):
         return best

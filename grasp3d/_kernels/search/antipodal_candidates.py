@@ -20,6 +20,7 @@ import numpy.typing as npt
 from grasp3d._kernels.compiling.decorators import merged, part
 from grasp3d._kernels.surface.normal_sets import largest_angle, smallest_angle
 from grasp3d._kernels.surface.surface_contacts import write_normals
+from grasp3d._kernels.surface.vectors import copy
 
 TIE = 1e-7
 """Angle by which a candidate must be better, so that rounding errors do not decide ties [rad]."""
@@ -128,8 +129,7 @@ def _keep_start(v, sign, x, y, z, angle, grasps):
     # Insertion sort: worse entries move down, the last one, or the similar one, is dropped.
     while row > 0 and angle < angles[row - 1] - TIE:
         angles[row], signs[row] = angles[row - 1], signs[row - 1]
-        for k in range(3):
-            directions[row, k] = directions[row - 1, k]
+        copy(directions[row - 1], directions[row])
         row -= 1
     angles[row], signs[row] = angle, sign
     directions[row, 0], directions[row, 1], directions[row, 2] = x, y, z
@@ -166,8 +166,7 @@ def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasp
         first, count = start[vertex], counts[vertex]
         low = max(low, smallest_angle(normals, first, count, -x, -y, -z) + extra)
         high = max(high, largest_angle(normals, first, count, -x, -y, -z) + extra)
-        for k in range(3):
-            found[0, k] = normals[first, k]
+        copy(normals[first], found[0])
     else:
         low = max(low, smallest_angle(found, 0, count, -x, -y, -z) + extra)
         high = max(high, largest_angle(found, 0, count, -x, -y, -z) + extra)
@@ -192,8 +191,7 @@ def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasp
         grasps.signs_best[v] = sign
         grasps.closing_best[v, 0], grasps.closing_best[v, 1] = x, y
         grasps.closing_best[v, 2] = z
-        for k in range(3):
-            grasps.weights[v, 1, k] = weights[k]
+        copy(weights, grasps.weights[v, 1])
         grasps.faces[v, 1] = face
 
 

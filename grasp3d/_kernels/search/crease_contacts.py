@@ -35,16 +35,12 @@ def _has_edge(face, k, surface):
     return one < two
 
 
-@kernel
 def faces_of_corners(surface, sets):
     """For each vertex with several normals the face with which it is searched, -1 for others."""
-    result = np.full(sets.counts.shape[0], -1)
-    for face in range(surface.faces.shape[0]):
-        for k in range(3):
-            vertex = surface.faces[face, k]
-            if sets.counts[vertex] != 1:
-                result[vertex] = face
-    return result
+    owners = np.full(len(sets.counts), -1)
+    owners[surface.faces] = np.arange(len(surface.faces))[:, None]  # the last one of each vertex
+    owners[sets.counts == 1] = -1
+    return owners
 
 
 @part

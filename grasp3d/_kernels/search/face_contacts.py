@@ -14,6 +14,7 @@ from grasp3d._kernels.search.antipodal_candidates import PairLimits
 from grasp3d._kernels.surface.face_tree import FaceTree
 from grasp3d._kernels.surface.normal_sets import ContactNormals
 from grasp3d._kernels.surface.surface_contacts import Surface
+from grasp3d._kernels.surface.vectors import copy
 
 INSIDE = 2e-9
 """Smallest barycentric coordinate of a candidate: off the edges, where other normals count too."""
@@ -74,8 +75,7 @@ def read_own(v, sets, own):
     """
     start, count = sets.start[v], sets.counts[v]
     for i in range(count):
-        for k in range(3):
-            own[i, k] = sets.normals[start + i, k]
+        copy(sets.normals[start + i], own[i])
     for i in range(count):
         write_side(own, i, (i + 1) % count)
     return count

@@ -23,6 +23,7 @@ from grasp3d._kernels.search.multifinger_grasps import (
     store_grasp,
 )
 from grasp3d._kernels.surface.surface_contacts import random_fraction, walk
+from grasp3d._kernels.surface.vectors import copy
 
 MAX_PAIRINGS = 128
 """Points following a candidate point with which it is paired: any consecutive ones are well spread,
@@ -191,8 +192,7 @@ def _move_finger(j, step, domain, limits, workspace):
                 ]
         elements[1, j] = vertex
         return
-    for c in range(3):
-        weights[1, j, c] = weights[0, j, c]
+    copy(weights[0, j], weights[1, j])
     surface = domain.surface
     elements[1, j] = walk(
         elements[0, j], weights[1, j], 2.0 * math.pi * random_fraction(random_state), length,
@@ -248,8 +248,7 @@ def refine(n, angle, step, rounds, domain, limits, workspace, planar, hull):
             if moved in (0, j):
                 if better:
                     workspace.elements[0, j] = workspace.elements[1, j]
-                    for c in range(3):
-                        workspace.weights[0, j, c] = workspace.weights[1, j, c]
+                    copy(workspace.weights[1, j], workspace.weights[0, j])
                 else:  # the candidate must again be the current grasp
                     set_contact(
                         j, workspace.elements[0, j], workspace.weights[0, j], domain, workspace

@@ -33,6 +33,7 @@ from grasp3d._kernels.search.coplanar_contacts import (
     set_fan_normal,
     set_normal,
 )
+from grasp3d._kernels.surface.vectors import difference
 
 MAX_DIRECTIONS = 24
 """Separating directions that are remembered."""
@@ -178,11 +179,7 @@ def _evaluate_three(candidate, scratch, threshold, tolerance, best_normals):
 @merged
 def _force_part(points, i, u):
     """Force part at contact i of a direction: u_f + u_tau x p, with p from the first contact."""
-    x, y, z = (
-        points[i, 0] - points[0, 0],
-        points[i, 1] - points[0, 1],
-        points[i, 2] - points[0, 2],
-    )
+    x, y, z = difference(points[i], points[0])
     return (
         u[0] + u[4] * z - u[5] * y,
         u[1] + u[5] * x - u[3] * z,
@@ -235,11 +232,7 @@ def _write_axes(candidate, chosen, n, all_axes):
     """Write the wrenches of the chosen normals and tangents, moments about the first contact."""
     points, normals = candidate.points, candidate.normals
     for i in range(n):
-        x, y, z = (
-            points[i, 0] - points[0, 0],
-            points[i, 1] - points[0, 1],
-            points[i, 2] - points[0, 2],
-        )
+        x, y, z = difference(points[i], points[0])
         normal, axes = normals[i, chosen[i]], all_axes[i]
         nx, ny, nz = normal[0], normal[1], normal[2]
         # Tangents from the cross product with z, or with x where the normal is close to z.

@@ -10,6 +10,7 @@ from grasp3d._kernels.compiling.decorators import merged
 from grasp3d._kernels.search.multifinger_evaluation import Candidate, make_candidate
 from grasp3d._kernels.surface.normal_sets import ContactNormals
 from grasp3d._kernels.surface.surface_contacts import Surface, write_normals
+from grasp3d._kernels.surface.vectors import copy
 
 NO_CONTACT = -1
 """Element or point of a finger without a contact."""
@@ -227,8 +228,7 @@ def load_grasp(v, n, grasps, domain, workspace):
     # The first contact is the vertex itself and is not stored.
     for j in range(1, n):
         workspace.elements[0, j] = grasps.elements[v, j - 1]
-        for c in range(3):
-            workspace.weights[0, j, c] = grasps.weights[v, j - 1, c]
+        copy(grasps.weights[v, j - 1], workspace.weights[0, j])
         set_contact(j, workspace.elements[0, j], workspace.weights[0, j], domain, workspace)
     return grasps.angles[v]
 
@@ -239,14 +239,12 @@ def store_grasp(v, n, angle, grasps, workspace):
     grasps.angles[v] = angle
     for j in range(1, n):
         grasps.elements[v, j - 1] = workspace.elements[0, j]
-        for c in range(3):
-            grasps.weights[v, j - 1, c] = workspace.weights[0, j, c]
+        copy(workspace.weights[0, j], grasps.weights[v, j - 1])
 
 
 @merged
 def set_finger(i, point, domain, candidate_points, workspace):
     """Move finger i of the current grasp to a candidate point."""
     workspace.elements[0, i] = candidate_points.elements[point]
-    for c in range(3):
-        workspace.weights[0, i, c] = candidate_points.weights[point, c]
+    copy(candidate_points.weights[point], workspace.weights[0, i])
     set_point_contact(i, point, domain, candidate_points, workspace.candidate)

@@ -10,6 +10,7 @@ import math
 from grasp3d._kernels.compiling.decorators import kernel, merged
 from grasp3d._kernels.search.antipodal_candidates import line_turn
 from grasp3d._kernels.surface.normal_sets import largest_angle, smallest_angle
+from grasp3d._kernels.surface.vectors import angle_between, combined, cross, difference, dot
 
 
 @kernel
@@ -32,11 +33,7 @@ def scan(fixed_point, fixed_normals, points, sets, worst, best, signs):
     start, counts, normals = sets.start, sets.counts, sets.normals
     count = fixed_normals.shape[0]
     for v in range(points.shape[0]):
-        x, y, z = (
-            points[v, 0] - fixed_point[0],
-            points[v, 1] - fixed_point[1],
-            points[v, 2] - fixed_point[2],
-        )
+        x, y, z = difference(points[v], fixed_point)
         length = math.sqrt(x * x + y * y + z * z)
         worst[v] = best[v] = math.inf
         signs[v] = 0
@@ -84,8 +81,7 @@ def pair_angles(points, start, counts, normals, largest, smallest, lines, openin
         openings: Written, distances between the contacts (b,).
     """
     for g in range(points.shape[0]):
-        x, y, z = (points[g, 1, 0] - points[g, 0, 0], points[g, 1, 1] - points[g, 0, 1],
-                   points[g, 1, 2] - points[g, 0, 2])  # fmt: skip
+        x, y, z = difference(points[g, 1], points[g, 0])
         opening = math.sqrt(x * x + y * y + z * z)
         openings[g] = opening
         if not opening > 0.0:
@@ -100,119 +96,95 @@ def pair_angles(points, start, counts, normals, largest, smallest, lines, openin
 
 
 @merged
-def _angle(ax, ay, az, bx, by, bz):
-    """Angle between two vectors, by atan2: accurate near 0 and pi too."""
-    cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    return math.atan2(math.sqrt(cx * cx + cy * cy + cz * cz), ax * bx + ay * by + az * bz)
-
-
-@merged
-def _tangent(dx, dy, dz, mx, my, mz):
+def _tangent(d, m):
     """Unit vector across a line d toward m; any one across d where m is parallel to it."""
-    dot = dx * mx + dy * my + dz * mz
-    tx, ty, tz = mx - dot * dx, my - dot * dy, mz - dot * dz
-    length = math.sqrt(tx * tx + ty * ty + tz * tz)
+    t = combined(1.0, m, -dot(d, m), d)
+    length = math.sqrt(dot(t, t))
     if length < 1e-12:
-        tx, ty, tz = (0.0, dz, -dy) if abs(dx) < 0.6 else (dy, -dx, 0.0)
-        length = math.sqrt(tx * tx + ty * ty + tz * tz)
-    return tx / length, ty / length, tz / length
+        t = (0.0, d[2], -d[1]) if abs(d[0]) < 0.6 else (d[1], -d[0], 0.0)
+        length = math.sqrt(dot(t, t))
+    return t[0] / length, t[1] / length, t[2] / length
 
 
 @merged
-def _foot(dx, dy, dz, mx, my, mz, sine, cosine):
+def _foot(d, m, sine, cosine):
     """Line in the cap of half-angle (sine, cosine) about a line d that is nearest to m."""
-    if dx * mx + dy * my + dz * mz >= cosine:
-        return mx, my, mz
-    tx, ty, tz = _tangent(dx, dy, dz, mx, my, mz)
-    return cosine * dx + sine * tx, cosine * dy + sine * ty, cosine * dz + sine * tz
+    if dot(d, m) >= cosine:
+        return m
+    return combined(cosine, d, sine, _tangent(d, m))
 
 
 @merged
 def _crossing(d, m1, m2, sine, cosine):
     """Line on the cap's border with equal angles to m1 and m2, the nearer one of two."""
-    wx, wy, wz = m1[0] - m2[0], m1[1] - m2[1], m1[2] - m2[2]
-    along = wx * d[0] + wy * d[1] + wz * d[2]
-    wx, wy, wz = wx - along * d[0], wy - along * d[1], wz - along * d[2]
-    length = max(math.sqrt(wx * wx + wy * wy + wz * wz), 1e-300)
-    wx, wy, wz = wx / length, wy / length, wz / length
-    px, py, pz = d[1] * wz - d[2] * wy, d[2] * wx - d[0] * wz, d[0] * wy - d[1] * wx
+    w = difference(m1, m2)
+    along = dot(w, d)
+    w = combined(1.0, w, -along, d)
+    length = max(math.sqrt(dot(w, w)), 1e-300)
+    w = w[0] / length, w[1] / length, w[2] / length
+    p = cross(d, w)
     c = max(-1.0, min(1.0, -cosine * along / (sine * length)))
     s = math.sqrt((1.0 - c) * (1.0 + c))
-    if px * (m1[0] + m2[0]) + py * (m1[1] + m2[1]) + pz * (m1[2] + m2[2]) < 0.0:
+    if dot(p, combined(1.0, m1, 1.0, m2)) < 0.0:
         s = -s
-    return (
-        cosine * d[0] + sine * (c * wx + s * px),
-        cosine * d[1] + sine * (c * wy + s * py),
-        cosine * d[2] + sine * (c * wz + s * pz),
-    )
+    return combined(cosine, d, sine, combined(c, w, s, p))
 
 
 @merged
 def _equal(d, m1, m2, sine, cosine):
     """`smallest_over_lines` where nothing is added to the angles."""
-    dx, dy, dz = d
-    x, y, z = _foot(dx, dy, dz, m1[0], m1[1], m1[2], sine, cosine)
-    one, two = m1[0] * x + m1[1] * y + m1[2] * z, m2[0] * x + m2[1] * y + m2[2] * z
-    if one <= two:
-        return _angle(x, y, z, m1[0], m1[1], m1[2])
-    x, y, z = _foot(dx, dy, dz, m2[0], m2[1], m2[2], sine, cosine)
-    one, two = m1[0] * x + m1[1] * y + m1[2] * z, m2[0] * x + m2[1] * y + m2[2] * z
-    if two <= one:
-        return _angle(x, y, z, m2[0], m2[1], m2[2])
-    bx, by, bz = m1[0] + m2[0], m1[1] + m2[1], m1[2] + m2[2]
-    length = math.sqrt(bx * bx + by * by + bz * bz)
+    x = _foot(d, m1, sine, cosine)
+    if dot(m1, x) <= dot(m2, x):
+        return angle_between(x, m1)
+    x = _foot(d, m2, sine, cosine)
+    if dot(m2, x) <= dot(m1, x):
+        return angle_between(x, m2)
+    middle = combined(1.0, m1, 1.0, m2)
+    length = math.sqrt(dot(middle, middle))
     if length < OPPOSITE:  # every line across both is in balance, and one is in the cap
         return 0.5 * math.pi
-    if cosine <= -1.0 or bx * dx + by * dy + bz * dz >= cosine * length:
-        return _angle(bx, by, bz, m1[0], m1[1], m1[2])
-    x, y, z = _crossing(d, m1, m2, sine, cosine)
-    return _angle(x, y, z, m1[0], m1[1], m1[2])
+    if cosine <= -1.0 or dot(middle, d) >= cosine * length:
+        return angle_between(middle, m1)
+    return angle_between(_crossing(d, m1, m2, sine, cosine), m1)
 
 
 @kernel
 def _unequal(d, m1, m2, sine, cosine, extra1, extra2):
     """`smallest_over_lines` where different angles are added."""
-    dx, dy, dz = d
-    x, y, z = _foot(dx, dy, dz, m1[0], m1[1], m1[2], sine, cosine)
-    one = _angle(x, y, z, m1[0], m1[1], m1[2]) + extra1
-    if one >= _angle(x, y, z, m2[0], m2[1], m2[2]) + extra2:
+    x = _foot(d, m1, sine, cosine)
+    one = angle_between(x, m1) + extra1
+    if one >= angle_between(x, m2) + extra2:
         return one
-    x, y, z = _foot(dx, dy, dz, m2[0], m2[1], m2[2], sine, cosine)
-    two = _angle(x, y, z, m2[0], m2[1], m2[2]) + extra2
-    if two >= _angle(x, y, z, m1[0], m1[1], m1[2]) + extra1:
+    x = _foot(d, m2, sine, cosine)
+    two = angle_between(x, m2) + extra2
+    if two >= angle_between(x, m1) + extra1:
         return two
     # On the shortest way between the normals both are balanced at one line.
-    apart = _angle(m1[0], m1[1], m1[2], m2[0], m2[1], m2[2])
+    apart = angle_between(m1, m2)
     balanced = 0.5 * (apart + extra1 + extra2)
-    bx, by, bz = m1[0] + m2[0], m1[1] + m2[1], m1[2] + m2[2]
-    if cosine <= -1.0 or math.sqrt(bx * bx + by * by + bz * bz) < OPPOSITE:
+    middle = combined(1.0, m1, 1.0, m2)
+    if cosine <= -1.0 or math.sqrt(dot(middle, middle)) < OPPOSITE:
         return balanced
-    p, q = math.sin(apart - balanced + extra1), math.sin(balanced - extra1)
-    x, y, z = p * m1[0] + q * m2[0], p * m1[1] + q * m2[1], p * m1[2] + q * m2[2]
-    length = math.sqrt(x * x + y * y + z * z)
-    if length > 0.0 and x * dx + y * dy + z * dz >= cosine * length:
+    x = combined(math.sin(apart - balanced + extra1), m1, math.sin(balanced - extra1), m2)
+    length = math.sqrt(dot(x, x))
+    if length > 0.0 and dot(x, d) >= cosine * length:
         return balanced
     # Else they are balanced on the cap's border: from the line nearest to one normal to that
     # nearest to the other, the first angle rises and the second one falls.
-    ux, uy, uz = _tangent(dx, dy, dz, m1[0], m1[1], m1[2])
-    vx, vy, vz = _tangent(dx, dy, dz, m2[0], m2[1], m2[2])
-    turn = _angle(ux, uy, uz, vx, vy, vz)
-    wx, wy, wz = dy * uz - dz * uy, dz * ux - dx * uz, dx * uy - dy * ux
-    side = 1.0 if wx * vx + wy * vy + wz * vz >= 0.0 else -1.0
-    vx, vy, vz = side * wx, side * wy, side * wz
+    u, v = _tangent(d, m1), _tangent(d, m2)
+    turn, w = angle_between(u, v), cross(d, u)
+    side = 1.0 if dot(w, v) >= 0.0 else -1.0
     low, high, value = 0.0, turn, math.inf
     for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        c, s = sine * math.cos(middle), sine * math.sin(middle)
-        x, y = cosine * dx + c * ux + s * vx, cosine * dy + c * uy + s * vy
-        z = cosine * dz + c * uz + s * vz
-        one = _angle(x, y, z, m1[0], m1[1], m1[2]) + extra1
-        two = _angle(x, y, z, m2[0], m2[1], m2[2]) + extra2
+        middle_turn = 0.5 * (low + high)
+        c, s = sine * math.cos(middle_turn), sine * math.sin(middle_turn)
+        x = combined(1.0, combined(cosine, d, c, u), s * side, w)
+        one, two = angle_between(x, m1) + extra1, angle_between(x, m2) + extra2
         value = min(value, max(one, two))
         if one < two:
-            low = middle
+            low = middle_turn
         else:
-            high = middle
+            high = middle_turn
     return value
 
 

@@ -24,7 +24,7 @@ from grasp3d._kernels.search.antipodal_candidates import (
     line_turn,
 )
 from grasp3d._kernels.surface.normal_sets import smallest_angle
-from grasp3d._kernels.surface.vectors import cross, dot
+from grasp3d._kernels.surface.vectors import copy, cross, dot
 
 STEP = 3e-7
 """Distance behind a crossing at which the ray continues: a few 32-bit rounding errors."""
@@ -181,8 +181,7 @@ def evaluate_crossings(count, hit, far, rays, surface, sets, limits, grasps):
             if sign < 0 or along[i] > limits[1]:
                 continue
         owner[remaining], signs[remaining] = owner[i], signs[i]
-        for k in range(3):
-            closing[remaining, k] = closing[i, k]
+        copy(closing[i], closing[remaining])
         along[remaining], step[remaining], last[remaining] = along[i], step[i], last[i]
         remaining += 1
     return remaining

@@ -140,12 +140,8 @@ def _select(order, keys, k, first, last, middle):
 @part
 def _bound_node(first, last, order, surface, bounds):
     """Write the bounds of the faces from `first` to `last`, as in `FaceTree`."""
-    points, faces, corners, normals = (
-        surface.points,
-        surface.faces,
-        surface.corners,
-        surface.normals,
-    )
+    points, faces = surface.points, surface.faces
+    corners, normals = surface.corners, surface.normals
     low, axis, high = 0, 4, 7  # where they begin, the corners of the box until its centre is known
     for k in range(3):
         bounds[low + k], bounds[high + k], bounds[axis + k] = math.inf, -math.inf, 0.0

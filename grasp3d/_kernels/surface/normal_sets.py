@@ -10,15 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import kernel, merged, part
-from grasp3d._kernels.surface.vectors import copy, cross, dot
-
-
-@merged
-def _angle(ax, ay, az, bx, by, bz):
-    """Angle between two vectors, by atan2: accurate near 0 and pi too."""
-    cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    return math.atan2(math.sqrt(cx * cx + cy * cy + cz * cz), ax * bx + ay * by + az * bz)
+from grasp3d._kernels.compiling.decorators import kernel, part
+from grasp3d._kernels.surface.vectors import angle_between, copy, cross, dot
 
 
 @part
@@ -38,14 +31,15 @@ def _arc_angle(a, b, x, y, z):
             height = x * wx + y * wy + z * wz
             px, py, pz = x - height * wx, y - height * wy, z - height * wz
             return math.atan2(abs(height), math.sqrt(px * px + py * py + pz * pz))
-    return min(_angle(a[0], a[1], a[2], x, y, z), _angle(b[0], b[1], b[2], x, y, z))
+    return min(angle_between(a, (x, y, z)), angle_between(b, (x, y, z)))
 
 
 @kernel
 def smallest_angle(normals, first, count, x, y, z):
     """Smallest angle between a direction and a set of normals (see `order_normal_sets`)."""
     if count == 1:
-        return _angle(normals[first, 0], normals[first, 1], normals[first, 2], x, y, z)
+        one = normals[first, 0], normals[first, 1], normals[first, 2]
+        return angle_between(one, (x, y, z))
     if count == 0:
         return 0.0
     if count == 2:

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.compiling.decorators import kernel, merged, part
+from grasp3d._kernels.surface.vectors import copy
 
 ON_EDGE = 1e-9
 """Barycentric coordinate below which a contact lies on the opposite edge."""
@@ -73,8 +74,7 @@ def write_normals(face, weights, surface, sets, found):
         if length > 1e-12:
             found[row, 0], found[row, 1], found[row, 2] = x / length, y / length, z / length
         else:
-            for k in range(3):
-                found[row, k] = normals[c0, k]
+            copy(normals[c0], found[row])
     return count, -1
 
 

@@ -1,5 +1,7 @@
 """Operations on small vectors in scratch arrays."""
 
+import math
+
 from grasp3d._kernels.compiling.decorators import merged
 
 
@@ -33,10 +35,56 @@ def dot6(a, b):
 
 
 @merged
+def copy6(source, target):
+    """Copy a vector of six numbers."""
+    for k in range(6):
+        target[k] = source[k]
+
+
+@merged
+def clear6(vector):
+    """Set six numbers to 0."""
+    for k in range(6):
+        vector[k] = 0.0
+
+
+@merged
+def scale6(vector, factor):
+    """Multiply a vector of six numbers."""
+    for k in range(6):
+        vector[k] *= factor
+
+
+@merged
+def add6(vector, factor, other):
+    """Add a multiple of another vector of six numbers."""
+    for k in range(6):
+        vector[k] += factor * other[k]
+
+
+@merged
+def difference(a, b):
+    """The vector a - b of three numbers, a triple."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@merged
+def combined(s, a, t, b):
+    """Sum of s times a and t times b."""
+    return s * a[0] + t * b[0], s * a[1] + t * b[1], s * a[2] + t * b[2]
+
+
+@merged
+def angle_between(a, b):
+    """Angle between two vectors, by atan2: accurate near 0 and pi too."""
+    c = cross(a, b)
+    return math.atan2(math.sqrt(dot(c, c)), dot(a, b))
+
+
+@merged
 def remove_components(basis, size, vector, components):
     """Subtract a vector's components along the first rows of a basis; `components` is written."""
     for j in range(size):
         components[j] = dot6(basis[j], vector)
     for j in range(size):
-        for k in range(6):
-            vector[k] -= components[j] * basis[j, k]
+        add6(vector, -components[j], basis[j])

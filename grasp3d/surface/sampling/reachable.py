@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.jaws.gripper_shape import ReachResults, make_workspace, no_results
+from grasp3d._kernels.jaws.gripper_parts import ReachResults, make_workspace, no_results
 from grasp3d._kernels.search.antipodal_candidates import FOUND, BestPairs, PairLimits, no_pairs
 from grasp3d._kernels.search.face_contacts import PairDomain
 from grasp3d._kernels.search.rays import neighbour_rays, starting_rays
