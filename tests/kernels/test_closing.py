@@ -1,5 +1,6 @@
 """Jaws against surfaces cut into pieces: first touch and touched patch."""
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import trimesh
 
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d._kernels.surface import polygons
+from grasp3d.arrays import Floats
 from grasp3d.hand.closed_jaws import ClosedJaws, Closing
 from grasp3d.hand.closing import close_jaws
 from tests.helpers import shapes
@@ -90,27 +92,25 @@ def test_round_tips_touch_what_small_triangles_say() -> None:
             np.testing.assert_allclose(found.normals[k, finger], what["normal"], atol=0.03)
 
 
+def disc_moments(corners: list[list[float]], radius: float) -> Floats:
+    """Area and first moments of what of a disc about the origin is in a polygon."""
+    totals = np.zeros(3)
+    for a, b in itertools.pairwise([*corners, corners[0]]):
+        polygons.disc_moments(*a, *b, radius, totals)
+    return totals
+
+
 def test_parts_of_a_disc_add_up() -> None:
-    """Triangles of a square that contains a disc, and one that lies in it."""
-    square = np.array([[-2.0, -1.5], [2.5, -1.5], [2.5, 1.8], [-2.0, 1.8]])
-    totals = np.zeros(3)
-    for a, b in zip(square, np.roll(square, -1, axis=0), strict=True):
-        polygons.disc_moments(a[0], a[1], b[0], b[1], 1.0, totals)
-    np.testing.assert_allclose(totals, [np.pi, 0.0, 0.0], atol=1e-14)
+    """Within a square that contains a disc, half of one, and in a triangle that lies in it."""
+    square = [[-2.0, -1.5], [2.5, -1.5], [2.5, 1.8], [-2.0, 1.8]]
+    np.testing.assert_allclose(disc_moments(square, 1.0), [np.pi, 0.0, 0.0], atol=1e-14)
+    half = [[0.0, -3.0], [4.0, -3.0], [4.0, 3.0], [0.0, 3.0]]
+    expected = [2.0 * np.pi, 2.0 / 3.0 * 8.0, 0.0]
+    np.testing.assert_allclose(disc_moments(half, 2.0), expected, atol=1e-13)
     triangle = np.array([[0.1, 0.2], [0.6, 0.1], [0.3, 0.5]])
-    totals[:] = 0.0
-    for a, b in zip(triangle, np.roll(triangle, -1, axis=0), strict=True):
-        polygons.disc_moments(a[0], a[1], b[0], b[1], 1.0, totals)
     area = 0.5 * np.linalg.det(triangle[1:] - triangle[0])
-    np.testing.assert_allclose(totals, [area, *(area * triangle.mean(axis=0))], atol=1e-15)
-
-
-def test_half_a_disc_has_the_moments_of_a_half_disc() -> None:
-    corners = np.array([[0.0, -3.0], [4.0, -3.0], [4.0, 3.0], [0.0, 3.0]])
-    totals = np.zeros(3)
-    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        polygons.disc_moments(a[0], a[1], b[0], b[1], 2.0, totals)
-    np.testing.assert_allclose(totals, [2.0 * np.pi, 2.0 / 3.0 * 8.0, 0.0], atol=1e-13)
+    expected = [area, *(area * triangle.mean(axis=0))]
+    np.testing.assert_allclose(disc_moments(triangle.tolist(), 1.0), expected, atol=1e-15)
 
 
 @pytest.mark.parametrize("limit", [-1.0, 0.0, 0.25, 1.0, 2.0])
