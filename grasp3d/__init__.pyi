@@ -44,6 +44,7 @@ from .surface.labelling import label_surface as label_surface
 from .surface.labels import SurfaceLabels as SurfaceLabels
 from .surface.scanning import scan_surface as scan_surface
 from .surface.sweeps import sweep as sweep
+from .system.context import running as running
 from .validating.validate import validate_grasps as validate_grasps
 from .viewer.view_settings import ViewSettings as ViewSettings
 

@@ -54,9 +54,9 @@ def main() -> None:
         mesh = grasp3d.load_mesh(path, max_edge=FINENESS * size)
         poses, spent = poses_near_grasps(mesh, hand, count), {}
         for motion in ("fixed", "free"):
-            close_jaws(mesh, poses[:10], hand, object_motion=motion, threads=1)
+            close_jaws(mesh, poses[:10], hand, object_motion=motion)
             before = time.process_time()
-            found = close_jaws(mesh, poses, hand, object_motion=motion, threads=1)
+            found = close_jaws(mesh, poses, hand, object_motion=motion)
             spent[motion] = time.process_time() - before
         closed = 100.0 * float((found.state == Closing.CLOSED).mean())
         print(
@@ -68,4 +68,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with grasp3d.running(threads=1):
+        main()

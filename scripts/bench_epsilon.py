@@ -81,8 +81,8 @@ def compare(contacts: grasp3d.Contacts, edges: int, few: int) -> dict[str, float
     count = len(contacts.points)
     rows = wrenches(contacts, edges=edges)
     hulls = np.array([qhull(row) for row in rows[:few]])
-    result = grasp3d.epsilon(contacts, edges=edges, threads=1)
-    ours = best_time(lambda: grasp3d.epsilon(contacts, edges=edges, threads=1)) / count
+    result = grasp3d.epsilon(contacts, edges=edges)
+    ours = best_time(lambda: grasp3d.epsilon(contacts, edges=edges)) / count
     theirs = best_time(lambda: [qhull(row) for row in rows[:few]], 3) / len(hulls)
     return {
         "grasps": count,
@@ -97,22 +97,22 @@ def compare(contacts: grasp3d.Contacts, edges: int, few: int) -> dict[str, float
 def other_times(contacts: grasp3d.Contacts, edges: int) -> dict[str, float]:
     """Times per grasp [us] of the other computations with wrench hulls."""
     few = chosen(contacts, np.arange(min(len(contacts.points), 200)))
-    one = best_time(lambda: grasp3d.epsilon(contacts, edges=edges, threads=1))
-    two = best_time(lambda: grasp3d.epsilon(contacts, edges=edges, threads=2))
+    one = best_time(lambda: grasp3d.epsilon(contacts, edges=edges))
+    two = best_time(lambda: grasp3d.running(threads=2)(grasp3d.epsilon)(contacts, edges=edges))
     tasks: dict[str, tuple[grasp3d.Contacts, Callable[[grasp3d.Contacts], object]]] = {
-        "sign_us": (contacts, lambda c: grasp3d.force_closure(c, edges=edges, threads=1)),
+        "sign_us": (contacts, lambda c: grasp3d.force_closure(c, edges=edges)),
         "per_finger_us": (
             few,
-            lambda c: grasp3d.epsilon(c, edges=edges, actuation="per_finger", threads=1),
+            lambda c: grasp3d.epsilon(c, edges=edges, actuation="per_finger"),
         ),
-        "circular_1e-3_us": (few, lambda c: grasp3d.epsilon(c, rtol=1e-3, threads=1)),
+        "circular_1e-3_us": (few, lambda c: grasp3d.epsilon(c, rtol=1e-3)),
         "circular_1e-6_us": (
             chosen(few, np.arange(min(len(few.points), 20))),
-            lambda c: grasp3d.epsilon(c, rtol=1e-6, threads=1),
+            lambda c: grasp3d.epsilon(c, rtol=1e-6),
         ),
         "with_forces_us": (
             contacts,
-            lambda c: grasp3d.epsilon(c, edges=edges, threads=1).certificate.equilibrium,
+            lambda c: grasp3d.epsilon(c, edges=edges).certificate.equilibrium,
         ),
         "critical_angle_us": (few, grasp3d.critical_friction_angle),
     }
@@ -149,7 +149,7 @@ def critical_angles(count: int, fingers: int) -> dict[str, float]:
     for name, chosen_rows in rows.items():
         grasps = [chosen(contacts, np.array([row])) for row in chosen_rows]
         times = [
-            1e3 * best_time(lambda one=one: grasp3d.critical_friction_angle(one, threads=1), 2)
+            1e3 * best_time(lambda one=one: grasp3d.critical_friction_angle(one), 2)
             for one in grasps
         ]
         found[f"{name}_ms"] = float(np.median(times))
@@ -216,4 +216,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with grasp3d.running(threads=1):
+        main()

@@ -20,19 +20,14 @@ RIMS = {2: (8, 32), 3: (8, 16), 4: (8,)}
 MESHES = ("mug.glb", "box.obj", "banana.ply")
 
 
-ONE_THREAD = grasp3d.EpsilonOptions(threads=1)
-
-
 def of_grasps(fingers: int) -> None:
     """Print a line for each number of extreme normals."""
     contacts, resolution = random_grasps(fingers, GRASPS[fingers])
-    exact = best_time(lambda: grasp3d.classify(contacts, resolution, options=ONE_THREAD))
+    exact = best_time(lambda: grasp3d.classify(contacts, resolution))
     for count in RIMS[fingers]:
 
         def sampled(count: int = count) -> grasp3d.Stability:
-            return grasp3d.classify(
-                contacts, resolution, method="extremes", extreme_normals=count, options=ONE_THREAD
-            )
+            return grasp3d.classify(contacts, resolution, method="extremes", extreme_normals=count)
 
         seconds, found = best_time(sampled), sampled()
         print(
@@ -46,11 +41,11 @@ def of_grasps(fingers: int) -> None:
 def of_surface(name: str) -> None:
     """Print a line for one mesh."""
     mesh = grasp3d.load_mesh(LIBRARY / name)
-    exact = grasp3d.label_surface(mesh, threads=1)
-    search = best_time(lambda: grasp3d.label_surface(mesh, threads=1))
+    exact = grasp3d.label_surface(mesh)
+    search = best_time(lambda: grasp3d.label_surface(mesh))
     model = grasp3d.GraspModel(method="extremes")
-    seconds = best_time(lambda: grasp3d.label_surface(mesh, model, threads=1))
-    sampled = grasp3d.label_surface(mesh, model, threads=1)
+    seconds = best_time(lambda: grasp3d.label_surface(mesh, model))
+    sampled = grasp3d.label_surface(mesh, model)
     differ = mesh.vertex_areas[exact.label != sampled.label].sum() / mesh.vertex_areas.sum()
     print(
         f"{name}: {len(np.unique(mesh.canonical))} positions, "
@@ -71,4 +66,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with grasp3d.running(threads=1):
+        main()

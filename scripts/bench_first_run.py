@@ -31,7 +31,6 @@ def first_run(mesh: Path, fingers: int, begun: float) -> dict[str, Any]:
     """Label a mesh and compute epsilon in this process, whose interpreter was begun at a time."""
     from grasp3d import GraspModel, label_surface, load_mesh
     from grasp3d._kernels.compiling.numba_internals import listen
-    from grasp3d.system.progress import ignore
 
     kernels: list[tuple[str, float]] = []
     marks: dict[str, Any] = {}
@@ -44,9 +43,9 @@ def first_run(mesh: Path, fingers: int, begun: float) -> dict[str, Any]:
         marks[name] = {"seconds": time.time() - begun, "cpu": time.process_time()}
 
     listen("grasp3d._kernels", lambda name: kernels.append((name, time.process_time())), end)
-    labels = label_surface(load_mesh(mesh), GraspModel(fingers=fingers), threads=1)
+    labels = label_surface(load_mesh(mesh), GraspModel(fingers=fingers))
     mark("labels")
-    labels.compute_epsilon(ignore)
+    labels.compute("epsilon_range")
     mark("epsilon")
     return marks | {"fingers": fingers, "kernels": kernels}
 

@@ -64,13 +64,11 @@ def row(name: str, contacts: grasp3d.Contacts, bound: str) -> list[float]:
         work()
         return 1e6 * best_time(work) / size
 
-    wrench = per_grasp(lambda: grasp3d.grip_force(contacts, wrenches, bound=bound, threads=1))
-    task = per_grasp(lambda: grasp3d.grip_force(contacts, WEIGHT, bound=bound, threads=1))
+    wrench = per_grasp(lambda: grasp3d.grip_force(contacts, wrenches, bound=bound))
+    task = per_grasp(lambda: grasp3d.grip_force(contacts, WEIGHT, bound=bound))
     actuation = "total" if bound == "total" else "per_finger"
     bounded = "force" if bound == "norm" else "normal"
-    epsilon = per_grasp(
-        lambda: grasp3d.epsilon(contacts, actuation=actuation, bounded=bounded, threads=1)
-    )
+    epsilon = per_grasp(lambda: grasp3d.epsilon(contacts, actuation=actuation, bounded=bounded))
     grasps = [one(contacts, g) for g in range(min(PROGRAMS, size))]
     set_up = best_time(lambda: [ConeProgram(grasp, bound) for grasp in grasps]) / len(grasps)
     programs = [ConeProgram(grasp, bound) for grasp in grasps]
@@ -111,4 +109,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with grasp3d.running(threads=1):
+        main()

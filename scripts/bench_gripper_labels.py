@@ -13,7 +13,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import grasp3d
-from grasp3d.system.progress import ignore
 
 MESHES = Path(__file__).parents[1] / "meshes"
 REPEATS = 2
@@ -41,12 +40,12 @@ def compare(path: Path) -> str:
     for keywords in options:
 
         def label(keywords: dict[str, object] = keywords) -> grasp3d.SurfaceLabels:
-            return grasp3d.label_surface(mesh, threads=1, **keywords)
+            return grasp3d.label_surface(mesh, **keywords)
 
         searching.append(seconds(label))
         labels = label()
         begun = time.process_time()
-        labels.compute_epsilon(ignore)
+        labels.compute("epsilon_range")
         whole.append(searching[-1] + time.process_time() - begun)
     reached = labels.reach.reached.mean()
     return (
@@ -67,4 +66,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with grasp3d.running(threads=1):
+        main()

@@ -53,10 +53,10 @@ def embree_seconds(mesh: "ObjectMesh", cone: float) -> float:
 
 def measure(path: Path, vertices: int, threads: int) -> dict[str, float]:
     """Label one mesh and measure the times, in this process."""
-    from grasp3d import GraspModel, label_surface, load_mesh
+    from grasp3d import GraspModel, label_surface, load_mesh, running
 
     coarse = load_mesh(path)
-    label_surface(coarse, threads=threads)  # compile
+    label_surface(coarse)  # compile
     edge = coarse.size / 32.0 * 1.2 * (len(coarse.vertices) / vertices) ** 0.5
     mesh = load_mesh(path, max_edge=edge)
     while len(mesh.vertices) < vertices:
@@ -64,7 +64,8 @@ def measure(path: Path, vertices: int, threads: int) -> dict[str, float]:
         mesh = load_mesh(path, max_edge=edge)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     start, cpu = time.perf_counter(), time.process_time()
-    labels = label_surface(mesh, GraspModel(), threads=threads)
+    with running(threads=threads):
+        labels = label_surface(mesh, GraspModel())
     whole, cpu = time.perf_counter() - start, time.process_time() - cpu
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     embree = embree_seconds(mesh, labels.search.cone)

@@ -27,6 +27,8 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+from grasp3d.system.context import running
+
 LIBRARY = Path(__file__).parents[1] / "meshes"
 MUG = "mug.glb"
 MESHES = (MUG, "banana.ply", "wrench.glb", "knob.ply")
@@ -76,7 +78,8 @@ def labelled(vertices: int, candidates: int, fingers: int = 3, threads: int = 2)
         edge *= 0.98
     before = peak_memory()
     start = time.perf_counter()
-    labels = label_surface(mesh, model, sampling=sampling, threads=threads)
+    with running(threads=threads):
+        labels = label_surface(mesh, model, sampling=sampling)
     seconds = time.perf_counter() - start
     return Labelling(
         len(mesh.vertices), candidates, seconds, labels.search.evaluated, before, peak_memory()
@@ -123,7 +126,7 @@ def of_mesh(name: str) -> None:
     before, seconds_before = 0, 0.0
     for fingers in FINGERS:
         cone = search_cone(grasp3d.GraspModel(fingers=fingers))
-        find = partial(search, mesh, fingers, grasp3d.MultifingerSampling(), cone, threads=1)
+        find = partial(search, mesh, fingers, grasp3d.MultifingerSampling(), cone)
         evaluated = find().evaluated
         seconds = min(processor_time(find) for _ in range(RUNS))
         added, more = seconds - seconds_before, evaluated - before
@@ -152,7 +155,7 @@ def reference_times(mesh, fingers: int, friction: float) -> tuple[float, float]:
     from grasp3d.quality.wrenches import wrenches
 
     contacts = random_candidates(mesh, fingers, friction)
-    bisect = partial(grasp3d.critical_friction_angle, contacts, threads=1)
+    bisect = partial(grasp3d.critical_friction_angle, contacts)
     bisect()
     rows = wrenches(contacts, edges=EDGES, torque_scale=mesh.torque_scale)[:FEW]
     count = rows.shape[1]
@@ -196,4 +199,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with running(threads=1):
+        main()

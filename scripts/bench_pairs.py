@@ -77,7 +77,7 @@ def compare(kind: str, actuation: Actuation, rtol: float, pairs: int, hulls: int
     few = contacts.take(np.arange(min(hulls, pairs)))
 
     def run(chosen: grasp3d.Contacts) -> grasp3d.Epsilon:
-        return grasp3d.epsilon(chosen, rtol=rtol, actuation=actuation, threads=1)
+        return grasp3d.epsilon(chosen, rtol=rtol, actuation=actuation)
 
     ours = run(few)
     time_of_pairs = seconds(lambda: run(contacts)) / pairs
@@ -96,10 +96,10 @@ def labelled(path: Path) -> str:
     mesh = grasp3d.load_mesh(path, max_edge=math.inf)
 
     def time_of_epsilon() -> float:
-        labels = grasp3d.label_surface(mesh, threads=1)
+        labels = grasp3d.label_surface(mesh)
         return seconds(lambda: labels.epsilon_range, 1)
 
-    time_of_labels = seconds(lambda: grasp3d.label_surface(mesh, threads=1))
+    time_of_labels = seconds(lambda: grasp3d.label_surface(mesh))
     time_of_pairs = min(time_of_epsilon() for _ in range(3))
     with by_growing_hull():
         time_of_hulls = time_of_epsilon()
@@ -135,4 +135,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with grasp3d.running(threads=1):
+        main()

@@ -25,7 +25,7 @@ import trimesh
 from rich.console import Console
 from rich.table import Table
 
-from grasp3d import GraspModel, ObjectMesh, label_surface, load_mesh
+from grasp3d import GraspModel, ObjectMesh, label_surface, load_mesh, running
 
 RAYS = 20_000
 VERTICES = 120
@@ -135,9 +135,9 @@ def main() -> None:
     everything = []
     for name, mesh in meshes:
         if not everything:
-            label_surface(mesh, MODEL, threads=1)  # compiles
+            label_surface(mesh, MODEL)  # compiles
         start = time.process_time()
-        labels = label_surface(mesh, MODEL, threads=1)
+        labels = label_surface(mesh, MODEL)
         seconds = time.process_time() - start
         smooth = np.flatnonzero((mesh.normal_sets.counts == 1) & mesh.on_surface)
         rng = np.random.default_rng(7)
@@ -160,4 +160,5 @@ def add_row(table: Table, name: str, vertices: int, seconds: str, excess: np.nda
 
 
 if __name__ == "__main__":
-    main()
+    with running(threads=1):
+        main()

@@ -18,7 +18,7 @@ import trimesh
 from rich.console import Console
 from rich.table import Table
 
-from grasp3d import GraspModel, Sampling, label_surface, load_mesh
+from grasp3d import GraspModel, Sampling, label_surface, load_mesh, running
 
 REPEATS = 15
 RELATIVE_ERROR = 0.01
@@ -52,7 +52,7 @@ def relabelling() -> Table:
     ball = trimesh.creation.icosphere(subdivisions=7)
     ball.vertices *= 1.0 + 0.05 * trimesh.unitize(ball.vertices).prod(axis=1, keepdims=True)
     subdivided = load_mesh(ball, max_edge=9.0)
-    labels = label_surface(subdivided, sampling=Sampling(search_angle=1.2), threads=1)
+    labels = label_surface(subdivided, sampling=Sampling(search_angle=1.2))
     count = len(labels.mesh.vertices)
     table = Table("relabelled", f"{count:,} vertices", "100,000 vertices")
     for name, change in CHANGES.items():
@@ -72,10 +72,9 @@ def searching(paths: list[Path]) -> Table:
     for path in paths:
         mesh = load_mesh(path)
         unsure = GraspModel(location_error=RELATIVE_ERROR * mesh.size)
-        label_surface(mesh, threads=1)
+        label_surface(mesh)
         times = [
-            median_time(partial(label_surface, mesh, model, threads=1), 3)
-            for model in (GraspModel(), unsure)
+            median_time(partial(label_surface, mesh, model), 3) for model in (GraspModel(), unsure)
         ]
         cells = (f"{seconds:.2f} s" for seconds in times)
         table.add_row(path.name, *cells, f"{times[1] / times[0]:.2f}")
@@ -95,4 +94,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with running(threads=1):
+        main()

@@ -39,7 +39,7 @@ def label(path: Path, output: Path) -> None:
     mesh, seconds = load_mesh(path), math.inf
     for _ in range(REPEATS):
         start = time.process_time()
-        labels = label_surface(mesh, model, threads=1)
+        labels = label_surface(mesh, model)
         seconds = min(seconds, time.process_time() - start)
     np.savez(
         output, worst=labels.critical_angle, best=labels.critical_angle_best, label=labels.label,

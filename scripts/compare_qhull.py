@@ -24,8 +24,8 @@ def compare(
     name: str, contacts: grasp3d.Contacts, edges: int, executor: ProcessPoolExecutor
 ) -> bool:
     """Print one line; return whether all results agree."""
-    result = grasp3d.epsilon(contacts, edges=edges, threads=None)
-    sign = grasp3d.force_closure(contacts, edges=edges, threads=None)
+    result = grasp3d.epsilon(contacts, edges=edges)
+    sign = grasp3d.force_closure(contacts, edges=edges)
     hulls = np.array(list(executor.map(qhull, wrenches(contacts, edges=edges), chunksize=50)))
     valid = ~np.isnan(hulls)
     difference = float(np.abs(result.value - hulls)[valid].max(initial=0.0))

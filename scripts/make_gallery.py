@@ -84,7 +84,6 @@ from grasp3d.quality.loads import Load
 from grasp3d.settings import with_fingers
 from grasp3d.stability.label import COLORS, MEANING
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.system.progress import ignore
 from grasp3d.system.tables import read_columns
 from grasp3d.validating.perturbing import NoiseSettings, perturb_surface
 from grasp3d.viewer.scene.overlays import BOLD, PLAIN
@@ -414,7 +413,7 @@ def entry(path: Path) -> Entry:
     """Label and render a mesh."""
     labels = label_surface(load_mesh(path, unit="m"), LIBRARY_MODEL)
     settings = ViewSettings(width=CELL[0], height=CELL[1])
-    with open_renderer(collection_of(labels), settings, ignore, legend=False) as renderer:
+    with open_renderer(collection_of(labels), settings, legend=False) as renderer:
         return Entry(path.stem, Image.fromarray(renderer.picture()), labels.fractions())
 
 

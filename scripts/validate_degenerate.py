@@ -26,7 +26,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from grasp3d import Contacts, classify, force_closure
+from grasp3d import Contacts, classify, force_closure, running
 from grasp3d.quality import critical_friction_angle
 from tests.helpers.degenerate import (
     KINDS,
@@ -97,8 +97,8 @@ def compare(grasps: Grasps, programs: int, rng: np.random.Generator) -> Row:
     tilt = rng.uniform(0.0, 0.3, count)
     friction = np.tan(beta)[:, None] * np.ones(contacts)
     batch = Contacts(grasps.points, grasps.normals, friction=friction)
-    found = np.asarray(critical_friction_angle(batch, threads=1))
-    closure = force_closure(batch, threads=1)
+    found = np.asarray(critical_friction_angle(batch))
+    closure = force_closure(batch)
     labels = classify(batch, 2.0 * tilt[:, None] * np.ones(contacts)).label
     closed = np.asarray(closure.closed)
     if contacts == 2:
@@ -155,4 +155,5 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    with running(threads=1):
+        sys.exit(main())

@@ -22,8 +22,8 @@ from grasp3d.settings import ANGLE_ROUNDING, GraspModel, search_cone
 from grasp3d.settings.costs import labelling_cost
 from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles
 from grasp3d.stability.label import Label
+from grasp3d.system.context import running
 from grasp3d.system.isolation import NeedsMemory, allowed_memory
-from grasp3d.system.progress import ignore
 from grasp3d.system.versions import package_version
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def label_job(job: Job, settings: BatchSettings, *, force: bool = False) -> Row 
     begun = time.perf_counter()
     row = _unlabelled_row(job, settings)
     try:
-        with local_copy(job.mesh.source) as path:
+        with running(threads=job.threads), local_copy(job.mesh.source) as path:
             content = content_hash(path)
             if content == job.known_content:
                 return Unchanged(job.mesh)
@@ -124,7 +124,7 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
     next(clock)
     task = Labelling.read(
         path, settings.model, settings.search, settings.reach, settings.load, settings.mesh,
-        force=force, threads=job.threads,
+        force=force,
     )  # fmt: skip
     if not force:
         for location in settings.errors_of("location_error"):
@@ -134,9 +134,9 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
     allowed = allowed_memory()
     if allowed is not None and cost.memory > allowed:
         raise NeedsMemory(cost.memory)
-    labels = task.labels(threads=job.threads)
-    labels.compute_epsilon(ignore)
-    labels.compute_holding(ignore)
+    labels = task.labels()
+    for name in ("epsilon_range", "holding"):
+        labels.compute(name)
     labelling = next(clock)
     grasps = _best_grasps(labels, settings.best)
     _write(labels, job, grasps)

@@ -9,9 +9,9 @@ from itertools import count
 
 from grasp3d.batch.batch_settings import MIN_WORKER_MEMORY, ClusterSettings
 from grasp3d.batch.job_requests import USABLE_MEMORY, Request, Result, result_of
+from grasp3d.system.context import available_processors
 from grasp3d.system.isolation import end_idle
 from grasp3d.system.isolation.limits import machine_memory
-from grasp3d.system.processors import available_processors
 
 REQUESTS_PER_PROCESS = 2
 """Requests sent for each process, so that no process waits for the next one."""

@@ -14,7 +14,7 @@ import numpy as np
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import AnyLength
 from grasp3d.stability.angle_distributions import SampledAngles
-from grasp3d.system.progress import Progress, ignore
+from grasp3d.system.context import within
 
 if TYPE_CHECKING:
     from grasp3d.surface.labels import SurfaceLabels
@@ -41,10 +41,9 @@ class BestOfSeveral:
 
 
 def search_at_each(
-    label: Callable[[GraspModel, Progress], "SurfaceLabels"],
+    label: Callable[[GraspModel], "SurfaceLabels"],
     model: GraspModel,
     location_errors: Sequence[AnyLength],
-    progress: Progress | None = None,
 ) -> BestOfSeveral:
     """Search for the grasps of a mesh at several location errors.
 
@@ -53,17 +52,11 @@ def search_at_each(
         model: The model of every search, but for its location error.
         location_errors: In increasing order; of more than `MAX_SEARCHES` some, from the smallest to
             the largest.
-        progress: Called with the fraction of the work done, from 0 to 1.
     """
     last = len(location_errors) - 1
     chosen = {round(index) for index in np.linspace(0, last, min(last + 1, MAX_SEARCHES))}
-    report, count = progress or ignore, len(chosen)
-    return BestOfSeveral(
-        [
-            label(
-                replace(model, location_error=location_errors[index]),
-                lambda done, before=number: report((before + done) / count),  # type: ignore[misc]
-            )
-            for number, index in enumerate(sorted(chosen))
-        ]
-    )
+    searches = []
+    for number, index in enumerate(sorted(chosen)):
+        with within(number / len(chosen), (number + 1) / len(chosen)):
+            searches.append(label(replace(model, location_error=location_errors[index])))
+    return BestOfSeveral(searches)

@@ -27,7 +27,7 @@ from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngle
 from grasp3d.stability.label import Mode
 from grasp3d.surface.sweeps import AxisValues, LocatedGrasps, Sweep, mean_sweep, sweep
 from grasp3d.surface.sweeps.axes import NAMES, axis_values
-from grasp3d.system.progress import Progress
+from grasp3d.system.context import running
 
 SHAPES: dict[str, Callable[[], AngleDistribution]] = {
     "circle": Circle,
@@ -231,8 +231,6 @@ def sweep_mesh(
     settings: SweepSettings,
     *,
     force: bool = False,
-    threads: int | None = None,
-    progress: Progress | None = None,
 ) -> SweptMesh:
     """Label a mesh file and compute its area fractions at all values of the uncertainties.
 
@@ -242,8 +240,6 @@ def sweep_mesh(
         mesh: The file.
         settings: Frictions, sensor resolutions, and how to label.
         force: Accept lengths that cannot be meant for an object of this size.
-        threads: Threads to use; None: one per processor.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         The sweep, or the reason why the mesh cannot be labelled.
@@ -257,23 +253,15 @@ def sweep_mesh(
     begun = time.perf_counter()
     try:
         with local_copy(mesh.source) as path:
-            surface = load_mesh(path, settings.mesh, threads=threads)
+            surface = load_mesh(path, settings.mesh)
         if not force:
             largest = settings.axes.location_errors()[-1]
             refuse_lengths(surface, settings.sampling, location_error=largest)
         scene = Scene.of(settings.reach, surface)
         grasps = search_at_each(
-            lambda model, report: label_surface(
-                surface,
-                model,
-                sampling=settings.sampling,
-                threads=threads,
-                progress=report,
-                scene=scene,
-            ),
+            lambda model: label_surface(surface, model, sampling=settings.sampling, scene=scene),
             settings.model,
             settings.axes.location_errors(),
-            progress,
         )
     except GraspError as error:
         return SweptMesh(mesh.name, error=str(error), seconds=time.perf_counter() - begun)
@@ -284,6 +272,18 @@ def sweep_mesh(
         crease_fraction=surface.crease_fraction,
         seconds=time.perf_counter() - begun,
     )
+
+
+def sweep_on_one_thread(mesh: MeshFile, settings: SweepSettings, *, force: bool) -> SweptMesh:
+    """As `sweep_mesh`, in one of as many processes as there are processors.
+
+    Args:
+        mesh: The file.
+        settings: As in `sweep_mesh`.
+        force: As in `sweep_mesh`.
+    """
+    with running(threads=1):
+        return sweep_mesh(mesh, settings, force=force)
 
 
 def lost_mesh(mesh: MeshFile, reason: str) -> SweptMesh:

@@ -19,9 +19,9 @@ from grasp3d.errors import GraspError, OutputError, SettingError
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel, Sampling, whole_number
 from grasp3d.stability.label import Label
 from grasp3d.system.compiling import NotCompiledError, announcement, compilations, logger
+from grasp3d.system.context import running
 from grasp3d.system.isolation import call, end_idle
 from grasp3d.system.names import printable
-from grasp3d.system.progress import ignore
 
 if TYPE_CHECKING:
     from grasp3d.hand.parallel_gripper import ParallelGripper
@@ -42,6 +42,7 @@ import json, logging, sys
 level, settings, sys.path = map(json.loads, sys.argv[1:])
 logging.getLogger("grasp3d.compiling").setLevel(level)
 from grasp3d.batch.warmup import warmup
+from grasp3d.system.context import running
 print(json.dumps(warmup(**settings)))
 """
 """Program of a process that compiles into another folder, which kernels choose when loaded."""
@@ -170,6 +171,7 @@ def missing_line(fingers: int, gripper: bool = False, forces: bool = False) -> s
 
 
 @functools.cache
+@running(threads=1)
 def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -> None:
     """Call every kernel that commands and functions need for a number of fingers.
 
@@ -190,17 +192,17 @@ def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -
     _locate()
     model = GraspModel(fingers=fingers)
     sampling = Sampling(grip="both") if fingers == PAIR else None
-    labels = label_surface(solid, model, sampling=sampling, threads=1)
+    labels = label_surface(solid, model, sampling=sampling)
     if fingers == PAIR:  # squeezing alone has a search of its own
-        label_surface(solid, model, threads=1)
+        label_surface(solid, model)
     if gripper:
         _reach(solid, model, sampling)
-    labels.compute_epsilon(ignore)
+    labels.compute("epsilon_range")
     _draw(labels)
     _grow_hulls()
     contacts = best_grasps(labels, 1).contacts.points[0]  # (n, 3)
-    evaluate_grasps(solid, contacts, model, threads=1)
-    scan_surface(solid, model, fixed=contacts[1:], threads=1).compute_epsilon(ignore)
+    evaluate_grasps(solid, contacts, model)
+    scan_surface(solid, model, fixed=contacts[1:]).compute("epsilon_range")
     if forces:
         compile_forces()
 
@@ -237,7 +239,7 @@ def _grow_hulls() -> None:
 
     facing = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
     for torsion_radius in (0.0, 0.2):
-        epsilon(Contacts(-facing, facing, 0.5, torsion_radius), edges=8, threads=1)
+        epsilon(Contacts(-facing, facing, 0.5, torsion_radius), edges=8)
 
 
 def _reach(mesh: "ObjectMesh", model: GraspModel, sampling: Sampling | None) -> None:
@@ -251,10 +253,10 @@ def _reach(mesh: "ObjectMesh", model: GraspModel, sampling: Sampling | None) -> 
     pairs = model.fingers == PAIR
     # From above many best grasps are not reached: others are searched for, and not always found.
     above = Approach(np.array([0.0, 0.0, -1.0]), within=0.3) if pairs else None
-    labels = label_surface(mesh, model, sampling=sampling, hand=tactile, approach=above, threads=1)
+    labels = label_surface(mesh, model, sampling=sampling, hand=tactile, approach=above)
     if pairs:
         corners = labels.mesh.vertices[None, :PAIR], labels.mesh.normals[None, :PAIR]
-        reach_grasps(labels.mesh, *corners, tactile, threads=1)
+        reach_grasps(labels.mesh, *corners, tactile)
         _close_jaws(labels, tactile)
 
 
@@ -264,7 +266,7 @@ def _close_jaws(labels: "SurfaceLabels", gripper: "ParallelGripper") -> None:
     from grasp3d.grasps.poses import GraspPoses
 
     poses = GraspPoses(poses=np.stack([np.eye(4)] * 2), unit=labels.mesh.unit)
-    evaluate_grasps(labels.mesh, poses, labels.model, hand=gripper, threads=1)
+    evaluate_grasps(labels.mesh, poses, labels.model, hand=gripper)
 
 
 def compile_forces() -> None:
@@ -278,7 +280,7 @@ def compile_forces() -> None:
     for torsion_radius in (0.0, 0.2):
         contacts = Contacts(-facing, facing, 0.5, torsion_radius)
         for task in (*tasks, [0.0, 0.0, -1.0, 0.0, 0.0, 0.0]):
-            force_range(contacts, task, 0.1, threads=1)
+            force_range(contacts, task, 0.1)
 
 
 def _solid(patch_radius: float = 0.0) -> "ObjectMesh":

@@ -146,7 +146,6 @@ class Batch:
                     overwrite=self.overwrite,
                     force=self.force,
                     report=self.report,
-                    progress=progress,
                 )
             except KeyboardInterrupt as stop:
                 raise KeyboardInterrupt(f"{progress.counts}; {self._how_to_resume}") from stop

@@ -16,7 +16,7 @@ from grasp3d.settings.lengths import METRES, AnyLength, Unit
 from grasp3d.settings.uncertainty import friction_interval
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.labelling import label_surface
-from grasp3d.system.progress import within
+from grasp3d.system.context import within
 
 TYPICAL_ERROR = 0.01
 """Location error of the second search if none is given, as a fraction of the object's size."""
@@ -62,14 +62,10 @@ def grasps_of(
     widest = math.inf if options.max_opening is None else options.max_opening
     scale = METRES[mesh.unit] / METRES[unit]
     columns = []
-    with progress_bars.progress(f"searching {name}", quiet=False) as progress:
+    with progress_bars.progress(f"searching {name}", quiet=False):
         for number, model in enumerate(_models(designs, mesh.size * scale, unit)):
-            labels = label_surface(
-                mesh,
-                model,
-                sampling=Sampling(max_opening=widest),
-                progress=within(progress, 0.5 * number, 0.5 * number + 0.5),
-            )
+            with within(0.5 * number, 0.5 * number + 0.5):
+                labels = label_surface(mesh, model, sampling=Sampling(max_opening=widest))
             columns.append((labels.critical_angle, labels.opening * scale))
     critical, opening = (np.stack(column, axis=1) for column in zip(*columns, strict=True))
     if not np.isfinite(critical).any():

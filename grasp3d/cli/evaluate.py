@@ -144,15 +144,13 @@ class Evaluate:
         mesh, load = loaded_mesh(mesh, self.load.chosen)
         if not self.force:
             refuse_lengths(mesh, model, load, max_distance=self.max_distance)
-        with progress_bars.progress(
-            f"evaluating {self.contacts.name}", quiet=self.quiet
-        ) as progress:
+        with progress_bars.progress(f"evaluating {self.contacts.name}", quiet=self.quiet):
             options: dict[str, Any] = {
                 "scene": Scene.of(self.reach, mesh), "object_motion": self.object_motion,
-                "max_distance": self.max_distance, "load": load, "progress": progress,
+                "max_distance": self.max_distance, "load": load,
             }  # fmt: skip
             grasps = evaluate_grasps(mesh, given, model, **options)
-        progress_bars.measure(grasps.compute_epsilon, "measuring epsilon", quiet=self.quiet)
+        progress_bars.measure(lambda: grasps.epsilon_range, "measuring epsilon", quiet=self.quiet)
         metrics = None if self.metrics is None else grasps.metrics(self.metrics)
         write_grasps(output, grasps, metrics=metrics)
         if self.quiet:

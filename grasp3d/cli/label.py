@@ -166,11 +166,11 @@ class Label:
         )
         for path in outputs:
             check_same_settings(path, task, overwrite=self.overwrite)
-        with progress_bars.progress(f"labelling {self.file.name}", quiet=self.quiet) as progress:
-            labels = task.labels(progress=progress)
-        progress_bars.measure(labels.compute_epsilon, "measuring epsilon", quiet=self.quiet)
+        with progress_bars.progress(f"labelling {self.file.name}", quiet=self.quiet):
+            labels = task.labels()
+        progress_bars.measure(lambda: labels.epsilon_range, "measuring epsilon", quiet=self.quiet)
         if load is not None:
-            progress_bars.measure(labels.compute_holding, "measuring grip forces", quiet=self.quiet)
+            progress_bars.measure(lambda: labels.holding, "measuring grip forces", quiet=self.quiet)
         return labels
 
     def _write_best(self, labels: "SurfaceLabels", output: Path, count: int) -> None:
@@ -188,8 +188,8 @@ class Label:
             write_grasps(output, grasps, format=self.grasps_format)
         drawn = grasps.size > 0 and can_render()
         if drawn:
-            with progress_bars.progress("drawing grasps", quiet=self.quiet) as progress:
-                pictures = draw_grasps(labels, grasps, progress=progress)
+            with progress_bars.progress("drawing grasps", quiet=self.quiet):
+                pictures = draw_grasps(labels, grasps)
             save_as(grasp_figure(labels, grasps, pictures), output.with_suffix(".png"))
         if not self.quiet:
             grasp_report.print_best(grasps, count, output, drawn=drawn, written=written)

@@ -49,13 +49,12 @@ class Paper:
         from grasp3d.paper.writing import write_paper
 
         settings = PaperSettings(self.friction, self.sensor_resolution)
-        with progress_bars.progress("recomputing the paper", quiet=self.quiet) as progress:
+        with progress_bars.progress("recomputing the paper", quiet=self.quiet):
             paper = write_paper(
                 self.output,
                 settings,
                 object_file=self.object,
                 fixed=self.fixed,
-                progress=progress,
             )
         if not self.quiet:
             self._print(paper)

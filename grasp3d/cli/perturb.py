@@ -136,13 +136,12 @@ class Perturb:
         if not self.force:
             refuse_lengths(surface.mesh, self.model, sampling)
         text = f"labelling {self.noise.copies} copies of {self.file.name}"
-        with progress_bars.progress(text, quiet=self.quiet) as progress:
+        with progress_bars.progress(text, quiet=self.quiet):
             return perturb_surface(
                 surface,
                 self.model,
                 noise=self.noise,
                 sampling=sampling,
-                progress=progress,
             )
 
     def _draw(self, found: "Perturbation", path: Path) -> None:

@@ -17,23 +17,23 @@ from rich.text import Text
 
 from grasp3d.cli.report import escaped
 from grasp3d.system.compiling import compilations
-from grasp3d.system.progress import Progress as ProgressFunction
-from grasp3d.system.steps import begin_step
+from grasp3d.system.context import begin_step, running
 
 
 @contextmanager
-def progress(text: str, *, quiet: bool) -> Iterator[ProgressFunction]:
-    """Show a progress bar; yields a function of the fraction of the work that is done."""
+def progress(text: str, *, quiet: bool) -> Iterator[None]:
+    """Show a progress bar for the computation inside."""
     with _bar(TextColumn("{task.percentage:>3.0f} %"), quiet=quiet) as bar:
         task = bar.add_task(escaped(text), total=1.0)
-        yield lambda fraction: bar.update(task, completed=fraction)
+        with running(progress=lambda fraction: bar.update(task, completed=fraction)):
+            yield
 
 
-def measure(compute: Callable[[ProgressFunction], None], text: str, *, quiet: bool) -> None:
+def measure(compute: Callable[[], object], text: str, *, quiet: bool) -> None:
     """Compute something with a progress bar, as a step that a time limit names."""
     begin_step(text)
-    with progress(text, quiet=quiet) as report:
-        compute(report)
+    with progress(text, quiet=quiet):
+        compute()
 
 
 @contextmanager

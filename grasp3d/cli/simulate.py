@@ -134,7 +134,7 @@ class Simulate:
         poses = read_poses(self.grasps, hand=self.hand)
         check_replaceable(output, overwrite=self.overwrite, source=self.file)
         text = f"simulating {self.grasps.name}"
-        with progress_bars.progress(text, quiet=self.quiet) as progress:
+        with progress_bars.progress(text, quiet=self.quiet):
             found = simulate_poses(
                 load_mesh(self.file, self.mesh),
                 poses,
@@ -142,7 +142,6 @@ class Simulate:
                 hand=self.hand,
                 simulation=self.simulation,
                 cluster=self.cluster,
-                progress=progress,
             )
         write_poses(output, found)
         if not self.quiet:
@@ -163,7 +162,7 @@ class Simulate:
         if not self.force:
             refuse_lengths(mesh, self.model, sampling, self.simulation)
         text = f"simulating {self.simulation.count} grasps of {self.file.name}"
-        with progress_bars.progress(text, quiet=self.quiet) as progress:
+        with progress_bars.progress(text, quiet=self.quiet):
             return simulate_grasps(
                 mesh,
                 self.model if self.hand is None else touching(self.hand, self.model),
@@ -171,7 +170,6 @@ class Simulate:
                 sampling=sampling,
                 hand=self.hand,
                 cluster=self.cluster,
-                progress=progress,
             )
 
     @property

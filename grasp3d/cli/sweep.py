@@ -238,14 +238,14 @@ class Sweep:
 
     def _swept(self, targets: list["Target"], settings: "SweepSettings") -> list["SweptMesh"]:
         """Sweep each mesh once: a single mesh in this process, several in child processes."""
-        from grasp3d.batch.sweeping import lost_mesh, meshes_of, sweep_mesh
+        from grasp3d.batch.sweeping import lost_mesh, meshes_of, sweep_mesh, sweep_on_one_thread
         from grasp3d.cli import progress_bars
 
         meshes = meshes_of(targets)
         if len(meshes) == 1 and not any(target.folder for target in targets):
             text = f"labelling {meshes[0].name}"
-            with progress_bars.progress(text, quiet=self.quiet) as progress:
-                swept = sweep_mesh(meshes[0], settings, force=self.force, progress=progress)
+            with progress_bars.progress(text, quiet=self.quiet):
+                swept = sweep_mesh(meshes[0], settings, force=self.force)
             if swept.error:
                 raise GraspError(swept.error)
             return [swept]
@@ -255,7 +255,7 @@ class Sweep:
 
         rows = []
         with progress_bars.counter("sweeping", len(meshes), quiet=self.quiet) as advance:
-            one_thread = partial(sweep_mesh, force=self.force, threads=1)  # in as many processes
+            one_thread = partial(sweep_on_one_thread, force=self.force)
             sweeps = run(
                 one_thread, meshes, settings, lost=lost_mesh, cluster=self.cluster,
                 kernels=self.fingers,

@@ -14,8 +14,8 @@ from typing import Annotated
 import tyro
 
 from grasp3d.errors import GraspError, SettingError
+from grasp3d.system.context import StepTimes, recorded_steps
 from grasp3d.system.names import printable
-from grasp3d.system.steps import StepTimes, recorded_steps
 
 GRACE = 3.0
 """Time after which a computation that was interrupted is ended with its process [s]."""

@@ -135,7 +135,7 @@ class Validate:
         from grasp3d.validating.validate import validate_grasps
 
         name = self.grasps[0].name if len(self.grasps) == 1 else counted(len(self.grasps), "files")
-        with progress_bars.progress(f"evaluating {name}", quiet=self.quiet) as progress:
+        with progress_bars.progress(f"evaluating {name}", quiet=self.quiet):
             return validate_grasps(
                 self.grasps,
                 self.model,
@@ -146,7 +146,6 @@ class Validate:
                 object_motion=self.object_motion,
                 load=self.load.chosen,
                 settings=settings,
-                progress=progress,
             )
 
     def _write(self, found: "Validation", folder: Path) -> None:
@@ -154,5 +153,5 @@ class Validate:
         from grasp3d.cli import progress_bars
         from grasp3d.plots.validation_page import write_report
 
-        with progress_bars.progress("drawing the report", quiet=self.quiet) as progress:
-            write_report(folder, found, progress)
+        with progress_bars.progress("drawing the report", quiet=self.quiet):
+            write_report(folder, found)

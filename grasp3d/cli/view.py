@@ -117,8 +117,8 @@ class View:
         problem = self._check()
         first = collection.items[0]
         try:
-            with progress_bars.progress(f"opening {first.name}", quiet=self.quiet) as progress:
-                first.open(progress)
+            with progress_bars.progress(f"opening {first.name}", quiet=self.quiet):
+                first.open()
         except GraspError:
             if len(collection.items) == 1:
                 raise  # with several objects the viewer shows the error of the first one
@@ -156,8 +156,8 @@ class View:
         for path, save in ((self.screenshot, save_picture), (self.turntable, save_turntable)):
             if path is None:
                 continue
-            with progress_bars.progress(f"rendering {path.name}", quiet=self.quiet) as progress:
-                save(collection, self.view, path, progress=progress)
+            with progress_bars.progress(f"rendering {path.name}", quiet=self.quiet):
+                save(collection, self.view, path)
             self._print(f"written: {path}")
 
     def _serve(self, collection: "Collection", problem: str) -> None:

@@ -330,9 +330,9 @@ def _grasps(labels: SurfaceLabels, vertex: int, points: SurfacePoints, signs: In
             np.stack([own.weights, points.weights], axis=1),
         ),
     )
-    reach = scene.reach(mesh, contacts.points, contacts.normals, grip=signs, threads=1)
-    worst, best = critical_angles(contacts, threads=1)
-    located, _ = located_angles_of(contacts, (worst, best), labels.model, threads=1)
+    reach = scene.reach(mesh, contacts.points, contacts.normals, grip=signs)
+    worst, best = critical_angles(contacts)
+    located, _ = located_angles_of(contacts, (worst, best), labels.model)
     order = np.argsort(located, kind="stable")
     order = order[reach.reached[order]]
     return GraspTable(
@@ -343,5 +343,4 @@ def _grasps(labels: SurfaceLabels, vertex: int, points: SurfacePoints, signs: In
         scene=scene,
         reach=reach.take(order),
         load=labels.load,
-        threads=labels.threads,
     )

@@ -98,9 +98,7 @@ class EvaluatedPoses(SpreadGrasps):
         mesh, poses = self.mesh, self.given.poses
         found = None
         if self.size and (self.jaws.closed & ~self.collides).mean() < FITTING:
-            found = suspected_reading(
-                mesh, poses, self.hand, posture=self.given.posture, threads=self.threads
-            )
+            found = suspected_reading(mesh, poses, self.hand, posture=self.given.posture)
         found = found or pose_warning(poses, mesh.center, mesh.size, mesh.unit)
         inside = starting_inside(self.state)
         return (*mesh.report.warnings, *(line for line in (found, inside) if line))

@@ -29,8 +29,7 @@ from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.masses import loaded_mesh
 from grasp3d.surface.rows import rows_where
-from grasp3d.system.processors import thread_count
-from grasp3d.system.progress import Progress, ignore, within
+from grasp3d.system.context import report_progress, within
 
 OFF_SURFACE = 1.0 / 100.0
 """Distance, in object sizes, up to which a given contact is moved to the surface."""
@@ -47,21 +46,18 @@ def evaluate_grasps(
     mesh: MeshSource, grasps: GraspPoses, model: GraspModel | None = None, *,
     hand: Hand | None = None, table: Table | None = None,
     approach: Approach | None = None, scene: Scene | None = None,
-    object_motion: ObjectMotion = "free", load: Load | None = None, threads: int | None = None,
-    progress: Progress | None = None,
+    object_motion: ObjectMotion = "free", load: Load | None = None,
 ) -> EvaluatedPoses: ...  # fmt: skip
 @overload
 def evaluate_grasps(
     mesh: MeshSource, grasps: ArrayLike, model: GraspModel | None = None, *,
-    max_distance: GivenLength | None = None, load: Load | None = None, threads: int | None = None,
-    progress: Progress | None = None,
+    max_distance: GivenLength | None = None, load: Load | None = None,
 ) -> GraspTable: ...  # fmt: skip
 @overload
 def evaluate_grasps(
     mesh: MeshSource, grasps: ArrayLike, model: GraspModel | None = None, *,
     hand: Hand, table: Table | None = None, approach: Approach | None = None,
-    object_motion: ObjectMotion = "free", load: Load | None = None, threads: int | None = None,
-    progress: Progress | None = None,
+    object_motion: ObjectMotion = "free", load: Load | None = None,
 ) -> EvaluatedPoses: ...  # fmt: skip
 def evaluate_grasps(
     mesh: MeshSource,
@@ -75,8 +71,6 @@ def evaluate_grasps(
     object_motion: ObjectMotion = "free",
     max_distance: GivenLength | None = None,
     load: Load | None = None,
-    threads: int | None = None,
-    progress: Progress | None = None,
 ) -> GraspTable | EvaluatedPoses:
     """Compute the label, critical friction angle and epsilon of given grasps: contacts, or poses.
 
@@ -109,8 +103,6 @@ def evaluate_grasps(
             payload of each, at poses with the greatest force of the gripper at hand unless the load
             states another one. The mass is held by the fingers alone, not by the table. None:
             nothing.
-        threads: Threads to use; None: one per processor. The result does not depend on it.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         The grasps in their order, with `label`, `critical_angle` [rad] and `epsilon`, shape (b,)
@@ -169,7 +161,7 @@ def evaluate_grasps(
             raise SettingError(
                 "a gripper applies to poses, not to contacts; give poses, of shape (k, 4, 4)"
             )
-        return _evaluate_contacts(mesh, grasps, model, max_distance, load, threads, progress)
+        return _evaluate_contacts(mesh, grasps, model, max_distance, load)
     if max_distance is not None:
         raise SettingError("max_distance applies to contacts, not to poses of a gripper")
     if given is None:
@@ -177,8 +169,7 @@ def evaluate_grasps(
             "poses are evaluated for a gripper; give it (--hand, in Python hand=...)"
         )
     return evaluate_poses(
-        mesh, grasps, model, given, object_motion=object_motion, load=load, threads=threads,
-        progress=progress,
+        mesh, grasps, model, given, object_motion=object_motion, load=load,
     )  # fmt: skip
 
 
@@ -205,11 +196,8 @@ def _evaluate_contacts(
     model: GraspModel | None,
     max_distance: GivenLength | None,
     load: Load | None,
-    threads: int | None,
-    progress: Progress | None,
 ) -> GraspTable:
     """Move contacts (b, n, 3) to the surface, and evaluate the grasps."""
-    report = progress or ignore
     mesh, given = load_mesh(mesh), _checked(points)
     mesh, load = loaded_mesh(mesh, load)
     (used,) = mesh.in_own_unit(model or GraspModel())
@@ -221,31 +209,28 @@ def _evaluate_contacts(
         raise SettingError(f"max_distance must be a finite length of at least 0; got {limit:g}")
     if load is not None:
         LoadCase.of(load, mesh, used)  # refuse it before the work
-    threads = thread_count(threads)
-    projecting = within(report, 0.0, PROJECTED)
-    contacts, distances = _on_surface(mesh, given, limit, threads, projecting)
+    with within(0.0, PROJECTED):
+        contacts, distances = _on_surface(mesh, given, limit)
     end = ANGLES_COMPUTED if used.method == "extremes" else 1.0
-    angles = critical_angles(contacts, threads=threads, progress=within(report, PROJECTED, end))
+    with within(PROJECTED, end):
+        angles = critical_angles(contacts)
     grasps = GraspTable(
         contacts=contacts, model=used, critical_angle=angles[0], critical_angle_best=angles[1],
-        moved=distances, load=load, threads=threads,
+        moved=distances, load=load,
     )  # fmt: skip
-    grasps.compute_labels(within(report, end, 1.0))
-    report(1.0)
+    with within(end, 1.0):
+        grasps.compute_labels()
+    report_progress(1.0)
     return grasps
 
 
-def _on_surface(
-    mesh: ObjectMesh, given: Floats, limit: float, threads: int, progress: Progress
-) -> tuple[SurfaceContacts, Floats]:
+def _on_surface(mesh: ObjectMesh, given: Floats, limit: float) -> tuple[SurfaceContacts, Floats]:
     """Contacts (b, n, 3) moved to the surface, and their distances from it before (b, n)."""
     size, count = given.shape[:2]
     nearest, _, found = nearest_surface_points(
         mesh,
         given.reshape(-1, 3),
         limit=limit + DISTANCE_ROUNDING * mesh.size,
-        threads=threads,
-        progress=progress,
     )
     distances = found.reshape(size, count)
     _check_near(mesh, given, distances, limit)
@@ -319,8 +304,6 @@ def evaluate_poses(
     *,
     object_motion: ObjectMotion = "free",
     load: Load | None = None,
-    threads: int | None = None,
-    progress: Progress | None = None,
 ) -> EvaluatedPoses:
     """Close the jaws of a gripper on an object from given poses, and evaluate the grasps.
 
@@ -334,8 +317,6 @@ def evaluate_poses(
         scene: The gripper, the table and the allowed approach.
         object_motion: free: the object settles between the jaws; fixed: it does not move.
         load: What each grasp must hold; None: nothing.
-        threads: Threads to use; None: one per processor.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Raises:
         MeshError: It is no mesh.
@@ -351,24 +332,19 @@ def evaluate_poses(
     _check_external(given)
     used = touching(hand, GraspModel()) if model is None else model
     (used,) = mesh.in_own_unit(with_fingers(used, hand.fingers[-1]))
-    threads = thread_count(threads)
     if load is not None:
         LoadCase.of(load, mesh, used, hand)  # refuse it before the work
-    report = progress or ignore
-    closing = within(report, 0.0, JAWS_CLOSED)
-    jaws = hand.close(
-        mesh,
-        given.poses,
-        posture=given.posture,
-        object_motion=object_motion,
-        friction=float(np.min(used.frictions)),
-        threads=threads,
-        progress=closing,
-    )
+    with within(0.0, JAWS_CLOSED):
+        jaws = hand.close(
+            mesh,
+            given.poses,
+            posture=given.posture,
+            object_motion=object_motion,
+            friction=float(np.min(used.frictions)),
+        )
     held = jaws.closed if object_motion == "fixed" else np.zeros(given.count, dtype=np.bool_)
     colliding = hand.blocked(
         mesh, given.poses, jaws, posture=given.posture, held=held, table=scene.table,
-        threads=threads,
     )  # fmt: skip
     contacts = JawContacts.of(mesh, jaws)
     angles = np.zeros(0)
@@ -377,7 +353,7 @@ def evaluate_poses(
     grasps = GraspTable(
         contacts=contacts, model=used, critical_angle=locked(angles),
         critical_angle_best=locked(angles),
-        scene=scene, load=load, threads=threads,
+        scene=scene, load=load,
     )  # fmt: skip
     found = EvaluatedPoses(
         grasps=grasps,
@@ -393,8 +369,9 @@ def evaluate_poses(
             & _within_approach(given.poses, scene)
         ),
     )
-    found.compute_labels(within(report, JAWS_CLOSED, 1.0))
-    report(1.0)
+    with within(JAWS_CLOSED, 1.0):
+        found.compute_labels()
+    report_progress(1.0)
     return found
 
 

@@ -12,6 +12,7 @@ from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaws import Jaws, metres_per_unit
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings.lengths import METRES, Unit
+from grasp3d.system.context import unreported
 
 FITTING = 0.5
 """Fraction of the poses that fit the object from which no other reading is tried."""
@@ -52,7 +53,6 @@ def suspected_reading(
     unit: Unit | None = None,
     *,
     posture: Floats | None = None,
-    threads: int | None = None,
 ) -> str | None:
     """What mistake in a file of poses would explain that few of them fit the object.
 
@@ -66,7 +66,6 @@ def suspected_reading(
         hand: The gripper.
         unit: Unit that the lengths were read in; None: that of the mesh.
         posture: Further joints of the hand, shape (k, p); None: it has none.
-        threads: Threads to use; None: one per processor.
 
     Returns:
         One sentence; None: enough poses fit, there are too few of them, or no reading is better.
@@ -92,7 +91,7 @@ def suspected_reading(
     tried, joints = poses[chosen], np.zeros((len(chosen), 0))
     if posture is not None:
         joints = posture[chosen]
-    given = int(_fits(mesh, tried, joints, hand, threads).sum())
+    given = int(_fits(mesh, tried, joints, hand).sum())
     if given >= FITTING * len(tried):
         return None
     plausible = PLAUSIBLE[0] <= _spread(tried) / mesh.size <= PLAUSIBLE[1]
@@ -100,7 +99,7 @@ def suspected_reading(
     readings = list(_readings(mesh, hand, lengths))
     changed = np.concatenate([reading.change(tried) for reading in readings])
     joints = np.tile(joints, (len(readings), 1))
-    fitting = _fits(mesh, changed, joints, hand, threads).reshape(len(readings), -1).sum(axis=1)
+    fitting = _fits(mesh, changed, joints, hand).reshape(len(readings), -1).sum(axis=1)
     best = int(fitting.max())
     enough = max(LEAST_FIT * len(tried), given + LEAST_GAIN * len(tried), LEAST_RATIO * given)
     if best < enough:
@@ -129,13 +128,12 @@ def starting_inside(state: Bytes) -> str | None:
     )
 
 
-def _fits(
-    mesh: ObjectMesh, poses: Floats, posture: Floats, hand: Hand, threads: int | None
-) -> Bools:
+def _fits(mesh: ObjectMesh, poses: Floats, posture: Floats, hand: Hand) -> Bools:
     """Whether the open gripper approaches each pose freely, and its jaws close there, (k,)."""
-    closed = hand.close(mesh, poses, posture=posture, threads=threads)
+    with unreported():
+        closed = hand.close(mesh, poses, posture=posture)
     open_wide = np.zeros(len(poses), dtype=np.bool_)
-    blocked = hand.blocked(mesh, poses, closed, posture=posture, held=open_wide, threads=threads)
+    blocked = hand.blocked(mesh, poses, closed, posture=posture, held=open_wide)
     return np.asarray(closed.closed & ~blocked)
 
 

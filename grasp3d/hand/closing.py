@@ -17,8 +17,7 @@ from grasp3d.hand.jaws import Corners, Jaws, metres_per_unit
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import check_choice
 from grasp3d.settings.lengths import GivenLength, Measure
-from grasp3d.system.processors import thread_count
-from grasp3d.system.progress import Progress, ignore
+from grasp3d.system.context import report_progress, thread_count
 
 FOOTPRINT = 1.0 / 3.0
 """Depth, relative to a pad's smaller side, to which the surface opposite it makes the normal.
@@ -106,8 +105,6 @@ def close_jaws(
     object_motion: ObjectMotion = "fixed",
     friction: float = 0.5,
     moving: Moving = "both",
-    threads: int | None = None,
-    progress: Progress | None = None,
 ) -> ClosedJaws:
     """Close the jaws of a gripper on an object.
 
@@ -141,8 +138,6 @@ def close_jaws(
         moving: both: each jaw moves until it touches, as the hand or the object gives way; one:
             finger 2 moves, finger 1 stays at the start, where it touches only what is there; the
             object must be fixed.
-        threads: Threads to use; None: one per processor. The result does not depend on it.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Raises:
         SettingError: The unit of the mesh is not known, or a setting is outside its range.
@@ -180,7 +175,7 @@ def close_jaws(
     jaw = jaw_of(hand, scale)
     found = _empty(len(matrices))
     used = friction if free else FIXED
-    _run(mesh, matrices, start, used, jaw, found, threads, progress or ignore)
+    _run(mesh, matrices, start, used, jaw, found)
     return closed_jaws(
         mesh,
         found,
@@ -252,11 +247,8 @@ def _run(
     friction: float,
     jaw: Jaw,
     found: ClosedOn,
-    threads: int | None,
-    progress: Progress,
 ) -> None:
     """Close the jaws from every pose, in chunks; `found` is written."""
-    threads = thread_count(threads)
     surface = mesh.contact_surface
     tree = face_tree(surface)
     firsts = range(0, len(matrices), CHUNK)
@@ -265,9 +257,9 @@ def _run(
         last = min(first + CHUNK, len(matrices))
         close_on(surface, tree, matrices, start, friction, jaw, first, last, found)
 
-    with ThreadPoolExecutor(threads) as executor:
+    with ThreadPoolExecutor(thread_count()) as executor:
         for done, _ in enumerate(executor.map(work, firsts), start=1):
-            progress(done / len(firsts))
+            report_progress(done / len(firsts))
 
 
 def _at_rest(found: ClosedOn, start: Floats, jaw: Jaw) -> Bools:

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from grasp3d.hand.table import Approach, Table
     from grasp3d.hand.triangles import Triangles
     from grasp3d.mesh import ObjectMesh
-    from grasp3d.system.progress import Progress
 
 
 @runtime_checkable
@@ -99,7 +98,6 @@ class Hand(Protocol):
         grip: "ArrayLike" = 1,
         table: "Table | None" = None,
         approach: "Approach | None" = None,
-        threads: int | None = None,
     ) -> "Reach":
         """Which grasps it reaches, and in which pose, opening and posture.
 
@@ -110,7 +108,6 @@ class Hand(Protocol):
             grip: +1 external grasps, -1 internal ones, one number or shape (b,).
             table: What the object stands on; None: nothing.
             approach: Approach angles and allowed directions; None: any direction.
-            threads: Threads to use; None: one per processor.
         """
 
     def close(
@@ -121,8 +118,6 @@ class Hand(Protocol):
         posture: "ArrayLike | None" = None,
         object_motion: "ObjectMotion" = "fixed",
         friction: float = 0.5,
-        threads: int | None = None,
-        progress: "Progress | None" = None,
     ) -> "ClosedJaws":
         """What its fingers touch when they close at poses, wide open at first.
 
@@ -132,8 +127,6 @@ class Hand(Protocol):
             posture: Further joints, shape (k, p); None: there are none.
             object_motion: free: the object gives way; fixed: it does not move.
             friction: Coulomb coefficient between the fingers and a free object.
-            threads: Threads to use; None: one per processor.
-            progress: Called with the fraction of the work done, from 0 to 1.
         """
 
     def blocked(
@@ -145,7 +138,6 @@ class Hand(Protocol):
         posture: "ArrayLike | None" = None,
         held: "Bools",
         table: "Table | None" = None,
-        threads: int | None = None,
     ) -> "Bools":
         """Whether the hand collides on its way to poses, shape (k,).
 
@@ -157,7 +149,6 @@ class Hand(Protocol):
             held: Whether it is tested around the object that it holds there, or else wide open,
                 shape (k,).
             table: What the object stands on; None: nothing.
-            threads: Threads to use; None: one per processor.
         """
 
     def opens_to(self, mesh: "ObjectMesh", closed: "ClosedJaws") -> "Bools":

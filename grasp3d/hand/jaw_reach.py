@@ -18,7 +18,7 @@ from grasp3d.hand.jaws import Jaws, metres_per_unit
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh import ObjectMesh
-from grasp3d.system.processors import available_processors
+from grasp3d.system.context import thread_count
 
 CHUNK = 256
 """Grasps that a thread tests in one call."""
@@ -72,18 +72,15 @@ def normalized_limits(mesh: ObjectMesh, table: Table | None, approach: Approach)
     )
 
 
-def in_chunks(
-    work: Callable[[slice, Any], None], count: int, angles: int, threads: int | None
-) -> None:
+def in_chunks(work: Callable[[slice, Any], None], count: int, angles: int) -> None:
     """Run work on slices of rows in threads, each with a workspace of its own.
 
     Args:
         work: Called with the rows and a `ReachWorkspace`.
         count: Number of rows.
         angles: Approach angles of the workspaces.
-        threads: Threads to use; None: one per processor.
     """
-    threads = max(1, min(threads or available_processors(), -(-count // CHUNK)))
+    threads = max(1, min(thread_count(), -(-count // CHUNK)))
     starts = range(0, count, CHUNK)
 
     def run(number: int) -> None:
@@ -119,7 +116,6 @@ def reach_grasps(
     grip: ArrayLike = 1,
     table: Table | None = None,
     approach: Approach | None = None,
-    threads: int | None = None,
 ) -> Reach:
     """Test whether a gripper reaches grasps, and find a pose for each.
 
@@ -142,7 +138,6 @@ def reach_grasps(
             number or shape (b,).
         table: What the object stands on; None: nothing.
         approach: Approach angles and allowed directions; None: 32 angles, any direction.
-        threads: Threads to use; None: one per processor. The result does not depend on it.
 
     Raises:
         SettingError: The mesh has no unit, or flat pads are given more than two contacts.
@@ -167,7 +162,7 @@ def reach_grasps(
     scene = NormalizedScene.of(mesh, hand, table, approach)
     inner = np.ascontiguousarray((points - mesh.center) / mesh.size)
     if points.shape[1] > 2:
-        return _reach_tips(scene, inner, normals, threads)
+        return _reach_tips(scene, inner, normals)
     count, angles = len(points), approach.angles
     explain = True
     results = gripper_parts.no_results(count)
@@ -178,7 +173,7 @@ def reach_grasps(
             scene.tree, workspace, *(array[rows] for array in results),
         )  # fmt: skip
 
-    in_chunks(work, count, angles, threads)
+    in_chunks(work, count, angles)
     return Reach.of(mesh, results, angles)
 
 
@@ -197,9 +192,7 @@ def _checked(points: ArrayLike, normals: ArrayLike, grip: ArrayLike) -> tuple[Fl
     return p, np.ascontiguousarray(unit_rows(n)), checked_grip(grip, len(p))
 
 
-def _reach_tips(
-    scene: NormalizedScene, points: Floats, normals: Floats, threads: int | None
-) -> Reach:
+def _reach_tips(scene: NormalizedScene, points: Floats, normals: Floats) -> Reach:
     """Reach of grasps of three fingers and more: their tips alone."""
     if scene.shape.tip_radius == 0.0:
         raise SettingError(
@@ -214,7 +207,7 @@ def _reach_tips(
             codes[rows],
         )  # fmt: skip
 
-    in_chunks(work, len(points), 1, threads)
+    in_chunks(work, len(points), 1)
     nan = locked(np.full(len(points), math.nan))
     return Reach(
         state=locked(codes),
@@ -241,7 +234,6 @@ def collides(
     grip: ArrayLike = 1,
     table: Table | None = None,
     swept: bool = True,
-    threads: int | None = None,
 ) -> Bools:
     """Test whether a gripper collides at given poses with the object or the table.
 
@@ -257,7 +249,6 @@ def collides(
         table: What the object stands on; None: nothing.
         swept: Whether the straight approach and the clearance are tested too; else the final
             pose only.
-        threads: Threads to use; None: one per processor.
 
     Returns:
         Whether the gripper collides, shape (b,).
@@ -290,7 +281,7 @@ def collides(
             scene.tree, workspace, verdict[rows],
         )  # fmt: skip
 
-    in_chunks(work, len(matrices), 1, threads)
+    in_chunks(work, len(matrices), 1)
     return verdict
 
 
@@ -302,7 +293,6 @@ def collides_closing(
     *,
     held: Bools,
     table: Table | None = None,
-    threads: int | None = None,
 ) -> Bools:
     """Test whether a gripper collides on its way to poses at which its jaws then close.
 
@@ -316,7 +306,6 @@ def collides_closing(
         held: Whether it is tested around the object that it holds there, or else wide open, shape
             (k,).
         table: What the object stands on; None: nothing.
-        threads: Threads to use; None: one per processor.
 
     Returns:
         Whether the gripper collides, shape (k,).
@@ -326,7 +315,7 @@ def collides_closing(
     centred = poses.copy()
     offset = np.where(held, closed.offset, 0.0)
     centred[:, :3, 3] += offset[:, None] * poses[:, :3, 0]
-    return collides(mesh, centred, opening, hand, table=table, threads=threads)
+    return collides(mesh, centred, opening, hand, table=table)
 
 
 def _checked_poses(

@@ -98,12 +98,10 @@ class Scene:
         normals: ArrayLike,
         *,
         grip: ArrayLike = 1,
-        threads: int | None = None,
     ) -> Reach:
         """Which grasps the hand reaches here; see `Hand.reach`."""
         return self.hand.reach(
             mesh, points, normals, grip=grip, table=self.table, approach=self.approach,
-            threads=threads,
         )  # fmt: skip
 
     def within_stroke(self, mesh: ObjectMesh, sampling: Sampling) -> Sampling:

@@ -39,7 +39,7 @@ from grasp3d.mesh.work_bounds import WorkBoundError
 from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling
 from grasp3d.settings.costs import Cost, labelling_cost
 from grasp3d.settings.lengths import Unit
-from grasp3d.system.processors import available_processors
+from grasp3d.system.context import available_processors
 
 MISSING = 0.05
 """Area fraction of holes above which labels cannot be trusted."""

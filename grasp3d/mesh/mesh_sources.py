@@ -19,8 +19,8 @@ from grasp3d.reading import RawMesh, check_finite, flattened, read_mesh, stated_
 from grasp3d.reading.sources import flattens
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.costs import check_cost
+from grasp3d.system.context import begin_step
 from grasp3d.system.names import printable
-from grasp3d.system.steps import begin_step
 
 LARGEST = 1e60
 """Largest coordinate, and reciprocal of the smallest size, whose powers stay finite."""

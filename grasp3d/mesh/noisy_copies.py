@@ -98,7 +98,7 @@ class MovableSurface:
         used, first = np.unique(self.mesh.faces, return_index=True)
         return used, first
 
-    def moved(self, shifts: Floats, *, threads: int | None = None) -> ObjectMesh:
+    def moved(self, shifts: Floats) -> ObjectMesh:
         """A copy of the mesh with moved vertices, and the contact normals that these give.
 
         Which edges are creases, and the patch of a fingertip, are determined anew; faces, repair
@@ -106,7 +106,6 @@ class MovableSurface:
 
         Args:
             shifts: Displacements of `points`, in the mesh's unit, shape (n, 3).
-            threads: Threads to use; None: one per processor.
 
         Returns:
             The copy; its arrays correspond to those of the mesh, row by row.
@@ -119,7 +118,7 @@ class MovableSurface:
         normals = self._divided(corner_normals(normalized, mesh.options.crease_angle))
         refined = Triangles(self._all(normalized.vertices), mesh.faces)
         normals, _ = fingertip_normals(
-            Triangles(vertices, faces), refined, normals, mesh.options, mesh.size, threads=threads
+            Triangles(vertices, faces), refined, normals, mesh.options, mesh.size
         )
         return replace(
             mesh,
@@ -159,16 +158,13 @@ class MovableSurface:
         return CornerNormals(number.reshape(-1, 3), unit_rows(mixed), vertex[first])
 
 
-def movable_surface(
-    source: MeshSource, options: MeshOptions | None = None, *, threads: int | None = None
-) -> MovableSurface:
+def movable_surface(source: MeshSource, options: MeshOptions | None = None) -> MovableSurface:
     """Read and prepare a mesh, as `load_mesh` does, so that its vertices can be moved.
 
     Args:
         source: A path or an object, as in `load_mesh`; the surface of an `ObjectMesh` is prepared
             again, with its own options if none are given.
         options: How the mesh is read and prepared; None: the defaults.
-        threads: Threads to use; None: one per processor.
 
     Raises:
         MeshError: The mesh cannot be read, for the same reasons as in `load_mesh`.
@@ -176,7 +172,7 @@ def movable_surface(
     """
     own = source.options if isinstance(source, ObjectMesh) else None
     chosen = options or own or MeshOptions()
-    found = prepare(source, chosen, threads=threads)
+    found = prepare(source, chosen)
     mesh, repaired = found.mesh, found.repaired
     surface = Triangles((repaired.vertices - mesh.center) / mesh.size, repaired.faces)
     edge = longest_edge(mesh.options, mesh.size)

@@ -20,7 +20,7 @@ from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows
 from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import Triangles, connected, crowded_edges, paired_edges
 from grasp3d.settings import MeshOptions
-from grasp3d.system.processors import available_processors
+from grasp3d.system.context import thread_count
 
 HALF = 0.5
 """Length of a mean of unit normals below which it has no meaningful direction."""
@@ -197,8 +197,6 @@ def fingertip_normals(
     normals: CornerNormals,
     options: MeshOptions,
     size: float,
-    *,
-    threads: int | None = None,
 ) -> tuple[CornerNormals, tuple[str, ...]]:
     """Take the contact normals of a fingertip: averaged over its patch, if it has one.
 
@@ -208,7 +206,6 @@ def fingertip_normals(
         normals: Its own normals.
         options: With the patch's radius; 0: the surface's own normals.
         size: The object's size in the mesh's unit.
-        threads: As in `patch_normals`.
 
     Returns:
         The normals, and warnings about them, one sentence each.
@@ -227,14 +224,12 @@ def fingertip_normals(
         )
     net = surface_net(refined)
     _check_work(net, radius, size)
-    averaged = patch_normals(net, normals, radius / size, threads=threads)
+    averaged = patch_normals(net, normals, radius / size)
     width = facet_width(given, options.crease_angle)
     return averaged, _warnings(radius, width, size * float(net.sides.mean()))
 
 
-def patch_normals(
-    net: GeodesicMesh, normals: CornerNormals, radius: float, *, threads: int | None = None
-) -> CornerNormals:
+def patch_normals(net: GeodesicMesh, normals: CornerNormals, radius: float) -> CornerNormals:
     """Average the face normals over the patch around each vertex.
 
     A patch is the surface within a distance of the vertex along it: the far side of a thin plate
@@ -248,14 +243,12 @@ def patch_normals(
         net: The surface; see `surface_net`.
         normals: Normals at the corners of its faces.
         radius: Radius of a patch along the surface, in the unit of its vertices, > 0.
-        threads: Threads to use; None: one per processor, up to a few. The result does not depend
-            on it.
 
     Returns:
         The normals at the same corners.
     """
     sources = np.unique(net.faces)
-    vectors, areas = patch_areas(net, sources, radius, threads=threads)
+    vectors, areas = patch_areas(net, sources, radius)
     averaged = np.linalg.norm(vectors, axis=1) > CANCELLED * areas
     averaged &= ~_on_crowded_edges(net)[sources]
     row = np.full(_vertex_count(net), -1, dtype=np.int64)
@@ -269,21 +262,18 @@ def patch_normals(
     )
 
 
-def patch_areas(
-    net: GeodesicMesh, sources: Ints, radius: float, *, threads: int | None = None
-) -> tuple[Floats, Floats]:
+def patch_areas(net: GeodesicMesh, sources: Ints, radius: float) -> tuple[Floats, Floats]:
     """Sum the areas within a distance of vertices, measured along the surface.
 
     Args:
         net: The surface.
         sources: The vertices (n,).
         radius: The distance.
-        threads: Threads to use; None: one per processor, up to a few.
 
     Returns:
         Inward area vectors (n, 3) and areas (n,).
     """
-    threads = min(available_processors(), MOST_THREADS) if threads is None else threads
+    threads = min(thread_count(), MOST_THREADS)
     vectors, areas = np.zeros((len(sources), 3)), np.zeros(len(sources))
     starts = range(0, len(sources), CHUNK)
 

@@ -20,8 +20,8 @@ from grasp3d.mesh.work_bounds import bounds_of
 from grasp3d.reading import RawMesh
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.lengths import Unit, settings_in_unit
+from grasp3d.system.context import begin_step
 from grasp3d.system.names import printable
-from grasp3d.system.steps import begin_step
 
 OUTSIDE = 1e-6
 """Distance from the bounding box, as a fraction of the size, from which a point is outside it."""
@@ -49,8 +49,6 @@ class PreparedMesh:
 def load_mesh(
     source: MeshSource,
     options: MeshOptions | None = None,
-    *,
-    threads: int | None = None,
     **fields: Any,
 ) -> ObjectMesh:
     """Read a mesh, and prepare its surface for contacts.
@@ -64,7 +62,6 @@ def load_mesh(
             returned as it is; with other options than its own, its surface is prepared again,
             without removing vertices that were added to divide edges.
         options: How the mesh is read and prepared; None: the defaults.
-        threads: Threads to use; None: one per processor.
         fields: Fields of `MeshOptions` that differ from `options`: unit, max_edge, crease_angle,
             repair, patch_radius, center_of_mass, max_memory.
 
@@ -96,18 +93,15 @@ def load_mesh(
     chosen = MeshOptions.of(options or own, fields)
     if isinstance(source, ObjectMesh) and chosen == own:
         return source
-    return prepare(source, chosen, threads=threads).mesh
+    return prepare(source, chosen).mesh
 
 
-def prepare(
-    source: MeshSource, options: MeshOptions, *, threads: int | None = None
-) -> PreparedMesh:
+def prepare(source: MeshSource, options: MeshOptions) -> PreparedMesh:
     """Prepare a mesh, as `load_mesh` does, and keep the surfaces that it was made of.
 
     Args:
         source: As in `load_mesh`; an `ObjectMesh` is prepared again.
         options: How the mesh is read and prepared.
-        threads: Threads to use; None: one per processor.
 
     Raises:
         MeshError: For the same reasons as in `load_mesh`.
@@ -116,7 +110,7 @@ def prepare(
     """
     given = read_source(source, max_memory=options.max_memory)
     repaired = repair_given(given, options)
-    return PreparedMesh(given, repaired, refined_mesh(given, repaired, options, threads=threads))
+    return PreparedMesh(given, repaired, refined_mesh(given, repaired, options))
 
 
 def repair_given(given: GivenMesh, options: MeshOptions) -> RepairedSurface:
@@ -139,8 +133,6 @@ def refined_mesh(
     given: GivenMesh,
     repaired: RepairedSurface,
     options: MeshOptions,
-    *,
-    threads: int | None = None,
 ) -> ObjectMesh:
     """Make the mesh of a repaired surface: contact normals, refinement, mass properties.
 
@@ -148,7 +140,6 @@ def refined_mesh(
         given: The surface as it was read.
         repaired: The repaired surface.
         options: Longest edge, crease angle, patch radius, unit and memory limit.
-        threads: Threads to use; None: one per processor.
 
     Raises:
         MeshError: It would become too large.
@@ -168,7 +159,6 @@ def refined_mesh(
         refined, normals = refine(surface, normals, edge, min(error / size, MOST_ROUNDING))
     normals, patch_warnings = fingertip_normals(
         Triangles(repaired.vertices, repaired.faces), refined, normals, options, size,
-        threads=threads,
     )  # fmt: skip
     center_mass, volume = center_and_volume(surface, closed=repaired.closed)
     warnings = [

@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 
 from grasp3d.arrays import Floats, Ints, short_repr, unit_rows
 from grasp3d.mesh.object_mesh import ObjectMesh
-from grasp3d.system.progress import Progress, ignore
+from grasp3d.system.context import report_progress, thread_count
 
 ON_BORDER = 1e-9
 """Distance, in object sizes, within which a point counts as on a corner or an edge."""
@@ -46,8 +46,6 @@ def nearest_surface_points(
     points: Floats,
     *,
     limit: float = math.inf,
-    threads: int | None = None,
-    progress: Progress | None = None,
 ) -> tuple[SurfacePoints, Floats, Floats]:
     """Find the surface point that is nearest to each point.
 
@@ -59,8 +57,6 @@ def nearest_surface_points(
         points: Finite positions in the mesh's frame and unit, shape (k, 3).
         limit: Largest distance to search, in the mesh's unit. Without a limit, points far from the
             surface take long, as much of it is almost equally near.
-        threads: Threads to use; None: one per processor.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         The surface points (k,); their positions (k, 3) in the mesh's frame and unit; the distances
@@ -69,12 +65,11 @@ def nearest_surface_points(
     faces = _Faces.of(mesh.normalized[mesh.faces])
     found, weights = np.full(len(points), -1, dtype=np.int64), np.zeros((len(points), 3))
     reach = limit / mesh.size
-    workers = -1 if threads is None else threads  # as SciPy counts them
     for start in range(0, len(points), POINTS):
         part = slice(start, start + POINTS)
         normalized = (points[part] - mesh.center) / mesh.size
-        found[part], weights[part] = faces.nearest(normalized, reach, workers)
-        (progress or ignore)(min(part.stop / len(points), 1.0))
+        found[part], weights[part] = faces.nearest(normalized, reach)
+        report_progress(min(part.stop / len(points), 1.0))
     surface_points = SurfacePoints(found, weights)
     missing = found < 0
     positions = np.where(missing[:, None], math.nan, surface_points.positions(mesh))
@@ -95,7 +90,7 @@ def nearest_surface_point(mesh: ObjectMesh, point: Floats) -> tuple[Floats, int,
         Its position (3,) in the normalised frame, its face, and its barycentric coordinates (3,).
     """
     corners = mesh.normalized[mesh.faces]
-    found, weights = _Faces.of(corners).nearest(point[None], math.inf, 1)
+    found, weights = _Faces.of(corners).nearest(point[None], math.inf)
     face = int(found[0])
     return weights[0] @ corners[face], face, weights[0]
 
@@ -136,13 +131,13 @@ class _Faces:
             )
         return cls(corners, radii, KDTree(centroids), tuple(groups))
 
-    def nearest(self, points: Floats, limit: float, threads: int) -> tuple[Ints, Floats]:
+    def nearest(self, points: Floats, limit: float) -> tuple[Ints, Floats]:
         """Face nearest to each point (k,) and barycentric coordinates of the nearest point (k, 3).
 
         Points that are surely beyond the limit have face -1.
         """
         _, first = self.tree.query(
-            points, distance_upper_bound=limit + self.radii.max(), workers=threads
+            points, distance_upper_bound=limit + self.radii.max(), workers=thread_count()
         )
         first = np.asarray(first, dtype=np.int64)
         near = np.flatnonzero(first < len(self.radii))
@@ -150,7 +145,7 @@ class _Faces:
         queried, found = points[near], first[near]
         least = self._distances(queried, found)
         for group in self.groups:
-            for rows, tested in _pairs(group, queried, least, threads):
+            for rows, tested in _pairs(group, queried, least):
                 which, faces_here, least_here = self._best(queried, rows, tested)
                 better = (least_here < least[which]) | (
                     (least_here == least[which]) & (faces_here < found[which])
@@ -185,14 +180,12 @@ class _Faces:
         return np.asarray(origin + closest * scale)
 
 
-def _pairs(
-    group: _SizeGroup, points: Floats, least: Floats, threads: int
-) -> Iterator[tuple[Ints, Ints]]:
+def _pairs(group: _SizeGroup, points: Floats, least: Floats) -> Iterator[tuple[Ints, Ints]]:
     """Pairs of a point, by row and in order, and a face that may be nearer to it than `least`."""
     reach = least + group.radius
     reach *= 1.0 + 1e-12  # rounding must not exclude the nearest face itself
     counts = np.asarray(
-        group.tree.query_ball_point(points, reach, return_length=True, workers=threads)
+        group.tree.query_ball_point(points, reach, return_length=True, workers=thread_count())
     )
     near = np.flatnonzero(counts)
     part = np.cumsum(counts[near]) // PAIRS

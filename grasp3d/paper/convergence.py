@@ -18,7 +18,7 @@ from grasp3d.stability.label import Label
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
-from grasp3d.system.progress import Progress
+from grasp3d.system.context import report_progress, unreported
 
 SAMPLES = {2: (2000, (4, 8, 16, 32)), 3: (500, (4, 8, 16)), 4: (200, (4, 8))}
 """For each number of fingers: the number of grasps, and numbers of extreme normals to compare."""
@@ -141,7 +141,7 @@ def compare(
     )
 
 
-def comparisons(progress: Progress | None = None) -> list[Comparison]:
+def comparisons() -> list[Comparison]:
     """Compare all `SAMPLES`: circular cones first, then polygons with as many edges as normals."""
     tasks = [
         (fingers, grasps, normals, normals if polygonal else None)
@@ -152,9 +152,9 @@ def comparisons(progress: Progress | None = None) -> list[Comparison]:
     weights = np.cumsum([grasps * (count + 1) ** fingers for fingers, grasps, count, _ in tasks])
     found = []
     for (fingers, grasps, normals, edges), done in zip(tasks, weights / weights[-1], strict=True):
-        found.append(compare(fingers, grasps, normals, edges=edges))
-        if progress is not None:
-            progress(float(done))
+        with unreported():
+            found.append(compare(fingers, grasps, normals, edges=edges))
+        report_progress(float(done))
     return found
 
 

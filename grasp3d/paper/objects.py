@@ -25,7 +25,7 @@ from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
 from grasp3d.surface.sweeps import Sweep, sweep
-from grasp3d.system.progress import Progress
+from grasp3d.system.context import unreported
 
 BELOW = (0.0, 0.0, -1.0)
 """Contact point of the first finger on the solids: in the middle underneath, as on the square."""
@@ -86,7 +86,6 @@ def real_object(
     settings: PaperSettings,
     *,
     fixed: ArrayLike | None = None,
-    progress: Progress | None = None,
 ) -> ScannedObject:
     """Scan any object.
 
@@ -96,20 +95,18 @@ def real_object(
         settings: Friction and resolutions.
         fixed: Contact point of the first finger, in the mesh's frame; None: where a two-finger
             grasp is best.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Raises:
         SettingError: No grasp was found on it and no point is given, or `fixed` is not a point.
     """
-    point = best_contact_point(mesh, settings.models[0], progress) if fixed is None else fixed
-    (finger,) = fixed_fingers(scan_surface(mesh, settings.models[0], fixed=point))
-    scanned = _scanned(name, mesh, point, settings, view_of(finger.normal))
+    point = best_contact_point(mesh, settings.models[0]) if fixed is None else fixed
+    with unreported():
+        (finger,) = fixed_fingers(scan_surface(mesh, settings.models[0], fixed=point))
+        scanned = _scanned(name, mesh, point, settings, view_of(finger.normal))
     return replace(scanned, length=mesh.size / 2.0)
 
 
-def best_contact_point(
-    mesh: ObjectMesh, model: GraspModel, progress: Progress | None = None
-) -> Floats:  # fmt: skip
+def best_contact_point(mesh: ObjectMesh, model: GraspModel) -> Floats:
     """Find the vertex whose best two-finger grasp tolerates the coarsest sensor, shape (3,).
 
     Several tolerate equally coarse ones; of some of those it is the one with the largest area
@@ -119,7 +116,7 @@ def best_contact_point(
         SettingError: There is no grasp.
     """
     fine = replace(model, sensor_resolution=0.0)  # smallest search cone
-    labels = label_surface(mesh, fine, progress=progress)
+    labels = label_surface(mesh, fine)
     lowest = float(labels.critical_angle.min())
     if math.isinf(lowest):
         raise SettingError(
@@ -128,10 +125,11 @@ def best_contact_point(
         )
     good = np.flatnonzero(labels.critical_angle <= max(lowest, 0.0) + AS_GOOD)
     compared = np.unique(good[np.linspace(0, len(good) - 1, COMPARED).astype(np.int64)])
-    stable = [
-        scan_surface(mesh, model, fixed=mesh.vertices[vertex]).fractions()["S"]
-        for vertex in compared
-    ]
+    with unreported():
+        stable = [
+            scan_surface(mesh, model, fixed=mesh.vertices[vertex]).fractions()["S"]
+            for vertex in compared
+        ]
     return np.array(mesh.vertices[compared[int(np.argmax(stable))]])
 
 

@@ -1,5 +1,7 @@
 """Recomputation of the whole paper into one folder: figures, labelled surfaces, numbers."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,8 +20,8 @@ from grasp3d.paper.objects import (
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.plots.figures import save
 from grasp3d.plots.rendering import can_render
+from grasp3d.system.context import report_progress, unreported, within
 from grasp3d.system.files import atomic_write, check_writable
-from grasp3d.system.progress import Progress, ignore, within
 
 NUMBERS = "numbers.md"
 SOLIDS = ("sphere", "box", "cylinder")
@@ -46,7 +48,6 @@ def write_paper(
     *,
     object_file: Path | None = None,
     fixed: ArrayLike | None = None,
-    progress: Progress | None = None,
 ) -> Paper:
     """Recompute Wan & Howe 2018: Fig. 4 to 11, their counterparts in space, and all numbers.
 
@@ -60,7 +61,6 @@ def write_paper(
         object_file: A mesh for the counterparts in space.
         fixed: Contact point of the first finger on it, in the file's frame; None: where a
             two-finger grasp is best.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Raises:
         SettingError: A setting is outside its range, or `fixed` is given without a mesh.
@@ -75,29 +75,29 @@ def write_paper(
     _check(output, [*FIGURES, *(f"surface_{name}" for name in names)])
     steps = _Steps(
         FIGURE * len(FIGURES) + SURFACE * len(names) + SEARCH * (mesh is not None)
-        + COMPARISON,
-        progress,
+        + COMPARISON
     )  # fmt: skip
     real: list[ScannedObject] = []
     if object_file is not None and mesh is not None:
-        search = steps.part(SEARCH)
-        real.append(real_object(mesh, object_file.stem, chosen, fixed=fixed, progress=search))
-        search(1.0)
+        with steps.part(SEARCH):
+            real.append(real_object(mesh, object_file.stem, chosen, fixed=fixed))
     written: list[Path] = []
     for name, draw in FIGURES.items():
-        written += save(draw(chosen), output / name)
-        steps.part(FIGURE)(1.0)
-    pictures, scanned = can_render(), []
-    for name, one in zip(names, [*solids(chosen), *real], strict=True):
-        scanned.append(one)
-        figure = object_figure(one, chosen, pictures=pictures)
-        written += save(figure, output / f"surface_{name}")
-        steps.part(SURFACE)(1.0)
+        with steps.part(FIGURE), unreported():
+            written += save(draw(chosen), output / name)
+    with unreported():
+        scanned = [*solids(chosen), *real]
+        surfaces = surface_table(chosen)
+    pictures = can_render()
+    for name, one in zip(names, scanned, strict=True):
+        with steps.part(SURFACE), unreported():
+            figure = object_figure(one, chosen, pictures=pictures)
+            written += save(figure, output / f"surface_{name}")
+    with steps.part(COMPARISON):
+        compared = convergence_tables(comparisons())
     sampled = {
-        "The same solids from wrench hulls alone": surface_table(chosen),
-        "Sampled extreme normals against exact labels": convergence_tables(
-            comparisons(steps.part(COMPARISON))
-        ),
+        "The same solids from wrench hulls alone": surfaces,
+        "Sampled extreme normals against exact labels": compared,
     }
     with atomic_write(output / NUMBERS) as part:
         part.write_text(numbers_page(chosen, scanned, sampled), encoding="utf-8")
@@ -108,14 +108,17 @@ def write_paper(
 class _Steps:
     """Progress over parts of different durations."""
 
-    def __init__(self, total: float, progress: Progress | None) -> None:
-        self._total, self._progress, self._done = total, progress or ignore, 0.0
+    def __init__(self, total: float) -> None:
+        self._total, self._done = total, 0.0
 
-    def part(self, size: float) -> Progress:
-        """Begin the next part; return a function that takes the fraction of it that is done."""
+    @contextmanager
+    def part(self, size: float) -> Iterator[None]:
+        """Run the next part, and report that it is done."""
         start = self._done
         self._done += size / self._total
-        return within(self._progress, start, min(1.0, self._done))
+        with within(start, min(1.0, self._done)):
+            yield
+            report_progress(1.0)
 
 
 def _check(output: Path, names: list[str]) -> None:

@@ -111,7 +111,7 @@ def true_points(
     contacts = SurfaceContacts(mesh, SurfacePoints(faces[:, None], weights[:, None]))
     points, normals = contacts.points[:, 0], contacts.normals[:, 0]
     centres = points - tip_radius * normals
-    _, _, distances = nearest_surface_points(mesh, centres, threads=1)
+    _, _, distances = nearest_surface_points(mesh, centres)
     fits = (distances >= (1.0 - FIT) * tip_radius) & ~contacts.on_crease[:, 0]
     depth = np.abs(parts.depths(points))
     alike = (depth <= PART_DEPTH * tip_radius) & (

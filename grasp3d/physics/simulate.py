@@ -28,10 +28,9 @@ from grasp3d.settings import GraspModel, MeshOptions, Sampling, with_fingers
 from grasp3d.settings.lengths import METRES, settings_in_unit
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import Label
+from grasp3d.system.context import begin_step, report_progress, unreported
 from grasp3d.system.counts import counted
 from grasp3d.system.isolation import CallFailedError, call
-from grasp3d.system.progress import Progress, ignore
-from grasp3d.system.steps import begin_step
 
 ATTEMPTS = 6
 """Attempts of one job: some seconds, so that progress is seen and little is lost by a crash."""
@@ -76,7 +75,7 @@ def simulate_job(job: Job, stage: Stage) -> JobResult:
 
 
 def simulate_attempts(
-    attempts: Sequence[Attempt], stage: Stage, cluster: ClusterSettings, progress: Progress
+    attempts: Sequence[Attempt], stage: Stage, cluster: ClusterSettings
 ) -> tuple[tuple[Outcome, ...], tuple[str, ...]]:
     """Simulate attempts, some at a time in each process.
 
@@ -84,7 +83,6 @@ def simulate_attempts(
         attempts: The grasps.
         stage: The object and the tips.
         cluster: Which processes simulate.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         The outcome of each attempt, in their order, and the errors of jobs that failed, whose
@@ -100,7 +98,7 @@ def simulate_attempts(
     results: dict[int, JobResult] = {}
     for result in run(simulate_job, jobs, stage, lost=_lost, cluster=cluster):
         results[result.number] = result
-        progress(len(results) / len(jobs))
+        report_progress(len(results) / len(jobs))
     errors = tuple(dict.fromkeys(one.error for one in results.values() if one.error))
     if len([one for one in results.values() if one.error]) == len(jobs):
         raise GraspError(f"no grasp could be simulated: {errors[0]}")
@@ -172,7 +170,6 @@ def simulate_grasps(
     hand: Hand | None = None,
     options: MeshOptions | None = None,
     cluster: ClusterSettings | None = None,
-    progress: Progress | None = None,
 ) -> Simulation:
     """Draw grasps of two fingers from a surface, label them, and simulate what becomes of them.
 
@@ -195,7 +192,6 @@ def simulate_grasps(
         options: How the mesh is read and prepared.
         cluster: Which processes simulate; None: one for each processor of this machine. The result
             does not depend on it.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         The grasps, their labels and outcomes.
@@ -239,9 +235,10 @@ def simulate_grasps(
     parts = divided(surface, settings, processes)
     begin_step("drawing grasps")
     random = noise_stream(settings.seed, GRASPS)
-    reached = true_points(surface, parts, radius, settings.part_angle, random)
-    drawn = draw_grasps(surface, reached, chosen, within, settings.count, random)
-    poses, openings = _poses(drawn, radius, random)
+    with unreported():
+        reached = true_points(surface, parts, radius, settings.part_angle, random)
+        drawn = draw_grasps(surface, reached, chosen, within, settings.count, random)
+        poses, openings = _poses(drawn, radius, random)
     begin_step("simulating grasps")
     stage = Stage(
         simulated_object(surface, parts, scale),
@@ -249,7 +246,7 @@ def simulate_grasps(
         *settings_in_unit("m", settings),
     )
     attempts = _attempts(drawn, poses, openings, surface, settings, scale)
-    outcomes, errors = simulate_attempts(attempts, stage, processes, progress or ignore)
+    outcomes, errors = simulate_attempts(attempts, stage, processes)
     return Simulation(
         mesh=surface,
         model=chosen,
@@ -384,7 +381,6 @@ def simulate_poses(
     hand: Hand,
     simulation: SimulationSettings | None = None,
     cluster: ClusterSettings | None = None,
-    progress: Progress | None = None,
 ) -> GraspPoses:
     """Close a gripper at given poses in MuJoCo, and pull at the object that it holds.
 
@@ -401,7 +397,6 @@ def simulate_poses(
         simulation: Forces, times, limits and convex parts; None: the defaults. `count`,
             `tip_radius`, `pulled` and `part_angle` have no effect.
         cluster: Which processes simulate; None: one for each processor of this machine.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         The poses with the labels and numbers of `evaluate_grasps`, their simulated `outcome`, which
@@ -438,7 +433,8 @@ def simulate_poses(
     scale, processes = metres_per_unit(surface), cluster or ClusterSettings()
     (settings,) = settings_in_unit("m", simulation or SimulationSettings())
     settings = replace(settings, pulled="center_of_mass")
-    found = evaluate_grasps(surface, poses, model, hand=hand, threads=1)
+    with unreported():
+        found = evaluate_grasps(surface, poses, model, hand=hand)
     begin_step("dividing the object into convex parts")
     parts = divided(surface, settings, processes)
     begin_step("simulating grasps")
@@ -446,7 +442,7 @@ def simulate_poses(
         simulated_object(surface, parts, scale), _tips(hand, found.model, scale), settings
     )
     attempts = _posed_attempts(found, stage.tips, scale)
-    outcomes, _ = simulate_attempts(attempts, stage, processes, progress or ignore)
+    outcomes, _ = simulate_attempts(attempts, stage, processes)
     table = {
         "fate": np.array([str(one.fate) for one in outcomes]),
         "pulls_held": np.array([one.pulls_held for one in outcomes]),

@@ -23,7 +23,7 @@ from grasp3d.surface.closed_grasps import UNKNOWN
 from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.system.progress import Progress, ignore
+from grasp3d.system.context import report_progress
 
 COLUMNS = 4
 HEIGHT, APPROACH = 1.9, 0.25
@@ -62,9 +62,7 @@ BESIDE = 0.02
 """Distance from the surface of what is tested, in object sizes."""
 
 
-def draw_grasps(
-    labels: SurfaceLabels, grasps: GraspTable, *, progress: Progress | None = None
-) -> list[Bytes]:
+def draw_grasps(labels: SurfaceLabels, grasps: GraspTable) -> list[Bytes]:
     """Render the labelled surface with the fingers of each grasp, at most `MOST_PICTURES` of them.
 
     Where a gripper reaches a grasp, it is drawn there instead of arrows. All pictures have the same
@@ -73,7 +71,6 @@ def draw_grasps(
     Args:
         labels: The labelled surface.
         grasps: Grasps on it.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         Red, green, blue from 0 to 255, shape (height, width, 3) each.
@@ -96,7 +93,7 @@ def draw_grasps(
             beside=scene.hand,
         )  # fmt: skip
         pictures.append(picture)
-        (progress or ignore)((number + 1) / len(views))
+        report_progress((number + 1) / len(views))
     return pictures
 
 

@@ -156,9 +156,9 @@ def _corner_angles(labels: SurfaceLabels, inward: Floats) -> Floats:
         - mesh.center,
         np.concatenate([inward[at][:, None], labels.partner_normals[vertex]], axis=1),
     )
-    critical = np.asarray(critical_friction_angle(grasps, threads=labels.threads))
+    critical = np.asarray(critical_friction_angle(grasps))
     limits = ContactLimits.of(model.fingertips)
-    own = np.stack(located_contacts(grasps, critical, limits, threads=labels.threads), axis=1)
+    own = np.stack(located_contacts(grasps, critical, limits), axis=1)
     angles[at] = np.clip(own, angles[at][:, 1:], angles[at][:, :1])
     return angles
 

@@ -57,9 +57,7 @@ def perturbation_figure(found: Perturbation, *, view: View | None = None) -> Fig
         ),
     ]
     if found.advice.stable_fraction > 0.0:
-        advised = label_surface(
-            labels.mesh, found.model, sampling=labels.sampling, threads=labels.threads
-        )
+        advised = label_surface(labels.mesh, found.model, sampling=labels.sampling)
         errors = ",\n".join(error_texts(found.model, labels.mesh.unit))
         picture_ = paint_labels(advised, view=view, size=PIXELS)
         panels.append(

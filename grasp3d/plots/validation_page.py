@@ -21,9 +21,9 @@ from grasp3d.plots.validations import (
 )
 from grasp3d.stability.label import MEANING as LABELS
 from grasp3d.stability.label import Label
+from grasp3d.system.context import report_progress
 from grasp3d.system.files import atomic_write
 from grasp3d.system.names import as_unicode, printable
-from grasp3d.system.progress import Progress, ignore
 from grasp3d.system.versions import package_version
 from grasp3d.validating import sentences
 from grasp3d.validating.disagreements import MEANING as KINDS
@@ -67,7 +67,7 @@ ul { padding-left: 1.2rem; }
 """
 
 
-def write_report(folder: str | Path, found: Validation, progress: Progress | None = None) -> None:
+def write_report(folder: str | Path, found: Validation) -> None:
     """Write a validation as a web page and as tables (see `write_validation`).
 
     The page contains its figures and pictures; without OpenGL it says that pictures are missing.
@@ -75,7 +75,6 @@ def write_report(folder: str | Path, found: Validation, progress: Progress | Non
     Args:
         folder: Folder to make or to write to; a report that is in it is replaced.
         found: The result.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Raises:
         OutputError: A file cannot be written.
@@ -97,20 +96,19 @@ def write_report(folder: str | Path, found: Validation, progress: Progress | Non
         ['calibration.csv', 'grasps.csv', 'labels.csv', 'report.html', 'scores.csv']
     """
     folder = made_folder(folder)
-    html = page_of(found, progress)
+    html = page_of(found)
     write_validation(folder, found)
     with atomic_write(folder / PAGE) as part:
         part.write_text(html, encoding="utf-8")
 
 
-def page_of(found: Validation, progress: Progress | None = None) -> str:
+def page_of(found: Validation) -> str:
     """The page as HTML.
 
     Args:
         found: The result.
-        progress: Called with the fraction of the work done, from 0 to 1.
     """
-    pictures = _pictures(found.disagreements, progress or ignore)
+    pictures = _pictures(found.disagreements)
     made = f"Made by grasp3d {package_version()}; the tables {', '.join(TABLES)} are beside it."
     parts = [
         "<h1>Do the labels predict what became of the grasps?</h1>",
@@ -295,14 +293,14 @@ def _files(found: Validation) -> str:
     return table(heads, rows, texts=(0, 1, 6))
 
 
-def _pictures(shown: Sequence[Disagreement], progress: Progress) -> list[Bytes] | None:
+def _pictures(shown: Sequence[Disagreement]) -> list[Bytes] | None:
     """A picture of each; None: none can be made."""
     if not shown or not can_render():
         return None
     pictures = []
     for one in shown:
         pictures.append(draw_disagreement(one))
-        progress(len(pictures) / len(shown))
+        report_progress(len(pictures) / len(shown))
     return pictures
 
 

@@ -69,7 +69,6 @@ def certificate_of(
     *,
     batch: tuple[int, ...],
     forces_of: Callable[[Floats], Floats],
-    threads: int | None,
 ) -> Certificate:
     """Certificates of a batch: directions, and balanced forces.
 
@@ -79,12 +78,11 @@ def certificate_of(
         goal: That of the results.
         batch: Shape of the batch.
         forces_of: Converts components along the contacts' axes.
-        threads: As in `WrenchProblem.solve`.
     """
     closed = results.closed
 
     def balance() -> Floats:
-        forces: Floats = shaped(forces_of(problem.balanced_forces(closed, goal, threads)), batch)
+        forces: Floats = shaped(forces_of(problem.balanced_forces(closed, goal)), batch)
         return forces
 
     return Certificate(shaped(results.direction, batch), balance)
@@ -133,7 +131,6 @@ def force_closure(
     edges: int | None = None,
     cone_offset: ArrayLike = 0.0,
     phase: float = 0.0,
-    threads: int | None = None,
 ) -> ForceClosure:
     """Whether grasps resist every wrench in the span of their own, with certificates.
 
@@ -145,7 +142,6 @@ def force_closure(
         edges: Edges of polygonal friction cones; None: circular cones.
         cone_offset: Angle added to the cones' half-angles [rad], one value or shape (..., n).
         phase: As in `epsilon`.
-        threads: Threads for a batch; None: one per processor.
 
     Raises:
         SettingError: A setting outside its range.
@@ -165,7 +161,7 @@ def force_closure(
     problem = WrenchProblem.of_contacts(
         scaled, EpsilonOptions(edges), cone_offset=cone_offset, phase=phase
     )
-    results = problem.solve(SIGN, with_forces=False, threads=threads)
+    results = problem.solve(SIGN, with_forces=False)
     u = results.direction
     u[:, 3:] /= size.reshape(-1, 1)
     u[:, :3] -= np.cross(u[:, 3:], mean.reshape(-1, 3))
@@ -181,6 +177,5 @@ def force_closure(
             SIGN,
             batch=batch,
             forces_of=partial(forces_of_components, contacts),
-            threads=threads,
         ),
     )

@@ -51,9 +51,7 @@ NOT_BELOW = 1e-5
 """Angle below 90 degrees within which no friction angle is found [rad]."""
 
 
-def critical_friction_angle(
-    contacts: Contacts, *, tolerance: float = 1e-4, threads: int | None = None
-) -> Floats:
+def critical_friction_angle(contacts: Contacts, *, tolerance: float = 1e-4) -> Floats:
     """Friction angle above which a grasp is force-closed.
 
     Two contacts have a closed form. For more the angle is bracketed: three can be in equilibrium
@@ -67,7 +65,6 @@ def critical_friction_angle(
     Args:
         contacts: The contacts; with patches only two.
         tolerance: Three contacts and more: width of the bracket [rad]; its upper end is returned.
-        threads: Threads for a batch; None: one per processor.
 
     Returns:
         Angles [rad], shape (...). Negative where the grasp is force-closed without friction, and
@@ -105,9 +102,9 @@ def critical_friction_angle(
             patch = contacts.patch.reshape(-1, 2, 2, 3)
             angles = _of_patches(points, normals, patch, angles)
     elif contacts.count == 3:
-        angles = _of_triples(points, normals, tolerance, threads)
+        angles = _of_triples(points, normals, tolerance)
     else:
-        angles = _bracketed(points, normals, tolerance, threads)
+        angles = _bracketed(points, normals, tolerance)
     angles = angles.reshape(contacts.batch)
     angles.flags.writeable = False
     return np.asarray(angles)[()]
@@ -132,7 +129,7 @@ def _of_patches(points: Floats, normals: Floats, patch: Floats, angles: Floats) 
     return angles
 
 
-def _of_triples(points: Floats, normals: Floats, tolerance: float, threads: int | None) -> Floats:
+def _of_triples(points: Floats, normals: Floats, tolerance: float) -> Floats:
     """Three contacts, in the plane through them; contacts on one line are bracketed."""
     angles = np.empty(len(points))
     # Scaled by powers of 2, which keeps the differences of nearby points exact.
@@ -140,21 +137,21 @@ def _of_triples(points: Floats, normals: Floats, tolerance: float, threads: int 
     scaled = np.ldexp(points, -np.frexp(size)[1])
     critical_of_three(scaled, np.ascontiguousarray(normals), tolerance, make_plane(), angles)
     on_line = np.flatnonzero(np.isnan(angles))
-    angles[on_line] = _bracketed(points[on_line], normals[on_line], tolerance, threads)
+    angles[on_line] = _bracketed(points[on_line], normals[on_line], tolerance)
     return angles
 
 
-def _bracketed(points: Floats, normals: Floats, tolerance: float, threads: int | None) -> Floats:
+def _bracketed(points: Floats, normals: Floats, tolerance: float) -> Floats:
     """Upper ends of intervals that contain the critical angles of three contacts or more."""
     points, _, _ = centred(points)
     low, high = np.zeros(len(points)), np.full(len(points), RIGHT_ANGLE)
-    closed, _, _ = _closure_at(points, normals, low, threads)
+    closed, _, _ = _closure_at(points, normals, low)
     frictionless = np.flatnonzero(closed)
     negative = _negative_angles(points[frictionless], normals[frictionless], tolerance)
     high[frictionless] = low[frictionless] = negative
     while (active := np.flatnonzero(high - low > tolerance)).size:
         middle = 0.5 * (low[active] + high[active])
-        closed, lower, upper = _closure_at(points[active], normals[active], middle, threads)
+        closed, lower, upper = _closure_at(points[active], normals[active], middle)
         low[active] = np.where(closed, low[active], np.clip(lower, middle, high[active]))
         high[active] = np.where(closed, np.clip(upper, low[active], middle), high[active])
     return high
@@ -173,13 +170,11 @@ def _negative_angles(points: Floats, normals: Floats, tolerance: float) -> Float
     return angles
 
 
-def _closure_at(
-    points: Floats, normals: Floats, angles: Floats, threads: int | None
-) -> tuple[Bools, Floats, Floats]:
+def _closure_at(points: Floats, normals: Floats, angles: Floats) -> tuple[Bools, Floats, Floats]:
     """(closed, lower, upper): closure at given angles, and the bounds on beta* that follow."""
     batch = Contacts(points, normals, friction=0.0)
     problem = WrenchProblem.of_contacts(batch, EpsilonOptions())
-    results = problem.at_angles(angles).solve(SIGN, threads=threads)
+    results = problem.at_angles(angles).solve(SIGN)
     u = results.direction[:, None]
     velocities = u[..., :3] + np.cross(u[..., 3:], points)  # (b, n, 3)
     lower = angles_between(velocities, normals).min(axis=1) - RIGHT_ANGLE

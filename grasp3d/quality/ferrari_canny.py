@@ -80,7 +80,6 @@ def epsilon(
     cone_offset: ArrayLike = 0.0,
     phase: float = 0.0,
     bounded: Bounded = "force",
-    threads: int | None = None,
 ) -> Epsilon:
     """Grasp quality of Ferrari & Canny (ICRA 1992).
 
@@ -102,7 +101,6 @@ def epsilon(
             `friction_cones.tangents` [rad].
         bounded: 'force': the length of a contact force is at most 1; 'normal': its normal
             component is, as in some packages.
-        threads: Threads for a batch; None: one per processor.
 
     Returns:
         Bounds, rank and certificate of each grasp of the batch.
@@ -124,7 +122,7 @@ def epsilon(
         >>> print(f"{grasp3d.epsilon(contacts, edges=8, actuation='per_finger').value:.3f}")
         0.600
     """
-    options = EpsilonOptions(edges, actuation, torque_scale, rtol, threads)
+    options = EpsilonOptions(edges, actuation, torque_scale, rtol)
     return epsilon_with(contacts, options, cone_offset=cone_offset, phase=phase, bounded=bounded)
 
 
@@ -143,16 +141,15 @@ def epsilon_with(
     return _solved(
         problem, options.goal,
         batch=contacts.batch, forces_of=partial(forces_of_components, contacts),
-        polygonal=options.polygonal, threads=options.threads,
+        polygonal=options.polygonal,
     )  # fmt: skip
 
 
-def epsilon_of_wrenches(wrenches: ArrayLike, *, threads: int | None = None) -> Epsilon:
+def epsilon_of_wrenches(wrenches: ArrayLike) -> Epsilon:
     """Epsilon of the convex hull of given wrenches.
 
     Args:
         wrenches: Shape (..., n, 6), or (..., n, 3) in the plane: force along x and y, torque.
-        threads: Threads for a batch; None: one per processor.
 
     Returns:
         Bounds, rank and certificate; directions have 6 components, planar ones
@@ -178,7 +175,7 @@ def epsilon_of_wrenches(wrenches: ArrayLike, *, threads: int | None = None) -> E
     flat[..., PLANAR if rows.shape[-1] == 3 else slice(6)] = rows.reshape(-1, *rows.shape[-2:])
     return _solved(
         WrenchProblem.of_rows(flat), (0.0, 0.0, math.inf, 0.0),
-        batch=batch, forces_of=lambda weights: weights[..., 0], polygonal=True, threads=threads,
+        batch=batch, forces_of=lambda weights: weights[..., 0], polygonal=True,
     )  # fmt: skip
 
 
@@ -195,7 +192,7 @@ def smallest_epsilon(
     Args:
         contacts: Candidates along the last batch axis, shape (..., k, n, 3). They should have the
             same rank: epsilons of different rank are not comparable.
-        options: Cones, actuation, torque scale, accuracy and threads; None: the defaults.
+        options: Cones, actuation, torque scale, and accuracy; None: the defaults.
         cone_offset: As in `epsilon`.
         phase: As in `epsilon`.
         bounded: As in `epsilon`.
@@ -215,9 +212,7 @@ def smallest_epsilon(
     problem = WrenchProblem.of_contacts(
         contacts, options, cone_offset=cone_offset, phase=phase, bounded=bounded
     )
-    results = problem.solve(
-        options.goal, group=contacts.batch[-1], with_forces=False, threads=options.threads
-    )
+    results = problem.solve(options.goal, group=contacts.batch[-1], with_forces=False)
     lower = certified(results, polygonal=options.polygonal).reshape(contacts.batch)
     upper, status = (values.reshape(contacts.batch) for values in (results.upper, results.status))
     candidates = lower <= upper.min(axis=-1, keepdims=True)
@@ -236,19 +231,16 @@ def _solved(
     batch: tuple[int, ...],
     forces_of: Callable[[Floats], Floats],
     polygonal: bool,
-    threads: int | None,
 ) -> Epsilon:
     """Epsilon of a flat batch, in the batch's shape; see `certificate_of`."""
-    results = problem.solve(goal, with_forces=False, threads=threads)
+    results = problem.solve(goal, with_forces=False)
     return Epsilon(
         lower=shaped(certified(results, polygonal=polygonal), batch),
         upper=shaped(results.upper, batch),
         rank=shaped(results.rank, batch),
         closed=shaped(results.closed, batch),
         status=shaped(results.status, batch),
-        certificate=certificate_of(
-            problem, results, goal, batch=batch, forces_of=forces_of, threads=threads
-        ),
+        certificate=certificate_of(problem, results, goal, batch=batch, forces_of=forces_of),
     )
 
 

@@ -111,24 +111,19 @@ class ForceProblem:
         torsion = {"none": NO_TORSION, "ellipse": ELLIPTIC, "linear": LINEAR}[self.limit_surface]
         return self.problem.kind, self.problem.spherical, torsion, self.problem.rolling
 
-    def of_task(
-        self, task: Task, rtol: float, threads: int | None, masses: Floats | None = None
-    ) -> ForceResults:
+    def of_task(self, task: Task, rtol: float, masses: Floats | None = None) -> ForceResults:
         """Bounds of the force that resists a whole task, for masses (b,) or the task's own."""
         _check_rtol(rtol)
         if masses is None:
-            return self.of_terms(task.arrays(), np.ones(self.problem.size), rtol, threads)
-        return self.of_terms(task.scaled_to(1.0).arrays(), masses, rtol, threads)
+            return self.of_terms(task.arrays(), np.ones(self.problem.size), rtol)
+        return self.of_terms(task.scaled_to(1.0).arrays(), masses, rtol)
 
-    def of_wrenches(
-        self, wrenches: Floats, rtol: float, threads: int | None, *, proven: bool = True
-    ) -> ForceResults:
+    def of_wrenches(self, wrenches: Floats, rtol: float, *, proven: bool = True) -> ForceResults:
         """Bounds of the force that resists one wrench for each grasp (b, 6), and contact forces.
 
         Args:
             wrenches: Shape (b, 6).
             rtol: As in `grip_force`.
-            threads: As in `grip_force`.
             proven: Whether it is proven that no force suffices where none was found.
         """
         _check_rtol(rtol)
@@ -143,7 +138,7 @@ class ForceProblem:
                 part_of(results, chunk),
             )  # fmt: skip
 
-        problem.in_chunks(evaluate, 1, threads)
+        problem.in_chunks(evaluate, 1)
         unfinished = np.flatnonzero(results.status == kernels.UNFINISHED)
         results.reason[unfinished] = kernels.NOT_RESISTED
         if proven and unfinished.size:
@@ -159,7 +154,6 @@ class ForceProblem:
         terms: Terms,
         masses: Floats,
         rtol: float,
-        threads: int | None,
         *,
         small: bool = False,
     ) -> ForceResults:
@@ -181,7 +175,7 @@ class ForceProblem:
                 small=small,
             )  # fmt: skip
 
-        problem.in_chunks(evaluate, 1, threads)
+        problem.in_chunks(evaluate, 1)
         return results
 
     def _decide(self, grasps: Ints, wrenches: Floats, rtol: float, results: ForceResults) -> None:
@@ -212,7 +206,7 @@ class ForceProblem:
             self, problem=self.problem.take(np.array([g])), sizes=self.sizes[g : g + 1]
         )
         terms = Terms(row, wrench[None].copy())
-        found = chosen.of_terms(terms, np.ones(1), rtol, 1, small=True)
+        found = chosen.of_terms(terms, np.ones(1), rtol, small=True)
         for name in ("lower", "upper", "status", "reason", "direction"):
             getattr(results, name)[g] = getattr(found, name)[0]
         if math.isinf(found.upper[0]):

@@ -35,7 +35,7 @@ from grasp3d.quality.closure import force_closure
 from grasp3d.quality.force_problem import ForceBound, ForceProblem
 from grasp3d.quality.grip_forces import ForceOptions, GripForce
 from grasp3d.quality.tasks import Task
-from grasp3d.system.progress import Progress, ignore
+from grasp3d.system.context import report_progress, unreported
 
 ROUNDS = 5
 """Tilts that are tried from each start."""
@@ -183,7 +183,7 @@ def _opened(contacts: Contacts, tilt: Floats, options: ForceOptions) -> tuple[Fl
     """
     hard = Contacts(contacts.points, contacts.normals, contacts.friction, patch=contacts.patch)
     offset = -np.minimum(tilt, contacts.friction_angle)
-    closure = force_closure(hard, cone_offset=offset, threads=options.threads)
+    closure = force_closure(hard, cone_offset=offset)
     opened = np.flatnonzero(~closure.closed)
     force, normals = np.zeros(len(tilt)), contacts.normals.copy()
     chosen = contacts.take(opened)
@@ -226,7 +226,7 @@ def _hardest(options: ForceOptions, directions: Floats) -> Floats:
 def _against(contacts: Contacts, wrenches: Floats, options: ForceOptions) -> tuple[Floats, Floats]:
     """Directions (b, 6) that prove the force that wrenches need, and that force (b,)."""
     problem = ForceProblem.of_contacts(contacts, bound=options.bound)
-    found = problem.of_wrenches(wrenches, COARSE, options.threads, proven=False)
+    found = problem.of_wrenches(wrenches, COARSE, proven=False)
     return found.direction, found.lower
 
 
@@ -276,8 +276,6 @@ def force_range(
     bound: ForceBound = "normal",
     masses: ArrayLike | None = None,
     rtol: float = 1e-3,
-    threads: int | None = None,
-    progress: Progress | None = None,
 ) -> ForceRange:
     """Smallest forces that resist a task, at the given normals and at all that may be true.
 
@@ -290,8 +288,6 @@ def force_range(
             tilt exceeds a contact's friction angle; otherwise it is a safe bound.
         masses: As in `grip_force`.
         rtol: As in `grip_force`.
-        threads: Threads for a batch; None: one per processor.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Raises:
         ContactError: As in `grip_force`.
@@ -313,8 +309,8 @@ def force_range(
     """
     tilts = tilts_of(tilt, contacts)
     soft = bool((contacts.torsion_radius > 0.0).any())
-    options = ForceOptions(task, bound, masses, rtol, threads).flat(contacts)
-    flat, report = contacts.reshape((-1,)), progress or ignore
+    options = ForceOptions(task, bound, masses, rtol).flat(contacts)
+    flat = contacts.reshape((-1,))
     values = np.empty((3, len(tilts)))
     resistance = np.empty(len(tilts), dtype=np.uint8)
     for first in range(0, len(tilts), CHUNK):
@@ -332,7 +328,7 @@ def force_range(
                 least, largest = _bounds(*limits)
         values[:, rows] = found.upper, np.minimum(least, found.upper), largest
         resistance[rows] = found.resistance
-        report(min(1.0, (first + CHUNK) / len(tilts)))
+        report_progress(min(1.0, (first + CHUNK) / len(tilts)))
     within = bool((tilts <= flat.friction_angle).all())
     how: Certainty = "sampled" if soft else "exact" if bound == "norm" and within else "bound"
     if not tilts.any():
@@ -405,7 +401,6 @@ def payload(
     tilt: ArrayLike = 0.0,
     bound: ForceBound = "normal",
     rtol: float = 1e-3,
-    threads: int | None = None,
 ) -> Floats:
     """Largest mass for which a force suffices, at all normals within a tilt of the given ones.
 
@@ -416,7 +411,6 @@ def payload(
         tilt: As in `force_range`, whose largest force counts.
         bound: As in `grip_force`.
         rtol: As in `grip_force`.
-        threads: Threads for a batch; None: one per processor.
 
     Returns:
         Masses [kg], shape (...); 0: the force does not even hold what does not grow with the mass,
@@ -440,9 +434,10 @@ def payload(
     if task.mass is None:
         raise SettingError("a payload needs a task with a weight or an acceleration")
     task = task.scaled_to(1.0)
-    options = ForceOptions(task, bound, None, rtol, threads)
+    options = ForceOptions(task, bound, None, rtol)
     if all(term.mass is not None for term in task.terms()):
-        largest = force_range(contacts, task, tilt, bound=bound, rtol=rtol, threads=threads).largest
+        with unreported():
+            largest = force_range(contacts, task, tilt, bound=bound, rtol=rtol).largest
         with np.errstate(divide="ignore"):  # no force is needed where nothing accelerates
             return locked(force / largest)[()]
     flat = contacts.reshape((-1,))

@@ -206,19 +206,16 @@ class WrenchForces:
     """As of `ForceCertificate`, shape (b, n, 4)."""
 
 
-def hardest(
-    problem: ForceProblem, wrenches: Floats, rtol: float, threads: int | None
-) -> WrenchForces:
+def hardest(problem: ForceProblem, wrenches: Floats, rtol: float) -> WrenchForces:
     """Grip force of the hardest of k wrenches for each grasp.
 
     Args:
         problem: The grasps.
         wrenches: Shape (b, k, 6).
         rtol: As in `grip_force`.
-        threads: As in `grip_force`.
     """
     size, count = wrenches.shape[:2]
-    found = [against(problem, wrenches[:, k], rtol, threads) for k in range(count)]
+    found = [against(problem, wrenches[:, k], rtol) for k in range(count)]
     chosen = np.stack([one.results.upper for one in found]).argmax(axis=0)
     grasps = np.arange(size)
 
@@ -233,11 +230,9 @@ def hardest(
     return WrenchForces(results, wrenches[grasps, chosen], of_chosen([one.forces for one in found]))
 
 
-def against(
-    problem: ForceProblem, wrenches: Floats, rtol: float, threads: int | None
-) -> WrenchForces:
+def against(problem: ForceProblem, wrenches: Floats, rtol: float) -> WrenchForces:
     """Grip force against one wrench for each grasp, shape (b, 6); opposed fingers: closed form."""
-    results = problem.of_wrenches(wrenches, rtol, threads)
+    results = problem.of_wrenches(wrenches, rtol)
     forces = problem.in_contact_frame(results.forces)
     if problem.plain:
         contacts = problem.contacts.reshape((-1,))
@@ -321,7 +316,6 @@ def grip_force(
     edges: int | None = None,
     cone_offset: ArrayLike = 0.0,
     rtol: float = 1e-3,
-    threads: int | None = None,
 ) -> GripForce:
     """Smallest contact forces that resist a wrench, or any wrench of a task.
 
@@ -341,7 +335,6 @@ def grip_force(
             linear hull that epsilon takes.
         cone_offset: Angle added to the cones' half-angles [rad], one value or shape (..., n).
         rtol: Largest difference of the bounds, as a fraction of the upper one.
-        threads: Threads for a batch; None: one per processor.
 
     Returns:
         Bounds, proof, and where infinite the reason, of each grasp of the batch.
@@ -364,7 +357,7 @@ def grip_force(
         6.94 N
     """
     problem = ForceProblem.of_contacts(contacts, bound=bound, edges=edges, cone_offset=cone_offset)
-    return ForceOptions(task, bound, masses, rtol, threads).solve(problem)
+    return ForceOptions(task, bound, masses, rtol).solve(problem)
 
 
 def wrenches_of(given: ArrayLike, contacts: Contacts) -> Floats:
@@ -404,7 +397,6 @@ class ForceOptions:
     bound: ForceBound
     masses: ArrayLike | None
     rtol: float
-    threads: int | None
 
     def flat(self, contacts: Contacts) -> "ForceOptions":
         """With one wrench and one mass for each grasp of a flat batch."""
@@ -447,14 +439,14 @@ class ForceOptions:
         )
 
     def _wrench_forces(self, problem: ForceProblem) -> WrenchForces:
-        task, contacts, accuracy = self.task, problem.contacts, (self.rtol, self.threads)
+        task, contacts = self.task, problem.contacts
         if not isinstance(task, Task):
-            return hardest(problem, wrenches_of(task, contacts)[:, None], *accuracy)
+            return hardest(problem, wrenches_of(task, contacts)[:, None], self.rtol)
         masses = None if self.masses is None else masses_of(self.masses, contacts)
         corners = task.corners_for(masses, problem.problem.size)
         if corners is not None:
-            return hardest(problem, corners, *accuracy)
-        results = problem.of_task(task, *accuracy, masses)
+            return hardest(problem, corners, self.rtol)
+        results = problem.of_task(task, self.rtol, masses)
         wrenches = task.farthest_for(masses, -results.direction)
-        forces = problem.of_wrenches(wrenches, *accuracy).forces
+        forces = problem.of_wrenches(wrenches, self.rtol).forces
         return WrenchForces(results, wrenches, problem.in_contact_frame(forces))

@@ -35,7 +35,6 @@ def location_tolerance(
     relative_errors: ArrayLike = 1.0,
     cone_offset: ArrayLike = 0.0,
     rtol: float = 1e-2,
-    threads: int | None = None,
 ) -> Floats:
     """Largest location error of the contacts at which grasps are surely force-closed.
 
@@ -50,7 +49,6 @@ def location_tolerance(
         cone_offset: Angle added to the cones' half-angles [rad], one value or shape (..., n).
             Minus half the sensor resolution: for every normal within it.
         rtol: Three contacts and more: accuracy, as a fraction of the value.
-        threads: Threads for a batch; None: one per processor.
 
     Returns:
         Lengths in the unit of the contacts' points, shape (...); 0 where the grasp is not
@@ -89,7 +87,7 @@ def location_tolerance(
         found.problem,
         wrenches_of=lambda chunk: axes_of(chunk) * scale[chunk, :, None, None],
     )
-    force = replace(found, problem=scaled).of_task(TORQUES, rtol, threads).upper
+    force = replace(found, problem=scaled).of_task(TORQUES, rtol).upper
     usable = ~found.problem.tilts_exceed_friction
     return np.asarray(np.where(usable, 1.0 / force, 0.0).reshape(contacts.batch))[()]
 

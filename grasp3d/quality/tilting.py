@@ -21,7 +21,7 @@ from grasp3d.quality.ferrari_canny import epsilon_with, smallest_epsilon
 from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.quality.wrenches import EpsilonOptions, wrench_axes
 from grasp3d.settings import GraspModel
-from grasp3d.system.progress import Progress, ignore, within
+from grasp3d.system.context import report_progress, unreported, within
 
 CHUNK = 32_768
 """Grasps, or grasps with tilted normals, in memory at once."""
@@ -65,7 +65,6 @@ def epsilon_range(
     options: EpsilonOptions | None = None,
     *,
     bound_rtol: float | None = None,
-    progress: Progress | None = None,
 ) -> EpsilonRange:
     """Epsilon at the given normals, its minimum and a bound on its maximum over all tilts.
 
@@ -95,10 +94,9 @@ def epsilon_range(
         contacts: The contacts.
         tilt: Largest angle a between true and given normals [rad], from 0 to below pi/2: one value,
             or shape (..., n).
-        options: Cones, actuation, torque scale, accuracy and threads; None: the defaults.
+        options: Cones, actuation, torque scale, and accuracy; None: the defaults.
         bound_rtol: `rtol` of the maximum, which is always one of circular cones; None:
             `options.rtol`.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Raises:
         SettingError: A setting outside its range, friction 0, or too many soft fingers.
@@ -125,8 +123,7 @@ def epsilon_range(
         maximum = (_maximum_soft if soft[rows[0]] else _maximum_hard)(chunk, angles, bound)
         values[:, rows] = nominal, minimum, maximum
         done += len(rows)
-        if progress is not None:
-            progress(done / len(soft))
+        report_progress(done / len(soft))
     return EpsilonRange(*(locked(row.reshape(contacts.batch))[()] for row in values))
 
 
@@ -204,7 +201,7 @@ def _maximum_soft(contacts: Contacts, tilt: Floats, options: EpsilonOptions) -> 
         cones=np.stack([np.cos(angles), np.sin(angles)], axis=-1),
         tilts_exceed_friction=np.zeros(size, dtype=np.bool_),
     )
-    results = problem.solve(options.goal, with_forces=False, threads=options.threads)
+    results = problem.solve(options.goal, with_forces=False)
     bound, longest = results.upper, _largest_force(contacts, options)
     if contacts.patch is not None:
         arms = np.linalg.norm(contacts.patch, ord=2, axis=(-2, -1)).max(axis=-1)
@@ -243,7 +240,6 @@ def uncertain_epsilon_range(
     options: EpsilonOptions,
     *,
     bound_rtol: float | None = None,
-    progress: Progress | None = None,
 ) -> EpsilonRange:
     """As `epsilon_range`, over friction, contact locations and centre of mass as well.
 
@@ -259,15 +255,13 @@ def uncertain_epsilon_range(
         contacts: The contacts (b, n) at their nominal friction.
         tilt: As in `epsilon_range`, for all contacts or for each.
         errors: What is not known.
-        options: Cones, actuation, torque scale, accuracy and threads.
+        options: Cones, actuation, torque scale and accuracy.
         bound_rtol: As in `epsilon_range`.
-        progress: Called with the fraction of the work done, from 0 to 1.
     """
-    report = progress or ignore
     if errors.friction_known:
-        found = epsilon_range(contacts, tilt, options, bound_rtol=bound_rtol, progress=report)
+        found = epsilon_range(contacts, tilt, options, bound_rtol=bound_rtol)
     else:
-        found = _over_friction(contacts, tilt, errors, options, bound_rtol, report)
+        found = _over_friction(contacts, tilt, errors, options, bound_rtol)
     minimum, maximum = found.minimum, found.maximum
     if any(errors.location):
         change, turned = _of_locations(contacts, errors.location, options)
@@ -290,15 +284,12 @@ def _over_friction(
     errors: WrenchErrors,
     options: EpsilonOptions,
     bound_rtol: float | None,
-    progress: Progress,
 ) -> EpsilonRange:
-    def epsilons(
-        contacts: Contacts, tilt: float | tuple[float, ...], progress: Progress
-    ) -> EpsilonRange:
-        return epsilon_range(contacts, tilt, options, bound_rtol=bound_rtol, progress=progress)
+    def epsilons(contacts: Contacts, tilt: float | tuple[float, ...]) -> EpsilonRange:
+        return epsilon_range(contacts, tilt, options, bound_rtol=bound_rtol)
 
     cases = FrictionCases(contacts, *map(contacts.with_friction, errors.friction))
-    nominal, low, high = over_friction(epsilons, cases, tilt, progress)
+    nominal, low, high = over_friction(epsilons, cases, tilt)
     return EpsilonRange(nominal.nominal, low.minimum, high.maximum)
 
 
@@ -364,21 +355,20 @@ class FrictionCases(NamedTuple):
 
 
 def over_friction(
-    evaluated: Callable[[Contacts, Tilt | float, Progress], Result],
+    evaluated: Callable[[Contacts, Tilt | float], Result],
     cases: FrictionCases,
     tilt: Tilt,
-    progress: Progress,
 ) -> tuple[Result, Result, Result]:
     """Results at the nominal, the smallest and the largest friction.
 
     Args:
-        evaluated: Its result for contacts, the largest tilt of their normals, and a callback.
+        evaluated: Its result for contacts and the largest tilt of their normals.
         cases: The contacts.
         tilt: Largest tilt at the smallest and at the largest friction; nominal normals are exact.
-        progress: Called with the fraction of the work done, from 0 to 1.
     """
-    return (
-        evaluated(cases.nominal, 0.0, ignore),
-        evaluated(cases.weakest, tilt, within(progress, 0.0, 0.5)),
-        evaluated(cases.strongest, tilt, within(progress, 0.5, 1.0)),
-    )
+    with unreported():
+        nominal = evaluated(cases.nominal, 0.0)
+    with within(0.0, 0.5):
+        weakest = evaluated(cases.weakest, tilt)
+    with within(0.5, 1.0):
+        return nominal, weakest, evaluated(cases.strongest, tilt)

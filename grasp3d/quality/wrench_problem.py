@@ -30,7 +30,7 @@ from grasp3d.contact.contacts import Contacts, clearly_placed, per_contact
 from grasp3d.contact.friction_cones import edge_angles
 from grasp3d.errors import SettingError
 from grasp3d.quality.wrenches import Bounded, EpsilonOptions, Goal, cone_parts, wrench_axes
-from grasp3d.system.processors import available_processors
+from grasp3d.system.context import thread_count
 
 CHUNK = 1024
 """Grasps evaluated at once by a thread; limits the memory and divides the work."""
@@ -197,21 +197,18 @@ class WrenchProblem:
             cones=np.ascontiguousarray(np.broadcast_to(cones, (self.size, self.count, 2))),
         )
 
-    def solve(
-        self, goal: Goal, *, group: int = 1, with_forces: bool = True, threads: int | None
-    ) -> Results:
+    def solve(self, goal: Goal, *, group: int = 1, with_forces: bool = True) -> Results:
         """Epsilon, force closure and certificates of every grasp.
 
         Args:
             goal: When a hull need not be grown further.
             group: Number of consecutive grasps of which only the smallest epsilon is needed.
             with_forces: Whether equilibrium forces are computed.
-            threads: Threads for the batch; None: one per processor.
 
         Raises:
             SettingError: Fewer than one thread.
         """
-        results = self._grown(goal, group=group, with_forces=with_forces, threads=threads)
+        results = self._grown(goal, group=group, with_forces=with_forces)
         # Cones of 90 degrees or more are not convex: sums of forces inside them may lie outside.
         convex = (self.cones[..., 0] > 0.0).all(axis=-1)
         results.forces[~convex] = math.nan
@@ -227,7 +224,7 @@ class WrenchProblem:
             results.status[at_rest] = CONVERGED
             undecided[at_rest] = ~self._clearly_placed(at_rest)
         thin = np.flatnonzero(results.closed & (results.rank < 6) & ~undecided)
-        undecided[thin] = ~self._closed_at_any_rank(thin, results, threads)
+        undecided[thin] = ~self._closed_at_any_rank(thin, results)
         results.lower[undecided], results.closed[undecided] = 0.0, False
         results.status[undecided], results.forces[undecided] = UNDECIDED, math.nan
         return results
@@ -237,17 +234,17 @@ class WrenchProblem:
         """Kind, boundedness, limit surface and rolling, as `WrenchSpace` takes them."""
         return self.kind, self.spherical, LINEAR if self.soft else NO_TORSION, self.rolling
 
-    def _grown(self, goal: Goal, *, group: int, with_forces: bool, threads: int | None) -> Results:
+    def _grown(self, goal: Goal, *, group: int, with_forces: bool) -> Results:
         """Results before their proofs are examined; see `solve`."""
         results = self.unwritten(Results)
         if not self.is_pairs(goal):
-            self.grow_hulls(results, goal, group, threads, with_forces=with_forces)
+            self.grow_hulls(results, goal, group, with_forces=with_forces)
             return results
-        left = np.flatnonzero(self.solve_pairs(results, goal, threads))
+        left = np.flatnonzero(self.solve_pairs(results, goal))
         if len(left):
             others = self.take(left)
             hulls = others.unwritten(Results)
-            others.grow_hulls(hulls, goal, 1, threads, with_forces=with_forces)
+            others.grow_hulls(hulls, goal, 1, with_forces=with_forces)
             for name in Results._fields:
                 getattr(results, name)[left] = getattr(hulls, name)
         return results
@@ -257,7 +254,7 @@ class WrenchProblem:
         plain = self.kind != ROWS and not (len(self.rim) or self.soft or self.rolling)
         return plain and self.count == 2 and goal[0] > 0.0 and goal[2:] == (math.inf, 0.0)
 
-    def balanced_forces(self, closed: Bools, goal: Goal, threads: int | None) -> Floats:
+    def balanced_forces(self, closed: Bools, goal: Goal) -> Floats:
         """Equilibrium forces of the grasps that were found to be closed, in the contacts' axes.
 
         A small hull, grown only until closure is known, mostly has them.
@@ -265,7 +262,6 @@ class WrenchProblem:
         Args:
             closed: Which grasps are closed, shape (b,).
             goal: That of `solve`.
-            threads: As in `solve`.
 
         Returns:
             Shape (b, n, 4 or 6); nan for other grasps, and where no forces prove closure.
@@ -276,10 +272,10 @@ class WrenchProblem:
         for each in dict.fromkeys(goals):
             left = np.flatnonzero(wanted & np.isnan(forces).any(axis=(1, 2)))
             for rows in np.split(left, range(MOST_TAKEN, len(left), MOST_TAKEN)):
-                forces[rows] = self.take(rows).solve(each, threads=threads).forces
+                forces[rows] = self.take(rows).solve(each).forces
         return forces
 
-    def solve_pairs(self, results: Results, goal: Goal, threads: int | None) -> Bools:
+    def solve_pairs(self, results: Results, goal: Goal) -> Bools:
         """Write the results of pairs; returns which are left to the growing hull (b,)."""
         left = np.zeros(self.size, dtype=np.bool_)
 
@@ -289,7 +285,7 @@ class WrenchProblem:
                 goal[0], make_pair_scratch(), part_of(results, chunk), left[chunk],
             )  # fmt: skip
 
-        self.in_chunks(evaluate, 1, threads)
+        self.in_chunks(evaluate, 1)
         return left
 
     def grow_hulls(
@@ -297,7 +293,6 @@ class WrenchProblem:
         results: Results,
         goal: Goal,
         group: int,
-        threads: int | None,
         *,
         with_forces: bool,
     ) -> None:
@@ -322,7 +317,7 @@ class WrenchProblem:
 
         # Two hard fingers have no torque about their line: loops for rank 6 alone are of no use.
         thin = self.kind != ROWS and self.count == 2 and not (self.soft or self.rolling)
-        self.in_chunks(evaluate, group, threads)
+        self.in_chunks(evaluate, group)
 
     def _clearly_placed(self, grasps: Ints) -> Bools:
         """Whether contacts of chosen grasps are at one point, or on one line, exactly or not."""
@@ -330,7 +325,7 @@ class WrenchProblem:
             return np.ones(len(grasps), dtype=np.bool_)
         return clearly_placed(self.points[grasps])
 
-    def _closed_at_any_rank(self, grasps: Ints, results: Results, threads: int | None) -> Bools:
+    def _closed_at_any_rank(self, grasps: Ints, results: Results) -> Bools:
         """Whether force closure in fewer than six dimensions does not depend on rounding, (g,).
 
         Contacts nearly on a line span a sixth dimension that the rank leaves out as too thin, but
@@ -342,7 +337,7 @@ class WrenchProblem:
         doubtful = np.flatnonzero(~closed)
         if doubtful.size:
             chosen = replace(self.take(grasps[doubtful]), points=None, rank_tolerance=NO_TOLERANCE)
-            in_full = chosen.solve(SIGN, threads=threads)
+            in_full = chosen.solve(SIGN)
             closed[doubtful] = in_full.closed & (in_full.rank == 6)
             results.forces[grasps[doubtful]] = in_full.forces
             results.slack[grasps[doubtful]] = in_full.slack
@@ -419,15 +414,10 @@ class WrenchProblem:
             else:
                 first = stopped + 1
 
-    def in_chunks(
-        self, evaluate: Callable[[slice, Workspace], None], group: int, threads: int | None
-    ) -> None:
+    def in_chunks(self, evaluate: Callable[[slice, Workspace], None], group: int) -> None:
         """Evaluate chunks of whole groups, in threads if there are several chunks."""
-        workers = threads
-        if workers is None:  # a few grasps take less time than the start of a thread
-            workers = min(available_processors(), 1 + self.size // THREAD_GRASPS)
-        if workers < 1:
-            raise SettingError(f"threads must be at least 1; got {threads}")
+        # A few grasps take less time than the start of a thread.
+        workers = min(thread_count(), 1 + self.size // THREAD_GRASPS)
         part = self.size if workers == 1 else -(-self.size // (4 * workers))
         step = max(1, min(CHUNK, part) // group) * group
         chunks = [slice(i, min(i + step, self.size)) for i in range(0, self.size, step)]

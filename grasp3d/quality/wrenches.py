@@ -202,7 +202,6 @@ class EpsilonOptions:
         torque_scale: Length that torques are divided by [mesh unit]; `ObjectMesh.torque_scale`
             makes epsilon independent of the unit.
         rtol: Circular cones: largest difference of the bounds, as a fraction of the upper one.
-        threads: Threads for a batch; None: one per processor.
 
     Raises:
         SettingError: An option outside its range.
@@ -222,7 +221,6 @@ class EpsilonOptions:
     actuation: Actuation = "total"
     torque_scale: float = 1.0
     rtol: float = 1e-3
-    threads: int | None = None
 
     def __post_init__(self) -> None:
         check_choice("actuation", self.actuation, Actuation)
@@ -231,15 +229,11 @@ class EpsilonOptions:
             raise SettingError(f"rtol must lie between 0 and 1; got {self.rtol}")
         if self.edges is not None:
             edge_angles(self.edges)  # raises SettingError
-        if self.threads is not None and self.threads < 1:
-            raise SettingError(f"threads must be at least 1; got {self.threads}")
 
     @classmethod
-    def of_model(
-        cls, model: GraspModel, *, torque_scale: float, rtol: float, threads: int | None
-    ) -> "EpsilonOptions":
+    def of_model(cls, model: GraspModel, *, torque_scale: float, rtol: float) -> "EpsilonOptions":
         """The options of a model for an object of known torque scale."""
-        return cls(model.edges, model.actuation, torque_scale, rtol, threads)
+        return cls(model.edges, model.actuation, torque_scale, rtol)
 
     @property
     def polygonal(self) -> bool:

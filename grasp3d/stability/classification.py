@@ -58,7 +58,7 @@ class Stability:
     def critical_friction_angle(self) -> Floats:
         """beta* at the perceived normals [rad], shape (...)."""
         problem = self._problem
-        return self._shaped(critical_friction_angle(problem.contacts, threads=problem.threads))
+        return self._shaped(critical_friction_angle(problem.contacts))
 
     @cached_property
     def margin(self) -> Floats:
@@ -167,9 +167,7 @@ class Stability:
         self._refuse_patches("force closure at the worst and best tilts")
         contacts = self._problem.hard.reshape(self.batch)
         shape = contacts.friction.shape
-        return force_closure(
-            contacts, cone_offset=cone_offset.reshape(shape), threads=self._problem.threads
-        )
+        return force_closure(contacts, cone_offset=cone_offset.reshape(shape))
 
     @cached_property
     def _effective(self) -> Epsilon:
@@ -285,7 +283,7 @@ def classify(
         extreme_normals: Method extremes: number of normals on a rim, at least 3.
         rings: Method extremes: number of rims, at even steps up to alpha/2; None: one, and more
             where alpha > 4 beta, so that they are at most 2 beta apart.
-        options: Cones, actuation, torque scale, accuracy and threads of epsilon; edges apply to
+        options: Cones, actuation, torque scale and accuracy of epsilon; edges apply to
             labels of method extremes too, while exact labels always come from circular cones.
             None: the defaults.
 

@@ -244,9 +244,7 @@ class Enumeration(NamedTuple):
         Returns:
             (surely force-closed, surely not force-closed), shape (g, c) each.
         """
-        results = self.at(grasps, numbers).solve(
-            SIGN, with_forces=False, threads=self.options.threads
-        )
+        results = self.at(grasps, numbers).solve(SIGN, with_forces=False)
         shape = len(grasps), len(numbers)
         closed = results.closed.reshape(shape)
         return closed, ~closed & (results.status != Status.UNDECIDED).reshape(shape)
@@ -264,12 +262,12 @@ def closure_at(
     Args:
         contacts: A flat batch of grasps; torsion is ignored.
         tested: Normals of each contact, as `extreme_normals` returns them.
-        options: Edges of the cones and threads; None: circular cones, one thread. The other
+        options: Edges of the cones; None: circular cones. The other
             options do not affect closure.
         cone_offset: Angle added to the cones' half-angles [rad], one value or shape (b, n).
     """
     options = options or EpsilonOptions()
-    used = EpsilonOptions(edges=options.edges, threads=options.threads)
+    used = EpsilonOptions(edges=options.edges)
     points, _, _ = centred(contacts.points)
     hard = Contacts(points, contacts.normals, contacts.friction)
     offset = per_contact("cone_offset", cone_offset, contacts)
@@ -310,7 +308,7 @@ def extremes(
     Args:
         contacts: A flat batch of grasps.
         tested: Normals of each contact, as `extreme_normals` returns them.
-        options: Cones, actuation, torque scale, accuracy and threads; None: the defaults.
+        options: Cones, actuation, torque scale, and accuracy; None: the defaults.
     """
     used = options or EpsilonOptions()
     found = []
@@ -335,9 +333,7 @@ def _extremes(enumeration: Enumeration) -> tuple[Floats, Floats, Ints, Ints]:
     for start in range(0, enumeration.combinations, MAX_HULLS):
         numbers = np.arange(start, min(start + MAX_HULLS, enumeration.combinations))
         for grasps in _groups(np.arange(size), len(numbers)):
-            results = enumeration.at(grasps, numbers).solve(
-                options.goal, with_forces=False, threads=options.threads
-            )
+            results = enumeration.at(grasps, numbers).solve(options.goal, with_forces=False)
             lower = certified(results, polygonal=options.polygonal)
             values = np.where(results.closed, lower, 0.0).reshape(len(grasps), -1)
             rows = np.arange(len(grasps))

@@ -55,11 +55,6 @@ class StabilityProblem(NamedTuple):
         return Contacts(self.contacts.points, self.contacts.normals, self.contacts.friction)
 
     @property
-    def threads(self) -> int | None:
-        """Threads for a batch; None: one per processor."""
-        return self.options.threads
-
-    @property
     def narrowest_angle(self) -> Floats:
         """Friction angle at the worst tilt and the smallest friction, beta - a [rad], (b, n)."""
         return self.low.friction_angle - self.tilt
@@ -141,8 +136,8 @@ def located_angles(problem: StabilityProblem) -> WorstAndBest:
         return located_pairs(worst, best, lines, problem.limits)
     if problem.creases:
         return np.full(len(problem.tilt), math.nan), np.full(len(problem.tilt), math.nan)
-    critical = critical_friction_angle(contacts, threads=problem.threads)
-    return located_grasps(contacts, critical, problem.limits, threads=problem.threads)
+    critical = critical_friction_angle(contacts)
+    return located_grasps(contacts, critical, problem.limits)
 
 
 def _lines_of_pairs(problem: StabilityProblem) -> PairLines:
@@ -232,10 +227,10 @@ def _angles(problem: StabilityProblem, contact: int, directions: Floats) -> tupl
 
 def _by_closure(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
     """Three contacts and more: closure tests with the narrowest and with the widest cones."""
-    contacts, threads = problem.hard, problem.threads
-    worst = force_closure(contacts, cone_offset=problem.inner_offset, threads=threads)
+    contacts = problem.hard
+    worst = force_closure(contacts, cone_offset=problem.inner_offset)
     stable = np.array(worst.closed)
-    best = force_closure(contacts, cone_offset=problem.outer_offset, threads=threads)
+    best = force_closure(contacts, cone_offset=problem.outer_offset)
     unstable = ~best.closed & (best.status != Status.UNDECIDED)
     unstable &= (problem.widest_angle < RIGHT_ANGLE).all(axis=1)
     narrowest = problem.narrowest_angle
@@ -246,7 +241,7 @@ def _by_closure(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
         stable[exceeding] = _reliable_contacts_closed(problem, exceeding, reliable, rank)
     if contacts.count >= MIN_FORM_CLOSURE and exceeding.size:
         chosen = Contacts(contacts.points[exceeding], contacts.normals[exceeding])
-        critical = critical_friction_angle(chosen, threads=threads)
+        critical = critical_friction_angle(chosen)
         stable[exceeding] |= critical < narrowest[exceeding].min(axis=1)
     tests = np.full(len(stable), 2)
     tests[exceeding] += 1
@@ -270,9 +265,7 @@ def _reliable_contacts_closed(
     chosen = Contacts(*(
         values[rows, which] for values in (contacts.points, contacts.normals, contacts.friction)
     ))  # fmt: skip
-    closure = force_closure(
-        chosen, cone_offset=problem.inner_offset[rows, which], threads=problem.threads
-    )
+    closure = force_closure(chosen, cone_offset=problem.inner_offset[rows, which])
     return np.asarray(closure.closed & reliable.any(axis=1) & (closure.rank == rank))
 
 
@@ -290,7 +283,7 @@ def _by_sampled_sets(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
     outer = np.arccos(np.clip(np.cos(widest) * shrink, -1.0, 1.0))
     narrow, wide = np.where(on_crease, inner, narrowest), np.where(on_crease, outer, widest)
     beta = contacts.friction_angle
-    circular = EpsilonOptions(threads=problem.threads)
+    circular = EpsilonOptions()
     worst = closure_at(contacts, tested, circular, cone_offset=np.maximum(narrow, 0.0) - beta)
     best = closure_at(contacts, tested, circular, cone_offset=wide - beta)
     stable = ~worst.failing & (narrowest > 0.0).all(axis=1)
@@ -309,14 +302,14 @@ def closing_normals(problem: StabilityProblem) -> Floats:
     if contacts.count == 2:
         goals = _line_goals(problem)
     else:
-        closure = force_closure(contacts, cone_offset=problem.outer_offset, threads=problem.threads)
+        closure = force_closure(contacts, cone_offset=problem.outer_offset)
         goals = closure.certificate.equilibrium[..., :3]
     toward = turned(contacts.normals, goals, problem.tilt)
     toward = np.where(np.isnan(toward).any(axis=(1, 2), keepdims=True), contacts.normals, toward)
     found = np.full(toward.shape, math.nan)
     for normals in (contacts.normals, toward):
         turned_contacts = Contacts(contacts.points, normals, problem.high.friction)
-        closed = force_closure(turned_contacts, threads=problem.threads).closed
+        closed = force_closure(turned_contacts).closed
         found[closed] = normals[closed]
     return found
 

@@ -177,7 +177,7 @@ def located_pairs(
 
 
 def located_contacts(
-    contacts: Contacts, critical: Floats, limits: ContactLimits, *, threads: int | None = None
+    contacts: Contacts, critical: Floats, limits: ContactLimits
 ) -> tuple[Floats, Floats]:
     """(worst, best) located angles of grasps with one normal at each contact, shape (b,) each.
 
@@ -185,19 +185,16 @@ def located_contacts(
         contacts: The contacts, shape (b, n).
         critical: Their critical friction angles [rad], shape (b,).
         limits: What is known about the contacts.
-        threads: Threads; None: one per processor.
     """
     if contacts.count == 2:
         return located_pairs(critical, critical, PairLines.of_contacts(contacts), limits)
-    return located_grasps(contacts, critical, limits, threads=threads)
+    return located_grasps(contacts, critical, limits)
 
 
 def located_grasps(
     contacts: Contacts,
     critical: Floats,
     limits: ContactLimits,
-    *,
-    threads: int | None = None,
 ) -> tuple[Floats, Floats]:
     """(worst, best) located angles of grasps of three contacts and more [rad], shape (b,) each.
 
@@ -205,47 +202,38 @@ def located_grasps(
         contacts: The contacts, shape (b, n), with one normal each.
         critical: Their critical friction angles [rad], shape (b,).
         limits: What is known about the contacts.
-        threads: Threads; None: one per processor.
     """
     if limits.uniform:
         return critical, critical
-    given = Contacts(contacts.points, contacts.normals, friction=0.0), critical, limits, threads
+    given = Contacts(contacts.points, contacts.normals, friction=0.0), critical, limits
     return _smallest_sure(*given), _largest_excluded(*given)
 
 
-def _smallest_sure(
-    contacts: Contacts, critical: Floats, limits: ContactLimits, threads: int | None
-) -> Floats:
+def _smallest_sure(contacts: Contacts, critical: Floats, limits: ContactLimits) -> Floats:
     """Smallest friction angles from which grasps are surely force-closed, by bisection."""
     low = np.clip(critical - limits.inner.max(axis=1), 0.0, RIGHT_ANGLE)
     high = np.full(len(critical), RIGHT_ANGLE)
     while (active := np.flatnonzero(high - low > TOLERANCE)).size:
         middle = 0.5 * (low[active] + high[active])
-        sure = _surely_closed(contacts.take(active), middle, limits.take(active), threads)
+        sure = _surely_closed(contacts.take(active), middle, limits.take(active))
         high[active] = np.where(sure, middle, high[active])
         low[active] = np.where(sure, low[active], middle)
     return high
 
 
-def _surely_closed(
-    contacts: Contacts, angles: Floats, limits: ContactLimits, threads: int | None
-) -> Bools:
+def _surely_closed(contacts: Contacts, angles: Floats, limits: ContactLimits) -> Bools:
     """Whether grasps are force-closed at all positions, cones of `angles` plus `inner`."""
     offsets = np.minimum(angles[:, None] + limits.inner, RIGHT_ANGLE - TOLERANCE)
     errors = np.broadcast_to(limits.location, offsets.shape)
     largest = errors.max(axis=1)
     if not largest.any():
-        return np.asarray(force_closure(contacts, cone_offset=offsets, threads=threads).closed)
+        return np.asarray(force_closure(contacts, cone_offset=offsets).closed)
     relative = np.where(largest[:, None] > 0.0, errors / np.maximum(largest, 1e-300)[:, None], 1.0)
-    allowed = location_tolerance(
-        contacts, relative_errors=relative, cone_offset=offsets, threads=threads
-    )
+    allowed = location_tolerance(contacts, relative_errors=relative, cone_offset=offsets)
     return np.asarray(allowed > largest)
 
 
-def _largest_excluded(
-    contacts: Contacts, critical: Floats, limits: ContactLimits, threads: int | None
-) -> Floats:
+def _largest_excluded(contacts: Contacts, critical: Floats, limits: ContactLimits) -> Floats:
     """Largest friction angles at which grasps are surely not force-closed.
 
     A direction u that separates the perceived grasp also separates those with other locations while
@@ -258,7 +246,7 @@ def _largest_excluded(
         angles = np.minimum(fraction * critical[open_], RIGHT_ANGLE) - 0.1 * TOLERANCE
         offsets = np.broadcast_to(angles[:, None], (len(open_), contacts.count))
         chosen = contacts.take(open_)
-        found = force_closure(chosen, cone_offset=offsets, threads=threads)
+        found = force_closure(chosen, cone_offset=offsets)
         u = found.certificate.direction
         separated = _separated(chosen, u, limits.take(open_))
         proven[open_] = np.maximum(proven[open_], np.where(found.closed, 0.0, separated))

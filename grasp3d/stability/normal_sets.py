@@ -270,9 +270,7 @@ def _distinct_sets(start: Ints, normals: Floats) -> tuple[Ints, Ints]:
     return found, np.array(first, dtype=np.int64)
 
 
-def angle_bounds(
-    points: Floats, samples: NormalSamples, *, tolerance: float, threads: int | None = None
-) -> WorstAndBest:
+def angle_bounds(points: Floats, samples: NormalSamples, *, tolerance: float) -> WorstAndBest:
     """Critical friction angles over the worst and over the best of the combinations.
 
     They include a margin for the normals between the samples (see `sampled_set`), so that they
@@ -282,13 +280,12 @@ def angle_bounds(
         points: Contact points, n >= 3, shape (b, n, 3).
         samples: Sampled normals of the contacts.
         tolerance: As in `critical_friction_angle` [rad].
-        threads: Threads; None: one per processor.
 
     Returns:
         (worst, best), shape (b,) each, from 0 to pi/2: no combination has a larger angle than the
         worst, and none a smaller one than the best.
     """
-    problem = _CombinationProblem(points, samples, tolerance / 2.0, threads)
+    problem = _CombinationProblem(points, samples, tolerance / 2.0)
     return _with_margin(*problem.extremes(), samples)
 
 
@@ -324,7 +321,6 @@ class _CombinationProblem(NamedTuple):
     """Shape (b, n, 3)."""
     samples: NormalSamples
     tolerance: float
-    threads: int | None
 
     def extremes(self) -> WorstAndBest:
         """Bounds on the largest and on the smallest angle of each grasp, shape (b,) each."""
@@ -370,9 +366,7 @@ class _CombinationProblem(NamedTuple):
     def angles(self, grasps: Ints, numbers: Ints) -> Floats:
         """Critical angles of grasps (m,), each at its combination number (m,)."""
         contacts = Contacts(self.points[grasps], self.samples.at(grasps, numbers), friction=0.0)
-        return np.array(
-            critical_friction_angle(contacts, tolerance=self.tolerance, threads=self.threads)
-        )
+        return np.array(critical_friction_angle(contacts, tolerance=self.tolerance))
 
     def closed_at(self, grasps: Ints, numbers: Ints, angles: Floats) -> tuple[Bools, Bools]:
         """Force closure of grasps (m,), each at its combination and friction angle (m,).
@@ -383,5 +377,5 @@ class _CombinationProblem(NamedTuple):
         contacts = Contacts(self.points[grasps], self.samples.at(grasps, numbers), friction=0.0)
         problem = WrenchProblem.of_contacts(contacts, EpsilonOptions())
         at_angles = problem.at_angles(angles)
-        results = at_angles.solve(SIGN, with_forces=False, threads=self.threads)
+        results = at_angles.solve(SIGN, with_forces=False)
         return results.closed, ~results.closed & (results.status != Status.UNDECIDED)

@@ -18,8 +18,7 @@ from grasp3d.surface.contacts import JawContacts
 from grasp3d.surface.extreme_normals import hull_labels
 from grasp3d.surface.grasp_numbers import located_angles_of
 from grasp3d.surface.rows import NO_ROW, rows_where, spread
-from grasp3d.system.processors import thread_count
-from grasp3d.system.progress import Progress, ignore, within
+from grasp3d.system.context import report_progress, within
 
 JAWS_CLOSED = 0.7
 """Fraction of the work after which the jaws are closed."""
@@ -101,9 +100,6 @@ def close_on(
     reach: Reach,
     scene: Scene,
     model: GraspModel,
-    *,
-    threads: int | None = None,
-    progress: Progress | None = None,
 ) -> ClosedGrasps:
     """Close the jaws on a free object at the poses of grasps, and label what they touch.
 
@@ -112,8 +108,6 @@ def close_on(
         reach: Poses of grasps (b,); those without one are not known.
         scene: The gripper, one of two fingers.
         model: Friction and sensor resolution.
-        threads: Threads to use; None: one per processor.
-        progress: Called with the fraction of the work done, from 0 to 1.
     """
     hand = scene.hand
     external = reach.pregrasp_opening >= reach.opening
@@ -123,27 +117,23 @@ def close_on(
         unknown = np.full(len(row), UNKNOWN)
         return ClosedGrasps(unknown, np.full(len(row), math.nan), row, None)
     model = with_fingers(model, hand.fingers[-1])
-    report = progress or ignore
-    jaws = hand.close(
-        mesh,
-        reach.poses[rows],
-        posture=reach.posture[rows],
-        object_motion="free",
-        friction=float(np.min(model.frictions)),
-        threads=thread_count(threads),
-        progress=within(report, 0.0, JAWS_CLOSED),
-    )
+    with within(0.0, JAWS_CLOSED):
+        jaws = hand.close(
+            mesh,
+            reach.poses[rows],
+            posture=reach.posture[rows],
+            object_motion="free",
+            friction=float(np.min(model.frictions)),
+        )
     labels, margin = np.full(len(rows), int(Label.U)), np.full(len(rows), math.nan)
     contacts = JawContacts.of(mesh, jaws)
     if contacts.size:
         angles = critical_friction_angle(contacts.contacts(model))
-        located = located_angles_of(contacts, (angles, angles), model, threads=threads)
+        located = located_angles_of(contacts, (angles, angles), model)
         exact = model.method == "exact"
         labels[jaws.closed] = (
-            label_angles(*located, model)
-            if exact
-            else hull_labels(contacts, model, threads=threads)
+            label_angles(*located, model) if exact else hull_labels(contacts, model)
         )
         margin[jaws.closed] = margins(located[0], model)
-    report(1.0)
+    report_progress(1.0)
     return ClosedGrasps(spread(labels, row, UNKNOWN), spread(margin, row, math.nan), row, jaws)

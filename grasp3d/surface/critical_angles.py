@@ -23,7 +23,7 @@ from grasp3d.stability.normal_sets import (
     planar_bounds,
 )
 from grasp3d.surface.contacts import GraspContacts
-from grasp3d.system.progress import Progress, ignore
+from grasp3d.system.context import report_progress
 
 SAME_POINT = 1e-12
 """Distance up to which contacts are at the same point, in object sizes."""
@@ -50,8 +50,6 @@ def critical_angles(
     contacts: GraspContacts,
     *,
     tolerance: float = 1e-4,
-    threads: int | None = None,
-    progress: Progress | None = None,
 ) -> WorstAndBest:
     """Critical friction angles of grasps over the worst and over the best normals of the contacts.
 
@@ -67,8 +65,6 @@ def critical_angles(
     Args:
         contacts: Grasps on a surface.
         tolerance: Three contacts and more: as in `critical_friction_angle` [rad].
-        threads: Threads; None: one per processor.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         (worst, best) [rad], shape (b,) each. For two contacts up to pi; for more, pi/2 where the
@@ -81,13 +77,12 @@ def critical_angles(
     if not tolerance > 0.0:
         raise SettingError(f"tolerance must be above 0; got {tolerance}")
     found = np.full((2, contacts.size), math.inf)
-    report = progress or ignore
     distances = np.linalg.norm(contacts.points - contacts.points[:, :1], axis=2)
     separate = (distances > SAME_POINT * contacts.mesh.size).any(axis=1)
     together = np.flatnonzero(~separate)
-    found[1, together] = _best_at_one_point(contacts, together, tolerance, threads)
+    found[1, together] = _best_at_one_point(contacts, together, tolerance)
     done = len(together)
-    for rows, angles in _evaluated(contacts, separate, tolerance, threads):
+    for rows, angles in _evaluated(contacts, separate, tolerance):
         if not len(rows):
             continue
         found[:, rows] = angles
@@ -95,13 +90,11 @@ def critical_angles(
             points, _, _ = centred(contacts.points[rows])
             found[1, rows[~clearly_placed(points)]] = 0.0
         done += len(rows)
-        report(done / contacts.size)
+        report_progress(done / contacts.size)
     return locked(found[0]), locked(found[1])
 
 
-def _best_at_one_point(
-    contacts: GraspContacts, rows: Ints, tolerance: float, threads: int | None
-) -> Floats:
+def _best_at_one_point(contacts: GraspContacts, rows: Ints, tolerance: float) -> Floats:
     """Lower bounds of the best angles (b,) of grasps with all contacts at the same point.
 
     Forces there balance only if they do not all lie in one half-space. With normals within r of a
@@ -111,7 +104,7 @@ def _best_at_one_point(
     smooth = ~contacts.on_crease[rows].any(axis=1)
     chosen = contacts.normals[rows[smooth]]
     at_origin = Contacts(np.zeros(chosen.shape), chosen, friction=0.0)
-    best[smooth] = critical_friction_angle(at_origin, tolerance=tolerance, threads=threads)
+    best[smooth] = critical_friction_angle(at_origin, tolerance=tolerance)
     start, count = contacts.set_start, contacts.count
     for g in np.flatnonzero(~smooth & ~contacts.any_normal[rows].any(axis=1)):
         first = count * rows[g]
@@ -122,14 +115,14 @@ def _best_at_one_point(
 
 
 def _evaluated(
-    contacts: GraspContacts, separate: Bools, tolerance: float, threads: int | None
+    contacts: GraspContacts, separate: Bools, tolerance: float
 ) -> Iterator[tuple[Ints, Floats]]:
     """Chunks of grasps, smooth ones first, and their angles (b,) or (2, b)."""
     on_crease = contacts.on_crease.any(axis=1)
     for rows in _chunks(np.flatnonzero(separate & ~on_crease)):
         smooth = _contacts(contacts, rows, contacts.normals[rows])
-        yield rows, critical_friction_angle(smooth, tolerance=tolerance, threads=threads)
-    yield from _on_creases(contacts, np.flatnonzero(separate & on_crease), tolerance, threads)
+        yield rows, critical_friction_angle(smooth, tolerance=tolerance)
+    yield from _on_creases(contacts, np.flatnonzero(separate & on_crease), tolerance)
 
 
 def _chunks(rows: Ints) -> Iterator[Ints]:
@@ -144,7 +137,7 @@ def _contacts(contacts: GraspContacts, rows: Ints, normals: Floats) -> Contacts:
 
 
 def _on_creases(
-    contacts: GraspContacts, rows: Ints, tolerance: float, threads: int | None
+    contacts: GraspContacts, rows: Ints, tolerance: float
 ) -> Iterator[tuple[Ints, Floats]]:
     """Chunks of grasps with a contact on a crease, and their angles (2, b)."""
     if contacts.count <= 2:
@@ -169,7 +162,7 @@ def _on_creases(
         for chunk in _chunks_of_sizes(samples.combinations, np.flatnonzero(~too_many)):
             points, _, _ = centred(grasps.points[chunk])
             tested = samples.take(chunk)
-            angles = angle_bounds(points, tested, tolerance=tolerance, threads=threads)
+            angles = angle_bounds(points, tested, tolerance=tolerance)
             yield pending[chunk], np.stack(angles)
         pending = pending[too_many]
     yield pending, np.transpose([AMBIGUOUS] * len(pending))

@@ -6,29 +6,25 @@ from functools import cached_property
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
-from grasp3d.system.progress import Progress, ignore
-
 T = TypeVar("T")
 
 
 class Deferred(cached_property[T]):
-    """An attribute that is computed when it is first read, or earlier by `compute`, with progress.
+    """An attribute that is computed when it is first read, or earlier by `compute`.
 
-    It decorates a method that takes a function for its progress. Several threads that read the
-    attribute of one instance compute it once. The value is in the instance's dictionary, under the
-    name of the attribute: it is read as fast as any attribute, and pickled with the instance.
+    Several threads that read the attribute of one instance compute it once. The value is in the
+    instance's dictionary, under the name of the attribute: it is read as fast as any attribute, and
+    pickled with the instance.
     """
 
-    def __init__(self, function: Callable[[Any, Progress], T]) -> None:
-        super().__init__(lambda instance: self.compute(instance, ignore))
-        self._function = function
-        self.__doc__ = self.func.__doc__ = function.__doc__
+    def __init__(self, function: Callable[[Any], T]) -> None:
+        super().__init__(function)
         self._locks: WeakKeyDictionary[Any, threading.Lock] = WeakKeyDictionary()
         self._making = threading.Lock()
 
     def __get__(self, instance: Any, owner: type[Any] | None = None) -> Any:
         """The value; of a class the descriptor itself."""
-        return self if instance is None else self.compute(instance, ignore)
+        return self if instance is None else self.compute(instance)
 
     def computed(self, instance: object) -> T | None:
         """The value if it is known already, else None."""
@@ -44,18 +40,17 @@ class Deferred(cached_property[T]):
         """
         vars(instance)[self.attrname or ""] = value
 
-    def compute(self, instance: object, progress: Progress) -> T:
+    def compute(self, instance: object) -> T:
         """Return the value; compute it now if it is not known.
 
         Args:
             instance: What has the attribute.
-            progress: Called with the fraction of the work done, from 0 to 1.
         """
         values, name = vars(instance), self.attrname or ""
         with self._making:
             lock = self._locks.setdefault(instance, threading.Lock())
         with lock:
             if name not in values:
-                values[name] = self._function(instance, progress)
+                values[name] = self.func(instance)
         found: T = values[name]
         return found

@@ -20,7 +20,7 @@ from grasp3d.stability.enumeration import (
 )
 from grasp3d.stability.label import Label
 from grasp3d.surface.contacts import GraspContacts, JawContacts
-from grasp3d.system.progress import Progress
+from grasp3d.system.context import report_progress
 
 BEFORE_ENUMERATION = 0.3
 """Fraction of the work with method extremes that the search for grasps is expected to take."""
@@ -48,17 +48,12 @@ def check_combinations_of(model: GraspModel) -> None:
 def hull_labels(
     grasps: GraspContacts,
     model: GraspModel,
-    *,
-    threads: int | None = None,
-    progress: Progress | None = None,
 ) -> Bytes:
     """Label grasps by their wrench hulls at extreme normals (Wan & Howe 2018, Sec. III).
 
     Args:
         grasps: The grasps.
         model: Friction, sensor resolution, edges and number of extreme normals.
-        threads: Threads; None: one per processor.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         Label codes, shape (b,).
@@ -67,9 +62,9 @@ def hull_labels(
         SettingError: A grasp has too many combinations.
     """
     if isinstance(grasps, JawContacts):
-        return _labels_of_jaws(grasps, model, threads)
+        return _labels_of_jaws(grasps, model)
     labels = np.full(grasps.size, Label.M, dtype=np.uint8)
-    options = EpsilonOptions(edges=model.edges, threads=threads)
+    options = EpsilonOptions(edges=model.edges)
     done = 0
     for rows, contacts, tested in _groups(grasps, model):
         low, high = _over_friction(contacts, model)
@@ -78,12 +73,11 @@ def hull_labels(
         labels[rows[~best.closing]] = Label.U
         labels[rows[~found.failing]] = Label.S
         done += len(rows)
-        if progress is not None:
-            progress(done / len(labels))
+        report_progress(done / len(labels))
     return labels
 
 
-def _labels_of_jaws(grasps: JawContacts, model: GraspModel, threads: int | None) -> Bytes:
+def _labels_of_jaws(grasps: JawContacts, model: GraspModel) -> Bytes:
     """Label codes of patches that closed jaws touch, which have one normal each, shape (b,)."""
     if not grasps.size:
         return np.zeros(0, dtype=np.uint8)
@@ -93,7 +87,7 @@ def _labels_of_jaws(grasps: JawContacts, model: GraspModel, threads: int | None)
         method=model.method,
         friction_interval=model.friction_interval if model.friction_error else None,
         extreme_normals=model.extreme_normals,
-        options=EpsilonOptions.of_model(model, torque_scale=1.0, rtol=LABEL_RTOL, threads=threads),
+        options=EpsilonOptions.of_model(model, torque_scale=1.0, rtol=LABEL_RTOL),
     )
     return np.asarray(found.label)
 
@@ -102,8 +96,6 @@ def hull_epsilons(
     grasps: GraspContacts,
     model: GraspModel,
     options: EpsilonOptions,
-    *,
-    progress: Progress | None = None,
 ) -> tuple[Floats, Floats]:
     """Smallest and largest epsilon over the combinations of extreme normals, shape (b,) each.
 
@@ -112,8 +104,7 @@ def hull_epsilons(
     Args:
         grasps: The grasps.
         model: Friction, sensor resolution, torsion and number of extreme normals.
-        options: Cones, actuation, torque scale, accuracy and threads.
-        progress: Called with the fraction of the work done, from 0 to 1.
+        options: Cones, actuation, torque scale and accuracy.
 
     Raises:
         SettingError: A grasp has too many combinations.
@@ -125,8 +116,7 @@ def hull_epsilons(
         best = worst if high is low else extremes(high, tested, options)
         found[:, rows] = worst.minimum, best.maximum
         done += len(rows)
-        if progress is not None:
-            progress(done / grasps.size)
+        report_progress(done / grasps.size)
     return found[0], found[1]
 
 

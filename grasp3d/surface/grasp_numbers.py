@@ -26,7 +26,6 @@ from grasp3d.surface.critical_angles import AMBIGUOUS
 from grasp3d.surface.extreme_normals import hull_epsilons
 from grasp3d.surface.holding import Holding, holding_of
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.system.progress import Progress
 
 EPSILON_RTOL = 1e-2
 """Fraction of epsilon's upper bound that may lie between its bounds."""
@@ -41,7 +40,6 @@ def located_angles_of(
     model: GraspModel,
     *,
     lines: PairLines | None = None,
-    threads: int | None = None,
 ) -> WorstAndBest:
     """Located angles of grasps on a surface.
 
@@ -50,7 +48,6 @@ def located_angles_of(
         angles: Their critical angles over the worst and the best normals [rad], shape (b,) each.
         model: What is known about the contacts, with lengths in the mesh's unit.
         lines: Two contacts: their lines; None: computed.
-        threads: Threads; None: one per processor.
 
     Returns:
         (worst, best) [rad], shape (b,) each; inf where there is no grasp.
@@ -68,9 +65,7 @@ def located_angles_of(
     smooth = chosen[~on_crease]
     if len(smooth):
         contacts = Contacts(grasps.points[smooth] - grasps.mesh.center, grasps.normals[smooth])
-        found[:, smooth] = located_grasps(
-            contacts, np.asarray(angles[0])[smooth], limits, threads=threads
-        )
+        found[:, smooth] = located_grasps(contacts, np.asarray(angles[0])[smooth], limits)
     return locked(found[0]), locked(found[1])
 
 
@@ -79,8 +74,6 @@ def surface_epsilons(
     model: GraspModel,
     *,
     center_radius: float = 0.0,
-    threads: int | None = None,
-    progress: Progress | None = None,
 ) -> EpsilonRange:
     """Epsilon of grasps about the mesh's centre of mass, torques divided by its torque scale.
 
@@ -90,8 +83,6 @@ def surface_epsilons(
             and the maximum are those over the combinations of extreme normals, at the smallest and
             at the largest friction.
         center_radius: Radius of the ball in which the centre of mass lies, in the mesh's unit.
-        threads: Threads; None: one per processor.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         Shape (b,) each; nan where the normals at a contact cancel out.
@@ -106,15 +97,15 @@ def surface_epsilons(
     chosen_grasps = grasps.take(chosen)
     contacts = chosen_grasps.contacts(model)
     options = EpsilonOptions.of_model(
-        model, torque_scale=grasps.mesh.torque_scale, rtol=EPSILON_RTOL, threads=threads
+        model, torque_scale=grasps.mesh.torque_scale, rtol=EPSILON_RTOL
     )
     if model.method == "extremes" and not isinstance(grasps, JawContacts):
         values[0, chosen] = epsilon_with(contacts, options).lower
-        values[1:, chosen] = hull_epsilons(chosen_grasps, model, options, progress=progress)
+        values[1:, chosen] = hull_epsilons(chosen_grasps, model, options)
     else:
         found = uncertain_epsilon_range(
             contacts, model.tilt_of_fingers, WrenchErrors.of_model(model, center_radius), options,
-            bound_rtol=BOUND_RTOL, progress=progress,
+            bound_rtol=BOUND_RTOL,
         )  # fmt: skip
         values[:, chosen] = found.nominal, found.minimum, found.maximum
     return EpsilonRange(*map(locked, values))
@@ -134,8 +125,6 @@ def surface_metrics(
     grasps: GraspContacts,
     model: GraspModel,
     names: str | Sequence[str] = "all",
-    *,
-    threads: int | None = None,
 ) -> MetricValues:
     """Quality measures of grasps about the mesh's centre of mass, torques divided by its scale.
 
@@ -143,7 +132,6 @@ def surface_metrics(
         grasps: The grasps, at their nominal normals.
         model: Friction, torsion and edges; for circular cones `EDGES`.
         names: As in `quality.metrics`.
-        threads: Threads; None: one per processor.
 
     Returns:
         Shape (b,) each; nan where the normals at a contact cancel out.
@@ -160,7 +148,6 @@ def surface_metrics(
         torque_scale=grasps.mesh.torque_scale,
         edges=model.edges or EDGES,
         principal_axis=longest_axis(grasps.mesh),
-        threads=threads,
     )
     return found.placed(chosen, grasps.size, NO_NORMALS)
 
@@ -197,9 +184,6 @@ def surface_holding(
     grasps: GraspContacts,
     model: GraspModel,
     case: LoadCase,
-    *,
-    threads: int | None = None,
-    progress: Progress | None = None,
 ) -> Holding:
     """Grip forces and payloads of grasps under a load, about the mesh's centre of mass.
 
@@ -207,8 +191,6 @@ def surface_holding(
         grasps: The grasps (b,).
         model: Friction and resolution; the torsion radius is that of the load case.
         case: The load.
-        threads: Threads; None: one per processor.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         Rows (b,). Where the normals at a contact cancel out nothing is known of the forces: the
@@ -220,7 +202,6 @@ def surface_holding(
     known = grasps.take(chosen)
     found = holding_of(
         known.contacts(model), known.tilts(model), case, friction=model.friction_bounds,
-        threads=threads, progress=progress,
     )  # fmt: skip
     if len(chosen) == grasps.size:
         return found

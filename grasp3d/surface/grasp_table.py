@@ -43,7 +43,7 @@ from grasp3d.surface.holding import Holding
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.rows import if_known, rows_of
-from grasp3d.system.progress import Progress, ignore
+from grasp3d.system.context import report_progress, unreported
 from grasp3d.system.versions import package_version
 
 Columns = dict[str, npt.NDArray[Any]]
@@ -116,9 +116,6 @@ class GraspTable(LabelledGrasps):
     """How the gripper reaches each grasp, with its pose; None: no gripper."""
     load: Load | None = None
     """What each grasp must hold; None: `holding` is not computed."""
-    threads: int | None = None
-    """Threads for what is computed when it is first read; None: one per processor. The results do
-    not depend on it."""
 
     __repr__ = short_repr
 
@@ -144,7 +141,7 @@ class GraspTable(LabelledGrasps):
         return LoadCase.of(self.load, self.mesh, self.model, hand)
 
     @Deferred
-    def located_angles(self, _progress: Progress) -> WorstAndBest:
+    def located_angles(self) -> WorstAndBest:
         """Critical angles (worst, best) with all that is not known about the contacts [rad].
 
         Uncertain contact locations turn the line between two contacts, and fingers of `per_finger`
@@ -159,12 +156,10 @@ class GraspTable(LabelledGrasps):
         lines = None
         if self.contacts.count == 2 and other is not None:
             lines = self.contacts.lines.with_best_at(other.rows, other.contacts.lines)
-        return located_angles_of(
-            self.contacts, angles, self.model, lines=lines, threads=self.threads
-        )
+        return located_angles_of(self.contacts, angles, self.model, lines=lines)
 
     @Deferred
-    def label(self, progress: Progress) -> Bytes:
+    def label(self) -> Bytes:
         """`Label` codes by `model.method`: 0 U, 1 M, 2 S.
 
         With method extremes a grasp gets the better label of that over the worst and that over the
@@ -175,16 +170,15 @@ class GraspTable(LabelledGrasps):
             return locked(label_angles(worst, best, self.model))
         codes = np.full(self.size, Label.U, dtype=np.uint8)
         rows = np.flatnonzero(np.isfinite(self.critical_angle))
-        parts = [(rows, self.contacts.take(rows), progress)]
-        if self.best_normals is not None:  # a few, at creases
-            parts.append((self.best_normals.rows, self.best_normals.contacts, ignore))
-        for chosen, contacts, report in parts:
-            found = hull_labels(contacts, self.model, threads=self.threads, progress=report)
-            codes[chosen] = np.maximum(codes[chosen], found)
+        codes[rows] = hull_labels(self.contacts.take(rows), self.model)
+        if (other := self.best_normals) is not None:  # a few, at creases
+            with unreported():
+                best = hull_labels(other.contacts, self.model)
+            codes[other.rows] = np.maximum(codes[other.rows], best)
         return locked(codes)
 
     @Deferred
-    def epsilon_range(self, progress: Progress) -> EpsilonRange:
+    def epsilon_range(self) -> EpsilonRange:
         """`epsilon`, `epsilon_min` and `epsilon_max`; computed when first read.
 
         Of the grasps over the worst normals. None: of labels read from a PLY, which does not have
@@ -192,13 +186,12 @@ class GraspTable(LabelledGrasps):
         """
         radius = 0.0 if self.load_case is None else self.load_case.center_radius
         find = partial(
-            surface_epsilons, model=self.model, center_radius=radius, threads=self.threads,
-            progress=progress,
+            surface_epsilons, model=self.model, center_radius=radius,
         )  # fmt: skip
         return if_known(self.known_contacts, find)
 
     @Deferred
-    def holding(self, progress: Progress) -> Holding | None:
+    def holding(self) -> Holding | None:
         """Grip force and payload of the grasps under the load; None: there is no load.
 
         Of the grasps over the worst normals; where another one is better over the best normals,
@@ -207,15 +200,16 @@ class GraspTable(LabelledGrasps):
         case, model, other = self.load_case, self.model, self.best_normals
         if case is None or self.known_contacts is None:
             return None
-        found = surface_holding(self.contacts, model, case, threads=self.threads, progress=progress)
+        found = surface_holding(self.contacts, model, case)
         if other is None:
             return found
-        better = surface_holding(other.contacts, model, case, threads=self.threads)
+        with unreported():
+            better = surface_holding(other.contacts, model, case)
         least = better.placed(other.rows, self.size).grip_force_least
         return replace(found, grip_force_least=locked(np.fmin(found.grip_force_least, least)))
 
     @Deferred
-    def closed(self, progress: Progress) -> ClosedGrasps | None:
+    def closed(self) -> ClosedGrasps | None:
         """What the jaws touch when they close at the poses, with labels and margins.
 
         Computed when first read; None: no hand, or one without poses.
@@ -223,9 +217,7 @@ class GraspTable(LabelledGrasps):
         reach, scene = self.reach, self.scene
         if reach is None or scene is None or not self.has_poses:
             return None
-        return close_on(
-            self.mesh, reach, scene, self.model, threads=self.threads, progress=progress
-        )
+        return close_on(self.mesh, reach, scene, self.model)
 
     @property
     def has_poses(self) -> bool:
@@ -244,7 +236,7 @@ class GraspTable(LabelledGrasps):
         chosen = self.contacts.with_normals
         if len(chosen):
             contacts = self.contacts.take(chosen).contacts(self.model)
-            ranks[chosen] = force_closure(contacts, threads=self.threads).rank
+            ranks[chosen] = force_closure(contacts).rank
         return locked(ranks)
 
     @property
@@ -292,7 +284,7 @@ class GraspTable(LabelledGrasps):
         Raises:
             SettingError: An unknown name.
         """
-        return surface_metrics(self.contacts, self.model, names, threads=self.threads)
+        return surface_metrics(self.contacts, self.model, names)
 
     def take(self, rows: Ints) -> "GraspTable":
         """The chosen grasps, in that order, with what has been computed of them.
@@ -316,7 +308,7 @@ class GraspTable(LabelledGrasps):
 
     def whole(self) -> "GraspTable":
         """The grasps as given by their contacts: with the angles of these, over all normals."""
-        worst, best = critical_angles(self.contacts, threads=self.threads)
+        worst, best = critical_angles(self.contacts)
         found = replace(
             self, critical_angle=worst, critical_angle_best=best, best_normals=None, points=None
         )
@@ -325,7 +317,7 @@ class GraspTable(LabelledGrasps):
         return found
 
     def using(self, **changed: Any) -> "GraspTable":
-        """The same grasps with another model, load or number of threads.
+        """The same grasps with another model or load.
 
         Args:
             changed: Fields by name. Located angles that stay the same are kept: other frictions and
@@ -353,34 +345,23 @@ class GraspTable(LabelledGrasps):
         """
         return vars(self).get(name)
 
-    def compute_labels(self, progress: Progress) -> None:
+    def compute_labels(self) -> None:
         """Compute `label` now, which takes time with method extremes only.
-
-        Args:
-            progress: Called with the fraction of the work done, from 0 to 1.
 
         Raises:
             SettingError: A grasp has too many combinations of extreme normals.
         """
         if self.model.method == "extremes" and self.computed("label") is None:
-            GraspTable.label.compute(self, progress)
-            progress(1.0)
+            GraspTable.label.compute(self)
+            report_progress(1.0)
 
-    def compute_epsilon(self, progress: Progress) -> None:
-        """Compute `epsilon_range` now.
-
-        Args:
-            progress: Called with the fraction of the work done, from 0 to 1.
-        """
-        GraspTable.epsilon_range.compute(self, progress)
-
-    def compute_holding(self, progress: Progress) -> None:
-        """Compute `holding` now, if there is a load.
+    def compute(self, name: str) -> None:
+        """Compute an attribute now that is otherwise computed when it is first read.
 
         Args:
-            progress: Called with the fraction of the work done, from 0 to 1.
+            name: `epsilon_range`, `holding` or another one.
         """
-        GraspTable.holding.compute(self, progress)
+        getattr(self, name)
 
     def columns(self, metrics: MetricValues | None = None) -> Columns:
         """What files have of each grasp as a whole by name, shape (b,) each.

@@ -17,7 +17,6 @@ from grasp3d.quality.tasks import Task
 from grasp3d.quality.tilting import FrictionCases, over_friction
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.system.progress import Progress, ignore
 
 HARD_FINGERS = (
     "two hard fingers cannot resist a torque about the line through them: give a torsion radius "
@@ -183,8 +182,6 @@ def holding_of(
     case: LoadCase,
     *,
     friction: tuple[ArrayLike, ArrayLike],
-    threads: int | None = None,
-    progress: Progress | None = None,
 ) -> Holding:
     """Grip forces and payloads of contacts under a load, at the perceived contact locations.
 
@@ -196,14 +193,12 @@ def holding_of(
         friction: Smallest and largest coefficient, one for all contacts or shape (n,): the largest
             force and the payload are those of the smallest friction, the least force that of the
             largest, each with the torsion radius of a gripper's pads at that friction.
-        threads: Threads; None: one per processor.
-        progress: Called with the fraction of the work done, from 0 to 1.
     """
     known = np.array_equal(friction[0], friction[1])
     cases = FrictionCases(
         case.at_friction(contacts), *(case.at_friction(contacts, bound) for bound in friction)
     )
-    forces = _forces(cases, tilt, case.task, known, threads, progress or ignore)
+    forces = _forces(cases, tilt, case.task, known)
     payloads = np.full(contacts.batch, np.nan)
     force, mass = case.available, case.task.mass
     if force is not None and mass is not None:
@@ -212,9 +207,7 @@ def holding_of(
             with np.errstate(divide="ignore"):  # no force is needed where nothing accelerates
                 payloads = force * mass / forces.largest
         else:
-            payloads = payload(
-                cases.weakest, task, force, tilt=tilt, rtol=FORCE_RTOL, threads=threads
-            )
+            payloads = payload(cases.weakest, task, force, tilt=tilt, rtol=FORCE_RTOL)
     return Holding(
         case=case,
         grip_force=locked(forces.nominal),
@@ -231,17 +224,13 @@ def _forces(
     tilt: ArrayLike,
     task: Task,
     friction_known: bool,
-    threads: int | None,
-    progress: Progress,
 ) -> ForceRange:
     """Forces at the nominal contacts, and the least and the largest over tilts and friction."""
 
-    def forces(contacts: Contacts, tilt: ArrayLike, progress: Progress) -> ForceRange:
-        return force_range(
-            contacts, task, tilt, rtol=FORCE_RTOL, threads=threads, progress=progress
-        )
+    def forces(contacts: Contacts, tilt: ArrayLike) -> ForceRange:
+        return force_range(contacts, task, tilt, rtol=FORCE_RTOL)
 
     if friction_known:
-        return forces(cases.nominal, tilt, progress)
-    nominal, low, high = over_friction(forces, cases, tilt, progress)
+        return forces(cases.nominal, tilt)
+    nominal, low, high = over_friction(forces, cases, tilt)
     return replace(nominal, least=high.least, largest=low.largest, how=low.how)

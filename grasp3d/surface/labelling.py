@@ -17,9 +17,7 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.masses import loaded_mesh
 from grasp3d.surface.search import label_multifinger, label_pairs
-from grasp3d.system.processors import thread_count
-from grasp3d.system.progress import Progress, ignore, within
-from grasp3d.system.steps import begin_step
+from grasp3d.system.context import begin_step, within
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +80,6 @@ class Labelling:
         options: MeshOptions,
         *,
         force: bool = False,
-        threads: int | None = None,
     ) -> "Labelling":
         """Read a mesh, and check the settings for it, as a user gives them.
 
@@ -94,40 +91,31 @@ class Labelling:
             load: As in `label_surface`.
             options: How the mesh is read and prepared.
             force: Accept lengths that cannot be meant for an object of this size.
-            threads: Threads to use; None: one per processor.
 
         Raises:
             SettingError: As in `label_surface`, or a length cannot be meant.
             MeshError: The mesh cannot be read, or is too large.
         """
-        mesh, load = loaded_mesh(load_mesh(source, options, threads=threads), load)
+        mesh, load = loaded_mesh(load_mesh(source, options), load)
         if not force:
             refuse_lengths(mesh, model, sampling, load)
         return cls.of(mesh, model, sampling, Scene.of(reach, mesh), load)
 
-    def labels(
-        self, *, threads: int | None = None, progress: Progress | None = None
-    ) -> SurfaceLabels:
-        """Search for the best grasp through every vertex, and label it; see `label_surface`.
-
-        Args:
-            threads: Threads to use; None: one per processor.
-            progress: Called with the fraction of the work done, from 0 to 1.
-        """
-        threads = thread_count(threads)
-        report, enumerated = progress or ignore, self.model.method == "extremes"
+    def labels(self) -> SurfaceLabels:
+        """Search for the best grasp through every vertex, and label it; see `label_surface`."""
+        enumerated = self.model.method == "extremes"
         begin_step("searching for grasps")
-        searching = within(report, 0.0, BEFORE_ENUMERATION) if enumerated else report
-        common = self.scene, threads, searching
-        if isinstance(self.sampling, Sampling):
-            labels = label_pairs(self.mesh, self.model, self.sampling, *common)
-        else:
-            labels = label_multifinger(self.mesh, self.model, self.sampling, *common)
+        with within(0.0, BEFORE_ENUMERATION if enumerated else 1.0):
+            if isinstance(self.sampling, Sampling):
+                labels = label_pairs(self.mesh, self.model, self.sampling, self.scene)
+            else:
+                labels = label_multifinger(self.mesh, self.model, self.sampling, self.scene)
         if self.load is not None:
             labels = labels.using(load=self.load)
         if enumerated:
             begin_step("labelling at the extreme normals")
-        labels.compute_labels(within(report, BEFORE_ENUMERATION, 1.0))
+        with within(BEFORE_ENUMERATION, 1.0):
+            labels.compute_labels()
         return labels
 
 
@@ -141,8 +129,6 @@ def label_surface(
     approach: Approach | None = None,
     scene: Scene | None = None,
     load: Load | None = None,
-    threads: int | None = None,
-    progress: Progress | None = None,
 ) -> SurfaceLabels:
     """Find the best grasp through every vertex and label how reliable it is.
 
@@ -165,8 +151,6 @@ def label_surface(
         load: What each grasp must hold, and with which force: `labels.holding` then has the grip
             force and payload of each. A gripper brings its greatest force and the torsion radius of
             its pads. It changes neither grasps nor labels. None: nothing.
-        threads: Threads to use; None: one per processor. The result does not depend on it.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         The labels. Their arrays have a row for each of the V vertices of `labels.mesh`, of which
@@ -222,4 +206,4 @@ def label_surface(
     scene = scene or Scene.given(hand, table, approach)
     loaded, load = loaded_mesh(load_mesh(mesh), load)
     task = Labelling.of(loaded, model or GraspModel(), sampling, scene, load)
-    return task.labels(threads=threads, progress=progress)
+    return task.labels()

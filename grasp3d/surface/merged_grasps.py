@@ -67,7 +67,6 @@ def merged(
         search=other.search,
         scene=other.scene,
         load=other.load,
-        threads=other.threads,
     )
 
 

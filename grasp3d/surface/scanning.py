@@ -16,7 +16,7 @@ from grasp3d.surface.critical_angles import SAME_POINT, critical_angles
 from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at
-from grasp3d.system.progress import Progress, ignore, within
+from grasp3d.system.context import within
 
 
 def scan_surface(
@@ -24,8 +24,6 @@ def scan_surface(
     model: GraspModel | None = None,
     *,
     fixed: ArrayLike,
-    threads: int | None = None,
-    progress: Progress | None = None,
 ) -> SurfaceLabels:
     """Fix all fingers but one and label every vertex as the contact point of the last finger.
 
@@ -40,8 +38,6 @@ def scan_surface(
             2, must be one more than are fixed.
         fixed: Positions of the fixed fingers in the mesh's unit and frame, shape (3,) or (k, 3),
             moved to the nearest surface points.
-        threads: Threads; None: one per processor. The result does not depend on it.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         Labels in mode 'scan', with arrays as in `label_surface`; `partners` are the fixed fingers.
@@ -69,7 +65,7 @@ def scan_surface(
     check_point_contacts(chosen)
     if chosen.method == "extremes":
         check_combinations_of(chosen)
-    count, report = len(mesh.vertices), progress or ignore
+    count = len(mesh.vertices)
     nearest = [nearest_surface_point(mesh, (point - mesh.center) / mesh.size) for point in points]
     positions = np.stack([position for position, _, _ in nearest])  # normalised frame
     faces = np.array([[face for _, face, _ in nearest]])
@@ -79,8 +75,8 @@ def scan_surface(
     if len(points) == 1:
         angles, grip = _scan_pairs(fixed_contacts, positions[0])
     else:
-        searching = within(report, 0.0, searched or 1.0)
-        angles = _scan_multifinger(fixed_contacts, positions, threads, searching)
+        with within(0.0, searched or 1.0):
+            angles = _scan_multifinger(fixed_contacts, positions)
         grip = np.zeros(count, dtype=np.int8)
     # No finger fits where another one is, whatever their normals.
     angles[1, np.isinf(angles[0])] = math.inf
@@ -97,9 +93,9 @@ def scan_surface(
         sampling=None,
         mode="scan",
         search=SearchReport(cone=math.pi),
-        threads=threads,
     )
-    labels.compute_labels(within(report, searched, 1.0))
+    with within(searched, 1.0):
+        labels.compute_labels()
     return labels
 
 
@@ -128,9 +124,7 @@ def _scan_pairs(fixed: SurfaceContacts, position: Floats) -> tuple[Floats, npt.N
     return angles, grip
 
 
-def _scan_multifinger(
-    fixed: SurfaceContacts, positions: Floats, threads: int | None, progress: Progress
-) -> Floats:
+def _scan_multifinger(fixed: SurfaceContacts, positions: Floats) -> Floats:
     """Angles (2, V) of every vertex with several fixed fingers."""
     mesh = fixed.mesh
     vertices = used_indices(mesh.faces)
@@ -142,5 +136,5 @@ def _scan_multifinger(
     weights = np.broadcast_to(fixed.surface_points.weights[:, None], (*others.shape, 3))
     grasps = grasps_at(mesh, SurfacePoints(others, weights), vertices, 0)
     angles = np.full((2, len(mesh.vertices)), math.inf)
-    angles[:, vertices] = critical_angles(grasps, threads=threads, progress=progress)
+    angles[:, vertices] = critical_angles(grasps)
     return angles

@@ -19,7 +19,7 @@ from grasp3d.surface.sampling.antipodal import AntipodalGrasps, best_pairs
 from grasp3d.surface.sampling.multifinger import search
 from grasp3d.surface.sampling.pair_limits import ALIKE, Ranking
 from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at, grasps_differ
-from grasp3d.system.progress import Progress, within
+from grasp3d.system.context import report_progress, unreported, within
 
 BEFORE_MARGINS = 0.35
 """Fraction of the work for two fingers that the search by critical angles is expected to take,
@@ -34,8 +34,6 @@ def label_pairs(
     model: GraspModel,
     sampling: Sampling,
     scene: Scene | None,
-    threads: int,
-    progress: Progress,
 ) -> SurfaceLabels:
     """Label a surface by the best grasps with two fingers.
 
@@ -44,32 +42,29 @@ def label_pairs(
         model: Friction and sensor resolution; labels are computed later.
         sampling: How grasps are searched for.
         scene: The gripper that must reach each grasp; None: ideal points.
-        threads: Threads to use.
-        progress: Called with the fraction of the work done, from 0 to 1.
     """
     cone, ranking = search_cone(model, sampling), Ranking.of(model)
     limited = sampling if scene is None else scene.within_stroke(mesh, sampling)
     jaws = None if scene is None or scene.jaws is None else scene
-    find = partial(best_pairs, mesh, limited, cone, threads=threads, scene=jaws)
+    find = partial(best_pairs, mesh, limited, cone, scene=jaws)
     other_hand = scene if jaws is None else None
     labels_of = partial(
         SurfaceLabels.of_vertices, mesh, model, sampling=sampling, mode="label", scene=scene,
-        threads=threads,
     )  # fmt: skip
     alike = ranking == ALIKE
-    first = within(progress, 0.0, 1.0 if alike else BEFORE_MARGINS)
-    found = find(progress=first)
-    labels = labels_of(
-        **_pairs(mesh, found, other_hand, threads), search=_search_report(cone, [found])
-    )
+    with within(0.0, 1.0 if alike else BEFORE_MARGINS):
+        found = find()
+    labels = labels_of(**_pairs(mesh, found, other_hand), search=_search_report(cone, [found]))
     if alike:
         return labels
     # With larger openings or other normals, grasps may have more margin.
-    other = find(ranking=ranking, progress=within(progress, BEFORE_MARGINS, 1.0))
-    with_margin = labels_of(
-        **_pairs(mesh, other, other_hand, threads, are_costs=True),
-        search=_search_report(cone, [found, other]),
-    )
+    with within(BEFORE_MARGINS, 1.0):
+        other = find(ranking=ranking)
+    with unreported():
+        with_margin = labels_of(
+            **_pairs(mesh, other, other_hand, are_costs=True),
+            search=_search_report(cone, [found, other]),
+        )
     return with_more_margin(labels, with_margin)
 
 
@@ -87,7 +82,6 @@ def _pairs(
     mesh: ObjectMesh,
     found: AntipodalGrasps,
     scene: Scene | None,
-    threads: int,
     *,
     are_costs: bool = False,
 ) -> dict[str, Any]:
@@ -105,7 +99,7 @@ def _pairs(
         angles, points = _angles_of_pairs(mesh, points, np.unique(mesh.canonical[having]))
     reasons, reach = found.reason, found.reach
     if scene is not None:
-        reasons, reach = _reach_of(mesh, points, reasons, scene, threads, grip=found.grip)
+        reasons, reach = _reach_of(mesh, points, reasons, scene, grip=found.grip)
     lost = reasons != found.reason
     return {
         "angles": tuple(np.where(lost, math.inf, angle) for angle in angles),
@@ -142,8 +136,6 @@ def label_multifinger(
     model: GraspModel,
     sampling: MultifingerSampling,
     scene: Scene | None,
-    threads: int,
-    progress: Progress,
 ) -> SurfaceLabels:
     """Label a surface by the best grasps with three fingers or more.
 
@@ -152,32 +144,29 @@ def label_multifinger(
         model: Friction and sensor resolution; labels are computed later.
         sampling: How grasps are searched for.
         scene: The hand that must reach each grasp; None: ideal points.
-        threads: Threads to use.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Raises:
         SettingError: The mesh has fewer vertices than fingers.
     """
     cone, count = search_cone(model, sampling), len(mesh.vertices)
-    searching, finishing = (
-        within(progress, 0.0, BEFORE_ANGLES),
-        within(progress, BEFORE_ANGLES, 1.0),
-    )
-    found = search(mesh, model.fingers, sampling, cone, threads=threads, progress=searching)
+    with within(0.0, BEFORE_ANGLES):
+        found = search(mesh, model.fingers, sampling, cone)
     points = _both_grasps(found.partner_points)
     reasons, reach = found.reason, None
     if scene is not None:
-        reasons, reach = _reach_of(mesh, points, reasons, scene, threads)
+        reasons, reach = _reach_of(mesh, points, reasons, scene)
     vertices = np.unique(mesh.canonical[(reasons == Reason.FOUND) & mesh.on_surface])
     grasps = grasps_at(mesh, points, vertices, 0)
     angles = np.full((2, count), math.inf)
-    angles[:, vertices] = critical_angles(grasps, threads=threads, progress=finishing)
+    with within(BEFORE_ANGLES, 1.0):
+        angles[:, vertices] = critical_angles(grasps)
     differing = vertices[grasps_differ(points, vertices)]
-    _, best = critical_angles(grasps_at(mesh, points, differing, 1), threads=threads)
+    with unreported():
+        _, best = critical_angles(grasps_at(mesh, points, differing, 1))
     angles[1, differing] = np.minimum(angles[1, differing], best)
     partners = np.full((count, model.fingers - 1, 3), math.nan)
     partners[vertices] = grasps.points[:, 1:]
-    progress(1.0)
+    report_progress(1.0)
     report = SearchReport(
         cone, evaluated=found.evaluated, rounds=found.rounds, still_falling=found.still_falling
     )
@@ -194,7 +183,6 @@ def label_multifinger(
         mode="label",
         search=report,
         scene=scene,
-        threads=threads,
     )
 
 
@@ -203,14 +191,13 @@ def _reach_of(
     points: SurfacePoints,
     reasons: Bytes,
     scene: Scene,
-    threads: int,
     grip: ArrayLike = 1,
 ) -> tuple[Bytes, Reach]:
     """The reasons, and how the hand reaches each vertex's grasp."""
     tried = np.flatnonzero((reasons == Reason.FOUND) & mesh.on_surface)
     contacts = grasps_at(mesh, points, tried, 0)
     signs = np.broadcast_to(grip, len(reasons))[tried]
-    reach = scene.reach(mesh, contacts.points, contacts.normals, grip=signs, threads=threads)
+    reach = scene.reach(mesh, contacts.points, contacts.normals, grip=signs)
     reasons = reasons.copy()
     reasons[tried[~reach.reached]] = Reason.NOT_REACHED
     return reasons, reach.among(len(mesh.vertices), tried)

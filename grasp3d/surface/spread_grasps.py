@@ -22,7 +22,6 @@ from grasp3d.surface.holding import Holding
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.rows import NO_ROW, if_known, spread
-from grasp3d.system.progress import Progress
 
 
 class SpreadGrasps(LabelledGrasps):
@@ -62,11 +61,6 @@ class SpreadGrasps(LabelledGrasps):
     def load_case(self) -> LoadCase | None:
         """The load on this object, with its mass, task and force at hand; None: no load."""
         return self.grasps.load_case
-
-    @property
-    def threads(self) -> int | None:
-        """Threads for what is computed when it is first read; None: one per processor."""
-        return self.grasps.threads
 
     @cached_property
     def critical_angle(self) -> Floats:
@@ -147,17 +141,13 @@ class SpreadGrasps(LabelledGrasps):
         known = name in vars(self) or self.grasps.computed(name) is not None
         return getattr(self, name) if known else None
 
-    def compute_labels(self, progress: Progress) -> None:
+    def compute_labels(self) -> None:
         """Compute `label` now; see `GraspTable.compute_labels`."""
-        self.grasps.compute_labels(progress)
+        self.grasps.compute_labels()
 
-    def compute_epsilon(self, progress: Progress) -> None:
-        """Compute `epsilon_range` now; see `GraspTable.compute_epsilon`."""
-        self.grasps.compute_epsilon(progress)
-
-    def compute_holding(self, progress: Progress) -> None:
-        """Compute `holding` now; see `GraspTable.compute_holding`."""
-        self.grasps.compute_holding(progress)
+    def compute(self, name: str) -> None:
+        """Compute an attribute of the grasps now; see `GraspTable.compute`."""
+        self.grasps.compute(name)
 
     def _spread(self, values: npt.NDArray[Any], missing: float) -> npt.NDArray[Any]:
         """Values of the table's rows at each place, shape (k, ...)."""

@@ -109,7 +109,6 @@ class VertexGrasps(SpreadGrasps):
         search: SearchReport,
         scene: Scene | None = None,
         load: Load | None = None,
-        threads: int | None = None,
         file: str | None = None,
     ) -> Self:
         """Labels of the grasps of a surface's vertices, those of one position being the same.
@@ -129,7 +128,6 @@ class VertexGrasps(SpreadGrasps):
             search: As the field.
             scene: The gripper that must reach each grasp, and the table; None: ideal points.
             load: What each grasp must hold; None: nothing.
-            threads: As in `GraspTable`.
             file: Name of the file that the grasps were read from; None: that of the mesh.
         """
         count = len(mesh.vertices)
@@ -162,7 +160,6 @@ class VertexGrasps(SpreadGrasps):
             scene=scene,
             reach=None if reach is None else reach.take(vertices),
             load=load,
-            threads=threads,
         )
         return cls(
             table, locked(row[mesh.canonical]), reasons, sampling=sampling, mode=mode,

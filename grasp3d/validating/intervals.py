@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from grasp3d.arrays import Floats, Ints
-from grasp3d.system.progress import Progress, ignore
+from grasp3d.system.context import report_progress
 
 LEVEL = 0.95
 """Confidence level of all intervals."""
@@ -62,7 +62,6 @@ def bootstrap(
     *,
     resamples: int,
     seed: int,
-    progress: Progress | None = None,
 ) -> Floats:
     """Percentile intervals of measures at 95 %, from the same resamples for all of them.
 
@@ -72,7 +71,6 @@ def bootstrap(
         resamples: Number of resamples; those in which a measure is nan are left out of its
             interval.
         seed: Seed of the draws.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         Low and high ends, shape (len(measures), 2); nan without any resample with a value.
@@ -91,7 +89,7 @@ def bootstrap(
     found = np.full((len(measures), resamples), np.nan)
     for number, weights in enumerate(resampled_weights(clusters, resamples, seed)):
         found[:, number] = [measure(weights) for measure in measures]
-        (progress or ignore)((number + 1) / resamples)
+        report_progress((number + 1) / resamples)
     ends = np.full((len(measures), 2), np.nan)
     known = ~np.isnan(found).all(axis=1)
     tail = 0.5 * (1.0 - LEVEL)

@@ -22,7 +22,7 @@ from grasp3d.hand.scene import Scene
 from grasp3d.mesh import MeshSource
 from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions
-from grasp3d.system.progress import Progress, ignore, within
+from grasp3d.system.context import report_progress, within
 from grasp3d.validating.disagreements import Disagreements
 from grasp3d.validating.intervals import FEW_OBJECTS, bootstrap
 from grasp3d.validating.ranking import RankedOutcomes
@@ -45,7 +45,6 @@ class Evaluation:
     reach: ReachSettings
     load: Load | None
     object_motion: ObjectMotion
-    threads: int | None
     disagreements: Disagreements
     files: list[ValidatedFile] = field(default_factory=list)
     parts: list[ScoredGrasps] = field(default_factory=list)
@@ -53,7 +52,7 @@ class Evaluation:
     models: list[GraspModel] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
 
-    def evaluate(self, tried: TriedGrasps, total: int, progress: Progress) -> None:
+    def evaluate(self, tried: TriedGrasps, total: int) -> None:
         """Evaluate the poses of one file, in chunks."""
         if not tried.count:
             self.warnings.append(f"{tried.name}: no outcome is known of its grasps; left out")
@@ -63,8 +62,8 @@ class Evaluation:
         first, file, number = self.size, len(self.files), self._object(tried, body)
         for low in range(0, tried.count, CHUNK):
             chunk = slice(low, min(low + CHUNK, tried.count))
-            part = within(progress, (first + chunk.start) / total, (first + chunk.stop) / total)
-            found = self._evaluated(poses.take(np.arange(tried.count)[chunk]), tried, body, part)
+            with within((first + chunk.start) / total, (first + chunk.stop) / total):
+                found = self._evaluated(poses.take(np.arange(tried.count)[chunk]), tried, body)
             if not low:
                 self.warnings += [f"{tried.name}: {line}" for line in found.warnings]
             self._keep(found, numbers[chunk], file, number)
@@ -85,24 +84,25 @@ class Evaluation:
         )
 
     def _evaluated(
-        self, poses: GraspPoses, tried: TriedGrasps, body: StatedObject, progress: Progress
+        self, poses: GraspPoses, tried: TriedGrasps, body: StatedObject
     ) -> EvaluatedPoses:
         beside = replace(self.reach, hand=tried.hand)
         scene, model = Scene.of(beside, body.mesh), beside.touching(self.model)
         assert scene is not None
         self.models.append(model)
-        found = evaluate_grasps(
-            body.mesh,
-            poses,
-            model,
-            scene=scene,
-            object_motion=self.object_motion,
-            load=body.load,
-            threads=self.threads,
-            progress=within(progress, 0.0, 0.5),
-        )
-        found.compute_epsilon(within(progress, 0.5, 0.9))
-        found.compute_holding(within(progress, 0.9, 1.0))
+        with within(0.0, 0.5):
+            found = evaluate_grasps(
+                body.mesh,
+                poses,
+                model,
+                scene=scene,
+                object_motion=self.object_motion,
+                load=body.load,
+            )
+        with within(0.5, 0.9):
+            found.compute("epsilon_range")
+        with within(0.9, 1.0):
+            found.compute("holding")
         return found
 
     def _keep(self, found: EvaluatedPoses, numbers: Ints, file: int, number: int) -> None:
@@ -189,8 +189,6 @@ def validate_grasps(
     object_motion: ObjectMotion = "free",
     load: Load | None = None,
     settings: ValidationSettings | None = None,
-    threads: int | None = None,
-    progress: Progress | None = None,
 ) -> Validation:
     """Hold labels and scores of grasps against what became of them.
 
@@ -216,8 +214,6 @@ def validate_grasps(
         load: What each grasp must hold; None, or without a mass: the mass and the centre of mass
             that a file states, as ACRONYM's do.
         settings: Grid of the labels, bins, resamples and seed; None: the defaults.
-        threads: Threads to use; None: one per processor. The result does not depend on it.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Raises:
         ContactError: A file is missing or damaged, no outcome is known, or no jaws close.
@@ -244,7 +240,6 @@ def validate_grasps(
         0.80
     """
     chosen, used = settings or ValidationSettings(), reach or ReachSettings()
-    report = progress or ignore
     given = model or GraspModel()
     _check_model(given)
     tried = check_grasps(
@@ -254,12 +249,14 @@ def validate_grasps(
         hand=hand or used.hand,
     )
     worst = Disagreements(chosen.worst)
-    done = Evaluation(given, options, used, load, object_motion, threads, worst)
-    for one in tried:
-        done.evaluate(one, sum(each.count for each in tried), within(report, 0.0, EVALUATED))
+    done = Evaluation(given, options, used, load, object_motion, worst)
+    with within(0.0, EVALUATED):
+        for one in tried:
+            done.evaluate(one, sum(each.count for each in tried))
     done.check()
-    found = compared(done, chosen, within(report, EVALUATED, 1.0))
-    report(1.0)
+    with within(EVALUATED, 1.0):
+        found = compared(done, chosen)
+    report_progress(1.0)
     return found
 
 
@@ -275,13 +272,12 @@ def _check_model(model: GraspModel) -> None:
                            "per_finger out")  # fmt: skip
 
 
-def compared(done: Evaluation, settings: ValidationSettings, progress: Progress) -> Validation:
+def compared(done: Evaluation, settings: ValidationSettings) -> Validation:
     """Compare the scores of evaluated grasps with their outcomes.
 
     Args:
         done: The evaluated grasps, at least one of which closes.
         settings: Grid of the labels, bins, resamples and seed.
-        progress: Called with the fraction of the work done, from 0 to 1.
     """
     grasps, model = _joined(done.parts), done.models[0]
     by_object, resamples = len(done.objects) > 1, _resamples(grasps.size, settings.resamples)
@@ -290,7 +286,7 @@ def compared(done: Evaluation, settings: ValidationSettings, progress: Progress)
         grasps=grasps,
         model=model,
         settings=settings,
-        qualities=_qualities(grasps, resamples, settings.seed, progress, by_object=by_object),
+        qualities=_qualities(grasps, resamples, settings.seed, by_object=by_object),
         by_object=by_object,
         resamples=resamples,
         labels=tuple(_labels(grasps, model, settings)),
@@ -347,16 +343,14 @@ def _joined(parts: Sequence[ScoredGrasps]) -> ScoredGrasps:
 
 
 def _qualities(
-    grasps: ScoredGrasps, resamples: int, seed: int, progress: Progress, *, by_object: bool
+    grasps: ScoredGrasps, resamples: int, seed: int, *, by_object: bool
 ) -> tuple[ScoreQuality, ...]:
     """ROC-AUC and average precision of each score, with intervals."""
     scores = [score for score in SCORES if score.name in grasps.scores]
     ranked = [RankedOutcomes.of(grasps.held, grasps.ranked(score)) for score in scores]
     measures = [measure for one in ranked for measure in (one.roc_auc, one.average_precision)]
     clusters = grasps.object_number if by_object else np.arange(grasps.size)
-    ends = bootstrap(measures, clusters, resamples=resamples, seed=seed, progress=progress).reshape(
-        len(scores), 2, 2
-    )
+    ends = bootstrap(measures, clusters, resamples=resamples, seed=seed).reshape(len(scores), 2, 2)
     return tuple(
         ScoreQuality(
             score=score,

@@ -47,7 +47,7 @@ def block(folder: Path) -> Path:
 @cache
 def labels() -> SurfaceLabels:
     mesh = load_mesh(shapes.box((0.08, 0.05, 0.03)), SETTINGS.mesh)
-    return label_surface(mesh, SETTINGS.model, load=LOAD, threads=1)
+    return label_surface(mesh, SETTINGS.model, load=LOAD)
 
 
 def row_under(load: Load | None, folder: Path, **options: Any) -> Row:

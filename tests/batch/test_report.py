@@ -58,13 +58,13 @@ COARSE = Sampling(rays=8, search_angle=60.0 * DEGREE)
 @pytest.fixture(scope="module")
 def spray() -> SurfaceLabels:
     mesh = load_mesh(LIBRARY / "spray.glb")
-    return label_surface(mesh, MODEL, sampling=COARSE, threads=1)
+    return label_surface(mesh, MODEL, sampling=COARSE)
 
 
 @pytest.fixture(scope="module")
 def box() -> SurfaceLabels:
     mesh = box_mesh((0.1, 0.2, 0.3), max_edge=0.05)
-    return label_surface(mesh, MODEL, sampling=COARSE, threads=1)
+    return label_surface(mesh, MODEL, sampling=COARSE)
 
 
 def decoded(script: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
@@ -85,7 +85,7 @@ def decoded(script: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
 
 def painted(mesh: ObjectMesh, stable: NDArray[np.bool_]) -> SurfaceLabels:
     """Labels with the given vertices S and the others U."""
-    labels = label_surface(mesh, MODEL, sampling=Sampling(rays=8), threads=1)
+    labels = label_surface(mesh, MODEL, sampling=Sampling(rays=8))
     angles = np.where(stable, 0.0, np.inf)
     return with_critical_angles(labels, angles)
 
@@ -137,7 +137,7 @@ def test_script_contains_the_surface_and_its_values(
 
 def test_sharp_edges_have_two_angles_and_smooth_surfaces_one(box: SurfaceLabels) -> None:
     assert "best" in decoded(object_script(box, "box", ()))[1]
-    ball = label_surface(sphere_mesh(subdivisions=2), MODEL, sampling=COARSE, threads=1)
+    ball = label_surface(sphere_mesh(subdivisions=2), MODEL, sampling=COARSE)
     assert "best" not in decoded(object_script(ball, "ball", ()))[1]
 
 
@@ -162,7 +162,7 @@ def test_vertices_without_faces_are_left_out_and_the_others_keep_their_numbers()
     ball = sphere_mesh(subdivisions=2)
     vertices = np.concatenate([[[9.0, 9.0, 9.0]], ball.vertices])
     mesh = load_mesh((vertices, ball.faces + 1), max_edge=10.0)
-    labels = label_surface(mesh, MODEL, sampling=COARSE, threads=1)
+    labels = label_surface(mesh, MODEL, sampling=COARSE)
     header, arrays = decoded(object_script(labels, "ball", ()))
     assert arrays["numbers"].tolist() == list(range(1, len(vertices)))
     assert np.allclose(header["low"], ball.vertices.min(axis=0))
@@ -338,7 +338,7 @@ def test_only_safe_labels_are_called_safe(box: SurfaceLabels) -> None:
     assert library_data([], BatchSettings(three))["certainty"] == text
     assert decoded(object_script(box, "box", ()))[0]["certainty"] == ""
     search = MultifingerSampling(candidates=8)
-    safe = label_surface(cylinder_mesh(0.5, 1.0, max_edge=0.5), three, sampling=search, threads=1)
+    safe = label_surface(cylinder_mesh(0.5, 1.0, max_edge=0.5), three, sampling=search)
     assert decoded(object_script(safe, "cylinder", ()))[0]["certainty"] == text
 
 

@@ -79,11 +79,11 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Report:
     }
     for name, mesh in meshes.items():
         wide = coarse if name == "spray" else replace(coarse, search_angle=60.0 * DEGREE)
-        made.labels[name] = label_surface(mesh, MODEL, sampling=wide, threads=1)
+        made.labels[name] = label_surface(mesh, MODEL, sampling=wide)
     mesh = cylinder_mesh(0.5, 1.0, max_edge=0.5)
     three = replace(MODEL, fingers=3)
     search = MultifingerSampling(candidates=8, search_angle=90.0 * DEGREE)
-    made.labels["cylinder"] = label_surface(mesh, three, sampling=search, threads=1)
+    made.labels["cylinder"] = label_surface(mesh, three, sampling=search)
     for name, labels in made.labels.items():
         row = row_of(labels, HOSTILE if name == "cone" else f"{STEMS[name]}.ply", STEMS[name])
         made.rows.append(put_object(output, labels, row))
@@ -370,7 +370,7 @@ def test_fractions_follow_the_sliders_of_further_uncertainties(
         friction=(0.4, 0.6), normal_error=2.0 * DEGREE, location_error=0.002, per_finger=per_finger
     )
     mesh, wide = load_mesh(LIBRARY / "spray.glb"), Sampling(rays=8, search_angle=60.0 * DEGREE)
-    labels, output = label_surface(mesh, model, sampling=wide, threads=1), LocalFolder(tmp_path)
+    labels, output = label_surface(mesh, model, sampling=wide), LocalFolder(tmp_path)
     row = put_object(output, labels, row_of(labels, "spray", "spray"))
     write_report(output, [row], BatchSettings(model))
     opened(page, Report(tmp_path).address("object.html#spray"))

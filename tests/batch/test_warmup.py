@@ -150,7 +150,7 @@ def label_under_loads(torsion_radius: float | str) -> None:
     model = grasp3d.GraspModel(torsion_radius=torsion_radius, sensor_resolution=0.2)
     for task in ("weight", "weight within 30 of -z", "wrench 0,0,-5,0,0,0.1"):
         load = grasp3d.Load(mass=0.5, grip_force=40.0, task=task, center_of_mass_radius="1mm")
-        holding = grasp3d.label_surface(mesh, model, load=load, threads=1).holding
+        holding = grasp3d.label_surface(mesh, model, load=load).holding
         assert holding is not None
         assert (holding.grip_force[~np.isnan(holding.grip_force)] > 0.0).all()
 

@@ -10,7 +10,7 @@ import pytest
 
 from grasp3d.cli.time_limit import TimeLimitError, check_timeout, time_limit
 from grasp3d.errors import SettingError
-from grasp3d.system.steps import begin_step, recorded_steps
+from grasp3d.system.context import begin_step, recorded_steps
 from tests.helpers import mesh_files
 from tests.helpers.commands import run_here
 from tests.helpers.mesh_files import written
@@ -71,7 +71,7 @@ def test_a_step_that_comes_again_adds_to_its_time() -> None:
 STUCK = """
 import signal, time
 from grasp3d.cli.time_limit import time_limit
-from grasp3d.system.steps import begin_step
+from grasp3d.system.context import begin_step, recorded_steps
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # like compiled code, which does not see it
 with time_limit(0.1, "a.stl"):
     begin_step("searching for grasps")

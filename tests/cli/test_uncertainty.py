@@ -311,7 +311,7 @@ def test_a_sweep_searches_at_each_location_error() -> None:
         seen.append(model.location_error)
         progress(0.5)
         progress(1.0)
-        return label_surface(mesh, model, sampling=Sampling(rays=8), threads=1)
+        return label_surface(mesh, model, sampling=Sampling(rays=8))
 
     few = search_at_each(label, GraspModel(), [0.0, 0.1])
     assert seen == [0.0, 0.1]

@@ -22,7 +22,7 @@ MODEL = GraspModel(friction=0.4, sensor_resolution=math.radians(15.0))
 def held() -> SurfaceLabels:
     vertices, faces = shapes.lopsided(3)
     mesh = load_mesh((vertices * 20.0, faces), unit="mm", max_edge=100.0)
-    return label_surface(mesh, MODEL, hand=HAND, table=Table.below(mesh), threads=1)
+    return label_surface(mesh, MODEL, hand=HAND, table=Table.below(mesh))
 
 
 def chosen(labels: SurfaceLabels, count: int = 5) -> list[int]:
@@ -63,7 +63,7 @@ def test_fewer_alternatives_are_the_first_ones() -> None:
 
 def test_a_vertex_that_is_not_reached_has_none() -> None:
     mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=10.0)
-    labels = label_surface(mesh, MODEL, hand=HAND, table=Table.below(mesh), threads=1)
+    labels = label_surface(mesh, MODEL, hand=HAND, table=Table.below(mesh))
     below = (labels.reason == Reason.NOT_REACHED) & (mesh.vertices[:, 2] < -9.9)
     grasps = alternatives_at(labels, int(np.flatnonzero(below)[0]), 3)
     assert grasps.size == 0
@@ -72,7 +72,7 @@ def test_a_vertex_that_is_not_reached_has_none() -> None:
 
 def test_bad_vertices_and_counts_are_refused() -> None:
     labels = held()
-    ideal = label_surface(labels.mesh, MODEL, threads=1)
+    ideal = label_surface(labels.mesh, MODEL)
     with pytest.raises(SettingError, match="give a gripper"):
         alternatives_at(ideal, 0, 1)
     for vertex in (-1, len(labels.mesh.vertices)):

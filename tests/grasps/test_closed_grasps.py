@@ -34,6 +34,7 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface import GraspTable
 from grasp3d.surface.closed_grasps import UNKNOWN
+from grasp3d.system.context import running
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, SLIM, TIPS
 
@@ -49,7 +50,7 @@ def wedge() -> SurfaceLabels:
     corners, faces = shapes.box((60.0, 40.0, 40.0))
     corners[:, 1] *= np.where(corners[:, 2] > 0.0, 1.0 - math.tan(math.radians(5.0)), 1.0)
     mesh = load_mesh((corners, faces), unit="mm", max_edge=10.0)
-    return label_surface(mesh, MODEL, hand=HAND, threads=1)
+    return label_surface(mesh, MODEL, hand=HAND)
 
 
 @cache
@@ -58,7 +59,7 @@ def cone(degrees: float, friction: float) -> SurfaceLabels:
     surface = shapes.cone(math.radians(degrees), 80.0, 24)
     mesh = load_mesh(surface, unit="mm", max_edge=12.0)
     model = replace(MODEL, friction=friction)
-    return label_surface(mesh, model, hand=HAND, threads=1)
+    return label_surface(mesh, model, hand=HAND)
 
 
 @cache
@@ -66,7 +67,7 @@ def tube(grip: str) -> SurfaceLabels:
     corners, faces = shapes.tube(sections=32)
     mesh = load_mesh((corners * 60.0, faces), unit="mm", max_edge=12.0)
     sampling = Sampling(grip=grip)
-    return label_surface(mesh, MODEL, sampling=sampling, hand=SLIM, threads=1)
+    return label_surface(mesh, MODEL, sampling=sampling, hand=SLIM)
 
 
 @cache
@@ -221,7 +222,7 @@ def test_another_model_closes_the_jaws_again() -> None:
 
 
 def test_threads_change_nothing() -> None:
-    one, two = (best_grasps(wedge().using(threads=threads), 30) for threads in (1, 2))
+    one, two = (running(threads=threads)(best_grasps)(wedge(), 30) for threads in (1, 2))
     np.testing.assert_array_equal(one.contacts.points, two.contacts.points)
     np.testing.assert_array_equal(one.closed.margin, two.closed.margin)
 
@@ -229,7 +230,7 @@ def test_threads_change_nothing() -> None:
 def test_a_symmetric_box_has_the_same_best_grasps_each_time() -> None:
     """Flat parallel sides: the jaws touch what the points are on."""
     mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=12.0)
-    labels = [label_surface(mesh, MODEL, hand=HAND, threads=1) for _ in range(2)]
+    labels = [label_surface(mesh, MODEL, hand=HAND) for _ in range(2)]
     first, second = (best_grasps(one, 8) for one in labels)
     np.testing.assert_array_equal(first.contacts.points, second.contacts.points)
     np.testing.assert_array_equal(first.closed.margin, second.closed.margin)
@@ -269,9 +270,9 @@ def test_internal_grasps_count_as_ambiguous_beside_external_ones() -> None:
 @pytest.mark.slow
 def test_ideal_points_and_three_fingers_have_none() -> None:
     mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=40.0)
-    ideal = best_grasps(label_surface(mesh, MODEL, threads=1), 2)
+    ideal = best_grasps(label_surface(mesh, MODEL), 2)
     three = replace(MODEL, fingers=3)
-    tips = best_grasps(label_surface(mesh, three, hand=TIPS, threads=1), 2)
+    tips = best_grasps(label_surface(mesh, three, hand=TIPS), 2)
     for grasps in (ideal, tips):
         assert grasps.size
         assert grasps.closed is None
@@ -280,7 +281,7 @@ def test_ideal_points_and_three_fingers_have_none() -> None:
 
 def test_no_grasps_close_on_nothing() -> None:
     plate = load_mesh(shapes.box((120.0, 100.0, 90.0)), unit="mm", max_edge=120.0)
-    labels = label_surface(plate, MODEL, hand=HAND, threads=1)
+    labels = label_surface(plate, MODEL, hand=HAND)
     best = best_grasps(labels, 3)
     assert (best.size, len(best.closed.row), best.closed.jaws) == (0, 0, None)
     assert best.closed.note(best.label) == ""
@@ -307,6 +308,6 @@ def test_grasps_without_a_pose_are_not_known() -> None:
     labels = wedge()
     reach = labels.reach.take(labels.vertices[:3])
     missing = replace(reach, poses=np.where(np.arange(3)[:, None, None] == 1, np.nan, reach.poses))
-    found = replace(labels.grasps.take(np.arange(3)), reach=missing, threads=1).closed
+    found = replace(labels.grasps.take(np.arange(3)), reach=missing).closed
     assert found.row.tolist() == [0, -1, 1]
     assert found.label[1] == UNKNOWN

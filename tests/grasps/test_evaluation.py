@@ -16,6 +16,7 @@ from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.surface.grasp_numbers import longest_axis
 from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.system.context import running
 from tests.helpers import shapes
 
 Floats = NDArray[np.float64]
@@ -97,9 +98,9 @@ def test_the_fields_are_those_of_a_single_grasp_at_the_same_contacts() -> None:
 @pytest.mark.parametrize("fingers", [2, 3, 4])
 def test_neither_the_order_of_grasps_nor_that_of_contacts_matters(fingers: int) -> None:
     points = random_contacts(block(), 24, fingers, fingers)
-    grasps = evaluate_grasps(block(), points, threads=1)
+    grasps = evaluate_grasps(block(), points)
     order = np.random.default_rng(7).permutation(len(points))
-    assert_equal(grasps, evaluate_grasps(block(), points[order], threads=2), order)
+    assert_equal(grasps, running(threads=2)(evaluate_grasps)(block(), points[order]), order)
     alone = evaluate_grasps(block(), points[3])
     assert_equal(grasps, alone, slice(3, 4))
     swapped = evaluate_grasps(block(), points[:, ::-1])
@@ -156,7 +157,8 @@ def test_labels_of_method_extremes_do_not_contradict_exact_ones() -> None:
     exact = evaluate_grasps(ball(), points, GraspModel(0.9))
     fractions: list[float] = []
     model = GraspModel(0.9, method="extremes", extreme_normals=3)
-    extremes = evaluate_grasps(ball(), points, model, progress=fractions.append)
+    with running(progress=fractions.append):
+        extremes = evaluate_grasps(ball(), points, model)
     assert (extremes.label[exact.label == 2] == 2).all()
     assert (extremes.label[exact.label == 0] == 0).all()
     assert fractions == sorted(fractions)
@@ -169,11 +171,13 @@ def test_labels_of_method_extremes_do_not_contradict_exact_ones() -> None:
 
 def test_progress_is_reported_in_increasing_fractions_up_to_1() -> None:
     fractions: list[float] = []
-    grasps = evaluate_grasps(block(), random_contacts(block(), 50, 3, 3), progress=fractions.append)
+    with running(progress=fractions.append):
+        grasps = evaluate_grasps(block(), random_contacts(block(), 50, 3, 3))
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1.0
     of_epsilon: list[float] = []
-    grasps.compute_epsilon(of_epsilon.append)
+    with running(progress=of_epsilon.append):
+        grasps.compute("epsilon_range")
     assert of_epsilon[-1] == 1.0
     assert np.isfinite(grasps.epsilon).all()
 
@@ -239,11 +243,9 @@ def test_invalid_contacts_are_refused_in_one_line(name: str) -> None:
 
 
 @pytest.mark.parametrize("options", [{"max_distance": -1.0}, {"max_distance": math.nan}])
-def test_invalid_distances_and_threads_are_refused(options: dict[str, float]) -> None:
+def test_invalid_distances_are_refused(options: dict[str, float]) -> None:
     with pytest.raises(SettingError, match="max_distance must be"):
         evaluate_grasps(ball(), TRIANGLE, **options)
-    with pytest.raises(SettingError, match="threads"):
-        evaluate_grasps(ball(), TRIANGLE, threads=0)
 
 
 def test_metrics_are_those_of_the_same_contacts_without_a_mesh() -> None:

@@ -34,7 +34,7 @@ PUSH = "wrench 0,0,-5,0,0,0"
 def labels() -> SurfaceLabels:
     mesh = load_mesh(shapes.box((0.08, 0.05, 0.03)), unit="m", max_edge=0.02)
     model = GraspModel(torsion_radius="3mm", sensor_resolution=0.2)
-    return label_surface(mesh, model, threads=1)
+    return label_surface(mesh, model)
 
 
 def under(load: Load, given: SurfaceLabels | None = None) -> HoldingVerdict:
@@ -119,7 +119,7 @@ def test_reasons_why_nothing_is_held() -> None:
     assert aside is not None
     mesh = load_mesh(shapes.box((0.08, 0.05, 0.03)), unit="m", max_edge=0.1,
                      center_of_mass="3mm,1mm,2mm")  # fmt: skip
-    found = label_surface(mesh, hard, load=Load(mass=0.5), threads=1)
+    found = label_surface(mesh, hard, load=Load(mass=0.5))
     assert HARD_FINGERS in str(verdict_of(found).holding)
 
 
@@ -138,7 +138,7 @@ def test_grasps_that_hold_the_load_come_first() -> None:
 def test_poses_that_were_found_hold_as_much_when_they_are_evaluated() -> None:
     franka, load = replace(ParallelGripper.preset("franka"), inner_faces=()), Load(mass=0.5)
     model = GraspModel(sensor_resolution=0.2)
-    made = label_surface(labels().mesh, model, hand=franka, load=load, threads=1)
+    made = label_surface(labels().mesh, model, hand=franka, load=load)
     best = best_grasps(made, 3)
     poses = poses_of(best)
     assert best.holding is not None

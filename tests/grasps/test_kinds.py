@@ -20,7 +20,7 @@ MODEL = GraspModel(friction=0.4, sensor_resolution=math.radians(15.0))
 def block() -> SurfaceLabels:
     """A block of 60 x 40 x 20 mm on a table: kinds are across either pair of sides."""
     mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=7.0)
-    return label_surface(mesh, MODEL, hand=HAND, table=Table.below(mesh), threads=1)
+    return label_surface(mesh, MODEL, hand=HAND, table=Table.below(mesh))
 
 
 @cache
@@ -32,7 +32,7 @@ def dumbbell() -> SurfaceLabels:
     rod.apply_translation((50.0, 0.0, 0.0))
     body = trimesh.boolean.union([*bars, rod], engine="manifold")
     mesh = load_mesh((body.vertices, body.faces), unit="mm", max_edge=7.0)
-    return label_surface(mesh, MODEL, hand=HAND, table=Table.below(mesh), threads=1)
+    return label_surface(mesh, MODEL, hand=HAND, table=Table.below(mesh))
 
 
 def test_kinds_are_numbers_of_vertices_with_a_grasp() -> None:
@@ -55,7 +55,7 @@ def test_opposite_sides_are_of_other_kinds_than_the_others() -> None:
 
 def test_without_a_gripper_neighbours_with_near_partners_are_of_one_kind() -> None:
     ball = load_mesh(shapes.sphere(2), max_edge=9.0)
-    kinds = grasp_kinds(label_surface(ball, MODEL, threads=1))
+    kinds = grasp_kinds(label_surface(ball, MODEL))
     assert set(kinds) == {0}
 
 
@@ -86,6 +86,6 @@ def test_best_grasps_have_the_reach_of_their_vertices() -> None:
 @pytest.mark.slow
 def test_nothing_reached_has_no_best_grasps_and_no_kinds() -> None:
     mesh = load_mesh(shapes.box((120.0, 80.0, 3.0)), unit="mm", max_edge=20.0)
-    labels = label_surface(mesh, MODEL, hand=HAND, table=Table.below(mesh), threads=1)
+    labels = label_surface(mesh, MODEL, hand=HAND, table=Table.below(mesh))
     assert best_grasps(labels, 3).size == 0
     assert (grasp_kinds(labels) == -1).all()

@@ -82,7 +82,7 @@ def test_a_box_from_above(box: ObjectMesh) -> None:
 
 
 def test_labels_and_numbers_are_those_of_the_contacts(blob: ObjectMesh) -> None:
-    found = evaluated(blob, random_poses(80, 0.005, seed=7), threads=1)
+    found = evaluated(blob, random_poses(80, 0.005, seed=7))
     rows = found.jaws.closed
     assert rows.sum() > 30
     points = found.jaws.points[rows] - blob.center_mass

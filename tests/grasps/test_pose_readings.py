@@ -85,29 +85,29 @@ MISTAKES: dict[str, tuple[Callable[[Floats], Floats], str]] = {
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_is_named(cone: ObjectMesh, good: Floats, name: str) -> None:
     change, words = MISTAKES[name]
-    message = suspected_reading(cone, change(good), HAND, threads=1)
+    message = suspected_reading(cone, change(good), HAND)
     assert message is not None
     assert words in message
 
 
 def test_nothing_is_suspected_of_good_poses_and_of_few(cone: ObjectMesh, good: Floats) -> None:
-    assert suspected_reading(cone, good, HAND, threads=1) is None
+    assert suspected_reading(cone, good, HAND) is None
     wrong = reordered([3, 0, 1, 2])(good)
-    assert suspected_reading(cone, wrong[:4], HAND, threads=1) is None
-    assert suspected_reading(cone, good[:0], HAND, threads=1) is None
+    assert suspected_reading(cone, wrong[:4], HAND) is None
+    assert suspected_reading(cone, good[:0], HAND) is None
 
 
 def test_poses_beside_the_object_have_no_other_reading(cone: ObjectMesh, good: Floats) -> None:
     """That nothing fits is no proof of a mistake."""
     beside = good.copy()
     beside[:, :3, 3] += 0.2 * Rotation.random(40, random_state=1).apply([1.0, 0.0, 0.0])
-    assert suspected_reading(cone, beside, HAND, threads=1) is None
+    assert suspected_reading(cone, beside, HAND) is None
 
 
 def test_evaluated_poses_are_warned_of(cone: ObjectMesh, good: Floats) -> None:
     def warnings(poses: Floats, mesh: ObjectMesh = cone) -> str:
         given = GraspPoses(poses=poses, unit="m")
-        return " ".join(evaluate_grasps(mesh, given, hand=HAND, threads=1).warnings)
+        return " ".join(evaluate_grasps(mesh, given, hand=HAND).warnings)
 
     assert "jaws" not in warnings(good)
     assert "those of the hand's base" in warnings(good @ HAND.base_pose)

@@ -33,7 +33,7 @@ def held(fingers: int = 2) -> SurfaceLabels:
     model = GraspModel(friction=0.4, sensor_resolution=math.radians(15.0), fingers=fingers)
     hand = ParallelGripper.preset("franka") if fingers == 2 else TIPS
     table = Table.below(mesh) if fingers == 2 else None
-    return label_surface(mesh, model, hand=hand, table=table, threads=1)
+    return label_surface(mesh, model, hand=hand, table=table)
 
 
 def test_poses_have_all_that_is_known_of_the_grasps() -> None:
@@ -89,7 +89,7 @@ def test_evaluated_again_poses_are_reached_and_stable() -> None:
 
 def test_grasps_without_poses_are_refused(tmp_path: Path) -> None:
     mesh = held().mesh
-    ideal = best_grasps(label_surface(mesh, MODEL, threads=1), 2)
+    ideal = best_grasps(label_surface(mesh, MODEL), 2)
     with pytest.raises(SettingError, match="label the surface with a gripper"):
         poses_of(ideal)
     with pytest.raises(SettingError, match="label the surface with a gripper"):
@@ -111,6 +111,6 @@ def test_three_fingers_have_no_poses(tmp_path: Path) -> None:
 
 def test_no_grasps_make_a_table_without_rows(tmp_path: Path) -> None:
     plate = load_mesh(shapes.box((120.0, 80.0, 3.0)), unit="mm", max_edge=40.0)
-    labels = label_surface(plate, MODEL, hand=HAND, table=Table.below(plate), threads=1)
+    labels = label_surface(plate, MODEL, hand=HAND, table=Table.below(plate))
     write_grasps(tmp_path / "a.csv", best_grasps(labels, 2))
     assert len((tmp_path / "a.csv").read_text().splitlines()) == 1

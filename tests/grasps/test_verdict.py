@@ -30,7 +30,7 @@ def block() -> ObjectMesh:
 
 
 def beside(mesh: ObjectMesh, model: GraspModel = MODEL, **options: object) -> SurfaceLabels:
-    options = {"hand": HAND, "threads": 1, **options}
+    options = {"hand": HAND, **options}
     return label_surface(mesh, model, **options)
 
 

@@ -16,6 +16,7 @@ from grasp3d.hand.closed_jaws import ClosedJaws, Closing
 from grasp3d.hand.closing import close_jaws
 from grasp3d.hand.jaw_reach import collides_closing
 from grasp3d.settings.lengths import Unit
+from grasp3d.system.context import running
 from tests.helpers import shapes
 from tests.helpers.closing_jaws import Floats, pads, pose, random_poses, tips
 
@@ -327,7 +328,7 @@ def test_more_compliance_touches_more_and_leaves_the_opening(blob: ObjectMesh) -
 
 def test_the_number_of_threads_changes_nothing(blob: ObjectMesh) -> None:
     matrices = random_poses(600, 0.01, seed=5)
-    one, two = (close_jaws(blob, matrices, pads(), threads=count) for count in (1, 2))
+    one, two = (running(threads=count)(close_jaws)(blob, matrices, pads()) for count in (1, 2))
     for name, values in arrays(one).items():
         np.testing.assert_array_equal(values, getattr(two, name))
 
@@ -348,7 +349,6 @@ BAD: dict[str, tuple[dict[str, Any], type[Exception], str]] = {
     "not a number": ({"opening": math.nan}, SettingError, "got nan"),
     "openings": ({"opening": [0.01, 0.02]}, SettingError, "one for each of the 1 poses"),
     "moving": ({"moving": "none"}, SettingError, "moving"),
-    "threads": ({"threads": 0}, SettingError, "threads must be at least 1"),
     "shape": ({"poses": np.eye(3)}, ContactError, r"shape \(k, 4, 4\); got \(3, 3\)"),
     "finite": ({"poses": np.full((4, 4), np.nan)}, ContactError, "pose 1 has numbers"),
     "text": ({"poses": "here"}, ContactError, "poses must be 4x4 matrices"),
@@ -379,7 +379,7 @@ def test_ten_thousand_poses_take_seconds(hand: Any) -> None:
     """2,000 poses on twice as many faces, well below the time for them."""
     ball = mesh_of(trimesh.creation.icosphere(5, 0.03))
     matrices = random_poses(2000, 0.01)
-    close_jaws(ball, matrices[:1], hand, threads=1)
+    close_jaws(ball, matrices[:1], hand)
     start = time.process_time()
-    close_jaws(ball, matrices, hand, threads=1)
+    close_jaws(ball, matrices, hand)
     assert time.process_time() - start < 8.0

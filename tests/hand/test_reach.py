@@ -17,6 +17,7 @@ from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach import Reach, Reachability
 from grasp3d.hand.table import Approach, Table
 from grasp3d.settings.lengths import Unit
+from grasp3d.system.context import running
 from tests.helpers import shapes
 from tests.helpers.collisions import Oracle
 from tests.helpers.grippers import GRIPPERS, HAND, SLIM, TIPS, normalized_poses, opposed
@@ -347,7 +348,7 @@ def test_a_larger_gripper_never_reaches_more(name: str, factor: float, stands: b
 def test_the_number_of_threads_does_not_matter(held: tuple) -> None:
     mesh, points, normals = held
     many = np.tile(points, (20, 1, 1)), np.tile(normals, (20, 1, 1))
-    one, two = (reach_grasps(mesh, *many, HAND, threads=threads) for threads in (1, 3))
+    one, two = (running(threads=threads)(reach_grasps)(mesh, *many, HAND) for threads in (1, 3))
     assert (one.state == two.state).all()
     assert np.array_equal(one.poses, two.poses, equal_nan=True)
 

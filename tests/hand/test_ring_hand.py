@@ -66,12 +66,12 @@ def tube() -> ObjectMesh:
 def labelled(hand: RingHand = RING, height: float = -30.0) -> SurfaceLabels:
     """A ball above a table."""
     table = Table(np.array([0.0, 0.0, 1.0]), height)
-    return label_surface(ball(), MODEL, sampling=SEARCH, hand=hand, table=table, threads=1)
+    return label_surface(ball(), MODEL, sampling=SEARCH, hand=hand, table=table)
 
 
 @cache
 def ideal() -> SurfaceLabels:
-    return label_surface(ball(), MODEL, sampling=SEARCH, threads=1)
+    return label_surface(ball(), MODEL, sampling=SEARCH)
 
 
 def around(heights: Any, azimuths: Any, radius: float = TUBE) -> tuple[Floats, Floats]:

@@ -36,7 +36,7 @@ def about(axis: str, degrees: float) -> Rotation:
 def free(
     mesh: ObjectMesh, poses: Any, hand: ParallelGripper | None = None, **options: Any
 ) -> ClosedJaws:
-    return close_jaws(mesh, poses, hand or pads(), object_motion="free", threads=1, **options)
+    return close_jaws(mesh, poses, hand or pads(), object_motion="free", **options)
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +117,7 @@ def opening_after(
     moved[:3, :3] = rotation
     rigid = pads(compliance=0.0)
     start = min(found.opening[row] + 0.008, rigid.max_opening)
-    return float(close_jaws(mesh, moved, rigid, opening=start, threads=1).opening[0])
+    return float(close_jaws(mesh, moved, rigid, opening=start).opening[0])
 
 
 @pytest.mark.slow
@@ -146,7 +146,7 @@ def test_at_rest_no_small_motion_pays() -> None:
 def test_rounding_does_not_choose_what_is_touched_of_a_symmetric_object() -> None:
     """Faces that lie flat on a pad, and equal motions to either side, are tied."""
     mesh, hand = load_mesh(shapes.LIBRARY / "bulb.glb"), ParallelGripper.preset("franka")
-    labels = label_surface(mesh, hand=hand, threads=1)
+    labels = label_surface(mesh, hand=hand)
     poses = poses_of(best_grasps(labels, 60, distance=0.02 * mesh.size)).poses
     expected, rng = free(mesh, poses, hand), np.random.default_rng(1)
     for _ in range(3):
@@ -161,7 +161,7 @@ def test_what_closes_does_not_start_inside_where_it_comes_to_rest() -> None:
     """A finger that follows the object passes what is behind it."""
     vertices, faces = shapes.lopsided()
     mesh, given = mesh_of((0.025 * vertices, faces)), random_poses(100, 0.012, seed=7)
-    found, fixed = free(mesh, given), close_jaws(mesh, given, pads(), threads=1)
+    found, fixed = free(mesh, given), close_jaws(mesh, given, pads())
     outside = fixed.state != Closing.STARTS_INSIDE
     assert 20 < outside.sum() < 100
     assert (found.state[outside] != Closing.STARTS_INSIDE).all()

@@ -117,9 +117,8 @@ class RingHand:
         grip: ArrayLike = 1,
         table: Table | None = None,
         approach: Approach | None = None,
-        threads: int | None = None,
     ) -> Reach:
-        del grip, threads
+        del grip
         inside = _Beside(self, mesh, table, approach or Approach())
         centres = np.asarray(points) - inside.radius * np.asarray(normals)
         found = [inside.reach(one) for one in centres]
@@ -145,11 +144,9 @@ class RingHand:
         posture: ArrayLike | None = None,
         object_motion: str = "fixed",
         friction: float = 0.5,
-        threads: int | None = None,
-        progress: object = None,
     ) -> ClosedJaws:
         """Each finger moves onto the axis until it touches; the object stays where it is."""
-        del object_motion, friction, threads, progress
+        del object_motion, friction
         inside = _Beside(self, mesh, None, Approach())
         matrices = np.array(poses, dtype=float)
         joints = np.asarray(posture, dtype=float).reshape(len(matrices), 2)
@@ -190,9 +187,7 @@ class RingHand:
         posture: ArrayLike | None = None,
         held: Bools,
         table: Table | None = None,
-        threads: int | None = None,
     ) -> Bools:
-        del threads
         inside = _Beside(self, mesh, table, Approach())
         joints = np.asarray(posture, dtype=float).reshape(len(poses), 2)
         found = []

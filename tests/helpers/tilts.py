@@ -76,9 +76,7 @@ def adversarial_epsilons(
     """
 
     def evaluate(normals: Floats) -> tuple[Floats, Floats, Floats]:
-        result = epsilon(
-            with_normals(contacts, normals), actuation=actuation, rtol=rtol, threads=None
-        )
+        result = epsilon(with_normals(contacts, normals), actuation=actuation, rtol=rtol)
         u = result.certificate.direction[..., None, :]
         return result.lower, result.upper, u[..., :3] + np.cross(u[..., 3:], contacts.points)
 

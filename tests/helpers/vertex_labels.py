@@ -26,7 +26,6 @@ def with_arrays(labels: SurfaceLabels, **changed: Any) -> SurfaceLabels:
         "search": labels.search,
         "scene": labels.scene,
         "load": labels.load,
-        "threads": labels.threads,
     }
     arguments |= changed
     return SurfaceLabels.of_vertices(arguments.pop("mesh"), arguments.pop("model"), **arguments)

@@ -42,7 +42,7 @@ def test_flat_pads_touch_what_cut_meshes_say(name: str) -> None:
     mesh, hand = flat(SHAPES[name]), pads(compliance=0.001)
     solid, count = solid_of(mesh), POSES // len(SHAPES) + 1
     matrices = random_poses(count, 0.012)
-    found = close_jaws(mesh, matrices, hand, threads=1)
+    found = close_jaws(mesh, matrices, hand)
     closed = 0
     for k in np.flatnonzero(found.state != Closing.STARTS_INSIDE):
         expected = [sliced_pad(solid, matrices[k], hand, finger) for finger in range(2)]
@@ -78,7 +78,7 @@ def test_round_tips_touch_what_small_triangles_say() -> None:
     for _ in range(5):
         fine = fine.subdivide()
     hand, matrices = tips(compliance=0.001), random_poses(150, 0.008)
-    found = close_jaws(coarse, matrices, hand, threads=1)
+    found = close_jaws(coarse, matrices, hand)
     closed = np.flatnonzero(found.closed)
     assert len(closed) > 40
     for k in closed:

@@ -51,7 +51,7 @@ def least_angle(point: Floats, normal: Floats, edges: list[tuple[Floats, Floats]
 @pytest.mark.slow
 def test_no_contact_on_a_crease_is_clearly_better_than_the_best_grasp() -> None:
     mesh = pyramid()
-    found = best_pairs(mesh, Sampling(), CONE, threads=1)
+    found = best_pairs(mesh, Sampling(), CONE)
     edges = creases(mesh)
     assert len(edges) > 20
     smooth = np.flatnonzero(mesh.normal_sets.counts == 1)

@@ -23,6 +23,7 @@ from grasp3d.mesh.normals import (
     patch_normals,
     surface_net,
 )
+from grasp3d.system.context import running
 from tests.helpers import geodesics, shapes
 from tests.helpers.shapes import Surface
 
@@ -47,7 +48,7 @@ def distances(surface: Surface, source: int, radius: float) -> np.ndarray:
 def vectors(surface: Surface, radius: float, *sources: int) -> tuple[np.ndarray, np.ndarray]:
     vertices, faces = surface
     chosen = np.array(sources or range(len(vertices)), dtype=np.int64)
-    return patch_areas(surface_net(Triangles(vertices, faces)), chosen, radius, threads=1)
+    return patch_areas(surface_net(Triangles(vertices, faces)), chosen, radius)
 
 
 def own_normals(surface: Surface, crease_angle: float = math.radians(30.0)) -> CornerNormals:
@@ -249,7 +250,9 @@ def test_a_finer_mesh_of_the_same_surface_has_the_same_patches() -> None:
 def test_threads_change_nothing() -> None:
     surface = noisy(shapes.sphere(3), 0.02)
     one, three = (
-        patch_normals(surface_net(Triangles(*surface)), own_normals(surface), 0.3, threads=threads)
+        running(threads=threads)(patch_normals)(
+            surface_net(Triangles(*surface)), own_normals(surface), 0.3
+        )
         for threads in (1, 3)
     )
     assert np.array_equal(one.normals, three.normals)

@@ -86,7 +86,7 @@ def test_the_radius_of_the_centre_of_mass_is_checked_with_the_mesh() -> None:
     refuse_lengths(mesh, Load(center_of_mass_radius=5.0))
     with pytest.raises(SettingError, match="center_of_mass_radius is 500 mm, "):
         refuse_lengths(mesh, Load(center_of_mass_radius=500.0))
-    labels = label_surface(mesh, sampling=Sampling(rays=8), threads=1)
+    labels = label_surface(mesh, sampling=Sampling(rays=8))
     for radius, count in ((5.0, 0), (500.0, 1)):
         load = Load(center_of_mass_radius=radius)
         warnings = labels.using(load=load).warnings

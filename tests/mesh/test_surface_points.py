@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from grasp3d import load_mesh
 from grasp3d.mesh import ObjectMesh, surface_points
 from grasp3d.mesh.surface_points import nearest_surface_point, nearest_surface_points
+from grasp3d.system.context import running
 from tests.helpers import shapes
 from tests.helpers.oracles import distance_to_triangles
 
@@ -94,7 +95,7 @@ def test_single_points_all_points_and_parts_give_the_same(monkeypatch: pytest.Mo
         assert mesh.from_normalized(position) == pytest.approx(positions[number])
     monkeypatch.setattr(surface_points, "PAIRS", 64)
     monkeypatch.setattr(surface_points, "POINTS", 17)
-    again, _, _ = nearest_surface_points(mesh, points, threads=2)
+    again, _, _ = running(threads=2)(nearest_surface_points)(mesh, points)
     assert np.array_equal(again.faces, found.faces)
     assert np.array_equal(again.weights, found.weights)
 

@@ -18,6 +18,7 @@ from grasp3d.paper.convergence import (
     random_grasps,
 )
 from grasp3d.quality.wrenches import EpsilonOptions
+from grasp3d.system.context import running
 
 S, M, U = Label.S, Label.M, Label.U
 
@@ -83,7 +84,7 @@ def test_more_extreme_normals_make_no_grasp_more_certain(
             resolution,
             method="extremes",
             extreme_normals=normals,
-            options=EpsilonOptions(threads=None),
+            options=EpsilonOptions(),
         )
         sure = found.label != M
         assert ((found.label == exact) | sure).all()
@@ -166,7 +167,8 @@ def test_tables_show_both_kinds_of_cones_in_rows_of_equal_length() -> None:
 def test_progress_is_the_fraction_of_all_work(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(convergence, "SAMPLES", {2: (10, (3, 6)), 3: (4, (3,))})
     progress: list[float] = []
-    found = comparisons(progress.append)
+    with running(progress=progress.append):
+        found = comparisons()
     sizes = [(one.fingers, one.extreme_normals, one.edges) for one in found]
     expected = [(2, 3, None), (2, 6, None), (3, 3, None), (2, 3, 3), (2, 6, 6), (3, 3, 3)]
     assert sizes == expected

@@ -27,7 +27,6 @@ from grasp3d.physics import (
 )
 from grasp3d.physics.drawing import tilt_at_random
 from grasp3d.physics.simulate import Job, Stage, simulate_attempts, simulate_job
-from grasp3d.system.progress import ignore
 from grasp3d.system.tables import read_columns
 from tests.physics.test_pulling import SETTINGS, TIPS, attempt, box
 
@@ -195,7 +194,7 @@ def test_a_crash_is_an_error_of_its_grasps_only(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr("grasp3d.physics.simulate.simulate_job", _crash)
     monkeypatch.setattr("grasp3d.physics.simulate.ATTEMPTS", 1)
     stage, one = Stage(box(), TIPS, SETTINGS), ClusterSettings(workers=1)
-    outcomes, errors = simulate_attempts([attempt()] * 2, stage, one, ignore)
+    outcomes, errors = simulate_attempts([attempt()] * 2, stage, one)
     assert [out.fate for out in outcomes] == [Fate.BROKEN, Fate.HELD]
     assert errors == ("the simulation ended its process without a result (exit code 7)",)
 
@@ -203,7 +202,7 @@ def test_a_crash_is_an_error_of_its_grasps_only(monkeypatch: pytest.MonkeyPatch)
 def test_where_every_simulation_fails_the_reason_is_given() -> None:
     broken = replace(box(), parts=ConvexParts((np.zeros((4, 3)),)))
     with pytest.raises(GraspError, match="no grasp could be simulated: the simulation unexpected"):
-        simulate_attempts([attempt()], Stage(broken, TIPS, SETTINGS), HERE, ignore)
+        simulate_attempts([attempt()], Stage(broken, TIPS, SETTINGS), HERE)
 
 
 def test_given_poses_are_tried() -> None:

@@ -18,6 +18,7 @@ from grasp3d.plots.painting import PALETTE, paint_labels
 from grasp3d.plots.rendering import ARROW, Finger, View, can_render, extent_of, span_of
 from grasp3d.plots.rendering import picture as rendered
 from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.system.context import running
 from tests.helpers import shapes
 from tests.helpers.figures import check_texts, drawn_texts
 from tests.helpers.vertex_labels import with_arrays
@@ -152,7 +153,7 @@ def test_contacts_are_visible_and_the_scale_is_the_given_one() -> None:
 def test_every_grasp_is_drawn_with_its_fingers() -> None:
     progress: list[float] = []
     few = best_grasps(labels(), 2)
-    pictures = draw_grasps(labels(), few, progress=progress.append)
+    pictures = running(progress=progress.append)(draw_grasps)(labels(), few)
     assert can_render()
     assert progress == [0.5, 1.0]
     assert [picture.shape for picture in pictures] == [(PIXELS[1], PIXELS[0], 3)] * 2

@@ -12,6 +12,7 @@ from scipy.optimize import minimize
 from grasp3d import Contacts, critical_friction_angle, force_closure
 from grasp3d.arrays import angles_between
 from grasp3d.errors import SettingError
+from grasp3d.system.context import running
 from tests.helpers import grasps, oracles, shapes
 
 RIGHT_ANGLE = math.pi / 2.0
@@ -355,7 +356,7 @@ def test_grasps_that_barely_close_without_friction_are_fast(seed: int, count: in
     angle = -math.asin(deepest_motion(contacts, 100, seed))
     assert -0.01 < angle < 0.0
     start = time.process_time()
-    found = critical_friction_angle(contacts, threads=1)
+    found = critical_friction_angle(contacts)
     assert time.process_time() - start < 0.2
     assert angle <= found <= min(angle + 2.0 * TOLERANCE, 0.0)
 
@@ -367,7 +368,7 @@ def test_grasps_that_took_seconds(row: int) -> None:
         contacts = Contacts(file[f"points_{row}"], file[f"normals_{row}"], 0.0)
     angle = -math.asin(deepest_motion(contacts, 100, row))
     start = time.process_time()
-    found = critical_friction_angle(contacts, threads=1)
+    found = critical_friction_angle(contacts)
     assert time.process_time() - start < 0.2
     assert angle <= found <= angle + 2.0 * TOLERANCE
 
@@ -405,7 +406,7 @@ def test_a_batch_equals_its_grasps_one_by_one(count: int) -> None:
     for index in np.ndindex(3, 4):
         alone = critical_friction_angle(grasps.one(many, *index))
         assert angles[index] == pytest.approx(alone, abs=1e-12)
-    np.testing.assert_array_equal(angles, critical_friction_angle(many, threads=2))
+    np.testing.assert_array_equal(angles, running(threads=2)(critical_friction_angle)(many))
     with pytest.raises(ValueError, match="read-only"):
         angles[...] = 0.0
 
@@ -496,8 +497,3 @@ def test_angles_are_accurate_near_0_and_pi() -> None:
 def test_a_tolerance_must_be_above_zero(tolerance: float) -> None:
     with pytest.raises(SettingError, match="tolerance must be above 0; got"):
         critical_friction_angle(grasps.random_grasp(3, 0), tolerance=tolerance)
-
-
-def test_threads_must_be_at_least_one() -> None:
-    with pytest.raises(SettingError, match="threads must be at least 1; got 0"):
-        critical_friction_angle(grasps.random_grasp(3, 0), threads=0)

@@ -23,6 +23,7 @@ from grasp3d import (
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.quality import Status, smallest_epsilon, wrench_problem
 from grasp3d.quality.wrenches import EpsilonOptions, span, wrenches
+from grasp3d.system.context import running
 from tests.helpers import grasps, oracles, shapes
 from tests.helpers.grasps import with_options
 
@@ -653,15 +654,14 @@ def test_wrenches_may_be_a_batch() -> None:
 @pytest.mark.parametrize("threads", [2, 3, None])
 def test_threads_do_not_change_results(threads: int | None) -> None:
     contacts = random_contacts(Shape(4, 8, soft=False), 300, seed=1)
-    single, threaded = epsilon(contacts), epsilon(contacts, threads=threads)
+    one_thread = running()
+    many = running() if threads is None else running(threads=threads)
+    single, threaded = one_thread(epsilon)(contacts), many(epsilon)(contacts)
     assert_equal(single, threaded)
-    closed = force_closure(contacts, threads=threads).closed
-    np.testing.assert_array_equal(closed, force_closure(contacts).closed)
+    closed = many(force_closure)(contacts).closed
+    np.testing.assert_array_equal(closed, one_thread(force_closure)(contacts).closed)
     groups = contacts.reshape((30, 10))
-    one, other = (
-        smallest_epsilon(groups),
-        smallest_epsilon(groups, options=EpsilonOptions(threads=threads)),
-    )
+    one, other = one_thread(smallest_epsilon)(groups), many(smallest_epsilon)(groups)
     np.testing.assert_array_equal(one.index, other.index)
     np.testing.assert_array_equal(one.lower, other.lower)
 
@@ -1028,8 +1028,6 @@ TRIPLE = grasps.regular_on_ball("triangle")
         ({"bounded": "length"}, "no bound is called 'length'; known: force, normal"),
         ({"edges": 8, "cone_offset": 1.2}, "polygonal friction cones must stay below 90 degrees"),
         ({"bounded": "normal", "cone_offset": 1.2}, "friction cones must stay below 90 degrees"),
-        ({"threads": 0}, "threads must be at least 1; got 0"),
-        ({"threads": -2}, "threads must be at least 1; got -2"),
         ({"cone_offset": math.nan}, "cone_offset must be"),
         ({"cone_offset": math.inf}, "cone_offset must be"),
         ({"cone_offset": [0.1, math.nan, 0.1]}, "cone_offset must be finite"),
@@ -1048,7 +1046,7 @@ def test_settings_out_of_range_are_refused(options: dict[str, Any], message: str
         epsilon(TRIPLE, **options)
     with pytest.raises(SettingError, match=message):
         smallest_epsilon(grasps.stacked([TRIPLE, TRIPLE]), **with_options(**options))
-    if set(options) <= {"edges", "cone_offset", "phase", "threads"}:
+    if set(options) <= {"edges", "cone_offset", "phase"}:
         with pytest.raises(SettingError, match=message):
             force_closure(TRIPLE, **options)
 
@@ -1111,8 +1109,8 @@ def test_grasps_of_any_rank_share_a_batch() -> None:
     normals = -points / np.linalg.norm(points, axis=-1, keepdims=True)
     normals[[4, 5, 9], 1] = np.array([0.6, 0.0, 0.8])
     contacts = Contacts(points, normals, 1.5)
-    batch = epsilon(contacts, edges=8, threads=1)
+    batch = epsilon(contacts, edges=8)
     assert set(batch.rank) == {5, 6}
     for g in range(12):
-        alone = epsilon(Contacts(points[g], normals[g], 1.5), edges=8, threads=1)
+        alone = epsilon(Contacts(points[g], normals[g], 1.5), edges=8)
         assert (alone.lower, alone.upper) == (batch.lower[g], batch.upper[g])

@@ -11,6 +11,7 @@ from random_grasps import Shape, random_contacts
 from grasp3d import Contacts, epsilon, force_closure, grip_force
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.quality import Ellipsoid, Resistance, Weight, Wrenches
+from grasp3d.system.context import running
 from tests.helpers import grasps
 from tests.helpers.forces import GRAVITY, check_proof, moved, opposed, wrench_of
 
@@ -381,9 +382,8 @@ def test_batches_and_masses() -> None:
     found = grip_force(contacts, Weight(), masses=masses)
     each = [grip_force(grasps.one(contacts, g), Weight(m)).upper for g, m in enumerate(masses)]
     assert found.upper == pytest.approx(each, rel=2e-3)
-    assert grip_force(contacts, Weight(), threads=2).upper == pytest.approx(
-        grip_force(contacts, Weight(), threads=1).upper, rel=0.0
-    )
+    one, two = (running(threads=n)(grip_force)(contacts, Weight()).upper for n in (1, 2))
+    assert two == pytest.approx(one, rel=0.0)
     shaped = contacts.take(np.arange(4)).reshape((2, 2))
     assert grip_force(shaped, Weight()).certificate.forces.shape == (2, 2, 3, 4)
 
@@ -399,7 +399,7 @@ def test_wrenches_that_are_none(wrench: Any) -> None:
 
 @pytest.mark.parametrize("options", [
     {"bound": "force"}, {"rtol": 0.0}, {"rtol": 2.0}, {"masses": -1.0}, {"masses": [1.0, 2.0]},
-    {"edges": 2}, {"threads": 0},
+    {"edges": 2},
 ])  # fmt: skip
 def test_settings_outside_their_range(options: dict[str, Any]) -> None:
     with pytest.raises(SettingError):

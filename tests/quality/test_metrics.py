@@ -47,7 +47,7 @@ def grasp(kind: Shape, seed: int) -> Contacts:
 
 
 def measured(contacts: Contacts, names: str = "all", **options: object) -> MetricValues:
-    return metrics(contacts, names, principal_axis=AXIS, threads=1, **options)  # type: ignore[arg-type]
+    return metrics(contacts, names, principal_axis=AXIS, **options)  # type: ignore[arg-type]
 
 
 def assert_same(one: MetricValues, other: MetricValues, rel: float = 1e-6) -> None:

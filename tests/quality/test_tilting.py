@@ -12,6 +12,7 @@ from grasp3d.errors import SettingError
 from grasp3d.quality import smallest_epsilon, tilting
 from grasp3d.quality.tilting import EpsilonRange, epsilon_range
 from grasp3d.quality.wrenches import EpsilonOptions
+from grasp3d.system.context import running
 from tests.helpers import oracles
 from tests.helpers.grasps import with_options
 from tests.helpers.tilts import all_combinations, random_tilts, with_normals
@@ -264,9 +265,8 @@ def test_chunks_threads_and_batch_axes_do_not_change_results(
     shaped = Contacts(
         contacts.points.reshape(3, 4, 2, 3), contacts.normals.reshape(3, 4, 2, 3), 0.5, torsion
     )
-    chunked = epsilon_range(
-        shaped, 0.2, options=EpsilonOptions(rtol=RTOL, threads=2), progress=fractions.append
-    )
+    with running(threads=2, progress=fractions.append):
+        chunked = epsilon_range(shaped, 0.2, options=EpsilonOptions(rtol=RTOL))
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1.0
     for name in ("nominal", "minimum", "maximum"):

@@ -27,6 +27,7 @@ from grasp3d.paper.convergence import random_grasps
 from grasp3d.quality import Status
 from grasp3d.quality.tilting import epsilon_range
 from grasp3d.quality.wrenches import EpsilonOptions
+from grasp3d.system.context import running
 from tests.helpers import grasps
 from tests.helpers.grasps import with_options
 from tests.helpers.tilts import adversarial_epsilons, angles, random_tilts, with_normals
@@ -239,13 +240,13 @@ def test_results_of_method_extremes_lie_within_the_exact_range(
     fingers: int, edges: int | None
 ) -> None:
     contacts, resolution = mixed(fingers, 50, 8)
-    exact = classify(contacts, resolution, options=EpsilonOptions(threads=None))
+    exact = classify(contacts, resolution, options=EpsilonOptions())
     found = classify(
         contacts,
         resolution,
         method="extremes",
         extreme_normals=6,
-        options=EpsilonOptions(edges=edges, threads=None),
+        options=EpsilonOptions(edges=edges),
     )
     assert found.combinations == 7**fingers
     assert exact.combinations == 0
@@ -376,12 +377,10 @@ def test_epsilon_is_computed_only_when_read(monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["exact", "extremes"])
-@pytest.mark.parametrize("threads", [2, None])
-def test_threads_do_not_change_results(method: Any, threads: int | None) -> None:
+def test_threads_do_not_change_results(method: Any) -> None:
     contacts, resolution = mixed(3, 40, 13)
     options: dict[str, Any] = {"method": method, "extreme_normals": 3, "rings": 1}
-    one = classify(contacts, resolution, **with_options(**options))
-    many = classify(contacts, resolution, **with_options(threads=threads, **options))
+    one, many = (running(threads=n)(classify)(contacts, resolution, **options) for n in (1, 2))
     for name in ("label", "hulls", *NUMBERS):
         np.testing.assert_array_equal(getattr(many, name), getattr(one, name))
 
@@ -417,7 +416,6 @@ PAIR = Contacts([[-1, 0, 0], [1, 0, 0]], [[1, 0, 0], [-1, 0, 0]])
         ({"actuation": "both"}, r"no actuation is called 'both'; known: total, per_finger"),
         ({"torque_scale": 0.0}, r"torque_scale must be a finite length above 0"),
         ({"rtol": 0.0}, r"rtol must lie between 0 and 1; got 0"),
-        ({"threads": 0}, r"threads must be at least 1; got 0"),
     ],
     ids=str,
 )

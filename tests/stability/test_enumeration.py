@@ -13,6 +13,7 @@ from grasp3d.paper.convergence import random_grasps
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.stability import enumeration
 from grasp3d.stability.enumeration import Tested, closure_at, extreme_normals, extremes
+from grasp3d.system.context import running
 from tests.helpers import grasps, oracles
 from tests.helpers.grasps import with_options
 from tests.helpers.tilts import all_combinations
@@ -182,8 +183,8 @@ def test_chunks_and_threads_do_not_change_results(
     monkeypatch.setattr(enumeration, "MAX_HULLS", size)
     monkeypatch.setattr(enumeration, "MAX_AXES", 20 * size)
     again, other = (
-        closure_at(contacts, tested, options=EpsilonOptions(threads=2)),
-        extremes(contacts, tested, options=EpsilonOptions(threads=2)),
+        running(threads=2)(closure_at)(contacts, tested),
+        running(threads=2)(extremes)(contacts, tested),
     )
     np.testing.assert_array_equal(again.closing, closure.closing)
     np.testing.assert_array_equal(again.failing, closure.failing)

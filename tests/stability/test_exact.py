@@ -59,7 +59,7 @@ def test_no_tilt_contradicts_an_s_or_a_u(fingers: int) -> None:
     rng = np.random.default_rng(2)
     for _ in range(60):
         tilted = with_normals(contacts, random_tilts(contacts.normals, resolution / 2.0, rng))
-        closed = force_closure(tilted, threads=None).closed
+        closed = force_closure(tilted).closed
         assert closed[label == Label.S].all()
         assert not closed[label == Label.U].any()
 
@@ -425,7 +425,7 @@ def test_no_normal_of_the_sets_contradicts_an_s_or_a_u(fingers: int, corners: in
     contacts, resolution = mixed(fingers, size, 9)
     tilt = 0.2 * resolution
     sets = {i: crease_about(contacts.normals[:, i], corners, i) for i in range(fingers - 1)}
-    found = classify(contacts, 2.0 * tilt, creases=sets, options=EpsilonOptions(threads=None))
+    found = classify(contacts, 2.0 * tilt, creases=sets, options=EpsilonOptions())
     assert set(found.label) == {0, 1, 2}
     rng = np.random.default_rng(0)
     for _ in range(100):
@@ -433,7 +433,7 @@ def test_no_normal_of_the_sets_contradicts_an_s_or_a_u(fingers: int, corners: in
         for i, faces in sets.items():
             normals[:, i] = within_sets(faces, rng)
         tilted = with_normals(contacts, random_tilts(normals, tilt, rng))
-        closed = force_closure(tilted, threads=None).closed
+        closed = force_closure(tilted).closed
         assert closed[found.label == Label.S].all()
         assert not closed[found.label == Label.U].any()
     sampled = classify(
@@ -442,7 +442,7 @@ def test_no_normal_of_the_sets_contradicts_an_s_or_a_u(fingers: int, corners: in
         creases=sets,
         method="extremes",
         extreme_normals=4,
-        options=EpsilonOptions(threads=None),
+        options=EpsilonOptions(),
     )
     decided = found.label != Label.M
     np.testing.assert_array_equal(sampled.label[decided], found.label[decided])

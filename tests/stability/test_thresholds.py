@@ -144,7 +144,7 @@ def test_thresholds_of_a_model_are_those_of_arrays(fingers: int) -> None:
 
 @pytest.mark.parametrize(
     "options",
-    [{"edges": 2}, {"edges": 2.5}, {"threads": 0}, {"rtol": 0.0}, {"torque_scale": -1.0},
+    [{"edges": 2}, {"edges": 2.5}, {"rtol": 0.0}, {"torque_scale": -1.0},
      {"actuation": "all"}],
 )  # fmt: skip
 def test_options_outside_their_range_are_refused(options: dict[str, Any]) -> None:

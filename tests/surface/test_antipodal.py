@@ -23,6 +23,7 @@ from grasp3d.settings.sampling import Grip
 from grasp3d.surface.sampling import antipodal
 from grasp3d.surface.sampling.antipodal import best_pairs
 from grasp3d.surface.sampling.vertices import tangents
+from grasp3d.system.context import running
 from tests.helpers import oracles, shapes
 from tests.helpers.pair_search import domain_of, own_normals, read
 
@@ -56,7 +57,7 @@ def exhaustive(mesh: ObjectMesh, vertex: int, cone: float) -> float:
 def test_the_search_finds_the_grasps_of_an_exhaustive_search(shape: shapes.Surface) -> None:
     mesh = load_mesh(shape)
     cone = 1.0
-    grasps = best_pairs(mesh, Sampling(), cone, threads=1)
+    grasps = best_pairs(mesh, Sampling(), cone)
     smooth = np.flatnonzero(mesh.normal_sets.counts == 1)
     chosen = np.random.default_rng(4).choice(smooth, 150, replace=False)
     shortfalls = []
@@ -74,7 +75,7 @@ def test_the_search_finds_the_grasps_of_an_exhaustive_search(shape: shapes.Surfa
 def test_the_grasp_found_is_real_and_its_angle_exact(grip: str) -> None:
     """The opposing contact lies on the surface and the critical angle equals the definition's."""
     mesh = load_mesh(shapes.tube(), max_edge=0.1)
-    grasps = best_pairs(mesh, Sampling(grip=grip), 0.8, threads=1)  # type: ignore[arg-type]
+    grasps = best_pairs(mesh, Sampling(grip=grip), 0.8)  # type: ignore[arg-type]
     smooth = np.flatnonzero((mesh.normal_sets.counts == 1) & (grasps.reason == 0))
     assert len(smooth) > 1000
     for vertex in smooth[::97]:
@@ -105,8 +106,7 @@ def test_the_grasp_found_is_real_and_its_angle_exact(grip: str) -> None:
 @pytest.mark.slow
 def test_the_result_does_not_depend_on_the_number_of_threads() -> None:
     mesh = load_mesh(shapes.lopsided(), max_edge=9.0)
-    one = best_pairs(mesh, Sampling(), 0.7, threads=1)
-    three = best_pairs(mesh, Sampling(), 0.7, threads=3)
+    one, three = (running(threads=n)(best_pairs)(mesh, Sampling(), 0.7) for n in (1, 3))
     for name in ("worst", "best", "partner", "grip", "reason"):
         assert np.array_equal(getattr(one, name), getattr(three, name), equal_nan=True)
     assert one.rays == three.rays
@@ -118,8 +118,8 @@ def test_the_result_does_not_depend_on_the_number_of_threads() -> None:
 )
 def test_more_rays_find_no_worse_grasps(shape: shapes.Surface, grip: Grip) -> None:
     mesh = load_mesh(shape)
-    few = best_pairs(mesh, Sampling(rays=16, grip=grip), 0.7, threads=1).worst
-    many = best_pairs(mesh, Sampling(rays=256, grip=grip), 0.7, threads=1).worst
+    few = best_pairs(mesh, Sampling(rays=16, grip=grip), 0.7).worst
+    many = best_pairs(mesh, Sampling(rays=256, grip=grip), 0.7).worst
     few, many = np.minimum(few, 0.7), np.minimum(many, 0.7)  # inf: no grasp
     assert np.mean(many) <= np.mean(few) + 1e-4
     assert np.mean(many > few + 2e-3) < 0.01
@@ -130,9 +130,9 @@ def test_refining_several_grasps_finds_better_ones_than_refining_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     mesh = load_mesh(shapes.LIBRARY / "mug.glb")
-    several = best_pairs(mesh, Sampling(grip="expand"), 0.66, threads=1)
+    several = best_pairs(mesh, Sampling(grip="expand"), 0.66)
     monkeypatch.setattr(antipodal, "EXPLORING_ROUNDS", 0)
-    one = best_pairs(mesh, Sampling(grip="expand"), 0.66, threads=1)
+    one = best_pairs(mesh, Sampling(grip="expand"), 0.66)
     gain = np.minimum(one.worst, 2.0) - np.minimum(several.worst, 2.0)
     assert gain.mean() > 2e-4
     assert np.mean(gain > 0.01) > 2.0 * np.mean(gain < -0.01)
@@ -240,7 +240,8 @@ def test_every_vertex_of_a_regular_ball_has_a_tangent() -> None:
 @pytest.mark.slow
 def test_progress_increases_to_one() -> None:
     fractions: list[float] = []
-    best_pairs(load_mesh(shapes.lopsided()), Sampling(), 0.7, progress=fractions.append, threads=1)
+    with running(progress=fractions.append):
+        best_pairs(load_mesh(shapes.lopsided()), Sampling(), 0.7)
     assert fractions == sorted(fractions)
     assert 0.0 < fractions[0] < fractions[-1] == 1.0
     # Branch and bound takes most of the time: a user who cancels must not wait for its end.

@@ -28,7 +28,6 @@ from grasp3d.stability import COLORS, Label
 from grasp3d.surface import GraspTable
 from grasp3d.surface.sweeps import write_sweeps
 from grasp3d.surface.vertex_fields import VERTICES
-from grasp3d.system.progress import ignore
 from grasp3d.system.tables import columns
 from grasp3d.viewer import show
 from grasp3d.viewer.session.collection import collection_of_grasps, collection_of_mesh
@@ -159,7 +158,7 @@ def test_without_pandas_a_sentence_names_the_extra(
 def test_grasps_are_shown_one_at_a_time_with_their_own_numbers(grasps: GraspTable) -> None:
     collection = collection_of_grasps(grasps)
     assert [item.name for item in collection.items] == [f"arrays, grasp {n}" for n in (1, 2, 3)]
-    subject = collection.items[1].open(ignore)
+    subject = collection.items[1].open()
     assert subject.labels.mode == "scan"
     shown = inspect_last_contact(subject, grasps.model)
     assert shown is not None
@@ -171,7 +170,7 @@ def test_grasps_are_shown_one_at_a_time_with_their_own_numbers(grasps: GraspTabl
 
 
 def test_a_mesh_is_labelled_when_it_is_shown(labels: SurfaceLabels) -> None:
-    subject = collection_of_mesh(labels.mesh).items[0].open(ignore)
+    subject = collection_of_mesh(labels.mesh).items[0].open()
     np.testing.assert_array_equal(subject.labels.critical_angle, labels.critical_angle)
 
 

@@ -23,6 +23,7 @@ from grasp3d.stability.normal_sets import NormalSamples, angle_bounds, sampled_s
 from grasp3d.surface import critical_angles as module
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.critical_angles import critical_angles
+from grasp3d.system.context import running
 from tests.helpers import oracles, shapes
 from tests.helpers.tilts import within_sets
 
@@ -259,8 +260,8 @@ def test_negative_angles_of_smooth_contacts() -> None:
 def test_threads_do_not_change_results_and_progress_ends_at_1() -> None:
     contacts = random_grasps(4, 20, 6, creased=1)
     fractions: list[float] = []
-    one = critical_angles(contacts, threads=1, progress=fractions.append)
-    two = critical_angles(contacts, threads=2)
+    one = running(threads=1, progress=fractions.append)(critical_angles)(contacts)
+    two = running(threads=2)(critical_angles)(contacts)
     np.testing.assert_array_equal(one, two)
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1.0

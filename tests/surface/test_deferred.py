@@ -12,7 +12,7 @@ import pytest
 from grasp3d import SurfaceLabels, label_surface, load_mesh
 from grasp3d.grasps import best_grasps
 from grasp3d.surface.deferred import Deferred
-from grasp3d.system.progress import Progress
+from grasp3d.system.context import report_progress, running
 from tests.helpers import shapes
 
 
@@ -27,15 +27,15 @@ class Slow:
         self.calls = 0
 
     @Deferred
-    def value(self, progress: Progress) -> int:
+    def value(self) -> int:
         """Seven."""
         self.calls += 1
-        progress(0.5)
+        report_progress(0.5)
         threading.Event().wait(0.1)
         return 7
 
     @Deferred
-    def failing(self, _: Progress) -> int:
+    def failing(self) -> int:
         self.calls += 1
         raise ValueError("not yet") if self.calls < 2 else KeyError
 
@@ -60,8 +60,8 @@ def test_threads_compute_a_value_once() -> None:
 
 def test_a_value_is_computed_with_progress_and_pickled() -> None:
     slow, fractions = Slow(), list[float]()
-    assert Slow.value.compute(slow, fractions.append) == 7
-    assert Slow.value.compute(slow, fractions.append) == 7
+    with running(progress=fractions.append):
+        assert (slow.value, slow.value) == (7, 7)
     assert fractions == [0.5]
     copy = pickle.loads(pickle.dumps(slow))  # noqa: S301
     assert (copy.value, copy.calls) == (7, 1)

@@ -29,6 +29,7 @@ from grasp3d.errors import SettingError
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.surface.extreme_normals import hull_labels
 from grasp3d.surface.vertex_grasps import grasps_at
+from grasp3d.system.context import running
 from tests.helpers import shapes
 from tests.helpers.commands import run_here
 from tests.helpers.tilts import all_combinations
@@ -280,9 +281,7 @@ def test_the_better_label_of_two_grasps_is_used() -> None:
 def test_duplicates_have_the_label_of_their_position() -> None:
     vertices, faces = shapes.box((1.0, 1.5, 2.0))
     soup = load_mesh((vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)))
-    labels = label_surface(
-        soup, GraspModel(method="extremes", extreme_normals=4, edges=6), threads=1
-    )
+    labels = label_surface(soup, GraspModel(method="extremes", extreme_normals=4, edges=6))
     assert (soup.canonical != np.arange(len(soup.canonical))).any()
     np.testing.assert_array_equal(labels.label, labels.label[soup.canonical])
     np.testing.assert_array_equal(labels.epsilon_min, labels.epsilon_min[soup.canonical])
@@ -313,7 +312,7 @@ def test_relabelling_enumerates_when_the_label_is_read() -> None:
 @pytest.mark.slow
 def test_threads_do_not_change_results() -> None:
     model = GraspModel(method="extremes", edges=6, extreme_normals=4)
-    one, two = (label_surface(surface("box"), model, threads=n) for n in (1, 2))
+    one, two = (running(threads=n)(label_surface)(surface("box"), model) for n in (1, 2))
     np.testing.assert_array_equal(one.label, two.label)
     np.testing.assert_array_equal(one.epsilon_min, two.epsilon_min)
     np.testing.assert_array_equal(one.epsilon_max, two.epsilon_max)
@@ -323,9 +322,8 @@ def test_threads_do_not_change_results() -> None:
 def test_progress_ends_at_1_with_and_without_grasps(opening: float) -> None:
     model = GraspModel(method="extremes", edges=8, extreme_normals=4)
     fractions: list[float] = []
-    labels = label_surface(
-        surface("box"), model, sampling=Sampling(max_opening=opening), progress=fractions.append
-    )
+    with running(progress=fractions.append):
+        labels = label_surface(surface("box"), model, sampling=Sampling(max_opening=opening))
     assert labels.computed("label") is not None
     assert fractions == sorted(fractions)
     assert 0.0 <= fractions[0] < 0.3
@@ -335,7 +333,8 @@ def test_progress_ends_at_1_with_and_without_grasps(opening: float) -> None:
         assert np.isnan(labels.epsilon_max).all()
         return
     fractions.clear()
-    labels.compute_epsilon(fractions.append)
+    with running(progress=fractions.append):
+        labels.compute("epsilon_range")
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1.0
 
@@ -343,7 +342,8 @@ def test_progress_ends_at_1_with_and_without_grasps(opening: float) -> None:
 def test_exact_labels_need_no_enumeration() -> None:
     labels = label_surface(surface("ball"))
     fractions: list[float] = []
-    labels.compute_labels(fractions.append)
+    with running(progress=fractions.append):
+        labels.compute_labels()
     assert fractions == []
 
 

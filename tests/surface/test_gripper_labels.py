@@ -26,6 +26,7 @@ from grasp3d.hand.table import Approach
 from grasp3d.settings.lengths import Unit
 from grasp3d.settings.sampling import Grip
 from grasp3d.surface.vertex_grasps import Reason, grasps_at
+from grasp3d.system.context import running
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, SLIM, TIPS
 from tests.helpers.moving_gripper import MovingGripper
@@ -64,7 +65,7 @@ def solid(name: str, unit: Unit = "mm") -> ObjectMesh:
 
 def beside(mesh: ObjectMesh, hand: ParallelGripper, **options: object) -> SurfaceLabels:
     """Labels of an object on a table."""
-    options = {"table": Table.below(mesh), "threads": 1, **options}
+    options = {"table": Table.below(mesh), **options}
     return label_surface(mesh, MODEL, hand=hand, **options)
 
 
@@ -83,7 +84,7 @@ def held(name: str, hand: ParallelGripper = HAND) -> SurfaceLabels:
 def test_a_gripper_only_lowers_labels(name: str, grip: Grip, hand: ParallelGripper) -> None:
     mesh, sampling = solid(name), Sampling(grip=grip)
     limited = Scene(hand).within_stroke(mesh, sampling)
-    ideal = label_surface(mesh, MODEL, sampling=limited, threads=1)
+    ideal = label_surface(mesh, MODEL, sampling=limited)
     real = beside(mesh, hand, sampling=sampling)
     assert (real.label <= ideal.label).all()
     assert (real.label < ideal.label).any()
@@ -109,8 +110,8 @@ def test_a_gripper_of_no_size_changes_nothing(name: str, grip: Grip, hand: Paral
     """Compared digit by digit with ideal fingers of the same stroke."""
     mesh, sampling = solid(name), Sampling(grip=grip, rays=32)
     limited = Scene(hand).within_stroke(mesh, sampling)
-    ideal = label_surface(mesh, MODEL, sampling=limited, threads=1)
-    real = label_surface(mesh, MODEL, sampling=sampling, threads=1, hand=hand)
+    ideal = label_surface(mesh, MODEL, sampling=limited)
+    real = label_surface(mesh, MODEL, sampling=sampling, hand=hand)
     for array in ARRAYS:
         np.testing.assert_array_equal(getattr(real, array), getattr(ideal, array), err_msg=array)
     for array in ("faces", "weights"):
@@ -124,8 +125,8 @@ def test_tips_of_no_size_change_nothing_for_three_fingers() -> None:
     model, sampling = replace(MODEL, fingers=3), MultifingerSampling(candidates=8)
     vertices, faces = shapes.sphere(1)
     mesh = load_mesh((vertices * (20, 25, 30), faces), unit="mm", max_edge=100.0)
-    ideal = label_surface(mesh, model, sampling=sampling, threads=1)
-    real = label_surface(mesh, model, sampling=sampling, threads=1, hand=NO_TIPS)
+    ideal = label_surface(mesh, model, sampling=sampling)
+    real = label_surface(mesh, model, sampling=sampling, hand=NO_TIPS)
     for array in ARRAYS:
         np.testing.assert_array_equal(getattr(real, array), getattr(ideal, array), err_msg=array)
 
@@ -140,9 +141,7 @@ def test_every_grasp_of_a_vertex_is_reached(hand: ParallelGripper) -> None:
     assert (reach.reached == (labels.reason == Reason.FOUND)).all()
     assert len(found) > 50
     contacts = grasps_at(mesh, labels.partner_points, found, 0)
-    again = reach_grasps(
-        mesh, contacts.points, contacts.normals, hand, table=labels.scene.table, threads=1
-    )
+    again = reach_grasps(mesh, contacts.points, contacts.normals, hand, table=labels.scene.table)
     assert again.reached.all()
     np.testing.assert_allclose(again.poses, reach.poses[found], atol=1e-9)
     least, most = hand.limits
@@ -180,7 +179,7 @@ def test_what_a_larger_gripper_reaches_a_smaller_one_reaches(name: str) -> None:
     found = np.flatnonzero(large.reason == Reason.FOUND)
     contacts = grasps_at(large.mesh, large.partner_points, found, 0)
     reach = reach_grasps(
-        large.mesh, contacts.points, contacts.normals, small, table=large.scene.table, threads=1
+        large.mesh, contacts.points, contacts.normals, small, table=large.scene.table
     )
     assert len(found) > 50
     assert reach.reached.all()
@@ -191,7 +190,8 @@ def test_what_a_larger_gripper_reaches_a_smaller_one_reaches(name: str) -> None:
 def test_the_number_of_threads_does_not_matter(grip: Grip) -> None:
     sampling = Sampling(grip=grip, rays=32)
     one, three = (
-        beside(solid("tube"), SLIM, sampling=sampling, threads=threads) for threads in (1, 3)
+        running(threads=threads)(beside)(solid("tube"), SLIM, sampling=sampling)
+        for threads in (1, 3)
     )
     for array in ARRAYS:
         np.testing.assert_array_equal(getattr(one, array), getattr(three, array), err_msg=array)

@@ -38,7 +38,7 @@ def mesh_of(body: trimesh.Trimesh, max_edge: float) -> ObjectMesh:
 
 
 def labelled(mesh: ObjectMesh, hand: ParallelGripper = HAND, **options: object) -> SurfaceLabels:
-    return label_surface(mesh, MODEL, hand=hand, threads=1, **options)
+    return label_surface(mesh, MODEL, hand=hand, **options)
 
 
 def standing(mesh: ObjectMesh, hand: ParallelGripper = HAND, **options: object) -> SurfaceLabels:
@@ -130,7 +130,7 @@ def test_a_cup_is_held_at_its_rim_and_never_through_its_bottom(stands: bool) -> 
     assert_free(labels, np.flatnonzero(wall)[::30])
     bottom = (radius < 30.0) & (np.abs(z + 36.0) < 1e-6)
     assert bottom.sum() > 3
-    ideal = label_surface(mesh, MODEL, threads=1)
+    ideal = label_surface(mesh, MODEL)
     assert (ideal.label[bottom] == 2).all()
     assert (labels.label[bottom] < 2).all()
     across = labels.reach.reached & (np.abs(labels.reach.poses[:, 2, 0]) > 0.9)

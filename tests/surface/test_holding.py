@@ -51,7 +51,7 @@ def block(unit: Unit = "m", edge: float = 0.02) -> ObjectMesh:
 @cache
 def labels(unit: Unit = "m") -> SurfaceLabels:
     model = replace(SOFT, sensor_resolution=0.2)
-    return label_surface(block(unit), model, load=Load(mass=MASS, grip_force=40.0), threads=1)
+    return label_surface(block(unit), model, load=Load(mass=MASS, grip_force=40.0))
 
 
 def sides(offset: float = 0.0) -> list[list[float]]:
@@ -222,7 +222,7 @@ def test_creases_whose_label_is_m_are_not_surely_unheld() -> None:
 
 def test_vertices_without_a_grasp_are_u_and_nan() -> None:
     load, narrow = Load(mass=MASS, grip_force=40.0), Sampling(max_opening="40mm")
-    found = label_surface(block(), SOFT, sampling=narrow, load=load, threads=1)
+    found = label_surface(block(), SOFT, sampling=narrow, load=load)
     none = found.reason != Reason.FOUND
     holding = found.holding
     assert none.any()
@@ -246,7 +246,7 @@ def test_where_normals_cancel_out_nothing_is_known() -> None:
 
 
 def test_labels_stay_the_same_and_relabelling_keeps_the_load() -> None:
-    plain = label_surface(block(), labels().model, threads=1)
+    plain = label_surface(block(), labels().model)
     np.testing.assert_array_equal(plain.label, labels().label)
     assert plain.holding is None
     assert plain.load is None
@@ -272,7 +272,7 @@ def test_fractions_and_quantiles_are_weighted_by_area() -> None:
     assert payloads[1] == holding.payload.max()
     assert force_quantiles(labels(), [0.0])[0] == holding.grip_force_largest.min()
     with pytest.raises(SettingError, match="no load"):
-        held_fractions(label_surface(block(), threads=1))
+        held_fractions(label_surface(block()))
 
 
 def test_the_nominal_force_is_that_of_the_contacts() -> None:
@@ -290,7 +290,7 @@ def test_the_nominal_force_is_that_of_the_contacts() -> None:
 def test_three_fingers_hold_with_hard_contacts() -> None:
     ball = load_mesh(shapes.sphere(2), unit="cm", max_edge=0.5)
     model = GraspModel(fingers=3, sensor_resolution=0.1)
-    found = label_surface(ball, model, load=Load(mass=MASS, grip_force=40.0), threads=1).holding
+    found = label_surface(ball, model, load=Load(mass=MASS, grip_force=40.0)).holding
     assert found is not None
     assert found.how == "bound"
     assert found.remedy == ""

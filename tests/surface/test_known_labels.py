@@ -59,7 +59,7 @@ def test_another_scene_needs_another_search() -> None:
     for found in (labels, labels.grasps):
         with pytest.raises(SettingError, match="for its own scene only"):
             found.using(scene=other)
-        assert found.using(scene=labels.scene, threads=1).reach is found.reach
+        assert found.using(scene=labels.scene).reach is found.reach
     assert tripod().using(scene=other).scene is other
 
 

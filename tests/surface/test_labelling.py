@@ -20,6 +20,7 @@ from grasp3d import (
 )
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.surface import Reason
+from grasp3d.system.context import running
 from tests.helpers import oracles, shapes
 
 degrees = math.radians
@@ -326,15 +327,15 @@ def test_epsilon_of_a_ball_has_a_closed_form() -> None:
 @pytest.mark.slow
 def test_epsilon_does_not_depend_on_the_unit_nor_on_threads() -> None:
     vertices, faces = shapes.lopsided()
-    own = label_surface(load_mesh((vertices, faces), max_edge=9.0), threads=1)
-    inches = label_surface(load_mesh((vertices / 25.4, faces), max_edge=9.0), threads=2)
+    own = label_surface(load_mesh((vertices, faces), max_edge=9.0))
+    inches = label_surface(load_mesh((vertices / 25.4, faces), max_edge=9.0))
     same = np.isclose(own.critical_angle, inches.critical_angle, atol=1e-6)
     assert same.mean() > 0.99
     for name in ("epsilon", "epsilon_min", "epsilon_max"):
         one, other = getattr(own, name)[same], getattr(inches, name)[same]
         assert other == pytest.approx(one, rel=0.02, abs=1e-6)
-    threaded = label_surface(own.mesh, threads=2)
-    assert np.array_equal(threaded.epsilon, own.epsilon)
+    one, two = (running(threads=n)(label_surface)(own.mesh) for n in (1, 2))
+    assert np.array_equal(one.epsilon, two.epsilon)
 
 
 def test_relabelling_gives_epsilon_of_the_new_model_at_the_same_grasps() -> None:
@@ -371,11 +372,10 @@ def test_without_a_grasp_there_is_no_epsilon() -> None:
 def test_epsilon_can_be_computed_early_with_progress() -> None:
     labels = with_model(blob(), edges=8)
     fractions: list[float] = []
-    labels.compute_epsilon(fractions.append)
-    assert fractions[-1] == 1.0
-    first = labels.epsilon
-    labels.compute_epsilon(fractions.append)
-    assert labels.epsilon is first
+    with running(progress=fractions.append):
+        labels.compute("epsilon_range")
+        assert fractions[-1] == 1.0
+        assert labels.epsilon is labels.epsilon
     assert fractions.count(1.0) == 1
 
 

@@ -24,6 +24,7 @@ from grasp3d.errors import SettingError
 from grasp3d.mesh.primitives import box_mesh, sphere_mesh
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.sampling.multifinger import search
+from grasp3d.system.context import running
 from tests.helpers import shapes
 
 SEARCH_ANGLE = math.radians(80.0)
@@ -70,12 +71,12 @@ def contacts_of(labels: SurfaceLabels, vertices: np.ndarray) -> np.ndarray:
 def test_the_result_does_not_depend_on_threads_and_only_the_seed_changes_it() -> None:
     mesh = wedge()
     sampling = MultifingerSampling(candidates=16)
-    found = [search(mesh, 4, sampling, 0.7, threads=threads) for threads in (1, 2, 3)]
+    found = [running(threads=threads)(search)(mesh, 4, sampling, 0.7) for threads in (1, 2, 3)]
     for other in found[1:]:
         assert np.array_equal(found[0].partner_points.faces, other.partner_points.faces)
         assert np.array_equal(found[0].partner_points.weights, other.partner_points.weights)
         assert found[0].evaluated == other.evaluated
-    another = search(mesh, 4, MultifingerSampling(candidates=16, seed=7), 0.7, threads=1)
+    another = search(mesh, 4, MultifingerSampling(candidates=16, seed=7), 0.7)
     assert not np.array_equal(found[0].partner_points.weights, another.partner_points.weights)
 
 

@@ -50,7 +50,7 @@ def held(load: Load = DOWN, *, tilt: float = 0.0, **changed: Any) -> Holding:
     points = [[[1e3 * x, side, 0.0] for side in (25.0, -25.0)] for x in OFFSETS]
     contacts = evaluate_grasps(block(), points, model).contacts
     case = LoadCase.of(load, block(), model, FRANKA)
-    return surface_holding(contacts, model, case, threads=1)
+    return surface_holding(contacts, model, case)
 
 
 def forces_at(friction: float, torsion_friction: float | None = None) -> Floats:
@@ -130,7 +130,7 @@ def test_an_interval_contains_the_forces_of_its_frictions(
 def labels(friction: Any = NOMINAL, per_finger: str = "") -> SurfaceLabels:
     model = GraspModel(friction=friction, sensor_resolution=0.05, per_finger=per_finger)
     load = Load(mass=1.0)
-    return label_surface(block(), model, hand=FRANKA, load=load, threads=1)
+    return label_surface(block(), model, hand=FRANKA, load=load)
 
 
 @pytest.mark.slow
@@ -161,7 +161,7 @@ def test_given_poses_have_the_pads_torsion_at_each_friction() -> None:
 
     def largest(friction: Any) -> Floats:
         model = GraspModel(friction=friction, sensor_resolution=0.05)
-        found = evaluate_grasps(mesh, poses, model, hand=pads(), load=DOWN, threads=1).holding
+        found = evaluate_grasps(mesh, poses, model, hand=pads(), load=DOWN).holding
         assert found is not None
         return found.grip_force_largest
 

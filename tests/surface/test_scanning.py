@@ -31,6 +31,7 @@ from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.sampling.multifinger import MultifingerGrasps
 from grasp3d.surface.sweeps import mean_sweep, sweep
 from grasp3d.surface.vertex_grasps import grasps_at
+from grasp3d.system.context import running
 from tests.helpers import shapes
 
 S, M, U = Label.S, Label.M, Label.U
@@ -128,13 +129,15 @@ def test_scans_consider_all_normals_at_creases() -> None:
 
 def test_a_scan_reports_progress() -> None:
     fractions: list[float] = []
-    scan_surface(ball(), fixed=[on_equator(0.0), on_equator(100.0)], progress=fractions.append)
+    with running(progress=fractions.append):
+        scan_surface(ball(), fixed=[on_equator(0.0), on_equator(100.0)])
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1.0
     fractions.clear()
     model = GraspModel(method="extremes", edges=6, extreme_normals=3)
     mesh = load_mesh(shapes.sphere(1), max_edge=9.0)
-    scan_surface(mesh, model, fixed=[on_equator(0.0), on_equator(100.0)], progress=fractions.append)
+    with running(progress=fractions.append):
+        scan_surface(mesh, model, fixed=[on_equator(0.0), on_equator(100.0)])
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1.0
     assert 0.0 < fractions[0] < 0.5

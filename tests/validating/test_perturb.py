@@ -51,7 +51,7 @@ def test_they_count_the_labels_of_the_copies() -> None:
 
 @pytest.mark.slow
 def test_the_number_of_threads_and_of_copies_changes_no_copy() -> None:
-    again = perturb_surface(clean(), noise=FEW, threads=1)
+    again = perturb_surface(clean(), noise=FEW)
     np.testing.assert_array_equal(again.stable, found().stable)
     assert again.advice == found().advice
     one = next(noisy_copies(clean(), 0.01, 0.02, 7, 1))

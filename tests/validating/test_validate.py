@@ -111,7 +111,7 @@ def test_it_agrees_with_an_evaluation() -> None:
 def test_neither_chunks_nor_threads_change_it(monkeypatch: pytest.MonkeyPatch) -> None:
     one, _ = drawn()
     monkeypatch.setattr("grasp3d.validating.validate.CHUNK", 50)
-    two = validated(one.grasps.held, threads=1)
+    two = validated(one.grasps.held)
     for name, values in one.grasps.scores.items():
         np.testing.assert_array_equal(values, two.grasps.scores[name], err_msg=name)
     assert one.qualities == two.qualities

@@ -33,7 +33,7 @@ from grasp3d.errors import MeshError, OutputError, SettingError
 from grasp3d.export.writers import writer_for
 from grasp3d.surface import Reason
 from grasp3d.surface.sampling.pair_limits import OPENING_SLACK
-from grasp3d.system.progress import ignore
+from grasp3d.system.context import report_progress, running
 from grasp3d.viewer.session.background import Cancelled
 from grasp3d.viewer.session.collection import (
     Collection,
@@ -61,7 +61,7 @@ def test_a_unit_that_a_file_does_not_state_is_that_of_its_labels(
 ) -> None:
     path = tmp_path / f"box.{suffix}"
     writer_for(path)(path, viewing.box())
-    opened = open_collection(path, options=MeshOptions(unit="mm")).items[0].open(ignore)
+    opened = open_collection(path, options=MeshOptions(unit="mm")).items[0].open()
     assert opened.labels.mesh.unit == opened.mesh.unit == "mm"
     assert np.array_equal(opened.mesh.normals, read_subject(path).mesh.normals)
     assert opened.mesh.torque_scale == viewing.box().mesh.torque_scale
@@ -73,7 +73,8 @@ def test_a_mesh_is_labelled_when_it_is_opened(tmp_path: Path) -> None:
     model, sampling = GraspModel(friction=0.9), Sampling(max_opening=2.0)
     collection = open_collection(path, model, sampling, MeshOptions(max_edge=0.5, unit="cm"))
     reported: list[float] = []
-    subject = collection.items[0].open(reported.append)
+    with running(progress=reported.append):
+        subject = collection.items[0].open()
     assert (collection.model, collection.sampling) == (model, sampling)
     assert [one.name for one in collection.items] == [subject.name] == ["box.stl"]
     assert (subject.labels.model, subject.labels.sampling) == (model, sampling)
@@ -81,23 +82,24 @@ def test_a_mesh_is_labelled_when_it_is_opened(tmp_path: Path) -> None:
     assert subject.prepared
     assert sorted(reported) == reported
     assert reported[-1] == pytest.approx(1.0)
-    assert collection.items[0].open(reported.append) is subject
+    with running(progress=reported.append):
+        assert collection.items[0].open() is subject
 
 
 def test_an_unreadable_file_raises_an_error_when_it_is_opened(tmp_path: Path) -> None:
     (tmp_path / "not.stl").write_text("hello")
     with pytest.raises(MeshError, match=r"not\.stl"):
-        open_collection(tmp_path / "not.stl").items[0].open(ignore)
+        open_collection(tmp_path / "not.stl").items[0].open()
     with pytest.raises(MeshError, match="no such file or folder"):
         open_collection(tmp_path / "none.ply")
 
 
 def test_a_collection_of_labels_is_ready_at_once() -> None:
     collection = collection_of(viewing.labels())
-    subject = collection.items[0].open(ignore)
+    subject = collection.items[0].open()
     assert subject.labels is viewing.labels()
     assert subject.epsilons is None or subject.epsilons.model == viewing.labels().model
-    assert collection.items[0].open(ignore) is subject
+    assert collection.items[0].open() is subject
     assert collection_of(viewing.scan()).sampling == Sampling()
     with pytest.raises(SettingError, match="no object to view"):
         Collection((), GraspModel(), Sampling())
@@ -215,7 +217,7 @@ def test_complete_files_are_shown_with_their_contacts(tmp_path: Path, suffix: st
     writer_for(path)(path, labels)
     collection = open_collection(path)
     assert (collection.model, collection.sampling.max_opening) == (labels.model, 0.3)
-    subject = collection.items[0].open(ignore)
+    subject = collection.items[0].open()
     assert subject.prepared
     assert np.array_equal(subject.mesh.vertices, labels.mesh.vertices)
     vertex = int(np.flatnonzero(labels.reason == Reason.FOUND)[0])
@@ -227,7 +229,7 @@ def test_complete_files_are_shown_with_their_contacts(tmp_path: Path, suffix: st
 
 def test_a_scan_is_shown_without_its_fixed_fingers(tmp_path: Path) -> None:
     write_ply(tmp_path / "scan.ply", viewing.scan())
-    subject = open_collection(tmp_path / "scan.ply").items[0].open(ignore)
+    subject = open_collection(tmp_path / "scan.ply").items[0].open()
     assert (subject.labels.mode, subject.labels.sampling, subject.cone) == ("scan", None, math.pi)
     assert not subject.measurable
     assert any("fixed fingers" in note for note in subject.notes)
@@ -276,7 +278,7 @@ def test_a_ply_of_another_program_is_a_mesh(tmp_path: Path, properties: str, row
     path = tmp_path / "mesh.ply"
     path.write_bytes(_ply(properties, row, "comment made by hand\n"))
     collection = open_collection(path, options=MeshOptions(max_edge=9.0))
-    subject = collection.items[0].open(ignore)
+    subject = collection.items[0].open()
     assert subject.prepared
     assert len(subject.mesh.vertices) == len(VERTICES)
 
@@ -513,8 +515,8 @@ def test_a_batch_contains_its_labelled_meshes_in_order(stored: Path) -> None:
         "1 of 3 meshes were not labelled; see report/index.html for the reasons",
     )
     assert (collection.model.friction, collection.sampling.max_opening) == (0.3, 0.51)
-    assert collection.items[1].open(ignore).name == "deep/cone.ply"
-    subject = collection.items[0].open(ignore)
+    assert collection.items[1].open().name == "deep/cone.ply"
+    subject = collection.items[0].open()
     assert subject.labels.partners is not None
     held = subject.labels.reason == Reason.FOUND
     assert np.array_equal(np.isfinite(subject.labels.partners).all(axis=(1, 2)), held)
@@ -528,7 +530,7 @@ def test_a_batch_contains_its_labelled_meshes_in_order(stored: Path) -> None:
 
 
 def test_a_batch_contains_the_grasps_that_were_found(stored: Path) -> None:
-    subject = open_collection(stored).items[0].open(ignore)
+    subject = open_collection(stored).items[0].open()
     vertex = int(np.flatnonzero(subject.labels.critical_angle < 1e-3)[0])
     seen = inspect(subject, vertex, subject.labels.model)
     assert seen.points.shape == (2, 3)
@@ -549,9 +551,9 @@ def test_a_missing_file_of_one_object_does_not_affect_the_others(copied: Path) -
             path.unlink()
     collection = open_collection(copied)
     with pytest.raises(MeshError, match="there is no such file"):
-        collection.items[0].open(ignore)
+        collection.items[0].open()
     assert collection.model.friction == 0.3
-    assert collection.items[1].open(ignore).name == "deep/cone.ply"
+    assert collection.items[1].open().name == "deep/cone.ply"
 
 
 @pytest.mark.parametrize("damage", ["missing", "damaged", "of another"])
@@ -563,7 +565,7 @@ def test_an_object_without_its_table_has_no_partners(copied: Path, damage: str) 
         path.write_bytes(path.read_bytes()[:-200])
     else:
         shutil.copy(next((copied / "fields" / "deep").glob("*.parquet")), path)
-    subject = open_collection(copied).items[0].open(ignore)
+    subject = open_collection(copied).items[0].open()
     assert subject.labels.partners is None
     assert any("searched again" in note for note in subject.notes)
 
@@ -597,8 +599,8 @@ def test_the_last_few_objects_stay_open(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr("grasp3d.viewer.session.collection.MAX_OPEN", 2)
     cache, opened = SubjectCache(), list[str]()
 
-    def reader(name: str) -> Callable[[Callable[[float], None]], Subject]:
-        def read(_: Callable[[float], None]) -> Subject:
+    def reader(name: str) -> Callable[[], Subject]:
+        def read() -> Subject:
             opened.append(name)
             return _subject(name)
 
@@ -606,7 +608,7 @@ def test_the_last_few_objects_stay_open(monkeypatch: pytest.MonkeyPatch) -> None
 
     a, b, c = (reader(name) for name in "abc")
     for one in (a, b, a, c, a, b):
-        one(ignore)
+        one()
     assert "".join(opened) == "abcb"  # c pushed out b, which was used before a
 
 
@@ -620,7 +622,7 @@ def test_names_that_are_not_unicode_are_escaped(tmp_path: Path) -> None:
 def test_cancelled_and_failed_openings_are_not_cached() -> None:
     outcomes: list[BaseException | None] = [Cancelled(), MeshError("no"), None]
 
-    def read(_: Callable[[float], None]) -> Subject:
+    def read() -> Subject:
         outcome = outcomes.pop(0)
         if outcome is not None:
             raise outcome
@@ -629,22 +631,22 @@ def test_cancelled_and_failed_openings_are_not_cached() -> None:
     cached = SubjectCache().cached(read)
     for kind in (Cancelled, GraspError):
         with pytest.raises(kind):
-            cached(ignore)
-    assert cached(ignore) is cached(ignore)
+            cached()
+    assert cached() is cached()
 
 
 def test_two_threads_share_one_opening_of_an_object() -> None:
     begun, go_on, count = threading.Event(), threading.Event(), list[int]()
 
-    def read(progress: Callable[[float], None]) -> Subject:
+    def read() -> Subject:
         count.append(1)
-        progress(0.5)
+        report_progress(0.5)
         begun.set()
         assert go_on.wait(60)
         return _subject("a")
 
     cached, found, fractions = SubjectCache().cached(read), list[Subject](), list[float]()
-    first = threading.Thread(target=lambda: found.append(cached(ignore)))
+    first = threading.Thread(target=lambda: found.append(cached()))
     first.start()
     assert begun.wait(60)
     gone = threading.Event()
@@ -654,10 +656,12 @@ def test_two_threads_share_one_opening_of_an_object() -> None:
         raise Cancelled
 
     with pytest.raises(Cancelled):
-        cached(cancel)
+        running(progress=cancel)(cached)()
     assert gone.is_set()
     second = threading.Thread(
-        target=lambda: found.append(cached(lambda done: (fractions.append(done), go_on.set())[0]))
+        target=lambda: found.append(
+            running(progress=lambda done: (fractions.append(done), go_on.set())[0])(cached)()
+        )
     )
     second.start()
     first.join(60)
@@ -682,7 +686,7 @@ def test_the_labels_in_a_notebook_are_a_table() -> None:
     assert "μ 0.75, α 22.6°, 2 fingers" in table
     median = float(np.degrees(labels.angle_quantiles([0.5])[0]))
     assert f"{median:.1f}°" in table or math.isinf(median)
-    fresh.compute_epsilon(ignore)
+    fresh.compute("epsilon_range")
     assert f"{fresh.epsilon_quantiles([0.9])[0]:.3g}" in fresh._repr_html_()
     hulls = labels.using(model=replace(labels.model, method="extremes"))
     assert "%</td>" not in hulls._repr_html_()

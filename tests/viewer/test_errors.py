@@ -381,7 +381,7 @@ def test_damaged_errors_are_refused(tmp_path: Path, old: bytes, new: bytes, mess
     write_ply(path, slab().relabel(friction_error=0.1, location_error=5e-4))
     rewritten(path, (old, new))
     with pytest.raises(MeshError, match=message):
-        open_collection(path).items[0].open(lambda _: None)
+        open_collection(path).items[0].open()
 
 
 def test_the_mesh_of_a_file_is_that_of_the_labels(tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def held() -> SurfaceLabels:
 
 @pytest.fixture
 def session() -> Session:
-    return ready_session(held().using(threads=1))  # nothing is computed yet
+    return ready_session(held().using())  # nothing is computed yet
 
 
 def weakest(labels: SurfaceLabels) -> tuple[int, int]:
@@ -341,7 +341,7 @@ def test_damaged_files_are_refused(tmp_path: Path, old: bytes, new: bytes, reaso
 
 @pytest.mark.slow
 def test_the_subject_of_labels_has_what_is_computed() -> None:
-    labels = held().using(threads=1)
+    labels = held().using()
     assert subject_of(labels).forces is None
     assert subject_of(labels).load_numbers == LoadNumbers(0.5, 20.0)
     assert labels.holding is not None

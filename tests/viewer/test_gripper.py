@@ -24,7 +24,6 @@ from grasp3d.hand.scene import scene_settings
 from grasp3d.mesh.measures import is_closed
 from grasp3d.plots.rendering import View
 from grasp3d.settings import Sampling
-from grasp3d.system.progress import ignore
 from grasp3d.viewer.scene.framing import MOST_BESIDE, extents, frame_of, middle_of, view_axes
 from grasp3d.viewer.scene.pictures import open_renderer
 from grasp3d.viewer.scene.scene import Scene, new_plotter
@@ -219,8 +218,8 @@ def test_every_new_search_is_for_the_same_gripper_and_table(
     wait_until_idle(session)
     session.change(max_opening=math.inf)
     subject = subject_of(labels)
-    search_grasps(subject, subject.labels.model, Sampling(), ignore)
-    computations.search_wider(subject, subject.labels.model, Sampling(), ignore)
+    search_grasps(subject, subject.labels.model, Sampling())
+    computations.search_wider(subject, subject.labels.model, Sampling())
     assert len(asked) == 3
     assert labels.scene is not None
     assert all(one is labels.scene for one in asked)
@@ -318,7 +317,7 @@ def test_results_of_a_batch_have_poses(tmp_path: Path) -> None:
 
 def test_a_click_on_a_result_of_a_batch_searches_alternatives(tmp_path: Path) -> None:
     subject = stored_result(tmp_path)
-    item = collection.Item("box", lambda _: subject)
+    item = collection.Item("box", lambda: subject)
     session = ready_session(
         collection.Collection((item,), subject.labels.model, subject.labels.sampling or Sampling())
     )
@@ -340,10 +339,10 @@ def test_another_gripper_than_in_the_file_starts_a_search(
 
     monkeypatch.setattr(computations, "label_surface", label)
     same = ReachSettings(JAWS, table="as-is")
-    open_collection(path, reach=same).items[0].open(ignore)
+    open_collection(path, reach=same).items[0].open()
     assert not asked
     other = ReachSettings(replace(JAWS, name="wide jaws"), table="as-is")
-    found = open_collection(path, reach=other).items[0].open(ignore)
+    found = open_collection(path, reach=other).items[0].open()
     assert asked == ["wide jaws"]
     assert any("searched again for gripper wide jaws" in note for note in found.notes)
 
@@ -358,12 +357,12 @@ def test_settings_of_the_gripper_are_one_json_line() -> None:
 
 @needs_opengl
 def test_a_picture_shows_the_best_grasp_that_is_reached() -> None:
-    with open_renderer(collection_of(held_box()), ViewSettings(), ignore) as renderer:
+    with open_renderer(collection_of(held_box()), ViewSettings()) as renderer:
         assert renderer.session.state.vertex == best_vertices(subject_of(held_box()), 1)[0]
         assert renderer.session.inspection is not None
         assert renderer.session.inspection.held is not None
     chosen = ViewSettings(vertex=held_vertex())
-    with open_renderer(collection_of(held_box()), chosen, ignore) as renderer:
+    with open_renderer(collection_of(held_box()), chosen) as renderer:
         assert renderer.session.state.vertex == held_vertex()
 
 
@@ -377,7 +376,7 @@ def test_a_picture_shows_the_best_grasp_that_is_reached() -> None:
 )
 def test_pictures_of_what_does_not_exist_are_refused(settings: ViewSettings, problem: str) -> None:
     with pytest.raises(SettingError, match=problem):  # noqa: SIM117
-        with open_renderer(collection_of(viewing.labels()), settings, ignore):
+        with open_renderer(collection_of(viewing.labels()), settings):
             pass
 
 

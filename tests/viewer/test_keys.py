@@ -18,7 +18,7 @@ from tests.helpers.viewing import ready_session
 @pytest.fixture(scope="module")
 def labels() -> SurfaceLabels:
     mesh = box_mesh((0.1, 0.2, 0.3), max_edge=0.1)
-    return label_surface(mesh, GraspModel(), sampling=Sampling(rays=8), threads=1)
+    return label_surface(mesh, GraspModel(), sampling=Sampling(rays=8))
 
 
 @pytest.fixture

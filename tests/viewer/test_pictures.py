@@ -24,7 +24,7 @@ from grasp3d.mesh.primitives import box_mesh, sphere_mesh
 from grasp3d.plots import rendering
 from grasp3d.plots.rendering import can_render
 from grasp3d.stability.label import COLORS, Label
-from grasp3d.system.progress import Progress
+from grasp3d.system.context import running
 from grasp3d.viewer.scene import pictures
 from grasp3d.viewer.scene.pictures import (
     FRAMES,
@@ -63,7 +63,8 @@ def test_a_picture_has_its_size_and_smooth_edges(size: tuple[int, int], tmp_path
     path = tmp_path / "box.png"
     reported: list[float] = []
     settings = ViewSettings(width=size[0], height=size[1])
-    save_picture(collection_of(held_box()), settings, path, progress=reported.append)
+    with running(progress=reported.append):
+        save_picture(collection_of(held_box()), settings, path)
     drawn = read(path)
     assert drawn.shape == (size[1], size[0], 3)
     assert reported == sorted(reported)
@@ -200,7 +201,7 @@ def test_without_opengl_the_old_file_is_kept(
 
 @needs_opengl
 def test_the_error_of_an_object_is_raised(tmp_path: Path) -> None:
-    def broken(_: Progress) -> Subject:
+    def broken() -> Subject:
         raise MeshError("cup.stl: is not a mesh")
 
     collection = Collection((Item("cup.stl", broken),), GraspModel(), Sampling())
@@ -223,6 +224,6 @@ def test_an_incomplete_film_is_removed(tmp_path: Path, monkeypatch: pytest.Monke
 @needs_opengl
 def test_very_large_pictures_are_not_oversampled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pictures, "MAX_DRAWN", 500)
-    with open_renderer(collection_of(held_box()), SMALL, lambda _: None) as renderer:
+    with open_renderer(collection_of(held_box()), SMALL) as renderer:
         assert renderer.oversampling == 1
         assert renderer.picture().shape == (240, 320, 3)

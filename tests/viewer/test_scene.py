@@ -554,7 +554,7 @@ def test_texts_do_not_overlap_and_fit_into_the_pane(
     name = "an object with quite a long name, as they have them in data sets.ply"
     subject = subject_of(some, name)
     session = Session(
-        Collection((Item(name, lambda _: subject),), labels.model, Sampling()),
+        Collection((Item(name, lambda: subject),), labels.model, Sampling()),
         ViewSettings(paint="label", compare=compare),
     )
     ready(session)

@@ -25,7 +25,7 @@ from grasp3d.errors import MeshError, OutputError, SettingError
 from grasp3d.settings import MeshOptions
 from grasp3d.surface import Reason
 from grasp3d.surface.vertex_grasps import SearchReport
-from grasp3d.system.progress import Progress, ignore
+from grasp3d.system.context import report_progress, running
 from grasp3d.viewer.scene.captions import Captions
 from grasp3d.viewer.scene.overlays import TextArea, TextLine
 from grasp3d.viewer.session import planning
@@ -193,7 +193,7 @@ def test_a_wider_search_does_not_change_known_fractions() -> None:
 
 def test_a_wider_search_of_a_file_keeps_its_partners(batched: Subject) -> None:
     model, sampling = viewing.labels().model, viewing.labels().sampling or Sampling()
-    session = ready_session(Collection((Item("a", lambda _: batched),), model, sampling))
+    session = ready_session(Collection((Item("a", lambda: batched),), model, sampling))
     before = {one.letter: one.fraction for one in panel_text(session).fractions}
     session.change(compare=1.5)
     wait_until_idle(session)
@@ -261,11 +261,11 @@ def test_a_failed_job_is_reported_and_not_repeated() -> None:
     labels = viewing.three_fingers()
     tries = []
 
-    def fail(_: Progress) -> Subject:
+    def fail() -> Subject:
         tries.append(1)
         raise MeshError("the mesh is too large")
 
-    collection = Collection((Item("a", fail), Item("b", lambda _: subject_of(labels))),
+    collection = Collection((Item("a", fail), Item("b", lambda: subject_of(labels))),
                   labels.model, MultifingerSampling(candidates=8))  # fmt: skip
     session = ready_session(collection)
     assert session.message == "the mesh is too large"
@@ -471,7 +471,7 @@ def test_the_best_contact_of_the_last_finger_is_not_worse_than_the_vertices() ->
             (float(x), float(y), float(z)) for x, y, z in labels.mesh.vertices[list(fixed)]
         )
         model = replace(labels.model, fingers=len(fixed) + 1)
-        found = scan_with_fixed(subject_of(labels), model, points, ignore)
+        found = scan_with_fixed(subject_of(labels), model, points)
         assert found.last_contact is not None
         assert found.last_contact.worst <= found.labels.critical_angle.min() + 1e-9
         assert found.last_contact.best <= found.labels.critical_angle_best.min() + 1e-9
@@ -611,7 +611,7 @@ def test_a_search_that_disagrees_with_the_file_is_reported(file: Path) -> None:
     worse = np.full_like(subject.labels.critical_angle, 0.9)
     other = viewing.with_values(subject, critical_angle=worse, critical_angle_best=worse)
     collection = Collection(
-        (Item("a", lambda _: other),), subject.labels.model, Sampling(max_opening=0.3)
+        (Item("a", lambda: other),), subject.labels.model, Sampling(max_opening=0.3)
     )
     session = ready_session(collection)
     session.click(40)
@@ -641,7 +641,7 @@ def batched(tmp_path: Path) -> Subject:
 
 def test_a_file_with_partners_keeps_them_when_epsilon_is_computed(batched: Subject) -> None:
     model = replace(batched.labels.model, friction=0.6)
-    found = compute_epsilon(batched, model, ignore)
+    found = compute_epsilon(batched, model)
     expected = viewing.labels().relabel(friction=0.6)
     assert found.labels is batched.labels
     assert found.epsilons is not None
@@ -659,9 +659,7 @@ def test_the_mesh_of_a_file_keeps_its_vertices(file: Path) -> None:
 
 def test_a_click_on_a_batch_needs_no_job(batched: Subject) -> None:
     labels = viewing.labels()
-    collection = Collection(
-        (Item("a", lambda _: batched),), labels.model, Sampling(max_opening=0.3)
-    )
+    collection = Collection((Item("a", lambda: batched),), labels.model, Sampling(max_opening=0.3))
     session = ready_session(collection)
     vertex = int(np.flatnonzero(labels.reason == Reason.FOUND)[0])
     session.click(vertex)
@@ -753,7 +751,8 @@ def test_labels_beyond_the_search_cannot_be_saved(tmp_path: Path) -> None:
 def test_a_batch_is_saved_with_its_partners(tmp_path: Path, batched: Subject) -> None:
     subject, reported = batched, list[float]()
     assert subject.labels.partners is not None
-    found = write_labels(subject, subject.labels.model, tmp_path / "a.npz", reported.append)
+    with running(progress=reported.append):
+        found = write_labels(subject, subject.labels.model, tmp_path / "a.npz")
     assert found.prepared
     assert sorted(reported) == reported
     with np.load(tmp_path / "a.npz") as data:
@@ -768,14 +767,14 @@ def test_the_object_can_be_changed_during_a_job() -> None:
     one, two = subject_of(viewing.labels(), "one"), subject_of(viewing.box(), "two")
     go_on = threading.Event()
 
-    def slow(progress: Progress) -> Subject:
+    def slow() -> Subject:
         while not go_on.is_set():
-            progress(0.5)
+            report_progress(0.5)
             time.sleep(0.001)
         return two
 
     collection = Collection(
-        (Item("one", lambda _: one), Item("two", slow)), one.labels.model, Sampling()
+        (Item("one", lambda: one), Item("two", slow)), one.labels.model, Sampling()
     )
     session = Session(collection)
     session.change(max_opening=0.3)
@@ -895,10 +894,10 @@ def _taken(worker: Worker[int]) -> tuple[int | None, str | None]:
     return found[0]
 
 
-def _endless(begun: threading.Event) -> Callable[[Progress], int]:
-    def work(progress: Progress) -> int:
+def _endless(begun: threading.Event) -> Callable[[], int]:
+    def work() -> int:
         while True:
-            progress(0.25)
+            report_progress(0.25)
             begun.set()
             time.sleep(0.001)
 
@@ -910,7 +909,7 @@ def test_a_newer_job_replaces_the_older_one(worker: Worker[int]) -> None:
     worker.request(Job("a", "endless", _endless(begun)))
     assert begun.wait(60)
     assert worker.fraction == 0.25
-    worker.request(Job("b", "quick", lambda _: 7))
+    worker.request(Job("b", "quick", lambda: 7))
     assert worker.job is not None
     assert worker.job.key == "b"
     assert worker.fraction == 0.0
@@ -923,7 +922,7 @@ def test_a_job_with_the_same_key_is_not_restarted(worker: Worker[int]) -> None:
     count: list[int] = []
     go_on = threading.Event()
 
-    def work(_: Progress) -> int:
+    def work() -> int:
         count.append(1)
         assert go_on.wait(60)
         return 1
@@ -938,7 +937,7 @@ def test_a_job_with_the_same_key_is_not_restarted(worker: Worker[int]) -> None:
 def test_a_cancelled_job_has_no_result(worker: Worker[int]) -> None:
     go_on, ended = threading.Event(), threading.Event()
 
-    def stubborn(_: Progress) -> int:
+    def stubborn() -> int:
         assert go_on.wait(60)
         ended.set()
         return 1
@@ -948,7 +947,7 @@ def test_a_cancelled_job_has_no_result(worker: Worker[int]) -> None:
     assert worker.job is None
     go_on.set()
     assert ended.wait(60)
-    worker.request(Job("b", "quick", lambda _: 2))
+    worker.request(Job("b", "quick", lambda: 2))
     assert _taken(worker) == (2, None)
     assert worker.take_finished() is None
 
@@ -958,7 +957,7 @@ def test_a_delayed_job_does_not_start_if_it_is_replaced(
 ) -> None:
     begun = threading.Event()
     worker.request(Job("a", "held", _endless(begun), delay=3600.0))
-    worker.request(Job("b", "quick", lambda _: 2))
+    worker.request(Job("b", "quick", lambda: 2))
     assert _taken(worker) == (2, None)
     assert not begun.is_set()
 
@@ -972,7 +971,7 @@ def test_a_delayed_job_does_not_start_if_it_is_replaced(
     ],
 )
 def test_errors_are_reported(worker: Worker[int], error: Exception, message: str) -> None:
-    def fail(_: Progress) -> int:
+    def fail() -> int:
         raise error
 
     worker.request(Job("a", "working", fail))
@@ -986,9 +985,7 @@ def test_cancelled_is_not_caught_as_an_exception() -> None:
 def test_the_unsearched_part_has_an_area_fraction() -> None:
     labels = viewing.labels().using(model=GraspModel(friction=0.05))
     subject = viewing.with_values(subject_of(labels), search=SearchReport(0.1))
-    collection = Collection(
-        (Item("a", lambda _: subject),), GraspModel(), Sampling(max_opening=0.3)
-    )
+    collection = Collection((Item("a", lambda: subject),), GraspModel(), Sampling(max_opening=0.3))
     session = Session(collection)
     _until(session.poll)
     fractions = panel_text(session).fractions

@@ -38,7 +38,7 @@ from grasp3d.viewer.window.desktop import show_window
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.view_settings import ViewSettings
 sampling = Sampling(rays=8, search_angle={cone})
-labels = label_surface(load_mesh({mesh!r}), GraspModel(), sampling=sampling, threads=1)
+labels = label_surface(load_mesh({mesh!r}), GraspModel(), sampling=sampling)
 session = Session(collection_of(labels), ViewSettings(width={width}, height={height}))
 lines = open(sys.argv[1], "w", encoding="utf-8")
 def watch():
@@ -60,7 +60,7 @@ print("closed")
 def labels() -> SurfaceLabels:
     mesh = load_mesh(LIBRARY / "spray.glb")
     sampling = Sampling(rays=8, search_angle=CONE)
-    return label_surface(mesh, GraspModel(), sampling=sampling, threads=1)
+    return label_surface(mesh, GraspModel(), sampling=sampling)
 
 
 def opened(folder: Path, name: str = "spray.glb") -> AbstractContextManager[Window]:

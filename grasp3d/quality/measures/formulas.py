@@ -267,7 +267,7 @@ def _moment_limits(count: int) -> Floats:
 def friction_margin(grasps: GraspGeometry) -> Measured:
     """Friction angle less the critical friction angle."""
     contacts = grasps.contacts
-    angles = critical_friction_angle(contacts, tolerance=grasps.tolerance, threads=grasps.threads)
+    angles = critical_friction_angle(contacts, tolerance=grasps.tolerance)
     own = contacts.friction_angle
     finite = np.where(np.isfinite(angles), angles, 0.0)
     return Measured.of(
@@ -283,7 +283,7 @@ def wrench_resistance(grasps: GraspGeometry) -> Measured:
     if grasps.wrench is None:
         missing = np.ones(grasps.size, dtype=bool)
         return Measured.of(np.full(grasps.size, np.nan), (missing, "no wrench is given"))
-    found = grip_force(grasps.contacts, grasps.wrench, rtol=RTOL, threads=grasps.threads)
+    found = grip_force(grasps.contacts, grasps.wrench, rtol=RTOL)
     return Measured.of(
         found.value,
         (

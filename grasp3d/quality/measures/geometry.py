@@ -49,7 +49,6 @@ class GraspGeometry:
     """Edges of polygonal friction cones."""
     tolerance: float
     """Largest error of critical friction angles [rad]."""
-    threads: int | None
     """Threads for critical friction angles."""
     principal_axis: Floats
     """Longest principal axis of the object, shape (b, 3); nan: not given."""

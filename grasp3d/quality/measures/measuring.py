@@ -128,7 +128,6 @@ def metrics(
     principal_axis: ArrayLike | None = None,
     wrench: ArrayLike | None = None,
     tolerance: float = 1e-4,
-    threads: int | None = None,
 ) -> MetricValues:
     """Quality measures of the literature; `METRICS` has their formulas, sources and ranges.
 
@@ -150,7 +149,6 @@ def metrics(
             'all' does not include that measure.
         tolerance: Largest error of `friction_margin` for three fingers and more [rad]; it is never
             too large.
-        threads: Threads for `friction_margin` and `wrench_resistance`; None: one per processor.
 
     Returns:
         Values and reasons by name, of the batch's shape each.
@@ -187,7 +185,6 @@ def metrics(
         torque_scale,
         int(edges),
         tolerance,
-        threads,
         _axes_of(principal_axis, batch).reshape(-1, 3),
         None if wrench is None else wrenches_of(wrench, contacts),
     )

@@ -43,7 +43,7 @@ from grasp3d.surface.sampling.exact_pairs import ExactSearch
 from grasp3d.surface.sampling.pair_limits import ALIKE, Ranking, largest_cost, pair_limits
 from grasp3d.surface.sampling.reachable import ReachSearch
 from grasp3d.surface.sampling.vertices import neighbours, tangents
-from grasp3d.system.progress import Progress, ignore
+from grasp3d.system.context import report_progress, thread_count
 
 CHUNK = 100_000
 """Rays that a thread traces at once: bounds the memory and fits into the processor's cache."""
@@ -131,10 +131,8 @@ def best_pairs(
     sampling: Sampling,
     cone: float,
     *,
-    threads: int,
     scene: Scene | None = None,
     ranking: Ranking = ALIKE,
-    progress: Progress | None = None,
 ) -> AntipodalGrasps:
     """Search for the best antipodal grasp through every vertex of the surface.
 
@@ -146,16 +144,11 @@ def best_pairs(
         mesh: The surface.
         sampling: Rays, grip, opening limits and tolerance.
         cone: Half-angle of the cone of directions about the inward normals [rad].
-        threads: Threads to use.
         scene: The gripper that must reach the grasps; None: ideal points.
         ranking: Which uncertainties of the contacts the best grasp depends on.
-        progress: Called with the fraction of the work done, from 0 to 1.
     """
-    with ThreadPoolExecutor(threads) as executor:
-        search = _Search(
-            mesh, sampling, cone, threads, executor, progress or ignore, scene, ranking
-        )
-        return search.run()
+    with ThreadPoolExecutor(thread_count()) as executor:
+        return _Search(mesh, sampling, cone, executor, scene, ranking).run()
 
 
 def farthest(points: Floats, others: Floats) -> Floats:
@@ -175,9 +168,7 @@ class _Search:
     mesh: ObjectMesh
     sampling: Sampling
     cone: float
-    threads: int
     executor: ThreadPoolExecutor
-    progress: Progress
     scene: Scene | None = None
     ranking: Ranking = ALIKE
     traced: int = field(default=0, init=False)
@@ -232,7 +223,7 @@ class _Search:
             if sweep:
                 radii[improved] = 0.25 * self.spacing
             rounds += self._refine_all(radii)
-            self.progress(0.85 + 0.15 * (sweep + 1) / sweeps)
+            report_progress(0.85 + 0.15 * (sweep + 1) / sweeps)
         self._keep_reached(squeeze=squeezing)
         return self._result(rounds, improving)
 
@@ -251,7 +242,6 @@ class _Search:
         """Find the contact with the smallest critical angle of every vertex, or why it has none."""
         exact = ExactSearch(
             self.surface, self.sets, self.frames.centres, self.limits, self.grasps, self.executor,
-            self.progress,
         )  # fmt: skip
         ordered = exact.in_order(self.vertices)
         exact.search(ordered, self.cone, (0.0, 0.6))
@@ -263,7 +253,7 @@ class _Search:
         exact.search_best_normals(ordered, self.cone, (0.75, 0.95))
         self.evaluated = exact.evaluated
         self._keep_reached(squeeze=True)
-        self.progress(1.0)
+        report_progress(1.0)
         return self._result(0, 0.0)
 
     def _keep_reached(self, *, squeeze: bool) -> None:
@@ -291,11 +281,11 @@ class _Search:
         if self.ranking != ALIKE:
             creases = creases[:0]
         for chosen, worst, start in ((vertices, True, 0.45), (creases, False, 0.65)):
-            number = max(-(-len(chosen) // DESCENDING), CHUNKS * self.threads)
+            number = max(-(-len(chosen) // DESCENDING), CHUNKS * thread_count())
             chunks = np.array_split(chosen, number)
             descents = self.executor.map(partial(self._descend_at, tree, worst), chunks)
             for done, _ in enumerate(descents, start=1):
-                self.progress(start + 0.2 * done / number)
+                report_progress(start + 0.2 * done / number)
 
     def _descend_at(self, tree: FaceTree, worst: bool, vertices: Ints) -> None:
         domain = PairDomain(self.surface, self.sets, self.frames.centres, tree, self.limits)
@@ -433,7 +423,7 @@ class _Search:
         progress: tuple[float, float] | None = None,
     ) -> None:
         """Make and trace the rays of all vertices, in chunks distributed over the threads."""
-        evenly = -(-len(vertices) // (CHUNKS * self.threads))
+        evenly = -(-len(vertices) // (CHUNKS * thread_count()))
         size = max(1, min(CHUNK // rays_per_vertex, evenly))
         chunks = [vertices[i : i + size] for i in range(0, len(vertices), size)]
 
@@ -448,7 +438,7 @@ class _Search:
             self.traced += traced
             if progress is not None:
                 start, fraction = progress
-                self.progress(start + fraction * done / len(chunks))
+                report_progress(start + fraction * done / len(chunks))
 
     def _result(self, rounds: int, still_falling: float) -> AntipodalGrasps:
         canonical = self.mesh.canonical

@@ -17,7 +17,7 @@ from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
 from grasp3d._kernels.surface.normal_sets import ContactNormals
 from grasp3d._kernels.surface.surface_contacts import Surface
 from grasp3d.arrays import Floats, Ints
-from grasp3d.system.progress import Progress
+from grasp3d.system.context import report_progress
 
 IN_ORDER = 128
 """Vertices that branch and bound takes one after the other; the first one starts without a
@@ -40,7 +40,6 @@ class ExactSearch:
     grasps: BestPairs
     """Written."""
     executor: ThreadPoolExecutor
-    progress: Progress
     evaluated: int = field(default=0, init=False)
     """Number of faces on which a contact was computed."""
 
@@ -98,7 +97,7 @@ class ExactSearch:
         descend = partial(self._descend_from, cone, worst, owners)
         for done, tried in enumerate(self.executor.map(descend, chunks), start=1):
             self.evaluated += tried
-            self.progress(first + (last - first) * done / len(chunks))
+            report_progress(first + (last - first) * done / len(chunks))
 
     def _descend_from(self, cone: float, worst: bool, owners: Ints, vertices: Ints) -> int:
         domain = PairDomain(self.surface, self.sets, self.centres, self.tree, self.limits)

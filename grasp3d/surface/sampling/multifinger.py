@@ -35,7 +35,7 @@ from grasp3d.surface.sampling.candidate_points import (
     candidate_vertices,
     contact_domain,
 )
-from grasp3d.system.progress import Progress, ignore, within
+from grasp3d.system.context import report_progress, thread_count, unreported, within
 
 CHUNK = 256
 """Vertices that a thread processes in one call."""
@@ -98,9 +98,6 @@ def search(
     fingers: int,
     sampling: MultifingerSampling,
     cone: float,
-    *,
-    threads: int,
-    progress: Progress | None = None,
 ) -> MultifingerGrasps:
     """Search for the best grasp of three fingers and more through every vertex.
 
@@ -111,14 +108,12 @@ def search(
         fingers: Fingers of a grasp, 3 or more.
         sampling: Candidate points, limits of distances, seed and tolerance.
         cone: Largest critical friction angle that counts, at most 90 degrees [rad].
-        threads: Threads to use.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Raises:
         SettingError: The mesh has fewer vertices than fingers, or is smaller than the separation.
     """
-    with ThreadPoolExecutor(threads) as executor:
-        return _Search(mesh, fingers, sampling, cone, threads, executor, progress or ignore).run()
+    with ThreadPoolExecutor(thread_count()) as executor:
+        return _Search(mesh, fingers, sampling, cone, executor).run()
 
 
 @dataclass(eq=False)
@@ -129,9 +124,7 @@ class _Search:
     fingers: int
     sampling: MultifingerSampling
     cone: float
-    threads: int
     executor: ThreadPoolExecutor
-    progress: Progress
     evaluated: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
@@ -199,8 +192,8 @@ class _Search:
                     previous = BestGrasps(
                         grasps.angles.copy(), grasps.elements.copy(), grasps.weights.copy()
                     )
-                report = within(self.progress, start, start + fraction / stages)
-                self._run(stage, vertices, n, limits, previous, grasps, report)
+                with within(start, start + fraction / stages):
+                    self._run(stage, vertices, n, limits, previous, grasps)
                 start += fraction / stages
             improved = grasps.angles[vertices] < previous.angles[vertices] - limits.margin
             improving = float(improved.mean()) if len(vertices) else 0.0
@@ -214,10 +207,9 @@ class _Search:
         limits: SearchLimits,
         previous: BestGrasps,
         grasps: BestGrasps,
-        progress: Progress,
     ) -> None:
         """Run one stage of the search for vertices, in chunks distributed over the threads."""
-        size = max(1, min(CHUNK, -(-len(vertices) // (4 * self.threads))))
+        size = max(1, min(CHUNK, -(-len(vertices) // (4 * thread_count()))))
         chunks = [vertices[i : i + size] for i in range(0, len(vertices), size)]
         step_length, rounds = self.step_length / 2.0**stage, NEIGHBOUR_STEPS if stage else STEPS
         # From four fingers on combinations of normals need hulls: contacts stay off creases.
@@ -237,7 +229,7 @@ class _Search:
 
         for done, evaluated in enumerate(self.executor.map(search_chunk, chunks), start=1):
             self.evaluated += evaluated
-            progress(done / len(chunks))
+            report_progress(done / len(chunks))
 
     def _limits(self, *, best_normals: bool) -> SearchLimits:
         sampling, unit = self.sampling, self.scale / self.mesh.size
@@ -275,7 +267,8 @@ class _Search:
             max_opening=self.sampling.max_spread,
             tolerance=self.sampling.tolerance,
         )
-        pairs = best_pairs(mesh, sampling, self.cone, threads=self.threads)
+        with unreported():
+            pairs = best_pairs(mesh, sampling, self.cone)
         faces, weights = (
             pairs.partner_points.faces[self.vertices, 0],
             pairs.partner_points.weights[self.vertices, 0],

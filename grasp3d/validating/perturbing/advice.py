@@ -61,7 +61,7 @@ def advise(labels: SurfaceLabels, confirmed: Bools, turn: float, across: float) 
     """
     location, areas = _rounded_up(across), labels.mesh.vertex_areas
     model = replace(labels.model, location_error=location)
-    found = label_surface(labels.mesh, model, sampling=labels.sampling, threads=labels.threads)
+    found = label_surface(labels.mesh, model, sampling=labels.sampling)
     least = least_error(found.margin, confirmed, areas)
     chosen = math.radians(
         _rounded_up(math.degrees(error_to_enter(found.margin, least, turn, areas)))

@@ -23,8 +23,7 @@ from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
-from grasp3d.system.progress import Progress, ignore
-from grasp3d.system.steps import begin_step
+from grasp3d.system.context import begin_step, report_progress, unreported
 from grasp3d.validating.perturbing.advice import advise
 from grasp3d.validating.perturbing.noise_settings import NoiseSettings
 from grasp3d.validating.perturbing.perturbation import Perturbation
@@ -71,8 +70,6 @@ def noisy_copies(
     correlation: float,
     seed: int,
     count: int,
-    *,
-    threads: int | None = None,
 ) -> Iterator[ObjectMesh]:
     """Make copies of a surface whose vertices are moved along their normals at random.
 
@@ -84,12 +81,11 @@ def noisy_copies(
         correlation: Correlation length, in the mesh's unit; see `random_field`.
         seed: Seed of all copies.
         count: Number of copies.
-        threads: Threads to use; None: one per processor.
     """
     for number in range(count):
         random = noise_stream(seed, COPIES, number)
         field = random_field(surface.points, surface.normals, correlation, random)
-        yield surface.moved(sigma * field[:, None] * surface.normals, threads=threads)
+        yield surface.moved(sigma * field[:, None] * surface.normals)
 
 
 def examine_copy(labels: SurfaceLabels, copy: ObjectMesh) -> CopyResult:
@@ -99,7 +95,7 @@ def examine_copy(labels: SurfaceLabels, copy: ObjectMesh) -> CopyResult:
         labels: The labels of the surface itself.
         copy: A copy, with the same faces.
     """
-    found = label_surface(copy, labels.model, sampling=labels.sampling, threads=labels.threads)
+    found = label_surface(copy, labels.model, sampling=labels.sampling)
     shift = np.linalg.norm(copy.vertices - labels.mesh.vertices, axis=1)
     across = _shift_across(labels, copy) if labels.model.fingers == 2 else shift
     areas, limit = labels.mesh.vertex_areas, labels.model.effective_friction_angle
@@ -130,7 +126,7 @@ def angles_on(mesh: ObjectMesh, labels: SurfaceLabels) -> Floats:
     angles = np.full(len(labels.row), math.inf)
     if len(rows):
         contacts = SurfaceContacts(mesh, _surface_points(labels, rows))
-        angles[rows], _ = critical_angles(contacts, threads=labels.threads)
+        angles[rows], _ = critical_angles(contacts)
     return angles
 
 
@@ -183,8 +179,6 @@ def perturb_surface(
     noise: NoiseSettings | None = None,
     sampling: AnySampling | None = None,
     options: MeshOptions | None = None,
-    threads: int | None = None,
-    progress: Progress | None = None,
 ) -> Perturbation:
     """Label noisy copies of a scan, and find the errors to enter for it.
 
@@ -198,8 +192,6 @@ def perturb_surface(
         noise: Noise of the copies, and their number; None: the defaults.
         sampling: How grasps are searched for; None: the defaults.
         options: How the mesh is read and prepared; None: those of an `ObjectMesh`, or the defaults.
-        threads: Threads to use; None: one per processor. The result does not depend on it.
-        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         For each vertex the fractions of the copies that are S, M and U, the spread of the critical
@@ -225,28 +217,26 @@ def perturb_surface(
         >>> found.stable.shape, bool(found.advice.unconfirmed_fraction <= 0.01)
         ((642,), True)
     """
-    surface = (
-        mesh
-        if isinstance(mesh, MovableSurface)
-        else movable_surface(mesh, options, threads=threads)
-    )
-    report = progress or ignore
+    surface = mesh if isinstance(mesh, MovableSurface) else movable_surface(mesh, options)
     settings, chosen = surface.mesh.in_own_unit(noise or NoiseSettings(), model or GraspModel())
     _check_model(chosen)
     begin_step("estimating the noise")
     sigma = _sigma(surface, settings)
-    labels = label_surface(surface.mesh, chosen, sampling=sampling, threads=threads)
+    with unreported():
+        labels = label_surface(surface.mesh, chosen, sampling=sampling)
     begin_step("labelling noisy copies")
     results = []
     for copy in noisy_copies(
-        surface, sigma, settings.correlation, settings.noise_seed, settings.copies, threads=threads
+        surface, sigma, settings.correlation, settings.noise_seed, settings.copies
     ):
-        results.append(examine_copy(labels, copy))
-        report(len(results) / (settings.copies + 1))
-    found = _gathered(
-        labels, results, replace(settings, noise=sigma), estimated=settings.noise is None
-    )
-    report(1.0)
+        with unreported():
+            results.append(examine_copy(labels, copy))
+        report_progress(len(results) / (settings.copies + 1))
+    with unreported():
+        found = _gathered(
+            labels, results, replace(settings, noise=sigma), estimated=settings.noise is None
+        )
+    report_progress(1.0)
     return found
 
 

@@ -15,9 +15,9 @@ from PIL.PngImagePlugin import PngInfo
 from grasp3d.arrays import Bytes
 from grasp3d.errors import GraspError, OutputError, SettingError
 from grasp3d.plots.rendering import View, check_rendering, choose_window
+from grasp3d.system.context import report_progress, within
 from grasp3d.system.files import atomic_write, check_suffix, check_writable
 from grasp3d.system.names import safe_stem
-from grasp3d.system.progress import Progress, ignore, within
 from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.session.reached_grasps import best_vertices
@@ -88,26 +88,23 @@ def check_film(path: Path) -> None:
     check_rendering()
 
 
-def save_picture(
-    collection: Collection, settings: ViewSettings, path: Path, *, progress: Progress = ignore
-) -> None:
+def save_picture(collection: Collection, settings: ViewSettings, path: Path) -> None:
     """Write a picture of a collection's first object as a PNG.
 
     Args:
         collection: The objects.
         settings: Initial view, and size of the picture.
         path: The file, replaced if it exists.
-        progress: Called with the finished fraction of the work, from 0 to 1.
 
     Raises:
         GraspError: There is no OpenGL, the object cannot be shown or the file not written.
     """
     check_picture(path)
-    with open_renderer(collection, settings, within(progress, 0.0, 0.95)) as renderer:
+    with open_renderer(collection, settings, 0.95) as renderer:
         picture = Image.fromarray(renderer.picture())
         with atomic_write(path) as part:
             picture.save(part, format="PNG", optimize=True, pnginfo=_written_by())
-    progress(1.0)
+    report_progress(1.0)
 
 
 def save_turntable(
@@ -117,7 +114,6 @@ def save_turntable(
     *,
     frames: int = FRAMES,
     seconds: float = SECONDS,
-    progress: Progress = ignore,
 ) -> None:
     """Write a film of one turn of a collection's first object, as a GIF or an MP4.
 
@@ -127,7 +123,6 @@ def save_turntable(
         path: The file, replaced if it exists.
         frames: Number of frames, at least 2.
         seconds: Duration of the turn.
-        progress: Called with the finished fraction of the work, from 0 to 1.
 
     Raises:
         GraspError: There is no OpenGL, the object cannot be shown or the file not written.
@@ -138,29 +133,29 @@ def save_turntable(
             f"seconds; got {frames} and {seconds:g}"
         )
     check_film(path)
-    with open_renderer(collection, settings, within(progress, 0.0, 0.5)) as renderer:
+    with open_renderer(collection, settings, 0.5) as renderer:
         views = _views(settings, frames)
         renderer.scene.look(renderer.session, views)
-        pictures = _pictures(renderer, views, within(progress, 0.5, 1.0))
+        pictures = _reported(_pictures(renderer, views), frames)
         with atomic_write(path) as part:
             if path.suffix.lower() == VIDEO:
                 _write_video(part, pictures, frames / seconds)
             else:
-                samples = _pictures(renderer, views[:: max(1, frames // SAMPLES)], ignore)
+                samples = _pictures(renderer, views[:: max(1, frames // SAMPLES)])
                 _write_gif(part, pictures, _palette(samples), _durations(frames, seconds))
-    progress(1.0)
+    report_progress(1.0)
 
 
 @contextmanager
 def open_renderer(
-    collection: Collection, settings: ViewSettings, progress: Progress, *, legend: bool = True
+    collection: Collection, settings: ViewSettings, end: float = 1.0, *, legend: bool = True
 ) -> Iterator[PictureRenderer]:
     """Open a collection's first object off screen, with everything computed that is shown of it.
 
     Args:
         collection: The objects.
         settings: Initial view, and size of the picture.
-        progress: Called with the finished fraction of the work, from 0 to 1.
+        end: Fraction of the whole work at which this part of it ends.
         legend: Whether the picture has a legend.
 
     Raises:
@@ -169,8 +164,9 @@ def open_renderer(
     choose_window()
     session = Session(collection, settings)
     try:
-        _wait(session, progress)
-        _choose_grasp(session, progress)
+        with within(0.0, end):
+            _wait(session)
+            _choose_grasp(session)
         largest = OVERSAMPLING * max(settings.width, settings.height)
         factor = OVERSAMPLING if largest <= MAX_DRAWN else 1
         size = replace(settings, width=factor * settings.width, height=factor * settings.height)
@@ -222,17 +218,17 @@ def _copy_camera(camera: pyvista.Camera, source: pyvista.Camera) -> None:
     camera.clipping_range = source.clipping_range
 
 
-def _wait(session: Session, progress: Progress) -> None:
+def _wait(session: Session) -> None:
     """Poll until there is nothing more to compute."""
     while (working := session.working) is not None:
-        progress(working[1])
+        report_progress(working[1])
         if not session.poll():
             time.sleep(POLL_INTERVAL)
     if session.failure or session.subject is None:
         raise GraspError(session.failure or f"{session.name} cannot be shown")
 
 
-def _choose_grasp(session: Session, progress: Progress) -> None:
+def _choose_grasp(session: Session) -> None:
     """Inspect the best grasp that the gripper reaches, if no vertex was chosen.
 
     Raises:
@@ -247,7 +243,7 @@ def _choose_grasp(session: Session, progress: Progress) -> None:
     if chosen is None and subject.labels.approach_margin is not None:
         for best in best_vertices(subject, 1):
             session.click(int(best), inspect=True)
-            _wait(session, progress)
+            _wait(session)
 
 
 def _views(settings: ViewSettings, count: int) -> list[View]:
@@ -255,11 +251,17 @@ def _views(settings: ViewSettings, count: int) -> list[View]:
     return [View(settings.azimuth + float(turn), settings.elevation) for turn in turns]
 
 
-def _pictures(renderer: PictureRenderer, views: list[View], progress: Progress) -> Iterator[Bytes]:
-    for number, view in enumerate(views):
+def _pictures(renderer: PictureRenderer, views: list[View]) -> Iterator[Bytes]:
+    for view in views:
         renderer.scene.turn(view)
         yield renderer.picture()
-        progress((number + 1) / len(views))
+
+
+def _reported(pictures: Iterator[Bytes], count: int) -> Iterator[Bytes]:
+    """The pictures of a film, the second half of the work."""
+    for number, picture in enumerate(pictures, start=1):
+        yield picture
+        report_progress(0.5 + 0.5 * number / count)
 
 
 def _durations(frames: int, seconds: float) -> list[int]:

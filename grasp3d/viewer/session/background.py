@@ -7,8 +7,8 @@ from queue import Empty, SimpleQueue
 from typing import Generic, TypeVar
 
 from grasp3d.errors import GraspError
+from grasp3d.system.context import running
 from grasp3d.system.isolation import describe_unexpected
-from grasp3d.system.progress import Progress
 
 ResultT = TypeVar("ResultT")
 
@@ -25,7 +25,7 @@ class Job(Generic[ResultT]):
     """Identifies the job; a running job is not restarted by a request with the same key."""
     text: str
     """Description, such as 'searching grasps'."""
-    run: Callable[[Progress], ResultT]
+    run: Callable[[], ResultT]
     delay: float = 0.0
     """Waiting time before it starts, in which a newer request can replace it [s]."""
 
@@ -102,7 +102,8 @@ class Worker(Generic[ResultT]):
         if run.stop.wait(job.delay):
             return
         try:
-            finished = Finished(job, job.run(run.report), None)
+            with running(progress=run.report):
+                finished = Finished(job, job.run(), None)
         except Cancelled:
             return
         except GraspError as error:

@@ -26,8 +26,8 @@ from grasp3d.settings.lengths import Measure, Unit, settings_in_unit
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import Labelling, label_surface
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.system.context import current_progress, report_progress, running, within
 from grasp3d.system.names import as_unicode, printable
-from grasp3d.system.progress import Progress, within
 from grasp3d.viewer.session.computations import mesh_of, search_grasps
 from grasp3d.viewer.session.inspection import warm_up
 from grasp3d.viewer.session.scans import scan_of_grasp
@@ -53,7 +53,7 @@ class Item:
     """One object of a collection."""
 
     name: str
-    open: Callable[[Progress], Subject]
+    open: Callable[[], Subject]
     """Reads the object; called with a function that reports the finished fraction of the work."""
 
 
@@ -84,7 +84,7 @@ class SubjectCache:
         self._lock = threading.Lock()
         self._count = 0
 
-    def cached(self, read: Callable[[Progress], Subject]) -> Callable[[Progress], Subject]:
+    def cached(self, read: Callable[[], Subject]) -> Callable[[], Subject]:
         """Add the cache to a function that opens one object.
 
         Args:
@@ -93,19 +93,22 @@ class SubjectCache:
         number, opening, fraction = self._count, threading.Lock(), [0.0]
         self._count += 1
 
-        def recorded(progress: Progress) -> Progress:
-            def report(done: float) -> None:
+        def recorded() -> Subject:
+            report = current_progress()
+
+            def record(done: float) -> None:
                 fraction[0] = done
-                progress(done)
+                report(done)
 
-            return report
+            with running(progress=record):
+                return read()
 
-        def read_cached(progress: Progress) -> Subject:
+        def read_cached() -> Subject:
             while not opening.acquire(timeout=POLL_INTERVAL):
-                progress(fraction[0])  # of the other thread; raises if this opening is cancelled
+                # Of the other thread; raises if this opening is cancelled.
+                report_progress(fraction[0])
             try:
-                found = self._get(number)
-                return found or self._store(number, read(recorded(progress)))
+                return self._get(number) or self._store(number, recorded())
             finally:
                 opening.release()
 
@@ -128,7 +131,7 @@ class SubjectCache:
 def collection_of(labels: SurfaceLabels) -> Collection:
     """Collection of one surface that is already labelled."""
     subject = subject_of(labels)
-    item = Item(as_unicode(subject.name), lambda _: warm_up(subject))
+    item = Item(as_unicode(subject.name), lambda: warm_up(subject))
     return Collection((item,), labels.model, labels.sampling or _default(labels.model))
 
 
@@ -236,7 +239,7 @@ def open_collection(
 
 
 def _single(
-    name: str, read: Callable[[Progress], Subject], model: GraspModel, sampling: AnySampling
+    name: str, read: Callable[[], Subject], model: GraspModel, sampling: AnySampling
 ) -> Collection:
     return Collection((Item(as_unicode(name), SubjectCache().cached(read)),), model, sampling)
 
@@ -334,17 +337,15 @@ def read_result(folder: Path, row: Row, max_memory: float, *, unit: Unit | None 
     return replace(subject, notes=tuple(dict.fromkeys((*notes, *subject.notes, *missing))))
 
 
-def _open_stored(
-    read: Callable[[], Subject], lengths: Lengths, search: Search, progress: Progress
-) -> Subject:
+def _open_stored(read: Callable[[], Subject], lengths: Lengths, search: Search) -> Subject:
     """Read stored labels; the lengths that the user gave must be such as can be meant for them."""
-    progress(0.0)
+    report_progress(0.0)
     subject = read()
     check_lengths(lengths, subject.mesh.size, subject.mesh.unit, subject.name)
-    return _with_gripper(subject, search, progress)
+    return _with_gripper(subject, search)
 
 
-def _with_gripper(subject: Subject, search: Search, progress: Progress) -> Subject:
+def _with_gripper(subject: Subject, search: Search) -> Subject:
     """The subject, labelled again if a gripper was chosen that its file was not labelled with.
 
     Raises:
@@ -361,7 +362,7 @@ def _with_gripper(subject: Subject, search: Search, progress: Progress) -> Subje
     assert wanted is not None
     if stored is not None and scene_settings(stored) == scene_settings(wanted):
         return subject
-    found = search_grasps(subject, model, sampling, progress, scene=wanted)
+    found = search_grasps(subject, model, sampling, scene=wanted)
     note = f"grasps were searched again for gripper {wanted.hand.name}, unlike in the file"
     return replace(found, notes=(*subject.notes, note))
 
@@ -372,18 +373,17 @@ def _open_mesh(
     options: MeshOptions,
     load: Load | None,
     force: bool,
-    progress: Progress,
 ) -> Subject:
     reach, model, sampling = search
     task = Labelling.read(path, model, sampling, reach, load, options, force=force)
-    progress(READ)
-    return warm_up(subject_of(task.labels(progress=within(progress, READ, 1.0))))
+    report_progress(READ)
+    with within(READ, 1.0):
+        labels = task.labels()
+    return warm_up(subject_of(labels))
 
 
-def _label_mesh(
-    mesh: ObjectMesh, model: GraspModel, sampling: AnySampling, progress: Progress
-) -> Subject:
-    return warm_up(subject_of(label_surface(mesh, model, sampling=sampling, progress=progress)))
+def _label_mesh(mesh: ObjectMesh, model: GraspModel, sampling: AnySampling) -> Subject:
+    return warm_up(subject_of(label_surface(mesh, model, sampling=sampling)))
 
 
 def _given_lengths(

@@ -16,7 +16,7 @@ from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.merged_grasps import merged
 from grasp3d.surface.vertex_grasps import Reason
-from grasp3d.system.progress import Progress, ignore, within
+from grasp3d.system.context import report_progress, within
 from grasp3d.viewer.session.inspection import warm_up
 from grasp3d.viewer.session.painting import ROUNDING, labels_at
 from grasp3d.viewer.subjects.forces import Forces
@@ -65,7 +65,7 @@ def _prepared_mesh(subject: Subject) -> ObjectMesh:
 
 
 def search_grasps(
-    subject: Subject, model: GraspModel, sampling: AnySampling, progress: Progress, *,
+    subject: Subject, model: GraspModel, sampling: AnySampling, *,
     wide: bool = False, scene: Scene | None = None,
 ) -> Subject:  # fmt: skip
     """Search the best grasps again, for the same gripper and table.
@@ -74,7 +74,6 @@ def search_grasps(
         subject: The surface.
         model: Grasp model.
         sampling: Search settings; without a search angle, at least the previous cone is searched.
-        progress: Called with the finished fraction of the work, from 0 to 1.
         wide: Search the widest cone, whatever `sampling` says.
         scene: Another gripper and table; None: the same.
     """
@@ -85,23 +84,20 @@ def search_grasps(
         cone = min(max(subject.cone, search_cone(model)), WIDEST)
     start = 0.0 if subject.prepared else PREPARED
     mesh = mesh_of(subject)
-    progress(start)
-    labels = label_surface(
-        mesh, model, sampling=replace(sampling, search_angle=cone),
-        load=subject.labels.load, progress=within(progress, start, 1.0),
-        scene=scene or subject.labels.scene,
-    )  # fmt: skip
+    report_progress(start)
+    with within(start, 1.0):
+        labels = label_surface(
+            mesh, model, sampling=replace(sampling, search_angle=cone),
+            load=subject.labels.load, scene=scene or subject.labels.scene,
+        )  # fmt: skip
     return warm_up(subject_of(labels, subject.name))
 
 
-def with_grasps(
-    subject: Subject, progress: Progress = ignore, *, sampling: AnySampling | None = None
-) -> Subject:
+def with_grasps(subject: Subject, *, sampling: AnySampling | None = None) -> Subject:
     """The subject with its mesh and grasps; those that its file does not contain are searched.
 
     Args:
         subject: The surface.
-        progress: Called with the finished fraction of the work, from 0 to 1.
         sampling: Search settings, apart from the cone; None: those of the file, or the default.
     """
     if subject.prepared:
@@ -109,12 +105,10 @@ def with_grasps(
     model = subject.labels.model
     sampling = sampling or subject.labels.sampling or Sampling().fitted(model.fingers)
     sampling = replace(sampling, search_angle=min(subject.cone, WIDEST))
-    return search_grasps(subject, model, sampling, progress)
+    return search_grasps(subject, model, sampling)
 
 
-def search_wider(
-    subject: Subject, model: GraspModel, sampling: AnySampling, progress: Progress
-) -> Subject:
+def search_wider(subject: Subject, model: GraspModel, sampling: AnySampling) -> Subject:
     """Search the widest cone for the vertices that have no grasp within the searched cone.
 
     Where a search samples directions or contacts, those in a wider cone are further apart and may
@@ -125,18 +119,19 @@ def search_wider(
         subject: The surface; grasps that its file does not contain are searched first.
         model: Grasp model.
         sampling: Settings of the search, the same as before apart from the cone.
-        progress: Called with the finished fraction of the work, from 0 to 1.
 
     Raises:
         GraspError: The mesh cannot be prepared or searched.
     """
     start = 0.0 if subject.prepared else KNOWN
-    known = with_grasps(subject, within(progress, 0.0, KNOWN), sampling=sampling).labels
-    wide = label_surface(
-        known.mesh, replace(model, fingers=known.model.fingers),
-        sampling=replace(sampling, search_angle=WIDEST), load=subject.labels.load,
-        progress=within(progress, start, 1.0), scene=subject.labels.scene,
-    )  # fmt: skip
+    with within(0.0, KNOWN):
+        known = with_grasps(subject, sampling=sampling).labels
+    with within(start, 1.0):
+        wide = label_surface(
+            known.mesh, replace(model, fingers=known.model.fingers),
+            sampling=replace(sampling, search_angle=WIDEST), load=subject.labels.load,
+            scene=subject.labels.scene,
+        )  # fmt: skip
     return warm_up(subject_of(with_known_grasps(wide, known), subject.name))
 
 
@@ -158,47 +153,42 @@ def with_known_grasps(wide: SurfaceLabels, known: SurfaceLabels) -> SurfaceLabel
     )
 
 
-def compute_epsilon(subject: Subject, model: GraspModel, progress: Progress) -> Subject:
+def compute_epsilon(subject: Subject, model: GraspModel) -> Subject:
     """Compute epsilon of every vertex's grasp for another friction and resolution.
 
     Args:
         subject: With labels, or from a file with partners.
         model: Grasp model; fingers as the subject has them.
-        progress: Called with the finished fraction of the work, from 0 to 1.
     """
     model = replace(model, fingers=subject.labels.model.fingers)
     labels = subject.labels.using(model=model)
-    labels.compute_epsilon(progress)
     return replace(subject, epsilons=labels)
 
 
-def compute_forces(subject: Subject, model: GraspModel, progress: Progress) -> Subject:
+def compute_forces(subject: Subject, model: GraspModel) -> Subject:
     """Compute grip force and payload of every vertex's grasp.
 
     Args:
         subject: With a load, and labels or partners.
         model: Grasp model; fingers as the subject has them.
-        progress: Called with the finished fraction of the work, from 0 to 1.
     """
     model = replace(model, fingers=subject.labels.model.fingers)
     labels = subject.labels.using(model=model)
-    labels.compute_holding(progress)
     assert labels.holding is not None
     return replace(subject, forces=Forces.of(labels.holding, model))
 
 
-def locate_contacts(subject: Subject, model: GraspModel, progress: Progress) -> Subject:
+def locate_contacts(subject: Subject, model: GraspModel) -> Subject:
     """Compute the located angles of every vertex's grasp.
 
     Args:
         subject: With labels.
         model: Grasp model; fingers as the subject has them.
-        progress: Called with the finished fraction of the work, from 0 to 1.
 
     Raises:
         SettingError: The model is for another number of fingers.
     """
-    progress(0.0)
+    report_progress(0.0)
     return replace(subject, located={dependence(model): located_angles(subject.labels, model)})
 
 
@@ -227,14 +217,13 @@ def check_savable(subject: Subject, model: GraspModel, path: Path) -> None:
         )
 
 
-def write_labels(subject: Subject, model: GraspModel, path: Path, progress: Progress) -> Subject:
+def write_labels(subject: Subject, model: GraspModel, path: Path) -> Subject:
     """Write the labels of a surface.
 
     Args:
         subject: The surface; grasps that its file does not contain are searched first.
         model: Friction and resolution; fingers as the subject has them.
         path: File to create or replace; its suffix determines the format.
-        progress: Called with the finished fraction of the work, from 0 to 1.
 
     Returns:
         The subject with everything that was computed for the file.
@@ -243,15 +232,20 @@ def write_labels(subject: Subject, model: GraspModel, path: Path, progress: Prog
         GraspError: The file cannot be written; see also `check_savable`.
     """
     check_savable(subject, model, path)
-    ready = with_grasps(subject, within(progress, 0.0, KNOWN))
+    with within(0.0, KNOWN):
+        ready = with_grasps(subject)
     model = replace(model, fingers=ready.labels.model.fingers)
     relabelled = ready.labels.using(model=model)
-    relabelled.compute_labels(within(progress, KNOWN, KNOWN))
+    with within(KNOWN, KNOWN):
+        relabelled.compute_labels()
     middle = COMPUTED if relabelled.load is None else 0.5 * (KNOWN + COMPUTED)
-    relabelled.compute_epsilon(within(progress, KNOWN, middle))
-    relabelled.compute_holding(within(progress, middle, COMPUTED))
-    writer_for(path)(path, relabelled)
-    progress(1.0)
+    with within(KNOWN, middle):
+        relabelled.compute("epsilon_range")
+    with within(middle, COMPUTED):
+        relabelled.compute("holding")
+    with within(COMPUTED, 1.0):
+        writer_for(path)(path, relabelled)
+    report_progress(1.0)
     holding = relabelled.holding
     return replace(
         ready,

@@ -130,7 +130,7 @@ class HeldGrasp:
 
 def held_grasp(contacts: GraspContacts, model: GraspModel, case: LoadCase) -> HeldGrasp:
     """Force and payload of one grasp, shape (1, n)."""
-    found = surface_holding(contacts, replace(model, fingers=contacts.count), case, threads=1)
+    found = surface_holding(contacts, replace(model, fingers=contacts.count), case)
     numbers = (found.grip_force, found.grip_force_least, found.grip_force_largest, found.payload)
     force, least, largest, payload = (float(values[0]) for values in numbers)
     assert found.resistance is not None

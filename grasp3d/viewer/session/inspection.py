@@ -377,6 +377,6 @@ def _epsilons_of(grasp: GraspContacts, model: GraspModel) -> tuple[float, float,
     nominal_only = model.tilts == "sampled_tilts" and grasp.count > PAIR
     if nominal_only:
         model = replace(model, sensor_resolution=0.0, method="exact")
-    found = surface_epsilons(grasp, model, threads=1)
+    found = surface_epsilons(grasp, model)
     values = (float(found.nominal[0]), float(found.minimum[0]), float(found.maximum[0]))
     return (values[0], math.nan, math.nan) if nominal_only else values

@@ -9,7 +9,7 @@ from grasp3d.arrays import Ints
 from grasp3d.grasps.distinct import alternatives_at, distance_of_distinct, distinct_rows
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.vertex_grasps import Reason
-from grasp3d.system.progress import Progress
+from grasp3d.system.context import report_progress
 from grasp3d.viewer.subjects.gripper_pose import has_pose
 from grasp3d.viewer.subjects.subject import Alternatives, Subject
 
@@ -24,15 +24,14 @@ ANGLE_STEP = math.radians(1.0)
 decides."""
 
 
-def find_alternatives(subject: Subject, vertex: int, progress: Progress) -> Subject:
+def find_alternatives(subject: Subject, vertex: int) -> Subject:
     """Add the other grasps through a vertex that the gripper reaches.
 
     Args:
         subject: A surface with labels and a gripper.
         vertex: A vertex whose grasp is reached.
-        progress: Called with the finished fraction of the work, from 0 to 1.
     """
-    progress(0.0)
+    report_progress(0.0)
     found = alternatives_at(subject.labels, vertex, MOST)
     others = found.take(_others(subject, vertex, found)[: MOST - 1])
     return replace(subject, alternatives=Alternatives(vertex, others))

@@ -17,7 +17,7 @@ from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
-from grasp3d.system.progress import Progress, within
+from grasp3d.system.context import report_progress, unreported, within
 from grasp3d.viewer.session.computations import PREPARED, mesh_of
 from grasp3d.viewer.session.explanations import PAIR
 from grasp3d.viewer.session.inspection import warm_up
@@ -47,20 +47,16 @@ GRID = INSIDE * (np.array(_STEPS) / STEPS - 1.0 / 3.0)
 MIDDLE = np.full(3, 1.0 / 3.0)
 
 
-def scan_with_fixed(
-    subject: Subject, model: GraspModel, fixed: FixedPoints, progress: Progress
-) -> Subject:
+def scan_with_fixed(subject: Subject, model: GraspModel, fixed: FixedPoints) -> Subject:
     """Label every vertex as the contact of one more finger, and search the best contact for it."""
     start = 0.0 if subject.prepared else PREPARED
     mesh = mesh_of(subject)
-    progress(start)
+    report_progress(start)
     model = replace(model, fingers=len(fixed) + 1)
-    labels = scan_surface(
-        mesh, model, fixed=np.array(fixed), progress=within(progress, start, SCANNED)
-    )
-    found = best_last_contact(
-        labels, _opposing_contacts(subject, fixed), within(progress, SCANNED, 1.0)
-    )
+    with within(start, SCANNED):
+        labels = scan_surface(mesh, model, fixed=np.array(fixed))
+    with within(SCANNED, 1.0):
+        found = best_last_contact(labels, _opposing_contacts(subject, fixed))
     return warm_up(replace(subject_of(labels, subject.name), last_contact=found))
 
 
@@ -80,15 +76,13 @@ def _opposing_contacts(subject: Subject, fixed: FixedPoints) -> SurfacePoints:
     return SurfacePoints(faces[known, 0], weights[known, 0])
 
 
-def scan_of_grasp(grasps: GraspTable, row: int, progress: Progress) -> Subject:
+def scan_of_grasp(grasps: GraspTable, row: int) -> Subject:
     """The surface with all fingers of a grasp fixed but the first."""
     contacts = grasps.contacts.take(slice(row, row + 1))
     labels = scan_surface(
         grasps.mesh,
         grasps.model,
         fixed=contacts.points[0, 1:],
-        threads=grasps.threads,
-        progress=progress,
     )
     shown = LastContact(
         points=contacts.points[0],
@@ -103,15 +97,12 @@ def scan_of_grasp(grasps: GraspTable, row: int, progress: Progress) -> Subject:
     return warm_up(replace(subject_of(labels.using(scene=grasps.scene)), last_contact=shown))
 
 
-def best_last_contact(
-    scan: SurfaceLabels, tested: SurfacePoints, progress: Progress
-) -> LastContact | None:
+def best_last_contact(scan: SurfaceLabels, tested: SurfacePoints) -> LastContact | None:
     """Search the best contact of the last finger over the whole surface.
 
     Args:
         scan: Labels of every vertex as the contact of the last finger.
         tested: Further candidate points, shape (c,).
-        progress: Called with the finished fraction of the work, from 0 to 1.
 
     Returns:
         The best contact found, at a vertex or between vertices; None: there is no grasp.
@@ -122,15 +113,17 @@ def best_last_contact(
     if not len(order):
         return None
     near = np.append(order[:BEST_VERTICES], used[np.argmin(scan.critical_angle_best[used])])
-    leading = _Candidates.of(scan, vertex_surface_points(mesh, near))
-    leading = leading.joined(_Candidates.of(scan, tested))
+    with unreported():
+        leading = _Candidates.of(scan, vertex_surface_points(mesh, near))
+        leading = leading.joined(_Candidates.of(scan, tested))
     faces = np.flatnonzero(np.isin(mesh.faces, mesh.canonical[near]).any(axis=1))
     faces = np.concatenate([faces, tested.faces])
     grids = SurfacePoints(faces, np.tile(MIDDLE, (len(faces), 1)))
     for number in range(ROUNDS):
-        found = _Candidates.of(scan, _grid_points(grids, FINER**number)).leading()
+        with unreported():
+            found = _Candidates.of(scan, _grid_points(grids, FINER**number)).leading()
         leading, grids = leading.joined(found), found.points
-        progress((number + 1) / ROUNDS)
+        report_progress((number + 1) / ROUNDS)
     return leading.best(scan)
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 from grasp3d.errors import SettingError
 from grasp3d.hand.scene import Scene
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel
-from grasp3d.system.progress import Progress, ignore
 from grasp3d.viewer.session.background import Finished, Worker
 from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.session.computations import check_savable, difference, write_labels
@@ -338,7 +337,7 @@ class Session:
         self.revision += 1
         self._start_next_job()
 
-    def save(self, path: Path, progress: Progress = ignore) -> None:
+    def save(self, path: Path) -> None:
         """Write the displayed labels at the chosen friction and resolution.
 
         Returns when the file is complete, which takes as long as computing epsilon; see also
@@ -346,12 +345,11 @@ class Session:
 
         Args:
             path: File to create or replace.
-            progress: Called with the finished fraction of the work, from 0 to 1.
 
         Raises:
             GraspError: There are no labels yet, or the file cannot be written.
         """
-        ready = write_labels(self._savable(), self.model, path, progress)
+        ready = write_labels(self._savable(), self.model, path)
         self._replace(ready)
         self.show_message(f"saved: {path}")
 

@@ -310,5 +310,5 @@ def located_grasp(
     if model.is_uniform or not fits(model):
         return float(worst), float(best)
     angles = np.array([worst]), np.array([best])
-    found = located_angles_of(grasp, angles, model, threads=1)
+    found = located_angles_of(grasp, angles, model)
     return float(found[0][0]), float(found[1][0])

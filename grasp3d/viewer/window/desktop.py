@@ -233,7 +233,7 @@ class Window:
         """Open the same object, with the current choices, as a page in a browser."""
         session = self._session
         session.show_message("opening the page …")
-        self._page.request(Job(session.state, "opening the page", lambda _: open_page(session)))
+        self._page.request(Job(session.state, "opening the page", lambda: open_page(session)))
 
     def _save_picture(self) -> None:
         """Write a picture of the scene into the working folder."""

@@ -1,0 +1,168 @@
+"""The context of a call: threads, the report of progress, and the times of its steps.
+
+It is a context variable: what a function calls has the same context, another thread a new one.
+"""
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, replace
+
+from grasp3d.errors import SettingError
+
+Progress = Callable[[float], None]
+"""Called with the fraction of the work that is done, from 0 to 1; what it raises ends the work."""
+
+
+class StepTimes:
+    """The time of each step, in the order in which they began."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        """Time of the finished steps [s], by name."""
+        self._running: tuple[str, float] | None = None
+
+    def begin(self, name: str) -> None:
+        """Begin a step, and end the one before."""
+        self.end()
+        self._running = name, time.monotonic()
+
+    def end(self) -> None:
+        """End the running step."""
+        if self._running is not None:
+            name, began = self._running
+            self._running = None
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.monotonic() - began
+
+    def __str__(self) -> str:
+        """List the steps with their times; the last one is the running one."""
+        texts = [f"{name} {seconds:.1f} s" for name, seconds in self.seconds.items()]
+        if (running := self._running) is not None:
+            name, began = running
+            texts.append(f"{name} {time.monotonic() - began:.1f} s and not finished")
+        return ", ".join(texts) or "no step had begun"
+
+
+@dataclass(frozen=True)
+class _Context:
+    """What all functions of a call share."""
+
+    threads: int | None = None
+    progress: Progress | None = None
+    times: StepTimes | None = None
+
+
+_NOTHING_STATED = _Context()
+_context = ContextVar("grasp3d", default=_NOTHING_STATED)
+
+
+@contextmanager
+def _changed(**changes: object) -> Iterator[None]:
+    """Change the context of what is called inside."""
+    token = _context.set(replace(_context.get(), **changes))  # type: ignore[arg-type]
+    try:
+        yield
+    finally:
+        _context.reset(token)
+
+
+@contextmanager
+def running(*, threads: int | None = None, progress: Progress | None = None) -> Iterator[None]:
+    """State how many threads the computations inside use, and follow their progress.
+
+    A `running` inside another one changes what it states and keeps the rest. Without any there are
+    as many threads as processors, and no progress is reported.
+
+        with grasp3d.running(threads=4, progress=print):
+            labels = grasp3d.label_surface("mug.stl")
+
+    Args:
+        threads: Threads to use; no result depends on it. None: as outside.
+        progress: Called by each computation with the fraction that is done, from 0 to 1; what it
+            raises ends the computation. None: as outside.
+
+    Raises:
+        SettingError: `threads` is below 1.
+    """
+    if threads is not None and threads < 1:
+        raise SettingError(f"threads must be at least 1; got {threads}")
+    stated = {"threads": threads, "progress": progress}
+    with _changed(**{name: value for name, value in stated.items() if value is not None}):
+        yield
+
+
+def available_processors() -> int:
+    """Return how many processors this process may use.
+
+    A container or a cluster job may allow fewer than the machine has.
+    """
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def thread_count() -> int:
+    """The number of threads that a computation uses."""
+    return _context.get().threads or available_processors()
+
+
+def current_progress() -> Progress:
+    """The function that takes the progress of the running computation, or of the running part."""
+    return _context.get().progress or _ignore
+
+
+def _ignore(fraction: float) -> None:
+    """Where no progress is reported."""
+
+
+def report_progress(fraction: float) -> None:
+    """Report the progress of the running computation, or of the running part.
+
+    Args:
+        fraction: Fraction that is done, from 0 to 1.
+    """
+    current_progress()(fraction)
+
+
+@contextmanager
+def within(start: float, end: float) -> Iterator[None]:
+    """Run one part of a computation: what is called inside reports the progress of the part.
+
+    Args:
+        start: Fraction of the whole at which the part starts.
+        end: Fraction of the whole at which it ends.
+    """
+    whole = current_progress()
+    with running(progress=lambda fraction: whole(start + (end - start) * fraction)):
+        yield
+
+
+@contextmanager
+def unreported() -> Iterator[None]:
+    """Run a part whose progress is not reported."""
+    with _changed(progress=None):
+        yield
+
+
+def begin_step(name: str) -> None:
+    """Record that a step of a computation begins, if the times of steps are recorded.
+
+    Args:
+        name: The step, as a gerund: `repairing the surface`.
+    """
+    times = _context.get().times
+    if times is not None:
+        times.begin(name)
+
+
+@contextmanager
+def recorded_steps() -> Iterator[StepTimes]:
+    """Record the times of the steps that begin in this context."""
+    times = StepTimes()
+    with _changed(times=times):
+        try:
+            yield times
+        finally:
+            times.end()

@@ -1,0 +1,82 @@
+"""Threads and progress of a call."""
+
+import threading
+
+import pytest
+
+import grasp3d
+from grasp3d.errors import SettingError
+from grasp3d.system.context import (
+    available_processors,
+    report_progress,
+    running,
+    thread_count,
+    unreported,
+    within,
+)
+
+
+def test_threads_and_progress_hold_inside_and_nowhere_else() -> None:
+    fractions: list[float] = []
+    with grasp3d.running(threads=3, progress=fractions.append):
+        assert thread_count() == 3
+        report_progress(0.25)
+    report_progress(0.75)
+    assert (thread_count(), fractions) == (available_processors(), [0.25])
+
+
+def test_an_inner_statement_keeps_what_it_does_not_name() -> None:
+    outer, inner = list[float](), list[float]()
+    with running(threads=3, progress=outer.append):
+        with running(threads=2):
+            report_progress(0.5)
+            assert thread_count() == 2
+        with running(progress=inner.append):
+            report_progress(0.75)
+            assert thread_count() == 3
+    assert (outer, inner) == ([0.5], [0.75])
+
+
+def test_parts_report_fractions_of_the_whole() -> None:
+    fractions: list[float] = []
+    with running(progress=fractions.append), within(0.5, 1.0):
+        with within(0.0, 0.5):
+            report_progress(0.5)
+        with unreported():
+            report_progress(0.0)
+        report_progress(1.0)
+    assert fractions == [0.625, 1.0]
+
+
+def test_what_a_report_raises_ends_the_computation_and_its_context() -> None:
+    def cancel(fraction: float) -> None:
+        raise InterruptedError(str(fraction))
+
+    with (
+        pytest.raises(InterruptedError, match=r"0\.5"),
+        running(threads=2, progress=cancel),
+        within(0.0, 0.5),
+    ):
+        report_progress(1.0)
+    report_progress(1.0)
+    assert thread_count() == available_processors()
+
+
+def test_another_thread_has_a_context_of_its_own() -> None:
+    counts: list[int] = []
+    with running(threads=3, progress=lambda _: pytest.fail("of this thread alone")):
+        thread = threading.Thread(
+            target=lambda: (report_progress(1.0), counts.append(thread_count()))
+        )
+        thread.start()
+        thread.join()
+    assert counts == [available_processors()]
+
+
+@pytest.mark.parametrize("threads", [0, -2])
+def test_threads_below_1_are_refused(threads: int) -> None:
+    with (
+        pytest.raises(SettingError, match=f"threads must be at least 1; got {threads}"),
+        running(threads=threads),
+    ):
+        pytest.fail("must not begin")
