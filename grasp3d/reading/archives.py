@@ -133,7 +133,18 @@ def count_parts(source: Source) -> int:
         parts, built, paths = _structure(archive.read(found[0]))
         _check_paths(source, archive, parts, paths)
     known: dict[str, int] = {}
-    count = sum(_copies(source, parts, name, known, ()) for name in built)
+
+    def copies(name: str, above: tuple[str, ...] = ()) -> int:
+        """Number of meshes of an object and its components."""
+        part = parts.get(name)
+        if part is None or name in above or bool(part.meshes) == bool(part.components):
+            raise source.damaged(f"object {ascii(name)[:20]} is missing, empty, or contains itself")
+        if name not in known:
+            inner = (copies(other, (*above, name)) for other in part.components)
+            known[name] = sum(inner) or 1
+        return known[name]
+
+    count = sum(map(copies, built))
     if count > MOST_PARTS:
         raise source.error(
             f"contains {count:,} copies of its parts, more than the limit of "
@@ -188,20 +199,3 @@ def _check_paths(
                 "not contain exactly one that is used once; export it as one model, or as STL"
             )
         parts[number] = _Part(meshes=1)
-
-
-def _copies(
-    source: Source,
-    parts: dict[str, _Part],
-    name: str,
-    known: dict[str, int],
-    above: tuple[str, ...],
-) -> int:
-    """Return the number of meshes of an object and its components."""
-    part = parts.get(name)
-    if part is None or name in above or bool(part.meshes) == bool(part.components):
-        raise source.damaged(f"object {ascii(name)[:20]} is missing, empty, or contains itself")
-    if name not in known:
-        inner = (_copies(source, parts, other, known, (*above, name)) for other in part.components)
-        known[name] = sum(inner) or 1
-    return known[name]
