@@ -10,12 +10,7 @@ from grasp3d.arrays import Floats, Ints, locked, short_repr, unit_rows
 from grasp3d.errors import MeshError
 from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.mesh_sources import MeshSource
-from grasp3d.mesh.noise import (
-    noise_below_creases,
-    noise_stream,
-    normal_noise,
-    random_field,
-)
+from grasp3d.mesh.noise import noise_below_creases, noise_stream, normal_noise, random_field
 from grasp3d.mesh.normals import CornerNormals, corner_normals, fingertip_normals
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.preparing import prepare

@@ -192,11 +192,7 @@ def _distinct(vertex: Ints, rows: Floats) -> Bools:
 
 
 def fingertip_normals(
-    given: Triangles,
-    refined: Triangles,
-    normals: CornerNormals,
-    options: MeshOptions,
-    size: float,
+    given: Triangles, refined: Triangles, normals: CornerNormals, options: MeshOptions, size: float
 ) -> tuple[CornerNormals, tuple[str, ...]]:
     """Take the contact normals of a fingertip: averaged over its patch, if it has one.
 

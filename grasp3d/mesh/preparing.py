@@ -46,11 +46,7 @@ class PreparedMesh:
     __repr__ = short_repr
 
 
-def load_mesh(
-    source: MeshSource,
-    options: MeshOptions | None = None,
-    **fields: Any,
-) -> ObjectMesh:
+def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: Any) -> ObjectMesh:
     """Read a mesh, and prepare its surface for contacts.
 
     The source's own vertices keep their order and come first. Nothing is scaled or moved.
@@ -129,11 +125,7 @@ def repair_given(given: GivenMesh, options: MeshOptions) -> RepairedSurface:
         return repair_surface(given.raw.vertices, given.raw.faces, options.repair, given.where)
 
 
-def refined_mesh(
-    given: GivenMesh,
-    repaired: RepairedSurface,
-    options: MeshOptions,
-) -> ObjectMesh:
+def refined_mesh(given: GivenMesh, repaired: RepairedSurface, options: MeshOptions) -> ObjectMesh:
     """Make the mesh of a repaired surface: contact normals, refinement, mass properties.
 
     Args:

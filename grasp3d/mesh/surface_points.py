@@ -42,10 +42,7 @@ class SurfacePoints:
 
 
 def nearest_surface_points(
-    mesh: ObjectMesh,
-    points: Floats,
-    *,
-    limit: float = math.inf,
+    mesh: ObjectMesh, points: Floats, *, limit: float = math.inf
 ) -> tuple[SurfacePoints, Floats, Floats]:
     """Find the surface point that is nearest to each point.
 

@@ -172,10 +172,6 @@ def force_closure(
         rank=shaped(results.rank, batch),
         status=shaped(results.status, batch),
         certificate=certificate_of(
-            problem,
-            results,
-            SIGN,
-            batch=batch,
-            forces_of=partial(forces_of_components, contacts),
+            problem, results, SIGN, batch=batch, forces_of=partial(forces_of_components, contacts)
         ),
     )

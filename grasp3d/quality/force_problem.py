@@ -150,12 +150,7 @@ class ForceProblem:
         return forces_of_components(self.contacts, components)
 
     def of_terms(
-        self,
-        terms: Terms,
-        masses: Floats,
-        rtol: float,
-        *,
-        small: bool = False,
+        self, terms: Terms, masses: Floats, rtol: float, *, small: bool = False
     ) -> ForceResults:
         """Bounds for the terms of a task and masses (b,); `small`: hulls of a few facets only."""
         problem, results = self.problem, self.problem.unwritten(ForceResults)

@@ -84,8 +84,7 @@ def location_tolerance(
     scale = 1.0 / np.maximum(relative, 1.0 / LARGEST_RATIO).reshape(-1, contacts.count)
     axes_of = found.problem.wrenches_of
     scaled = replace(
-        found.problem,
-        wrenches_of=lambda chunk: axes_of(chunk) * scale[chunk, :, None, None],
+        found.problem, wrenches_of=lambda chunk: axes_of(chunk) * scale[chunk, :, None, None]
     )
     force = replace(found, problem=scaled).of_task(TORQUES, rtol).upper
     usable = ~found.problem.tilts_exceed_friction

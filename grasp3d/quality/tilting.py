@@ -355,9 +355,7 @@ class FrictionCases(NamedTuple):
 
 
 def over_friction(
-    evaluated: Callable[[Contacts, Tilt | float], Result],
-    cases: FrictionCases,
-    tilt: Tilt,
+    evaluated: Callable[[Contacts, Tilt | float], Result], cases: FrictionCases, tilt: Tilt
 ) -> tuple[Result, Result, Result]:
     """Results at the nominal, the smallest and the largest friction.
 

@@ -288,14 +288,7 @@ class WrenchProblem:
         self.in_chunks(evaluate, 1)
         return left
 
-    def grow_hulls(
-        self,
-        results: Results,
-        goal: Goal,
-        group: int,
-        *,
-        with_forces: bool,
-    ) -> None:
+    def grow_hulls(self, results: Results, goal: Goal, group: int, *, with_forces: bool) -> None:
         """Write the results of the growing hulls; see `solve`."""
 
         def evaluate(chunk: slice, workspace: Workspace) -> None:

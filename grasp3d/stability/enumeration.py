@@ -298,11 +298,7 @@ def _tested_closure(enumeration: Enumeration) -> tuple[Bools, Bools, Ints]:
     return closing, failing, hulls
 
 
-def extremes(
-    contacts: Contacts,
-    tested: Tested,
-    options: EpsilonOptions | None = None,
-) -> Extremes:
+def extremes(contacts: Contacts, tested: Tested, options: EpsilonOptions | None = None) -> Extremes:
     """Epsilon at every combination of tested normals.
 
     Args:

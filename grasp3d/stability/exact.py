@@ -14,12 +14,7 @@ from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings.grasp_model import Method
 from grasp3d.stability.enumeration import Tested, check_combinations, closure_at, extreme_normals
-from grasp3d.stability.located_angles import (
-    ContactLimits,
-    PairLines,
-    located_grasps,
-    located_pairs,
-)
+from grasp3d.stability.located_angles import ContactLimits, PairLines, located_grasps, located_pairs
 from grasp3d.stability.normal_sets import STEP, Creases, WorstAndBest, angles_to_set, sampled_set
 
 MIN_FORM_CLOSURE = 7

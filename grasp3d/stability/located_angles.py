@@ -192,9 +192,7 @@ def located_contacts(
 
 
 def located_grasps(
-    contacts: Contacts,
-    critical: Floats,
-    limits: ContactLimits,
+    contacts: Contacts, critical: Floats, limits: ContactLimits
 ) -> tuple[Floats, Floats]:
     """(worst, best) located angles of grasps of three contacts and more [rad], shape (b,) each.
 

@@ -76,10 +76,7 @@ def test_vertices_that_divide_edges_stay_on_their_faces() -> None:
 
 
 def test_vertices_at_one_position_move_together() -> None:
-    soup = (
-        shapes.sphere(1)[0][shapes.sphere(1)[1]].reshape(-1, 3),
-        np.arange(240).reshape(-1, 3),
-    )
+    soup = (shapes.sphere(1)[0][shapes.sphere(1)[1]].reshape(-1, 3), np.arange(240).reshape(-1, 3))
     surface = movable_surface(soup, MeshOptions(max_edge=9.0))
     shifts = np.random.default_rng(3).normal(0.0, 0.01, surface.points.shape)
     copy = surface.moved(shifts)

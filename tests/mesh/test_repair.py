@@ -9,12 +9,7 @@ from scipy.spatial import ConvexHull
 from grasp3d import ObjectMesh, Sampling, label_surface, load_mesh
 from grasp3d.arrays import first_at_position
 from grasp3d.errors import MeshError
-from grasp3d.mesh.measures import (
-    edge_counts,
-    face_areas,
-    is_closed,
-    signed_volumes,
-)
+from grasp3d.mesh.measures import edge_counts, face_areas, is_closed, signed_volumes
 from grasp3d.mesh.repair import RepairedSurface, union
 from grasp3d.mesh.repair.bodies import Bodies
 from grasp3d.mesh.repair.cleaning import disagreeing, is_first, without_mirrored

@@ -105,11 +105,7 @@ def test_each_cavity_belongs_to_the_smallest_body_around_it(seed: int) -> None:
 
 
 @settings(max_examples=25, deadline=None)
-@given(
-    st.integers(0, 1000),
-    st.tuples(*[st.floats(-0.4, 0.4)] * 3),
-    st.floats(0.05, 0.5),
-)
+@given(st.integers(0, 1000), st.tuples(*[st.floats(-0.4, 0.4)] * 3), st.floats(0.05, 0.5))
 def test_within_agrees_with_an_intersection(
     seed: int, shift: tuple[float, float, float], size: float
 ) -> None:

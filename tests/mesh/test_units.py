@@ -30,11 +30,7 @@ SIZES = st.floats(-7.0, 7.0).map(lambda exponent: 10.0**exponent)
         (50.0, "mm", "largest extent 50: 5 cm if mm, 50 m if m"),
         (1500.0, "mm", "largest extent 1500: 1.5 m if mm, 1500 m if m"),
         (0.004, "m", "largest extent 0.004: 4 mm if m, 0.004 mm if mm"),
-        (
-            1.35,
-            None,
-            "largest extent 1.35: 1.4 m if m, 1.4 cm if cm, 3.4 cm if in; " + EQUALLY,
-        ),
+        (1.35, None, "largest extent 1.35: 1.4 m if m, 1.4 cm if cm, 3.4 cm if in; " + EQUALLY),
         (0.7, None, "largest extent 0.7: 70 cm if m, 1.8 cm if in; " + EQUALLY),
         (
             1e5,

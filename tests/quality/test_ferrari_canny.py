@@ -443,10 +443,7 @@ def test_certificates_of_given_wrenches_are_valid() -> None:
 def test_polygons_equal_those_of_the_reference() -> None:
     for case in grasps.reference("epsilon.json"):
         contacts = grasps.of_case(case)
-        for kind, expected in (
-            ("total", case["epsilon_l1"]),
-            ("per_finger", case["epsilon_linf"]),
-        ):
+        for kind, expected in (("total", case["epsilon_l1"]), ("per_finger", case["epsilon_linf"])):
             result = epsilon(
                 contacts, edges=case["edges"], actuation=kind, torque_scale=case["torque_scale"]
             )

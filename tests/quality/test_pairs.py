@@ -144,10 +144,7 @@ def test_few_pairs_are_left_to_the_growing_hull(kind: str) -> None:
 def test_wide_cones_are_left_to_the_growing_hull() -> None:
     """Both contacts may be on their caps, of which the search knows nothing."""
     points, tilt = [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], math.radians(40.0)
-    normals = [
-        [math.cos(tilt), math.sin(tilt), 0.0],
-        [-math.cos(tilt), math.sin(tilt), 0.0],
-    ]
+    normals = [[math.cos(tilt), math.sin(tilt), 0.0], [-math.cos(tilt), math.sin(tilt), 0.0]]
     wide = Contacts(points, normals, math.tan(math.radians(60.0)))
     narrow = Contacts(points, normals, math.tan(math.radians(45.0)))
     assert left_to_the_hull(wide) == 1

@@ -87,10 +87,7 @@ def test_every_length_of_the_settings_takes_a_unit() -> None:
             GraspModel(torsion_radius="5mm", location_error="5mm"),
             {"torsion_radius", "location_error"},
         ),
-        (
-            Sampling(min_opening="5mm", max_opening="5mm"),
-            {"min_opening", "max_opening"},
-        ),
+        (Sampling(min_opening="5mm", max_opening="5mm"), {"min_opening", "max_opening"}),
         (
             MultifingerSampling(min_separation="5mm", max_spread="5mm"),
             {"min_separation", "max_spread"},

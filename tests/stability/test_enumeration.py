@@ -80,10 +80,7 @@ def test_closure_with_cone_offsets_per_contact() -> None:
         closed = force_closure(
             combinations_of(contacts, tested, b), cone_offset=cone_offset[b]
         ).closed
-        assert (closure.closing[b], closure.failing[b]) == (
-            closed.any(),
-            not closed.all(),
-        )
+        assert (closure.closing[b], closure.failing[b]) == (closed.any(), not closed.all())
 
 
 KINDS: list[dict[str, Any]] = [
@@ -214,10 +211,7 @@ def test_results_do_not_depend_on_the_other_grasps_of_a_batch() -> None:
     for b in range(10):
         alone, own = grasps.one(contacts, [b]), tuple(normals[[b]] for normals in tested)
         one, other = closure_at(alone, own), extremes(alone, own)
-        assert (one.closing[0], one.failing[0]) == (
-            closure.closing[b],
-            closure.failing[b],
-        )
+        assert (one.closing[0], one.failing[0]) == (closure.closing[b], closure.failing[b])
         assert one.hulls[0] == closure.hulls[b]
         assert other.minimum[0] == pytest.approx(found.minimum[b], rel=1e-9)
 
@@ -231,11 +225,7 @@ def test_a_pair_that_is_open_only_at_the_rim() -> None:
     tilted = [[math.cos(t), math.sin(t), 0.0] for t in (0.0, 0.2, 0.4)]
     tested = (np.array([tilted]), pair.normals[:, 1:])
     closure = closure_at(pair, tested)
-    assert (closure.closing[0], closure.failing[0], closure.hulls[0]) == (
-        True,
-        True,
-        3,
-    )
+    assert (closure.closing[0], closure.failing[0], closure.hulls[0]) == (True, True, 3)
     found = extremes(pair, tested)
     assert found.minimum[0] == 0.0
     np.testing.assert_array_equal(found.worst_normals[0, 0], tilted[2])
@@ -246,11 +236,7 @@ def test_without_tilt_all_combinations_are_the_same_grasp() -> None:
     contacts = grasps.stacked([grasps.regular_on_ball("triangle")])
     tested = extreme_normals(contacts, np.zeros((1, 3)), count=3)
     closure, found = closure_at(contacts, tested), extremes(contacts, tested)
-    assert (closure.closing[0], closure.failing[0], closure.hulls[0]) == (
-        True,
-        False,
-        4**3,
-    )
+    assert (closure.closing[0], closure.failing[0], closure.hulls[0]) == (True, False, 4**3)
     assert found.minimum[0] == pytest.approx(found.maximum[0], rel=1e-6)
 
 

@@ -205,9 +205,7 @@ def internal_force_margin(grasps: GraspGeometry) -> Measured:
     values = np.full(grasps.size, np.nan)
     values[rows] = solve([_forces_of(grasps, int(row)) for row in rows])
     return Measured.of(
-        values,
-        (grasps.at_one_point, AT_ONE_POINT),
-        (np.isnan(values), NO_EQUILIBRIUM),
+        values, (grasps.at_one_point, AT_ONE_POINT), (np.isnan(values), NO_EQUILIBRIUM)
     )
 
 
