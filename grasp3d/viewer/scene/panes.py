@@ -1,4 +1,4 @@
-"""A pane: one coloured surface in one renderer of a plotter."""
+"""A pane: a coloured surface with its grasp and texts, in one renderer of a plotter."""
 
 import numpy as np
 import pyvista
@@ -9,6 +9,9 @@ from grasp3d.arrays import Bytes, Floats
 from grasp3d.plots.rendering import AMBIENT, LIGHT
 from grasp3d.settings import GraspModel
 from grasp3d.viewer.scene.framing import pixel_ratio
+from grasp3d.viewer.scene.gripper_actors import GripperActors
+from grasp3d.viewer.scene.marks import Marks
+from grasp3d.viewer.scene.overlays import Overlay
 from grasp3d.viewer.session.painting import faded, texture_coordinates, texture_image
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import Paint
@@ -22,7 +25,7 @@ FRAME_MARGIN = 0.04
 
 
 class Pane:
-    """A coloured surface, whole or cut by a section."""
+    """A coloured surface, whole or cut by a section, and what is drawn with it."""
 
     def __init__(self, renderer: pyvista.Renderer) -> None:
         self.renderer = renderer
@@ -46,6 +49,9 @@ class Pane:
         self._outline.prop.color, self._outline.prop.lighting = FRAME, False
         self._outline.VisibilityOff()
         renderer.AddActor(self._outline)
+        # What is made later covers what was made before it.
+        self.gripper, self.marks = GripperActors(renderer), Marks(renderer)
+        self.captions, self.numbers = Overlay(renderer), Overlay(renderer)
         renderer.background_color = pyvista.Color("white")
         renderer.remove_all_lights()
         renderer.add_light(pyvista.Light(position=LIGHT, light_type="camera light", intensity=1.0))
@@ -76,7 +82,9 @@ class Pane:
         self._subject, self._painted = subject, (subject, paint, model, stale)
 
     def hide(self) -> None:
-        """Show no surface."""
+        """Show nothing but texts."""
+        self.gripper.hide()
+        self.marks.hide()
         self._front.VisibilityOff()
         self._back.VisibilityOff()
         self._outline.VisibilityOff()

@@ -25,10 +25,8 @@ from grasp3d.viewer.scene.framing import (
     view_axes,
     visible_fraction,
 )
-from grasp3d.viewer.scene.gripper_actors import GripperActors
-from grasp3d.viewer.scene.marks import CONTACT_RADIUS, Marks
+from grasp3d.viewer.scene.marks import CONTACT_RADIUS
 from grasp3d.viewer.scene.overlays import (
-    Overlay,
     OverlayItem,
     TextArea,
     contact_numbers,
@@ -92,10 +90,6 @@ class Scene:
         self.legend = legend
         renderers = plotter.renderers[:2]
         self._panes = [Pane(renderer) for renderer in renderers]
-        self._grippers = [GripperActors(renderer) for renderer in renderers]
-        self._marks = [Marks(renderer) for renderer in renderers]
-        self._overlays = [Overlay(renderer) for renderer in renderers]
-        self._numbers = [Overlay(renderer) for renderer in renderers]
         self._inspection: Inspection | None = None
         self.captions = Captions()
         self._subject: Subject | None = None
@@ -156,7 +150,11 @@ class Scene:
         if subject is None:
             return
         view = View(session.settings.azimuth, session.settings.elevation)
-        axes, points, beside = view_axes(view, self._up), self._points(), self._grippers[0].points
+        axes, points, beside = (
+            view_axes(view, self._up),
+            self._points(),
+            self._panes[0].gripper.points,
+        )
         frame = frame_of(points, beside, axes)
         if turns:
             every = np.concatenate([points, beside])
@@ -208,7 +206,7 @@ class Scene:
 
     def _show_whole_gripper(self) -> None:
         """Move the camera away, in the same direction, if most of the gripper is not visible."""
-        axes, beside = axes_of(self.camera), self._grippers[0].points
+        axes, beside = axes_of(self.camera), self._panes[0].gripper.points
         free = self._find_free_area()
         per_pixel = 2.0 * self.camera.parallel_scale / max(1.0, free.height)
         width, height = free.free
@@ -228,7 +226,7 @@ class Scene:
     def _points(self) -> Floats:
         """Points of the object and the table, shape (n, 3)."""
         assert self._subject is not None
-        return np.concatenate([_used(self._subject), self._grippers[0].table_points])
+        return np.concatenate([_used(self._subject), self._panes[0].gripper.table_points])
 
     def _draw(
         self, number: int, session: Session, model: GraspModel, inspection: Inspection | None
@@ -242,8 +240,8 @@ class Scene:
         fixed = np.array(state.fixed, dtype=float).reshape(-1, 3)
         scene = session.scene
         held = inspection.held if inspection is not None and state.show_gripper else None
-        self._marks[number].show(subject, inspection, fixed, cones=held is None)
-        return self._grippers[number].show(
+        pane.marks.show(subject, inspection, fixed, cones=held is None)
+        return pane.gripper.show(
             subject,
             None if scene is None else scene.hand,
             held,
@@ -252,10 +250,8 @@ class Scene:
 
     def _clear(self) -> None:
         self._item = self._inspection = None
-        for pane, hand, marks in zip(self._panes, self._grippers, self._marks, strict=True):
+        for pane in self._panes:
             pane.hide()
-            hand.hide()
-            marks.hide()
 
     def _find_free_area(self) -> FreeArea:
         """The part of a pane that is free of texts."""
@@ -275,31 +271,28 @@ class Scene:
         subject, camera = self._subject, self.camera
         if self._free_area is not None and free != self._free_area and subject is not None:
             axes = axes_of(camera)
-            reach = frame_of(self._points(), self._grippers[0].points, axes).reach
+            reach = frame_of(self._points(), self._panes[0].gripper.points, axes).reach
             zoom = parallel_scale(reach, free) / parallel_scale(reach, self._free_area)
             camera.parallel_scale *= zoom
         self._free_area = free
         camera.SetWindowCenter(0.0, -free.shift)
         per_pixel = 2.0 * camera.parallel_scale / max(1.0, free.height)
-        for number, area in enumerate(self._text_areas()):
+        for number, (pane, area) in enumerate(zip(self._panes, self._text_areas(), strict=False)):
             last = number == self._count - 1
-            self._overlays[number].show(
-                self.captions.items(area, number, per_pixel if last else None)
-            )
-            self._numbers[number].show(self._contact_numbers(number, area, per_pixel))
+            pane.captions.show(self.captions.items(area, number, per_pixel if last else None))
+            pane.numbers.show(self._contact_numbers(pane.renderer, area, per_pixel))
 
-    def _contact_numbers(self, number: int, area: TextArea, per_pixel: float) -> list[OverlayItem]:
+    def _contact_numbers(
+        self, renderer: pyvista.Renderer, area: TextArea, per_pixel: float
+    ) -> list[OverlayItem]:
         """Numbers of a grasp's contacts at their current positions in a pane."""
         subject, inspection = self._subject, self._inspection
         if subject is None or inspection is None or len(inspection.points) < 2:
             return []
-        renderer, points = self._panes[number].renderer, inspection.points
-        radius = CONTACT_RADIUS * subject.mesh.size
+        points, radius = inspection.points, CONTACT_RADIUS * subject.mesh.size
         tips = points + radius * inspection.normals
         contacts, ahead = display_positions(renderer, points), display_positions(renderer, tips)
-        return contact_numbers(
-            area, contacts, ahead, CONTACT_RADIUS * subject.mesh.size / per_pixel
-        )
+        return contact_numbers(area, contacts, ahead, radius / per_pixel)
 
     def _text_areas(self) -> list[TextArea]:
         """Sizes of the panes; their text size is that for the whole scene."""
