@@ -48,12 +48,8 @@ class TruePoints:
     """Shape (k, 3)."""
     normals: Floats
     """Inward unit normals, shape (k, 3)."""
-    tried: int
-    """Number of points that were drawn over the surface."""
-    too_narrow: int
-    """How many of them a round tip does not touch, as it does not fit."""
-    other_shape: int
-    """How many are left out since the convex parts have another surface there."""
+    left_out: float
+    """Fraction of the surface that is left out since the convex parts differ from it there."""
 
     __repr__ = short_repr
 
@@ -118,8 +114,7 @@ def true_points(
         angles_between(parts.outward(points), -normals) <= part_angle
     )
     kept = fits & alike
-    counts = (int((~fits).sum()), int((fits & ~alike).sum()))
-    return TruePoints(points[kept], normals[kept], POINTS, *counts)
+    return TruePoints(points[kept], normals[kept], float((fits & ~alike).mean()))
 
 
 def draw_grasps(

@@ -364,11 +364,10 @@ def _warnings(reached: TruePoints, drawn: DrawnGrasps, settings: SimulationSetti
         count, wanted = int((drawn.label == label).sum()), settings.count // 3
         if count < wanted:
             found.append(f"only {counted(count, 'grasps')} of label {label.name} found")
-    left_out = reached.other_shape / reached.tried
-    if left_out > MUCH_LEFT_OUT:
+    if reached.left_out > MUCH_LEFT_OUT:
         found.append(
-            f"{100.0 * left_out:.0f} % of the surface is left out, as the convex parts differ from "
-            "it there; a smaller part_threshold makes finer parts"
+            f"{100.0 * reached.left_out:.0f} % of the surface is left out, as the convex parts "
+            "differ from it there; a smaller part_threshold makes finer parts"
         )
     return found
 
@@ -457,7 +456,9 @@ def simulate_poses(
     }
     return replace(
         evaluated,
-        outcome=np.array([_outcome(one.fate, held=one.held) for one in outcomes]),
+        outcome=np.array(
+            [np.nan if one.fate is Fate.BROKEN else float(one.held) for one in outcomes]
+        ),
         columns={**evaluated.columns, **table},
         settings={**evaluated.settings, **known},
     )
@@ -498,8 +499,3 @@ def _posed_attempts(found: EvaluatedPoses, tips: Tips, scale: float) -> list[Att
         )
         for pose, opening in zip(poses, openings, strict=True)
     ]
-
-
-def _outcome(fate: Fate, *, held: bool) -> float:
-    """1: the object was held, 0: it was not, nan: the simulation says nothing."""
-    return np.nan if fate is Fate.BROKEN else float(held)
