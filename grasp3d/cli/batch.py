@@ -115,7 +115,6 @@ class Batch:
         """Run the command; returns the exit code."""
         from grasp3d.batch.library import label_library
         from grasp3d.cli import batch_report
-        from grasp3d.cli.batch_progress import show_progress
         from grasp3d.cli.existing_files import check_not_task
 
         for path in (Path(self.output), *([self.log] if self.log else [])):
@@ -136,7 +135,10 @@ class Batch:
             self.reach,
             self.load.chosen,
         )
-        with show_progress(quiet=self.quiet, log=self.log) as progress, _interrupted_once():
+        with (
+            batch_report.show_progress(quiet=self.quiet, log=self.log) as progress,
+            _interrupted_once(),
+        ):
             try:
                 library = label_library(
                     self.inputs,

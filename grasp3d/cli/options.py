@@ -303,7 +303,7 @@ SensorResolutionRanges = Annotated[
         metavar="DEGREES|FROM:TO:STEP [...]",
     ),
 ]
-"""Sensor resolutions in degrees as words for `parse_resolutions`."""
+"""Sensor resolutions in degrees as words for `parse_angles`."""
 
 NormalErrorRanges = Annotated[
     tuple[str, ...],

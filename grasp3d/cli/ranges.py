@@ -12,21 +12,6 @@ _LENGTH = f"a length (a number, or a number with a unit: {', '.join(METRES)})"
 MAX_VALUES = 10_000
 
 
-def parse_resolutions(words: tuple[str, ...]) -> tuple[float, ...]:
-    """Parse sensor resolutions: numbers and ranges FROM:TO:STEP in degrees.
-
-    Args:
-        words: Words of the command line.
-
-    Returns:
-        Sensor resolutions [rad], in increasing order, without duplicates.
-
-    Raises:
-        SettingError: A word is neither a number nor a range, or there are too many resolutions.
-    """
-    return parse_angles("--sensor-resolution", words)
-
-
 def parse_angles(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
     """Parse angles: numbers and ranges FROM:TO:STEP in degrees.
 

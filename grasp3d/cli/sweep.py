@@ -32,7 +32,6 @@ from grasp3d.cli.ranges import (
     parse_frictions,
     parse_lengths,
     parse_numbers,
-    parse_resolutions,
 )
 from grasp3d.cli.report import Report
 from grasp3d.errors import GraspError, SettingError
@@ -173,7 +172,7 @@ class Sweep:
         }
         free = 2 - sum(len(set(values)) > 1 for values in errors.values())
         friction = parse_frictions("--friction", self.friction)
-        resolution = parse_resolutions(self.sensor_resolution)
+        resolution = parse_angles("--sensor-resolution", self.sensor_resolution)
         default = GraspModel()
         if self.friction == FRICTIONS and (free < 1 or (free < 2 and len(resolution) > 1)):
             friction = (default.friction,)

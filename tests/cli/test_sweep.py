@@ -28,7 +28,7 @@ from grasp3d.batch.sweeping import (
     meshes_of,
     sweep_mesh,
 )
-from grasp3d.cli.ranges import parse_resolutions
+from grasp3d.cli.ranges import parse_angles
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.stability.angle_distributions import SphereAngles
 from grasp3d.surface.sweeps import sweep
@@ -231,17 +231,20 @@ def test_help_names_the_shapes_and_the_format_of_ranges(tmp_path: Path) -> None:
 
 def test_resolutions_are_numbers_and_ranges_with_both_ends() -> None:
     degrees = [
-        math.degrees(value) for value in parse_resolutions(("22.6", "0:60:2.5", "5", "0:1:0.1"))
+        math.degrees(value)
+        for value in parse_angles("--sensor-resolution", ("22.6", "0:60:2.5", "5", "0:1:0.1"))
     ]
     expected = sorted({22.6, *(2.5 * k for k in range(25)), *(0.1 * k for k in range(11))})
     assert degrees == pytest.approx(expected, abs=1e-9)
-    assert parse_resolutions(("7:7:1",)) == (math.radians(7.0),)
-    assert parse_resolutions(("0:10:4",)) == pytest.approx(np.radians([0.0, 4.0, 8.0]))
+    assert parse_angles("--sensor-resolution", ("7:7:1",)) == (math.radians(7.0),)
+    assert parse_angles("--sensor-resolution", ("0:10:4",)) == pytest.approx(
+        np.radians([0.0, 4.0, 8.0])
+    )
     for word in ("", "a", "1:2", "0:1:2:3", "3:1:1", "0:1:-1", "0:inf:1", "nan:1:1"):
         with pytest.raises(SettingError, match="FROM:TO:STEP"):
-            parse_resolutions((word,))
+            parse_angles("--sensor-resolution", (word,))
     with pytest.raises(SettingError, match="more than 10000"):
-        parse_resolutions(("0:60:1e-6",))
+        parse_angles("--sensor-resolution", ("0:60:1e-6",))
 
 
 def test_targets_have_different_names(tmp_path: Path) -> None:
