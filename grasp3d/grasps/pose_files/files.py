@@ -95,7 +95,9 @@ def write_poses(
         [0.05]
     """
     path = Path(path)
-    chosen = _of_suffix(path) if format is None else _known(format)
+    if format is not None:
+        check_choice("format", format, PoseFormat)
+    chosen = format or format_of(path)
     if chosen is None:
         raise OutputError(unsupported(path, SUFFIXES, "pose"))
     check_suffix(path, _FORMATS[chosen].suffixes, chosen)
@@ -139,14 +141,15 @@ def read_poses(
         [0.0, 0.0, 0.06]
     """
     path = Path(path)
-    chosen = None if format is None else _known(format)
-    if path.suffix.lower() not in SUFFIXES and chosen is None:
+    if format is not None:
+        check_choice("format", format, PoseFormat)
+    elif path.suffix.lower() not in SUFFIXES:
         raise ContactError(unsupported(path, SUFFIXES, "pose"))
     if not path.is_file():
         problem = "is a folder; name a file" if path.is_dir() else "there is no such file"
         raise ContactError(f"{path}: {problem}")
     try:
-        return _read(path, chosen, hand, unit)
+        return _read(path, format, hand, unit)
     except OSError as error:
         raise _one_line(path, f"cannot be read ({error.strerror or error})") from error
     except (ContactError, ValueError) as error:
@@ -187,7 +190,8 @@ def suffixes_of(format: PoseFormat) -> tuple[str, ...]:  # noqa: A002, what it i
 
 def format_of(path: Path) -> PoseFormat | None:
     """The format that the ending of a file's name stands for; None: none does."""
-    return _of_suffix(path)
+    suffix = path.suffix.lower()
+    return next((name for name, known in _FORMATS.items() if suffix in known.suffixes), None)
 
 
 def check_hand(format: PoseFormat | None, hand: Hand) -> None:  # noqa: A002
@@ -217,9 +221,8 @@ def _read(
         if found is None:
             raise ContactError(_unknown_json(content))
         return _PARSERS[found][1](content, hand, unit)
-    chosen = chosen or _of_suffix(path)
-    if chosen is None:
-        raise ContactError(unsupported(path, SUFFIXES, "pose"))
+    chosen = chosen or format_of(path)
+    assert chosen is not None
     return _FORMATS[chosen].read(path, hand, unit)
 
 
@@ -234,16 +237,6 @@ def _unknown_json(content: object) -> str:
         "contains no poses: expected the key grasps with poses (as write_poses writes them) or "
         "transforms (GraspGen), or a list of messages with grasp_pose (moveit_msgs/Grasp)"
     )
-
-
-def _of_suffix(path: Path) -> PoseFormat | None:
-    suffix = path.suffix.lower()
-    return next((name for name, known in _FORMATS.items() if suffix in known.suffixes), None)
-
-
-def _known(name: PoseFormat) -> PoseFormat:
-    check_choice("format", name, PoseFormat)
-    return name
 
 
 def _one_line(path: Path, problem: str) -> ContactError:
