@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 class Deferred(cached_property[T]):
-    """An attribute that is computed when it is first read, or earlier by `compute`.
+    """An attribute that is computed when it is first read.
 
     Several threads that read the attribute of one instance compute it once. The value is in the
     instance's dictionary, under the name of the attribute: it is read as fast as any attribute, and
@@ -23,8 +23,16 @@ class Deferred(cached_property[T]):
         self._making = threading.Lock()
 
     def __get__(self, instance: Any, owner: type[Any] | None = None) -> Any:
-        """The value; of a class the descriptor itself."""
-        return self if instance is None else self.compute(instance)
+        """The value, computed if it is not known; of a class the descriptor itself."""
+        if instance is None:
+            return self
+        values, name = vars(instance), self.attrname or ""
+        with self._making:
+            lock = self._locks.setdefault(instance, threading.Lock())
+        with lock:
+            if name not in values:
+                values[name] = self.func(instance)
+        return values[name]
 
     def computed(self, instance: object) -> T | None:
         """The value if it is known already, else None."""
@@ -39,18 +47,3 @@ class Deferred(cached_property[T]):
             value: Its value.
         """
         vars(instance)[self.attrname or ""] = value
-
-    def compute(self, instance: object) -> T:
-        """Return the value; compute it now if it is not known.
-
-        Args:
-            instance: What has the attribute.
-        """
-        values, name = vars(instance), self.attrname or ""
-        with self._making:
-            lock = self._locks.setdefault(instance, threading.Lock())
-        with lock:
-            if name not in values:
-                values[name] = self.func(instance)
-        found: T = values[name]
-        return found

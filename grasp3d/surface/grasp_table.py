@@ -352,7 +352,7 @@ class GraspTable(LabelledGrasps):
             SettingError: A grasp has too many combinations of extreme normals.
         """
         if self.model.method == "extremes" and self.computed("label") is None:
-            GraspTable.label.compute(self)
+            self.compute("label")
             report_progress(1.0)
 
     def compute(self, name: str) -> None:

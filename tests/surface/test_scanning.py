@@ -26,7 +26,7 @@ from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.plots.painting import _parts
 from grasp3d.stability.thresholds import label_angles, unstable_from
 from grasp3d.surface import Reason
-from grasp3d.surface import search as search_module
+from grasp3d.surface import labelling as search_module
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.sampling.multifinger import MultifingerGrasps
 from grasp3d.surface.sweeps import mean_sweep, sweep
