@@ -47,7 +47,7 @@ OPTIONS = [
     "--disable-sync",
     "--no-first-run",
 ]
-LONG = 60_000.0
+LONG = 20_000.0
 MODEL = GraspModel(friction=0.3, sensor_resolution=20.0 * DEGREE)
 SAMPLING = Sampling(rays=8, search_angle=80.0 * DEGREE)
 NAME = "knob.ply"
