@@ -189,10 +189,10 @@ KEYS_AND_EFFECTS: dict[str, Callable[[ViewState], object]] = {
     "i": lambda state: state.section.flipped,
     "j": lambda state: not state.show_gripper,
     "t": lambda state: not state.show_table,
-    "v": lambda state: state.vertex is not None,
     "b": lambda state: state.vertex is not None,
     ".": lambda state: state.alternative == 1,
     ",": lambda state: state.alternative == 0,
+    "v": lambda state: state.vertex is not None,
     "f": lambda state: state.click == "fix",
 }
 
