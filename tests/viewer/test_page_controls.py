@@ -273,6 +273,8 @@ def test_a_limited_opening_is_searched_with_progress(seen: Viewed) -> None:
     seen.until(lambda: seen.fractions()["U"] > before["U"])
     seen.drag("opening-slider", 1.0)
     seen.waits(lambda state: math.isinf(state.max_opening))
+    page.wait_for_selector("#progress", state="detached")
+    page.wait_for_timeout(300)  # nothing is drawn again while the test types
     seen.enter("opening", "0.05")
     seen.waits(lambda state: state.max_opening == 0.05)
     seen.enter("opening", "-1")
@@ -384,7 +386,10 @@ def test_objects_are_stepped_through(seen: Viewed) -> None:
         part = "1 of 2" if number % 2 else "2 of 2"
         seen.until(lambda part=part: part in title.inner_text())
     seen.until(lambda: page.locator("#show").count() == 0)
+    seen.waits(lambda _: seen.session.subject is not None)
+    title.click()  # keys belong to a list while it has the focus
     page.keyboard.press("j")
+    page.wait_for_selector("#message")
     seen.until(lambda: "there is no gripper" in page.locator("#message").inner_text())
 
 
