@@ -226,12 +226,7 @@ def meshes_of(targets: Iterable[Target]) -> list[MeshFile]:
     return list(dict.fromkeys(mesh for target in targets for mesh in target.files))
 
 
-def sweep_mesh(
-    mesh: MeshFile,
-    settings: SweepSettings,
-    *,
-    force: bool = False,
-) -> SweptMesh:
+def sweep_mesh(mesh: MeshFile, settings: SweepSettings, *, force: bool = False) -> SweptMesh:
     """Label a mesh file and compute its area fractions at all values of the uncertainties.
 
     It is labelled once for each location error, at most `MAX_SEARCHES` times.

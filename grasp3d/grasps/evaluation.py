@@ -168,9 +168,7 @@ def evaluate_grasps(
         raise SettingError(
             "poses are evaluated for a gripper; give it (--hand, in Python hand=...)"
         )
-    return evaluate_poses(
-        mesh, grasps, model, given, object_motion=object_motion, load=load,
-    )  # fmt: skip
+    return evaluate_poses(mesh, grasps, model, given, object_motion=object_motion, load=load)
 
 
 def _poses_or_contacts(grasps: GraspPoses | ArrayLike) -> GraspPoses | ArrayLike:

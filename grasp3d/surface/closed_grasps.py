@@ -95,12 +95,7 @@ class ClosedGrasps:
         )
 
 
-def close_on(
-    mesh: ObjectMesh,
-    reach: Reach,
-    scene: Scene,
-    model: GraspModel,
-) -> ClosedGrasps:
+def close_on(mesh: ObjectMesh, reach: Reach, scene: Scene, model: GraspModel) -> ClosedGrasps:
     """Close the jaws on a free object at the poses of grasps, and label what they touch.
 
     Args:

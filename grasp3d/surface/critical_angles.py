@@ -46,11 +46,7 @@ AMBIGUOUS = (RIGHT_ANGLE, 0.0)
 U."""
 
 
-def critical_angles(
-    contacts: GraspContacts,
-    *,
-    tolerance: float = 1e-4,
-) -> WorstAndBest:
+def critical_angles(contacts: GraspContacts, *, tolerance: float = 1e-4) -> WorstAndBest:
     """Critical friction angles of grasps over the worst and over the best normals of the contacts.
 
     Two contacts have a closed form. For more, none on a crease, both are the critical friction

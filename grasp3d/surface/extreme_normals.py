@@ -45,10 +45,7 @@ def check_combinations_of(model: GraspModel) -> None:
     check_combinations([1 + rings * model.extreme_normals] * model.fingers)
 
 
-def hull_labels(
-    grasps: GraspContacts,
-    model: GraspModel,
-) -> Bytes:
+def hull_labels(grasps: GraspContacts, model: GraspModel) -> Bytes:
     """Label grasps by their wrench hulls at extreme normals (Wan & Howe 2018, Sec. III).
 
     Args:

@@ -180,11 +180,7 @@ def longest_axis(mesh: ObjectMesh) -> Floats:
     return np.asarray(axes[:, 2])
 
 
-def surface_holding(
-    grasps: GraspContacts,
-    model: GraspModel,
-    case: LoadCase,
-) -> Holding:
+def surface_holding(grasps: GraspContacts, model: GraspModel, case: LoadCase) -> Holding:
     """Grip forces and payloads of grasps under a load, about the mesh's centre of mass.
 
     Args:

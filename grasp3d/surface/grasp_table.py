@@ -185,9 +185,7 @@ class GraspTable(LabelledGrasps):
         the contacts, for another model.
         """
         radius = 0.0 if self.load_case is None else self.load_case.center_radius
-        find = partial(
-            surface_epsilons, model=self.model, center_radius=radius,
-        )  # fmt: skip
+        find = partial(surface_epsilons, model=self.model, center_radius=radius)
         return if_known(self.known_contacts, find)
 
     @Deferred

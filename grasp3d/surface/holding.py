@@ -219,12 +219,7 @@ def holding_of(
     )
 
 
-def _forces(
-    cases: FrictionCases,
-    tilt: ArrayLike,
-    task: Task,
-    friction_known: bool,
-) -> ForceRange:
+def _forces(cases: FrictionCases, tilt: ArrayLike, task: Task, friction_known: bool) -> ForceRange:
     """Forces at the nominal contacts, and the least and the largest over tilts and friction."""
 
     def forces(contacts: Contacts, tilt: ArrayLike) -> ForceRange:

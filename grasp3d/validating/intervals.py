@@ -56,13 +56,7 @@ def resampled_weights(clusters: Ints, resamples: int, seed: int) -> Iterator[Int
         yield drawn[clusters]
 
 
-def bootstrap(
-    measures: Sequence[Measure],
-    clusters: Ints,
-    *,
-    resamples: int,
-    seed: int,
-) -> Floats:
+def bootstrap(measures: Sequence[Measure], clusters: Ints, *, resamples: int, seed: int) -> Floats:
     """Percentile intervals of measures at 95 %, from the same resamples for all of them.
 
     Args:
