@@ -150,18 +150,18 @@ def comparisons() -> list[Comparison]:
         for normals in numbers
     ]
     weights = np.cumsum([grasps * (count + 1) ** fingers for fingers, grasps, count, _ in tasks])
-    found = []
-    for (fingers, grasps, normals, edges), done in zip(tasks, weights / weights[-1], strict=True):
+    results = []
+    for (fingers, grasps, normals, edges), part in zip(tasks, weights / weights[-1], strict=True):
         with unreported():
-            found.append(compare(fingers, grasps, normals, edges=edges))
-        report_progress(float(done))
-    return found
+            results.append(compare(fingers, grasps, normals, edges=edges))
+        report_progress(float(part))
+    return results
 
 
-def convergence_tables(found: Sequence[Comparison]) -> str:
+def convergence_tables(results: Sequence[Comparison]) -> str:
     """Write comparisons as two Markdown tables: circular cones and inscribed polygons."""
-    circular = _table([one for one in found if one.edges is None])
-    polygonal = _table([one for one in found if one.edges is not None])
+    circular = _table([one for one in results if one.edges is None])
+    polygonal = _table([one for one in results if one.edges is not None])
     return (
         f"{INTRODUCTION}\n\n"
         "Circular friction cones. An untested tilt can only turn an exact M into S or U.\n\n"

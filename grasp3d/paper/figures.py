@@ -149,7 +149,7 @@ def largest_location(model: GraspModel) -> float:
 def _panel(model: GraspModel, name: str, largest: float, title: str) -> ErrorPanel:
     """Fractions over one uncertainty from 0 to the largest, and sampled ones at a few."""
     values = np.linspace(0.0, largest, STEPS + 1)
-    found = sweep(
+    fractions = sweep(
         Circle(),
         friction=model.friction,
         sensor_resolution=model.sensor_resolution,
@@ -157,7 +157,7 @@ def _panel(model: GraspModel, name: str, largest: float, title: str) -> ErrorPan
         mode="scan",
         **{name: values},
     )
-    return ErrorPanel(found, title, _sampled(model, name, values[:: STEPS // SAMPLED]))
+    return ErrorPanel(fractions, title, _sampled(model, name, values[:: STEPS // SAMPLED]))
 
 
 def _sampled(model: GraspModel, name: str, values: Floats) -> list[tuple[float, float, float]]:
@@ -169,8 +169,8 @@ def _sampled(model: GraspModel, name: str, values: Floats) -> list[tuple[float, 
             "sensor_resolution": model.sensor_resolution,
             name: value,
         }
-        shown = math.degrees(value) if in_degrees else value
-        sampled.append((shown, *sampled_fractions(GraspModel(**settings))))
+        number = math.degrees(value) if in_degrees else value
+        sampled.append((number, *sampled_fractions(GraspModel(**settings))))
     return sampled
 
 

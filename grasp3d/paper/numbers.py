@@ -76,13 +76,13 @@ def uncertainties(settings: PaperSettings, objects: Sequence[ScannedObject]) -> 
     for model in settings.models:
         for name, angles_at in _distributions(objects):
             for text, location, friction_error, normal_error in _cases(settings.friction):
-                found = angles_at(location).fractions(
+                fractions = angles_at(location).fractions(
                     friction=settings.friction,
                     sensor_resolution=model.sensor_resolution,
                     friction_error=friction_error,
                     normal_error=normal_error,
                 )
-                cells = [*fraction_cells(found), percent(accuracy_ceiling(found))]
+                cells = [*fraction_cells(fractions), percent(accuracy_ceiling(fractions))]
                 rows.append([name, resolution_cell(model), text, *cells])
     return (
         f"μ = {settings.friction:g}. The paper names friction, contact location and joint encoders "
@@ -210,12 +210,12 @@ def _shown(settings: PaperSettings) -> str:
     rows = []
     for model in settings.models:
         for outline in (Circle(), square()):
-            found = scan(outline, model)
+            scanned = scan(outline, model)
             exact = _fractions(outline, model)
-            differing = int((found.label_extremes != found.label).sum())
+            differing = int((scanned.label_extremes != scanned.label).sum())
             rows.append(
                 [outline.name, resolution_cell(model), *fraction_cells(exact),
-                 percent(accuracy_ceiling(exact)), f"{differing} of {len(found.label)}"]
+                 percent(accuracy_ceiling(exact)), f"{differing} of {len(scanned.label)}"]
             )  # fmt: skip
     return (
         f"μ = {settings.friction:g}. Fractions of the perimeter in closed form; on the circle S = "
@@ -231,10 +231,10 @@ def _effective(settings: PaperSettings) -> str:
     rows = []
     for model in settings.models:
         for edges in (2, ARC):
-            found = scan(Circle(), model, points=FEW_POINTS, edges=edges)
+            scanned = scan(Circle(), model, points=FEW_POINTS, edges=edges)
             opposite = FEW_POINTS // 2
-            difference = float(np.abs(found.epsilon_effective - found.epsilon_min).max())
-            values = (found.epsilon, found.epsilon_min, found.epsilon_effective)
+            difference = float(np.abs(scanned.epsilon_effective - scanned.epsilon_min).max())
+            values = (scanned.epsilon, scanned.epsilon_min, scanned.epsilon_effective)
             rows.append(
                 [resolution_cell(model), str(edges),
                  *(f"{value[opposite]:.4f}" for value in values), f"{difference:.1e}"]
@@ -255,11 +255,11 @@ def _over(outline: Outline, friction: float) -> str:
     rows, differing = [], []
     for degrees in DEGREES:
         model = GraspModel(friction=friction, sensor_resolution=math.radians(degrees))
-        exact, found = _fractions(outline, model), scan(outline, model)
-        four, rings = _differing(found)
+        exact, scanned = _fractions(outline, model), scan(outline, model)
+        four, rings = _differing(scanned)
         rows.append(
             [f"{degrees:g}°", *fraction_cells(exact), percent(accuracy_ceiling(exact)),
-             *fraction_cells(found.fractions(of="four")), percent(four), percent(rings)]
+             *fraction_cells(scanned.fractions(of="four")), percent(four), percent(rings)]
         )  # fmt: skip
         if four > LEAST:
             differing.append(f"{degrees:g}°")
@@ -267,7 +267,7 @@ def _over(outline: Outline, friction: float) -> str:
     where = f"here at α = {', '.join(differing)}" if differing else "nowhere in this table"
     return (
         f"Fractions of the perimeter in closed form, and from the hulls of the paper's four "
-        f"combinations of extreme cones alone, over {len(found.label)} points. The four differ "
+        f"combinations of extreme cones alone, over {len(scanned.label)} points. The four differ "
         f"from the closed form where α > 2β = {bound:.2f}° (at 2β itself at single points): "
         f"{where}. Then the extreme cones of a contact leave a gap between them, and a grasp line "
         "within it is labelled U although it is M. Rings of normals in the gap, at most 2β apart, "
@@ -276,11 +276,11 @@ def _over(outline: Outline, friction: float) -> str:
     )
 
 
-def _differing(found: PlanarScan) -> tuple[float, float]:
+def _differing(scanned: PlanarScan) -> tuple[float, float]:
     """Fractions of the perimeter where the four, and all tested normals, differ from the labels."""
     four, rings = (
-        float(found.weights[labels != found.label].sum())
-        for labels in (found.label_four, found.label_extremes)
+        float(scanned.weights[labels != scanned.label].sum())
+        for labels in (scanned.label_four, scanned.label_extremes)
     )
     return four, rings
 
@@ -290,12 +290,12 @@ def _in_space(objects: Sequence[ScannedObject], settings: PaperSettings) -> str:
             "U, closed form")  # fmt: skip
     rows = []
     for scanned in objects:
-        for found in scanned.scans:
+        for result in scanned.scans:
             exact = scanned.closed_form
-            ours = found.fractions()
-            closed = ["–"] * 3 if exact is None else fraction_cells(_fractions(exact, found.model))
+            ours = result.fractions()
+            closed = ["–"] * 3 if exact is None else fraction_cells(_fractions(exact, result.model))
             rows.append(
-                [scanned.name, resolution_cell(found.model), *fraction_cells(ours),
+                [scanned.name, resolution_cell(result.model), *fraction_cells(ours),
                  percent(accuracy_ceiling(ours)), *closed]
             )  # fmt: skip
     return (
@@ -343,7 +343,7 @@ def _counted(quoted: str, sensor: Sensor) -> str:
 
 def _ambiguous() -> list[tuple[str, ...]]:
     """Ambiguous fractions at the resolution at which the paper reads its Fig. 8."""
-    circle, square, _ = (found["M"] for found in _shapes(COARSE))
+    circle, square, _ = (fractions["M"] for fractions in _shapes(COARSE))
     spheres = [
         SphereAngles().fractions(friction=friction, sensor_resolution=COARSE)["M"]
         for friction in SPHERE
@@ -382,8 +382,8 @@ def _halved() -> tuple[str, ...]:
 def _ceiling() -> tuple[str, ...]:
     """Best accuracies at the resolution at which the paper reads its Fig. 8."""
     values = "; ".join(
-        f"{name}: {percent(accuracy_ceiling(found))}"
-        for name, found in zip(SHAPES, _shapes(COARSE), strict=True)
+        f"{name}: {percent(accuracy_ceiling(fractions))}"
+        for name, fractions in zip(SHAPES, _shapes(COARSE), strict=True)
     )
     return (
         f"best accuracy at α = {math.degrees(COARSE):g}°, μ = {READ_AT:g} (Sec. IV-C)", CEILING,

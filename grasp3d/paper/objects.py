@@ -109,8 +109,8 @@ def real_object(
 def best_contact_point(mesh: ObjectMesh, model: GraspModel) -> Floats:
     """Find the vertex whose best two-finger grasp tolerates the coarsest sensor, shape (3,).
 
-    Several tolerate equally coarse ones; of some of those it is the one with the largest area
-    fraction S for the second finger.
+    Several vertices may tolerate equally coarse sensors; of some of these it is the vertex with
+    the largest area fraction S for the second finger.
 
     Raises:
         SettingError: There is no grasp.

@@ -69,7 +69,7 @@ def write_paper(
     """
     if fixed is not None and object_file is None:
         raise SettingError("a contact point of the first finger needs an object: give its mesh")
-    chosen = settings or PaperSettings()
+    own = settings or PaperSettings()
     mesh = None if object_file is None else load_object(object_file)
     names = [*SOLIDS, *([OBJECT] if mesh is not None else [])]
     _check(output, [*FIGURES, *(f"surface_{name}" for name in names)])
@@ -80,19 +80,19 @@ def write_paper(
     real: list[ScannedObject] = []
     if object_file is not None and mesh is not None:
         with steps.part(SEARCH):
-            real.append(real_object(mesh, object_file.stem, chosen, fixed=fixed))
-    written: list[Path] = []
+            real.append(real_object(mesh, object_file.stem, own, fixed=fixed))
+    paths: list[Path] = []
     for name, draw in FIGURES.items():
         with steps.part(FIGURE), unreported():
-            written += save(draw(chosen), output / name)
+            paths += save(draw(own), output / name)
     with unreported():
-        scanned = [*solids(chosen), *real]
-        surfaces = surface_table(chosen)
+        scanned = [*solids(own), *real]
+        surfaces = surface_table(own)
     pictures = can_render()
     for name, one in zip(names, scanned, strict=True):
         with steps.part(SURFACE), unreported():
-            figure = object_figure(one, chosen, pictures=pictures)
-            written += save(figure, output / f"surface_{name}")
+            figure = object_figure(one, own, pictures=pictures)
+            paths += save(figure, output / f"surface_{name}")
     with steps.part(COMPARISON):
         compared = convergence_tables(comparisons())
     sampled = {
@@ -100,9 +100,9 @@ def write_paper(
         "Sampled extreme normals against exact labels": compared,
     }
     with atomic_write(output / NUMBERS) as part:
-        part.write_text(numbers_page(chosen, scanned, sampled), encoding="utf-8")
-    written.append(output / NUMBERS)
-    return Paper(tuple(written), _notes(names, pictures=pictures, real=bool(real)))
+        part.write_text(numbers_page(own, scanned, sampled), encoding="utf-8")
+    paths.append(output / NUMBERS)
+    return Paper(tuple(paths), _notes(names, pictures=pictures, real=bool(real)))
 
 
 class _Steps:

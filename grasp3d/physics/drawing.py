@@ -113,8 +113,8 @@ def true_points(
     alike = (depth <= PART_DEPTH * tip_radius) & (
         angles_between(parts.outward(points), -normals) <= part_angle
     )
-    kept = fits & alike
-    return TruePoints(points[kept], normals[kept], float((fits & ~alike).mean()))
+    usable = fits & alike
+    return TruePoints(points[usable], normals[usable], float((fits & ~alike).mean()))
 
 
 def draw_grasps(
@@ -146,10 +146,10 @@ def draw_grasps(
             "larger max_opening"
         )
     perceived = _perceived(reached, pairs, model, random)
-    wanted = [count // 3 + (number < count % 3) for number in range(3)]
+    numbers = [count // 3 + (number < count % 3) for number in range(3)]
     rows = [
         _evenly(perceived.margin, np.flatnonzero(perceived.label == label), number, random)
-        for label, number in zip((Label.S, Label.M, Label.U), wanted, strict=True)
+        for label, number in zip((Label.S, Label.M, Label.U), numbers, strict=True)
     ]
     return perceived.take(np.concatenate(rows))
 
@@ -178,11 +178,11 @@ def _facing_pairs(reached: TruePoints, sampling: Sampling, random: np.random.Gen
     pairs = random.integers(total, size=(PAIRS, 2))
     line = reached.points[pairs[:, 1]] - reached.points[pairs[:, 0]]
     opening = np.linalg.norm(line, axis=1)
-    kept = (opening >= max(sampling.min_opening, 1e-9)) & (opening <= sampling.max_opening)
+    fits = (opening >= max(sampling.min_opening, 1e-9)) & (opening <= sampling.max_opening)
     for finger, sign in ((0, 1.0), (1, -1.0)):
         cosine = sign * (reached.normals[pairs[:, finger]] * line).sum(axis=1)
-        kept &= cosine >= math.cos(FACING) * opening
-    return np.asarray(pairs[kept])
+        fits &= cosine >= math.cos(FACING) * opening
+    return np.asarray(pairs[fits])
 
 
 def _perceived(
@@ -200,9 +200,9 @@ def _perceived(
     shape = normals.shape[:-1]
     directions = unit_rows(random.standard_normal((*shape, 3)))
     shifts = (location * np.cbrt(random.random(shape)))[..., None] * directions
-    seen = points + shifts, tilt_at_random(normals, np.broadcast_to(tilt, shape), random)
-    found = classify(
-        Contacts(*seen, 0.5 * (low + high)),
+    perceived = points + shifts, tilt_at_random(normals, np.broadcast_to(tilt, shape), random)
+    classes = classify(
+        Contacts(*perceived, 0.5 * (low + high)),
         2.0 * tilt,
         friction_interval=(low, high),
         location_error=location,
@@ -211,11 +211,11 @@ def _perceived(
         points=points,
         normals=normals,
         friction=low + (high - low) * random.random(shape),
-        perceived_points=seen[0],
-        perceived_normals=seen[1],
-        label=found.label,
-        critical_angle=found.critical_friction_angle,
-        margin=found.margin,
+        perceived_points=perceived[0],
+        perceived_normals=perceived[1],
+        label=classes.label,
+        critical_angle=classes.critical_friction_angle,
+        margin=classes.margin,
     )
 
 
@@ -230,7 +230,7 @@ def _evenly(margin: Floats, rows: Ints, count: int, random: np.random.Generator)
     low, high = margin[rows].min(), margin[rows].max()
     bins = np.minimum(count * (margin[shuffled] - low) / max(high - low, 1e-12), count - 1)
     _, first = np.unique(bins.astype(np.int64), return_index=True)
-    chosen = shuffled[first]
-    left = np.setdiff1d(shuffled, chosen, assume_unique=True)
-    more = random.permutation(left)[: count - len(chosen)]
-    return np.sort(np.concatenate([chosen, more]))
+    sample = shuffled[first]
+    rest = np.setdiff1d(shuffled, sample, assume_unique=True)
+    more = random.permutation(rest)[: count - len(sample)]
+    return np.sort(np.concatenate([sample, more]))

@@ -87,26 +87,26 @@ def facet_slip(normals: ArrayLike, friction: float, press: FacetPress | None = N
         >>> [facet_slip(normals, friction) < SLIPPED for friction in frictions]
         [True, False]
     """
-    given = press or FacetPress()
+    setup = press or FacetPress()
     inward = unit_rows(np.array(normals, dtype=np.float64))
     if inward.shape != (2, 3) or not (inward[:, 0] * (1.0, -1.0) > 0.0).all():
         raise SettingError("facets must face their tips: normals of shape (2, 3), inward along x")
     mujoco = mujoco_module()
     model = plates_model(
         inward,
-        given.opening,
-        Tips(given.tip_radius, friction),
-        mass=given.mass,
-        force=given.force,
-        dry_friction=given.dry_friction,
+        setup.opening,
+        Tips(setup.tip_radius, friction),
+        mass=setup.mass,
+        force=setup.force,
+        dry_friction=setup.dry_friction,
     )
     data = mujoco.MjData(model)
-    steps = math.ceil(given.seconds / model.opt.timestep)
+    steps = math.ceil(setup.seconds / model.opt.timestep)
     for step in range(steps):
-        data.ctrl[:] = given.force * min(1.0, (step + 1) * model.opt.timestep / RAMP)
+        data.ctrl[:] = setup.force * min(1.0, (step + 1) * model.opt.timestep / RAMP)
         mujoco.mj_step(model, data)
-        shift = _shift(data, given.opening)
-        if not shift <= given.most_shift:
+        shift = _shift(data, setup.opening)
+        if not shift <= setup.most_shift:
             break
     return shift
 
@@ -190,8 +190,8 @@ def _shift(data: Any, opening: float) -> float:
     turned = np.zeros(9)
     mujoco_module().mju_quat2Mat(turned, data.qpos[3:7])
     end = 0.5 * opening * turned.reshape(3, 3)[:, 0]
-    moved = data.qpos[:3] + np.array([[-1.0], [1.0]]) * end
-    return float(np.hypot(moved[:, 1], moved[:, 2]).max())
+    ends = data.qpos[:3] + np.array([[-1.0], [1.0]]) * end
+    return float(np.hypot(ends[:, 1], ends[:, 2]).max())
 
 
 def plates_model(
@@ -244,6 +244,6 @@ def plates_model(
 def _from_z(normal: Floats) -> Floats:
     """Quaternion (w, x, y, z) of a rotation that takes z to a unit vector."""
     mujoco = mujoco_module()
-    found = np.zeros(4)
-    mujoco.mju_quatZ2Vec(found, normal)
-    return found
+    quaternion = np.zeros(4)
+    mujoco.mju_quatZ2Vec(quaternion, normal)
+    return quaternion

@@ -89,8 +89,8 @@ def holding_force(
             return HoldingForce(math.inf, math.inf)
     while high - low > within * high:
         middle = 0.5 * (low + high)
-        found = _normal_if_held(case, middle)
-        low, high, normal = (middle, high, normal) if found is None else (low, middle, found)
+        force = _normal_if_held(case, middle)
+        low, high, normal = (middle, high, normal) if force is None else (low, middle, force)
     return HoldingForce(high, normal)
 
 
@@ -143,8 +143,8 @@ def _moved(before: Floats, after: Floats) -> float:
     """How far a body with a free joint has moved, with its turn at a lever [m]."""
     shift = float(np.linalg.norm(after[:3] - before[:3]))
     cosine = min(1.0, abs(float(np.dot(before[3:], after[3:]))))
-    moved = max(shift, LEVER * 2.0 * math.acos(cosine))
-    return moved if math.isfinite(moved) else math.inf
+    distance = max(shift, LEVER * 2.0 * math.acos(cosine))
+    return distance if math.isfinite(distance) else math.inf
 
 
 def _largest_normal(model: Any, data: Any) -> float:

@@ -58,14 +58,14 @@ class ConvexParts:
 
     def outward(self, points: Floats) -> Floats:
         """Outward normals of the union near points on it, shape (k, 3)."""
-        found, deepest = np.zeros((len(points), 3)), np.full(len(points), -np.inf)
+        normals, deepest = np.zeros((len(points), 3)), np.full(len(points), -np.inf)
         for planes in self._planes:
             heights = points @ planes[:, :3].T + planes[:, 3]
             face = heights.argmax(axis=1)
             depth = -heights[np.arange(len(points)), face]
             nearer = depth > deepest
-            found[nearer], deepest[nearer] = planes[face[nearer], :3], depth[nearer]
-        return found
+            normals[nearer], deepest[nearer] = planes[face[nearer], :3], depth[nearer]
+        return normals
 
 
 def convex_parts(
@@ -97,13 +97,13 @@ def convex_parts(
     for array in (vertices, faces):
         key.update(np.ascontiguousarray(array).tobytes())
     path = _cached_file(key.hexdigest())
-    known = None if path is None else _read(path)
-    if known is not None:
-        return known
-    found = _decomposed(vertices, faces, threshold, seed)
+    cached = None if path is None else _read(path)
+    if cached is not None:
+        return cached
+    parts = _decomposed(vertices, faces, threshold, seed)
     if path is not None:
-        _write(path, found)
-    return found
+        _write(path, parts)
+    return parts
 
 
 def _decomposed(vertices: Floats, faces: Ints, threshold: float, seed: int) -> ConvexParts:
@@ -116,7 +116,7 @@ def _decomposed(vertices: Floats, faces: Ints, threshold: float, seed: int) -> C
     parts: Any = coacd.run_coacd(
         coacd.Mesh(vertices, faces), threshold=threshold, seed=seed, **SEARCH
     )
-    solid = [one for one in (np.asarray(given, float) for given, _ in parts) if _is_solid(one)]
+    solid = [one for one in (np.asarray(points, float) for points, _ in parts) if _is_solid(one)]
     if not solid:
         raise SettingError("the mesh has no convex parts: it must enclose a volume")
     return ConvexParts(tuple(locked(one) for one in solid))
@@ -135,15 +135,15 @@ def _is_solid(vertices: Floats) -> bool:
 
 def _cached_file(key: str) -> Path | None:
     """File in which the parts of a key are kept; None: nowhere."""
-    given = os.environ.get(CACHE)
-    if given == "":
+    folder = os.environ.get(CACHE)
+    if folder == "":
         return None
     try:
         home = Path.home()
     except RuntimeError:  # no home folder
         return None
     cache = os.environ.get("XDG_CACHE_HOME") or str(home / ".cache")
-    return Path(given or Path(cache) / "grasp3d") / "parts" / f"{key[:32]}.npz"
+    return Path(folder or Path(cache) / "grasp3d") / "parts" / f"{key[:32]}.npz"
 
 
 def _read(path: Path) -> ConvexParts | None:

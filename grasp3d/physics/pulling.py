@@ -175,7 +175,7 @@ class _Watch:
         self._from_tips = np.zeros((2, 3))
         self.shift, self.turn, self.slip, self.finite = 0.0, 0.0, 0.0, True
         self.largest = (0.0, 0.0, 0.0)
-        """Of all looks until now: shift [m], turn and spin [rad]."""
+        """Largest shift [m], turn and spin [rad] so far."""
 
     @property
     def touched(self) -> bool:
@@ -263,8 +263,8 @@ class _Watch:
         if self._touched is not None:
             rotation = data.xmat[self._body].reshape(3, 3)
             points = self._touched @ rotation.T + data.xpos[self._body] - data.xpos[self._tips]
-            moved = np.linalg.norm(points - self._from_tips, axis=1)
-            self.slip = max(self.slip, float(moved.max()))
+            distances = np.linalg.norm(points - self._from_tips, axis=1)
+            self.slip = max(self.slip, float(distances.max()))
         return self.shift < settings.max_shift and self.turn < settings.max_turn
 
     def _turns(self) -> tuple[float, float]:

@@ -210,11 +210,11 @@ def simulate_grasps(
         >>> from grasp3d.batch import ClusterSettings
         >>> from grasp3d.physics import SimulationSettings
         >>> box = grasp3d.load_mesh(trimesh.creation.box([0.04, 0.06, 0.1]), unit="m")
-        >>> found = grasp3d.simulate_grasps(
+        >>> simulation = grasp3d.simulate_grasps(
         ...     box, simulation=SimulationSettings(count=6, pull_time=0.1),
         ...     cluster=ClusterSettings(workers=0),
         ... )
-        >>> {label: f"{rate.successes} of {rate.count}" for label, rate in found.rates().items()}
+        >>> {name: f"{rate.successes} of {rate.count}" for name, rate in simulation.rates().items()}
         {'S': '2 of 2', 'M': '1 of 2', 'U': '0 of 2'}
     """
     mujoco_module()
@@ -227,8 +227,8 @@ def simulate_grasps(
         )
     scale = METRES[surface.unit]
     settings = simulation or SimulationSettings()
-    chosen, given = surface.in_own_unit(_model(model, hand), sampling or Sampling())
-    within = _within(given, surface, hand)
+    own_model, own_sampling = surface.in_own_unit(_model(model, hand), sampling or Sampling())
+    within = _within(own_sampling, surface, hand)
     radius = _tip_radius(settings, surface, hand)
     processes = cluster or ClusterSettings()
     begin_step("dividing the object into convex parts")
@@ -237,37 +237,37 @@ def simulate_grasps(
     random = noise_stream(settings.seed, GRASPS)
     with unreported():
         reached = true_points(surface, parts, radius, settings.part_angle, random)
-        drawn = draw_grasps(surface, reached, chosen, within, settings.count, random)
-        poses, openings = _poses(drawn, radius, random)
+        grasps = draw_grasps(surface, reached, own_model, within, settings.count, random)
+        poses, openings = _poses(grasps, radius, random)
     begin_step("simulating grasps")
     stage = Stage(
         simulated_object(surface, parts, scale),
-        Tips(radius * scale, chosen.friction, chosen.torsion_radius * scale),
+        Tips(radius * scale, own_model.friction, own_model.torsion_radius * scale),
         *settings_in_unit("m", settings),
     )
-    attempts = _attempts(drawn, poses, openings, surface, settings, scale)
+    attempts = _attempts(grasps, poses, openings, surface, settings, scale)
     outcomes, errors = simulate_attempts(attempts, stage, processes)
     return Simulation(
         mesh=surface,
-        model=chosen,
+        model=own_model,
         settings=settings,
-        grasps=drawn,
+        grasps=grasps,
         poses=locked(poses),
         openings=locked(openings),
         outcomes=outcomes,
         parts=parts.count,
-        part_depth=locked(np.abs(_at(parts.depths, drawn.points))),
-        part_angle=locked(angles_between(_at(parts.outward, drawn.points), -drawn.normals)),
-        warnings=(*_warnings(reached, drawn, settings), *errors),
+        part_depth=locked(np.abs(_at(parts.depths, grasps.points))),
+        part_angle=locked(angles_between(_at(parts.outward, grasps.points), -grasps.normals)),
+        warnings=(*_warnings(reached, grasps, settings), *errors),
     )
 
 
 def _model(model: GraspModel | None, hand: Hand | None) -> GraspModel:
     """The model of two fingers, with the gripper's resolution where none is given."""
-    given = model or (GraspModel() if hand is None else touching(hand, GraspModel()))
-    if given.method != "exact":
+    stated = model or (GraspModel() if hand is None else touching(hand, GraspModel()))
+    if stated.method != "exact":
         raise SettingError("simulated grasps need labels of the method exact")
-    return with_fingers(given, 2)
+    return with_fingers(stated, 2)
 
 
 def _within(sampling: Sampling, mesh: ObjectMesh, hand: Hand | None) -> Sampling:
@@ -314,7 +314,7 @@ def _poses(drawn: DrawnGrasps, radius: float, random: np.random.Generator) -> tu
 
 
 def _attempts(
-    drawn: DrawnGrasps,
+    grasps: DrawnGrasps,
     poses: Floats,
     openings: Floats,
     mesh: ObjectMesh,
@@ -324,17 +324,17 @@ def _attempts(
     """The attempts, in metres."""
     metric = poses.copy()
     metric[:, :3, 3] *= scale
-    centers = np.broadcast_to(mesh.center_mass, (drawn.count, 3))
+    centers = np.broadcast_to(mesh.center_mass, (grasps.count, 3))
     if settings.pulled == "line":
-        centers = drawn.points.mean(axis=1)
+        centers = grasps.points.mean(axis=1)
     return [
         Attempt(
             metric[row],
             float(openings[row] * scale + 2.0 * GAP),
             centers[row] * scale,
-            drawn.friction[row],
+            grasps.friction[row],
         )
-        for row in range(drawn.count)
+        for row in range(grasps.count)
     ]
 
 
@@ -357,19 +357,19 @@ def _at(function: Callable[[Floats], Floats], points: Floats) -> Floats:
     return np.asarray(values.reshape(*points.shape[:2], *values.shape[1:]))
 
 
-def _warnings(reached: TruePoints, drawn: DrawnGrasps, settings: SimulationSettings) -> list[str]:
+def _warnings(reached: TruePoints, grasps: DrawnGrasps, settings: SimulationSettings) -> list[str]:
     """What limits the result."""
-    found = []
+    warnings = []
     for label in (Label.S, Label.M, Label.U):
-        count, wanted = int((drawn.label == label).sum()), settings.count // 3
-        if count < wanted:
-            found.append(f"only {counted(count, 'grasps')} of label {label.name} found")
+        count, third = int((grasps.label == label).sum()), settings.count // 3
+        if count < third:
+            warnings.append(f"only {counted(count, 'grasps')} of label {label.name} found")
     if reached.left_out > MUCH_LEFT_OUT:
-        found.append(
+        warnings.append(
             f"{100.0 * reached.left_out:.0f} % of the surface is left out, as the convex parts "
             "differ from it there; a smaller part_threshold makes finer parts"
         )
-    return found
+    return warnings
 
 
 def simulate_poses(
@@ -433,14 +433,14 @@ def simulate_poses(
     (settings,) = settings_in_unit("m", simulation or SimulationSettings())
     settings = replace(settings, pulled="center_of_mass")
     with unreported():
-        found = evaluate_grasps(surface, poses, model, hand=hand)
+        evaluated = evaluate_grasps(surface, poses, model, hand=hand)
     begin_step("dividing the object into convex parts")
     parts = divided(surface, settings, processes)
     begin_step("simulating grasps")
     stage = Stage(
-        simulated_object(surface, parts, scale), _tips(hand, found.model, scale), settings
+        simulated_object(surface, parts, scale), _tips(hand, evaluated.model, scale), settings
     )
-    attempts = _posed_attempts(found, stage.tips, scale)
+    attempts = _posed_attempts(evaluated, stage.tips, scale)
     outcomes, _ = simulate_attempts(attempts, stage, processes)
     table = {
         "fate": np.array([str(one.fate) for one in outcomes]),
@@ -448,19 +448,19 @@ def simulate_poses(
         **{f"{name}_m": np.array([getattr(one, name) for one in outcomes]) for name in LENGTHS},
         **{name: np.array([getattr(one, name) for one in outcomes]) for name in ("turn", "spin")},
     }
-    evaluated = found.to_poses()
-    known = {
+    results = evaluated.to_poses()
+    entries = {
         f"simulation_{name}": value
         for name, value in plain_values(settings).items()
         if name != "pulled"
     }
     return replace(
-        evaluated,
+        results,
         outcome=np.array(
             [np.nan if one.fate is Fate.BROKEN else float(one.held) for one in outcomes]
         ),
-        columns={**evaluated.columns, **table},
-        settings={**evaluated.settings, **known},
+        columns={**results.columns, **table},
+        settings={**results.settings, **entries},
     )
 
 
@@ -483,17 +483,17 @@ def _tips(hand: Hand, model: GraspModel, scale: float) -> Tips:
     )
 
 
-def _posed_attempts(found: EvaluatedPoses, tips: Tips, scale: float) -> list[Attempt]:
+def _posed_attempts(grasps: EvaluatedPoses, tips: Tips, scale: float) -> list[Attempt]:
     """The attempts, from the opening with which the gripper comes."""
-    poses = np.array(found.poses)
+    poses = np.array(grasps.poses)
     poses[:, :3, 3] *= scale
-    stroke = found.hand.max_opening
-    openings = np.nan_to_num(found.given.pregrasp_opening * scale, nan=stroke)
+    stroke = grasps.hand.max_opening
+    openings = np.nan_to_num(grasps.given.pregrasp_opening * scale, nan=stroke)
     return [
         Attempt(
             pose,
             float(min(opening, stroke)),
-            found.mesh.center_mass * scale,
+            grasps.mesh.center_mass * scale,
             np.full(2, tips.friction),
             may_move=True,
         )

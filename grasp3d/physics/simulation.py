@@ -129,8 +129,8 @@ def rates_by(values: Floats, success: Bools, edges: ArrayLike) -> Iterator[Succe
     """
     borders = np.asarray(edges, dtype=np.float64)
     for low, high in pairwise(borders.tolist()):
-        chosen = (values >= low) & (values < high)
-        yield success_rate(_name(low, high), success[chosen])
+        inside = (values >= low) & (values < high)
+        yield success_rate(_name(low, high), success[inside])
 
 
 def _name(low: float, high: float) -> str:
@@ -202,7 +202,7 @@ class Simulation:
         """Success of the labels S, M and U.
 
         Args:
-            held: Whether an object that is held in another grasp than the labelled one counts.
+            held: Whether an object that is held in another than the labelled grasp counts.
         """
         success = self.held if held else self.success
         return {
@@ -219,9 +219,9 @@ class Simulation:
             held: As in `rates`.
         """
         success = self.held if held else self.success
-        chosen = self.simulated
-        margin = np.degrees(self.grasps.margin[chosen])
-        return tuple(rates_by(margin, success[chosen], MARGINS))
+        simulated = self.simulated
+        margin = np.degrees(self.grasps.margin[simulated])
+        return tuple(rates_by(margin, success[simulated], MARGINS))
 
     def columns(self) -> Mapping[str, npt.NDArray[Any]]:
         """The columns of the table; angles in radians, lengths in the mesh's unit.
@@ -232,7 +232,7 @@ class Simulation:
         normals `nx1` `ny1` `nz1` ..., perceived ones with `perceived_` before their names;
         `part_depth1`, `part_angle1`, ...
         """
-        assert self.mesh.unit is not None  # grasps of a mesh without one are not simulated
+        assert self.mesh.unit is not None  # grasps of a mesh without a unit are not simulated
         parts = {
             f"part_{name}{finger + 1}": values[:, finger]
             for finger in range(2)
@@ -262,14 +262,14 @@ class Simulation:
         return data_frame(table_of_columns(self.columns(), settings=plain_values(self.settings)))
 
 
-def write_simulation(path: str | Path, found: Simulation) -> None:
+def write_simulation(path: str | Path, simulation: Simulation) -> None:
     """Write a row for each simulated grasp: outcome, label, margin and contacts.
 
     The columns are those of `Simulation.columns`.
 
     Args:
         path: File to make or replace: .csv or .parquet, which stores the settings too.
-        found: The simulated grasps.
+        simulation: The simulated grasps.
 
     Raises:
         OutputError: The suffix is unknown, or the file cannot be written.
@@ -282,25 +282,25 @@ def write_simulation(path: str | Path, found: Simulation) -> None:
         >>> from grasp3d.physics import SimulationSettings, write_simulation
         >>> box = grasp3d.load_mesh(trimesh.creation.box([0.04, 0.06, 0.1]), unit="m")
         >>> settings = SimulationSettings(count=3, pull_time=0.1)
-        >>> found = grasp3d.simulate_grasps(
+        >>> simulation = grasp3d.simulate_grasps(
         ...     box, simulation=settings, cluster=ClusterSettings(workers=0)
         ... )
-        >>> write_simulation("simulated.csv", found)
+        >>> write_simulation("simulated.csv", simulation)
         >>> len(Path("simulated.csv").read_text().splitlines())
         4
     """
     from grasp3d.system.tables import write_columns
 
-    write_columns(Path(path), dict(found.columns()), settings=settings_of(found))
+    write_columns(Path(path), dict(simulation.columns()), settings=settings_of(simulation))
 
 
-def settings_of(found: Simulation) -> dict[str, Any]:
+def settings_of(simulation: Simulation) -> dict[str, Any]:
     """The settings that a table stores; angles in radians."""
-    simulation = plain_values(found.settings)
+    stored = plain_values(simulation.settings)
     return {
         "version": package_version(),
-        **chosen_settings(found.mesh, found.model, None, "scan"),
-        **{name: value for name, value in simulation.items() if name != "seed"},
-        "simulation_seed": found.settings.seed,
-        "parts": found.parts,
+        **chosen_settings(simulation.mesh, simulation.model, None, "scan"),
+        **{name: value for name, value in stored.items() if name != "seed"},
+        "simulation_seed": simulation.settings.seed,
+        "parts": simulation.parts,
     }

@@ -1,6 +1,6 @@
 """Outlines of planar objects with one finger fixed on them (Wan & Howe 2018, Sec. III-B).
 
-The paper's circle is one of them.
+The paper's circle is such an outline.
 """
 
 import math
@@ -70,7 +70,7 @@ class Outline(AngleDistribution):
 
     @abstractmethod
     def fraction_below(self, angles: ArrayLike, *, location: float, best: bool) -> Floats:
-        """Fractions of the perimeter where the worst or the best angle is below given ones.
+        """Fractions of the perimeter where the worst or the best angle is below some angles.
 
         Args:
             angles: The angles [rad], any shape.
@@ -124,10 +124,10 @@ class Outline(AngleDistribution):
             Contacts on a circle that are known to within a tenth of its radius:
 
             >>> from grasp3d.planar import Circle
-            >>> found = Circle(30.0).fractions(
+            >>> fractions = Circle(30.0).fractions(
             ...     friction=1.0, sensor_resolution=0.5, location_error=3.0
             ... )
-            >>> {name: round(fraction, 3) for name, fraction in found.items()}
+            >>> {name: round(fraction, 3) for name, fraction in fractions.items()}
             {'S': 0.271, 'M': 0.388, 'U': 0.341}
         """
         return self.angle_distribution(location_error=location_error).fractions(
@@ -276,8 +276,8 @@ def circle_fractions(
 
     Example:
         >>> from grasp3d.planar import circle_fractions
-        >>> found = circle_fractions(friction=(0.9, 1.1), sensor_resolution=0.4, location_error=0.1)
-        >>> {name: round(fraction, 3) for name, fraction in found.items()}
+        >>> table = circle_fractions(friction=(0.9, 1.1), sensor_resolution=0.4, location_error=0.1)
+        >>> {name: round(fraction, 3) for name, fraction in table.items()}
         {'S': 0.269, 'M': 0.388, 'U': 0.342}
     """
     return Circle().fractions(

@@ -132,9 +132,9 @@ class Pairs:
         if self.actuation == "per_finger":
             sums = a[..., :, None, :] + b[..., None, :, :]
             rows.append(sums.reshape(*shape[:-2], -1, 3))
-        found = epsilon_of_wrenches(np.concatenate(rows, axis=-2))
-        closed = found.closed & (found.rank == RANK)
-        return np.where(closed, found.value, 0.0), closed
+        result = epsilon_of_wrenches(np.concatenate(rows, axis=-2))
+        closed = result.closed & (result.rank == RANK)
+        return np.where(closed, result.value, 0.0), closed
 
 
 def extreme_normals(half_range: float, tilt: float) -> Floats:
@@ -225,7 +225,7 @@ class PlanarScan:
     critical_angle: Floats
     """Critical friction angle over the worst normals [rad], closed form."""
     critical_angle_best: Floats
-    """The same over the best normals; smaller at corners, or if the fixed finger is at one."""
+    """The same over the best normals; smaller where either finger is at a corner."""
     located_angles: tuple[Floats, Floats]
     """Worst and best angles over the normals and all true locations [rad]: the critical angles,
     unless the model has a location error or fingers that differ."""
@@ -442,10 +442,10 @@ def scan(
 
         >>> import grasp3d
         >>> model = grasp3d.GraspModel(friction=(0.9, 1.1), location_error=0.1)
-        >>> found = grasp3d.planar.scan(grasp3d.planar.Circle(), model)
-        >>> {name: round(fraction, 2) for name, fraction in found.fractions().items()}
+        >>> scanned = grasp3d.planar.scan(grasp3d.planar.Circle(), model)
+        >>> {name: round(fraction, 2) for name, fraction in scanned.fractions().items()}
         {'S': 0.27, 'M': 0.39, 'U': 0.34}
-        >>> bool((found.located_angles[0] >= found.critical_angle).all())
+        >>> bool((scanned.located_angles[0] >= scanned.critical_angle).all())
         True
     """
     settings = GraspModel() if model is None else model

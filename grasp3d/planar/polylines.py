@@ -73,8 +73,8 @@ def _length_below(
     if location == 0.0:
         below = _below(lines, reach, angle)
     else:
-        found = (lines.best if best else lines.worst)((half_range, np.zeros(1)), location)
-        below = found - angle < -TIE
+        angles = (lines.best if best else lines.worst)((half_range, np.zeros(1)), location)
+        below = angles - angle < -TIE
     lengths = np.hypot(along[:, 0], along[:, 1])[:, None] * np.diff(breaks)
     return np.asarray(np.where(below, lengths, 0.0).sum(axis=(1, 2)))
 
@@ -301,8 +301,8 @@ def square_fractions(
 
     Example:
         >>> from grasp3d.planar import square_fractions
-        >>> found = square_fractions(friction=1.0, sensor_resolution=0.4, location_error=0.1)
-        >>> {name: round(fraction, 3) for name, fraction in found.items()}
+        >>> fractions = square_fractions(friction=1.0, sensor_resolution=0.4, location_error=0.1)
+        >>> {name: round(fraction, 3) for name, fraction in fractions.items()}
         {'S': 0.25, 'M': 0.362, 'U': 0.388}
     """
     return square().fractions(

@@ -109,8 +109,8 @@ class Disagreements:
 def _extreme(kind: Kind, poses: EvaluatedPoses, most: int) -> list[int]:
     """Rows of the greatest disagreements of a kind, at most so many."""
     held, closed = poses.outcome == 1.0, poses.jaws.closed
-    chosen = {"failed": ~held & closed, "held": held & closed, "held_open": held & ~closed}[kind]
-    rows = np.flatnonzero(chosen)
+    mask = {"failed": ~held & closed, "held": held & closed, "held_open": held & ~closed}[kind]
+    rows = np.flatnonzero(mask)
     if kind != "held_open":
         margins = poses.margin[rows]
         # A failed grasp without margin, labelled U, is none.

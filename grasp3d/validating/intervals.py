@@ -35,8 +35,8 @@ def wilson(held: int, count: int) -> tuple[float, float]:
     """
     if not count:
         return 0.0, 1.0
-    found = binomtest(held, count).proportion_ci(LEVEL, method="wilson")
-    return float(found.low), float(found.high)
+    interval = binomtest(held, count).proportion_ci(LEVEL, method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 def resampled_weights(clusters: Ints, resamples: int, seed: int) -> Iterator[Ints]:
@@ -52,8 +52,8 @@ def resampled_weights(clusters: Ints, resamples: int, seed: int) -> Iterator[Int
     """
     random, count = np.random.default_rng(seed), int(clusters.max(initial=-1)) + 1
     for _ in range(resamples):
-        drawn = np.bincount(random.integers(count, size=count), minlength=count)
-        yield drawn[clusters]
+        times = np.bincount(random.integers(count, size=count), minlength=count)
+        yield times[clusters]
 
 
 def bootstrap(measures: Sequence[Measure], clusters: Ints, *, resamples: int, seed: int) -> Floats:
@@ -80,13 +80,13 @@ def bootstrap(measures: Sequence[Measure], clusters: Ints, *, resamples: int, se
         >>> bool(2.0 < ends[0, 0] < 3.5 and 5.5 < ends[0, 1] < 7.0)
         True
     """
-    found = np.full((len(measures), resamples), np.nan)
+    values = np.full((len(measures), resamples), np.nan)
     for number, weights in enumerate(resampled_weights(clusters, resamples, seed)):
-        found[:, number] = [measure(weights) for measure in measures]
+        values[:, number] = [measure(weights) for measure in measures]
         report_progress((number + 1) / resamples)
     ends = np.full((len(measures), 2), np.nan)
-    known = ~np.isnan(found).all(axis=1)
+    defined = ~np.isnan(values).all(axis=1)
     tail = 0.5 * (1.0 - LEVEL)
-    if known.any():
-        ends[known] = np.nanquantile(found[known], [tail, 1.0 - tail], axis=1).T
+    if defined.any():
+        ends[defined] = np.nanquantile(values[defined], [tail, 1.0 - tail], axis=1).T
     return ends

@@ -51,8 +51,8 @@ class RankedOutcomes:
         """
         each = np.ones(len(self.held)) if weights is None else weights.astype(np.float64)
         held, failed = (
-            np.asarray(np.bincount(self.groups, weights=each * chosen), dtype=np.float64)
-            for chosen in (self.held, ~self.held)
+            np.asarray(np.bincount(self.groups, weights=each * outcomes), dtype=np.float64)
+            for outcomes in (self.held, ~self.held)
         )
         return held, failed
 

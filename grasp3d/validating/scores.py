@@ -36,7 +36,7 @@ class Score:
     meaning: str
 
     def ranked(self, values: Floats) -> Floats:
-        """Values of which larger ones are better; -inf, the worst, where there is none (nan)."""
+        """Turn values so that larger is better; -inf, the worst, where a value is missing (nan)."""
         signed = values if self.better == "larger" else -values
         return np.where(np.isnan(signed), -math.inf, signed)
 
@@ -66,31 +66,31 @@ SCORES = (
 """All scores; `grip_force` is computed where there is a load."""
 
 
-def scores_of(found: EvaluatedPoses) -> dict[str, Floats]:
+def scores_of(poses: EvaluatedPoses) -> dict[str, Floats]:
     """The scores of evaluated poses, shape (k,) each, in SI units and radians.
 
     Args:
-        found: Evaluated poses.
+        poses: Evaluated poses.
 
     Returns:
         By name of `SCORES`; nan where the jaws do not close, but for `label` and `reachable`,
         which are 0 there. Without a load there is no `grip_force`.
     """
-    assert found.mesh.unit is not None  # evaluated poses have one
-    metres = METRES[found.mesh.unit]
+    assert poses.mesh.unit is not None  # evaluated poses have a unit
+    metres = METRES[poses.mesh.unit]
     values = {
-        "margin": found.margin,
-        "critical_angle": found.critical_angle,
-        "label": found.label.astype(np.float64),
-        "epsilon": found.epsilon,
-        "reachable": found.reachable.astype(np.float64),
-        **_of_contacts(found, metres),
-        "opening": found.opening * metres,
-        "contact_area": found.jaws.area.min(axis=1) * metres**2,
+        "margin": poses.margin,
+        "critical_angle": poses.critical_angle,
+        "label": poses.label.astype(np.float64),
+        "epsilon": poses.epsilon,
+        "reachable": poses.reachable.astype(np.float64),
+        **_of_contacts(poses, metres),
+        "opening": poses.opening * metres,
+        "contact_area": poses.jaws.area.min(axis=1) * metres**2,
     }
-    if found.holding is not None:
-        values["grip_force"] = found.holding.grip_force
-    closed = found.jaws.closed
+    if poses.holding is not None:
+        values["grip_force"] = poses.holding.grip_force
+    closed = poses.jaws.closed
     return {
         score.name: np.where(closed | (score.name in _ALWAYS), values[score.name], math.nan)
         for score in SCORES
@@ -102,16 +102,16 @@ _ALWAYS = ("label", "reachable")
 """Scores that poses have whose jaws do not close."""
 
 
-def _of_contacts(found: EvaluatedPoses, metres: float) -> dict[str, Floats]:
+def _of_contacts(poses: EvaluatedPoses, metres: float) -> dict[str, Floats]:
     """Scores of two contacts without friction: angles, normals, distance of the COM."""
-    points, normals = found.jaws.points, found.jaws.normals
+    points, normals = poses.jaws.points, poses.jaws.normals
     with np.errstate(invalid="ignore", divide="ignore"):
         line = points[:, 1] - points[:, 0]
         line = line / np.linalg.norm(line, axis=1, keepdims=True)  # (k, 3)
         angles = np.maximum(
             angles_between(normals[:, 0], line), angles_between(normals[:, 1], -line)
         )
-        arm = np.cross(found.mesh.center_mass - points[:, 0], line)
+        arm = np.cross(poses.mesh.center_mass - points[:, 0], line)
     return {
         "antipodal_angle": angles,
         "normal_product": (normals[:, 0] * normals[:, 1]).sum(axis=1),

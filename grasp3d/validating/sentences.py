@@ -15,82 +15,82 @@ MOST_FILES = 8
 """Most files whose gripper and mass are listed."""
 
 
-def counts_of(found: Validation) -> str:
+def counts_of(result: Validation) -> str:
     """How many grasps on how many objects, and how many of them held.
 
     Args:
-        found: The result.
+        result: The validation.
     """
-    held, size = int(found.grasps.held.sum()), found.grasps.size
-    left = f"; {found.not_tried:,} without an outcome are left out" if found.not_tried else ""
+    held, size = int(result.grasps.held.sum()), result.grasps.size
+    more = f"; {result.not_tried:,} without an outcome are left out" if result.not_tried else ""
     return (
-        f"{counted(size, 'grasps')} with an outcome on {counted(found.objects, 'objects')}: "
-        f"{held:,} held ({percent(held / size)}){left}"
+        f"{counted(size, 'grasps')} with an outcome on {counted(result.objects, 'objects')}: "
+        f"{held:,} held ({percent(held / size)}){more}"
     )
 
 
-def closing_of(found: Validation) -> str:
+def closing_of(result: Validation) -> str:
     """How grasps count whose jaws do not close.
 
     Args:
-        found: The result.
+        result: The validation.
     """
-    missing = ~found.grasps.closed
+    missing = ~result.grasps.closed
     if not missing.any():
         return "the jaws close on the mesh at every pose"
     return (
         f"at {counted(int(missing.sum()), 'poses')} the jaws do not close on the mesh: labelled U, "
-        f"with the worst value of every score; {int((missing & found.grasps.held).sum()):,} of "
+        f"with the worst value of every score; {int((missing & result.grasps.held).sum()):,} of "
         "them held"
     )
 
 
-def intervals_of(found: Validation) -> str:
+def intervals_of(result: Validation) -> str:
     """What the intervals are over.
 
     Args:
-        found: The result.
+        result: The validation.
     """
-    resamples, seed = found.resamples, found.settings.seed
-    if found.by_object:
-        what = f"the {found.objects} objects, each with all of its grasps"
+    resamples, seed = result.resamples, result.settings.seed
+    if result.by_object:
+        what = f"the {result.objects} objects, each with all of its grasps"
     else:
         what = "the grasps; they hold for this object, not for others"
     return f"intervals at 95 %: bootstrap, {resamples:,} resamples (seed {seed}) of {what}"
 
 
-def model_of(found: Validation) -> str:
+def model_of(result: Validation) -> str:
     """Friction, resolution and errors that labels, margins and forces are of.
 
     Args:
-        found: The result.
+        result: The validation.
     """
-    return f"labels, margins and forces at {model_line(found.model)}"
+    return f"labels, margins and forces at {model_line(result.model)}"
 
 
-def sources_of(found: Validation) -> list[str]:
+def sources_of(result: Validation) -> list[str]:
     """Gripper, mass and centre of mass of the files, each sentence once.
 
     Args:
-        found: The result.
+        result: The validation.
     """
-    lines = list(dict.fromkeys(_source(one) for one in found.files))
+    lines = list(dict.fromkeys(_source(file) for file in result.files))
     if len(lines) > MOST_FILES:
         return [*lines[:MOST_FILES], f"and {len(lines) - MOST_FILES} more; see the report"]
     return lines
 
 
-def calibration_of(found: Validation) -> list[str]:
+def calibration_of(result: Validation) -> list[str]:
     """Whether success rises with the margin, and from which margin on grasps hold.
 
     Args:
-        found: The result.
+        result: The validation.
     """
-    one, size = found.calibration, found.grasps.size
+    fit, size = result.calibration, result.grasps.size
     return [
-        _monotone(found),
-        f"best threshold (largest sum of sensitivity and specificity): {_threshold(one.youden)}",
-        _reached(one, size),
+        _monotone(result),
+        f"best threshold (largest sum of sensitivity and specificity): {_threshold(fit.youden)}",
+        _reached(fit, size),
     ]
 
 
@@ -137,24 +137,24 @@ def _mass(mass: float) -> str:
     return f"{mass:.3g} kg" if mass >= 1.0 else f"{1e3 * mass:.3g} g"
 
 
-def _monotone(found: Validation) -> str:
-    one = found.calibration
-    count = len(one.bins)
-    if math.isnan(one.rank_correlation) or count < MIN_BINS:
+def _monotone(result: Validation) -> str:
+    fit = result.calibration
+    count = len(fit.bins)
+    if math.isnan(fit.rank_correlation) or count < MIN_BINS:
         return "whether success rises with the margin is not known: all outcomes or margins agree"
-    if one.is_monotone and not one.falls:
+    if fit.is_monotone and not fit.falls:
         text = f"success rises with the margin over all {count} bins"
-    elif one.is_monotone:
+    elif fit.is_monotone:
         text = (
             f"success rises with the margin over {count} bins, but for "
-            f"{counted(one.falls, 'falls')} within chance"
+            f"{counted(fit.falls, 'falls')} within chance"
         )
     else:
         text = (
-            f"success does not rise with the margin: it falls at {one.falls} of {count - 1} "
+            f"success does not rise with the margin: it falls at {fit.falls} of {count - 1} "
             f"{noun(count - 1, 'steps')}, beyond chance at least once"
         )
-    return f"{text}; rank correlation (Spearman) {one.rank_correlation:.2f}"
+    return f"{text}; rank correlation (Spearman) {fit.rank_correlation:.2f}"
 
 
 def _threshold(one: MarginThreshold) -> str:

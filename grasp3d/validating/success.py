@@ -120,20 +120,20 @@ def calibrate(held: Bools, margins: Floats, *, bins: int, target: float) -> Cali
         >>> from grasp3d.validating.success import calibrate
         >>> margins = np.array([-0.2, -0.1, 0.1, 0.2, 0.3, np.nan])
         >>> held = np.array([False, False, True, False, True, False])
-        >>> found = calibrate(held, margins, bins=2, target=0.6)
-        >>> [(one.count, one.held) for one in found.bins], found.youden.margin
+        >>> calibration = calibrate(held, margins, bins=2, target=0.6)
+        >>> [(one.count, one.held) for one in calibration.bins], calibration.youden.margin
         ([(3, 1), (2, 1)], 0.1)
     """
     closed = ~np.isnan(margins)
-    known, outcome = margins[closed], held[closed]
-    distinct, group = np.unique(known, return_inverse=True)
+    finite, outcome = margins[closed], held[closed]
+    distinct, group = np.unique(finite, return_inverse=True)
     total = np.bincount(group, minlength=len(distinct)).astype(np.float64)
     success = np.bincount(group, weights=outcome, minlength=len(distinct))
     fitted = success / np.maximum(total, 1.0)
     if len(distinct):
         fitted = isotonic_regression(fitted, weights=total).x
     return Calibration(
-        bins=_bins(known, outcome, bins),
+        bins=_bins(finite, outcome, bins),
         margins=distinct,
         fitted=fitted,
         rank_correlation=_rank_correlation(held, margins),
@@ -151,14 +151,14 @@ def _bins(margins: Floats, held: Bools, count: int) -> tuple[MarginBin, ...]:
     number = np.searchsorted(edges, margins, side="left")
     return tuple(
         MarginBin(
-            low=float(margins[chosen].min()),
-            high=float(margins[chosen].max()),
-            mean=float(margins[chosen].mean()),
-            count=int(chosen.sum()),
-            held=int(held[chosen].sum()),
+            low=float(margins[inside].min()),
+            high=float(margins[inside].max()),
+            mean=float(margins[inside].mean()),
+            count=int(inside.sum()),
+            held=int(held[inside].sum()),
         )
-        for one in range(len(edges) + 1)
-        if (chosen := number == one).any()
+        for index in range(len(edges) + 1)
+        if (inside := number == index).any()
     )
 
 
@@ -267,7 +267,7 @@ def labels_at(
     Args:
         worst: Located angles over the worst normals and locations [rad], shape (n,); nan: the jaws
             do not close.
-        best: The same over the best ones.
+        best: The same over the best normals and locations.
         model: All other uncertainties.
         friction: Coefficient of friction.
         resolution: Sensor resolution [rad].
@@ -275,8 +275,8 @@ def labels_at(
     Raises:
         SettingError: The model's error of friction is not below the friction.
     """
-    used = replace(model, friction=friction, sensor_resolution=resolution)
-    codes = label_angles(worst, best, used)
+    changed = replace(model, friction=friction, sensor_resolution=resolution)
+    codes = label_angles(worst, best, changed)
     codes[np.isnan(worst)] = Label.U
     return codes
 

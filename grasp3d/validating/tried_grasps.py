@@ -66,20 +66,20 @@ class MeshFolder:
             grasps: The file of grasps.
 
         Raises:
-            MeshError: Nothing is stated, or there is none or more than one such file.
+            MeshError: Nothing is stated, or no file or several files fit.
         """
         if stated is None:
             raise MeshError(f"{grasps}: names no mesh file of its object; give it with --mesh FILE")
         relative = _safe(stated)
         by_path = [grasps.parent / relative, *([self.folder / relative] if self.folder else [])]
         by_name = [grasps.parent / relative.name, *self._by_base_name.get(relative.name, [])]
-        for found in map(_distinct, (by_path, by_name)):
-            if len(found) == 1:
-                return found[0]
-            if found:
-                named = ", ".join(map(str, found[:MOST_NAMED]))
+        for files in map(_distinct, (by_path, by_name)):
+            if len(files) == 1:
+                return files[0]
+            if files:
+                named = ", ".join(map(str, files[:MOST_NAMED]))
                 raise MeshError(
-                    f"{grasps}: names the mesh {stated!r}, and {len(found)} files fit: {named}; "
+                    f"{grasps}: names the mesh {stated!r}, and {len(files)} files fit: {named}; "
                     "give the one that is meant with --mesh FILE"
                 )
         raise MeshError(f"{grasps}: names the mesh {stated!r}, which is not {self._where(grasps)}")
@@ -87,11 +87,11 @@ class MeshFolder:
     @cached_property
     def _by_base_name(self) -> dict[str, list[Path]]:
         """All files below the folder by their base names."""
-        found: dict[str, list[Path]] = {}
+        paths: dict[str, list[Path]] = {}
         for path in sorted(self.folder.rglob("*")) if self.folder is not None else ():
             if path.is_file():
-                found.setdefault(path.name, []).append(path)
-        return found
+                paths.setdefault(path.name, []).append(path)
+        return paths
 
     def _where(self, grasps: Path) -> str:
         beside = f"beside it in {grasps.parent}"
@@ -109,8 +109,8 @@ def _safe(stated: str) -> PurePosixPath:
 
 def _distinct(paths: list[Path]) -> list[Path]:
     """Files that exist, each once."""
-    found = {path.resolve(): path for path in reversed(paths) if path.is_file()}
-    return list(reversed(found.values()))
+    files = {path.resolve(): path for path in reversed(paths) if path.is_file()}
+    return list(reversed(files.values()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ class TriedGrasps:
     count: int
     """Grasps with an outcome."""
     not_tried: int
-    """Grasps without one, which are left out."""
+    """Grasps without an outcome, which are left out."""
     hand: Hand
     hand_from: str
     """Where the gripper is from, in words."""
@@ -149,7 +149,7 @@ class TriedGrasps:
 
 
 def check_grasps(
-    given: Sequence[str | Path | GraspPoses],
+    sources: Sequence[str | Path | GraspPoses],
     *,
     mesh: MeshSource | None = None,
     meshes: Path | None = None,
@@ -158,60 +158,60 @@ def check_grasps(
     """Check grasps before any work: outcomes, gripper and mesh of each.
 
     Args:
-        given: Files of poses, or poses in memory.
+        sources: Files of poses, or poses in memory.
         mesh: The mesh of all of them; None: each file names its own.
         meshes: Folder in which these are looked up.
         hand: The gripper of all of them; None: each file names its own.
 
     Returns:
-        One for each, in their order; at least one has outcomes.
+        The grasps of each source, in their order; at least one has outcomes.
 
     Raises:
         ContactError: A file is missing or damaged, or none has outcomes.
         SettingError: The gripper is not known.
         MeshError: A mesh is not found.
     """
-    if not given:
+    if not sources:
         raise ContactError("there are no grasps: name at least one file")
     folder = MeshFolder(None if meshes is None else Path(meshes))
-    found: list[TriedGrasps] = []
-    for one in given:
-        left = KEPT - sum(tried.count for tried in found if tried.kept is not None)
-        found.append(_checked(one, mesh, folder, hand, left))
-    if not any(one.count for one in found):
-        names = ", ".join(one.name for one in found[:5])
+    checked: list[TriedGrasps] = []
+    for source in sources:
+        room = KEPT - sum(tried.count for tried in checked if tried.kept is not None)
+        checked.append(_checked(source, mesh, folder, hand, room))
+    if not any(grasps.count for grasps in checked):
+        names = ", ".join(grasps.name for grasps in checked[:5])
         raise ContactError(f"{names}: no outcome is known of any grasp; {OUTCOMES}")
-    return found
+    return checked
 
 
 def _checked(
-    given: str | Path | GraspPoses,
+    source: str | Path | GraspPoses,
     mesh: MeshSource | None,
     folder: MeshFolder,
     hand: Hand | None,
-    left: int,
+    room: int,
 ) -> TriedGrasps:
-    path = None if isinstance(given, GraspPoses) else Path(given)
+    path = None if isinstance(source, GraspPoses) else Path(source)
     name = "poses" if path is None else str(path)
-    if isinstance(given, GraspPoses):
-        poses = given
-        used, origin = _gripper(poses, hand, name, acronym=False)
+    if isinstance(source, GraspPoses):
+        poses = source
+        gripper, origin = _gripper(poses, hand, name, acronym=False)
     else:
-        poses, used, origin = _read(Path(given), hand)
+        poses, gripper, origin = _read(Path(source), hand)
     if mesh is None:
         if path is None:
             raise SettingError("poses in memory need the mesh of their object: mesh=...")
         mesh = folder.find(poses.object_file, path)
-    known = ~np.isnan(poses.outcome)
+    tried = ~np.isnan(poses.outcome)
     return TriedGrasps(
         name=name,
         path=path,
-        count=int(known.sum()),
-        not_tried=int((~known).sum()),
-        hand=used,
+        count=int(tried.sum()),
+        not_tried=int((~tried).sum()),
+        hand=gripper,
         hand_from=origin,
         mesh=mesh,
-        kept=poses if path is None or poses.count <= left else None,
+        kept=poses if path is None or poses.count <= room else None,
     )
 
 
@@ -219,18 +219,16 @@ def _read(path: Path, hand: Hand | None) -> tuple[GraspPoses, Hand, str]:
     """Poses of a file, their gripper, and where it is from."""
     poses = read_poses(path, hand=hand)
     acronym = path.suffix.lower() in ACRONYM
-    used, origin = _gripper(poses, hand, str(path), acronym=acronym)
+    gripper, origin = _gripper(poses, hand, str(path), acronym=acronym)
     if acronym and hand is None:  # it states the hand, not the TCP
-        poses = read_poses(path, hand=used)
-    return poses, used, origin
+        poses = read_poses(path, hand=gripper)
+    return poses, gripper, origin
 
 
-def _gripper(
-    poses: GraspPoses, given: Hand | None, name: str, *, acronym: bool
-) -> tuple[Hand, str]:
+def _gripper(poses: GraspPoses, hand: Hand | None, name: str, *, acronym: bool) -> tuple[Hand, str]:
     """The gripper that is given, or that the poses state. Raises SettingError."""
-    if given is not None:
-        return given, "as given"
+    if hand is not None:
+        return hand, "as given"
     stated = poses.hand
     if isinstance(stated, Hand):
         return stated, "as the file states"
@@ -284,8 +282,8 @@ def stated_object(
     """
     mesh = in_stated_scale(load_mesh(source, options), poses)
     metres_per_unit(mesh)
-    given = mesh.report.center_mass_from == "given"
-    mesh = mesh if given else _with_center(mesh, poses)
+    own_center = mesh.report.center_mass_from == "given"
+    mesh = mesh if own_center else _with_center(mesh, poses)
     center_from = mesh.report.center_mass_from
     mass, origin = _mass(poses.settings.get("mass")), ""
     if load is not None and (load.mass is not None or load.density is not None):
@@ -298,7 +296,7 @@ def stated_object(
         load=load,
         mass=None if load is None else mass_of(mesh, load),
         mass_from=origin,
-        center_from="file" if center_from == "given" and not given else center_from,
+        center_from="file" if center_from == "given" and not own_center else center_from,
     )
 
 

@@ -63,10 +63,10 @@ class Evaluation:
         for low in range(0, tried.count, CHUNK):
             chunk = slice(low, min(low + CHUNK, tried.count))
             with within((first + chunk.start) / total, (first + chunk.stop) / total):
-                found = self._evaluated(poses.take(np.arange(tried.count)[chunk]), tried, body)
+                evaluated = self._evaluated(poses.take(np.arange(tried.count)[chunk]), tried, body)
             if not low:
-                self.warnings += [f"{tried.name}: {line}" for line in found.warnings]
-            self._keep(found, numbers[chunk], file, number)
+                self.warnings += [f"{tried.name}: {line}" for line in evaluated.warnings]
+            self._keep(evaluated, numbers[chunk], file, number)
         self._finish(tried, body, number, file)
 
     @property
@@ -91,7 +91,7 @@ class Evaluation:
         assert scene is not None
         self.models.append(model)
         with within(0.0, 0.5):
-            found = evaluate_grasps(
+            evaluated = evaluate_grasps(
                 body.mesh,
                 poses,
                 model,
@@ -100,25 +100,25 @@ class Evaluation:
                 load=body.load,
             )
         with within(0.5, 0.9):
-            found.compute("epsilon_range")
+            evaluated.compute("epsilon_range")
         with within(0.9, 1.0):
-            found.compute("holding")
-        return found
+            evaluated.compute("holding")
+        return evaluated
 
-    def _keep(self, found: EvaluatedPoses, numbers: Ints, file: int, number: int) -> None:
+    def _keep(self, poses: EvaluatedPoses, numbers: Ints, file: int, number: int) -> None:
         """Keep the scores of evaluated poses, and their greatest disagreements."""
-        scores = scores_of(found)
-        self.disagreements.add(found, scores, self.size)
-        worst, best = found.located_angles
-        count = found.size
+        scores = scores_of(poses)
+        self.disagreements.add(poses, scores, self.size)
+        worst, best = poses.located_angles
+        count = poses.size
         self.parts.append(
             ScoredGrasps(
                 file=np.full(count, file),
                 grasp=numbers,
                 object_number=np.full(count, number),
-                held=np.asarray(found.outcome == 1.0),
-                state=found.state,
-                label=found.label,
+                held=np.asarray(poses.outcome == 1.0),
+                state=poses.state,
+                label=poses.label,
                 located_worst=worst,
                 located_best=best,
                 scores=scores,
@@ -233,31 +233,31 @@ def validate_grasps(
         >>> poses[:, 1, 3] = np.linspace(0.0, 0.04, 10)
         >>> tried = GraspPoses(poses=poses, outcome=[1, 1, 1, 1, 1, 0, 0, 0, 0, 0], unit="m")
         >>> franka = grasp3d.read_hand("franka")
-        >>> found = grasp3d.validate_grasps(tried, mesh=box, hand=franka)
-        >>> found.grasps.size, int(found.grasps.closed.sum())
+        >>> validation = grasp3d.validate_grasps(tried, mesh=box, hand=franka)
+        >>> validation.grasps.size, int(validation.grasps.closed.sum())
         (10, 7)
-        >>> print(f"{found.quality('margin').roc_auc:.2f}")
+        >>> print(f"{validation.quality('margin').roc_auc:.2f}")
         0.80
     """
-    chosen, used = settings or ValidationSettings(), reach or ReachSettings()
-    given = model or GraspModel()
-    _check_model(given)
+    settings, reach = settings or ValidationSettings(), reach or ReachSettings()
+    model = model or GraspModel()
+    _check_model(model)
     tried = check_grasps(
         [grasps] if isinstance(grasps, str | Path | GraspPoses) else list(grasps),
         mesh=mesh,
         meshes=None if meshes is None else Path(meshes),
-        hand=hand or used.hand,
+        hand=hand or reach.hand,
     )
-    worst = Disagreements(chosen.worst)
-    done = Evaluation(given, options, used, load, object_motion, worst)
+    worst = Disagreements(settings.worst)
+    evaluation = Evaluation(model, options, reach, load, object_motion, worst)
     with within(0.0, EVALUATED):
-        for one in tried:
-            done.evaluate(one, sum(each.count for each in tried))
-    done.check()
+        for source in tried:
+            evaluation.evaluate(source, sum(each.count for each in tried))
+    evaluation.check()
     with within(EVALUATED, 1.0):
-        found = compared(done, chosen)
+        validation = compared(evaluation, settings)
     report_progress(1.0)
-    return found
+    return validation
 
 
 def _check_model(model: GraspModel) -> None:
@@ -272,17 +272,17 @@ def _check_model(model: GraspModel) -> None:
                            "per_finger out")  # fmt: skip
 
 
-def compared(done: Evaluation, settings: ValidationSettings) -> Validation:
+def compared(evaluation: Evaluation, settings: ValidationSettings) -> Validation:
     """Compare the scores of evaluated grasps with their outcomes.
 
     Args:
-        done: The evaluated grasps, at least one of which closes.
+        evaluation: The evaluated grasps, at least one of which closes.
         settings: Grid of the labels, bins, resamples and seed.
     """
-    grasps, model = _joined(done.parts), done.models[0]
-    by_object, resamples = len(done.objects) > 1, _resamples(grasps.size, settings.resamples)
+    grasps, model = _joined(evaluation.parts), evaluation.models[0]
+    by_object, resamples = len(evaluation.objects) > 1, _resamples(grasps.size, settings.resamples)
     return Validation(
-        files=tuple(done.files),
+        files=tuple(evaluation.files),
         grasps=grasps,
         model=model,
         settings=settings,
@@ -293,14 +293,14 @@ def compared(done: Evaluation, settings: ValidationSettings) -> Validation:
         calibration=calibrate(
             grasps.held, grasps.scores["margin"], bins=settings.bins, target=settings.target
         ),
-        disagreements=done.disagreements.all(),
-        warnings=(*done.warnings, *_warnings(done, grasps)),
+        disagreements=evaluation.disagreements.all(),
+        warnings=(*evaluation.warnings, *_warnings(evaluation, grasps)),
     )
 
 
-def _warnings(done: Evaluation, grasps: ScoredGrasps) -> Iterator[str]:
+def _warnings(evaluation: Evaluation, grasps: ScoredGrasps) -> Iterator[str]:
     """Sentences on outcomes and objects that leave little to say."""
-    names = ", ".join(one.name for one in done.files[:5])
+    names = ", ".join(one.name for one in evaluation.files[:5])
     if grasps.one_sided:
         became = "held" if grasps.held.all() else "failed"
         yield f"{names}: all {grasps.size} grasps {became}, so no score can be ranked"
@@ -311,18 +311,18 @@ def _warnings(done: Evaluation, grasps: ScoredGrasps) -> Iterator[str]:
             f"only {least} of {grasps.size} grasps {rare}: scores, intervals and thresholds of so "
             "few say little about other grasps"
         )
-    if 1 < len(done.objects) < FEW_OBJECTS:
+    if 1 < len(evaluation.objects) < FEW_OBJECTS:
         yield (
-            f"intervals by object are of {len(done.objects)} objects only, too few to know how "
-            "much objects differ: they are too narrow"
+            f"intervals by object are of {len(evaluation.objects)} objects only, too few to know "
+            "how much objects differ: they are too narrow"
         )
-    if len({one.sensor_resolution for one in done.models}) > 1:
+    if len({one.sensor_resolution for one in evaluation.models}) > 1:
         yield "the grippers state different sensor resolutions: labels and margins are of each"
 
 
-def _resamples(size: int, wanted: int) -> int:
+def _resamples(size: int, most: int) -> int:
     """Resamples for so many grasps: so many that all together draw few enough of them."""
-    return max(min(wanted, MOST_DRAWN // max(size, 1)), LEAST_RESAMPLES)
+    return max(min(most, MOST_DRAWN // max(size, 1)), LEAST_RESAMPLES)
 
 
 def _joined(parts: Sequence[ScoredGrasps]) -> ScoredGrasps:

@@ -93,7 +93,7 @@ class ScoredGrasps:
         return bool(self.held.all() or not self.held.any())
 
     def ranked(self, score: Score) -> Floats:
-        """Values of a score of which larger ones are better; -inf where there is none."""
+        """Values of a score, turned so that larger is better; -inf where a value is missing."""
         return score.ranked(self.scores[score.name])
 
 
@@ -183,7 +183,7 @@ _AS_TEXT = ("label", "reachable")
 """Scores that the table has as text and as true or false."""
 
 
-def write_validation(folder: str | Path, found: Validation) -> None:
+def write_validation(folder: str | Path, result: Validation) -> None:
     """Write the tables of a validation: grasps.csv, scores.csv, labels.csv and calibration.csv.
 
     Angles are in radians, lengths in metres, areas in square metres, forces in newtons; nan leaves
@@ -191,7 +191,7 @@ def write_validation(folder: str | Path, found: Validation) -> None:
 
     Args:
         folder: Folder to make or to write to; tables that are in it are replaced.
-        found: The result.
+        result: The outcome of `validate_grasps`.
 
     Raises:
         OutputError: A file cannot be written.
@@ -214,10 +214,10 @@ def write_validation(folder: str | Path, found: Validation) -> None:
     from grasp3d.system.tables import write_columns
 
     folder = made_folder(folder)
-    write_columns(folder / GRASPS, found.columns(), settings={})
-    _write(folder / SCORES, _scores(found))
-    _write(folder / LABELS, [_label_row(one, label) for one in found.labels for label in _ORDER])
-    _write(folder / CALIBRATION, _bins(found))
+    write_columns(folder / GRASPS, result.columns(), settings={})
+    _write(folder / SCORES, _scores(result))
+    _write(folder / LABELS, [_label_row(row, label) for row in result.labels for label in _ORDER])
+    _write(folder / CALIBRATION, _bins(result))
 
 
 _ORDER = sorted(Label, reverse=True)
@@ -242,14 +242,14 @@ def _write(path: Path, rows: list[dict[str, Any]]) -> None:
     from grasp3d.system.tables import write_table
 
     columns = {name: type(value) for name, value in rows[0].items()}
-    known = [
+    cells = [
         {name: value for name, value in row.items() if value == value}  # noqa: PLR0124, not nan
         for row in rows
     ]
-    write_table(path, known, columns, settings={})
+    write_table(path, cells, columns, settings={})
 
 
-def _scores(found: Validation) -> list[dict[str, Any]]:
+def _scores(validation: Validation) -> list[dict[str, Any]]:
     return [
         {
             "score": one.score.name,
@@ -261,7 +261,7 @@ def _scores(found: Validation) -> list[dict[str, Any]]:
             "average_precision_low": one.average_precision_interval[0],
             "average_precision_high": one.average_precision_interval[1],
         }
-        for one in found.qualities
+        for one in validation.qualities
     ]
 
 
@@ -279,7 +279,7 @@ def _label_row(one: LabelSuccess, label: Label) -> dict[str, Any]:
     }
 
 
-def _bins(found: Validation) -> list[dict[str, Any]]:
+def _bins(validation: Validation) -> list[dict[str, Any]]:
     return [
         {
             "margin_low": one.low,
@@ -291,5 +291,5 @@ def _bins(found: Validation) -> list[dict[str, Any]]:
             "fraction_low": one.interval[0],
             "fraction_high": one.interval[1],
         }
-        for one in found.calibration.bins
+        for one in validation.calibration.bins
     ]

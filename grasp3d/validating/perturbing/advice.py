@@ -61,15 +61,15 @@ def advise(labels: SurfaceLabels, confirmed: Bools, turn: float, across: float) 
     """
     location, areas = _rounded_up(across), labels.mesh.vertex_areas
     model = replace(labels.model, location_error=location)
-    found = label_surface(labels.mesh, model, sampling=labels.sampling)
-    least = least_error(found.margin, confirmed, areas)
-    chosen = math.radians(
-        _rounded_up(math.degrees(error_to_enter(found.margin, least, turn, areas)))
+    located = label_surface(labels.mesh, model, sampling=labels.sampling)
+    least = least_error(located.margin, confirmed, areas)
+    error = math.radians(
+        _rounded_up(math.degrees(error_to_enter(located.margin, least, turn, areas)))
     )
-    stable = found.margin > chosen
+    stable = located.margin > error
     area, own = float(areas[stable].sum()), labels.model.normal_error
     return Advice(
-        normal_error=own + chosen,
+        normal_error=own + error,
         location_error=location,
         measured_turn=turn,
         least_normal_error=own + least,
@@ -91,8 +91,8 @@ def error_to_enter(margin: Floats, least: float, turn: float, areas: Floats) -> 
         areas: Areas of the vertices, (V,).
     """
     larger = max(turn, least)
-    left, most = (float(areas[margin > error].sum()) for error in (larger, turn))
-    return larger if left > MUCH_LESS * most else turn
+    area, most = (float(areas[margin > error].sum()) for error in (larger, turn))
+    return larger if area > MUCH_LESS * most else turn
 
 
 def least_error(margin: Floats, confirmed: Bools, areas: Floats) -> float:

@@ -95,15 +95,15 @@ def examine_copy(labels: SurfaceLabels, copy: ObjectMesh) -> CopyResult:
         labels: The labels of the surface itself.
         copy: A copy, with the same faces.
     """
-    found = label_surface(copy, labels.model, sampling=labels.sampling)
+    result = label_surface(copy, labels.model, sampling=labels.sampling)
     shift = np.linalg.norm(copy.vertices - labels.mesh.vertices, axis=1)
     across = _shift_across(labels, copy) if labels.model.fingers == 2 else shift
     areas, limit = labels.mesh.vertex_areas, labels.model.effective_friction_angle
-    stable = found.label == Label.S
-    right = stable & (angles_on(labels.mesh, found) < limit)
+    stable = result.label == Label.S
+    right = stable & (angles_on(labels.mesh, result) < limit)
     return CopyResult(
-        label=found.label,
-        critical_angle=found.critical_angle.astype(np.float32),
+        label=result.label,
+        critical_angle=result.critical_angle.astype(np.float32),
         kept=angles_on(copy, labels) < limit,
         stable_area=float(areas[stable].sum()),
         right_area=float(areas[right].sum()),
@@ -135,12 +135,12 @@ def turned_normals(mesh: ObjectMesh, copy: ObjectMesh) -> Floats:
 
     At creases it is the distance from the set of the surface's normals.
     """
-    sets, given = mesh.normal_sets, copy.corner_normals
-    vertex, normals = given.vertices, given.normals
-    one = sets.counts[vertex] == 1
+    sets, corners = mesh.normal_sets, copy.corner_normals
+    vertex, normals = corners.vertices, corners.normals
+    single = sets.counts[vertex] == 1
     angles = np.zeros(len(vertex))
-    angles[one] = angles_between(normals[one], sets.normals[sets.start[vertex[one]]])
-    for row in np.flatnonzero(~one & (sets.counts[vertex] > 0)):
+    angles[single] = angles_between(normals[single], sets.normals[sets.start[vertex[single]]])
+    for row in np.flatnonzero(~single & (sets.counts[vertex] > 0)):
         at = vertex[row]
         angles[row] = smallest_angle(sets.normals, sets.start[at], sets.counts[at], *normals[row])
     largest = np.zeros(len(mesh.vertices))
@@ -184,7 +184,7 @@ def perturb_surface(
 
     The vertices of each copy are moved along their normals at random; along the surface an error
     would not change its shape. Vertices that divide long edges move with their faces. A copy is
-    searched anew for the best grasp at each vertex.
+    searched again for the best grasp at each vertex.
 
     Args:
         mesh: The scan: a path or an object, as in `load_mesh`, or a surface that is prepared.
@@ -213,17 +213,17 @@ def perturb_surface(
         >>> errors = np.random.default_rng(0).normal(0.0, 0.005, len(ball.vertices))
         >>> scan = ball.vertices * (1.0 + errors)[:, None], ball.faces
         >>> noise, options = NoiseSettings(noise=0.005, copies=8), grasp3d.MeshOptions(max_edge=9.0)
-        >>> found = perturb_surface(scan, noise=noise, options=options)
-        >>> found.stable.shape, bool(found.advice.unconfirmed_fraction <= 0.01)
+        >>> result = perturb_surface(scan, noise=noise, options=options)
+        >>> result.stable.shape, bool(result.advice.unconfirmed_fraction <= 0.01)
         ((642,), True)
     """
     surface = mesh if isinstance(mesh, MovableSurface) else movable_surface(mesh, options)
-    settings, chosen = surface.mesh.in_own_unit(noise or NoiseSettings(), model or GraspModel())
-    _check_model(chosen)
+    settings, own_model = surface.mesh.in_own_unit(noise or NoiseSettings(), model or GraspModel())
+    _check_model(own_model)
     begin_step("estimating the noise")
     sigma = _sigma(surface, settings)
     with unreported():
-        labels = label_surface(surface.mesh, chosen, sampling=sampling)
+        labels = label_surface(surface.mesh, own_model, sampling=sampling)
     begin_step("labelling noisy copies")
     results = []
     for copy in noisy_copies(
@@ -233,11 +233,11 @@ def perturb_surface(
             results.append(examine_copy(labels, copy))
         report_progress(len(results) / (settings.copies + 1))
     with unreported():
-        found = _gathered(
+        perturbation = _gathered(
             labels, results, replace(settings, noise=sigma), estimated=settings.noise is None
         )
     report_progress(1.0)
-    return found
+    return perturbation
 
 
 def _check_model(model: GraspModel) -> None:
@@ -269,14 +269,14 @@ def _gathered(
 ) -> Perturbation:
     """Fractions and quantiles over the copies."""
     level = settings.level
-    codes = np.stack([one.label for one in results])
-    angles = np.stack([one.critical_angle for one in results])
+    codes = np.stack([result.label for result in results])
+    angles = np.stack([result.critical_angle for result in results])
     turns, shifts = (
-        np.stack([getattr(one, name) for one in results]) for name in ("turn", "shift")
+        np.stack([getattr(result, name) for result in results]) for name in ("turn", "shift")
     )
     parts = {label: locked((codes == label).mean(axis=0)) for label in Label}
-    kept = np.mean([one.kept for one in results], axis=0)
-    across = _quantile(labels, np.stack([one.across for one in results]), level)
+    fractions = np.mean([result.kept for result in results], axis=0)
+    across = _quantile(labels, np.stack([result.across for result in results]), level)
     confirmed: Bools = (codes == Label.S).sum(axis=0) >= math.ceil(level * len(codes) - 1e-9)
     return Perturbation(
         labels=labels,
@@ -285,7 +285,7 @@ def _gathered(
         stable=parts[Label.S],
         ambiguous=parts[Label.M],
         unstable=parts[Label.U],
-        kept=locked(np.where(np.isinf(labels.critical_angle), math.nan, kept)),
+        kept=locked(np.where(np.isinf(labels.critical_angle), math.nan, fractions)),
         critical_angle_low=_over_copies(angles, 1.0 - level),
         critical_angle_high=_over_copies(angles, level),
         normal_turn=_over_copies(turns, level),

@@ -94,7 +94,7 @@ SUFFIXES = (".ply", *TABLES)
 """Endings of the files."""
 
 
-def write_perturbation(path: str | Path, found: Perturbation) -> None:
+def write_perturbation(path: str | Path, perturbation: Perturbation) -> None:
     """Write the results of noisy copies for each vertex.
 
     A PLY is the surface with x y z, outward nx ny nz and the properties below (float, angles in
@@ -105,7 +105,7 @@ def write_perturbation(path: str | Path, found: Perturbation) -> None:
 
     Args:
         path: File to make or replace; .ply, .csv or .parquet.
-        found: The results.
+        perturbation: The results.
 
     Raises:
         OutputError: The suffix is unknown, or the file cannot be written.
@@ -115,37 +115,37 @@ def write_perturbation(path: str | Path, found: Perturbation) -> None:
         >>> import grasp3d
         >>> from grasp3d.validating import perturbing
         >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), max_edge=9.0)
-        >>> found = perturbing.perturb_surface(ball)
-        >>> perturbing.write_perturbation("noise.ply", found)
-        >>> trimesh.load_mesh("noise.ply").vertices.shape == found.mesh.vertices.shape
+        >>> noisy = perturbing.perturb_surface(ball)
+        >>> perturbing.write_perturbation("noise.ply", noisy)
+        >>> trimesh.load_mesh("noise.ply").vertices.shape == noisy.mesh.vertices.shape
         True
     """
     path = Path(path)
     check_suffix(path, SUFFIXES, "table or mesh")
     if path.suffix.lower() == ".ply":
-        _write_ply(path, found)
+        _write_ply(path, perturbation)
         return
-    position = {axis: found.mesh.vertices[:, k] for k, axis in enumerate("xyz")}
-    write_columns(path, {**position, **found.columns()}, settings=settings_of(found))
+    position = {axis: perturbation.mesh.vertices[:, k] for k, axis in enumerate("xyz")}
+    write_columns(path, {**position, **perturbation.columns()}, settings=settings_of(perturbation))
 
 
-def settings_of(found: Perturbation) -> dict[str, Any]:
+def settings_of(perturbation: Perturbation) -> dict[str, Any]:
     """Settings of the copies and the errors to enter; angles in radians."""
-    labels, advice = found.labels, found.advice
+    labels, advice = perturbation.labels, perturbation.advice
     return {
         "version": package_version(),
         **chosen_settings(labels.mesh, labels.model, labels.sampling, labels.mode),
-        **plain_values(found.settings),
-        "noise_from": "roughness" if found.estimated else "given",
+        **plain_values(perturbation.settings),
+        "noise_from": "roughness" if perturbation.estimated else "given",
         **{f"advised_{name}": getattr(advice, name) for name in ("normal_error", "location_error")},
     }
 
 
-def _write_ply(path: Path, found: Perturbation) -> None:
-    mesh = found.mesh
+def _write_ply(path: Path, perturbation: Perturbation) -> None:
+    mesh = perturbation.mesh
     columns = {
         **{axis: mesh.vertices[:, k].astype("<f8") for k, axis in enumerate("xyz")},
         **{f"n{axis}": -mesh.normals[:, k].astype("<f4") for k, axis in enumerate("xyz")},
-        **{name: values.astype("<f4") for name, values in found.columns().items()},
+        **{name: values.astype("<f4") for name, values in perturbation.columns().items()},
     }
-    write_ply_columns(path, columns, mesh.faces, settings_of(found))
+    write_ply_columns(path, columns, mesh.faces, settings_of(perturbation))
