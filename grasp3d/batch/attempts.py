@@ -64,19 +64,19 @@ class Attempts(Generic[JobT, SettingsT, RowT]):
             jobs: Taken while fewer are running than the workers can hold.
             started: Called with each job that is taken.
         """
-        left = iter(jobs)
-        while self._send_jobs(left, started):
-            done = self._client.wait()
-            if done is not None:
-                number, result = done
+        queue = iter(jobs)
+        while self._send_jobs(queue, started):
+            message = self._client.wait()
+            if message is not None:
+                number, result = message
                 # Yield the row first: taking the next jobs can take a while.
                 yield from self._rows_of(self._running.pop(number), result)
 
-    def _send_jobs(self, left: Iterator[JobT], started: Callable[[JobT], None]) -> bool:
+    def _send_jobs(self, queue: Iterator[JobT], started: Callable[[JobT], None]) -> bool:
         """Send as many jobs as the workers can hold; returns whether any is running."""
         while len(self._running) < self._client.window:
             try:
-                job = next(left)
+                job = next(queue)
             except StopIteration:
                 break
             started(job)

@@ -89,12 +89,12 @@ class BatchSettings:
         object.__setattr__(self, "sampling", self.sampling.fitted(self.model.fingers))
         for friction, error in product(self.frictions, self.errors_of("friction_error")):
             GraspModel(friction=friction, friction_error=error)
-        given, needed = self.sampling.search_angle, self._needed_search_angle
-        if self.grid != FractionGrid() and given is not None and given < needed - ANGLE_ROUNDING:
+        angle, needed = self.sampling.search_angle, self._needed_search_angle
+        if self.grid != FractionGrid() and angle is not None and angle < needed - ANGLE_ROUNDING:
             raise SettingError(
                 "search angle must be at least atan(friction) + alpha/2 for the largest friction "
                 f"and alpha of the grid, {math.degrees(needed):.4g} degrees; "
-                f"got {math.degrees(given):.4g}"
+                f"got {math.degrees(angle):.4g}"
             )
 
     @property
@@ -105,8 +105,8 @@ class BatchSettings:
     @property
     def resolutions(self) -> tuple[float, ...]:
         """Sensor resolutions of the grid, in increasing order [rad]."""
-        given = self.grid.sensor_resolution or (*DEFAULT_RESOLUTIONS, self.model.sensor_resolution)
-        return tuple(sorted(set(given)))
+        values = self.grid.sensor_resolution or (*DEFAULT_RESOLUTIONS, self.model.sensor_resolution)
+        return tuple(sorted(set(values)))
 
     def errors_of(self, name: str) -> tuple[Any, ...]:
         """Errors of the grid, in increasing order, or the model's.
@@ -114,10 +114,10 @@ class BatchSettings:
         Args:
             name: `friction_error`, `normal_error` or `location_error`.
         """
-        given = getattr(self.grid, name) or (getattr(self.model, name),)
+        errors = getattr(self.grid, name) or (getattr(self.model, name),)
         if name == "location_error":
-            return tuple(dict.fromkeys(given))
-        return tuple(sorted(set(given)))
+            return tuple(dict.fromkeys(errors))
+        return tuple(sorted(set(errors)))
 
     def grid_models(self, model: GraspModel, unit: Any = None) -> tuple[GraspModel, ...]:
         """The model at every combination of the grid, all resolutions of each one by one.

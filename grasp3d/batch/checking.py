@@ -61,10 +61,10 @@ def check_file(mesh: MeshFile, settings: BatchSettings, *, force: bool = False) 
 
     try:
         with local_copy(mesh.source) as path:
-            found = diagnose(path, settings.model, settings.sampling, settings.mesh, force=force)
+            report = diagnose(path, settings.model, settings.sampling, settings.mesh, force=force)
     except GraspError as error:
         return CheckedMesh(mesh.name, mesh.source, refusal=str(error))
-    return CheckedMesh(mesh.name, mesh.source, found)
+    return CheckedMesh(mesh.name, mesh.source, report)
 
 
 def lost_check(mesh: MeshFile, reason: str) -> CheckedMesh:
@@ -125,21 +125,21 @@ def _finite(value: Any) -> Any:
     return None if value == float("inf") else value
 
 
-def _row(found: MeshDiagnosis) -> dict[str, Any]:
+def _row(diagnosis: MeshDiagnosis) -> dict[str, Any]:
     """Flatten a diagnosis into columns."""
     row = {
         f"{name}_{when}": value
-        for when, measured in (("before", found.before), ("after", found.after))
+        for when, measured in (("before", diagnosis.before), ("after", diagnosis.after))
         for name, value in asdict(measured).items()
         if name != "center_mass"
     }
     return {
-        **asdict(found),
+        **asdict(diagnosis),
         **row,
-        "memory": found.cost.memory,
-        "seconds": found.cost.seconds,
-        "unit_guess": found.guess.unit,
-        "center_shift": found.center_shift,
-        "warnings": "; ".join(warning.message for warning in found.warnings),
-        "repairs": "; ".join(map(str, found.repairs)),
+        "memory": diagnosis.cost.memory,
+        "seconds": diagnosis.cost.seconds,
+        "unit_guess": diagnosis.guess.unit,
+        "center_shift": diagnosis.center_shift,
+        "warnings": "; ".join(warning.message for warning in diagnosis.warnings),
+        "repairs": "; ".join(map(str, diagnosis.repairs)),
     }

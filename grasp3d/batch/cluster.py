@@ -73,12 +73,12 @@ async def _kind(address: str) -> str:
 
 def _check_versions(client: Client, scheduler: str) -> None:
     try:
-        found = client.run_on_scheduler(versions)
+        theirs = client.run_on_scheduler(versions)
     except Exception as error:
         raise SettingError(cannot_run(scheduler, error)) from error
-    if found != versions():
+    if theirs != versions():
         raise SettingError(
-            f"{scheduler}: the scheduler runs {found}, this process {versions()}; "
+            f"{scheduler}: the scheduler runs {theirs}, this process {versions()}; "
             f"{SAME_ENVIRONMENT}"
         )
 
@@ -107,8 +107,8 @@ def _line(error: Exception) -> str:
 @contextmanager
 def _silenced_logs() -> Iterator[None]:
     """Silence Dask's logs: rows and errors report the same failures in one sentence."""
-    known = logging.root.manager.loggerDict
-    names = ["distributed", *(name for name in known if name.startswith("distributed."))]
+    loggers = logging.root.manager.loggerDict
+    names = ["distributed", *(name for name in loggers if name.startswith("distributed."))]
     before = {name: logging.getLogger(name).level for name in names}
     for name in names:
         logging.getLogger(name).setLevel(logging.CRITICAL)

@@ -95,12 +95,12 @@ class ClusterClient:
     def largest_worker(self) -> tuple[str, float]:
         """Address of the worker with the most memory, and the memory that jobs may take [GB]."""
         with self._connection_errors():
-            found: dict[str, float] = {}
-            while not found:
+            memory: dict[str, float] = {}
+            while not memory:
                 self._count_threads()
-                found = self._client.run(usable_memory, on_error="ignore")
-                time.sleep(0.0 if found else REFRESH)
-        return max(found.items(), key=lambda item: item[1])
+                memory = self._client.run(usable_memory, on_error="ignore")
+                time.sleep(0.0 if memory else REFRESH)
+        return max(memory.items(), key=lambda item: item[1])
 
     def cancel_all(self) -> None:
         """Cancel all pending requests."""

@@ -47,7 +47,7 @@ def meshes_below(
     folder: str,
     results: str | None,
     *,
-    wanted: Callable[[str], object] = bool,
+    matches: Callable[[str], object] = bool,
     depth: int | None = None,
 ) -> Iterator[FoundMesh]:
     """Find the meshes in a folder and below, without hidden files and results.
@@ -55,7 +55,7 @@ def meshes_below(
     Args:
         folder: Path or address.
         results: Folder for results, left out where it is below `folder`.
-        wanted: Called with a name below the folder; a false value excludes the file.
+        matches: Called with a name below the folder; a false value excludes the file.
         depth: Levels of folders to search; none: all.
 
     Raises:
@@ -72,7 +72,7 @@ def meshes_below(
             continue
         if (stored and _inside(path, stored)) or (own and _inside(entry.real_path, {own})):
             continue
-        if wanted(entry.name):
+        if matches(entry.name):
             yield found_at(joined(folder, entry.name), entry, entry.name)
 
 

@@ -43,15 +43,15 @@ def find_meshes(inputs: Iterable[str], *, results: str | None = None) -> list[Me
         MeshError: An input is missing or cannot be opened, or there is no mesh among them.
     """
     inputs = list(inputs)
-    found: dict[str, MeshFile] = {}
+    meshes: dict[str, MeshFile] = {}
     for item in inputs:
         for one in _meshes_of_input(item, results):
-            found.setdefault(one.real_path, one.mesh)
-    if not found:
-        known = " ".join(sorted(mesh_suffixes()))
+            meshes.setdefault(one.real_path, one.mesh)
+    if not meshes:
+        suffixes = " ".join(sorted(mesh_suffixes()))
         folders = printable(", ".join(inputs))
-        raise MeshError(f"{folders}: no mesh in it; files named {known} are read")
-    return sorted(_with_unique_names(found.values()), key=lambda mesh: (mesh.name, mesh.source))
+        raise MeshError(f"{folders}: no mesh in it; files named {suffixes} are read")
+    return sorted(_with_unique_names(meshes.values()), key=lambda mesh: (mesh.name, mesh.source))
 
 
 def real_path(source: str) -> str:
@@ -90,18 +90,18 @@ def _meshes_of_pattern(pattern: str, results: str | None) -> Iterator[FoundMesh]
     fixed = next(number for number, part in enumerate(parts) if _MAGIC.search(part))
     folder, below = "/".join(parts[:fixed]), "/".join(parts[fixed:])
     depth = None if "**" in below else len(parts) - fixed
-    wanted = name_matcher(below)
+    matches = name_matcher(below)
     if not folder:
         folder = "/" if fixed else "."
     try:
-        found = list(meshes_below(folder, results, wanted=wanted, depth=depth))
+        meshes = list(meshes_below(folder, results, matches=matches, depth=depth))
     except FileNotFoundError as error:
         raise MeshError(f"{printable(folder)}: there is no such folder") from error
-    if not found:
+    if not meshes:
         raise MeshError(
             f"{printable(pattern)}: no mesh in it; a pattern names mesh files, as lib/**/*.stl"
         )
-    yield from found
+    yield from meshes
 
 
 def _meshes_of_list(source: str, results: str | None) -> Iterator[FoundMesh]:
@@ -146,7 +146,7 @@ def _listed_together(items: Iterable[str]) -> dict[str, FoundMesh]:
     """Files of an object store, where a list names many in one folder: one listing per folder."""
     remote = [item for item in items if local_path(item) is None and not _MAGIC.search(item)]
     counts = Counter(item.rpartition("/")[0] for item in remote)
-    found = {}
+    files = {}
     for folder in sorted(folder for folder, count in counts.items() if count >= MIN_FOR_LISTING):
         try:
             listed = list_entries(folder, depth=1)
@@ -154,8 +154,8 @@ def _listed_together(items: Iterable[str]) -> dict[str, FoundMesh]:
             continue  # reported for each entry
         for entry in listed:
             item = joined(folder, entry.name)
-            found[item] = found_at(item, entry, entry.name)
-    return found
+            files[item] = found_at(item, entry, entry.name)
+    return files
 
 
 def _with_unique_names(meshes: Iterable[MeshFile]) -> list[MeshFile]:

@@ -76,10 +76,10 @@ def _converted(hint: Any, value: Any) -> Any:
         return None if value is None else _converted(kinds[0], value)
     if is_dataclass(hint):
         hints = _hints(hint)  # type: ignore[arg-type]
-        known = {
+        fields = {
             name: _converted(hints[name], item) for name, item in value.items() if name in hints
         }
-        return hint(**known)  # type: ignore[operator]
+        return hint(**fields)  # type: ignore[operator]
     if issubclass(hint, StrEnum):
         return hint(value)
     if hint is float and type(value) is int:

@@ -205,14 +205,14 @@ def _surface_values(labels: "SurfaceLabels") -> dict[str, Any]:
 
 def _angle_values(labels: "SurfaceLabels") -> dict[str, Any]:
     model, angles = labels.model, _angles_of(labels)
-    left = replace(model, sensor_resolution=0.0).effective_friction_angle  # for a sensor
+    available = replace(model, sensor_resolution=0.0).effective_friction_angle  # for a sensor
     return {
         **_quantiles("critical_angle", QUARTILES, labels.angle_quantiles(QUARTILES)),
         **_quantiles("epsilon", DECILES, labels.epsilon_quantiles(DECILES)),
         **_quantiles("epsilon_min", DECILES, labels.epsilon_quantiles(DECILES, of="minimum")),
         **{
             f"required_resolution_{100.0 * fraction:.0f}": max(
-                0.0, 2.0 * (left - angles.worst_quantile(fraction))
+                0.0, 2.0 * (available - angles.worst_quantile(fraction))
             )
             for fraction in REQUIRED
         },
@@ -294,9 +294,9 @@ def _angles_of(labels: "SurfaceLabels") -> AngleDistribution:
     from grasp3d.surface.area_statistics import vertex_weights
 
     weights = vertex_weights(labels.mesh, "area")
-    used = weights > 0.0
+    counted = weights > 0.0
     worst, best = labels.located_angles
-    return SampledAngles(worst[used], best[used], weights[used], limit=labels.search.cone)
+    return SampledAngles(worst[counted], best[counted], weights[counted], limit=labels.search.cone)
 
 
 def _fractions_of(model: GraspModel, angles: AngleDistribution) -> AreaFractions:

@@ -112,10 +112,10 @@ def label_library(
         settings = replace(settings, load=settings.load.with_files_read())
     if not str(output):
         raise OutputError("no folder for the results: name one")
-    found = find_meshes(map(str, inputs), results=folder.url)
+    files = find_meshes(map(str, inputs), results=folder.url)
     store = Store.open(folder, settings, overwrite=overwrite)
     try:
-        meshes = use_stored_names(found, store.rows)
+        meshes = use_stored_names(files, store.rows)
         jobs, finished = _jobs_to_run(meshes, store, overwrite=overwrite, force=force)
         if cluster.scheduler is None:
             jobs = use_all_processors(jobs, local_workers(cluster))
@@ -138,9 +138,9 @@ def _jobs_to_run(
 ) -> tuple[list[Job], int]:
     """Jobs for the unfinished meshes, the largest first, and the number of finished meshes.
 
-    A mesh that was refused, perhaps for its lengths, is tried again if these are accepted now.
+    A mesh that was refused, perhaps for its lengths, is tried again if this call accepts them.
     """
-    jobs = plan(meshes, store.output, taken=_stems(store.rows))
+    jobs = plan(meshes, store.output, earlier=_stems(store.rows))
     if not overwrite:
         again = _refused(store.rows) if force else set()
         jobs = [job for job in jobs if job.mesh.name in again or not store.finished(job.mesh)]
@@ -199,10 +199,10 @@ def _check_shared(output: Folder, row: Row) -> None:
         time.sleep(0.1)
 
 
-def _row_of(result: Row | Unchanged, known: Mapping[str, Row]) -> Row:
+def _row_of(result: Row | Unchanged, rows: Mapping[str, Row]) -> Row:
     """Row of a finished mesh; an unchanged mesh keeps its row, with the new stamp."""
     if isinstance(result, Unchanged):
-        row = known[result.mesh.name]
+        row = rows[result.mesh.name]
         stamp = result.mesh.stamp if row.stamp else ""  # none for meshes with side files
         return replace(row, stamp=stamp, source=result.mesh.source)
     return result

@@ -1,4 +1,4 @@
-"""The marker file of a store of results, and checks of folders without one."""
+"""The marker file of a store of results, and checks of folders without a marker."""
 
 import json
 from datetime import UTC, datetime
@@ -18,7 +18,7 @@ FORMAT = 2
 
 
 def read_marker(output: Folder) -> tuple[bytes | None, bool]:
-    """Read the marker of a store, or check that a folder without one can become a store.
+    """Read the marker of a store, or check that a folder without a marker can become a store.
 
     Args:
         output: Folder for the results.
@@ -37,11 +37,11 @@ def read_marker(output: Folder) -> tuple[bytes | None, bool]:
         return None, False
     try:
         marker = json.loads(data)
-        found = int(marker["format"])
+        version = int(marker["format"])
     except (KeyError, TypeError, ValueError):
         return data, False
-    if found != FORMAT:
-        age, remedy = ("a newer", "update grasp3d, or ") if found > FORMAT else ("an older", "")
+    if version != FORMAT:
+        age, remedy = ("a newer", "update grasp3d, or ") if version > FORMAT else ("an older", "")
         raise OutputError(
             f"{printable(output.url)}: is a store of {age} version of grasp3d "
             f"({printable(str(marker.get('version')))}); {remedy}name another folder"

@@ -57,7 +57,7 @@ class Job:
 
 
 def plan(
-    meshes: Sequence[MeshFile], output: Folder, taken: Mapping[str, str] | None = None
+    meshes: Sequence[MeshFile], output: Folder, earlier: Mapping[str, str] | None = None
 ) -> list[Job]:
     """Name the results: `mug`, or longer stems where the names of several meshes collide.
 
@@ -68,13 +68,13 @@ def plan(
     Args:
         meshes: From `find_meshes`.
         output: Folder for the results.
-        taken: Stems of existing results, by the name of their mesh. They are kept, and no other
+        earlier: Stems of existing results, by the name of their mesh. They are kept, and no other
             mesh gets them.
 
     Returns:
         A job for each mesh, in their order; folders below an input folder are kept.
     """
-    existing = _ExistingNames(meshes, output, taken or {})
+    existing = _ExistingNames(meshes, output, earlier or {})
     choices = [_choices(mesh) for mesh in meshes]
     levels = [0] * len(meshes)
     changed = True
@@ -113,10 +113,10 @@ class _ExistingNames:
     """Existing names, with which new stems must not collide."""
 
     def __init__(
-        self, meshes: Sequence[MeshFile], output: Folder, taken: Mapping[str, str]
+        self, meshes: Sequence[MeshFile], output: Folder, earlier: Mapping[str, str]
     ) -> None:
         self.inputs = _inputs_in(meshes, output)
-        safe = {name: stem for name, stem in taken.items() if _is_safe(stem)}
+        safe = {name: stem for name, stem in earlier.items() if _is_safe(stem)}
         counts = Counter(map(name_key, safe.values()))
         names = {mesh.name for mesh in meshes}
         self.kept = {
@@ -143,7 +143,7 @@ class _ExistingNames:
 
 
 def _choices(mesh: MeshFile) -> list[str]:
-    """Stems for a mesh's results, from the shortest to one that is surely unique."""
+    """Stems for a mesh's results, from the shortest to a surely unique stem."""
     path = PurePosixPath(mesh.name.replace(os.sep, "/"))
     # A mesh without a unique name is named by its source, whose folders may be anywhere.
     outside = path.is_absolute() or ".." in path.parts or "://" in mesh.name
@@ -156,7 +156,7 @@ def _choices(mesh: MeshFile) -> list[str]:
 
 
 def _is_safe(stem: str) -> bool:
-    """Whether a stem that was read from a file is one that `plan` could have made."""
+    """Whether `plan` could have made a stem that was read from a file."""
     parts = [_HASH.sub("", part) for part in stem.split("/")]
     return all(part and safe_stem(part) == part for part in parts) or bool(_WHOLE.fullmatch(stem))
 
@@ -180,7 +180,7 @@ def _inputs_in(meshes: Iterable[MeshFile], output: Folder) -> set[str]:
         # Folders of the store may be links to folders with inputs.
         roots = {f"{real(base / folder)}{os.sep}": f"{folder}/" for folder in STORED}
         roots[f"{real(base)}{os.sep}"] = ""
-    found = set()
+    keys = set()
     for mesh in meshes:
         path = local_path(mesh.source)
         locations = [mesh.source]
@@ -189,5 +189,5 @@ def _inputs_in(meshes: Iterable[MeshFile], output: Folder) -> set[str]:
             locations = [named, os.path.realpath(path)] if path.is_symlink() else [named]
         for location, (root, folder) in itertools.product(locations, roots.items()):
             if location.startswith(root):
-                found.add(name_key(folder + location[len(root) :].replace(os.sep, "/")))
-    return found
+                keys.add(name_key(folder + location[len(root) :].replace(os.sep, "/")))
+    return keys

@@ -63,7 +63,7 @@ class ProgressCounter:
         self._report(None)
 
     def finish(self, row: Row) -> None:
-        """Count a mesh that has a row now."""
+        """Count a mesh that has got a row."""
         mesh = self._running.pop(row.mesh)
         self._work_done += mesh.size + BYTES_PER_MESH
         if row.outcome == Outcome.LABELLED:

@@ -42,9 +42,9 @@ def run(
     Args:
         task: Called with a job and the settings; it returns expected failures as rows. It may raise
             `NeedsMemory` to be postponed until more memory is available.
-        jobs: Taken one by one, in their order, a few ahead of the running ones.
+        jobs: Taken singly, in their order, a few ahead of the running jobs.
         settings: The same for all jobs.
-        lost: Makes the row of a job that failed without one, from the reason.
+        lost: Makes the row of a job that failed without a row, from the reason.
         cluster: Which processes run the jobs, and the limits of a job.
         started: Called with each job that is taken.
         kernels: Number of fingers for which kernels are compiled before the jobs, outside their

@@ -54,9 +54,9 @@ class Shards:
         """Leave each mesh in the latest shard that has it, with the current columns in all."""
         self._shard_of = {mesh: name for name, rows in self.shards.items() for mesh in rows}
         for name, rows in list(self.shards.items()):
-            left = rows.subset(mesh for mesh in rows if self._shard_of[mesh] == name)
-            if len(left) < len(rows) or name in self.outdated:
-                self._write(name, left)
+            latest = rows.subset(mesh for mesh in rows if self._shard_of[mesh] == name)
+            if len(latest) < len(rows) or name in self.outdated:
+                self._write(name, latest)
 
     def rows_to_merge(self) -> PackedRows:
         """Rows of small shards if there are too many of these; else none."""
@@ -113,8 +113,8 @@ class Shards:
 
 
 def _number(name: str) -> str:
-    found = _NAME.fullmatch(name)
-    return "0" if found is None else found[1]
+    match = _NAME.fullmatch(name)
+    return "0" if match is None else match[1]
 
 
 def read_shards(output: Folder, shards: Shards) -> dict[str, tuple[bytes, str]]:
@@ -128,14 +128,14 @@ def read_shards(output: Folder, shards: Shards) -> dict[str, tuple[bytes, str]]:
         key=lambda name: (int(_number(name)), name),
     )
     damaged = {}
-    found = output.read_all(names)
+    files = output.read_all(names)
     for name in names:
-        if name not in found:
+        if name not in files:
             continue
         try:
-            rows, exact = unpack_records(found[name], Row)
+            rows, exact = unpack_records(files[name], Row)
         except ValueError as error:
-            damaged[name] = found[name], str(error)
+            damaged[name] = files[name], str(error)
             continue
         shards.shards[name] = PackedRows({row.mesh: row for row in rows})
         if not exact:

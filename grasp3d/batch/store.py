@@ -214,10 +214,10 @@ class Store:
 
     def _open_marker(self) -> None:
         """Read the marker, and write it in any case, so that a full disk is found at once."""
-        found, valid = read_marker(self.output)
-        if found is not None and not valid:
-            self._set_aside(MARKER, found, "and replaced")
-        self._marker = found if found is not None and valid else marker_content(self.settings)
+        data, valid = read_marker(self.output)
+        if data is not None and not valid:
+            self._set_aside(MARKER, data, "and replaced")
+        self._marker = data if data is not None and valid else marker_content(self.settings)
         self.output.write(MARKER, self._marker)
 
     def _set_aside(self, name: str, data: bytes, consequence: str) -> None:

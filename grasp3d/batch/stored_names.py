@@ -1,4 +1,4 @@
-"""Names of meshes that a store already has rows for, under the same name or another one."""
+"""Names of meshes that a store already has rows for, under the same or another name."""
 
 import os
 from collections import Counter

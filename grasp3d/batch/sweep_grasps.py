@@ -31,12 +31,12 @@ class BestOfSeveral:
 
     def angle_distribution(self, *, location_error: Any) -> SampledAngles:
         """Distribution of critical angles at a location error; see `SurfaceLabels`."""
-        found = [one.angle_distribution(location_error=location_error) for one in self.searches]
+        angles = [one.angle_distribution(location_error=location_error) for one in self.searches]
         return replace(
-            found[0],
-            worst=np.minimum.reduce([one.worst for one in found]),
-            best=np.minimum.reduce([one.best for one in found]),
-            limit=min(one.limit for one in found),
+            angles[0],
+            worst=np.minimum.reduce([one.worst for one in angles]),
+            best=np.minimum.reduce([one.best for one in angles]),
+            limit=min(one.limit for one in angles),
         )
 
 
@@ -54,9 +54,9 @@ def search_at_each(
             the largest.
     """
     last = len(location_errors) - 1
-    chosen = {round(index) for index in np.linspace(0, last, min(last + 1, MAX_SEARCHES))}
+    indices = {round(index) for index in np.linspace(0, last, min(last + 1, MAX_SEARCHES))}
     searches = []
-    for number, index in enumerate(sorted(chosen)):
-        with within(number / len(chosen), (number + 1) / len(chosen)):
+    for number, index in enumerate(sorted(indices)):
+        with within(number / len(indices), (number + 1) / len(indices)):
             searches.append(label(replace(model, location_error=location_errors[index])))
     return BestOfSeveral(searches)

@@ -70,11 +70,11 @@ class SweepSettings:
         _ = self.axes.rows_and_columns  # raises an error if there are more than two
         object.__setattr__(self, "sampling", self.sampling.fitted(self.fingers))
         check_search_settings(self.model, self.sampling)
-        given, needed = self.sampling.search_angle, search_cone(self.model)
-        if given is not None and given < needed - ANGLE_ROUNDING:
+        angle, needed = self.sampling.search_angle, search_cone(self.model)
+        if angle is not None and angle < needed - ANGLE_ROUNDING:
             raise SettingError(
                 "search angle must be at least atan(friction) + alpha/2 for the largest friction "
-                f"and alpha, {math.degrees(needed):.4g} degrees; got {math.degrees(given):.4g}"
+                f"and alpha, {math.degrees(needed):.4g} degrees; got {math.degrees(angle):.4g}"
             )
 
     @property
@@ -165,18 +165,18 @@ def find_targets(inputs: Iterable[str]) -> list[Target]:
         if item in SHAPES:
             targets.setdefault(item, Target(item))
             continue
-        found = tuple(find_meshes([item]))
+        meshes = tuple(find_meshes([item]))
         path = local_path(item)
-        given = item.rstrip("/") if path is None else str(path)
-        folder = len(found) != 1 or found[0].source != given
-        name = found[0].name
+        source = item.rstrip("/") if path is None else str(path)
+        folder = len(meshes) != 1 or meshes[0].source != source
+        name = meshes[0].name
         if folder:
-            name = given.rpartition("/")[2] if path is None else path.name
+            name = source.rpartition("/")[2] if path is None else path.name
             if path is not None and name in {"", ".."}:
                 name = path.resolve().name
-        key = real_path(given)
+        key = real_path(source)
         key = f"{key}/" if folder else key
-        targets.setdefault(key, Target(name, given, found, folder))
+        targets.setdefault(key, Target(name, source, meshes, folder))
     if not targets:
         raise SettingError(
             f"nothing to sweep: name a mesh file, a folder of meshes, or {', '.join(SHAPES)}"

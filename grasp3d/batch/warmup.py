@@ -67,7 +67,7 @@ def warmup(
         gripper: Whether the kernels for grippers are compiled too.
         forces: Whether the kernels for grip forces are compiled too, as a load needs them.
         cache: Folder for the machine code, which runs find where NUMBA_CACHE_DIR names it, also if
-            they can only read it; None: the one of later runs of this user.
+            they can only read it; None: the folder of this user.
 
     Returns:
         The names of the kernels that were compiled, as 'MODULE.FUNCTION'; empty: all of them were
@@ -103,18 +103,18 @@ def _warmup_into(folder: Path, **settings: int) -> tuple[str, ...]:
             f"cannot write machine code to {printable(str(folder))}: {error.strerror}; "
             "choose a folder that can be written"
         ) from error
-    given = [json.dumps(value) for value in (logger.level, settings, sys.path)]
-    done = subprocess.run(  # noqa: S603, this interpreter
-        [sys.executable, "-c", _CHILD, *given],
+    arguments = [json.dumps(value) for value in (logger.level, settings, sys.path)]
+    child = subprocess.run(  # noqa: S603, this interpreter
+        [sys.executable, "-c", _CHILD, *arguments],
         env={**os.environ, "NUMBA_CACHE_DIR": str(folder.absolute())},
         stdout=subprocess.PIPE, text=True, check=False,
     )  # fmt: skip
-    if done.returncode:
+    if child.returncode:
         raise OutputError(
             f"the kernels were not compiled into {printable(str(folder))}: the process ended with "
-            f"code {done.returncode}; see its lines above"
+            f"code {child.returncode}; see its lines above"
         )
-    return tuple(json.loads(done.stdout))
+    return tuple(json.loads(child.stdout))
 
 
 @functools.cache

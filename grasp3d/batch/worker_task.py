@@ -49,7 +49,7 @@ def prepare(request: Request, cancelled: Callable[[], bool]) -> None:
 
     Args:
         request: The next job.
-        cancelled: Whether the job is no longer needed; the call is then made with another one.
+        cancelled: Whether the job is no longer needed; another job then makes the call.
     """
     with _preparing:
         if request.preparation is None or request.preparation in _prepared:

@@ -47,7 +47,7 @@ def budget_figure(budgets: Mapping[str, MarginBudget]) -> Figure:
         budgets: Budgets of one grasp each, such as means, by their names.
 
     Raises:
-        SettingError: There is none, or one is of several grasps.
+        SettingError: There is no budget, or a budget is of several grasps.
 
     Example:
         >>> import grasp3d
@@ -61,19 +61,19 @@ def budget_figure(budgets: Mapping[str, MarginBudget]) -> Figure:
         raise SettingError("a figure of budgets needs budgets of one grasp each, such as means")
     figure = new_figure(PAGE, REST + ROW * len(budgets))
     axes = figure.add_subplot()
-    shown: dict[str, Any] = {}
+    bars: dict[str, Any] = {}
     for row, budget in enumerate(budgets.values()):
         for name, bar in _draw_bar(axes, row, budget).items():
-            shown.setdefault(name, bar)
+            bars.setdefault(name, bar)
     axes.set_yticks(range(len(budgets)), [as_text(name) for name in budgets])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("friction angle and its parts [degrees]; line: friction angle; number: margin")
-    ordered = [name for name in (*COLORS, NEGATIVE) if name in shown]
+    ordered = [name for name in (*COLORS, NEGATIVE) if name in bars]
     lines = math.ceil(len(ordered) / IN_LINE)
     figure.set_figheight(figure.get_figheight() + LINE * (lines - 1))
     figure.legend(
-        [shown[name] for name in ordered],
+        [bars[name] for name in ordered],
         ordered,
         loc="outside upper center",
         ncols=math.ceil(len(ordered) / lines),
@@ -83,20 +83,20 @@ def budget_figure(budgets: Mapping[str, MarginBudget]) -> Figure:
 
 def _draw_bar(axes: Axes, row: int, budget: MarginBudget) -> dict[str, Any]:
     """Draw the parts of one budget, its friction angle and its margin; returns bars by name."""
-    drawn: dict[str, Any] = {}
+    bars: dict[str, Any] = {}
     end, limit = 0.0, math.degrees(budget.friction_angle.item())
     for name, value in budget.stack.items():
         angle = math.degrees(value.item())
         if angle > 0.0:
-            drawn[name] = axes.barh(row, angle, BAR, end, color=COLORS[name], label=name)
+            bars[name] = axes.barh(row, angle, BAR, end, color=COLORS[name], label=name)
             end += angle
     axes.plot([limit, limit], [row - 0.45, row + 0.45], color="black", linewidth=1.2)
     margin = math.degrees(budget.margin.item())
     if margin < 0.0:
-        drawn[NEGATIVE] = axes.barh(row, -margin, BAR, limit, **_EXCESS)
+        bars[NEGATIVE] = axes.barh(row, -margin, BAR, limit, **_EXCESS)
     text = f"{margin:+.1f}°".replace("-", "\N{MINUS SIGN}")
     axes.annotate(
         text, (max(end, limit), row), (4.0, 0.0), textcoords="offset points",
         va="center", fontsize="small",
     )  # fmt: skip
-    return drawn
+    return bars

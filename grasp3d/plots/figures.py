@@ -195,7 +195,7 @@ def save(figure: Figure, path: Path) -> tuple[Path, Path]:
 
     Args:
         figure: The figure.
-        path: Path without suffix, or with one that is replaced.
+        path: Path; a suffix is replaced.
 
     Returns:
         The paths, .svg and .png.

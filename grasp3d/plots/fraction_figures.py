@@ -161,26 +161,26 @@ def surface_figure(
         sweep: Area fractions at one friction.
         closed_form: The same fractions in closed form, drawn over them.
     """
-    shown = len(pictures)
-    figure = new_figure(PAGE if shown else PAGE / 2.0, SURFACE_HEIGHT)
-    grid = figure.subplots(1, shown + 1, width_ratios=[PICTURE] * shown + [CURVES], squeeze=False)
-    for axes, scan, picture in zip(grid[0, :shown], scans, pictures, strict=bool(shown)):
+    count = len(pictures)
+    figure = new_figure(PAGE if count else PAGE / 2.0, SURFACE_HEIGHT)
+    grid = figure.subplots(1, count + 1, width_ratios=[PICTURE] * count + [CURVES], squeeze=False)
+    for axes, scan, picture in zip(grid[0, :count], scans, pictures, strict=bool(count)):
         title = rf"$\alpha$ = {math.degrees(scan.model.sensor_resolution):.4g}°"
         show_picture(axes, picture, title, fractions_text(scan.fractions()))
     curves = grid[0, -1]
     draw_fractions(curves, sweep, label="area fraction", closed_form=closed_form)
-    if shown:
+    if count:
         angles = [math.degrees(scan.model.sensor_resolution) for scan in scans]
-        curves.plot(angles, np.ones(shown), transform=curves.get_xaxis_transform(), **_SHOWN)
+        curves.plot(angles, np.ones(count), transform=curves.get_xaxis_transform(), **_SHOWN)
     handles: list[Any] = [*label_patches()]
     if closed_form is not None:
         handles.append(Line2D([], [], label="closed form", **CLOSED_FORM))
-    if shown:
+    if count:
         handles.append(Line2D([], [], label="shown", **_SHOWN))
     figure.legend(
         handles=handles,
         loc="outside lower center",
-        ncols=len(handles) if shown else 2,
+        ncols=len(handles) if count else 2,
         handlelength=1.8,
         columnspacing=1.4,
     )

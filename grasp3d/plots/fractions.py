@@ -76,8 +76,8 @@ def stack_fractions(
         axes.fill_between(degrees, low, high, color=LABEL_COLORS[label], linewidth=0.0)
         _write_letter(axes, label, degrees, low, high, list(marks.values()))
     for fraction, resolution in marks.items():
-        left = resolution > 0.2 * degrees[0] + 0.8 * degrees[-1]
-        _mark(axes, resolution, 100.0 * fraction, left=left)
+        to_left = resolution > 0.2 * degrees[0] + 0.8 * degrees[-1]
+        _mark(axes, resolution, 100.0 * fraction, to_left=to_left)
     axes.set(xlim=(degrees[0], degrees[-1]), ylim=(0.0, 100.0), yticks=[0, 25, 50, 75, 100])
     _ticks(axes, sweep)
 
@@ -216,9 +216,9 @@ def _legend_lines(fractions: Sequence[float], means: bool) -> list[Line2D]:
 def _add_legend(figure: Figure, lines: Sequence[Line2D], sweeps: Sequence[Sweep]) -> None:
     meaning = MEANING[sweeps[0].mode]
     if len({sweep.mode for sweep in sweeps}) > 1:
-        given = ", ".join(as_text(sweep.name) for sweep in sweeps if sweep.mode == "scan")
+        names = ", ".join(as_text(sweep.name) for sweep in sweeps if sweep.mode == "scan")
         searched, scanned = (MEANING[mode][Label.U] for mode in ("label", "scan"))
-        meaning = {**meaning, Label.U: f"{searched} ({given}: {scanned})"}
+        meaning = {**meaning, Label.U: f"{searched} ({names}: {scanned})"}
     handles = [*label_patches(meaning), *lines]
     figure.legend(handles=handles, loc="outside lower center", ncols=math.ceil(len(handles) / 3))
 
@@ -251,16 +251,16 @@ def _write_letter(
         axes.text(x[best], middle, label.name, ha="center", va="center", weight="bold")
 
 
-def _mark(axes: Axes, resolution: float, percent: float, *, left: bool) -> None:
+def _mark(axes: Axes, resolution: float, percent: float, *, to_left: bool) -> None:
     """Mark the resolution at which S falls to a fraction, with its number above, to one side."""
     axes.plot([resolution] * 2, [0.0, percent], color="black", linestyle=":", linewidth=0.7)
     axes.plot([resolution], [percent], **_DOT)
     axes.annotate(
         f"{resolution:.0f}°",
         (resolution, percent),
-        xytext=(-3.0 if left else 3.0, 1.5),
+        xytext=(-3.0 if to_left else 3.0, 1.5),
         textcoords="offset points",
-        ha="right" if left else "left",
+        ha="right" if to_left else "left",
         fontsize="small",
     )
 

@@ -78,11 +78,11 @@ def draw_grasps(labels: SurfaceLabels, grasps: GraspTable) -> list[Bytes]:
     Raises:
         OutputError: OpenGL is not available.
     """
-    shown = grasps.contacts.take(slice(MOST_PICTURES))
+    contacts = grasps.contacts.take(slice(MOST_PICTURES))
     surface = labels.mesh.vertices[labels.mesh.on_surface]
-    views = _views(grasps, shown, extent_of(surface))
+    views = _views(grasps, contacts, extent_of(surface))
     scenes = [
-        _scene(grasps, number, view, shown.points[number], shown.normals[number])
+        _scene(grasps, number, view, contacts.points[number], contacts.normals[number])
         for number, view in enumerate(views)
     ]
     span = max(scene.span(surface) for scene in scenes)
@@ -97,13 +97,13 @@ def draw_grasps(labels: SurfaceLabels, grasps: GraspTable) -> list[Bytes]:
     return pictures
 
 
-def _views(grasps: GraspTable, shown: GraspContacts, extent: float) -> list[View]:
+def _views(grasps: GraspTable, contacts: GraspContacts, extent: float) -> list[View]:
     """The view of each grasp that is shown, (b, n)."""
     reach, scene, unit = grasps.reach, grasps.scene, grasps.mesh.unit
     if reach is None or scene is None or unit is None or np.isnan(reach.poses).any():
-        return views_of(shown, extent)
+        return views_of(contacts, extent)
     length = scene.hand.finger_length / METRES[unit]
-    return views_of_gripper(shown, reach.poses[: shown.size], length)
+    return views_of_gripper(contacts, reach.poses[: contacts.size], length)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,8 +168,8 @@ def grasp_figure(labels: SurfaceLabels, grasps: GraspTable, pictures: list[Bytes
 def _short(name: str) -> str:
     """A file's name as text; its end if it is too long for the headline."""
     text = as_text(name)
-    shown = text if len(text) <= LONGEST else f"…{text[1 - LONGEST :]}"
-    return shown.replace("$", r"\$")
+    short = text if len(text) <= LONGEST else f"…{text[1 - LONGEST :]}"
+    return short.replace("$", r"\$")
 
 
 def _show(axes: Axes, grasps: GraspTable, number: int, picture: Bytes) -> None:
@@ -202,12 +202,12 @@ def views_of_gripper(contacts: GraspContacts, poses: Floats, length: float) -> l
     """
     mesh = contacts.mesh
     rays = SurfaceRays(mesh.contact_surface, mesh.contact_normals)
-    found = []
+    views = []
     for points, normals, pose in zip(contacts.points, contacts.normals, poses, strict=True):
         back = length * np.array(BEHIND)[:, None] * pose[:3, 2]  # (p, 3)
         parts = (points - BESIDE * mesh.size * normals)[:, None] - back  # (2, p, 3)
-        found.append(_view_of_fingers(rays, pose, (parts - mesh.center) / mesh.size))
-    return found
+        views.append(_view_of_fingers(rays, pose, (parts - mesh.center) / mesh.size))
+    return views
 
 
 def _view_of_fingers(rays: SurfaceRays, pose: Floats, parts: Floats) -> View:
@@ -233,7 +233,7 @@ def views_of(contacts: GraspContacts, extent: float) -> list[View]:
     axes = np.stack([view.axes for view in views])  # (v, 3, 3)
     mesh = contacts.mesh
     rays = SurfaceRays(mesh.contact_surface, mesh.contact_normals)
-    found = []
+    best = []
     for points, normals in zip(contacts.points, contacts.normals, strict=True):
         steps = ARROW * extent * np.array(ALONG)[:, None]
         parts = points[:, None] - steps * normals[:, None]  # (n, p, 3)
@@ -241,8 +241,8 @@ def views_of(contacts: GraspContacts, extent: float) -> list[View]:
         endwise = np.abs(axes[:, 2] @ normals.T).mean(axis=1) ** 2
         overlap = _overlap(np.einsum("vij,npj->vnpi", axes[:, :2], parts) / (ARROW * extent))
         score = bonus - HIDDEN * hidden - ENDWISE * endwise - OVERLAP * overlap
-        found.append(views[int(np.argmax(score))])
-    return found
+        best.append(views[int(np.argmax(score))])
+    return best
 
 
 def _candidates() -> tuple[list[View], Floats]:

@@ -57,7 +57,7 @@ def approach_arc(
 
 
 def surface_of(triangles: Triangles) -> pyvista.PolyData:
-    """Triangles as a surface of PyVista; no faces give an empty one."""
+    """Triangles as a surface of PyVista; no faces give an empty surface."""
     if not len(triangles.faces):
         return pyvista.PolyData()
     faces: Any = triangles.faces

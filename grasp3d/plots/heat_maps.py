@@ -48,22 +48,22 @@ def heat_map_figure(sweeps: Sequence[Sweep], *, fractions: Sequence[float] = ())
     needed = list(fractions[:1]) if sweeps[0].columns != COLUMN else []
     figure = new_figure(PAGE, HEIGHT * len(sweeps) + MARGINS)
     grid = figure.subplots(len(sweeps), 2 + len(needed), squeeze=False, sharex=True, sharey=True)
-    shown = _tens(sweep.stable for sweep in sweeps), _tens(sweep.ambiguous for sweep in sweeps)
+    tens = _tens(sweep.stable for sweep in sweeps), _tens(sweep.ambiguous for sweep in sweeps)
     hatched = []
     for panels, sweep in zip(grid, sweeps, strict=True):
         maps = [
-            (100.0 * sweep.stable, color(Label.S, least=TINT), shown[0], "S: none"),
-            (100.0 * sweep.ambiguous, color(Label.M), shown[1], ""),
+            (100.0 * sweep.stable, color(Label.S, least=TINT), tens[0], "S: none"),
+            (100.0 * sweep.ambiguous, color(Label.M), tens[1], ""),
         ]
         for fraction in needed:
             degrees = np.degrees(sweep.required_resolution(fraction))
             blue = _colors("resolution", LINES[0]["color"], TINT)
             maps.append((degrees, blue, degrees.max(), r"$\alpha$: no sensor is fine enough"))
         for panel, (heights, colors, largest, none) in zip(panels, maps, strict=True):
-            drawn = draw_heat_map(
+            quads = draw_heat_map(
                 panel, sweep, heights, colors, largest=largest, hatched=bool(none)
             )
-            bar = figure.colorbar(drawn, ax=panel)
+            bar = figure.colorbar(quads, ax=panel)
             bar.ax.set_visible(largest > 0.0)
             hatched += [none] if none and not heights.all() else []
         _draw_lines(panels[0], sweep, fractions)
@@ -103,17 +103,17 @@ def draw_heat_map(
         hatched: Whether values of 0 are hatched.
     """
     x, y = axis_numbers(sweep, sweep.columns), axis_numbers(sweep, sweep.rows)
-    shown = np.ma.masked_where((heights == 0.0) & hatched, heights)
-    drawn = axes.pcolormesh(
-        x, y, shown, shading="nearest", cmap=colors, vmin=0.0, vmax=largest or 1.0, rasterized=True
+    cells = np.ma.masked_where((heights == 0.0) & hatched, heights)
+    quads = axes.pcolormesh(
+        x, y, cells, shading="nearest", cmap=colors, vmin=0.0, vmax=largest or 1.0, rasterized=True
     )
-    if shown.mask.any():
+    if cells.mask.any():
         axes.patch.set(**_HATCH)  # the background, seen where nothing is drawn
     axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
     axes.grid(visible=False)
     for side in (axes.xaxis, axes.yaxis):
         side.set_major_locator(MaxNLocator(5, steps=[1, 1.5, 2, 3, 5, 10]))
-    return drawn
+    return quads
 
 
 def color(label: Label, *, least: float = 0.0) -> Colormap:

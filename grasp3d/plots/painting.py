@@ -146,9 +146,9 @@ def _corner_angles(labels: SurfaceLabels, inward: Floats) -> Floats:
     angles = np.minimum(np.stack(labels.located_angles, axis=1), math.pi)[mesh.faces]
     if labels.mode != "scan":
         return angles
-    found = labels.likely_reason == Reason.FOUND
-    found &= (labels.partner_normals != 0.0).any(axis=2).all(axis=1)
-    creased = (mesh.normal_sets.counts[mesh.canonical] > 1) & found
+    has_grasp = labels.likely_reason == Reason.FOUND
+    has_grasp &= (labels.partner_normals != 0.0).any(axis=2).all(axis=1)
+    creased = (mesh.normal_sets.counts[mesh.canonical] > 1) & has_grasp
     at = np.nonzero(creased[mesh.faces])
     vertex = mesh.faces[at]
     grasps = Contacts(

@@ -33,17 +33,17 @@ FRACTIONS = LinearSegmentedColormap.from_list("S", ["#3F3F46", "#D4D7DB", LABEL_
 
 
 @styled
-def perturbation_figure(found: Perturbation, *, view: View | None = None) -> Figure:
+def perturbation_figure(noisy: Perturbation, *, view: View | None = None) -> Figure:
     """Draw a scan's labels, the fraction of its copies that is S, and the advised labels.
 
     Args:
-        found: Results of the noisy copies.
+        noisy: The labels of the noisy copies.
         view: Direction of view; None: from above and the side.
 
     Raises:
         OutputError: OpenGL is not available.
     """
-    labels = found.labels
+    labels = noisy.labels
     panels = [
         (
             "as scanned",
@@ -51,14 +51,14 @@ def perturbation_figure(found: Perturbation, *, view: View | None = None) -> Fig
             fractions_text(labels.fractions()),
         ),
         (
-            f"fraction of {found.settings.copies} noisy copies that are S",
-            _paint_fractions(found, view),
+            f"fraction of {noisy.settings.copies} noisy copies that are S",
+            _paint_fractions(noisy, view),
             "",
         ),
     ]
-    if found.advice.stable_fraction > 0.0:
-        advised = label_surface(labels.mesh, found.model, sampling=labels.sampling)
-        errors = ",\n".join(error_texts(found.model, labels.mesh.unit))
+    if noisy.advice.stable_fraction > 0.0:
+        advised = label_surface(labels.mesh, noisy.model, sampling=labels.sampling)
+        errors = ",\n".join(error_texts(noisy.model, labels.mesh.unit))
         picture_ = paint_labels(advised, view=view, size=PIXELS)
         panels.append(
             (f"with {errors or 'no further error'}", picture_, fractions_text(advised.fractions()))
@@ -74,8 +74,8 @@ def perturbation_figure(found: Perturbation, *, view: View | None = None) -> Fig
     return figure
 
 
-def _paint_fractions(found: Perturbation, view: View | None) -> Bytes:
+def _paint_fractions(noisy: Perturbation, view: View | None) -> Bytes:
     """Render the surface in the colours of the fraction of copies that are S."""
-    colors = np.asarray(255.0 * FRACTIONS(found.stable)[:, :3], dtype=np.uint8)
-    mesh = found.mesh
+    colors = np.asarray(255.0 * FRACTIONS(noisy.stable)[:, :3], dtype=np.uint8)
+    mesh = noisy.mesh
     return picture(mesh.vertices, mesh.faces, colors, normals=-mesh.normals, view=view, size=PIXELS)

@@ -67,14 +67,14 @@ ul { padding-left: 1.2rem; }
 """
 
 
-def write_report(folder: str | Path, found: Validation) -> None:
+def write_report(folder: str | Path, result: Validation) -> None:
     """Write a validation as a web page and as tables (see `write_validation`).
 
     The page contains its figures and pictures; without OpenGL it says that pictures are missing.
 
     Args:
         folder: Folder to make or to write to; a report that is in it is replaced.
-        found: The result.
+        result: The result.
 
     Raises:
         OutputError: A file cannot be written.
@@ -96,49 +96,49 @@ def write_report(folder: str | Path, found: Validation) -> None:
         ['calibration.csv', 'grasps.csv', 'labels.csv', 'report.html', 'scores.csv']
     """
     folder = made_folder(folder)
-    html = page_of(found)
-    write_validation(folder, found)
+    html = page_of(result)
+    write_validation(folder, result)
     with atomic_write(folder / PAGE) as part:
         part.write_text(html, encoding="utf-8")
 
 
-def page_of(found: Validation) -> str:
+def page_of(result: Validation) -> str:
     """The page as HTML.
 
     Args:
-        found: The result.
+        result: The result.
     """
-    pictures = _pictures(found.disagreements)
-    made = f"Made by grasp3d {package_version()}; the tables {', '.join(TABLES)} are beside it."
+    pictures = _pictures(result.disagreements)
+    footer = f"Made by grasp3d {package_version()}; the tables {', '.join(TABLES)} are beside it."
     parts = [
         "<h1>Do the labels predict what became of the grasps?</h1>",
-        *_summary(found),
+        *_summary(result),
         "<h2>Scores</h2>",
-        *_scores(found),
+        *_scores(result),
         "<h2>Success by label</h2>",
-        *_labels(found),
+        *_labels(result),
         "<h2>Calibration of the margin</h2>",
-        *_calibration(found),
+        *_calibration(result),
         "<h2>Greatest disagreements</h2>",
-        *_disagreements(found, pictures),
+        *_disagreements(result, pictures),
         "<h2>Files</h2>",
-        _files(found),
-        f'<p class="quiet">{made}</p>',
+        _files(result),
+        f'<p class="quiet">{footer}</p>',
     ]
     return page("grasp3d: labels and outcomes", parts)
 
 
-def _summary(found: Validation) -> list[str]:
+def _summary(result: Validation) -> list[str]:
     lines = [
-        sentences.counts_of(found),
-        sentences.model_of(found),
-        *sentences.sources_of(found),
-        sentences.closing_of(found),
+        sentences.counts_of(result),
+        sentences.model_of(result),
+        *sentences.sources_of(result),
+        sentences.closing_of(result),
     ]
-    return [bullets(lines), *(f'<p class="warning">{text(line)}</p>' for line in found.warnings)]
+    return [bullets(lines), *(f'<p class="warning">{text(line)}</p>' for line in result.warnings)]
 
 
-def _scores(found: Validation) -> list[str]:
+def _scores(result: Validation) -> list[str]:
     rows = [
         [
             text(one.score.title),
@@ -149,22 +149,22 @@ def _scores(found: Validation) -> list[str]:
             interval(one.average_precision_interval),
             text(one.score.meaning),
         ]
-        for one in found.qualities
+        for one in result.qualities
     ]
     heads = ["score", "better", "ROC-AUC", "95 %", "average precision", "95 %", "meaning"]
-    rate = float(found.grasps.held.mean())
+    rate = float(result.grasps.held.mean())
     note = (
-        f"{sentences.intervals_of(found)}. Without information a score has a ROC-AUC of 0.5 and an "
-        f"average precision of {rate:.3f}. Which values are better is fixed beforehand."
+        f"{sentences.intervals_of(result)}. Without information a score has a ROC-AUC of 0.5 and "
+        f"an average precision of {rate:.3f}. Which values are better is fixed beforehand."
     )
-    figure = [] if found.grasps.one_sided else [figure_tag(roc_figure(found), "ROC curves")]
+    figure = [] if result.grasps.one_sided else [figure_tag(roc_figure(result), "ROC curves")]
     return [table(heads, rows, texts=(1, 6)), f'<p class="quiet">{text(note)}</p>', *figure]
 
 
-def _labels(found: Validation) -> list[str]:
+def _labels(result: Validation) -> list[str]:
     order = sorted(Label, reverse=True)
     rows = []
-    for one in found.labels:
+    for one in result.labels:
         cells = [f"{one.friction:g}", f"{math.degrees(one.sensor_resolution):.4g}°"]
         for label in order:
             low, high = one.interval(label.name)
@@ -178,13 +178,13 @@ def _labels(found: Validation) -> list[str]:
     heads = ["μ", "α", *(f"{label.name} {LABELS['scan'][label]}" for label in order), "S > M > U"]
     note = "Fractions that held, with 95 % intervals (Wilson) in percent."
     return [
-        figure_tag(label_figure(found), "Success within S, M and U"),
+        figure_tag(label_figure(result), "Success within S, M and U"),
         table(heads, rows),
         f'<p class="quiet">{note}</p>',
     ]
 
 
-def _calibration(found: Validation) -> list[str]:
+def _calibration(result: Validation) -> list[str]:
     rows = [
         [
             f"{degrees(one.low)} to {degrees(one.high)}",
@@ -193,11 +193,11 @@ def _calibration(found: Validation) -> list[str]:
             percent(one.fraction),
             interval(one.interval),
         ]
-        for one in found.calibration.bins
+        for one in result.calibration.bins
     ]
-    missing = ~found.grasps.closed
+    missing = ~result.grasps.closed
     if missing.any():
-        held, count = int((missing & found.grasps.held).sum()), int(missing.sum())
+        held, count = int((missing & result.grasps.held).sum()), int(missing.sum())
         ends = interval(wilson(held, count))
         cells = ["jaws do not close", f"{count:,}", f"{held:,}", percent(held / count), ends]
         rows.insert(0, cells)
@@ -206,57 +206,57 @@ def _calibration(found: Validation) -> list[str]:
         "is the nearest success that never falls."
     )
     return [
-        figure_tag(calibration_figure(found), "Success over the margin"),
-        bullets(sentences.calibration_of(found)),
+        figure_tag(calibration_figure(result), "Success over the margin"),
+        bullets(sentences.calibration_of(result)),
         table(["margin", "grasps", "held", "success", "95 %"], rows),
         f'<p class="quiet">{note}</p>',
     ]
 
 
-def _disagreements(found: Validation, pictures: Sequence[Bytes] | None) -> list[str]:
-    if not found.settings.worst:
+def _disagreements(result: Validation, pictures: Sequence[Bytes] | None) -> list[str]:
+    if not result.settings.worst:
         return ["<p>None are listed, as asked.</p>"]
-    if not found.disagreements:
+    if not result.disagreements:
         return ["<p>No grasp that failed is labelled S, and none that held is not.</p>"]
     parts = [] if pictures is not None else [f"<p>{NO_PICTURES}</p>"]
-    shown = [None] * len(found.disagreements) if pictures is None else pictures
-    pairs = list(zip(found.disagreements, shown, strict=True))
+    images = [None] * len(result.disagreements) if pictures is None else pictures
+    pairs = list(zip(result.disagreements, images, strict=True))
     for kind, meaning in KINDS.items():
-        cards = [_card(found, one, image) for one, image in pairs if one.kind == kind]
+        cards = [_card(result, one, image) for one, image in pairs if one.kind == kind]
         if cards:
             parts += [f"<h3>{meaning.capitalize()}</h3>", '<div class="cards">', *cards, "</div>"]
     return parts
 
 
-def _card(found: Validation, one: Disagreement, image: Bytes | None) -> str:
+def _card(result: Validation, one: Disagreement, image: Bytes | None) -> str:
     """One grasp: picture, numbers and likely causes."""
-    grasps, row = found.grasps, one.row
+    grasps, row = result.grasps, one.row
     name = f"grasp {int(grasps.grasp[row])}"
-    if len(found.files) > 1:
-        name += f" of {Path(found.files[int(grasps.file[row])].name).name}"
+    if len(result.files) > 1:
+        name += f" of {Path(result.files[int(grasps.file[row])].name).name}"
     label = Label(int(grasps.label[row])).name
     image_tag = "" if image is None else f'<img alt="{text(name)}" src="{jpeg_url(image)}">'
     hints = "".join(f"<li>{text(hint)}</li>" for hint in one.hints)
     return (
         f'<div class="card">{image_tag}<p><b>{text(name)}</b>, labelled {label}</p>'
-        f'<p class="quiet">{text(_numbers(found, row))}</p><ul>{hints}</ul></div>'
+        f'<p class="quiet">{text(_numbers(result, row))}</p><ul>{hints}</ul></div>'
     )
 
 
-def _numbers(found: Validation, row: int) -> str:
+def _numbers(result: Validation, row: int) -> str:
     """The scores that a grasp has, in words."""
     values = {
-        one.score: float(found.grasps.scores[one.score.name][row])
-        for one in found.qualities
+        one.score: float(result.grasps.scores[one.score.name][row])
+        for one in result.qualities
         if one.score.name not in {"label", "reachable"}
     }
-    reached = "reachable" if found.grasps.scores["reachable"][row] else "not reachable"
-    known = (
+    reached = "reachable" if result.grasps.scores["reachable"][row] else "not reachable"
+    scores = (
         f"{score.title} {value_text(score, value)}"
         for score, value in values.items()
         if not math.isnan(value)
     )
-    return ", ".join([*known, reached])
+    return ", ".join([*scores, reached])
 
 
 def value_text(score: Score, value: float) -> str:
@@ -276,7 +276,7 @@ def value_text(score: Score, value: float) -> str:
     return f"{factor * value:.3g}{unit}"
 
 
-def _files(found: Validation) -> str:
+def _files(result: Validation) -> str:
     rows = [
         [
             text(one.name),
@@ -287,20 +287,20 @@ def _files(found: Validation) -> str:
             f"{one.not_closed:,}",
             text(one.hand),
         ]
-        for one in found.files
+        for one in result.files
     ]
     heads = ["file", "mesh", "grasps", "held", "without outcome", "jaws do not close", "gripper"]
     return table(heads, rows, texts=(0, 1, 6))
 
 
-def _pictures(shown: Sequence[Disagreement]) -> list[Bytes] | None:
+def _pictures(grasps: Sequence[Disagreement]) -> list[Bytes] | None:
     """A picture of each; None: none can be made."""
-    if not shown or not can_render():
+    if not grasps or not can_render():
         return None
     pictures = []
-    for one in shown:
+    for one in grasps:
         pictures.append(draw_disagreement(one))
-        report_progress(len(pictures) / len(shown))
+        report_progress(len(pictures) / len(grasps))
     return pictures
 
 

@@ -46,17 +46,17 @@ TOWARD_PALM = 0.2
 
 
 @styled
-def roc_figure(found: Validation) -> Figure:
+def roc_figure(result: Validation) -> Figure:
     """Draw the ROC curves of the scores.
 
     Args:
-        found: The result; some grasps held and some failed.
+        result: The result; some grasps held and some failed.
     """
     figure = new_figure(0.7 * PAGE, 2.8)
     axes = figure.subplots()
-    for one in found.qualities:
+    for one in result.qualities:
         failed, held = _thinned(
-            RankedOutcomes.of(found.grasps.held, found.grasps.ranked(one.score)).roc_curve()
+            RankedOutcomes.of(result.grasps.held, result.grasps.ranked(one.score)).roc_curve()
         )
         axes.plot(failed, held, **_style(one))
     axes.plot([], [], label="other scores", **OTHERS)
@@ -78,33 +78,33 @@ def _style(one: ScoreQuality) -> dict[str, Any]:
 
 def _thinned(curve: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
     """At most `MOST_POINTS` points of a curve, with its ends."""
-    kept = np.unique(np.linspace(0, len(curve[0]) - 1, MOST_POINTS).astype(np.int64))
-    return curve[0][kept], curve[1][kept]
+    rows = np.unique(np.linspace(0, len(curve[0]) - 1, MOST_POINTS).astype(np.int64))
+    return curve[0][rows], curve[1][rows]
 
 
 @styled
-def calibration_figure(found: Validation) -> Figure:
+def calibration_figure(result: Validation) -> Figure:
     """Draw success over the margin: bins with intervals, and isotonic regression.
 
     Args:
-        found: The result.
+        result: The result.
     """
     figure = new_figure(PAGE, 2.9)
-    axes, one = figure.subplots(), found.calibration
-    means = np.degrees([each.mean for each in one.bins])
-    fractions = np.array([each.fraction for each in one.bins])
-    ends = np.array([each.interval for each in one.bins]).reshape(-1, 2).T
+    axes, fit = figure.subplots(), result.calibration
+    means = np.degrees([each.mean for each in fit.bins])
+    fractions = np.array([each.fraction for each in fit.bins])
+    ends = np.array([each.interval for each in fit.bins]).reshape(-1, 2).T
     spread = np.abs(ends - fractions)
     axes.errorbar(means, fractions, spread, fmt="o", color="#0072B2", markersize=4.0,
                   linewidth=1.0, capsize=2.0, label="bins, 95 %", zorder=4)  # fmt: skip
-    axes.plot(np.degrees(one.margins), one.fitted, color=LINE, linewidth=0.9,
+    axes.plot(np.degrees(fit.margins), fit.fitted, color=LINE, linewidth=0.9,
               label="isotonic regression", zorder=3)  # fmt: skip
-    rate = float(found.grasps.held.mean())
+    rate = float(result.grasps.held.mean())
     axes.axhline(rate, color=LINE, linewidth=0.7, linestyle=":", label=f"all grasps {rate:.2f}")
-    low, high = _limits(one)
-    _shade(axes, found, low, high)
-    if math.isfinite(one.youden.margin):
-        axes.axvline(math.degrees(one.youden.margin), color="#7F3C8D", linewidth=1.0,
+    low, high = _limits(fit)
+    _shade(axes, result, low, high)
+    if math.isfinite(fit.youden.margin):
+        axes.axvline(math.degrees(fit.youden.margin), color="#7F3C8D", linewidth=1.0,
                      linestyle=(0, (5, 1.5)), label="best threshold")  # fmt: skip
     axes.set(xlim=(low, high), ylim=(-0.02, 1.02), xlabel="margin [°]", ylabel="fraction that held")
     axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
@@ -118,9 +118,9 @@ def _limits(one: Calibration) -> tuple[float, float]:
     return float(low - space), float(high + space)
 
 
-def _shade(axes: Axes, found: Validation, low: float, high: float) -> None:
+def _shade(axes: Axes, result: Validation, low: float, high: float) -> None:
     """Colour the margins of S, M and U, which are thresholds where locations are certain."""
-    model = found.model
+    model = result.model
     if not model.is_uniform:
         return
     unstable = math.degrees(model.effective_friction_angle - model.unstable_from)
@@ -134,17 +134,17 @@ def _shade(axes: Axes, found: Validation, low: float, high: float) -> None:
 
 
 @styled
-def label_figure(found: Validation) -> Figure:
+def label_figure(result: Validation) -> Figure:
     """Draw success within S, M and U over the sensor resolution, a panel for each friction.
 
     Args:
-        found: The result.
+        result: The result.
     """
-    frictions = sorted({one.friction for one in found.labels})
+    frictions = sorted({one.friction for one in result.labels})
     figure = new_figure(PAGE, 2.5)
     grid = figure.subplots(1, len(frictions), squeeze=False, sharey=True)[0]
     for axes, friction in zip(grid, frictions, strict=True):
-        cells = [one for one in found.labels if one.friction == friction]
+        cells = [one for one in result.labels if one.friction == friction]
         for shift, label in zip((0.15, 0.0, -0.15), Label, strict=True):
             _draw_label(axes, cells, label, shift)
         axes.set_title(rf"$\mu$ = {friction:g}")
@@ -152,7 +152,7 @@ def label_figure(found: Validation) -> Figure:
         axes.set_xticks(range(len(cells)), names)
         axes.set(xlim=(-0.5, len(cells) - 0.5), ylim=(-0.02, 1.02))
         axes.set_xlabel(r"sensor resolution $\alpha$ [°]")
-        axes.axhline(float(found.grasps.held.mean()), color=LINE, linewidth=0.7, linestyle=":")
+        axes.axhline(float(result.grasps.held.mean()), color=LINE, linewidth=0.7, linestyle=":")
     grid[0].set_ylabel("fraction that held")
     figure.legend(handles=label_patches(MEANING["scan"]), loc="outside lower center", ncols=3)
     return figure
@@ -181,7 +181,7 @@ def draw_disagreement(one: Disagreement) -> Bytes:
         OutputError: OpenGL is not available.
     """
     mesh = one.mesh
-    assert mesh.unit is not None  # evaluated poses have one
+    assert mesh.unit is not None  # evaluated poses have a unit
     widest = one.hand.max_opening / METRES[mesh.unit]
     opening = one.opening if math.isfinite(one.opening) else widest
     hand = hand_triangles(one.hand, max(opening, 0.0), pose=one.pose, unit=mesh.unit)

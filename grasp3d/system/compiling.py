@@ -22,7 +22,7 @@ class Compilations:
         self.kernels: list[str] = []
         """Those that Python calls, as MODULE.FUNCTION, in the order of their compilation."""
         self.current = ""
-        """The one that is being compiled; empty: none."""
+        """The kernel that is being compiled; empty: none."""
         self._refusing = False
 
     def begin(self, kernel: str, *, stored: bool) -> None:

@@ -49,7 +49,7 @@ def atomic_write(
 
 
 def _temporary(path: Path, folder: Path | None) -> Path:
-    """Create a temporary file beside a path or in a folder; or return the path if it is one."""
+    """Create a temporary file beside a path or in a folder; or return a path that is temporary."""
     if path.name.startswith(TEMPORARY_PREFIX) and path.stem.endswith(_PART):
         return path
     try:
@@ -79,18 +79,18 @@ def check_writable(path: Path, *, source: Path | None = None) -> None:
             raise OutputError(f"{path}: is the mesh itself; name another file")
 
 
-def check_suffix(path: Path, known: Iterable[str], what: str) -> None:
+def check_suffix(path: Path, formats: Iterable[str], what: str) -> None:
     """Check before a long computation that the suffix of its output file is a known format.
 
     Args:
         path: File to create.
-        known: Suffixes, in lower case.
+        formats: Suffixes, in lower case.
         what: What the file contains, for the error: a table, a figure.
 
     Raises:
         OutputError: The suffix is not known.
     """
-    suffixes = tuple(known)
+    suffixes = tuple(formats)
     if path.suffix.lower() not in suffixes:
         raise OutputError(unsupported(path, suffixes, what))
 

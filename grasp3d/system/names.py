@@ -47,17 +47,17 @@ def safe_stem(name: str) -> str:
     return f"{short.rstrip('. ')}-{short_hash(name)}"
 
 
-def unsupported(path: Path, known: Iterable[str], what: str = "") -> str:
+def unsupported(path: Path, formats: Iterable[str], what: str = "") -> str:
     """Return the message that a file's format is not supported.
 
     Args:
         path: The file, or its name.
-        known: The suffixes of supported formats.
+        formats: The suffixes of supported formats.
         what: What the file contains: a table, a figure.
     """
     kind = f"{what} format" if what else "format"
     problem = f"unsupported {kind} {path.suffix}" if path.suffix else "has no suffix"
-    return printable(f"{path}: {problem}: supported are {' '.join(known)}")
+    return printable(f"{path}: {problem}: supported are {' '.join(formats)}")
 
 
 def short_hash(text: str, digits: int = DIGITS) -> str:

@@ -70,7 +70,7 @@ def library_data(rows: Collection[Row], settings: BatchSettings) -> dict[str, An
         rows: All meshes.
         settings: Settings of the labels.
     """
-    model, found = settings.model, curves(rows)
+    model, lines = settings.model, curves(rows)
     return {
         "friction": model.friction,
         "resolution": _rounded(math.degrees(model.sensor_resolution)),
@@ -80,9 +80,9 @@ def library_data(rows: Collection[Row], settings: BatchSettings) -> dict[str, An
         "settings": describe_settings(settings),
         "columns": COLUMNS,
         "rows": [_values(row) for row in rows],
-        "axes": axes_of(found),
-        "curves": found,
-        "curve": _curve_of(model, found),
+        "axes": axes_of(lines),
+        "curves": lines,
+        "curve": _curve_of(model, lines),
     }
 
 
@@ -121,11 +121,11 @@ def curves(rows: Collection[Row]) -> list[dict[str, Any]]:
     for row in rows:
         for one in row.fractions:
             grid[_errors_of(one, row.unit)][one.sensor_resolution].append(one)
-    found = []
+    lines = []
     for errors, by_resolution in sorted(grid.items()):
         resolutions = sorted(by_resolution)
         columns = [by_resolution[resolution] for resolution in resolutions]
-        found.append(
+        lines.append(
             {
                 "friction": errors[0],
                 "errors": [_rounded(error) for error in errors[1:4]],
@@ -140,21 +140,21 @@ def curves(rows: Collection[Row]) -> list[dict[str, Any]]:
                 ],
             }
         )
-    return found
+    return lines
 
 
-def axes_of(found: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def axes_of(lines: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """What is chosen for the curves: friction and its errors, each with the values of the grid.
 
     Args:
-        found: The curves, ordered by friction and errors.
+        lines: The curves, ordered by friction and errors.
 
     Returns:
         By axis: `name`; `title`, as it is shown; `values`, the texts that occur in `at`, ascending.
     """
     axes = []
     for number, (name, title) in enumerate(AXES.items()):
-        order = {one["at"][number]: [one["friction"], *one["errors"]][number] for one in found}
+        order = {one["at"][number]: [one["friction"], *one["errors"]][number] for one in lines}
         axes.append({"name": name, "title": title, "values": sorted(order, key=order.__getitem__)})
     return axes
 
@@ -166,30 +166,30 @@ _Errors = tuple[float, float, float, float, str]
 def _errors_of(one: AreaFractions, unit: str | None) -> _Errors:
     """Settings of area fractions; locations in millimetres, or in an unknown unit."""
     metres = {str(name): size for name, size in METRES.items()}.get(unit or "", 0.0)
-    known = metres > 0.0 and one.location_error > 0.0
-    location = 1000.0 * metres * one.location_error if known else one.location_error
+    in_metres = metres > 0.0 and one.location_error > 0.0
+    location = 1000.0 * metres * one.location_error if in_metres else one.location_error
     return (
         one.friction,
         one.friction_error,
         one.normal_error,
         float(f"{location:.9g}"),
-        "mm" if known else "",
+        "mm" if in_metres else "",
     )
 
 
-def _curve_of(model: GraspModel, found: Sequence[dict[str, Any]]) -> int:
+def _curve_of(model: GraspModel, lines: Sequence[dict[str, Any]]) -> int:
     """Number of the curve that is nearest to a model; a length without a unit is the largest."""
     length: AnyLength = model.location_error
     location = (
         1000.0 * length.metres if isinstance(length, Measure) else (math.inf if length else 0.0)
     )
-    wanted = (model.friction, model.friction_error, model.normal_error, location)
+    goal = (model.friction, model.friction_error, model.normal_error, location)
     return min(
-        range(len(found)),
+        range(len(lines)),
         key=lambda number: [
             -at if math.isinf(to) else abs(at - to)
             for at, to in zip(
-                (found[number]["friction"], *found[number]["errors"]), wanted, strict=True
+                (lines[number]["friction"], *lines[number]["errors"]), goal, strict=True
             )
         ],
         default=0,
@@ -205,8 +205,8 @@ def _texts_of(
 
 
 def _quartiles(values: Sequence[float | None]) -> list[float] | None:
-    known = [value for value in values if value is not None]
-    return [_rounded(float(one)) for one in np.quantile(known, QUARTILES)] if known else None
+    numbers = [value for value in values if value is not None]
+    return [_rounded(float(one)) for one in np.quantile(numbers, QUARTILES)] if numbers else None
 
 
 def _values(row: Row) -> list[Any]:

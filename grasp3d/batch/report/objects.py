@@ -45,11 +45,11 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
     from grasp3d.batch.report.gripper_data import drawn_openings, gripper_data, load_data
 
     mesh, model = labels.mesh, labels.model
-    used = np.unique(mesh.faces)
-    low = mesh.vertices[used].min(axis=0)
-    step = np.maximum(np.ptp(mesh.vertices[used], axis=0), np.finfo(np.float64).tiny) / STEPS
+    vertices = np.unique(mesh.faces)
+    low = mesh.vertices[vertices].min(axis=0)
+    step = np.maximum(np.ptp(mesh.vertices[vertices], axis=0), np.finfo(np.float64).tiny) / STEPS
     only_fingers = replace(model, normal_error=0.0, location_error=0.0)
-    arrays, data = pack_arrays(_arrays(labels, used, low, step))
+    arrays, data = pack_arrays(_arrays(labels, vertices, low, step))
     header = {
         "format": FORMAT,
         "name": name,
@@ -88,40 +88,40 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
 
 def _arrays(
     labels: "SurfaceLabels",
-    used: npt.NDArray[np.int64],
+    vertices: npt.NDArray[np.int64],
     low: npt.NDArray[np.float64],
     step: npt.NDArray[np.float64],
 ) -> dict[str, npt.NDArray[Any]]:
     """Values at the vertices with faces, in the order of the mesh."""
     mesh, model = labels.mesh, labels.model
     count = len(mesh.vertices)
-    row = np.zeros(count, dtype=np.uint16 if len(used) <= _SMALL else np.uint32)
-    row[used] = np.arange(len(used))
+    row = np.zeros(count, dtype=np.uint16 if len(vertices) <= _SMALL else np.uint32)
+    row[vertices] = np.arange(len(vertices))
     areas = mesh.vertex_areas
     arrays: dict[str, npt.NDArray[Any]] = {
-        "positions": quantised(mesh.vertices[used], low, step),
+        "positions": quantised(mesh.vertices[vertices], low, step),
         "faces": row[mesh.faces],
-        "weights": (areas / areas.sum())[used].astype(np.float32),
-        "worst": labels.critical_angle[used].astype(np.float32),
-        "epsilon": labels.epsilon[used].astype(np.float32),
-        "opening": labels.opening[used].astype(np.float32),
-        "partners": quantised(labels.partners[used], low, step),
-        "reason": labels.reason[used].astype(np.uint8),
+        "weights": (areas / areas.sum())[vertices].astype(np.float32),
+        "worst": labels.critical_angle[vertices].astype(np.float32),
+        "epsilon": labels.epsilon[vertices].astype(np.float32),
+        "opening": labels.opening[vertices].astype(np.float32),
+        "partners": quantised(labels.partners[vertices], low, step),
+        "reason": labels.reason[vertices].astype(np.uint8),
     }
     holding = labels.holding
     if holding is not None:
-        arrays["force"] = holding.grip_force_largest[used].astype(np.float32)
+        arrays["force"] = holding.grip_force_largest[vertices].astype(np.float32)
         if holding.has_payload:
-            arrays["payload"] = holding.payload[used].astype(np.float32)
+            arrays["payload"] = holding.payload[vertices].astype(np.float32)
     if labels.reach is not None:
-        arrays["margin"] = labels.reach.approach_margin[used].astype(np.float32)
-    if not np.array_equal(labels.critical_angle[used], labels.critical_angle_best[used]):
-        arrays["best"] = labels.critical_angle_best[used].astype(np.float32)
+        arrays["margin"] = labels.reach.approach_margin[vertices].astype(np.float32)
+    if not np.array_equal(labels.critical_angle[vertices], labels.critical_angle_best[vertices]):
+        arrays["best"] = labels.critical_angle_best[vertices].astype(np.float32)
     if not model.is_uniform:
         worst, best = labels.located_angles
-        arrays["locatedWorst"] = worst[used].astype(np.float32)
-        if not np.array_equal(worst[used], best[used]):
-            arrays["locatedBest"] = best[used].astype(np.float32)
-    if len(used) < count:
-        arrays["numbers"] = used.astype(np.uint32)
+        arrays["locatedWorst"] = worst[vertices].astype(np.float32)
+        if not np.array_equal(worst[vertices], best[vertices]):
+            arrays["locatedBest"] = best[vertices].astype(np.float32)
+    if len(vertices) < count:
+        arrays["numbers"] = vertices.astype(np.uint32)
     return arrays

@@ -63,7 +63,7 @@ def _static(name: str) -> str:
 
 def _filled(page: str, parts: Mapping[str, str]) -> str:
     """Replace the placeholders of a page in one pass, so that none in a part is replaced."""
-    return _PLACEHOLDER.sub(lambda found: parts[found[1]], page)
+    return _PLACEHOLDER.sub(lambda match: parts[match[1]], page)
 
 
 def _write(output: WritableFolder, name: str, text: str) -> None:

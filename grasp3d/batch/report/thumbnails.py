@@ -59,18 +59,18 @@ def thumbnail(labels: "SurfaceLabels") -> bytes:
     points = thickened(mesh.normalized)
     codes = labels.label[mesh.faces[:, 0]]
     axes = informative_view(points, mesh.faces, codes, WIDTH / HEIGHT).axes
-    drawn = _drawn(labels, _fitted(axes @ points.T, mesh.on_surface), axes)
-    drawn[..., :3] /= np.maximum(drawn[..., 3:], 1e-6)
+    pixels = _drawn(labels, _fitted(axes @ points.T, mesh.on_surface), axes)
+    pixels[..., :3] /= np.maximum(pixels[..., 3:], 1e-6)
     file = io.BytesIO()
-    picture = Image.fromarray(np.rint(255.0 * drawn[::-1]).astype(np.uint8))
+    picture = Image.fromarray(np.rint(255.0 * pixels[::-1]).astype(np.uint8))
     picture.save(file, "WEBP", quality=QUALITY, method=2)
     return file.getvalue()
 
 
-def _fitted(positions: Floats, used: Bools) -> Floats:
+def _fitted(positions: Floats, on_surface: Bools) -> Floats:
     """Positions (3, V) in pixels from the lower left corner, the depth from 0 down."""
-    shown = positions[:, used]
-    low, high = shown.min(axis=1), shown.max(axis=1)
+    visible = positions[:, on_surface]
+    low, high = visible.min(axis=1), visible.max(axis=1)
     available = np.array([WIDTH - 2 * MARGIN, HEIGHT - 2 * MARGIN])
     scale = float((available / np.maximum((high - low)[:2], 1e-12)).min())
     middle = np.array([WIDTH / 2.0, HEIGHT / 2.0, 0.0])

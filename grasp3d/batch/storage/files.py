@@ -159,11 +159,11 @@ def list_entries(source: str, *, depth: int | None = None) -> list[Entry]:
             return list(_walk(local, "", os.path.realpath(local), depth))
         system, root = file_system_of(source)
         system.invalidate_cache()
-        found: Mapping[str, Any] = system.find(root, maxdepth=depth, detail=True)
+        infos: Mapping[str, Any] = system.find(root, maxdepth=depth, detail=True)
     head = root.rstrip("/") + "/" if root.strip("/") else root
     return [
         _entry(path[len(head) :], f"{source.rstrip('/')}/{path[len(head) :]}", info)
-        for path, info in found.items()
+        for path, info in infos.items()
         if path.startswith(head) and path != head
     ]
 
@@ -189,12 +189,12 @@ def _walk(
 ) -> Iterator[Entry]:
     """Yield the files below a local folder; subfolders that cannot be opened are left out."""
     try:
-        found = list(os.scandir(folder))
+        items = list(os.scandir(folder))
     except PermissionError:
         if not relative:
             raise
         return
-    for item in found:
+    for item in items:
         try:
             if item.is_dir(follow_symlinks=False):
                 if depth is None or depth > 1:

@@ -85,12 +85,12 @@ class Folder:
             OutputError: One cannot be read.
         """
         names = list(names)
-        found = {}
+        contents = {}
         if self.is_local or len(names) <= 1:
             for name in names:
                 with suppress(FileNotFoundError):
-                    found[name] = self.read(name)
-            return found
+                    contents[name] = self.read(name)
+            return contents
         with convert_errors(self.url, OutputError, "read"):
             system, root = file_system_of(self.url)
             paths = {f"{root.rstrip('/')}/{name}": name for name in names}
@@ -98,8 +98,8 @@ class Folder:
                 if isinstance(data, Exception) and not isinstance(data, FileNotFoundError):
                     raise data
                 if not isinstance(data, Exception):
-                    found[paths[path]] = bytes(data)
-        return found
+                    contents[paths[path]] = bytes(data)
+        return contents
 
     def names(self, subfolder: str = "") -> list[str]:
         """Return the sorted names of all files in the folder, or in a subfolder.
@@ -120,14 +120,14 @@ class Folder:
         """
         head = f"{subfolder.strip('/')}/" if subfolder else ""
         try:
-            found = list_entries(self.path(subfolder.strip("/")) if subfolder else self.url)
+            entries = list_entries(self.path(subfolder.strip("/")) if subfolder else self.url)
         except FileNotFoundError:
             return {}
         except MeshError as error:
             raise OutputError(str(error)) from error
         return {
             head + entry.name: entry.stamp
-            for entry in found
+            for entry in entries
             if not entry.name.rpartition("/")[2].startswith(TEMPORARY_PREFIX)
         }
 
@@ -140,10 +140,10 @@ class Folder:
         self.remove_all([name])
 
     def remove_all(self, names: Iterable[str]) -> None:
-        """Remove those of several files that exist, in one request.
+        """Remove several files in one request; missing files are passed over.
 
         Raises:
-            OutputError: One cannot be removed.
+            OutputError: A file cannot be removed.
         """
         names = list(names)
         for name in names if self.is_local else ():

@@ -44,8 +44,8 @@ def failure_from_exit_code(code: int) -> CallFailedError:
         return CallFailedError(
             CallFailure.CRASHED, f"ended its process without a result (exit code {code})"
         )
-    known = {item.value: item.name for item in signal.Signals}
-    name = known.get(-code, "")
+    names = {item.value: item.name for item in signal.Signals}
+    name = names.get(-code, "")
     description = (signal.strsignal(-code) or f"signal {-code}").lower()
     if name in _CRASHES:
         return CallFailedError(CallFailure.CRASHED, f"crashed ({description})")

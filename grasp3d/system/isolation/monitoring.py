@@ -55,7 +55,7 @@ class _LimitMonitor:
         return max(0.0, min(PERIOD, self._started + self._limits.seconds - time.monotonic()))
 
     def _exceeded(self) -> CallFailedError | None:
-        """Return the error for a limit that is exceeded, if one is."""
+        """Return the error for a limit that is exceeded; None: none is."""
         memory, seconds = self._limits.memory, self._limits.seconds
         if self._limits.cancelled():
             return CallFailedError(CallFailure.CANCELLED, "was cancelled")
@@ -72,14 +72,14 @@ class _LimitMonitor:
 
 
 def send_request(
-    child: ChildProcess, request: bytes, read: Callable[[ChildProcess], AnswerT], limits: Limits
+    child: ChildProcess, request: bytes, reader: Callable[[ChildProcess], AnswerT], limits: Limits
 ) -> AnswerT:
     """Send a request and read the answer; after any error the child process is closed.
 
     Args:
         child: The child process.
         request: Bytes to send.
-        read: Reads the whole answer.
+        reader: Reads the whole answer.
         limits: Limits of the request.
 
     Raises:
@@ -92,7 +92,7 @@ def send_request(
     try:
         with _LimitMonitor(tree, limits) as monitor:
             child.send(request)
-            answer = read(child)
+            answer = reader(child)
     except (OSError, ValueError, EOFError) as error:
         code = child.close()
         raise (monitor and monitor.failure) or failure_from_exit_code(code) from error

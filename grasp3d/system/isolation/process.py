@@ -110,7 +110,7 @@ class ChildProcess:
 
 
 class ProcessPool:
-    """Child processes that run one module; idle ones are reused before new ones are started."""
+    """Child processes that run one module; idle processes are reused before others start."""
 
     def __init__(
         self,
@@ -139,7 +139,7 @@ class ProcessPool:
         """Return a running child; the caller gives it back or closes it.
 
         Args:
-            fresh: Whether to start a new one in any case.
+            fresh: Whether to start a new process in any case.
 
         Raises:
             OSError: No process can be started.

@@ -25,12 +25,12 @@ class _ProcessTable:
             if self._read_at < since:
                 self._children = _read_children()
                 self._read_at = time.monotonic()
-            found, queue = [], [pid]
+            processes, queue = [], [pid]
             while queue:
                 children = self._children.get(queue.pop(), [])
-                found += children
+                processes += children
                 queue += [process.pid for process in children]
-        return found
+        return processes
 
 
 def _read_children() -> dict[int, list[psutil.Process]]:
@@ -74,6 +74,6 @@ class ProcessTree:
 
     def _update(self, since: float) -> None:
         """Update the descendants; known ones stay in the list after their parent has ended."""
-        found = _table.descendants(self._root.pid, since)
-        self._descendants = list({*self._descendants, *found})
+        processes = _table.descendants(self._root.pid, since)
+        self._descendants = list({*self._descendants, *processes})
         self._updated = time.monotonic()

@@ -187,10 +187,10 @@ def read_settings(path: Path) -> dict[str, Any] | None:
     """
     try:
         metadata = pq.read_schema(path).metadata or {}
-        found = json.loads(metadata[b"grasp3d"])
+        settings = json.loads(metadata[b"grasp3d"])
     except (OSError, ValueError, KeyError):  # pyarrow's errors are ValueErrors
         return None
-    return found if isinstance(found, dict) else None
+    return settings if isinstance(settings, dict) else None
 
 
 def read_columns(path: Path) -> dict[str, npt.NDArray[Any]]:
