@@ -181,7 +181,7 @@ def numbers_page(
     """
     sections = {
         "The numbers in the text": quoted_numbers(),
-        "Fractions at the resolutions of Fig. 7 and 9": _shown(settings),
+        "Fractions at the resolutions of Fig. 7 and 9": _fractions_at_resolutions(settings),
         "ε at the effective friction": _effective(settings),
         **{
             f"The {outline.name} over the resolution, μ = {friction:g}": _over(outline, friction)
@@ -205,7 +205,7 @@ others were computed when this page was written. β = atan μ is the friction an
 resolution; S: surely stable, M: ambiguous, U: surely unstable."""
 
 
-def _shown(settings: PaperSettings) -> str:
+def _fractions_at_resolutions(settings: PaperSettings) -> str:
     head = ("object", "α", "S", "M", "U", "ceiling S + U + M/2", "points whose hulls disagree")
     rows = []
     for model in settings.models:

@@ -136,10 +136,10 @@ def _normal_if_held(case: _Case, force: float) -> float | None:
         if before is None and time >= LOADED:
             before = np.array(data.qpos[:7])
     assert before is not None
-    return _largest_normal(model, data) if _moved(before, data.qpos[:7]) < MOVED else None
+    return _largest_normal(model, data) if _distance(before, data.qpos[:7]) < MOVED else None
 
 
-def _moved(before: Floats, after: Floats) -> float:
+def _distance(before: Floats, after: Floats) -> float:
     """How far a body with a free joint has moved, with its turn at a lever [m]."""
     shift = float(np.linalg.norm(after[:3] - before[:3]))
     cosine = min(1.0, abs(float(np.dot(before[3:], after[3:]))))

@@ -207,10 +207,10 @@ class Polyline(Outline):
         """See `Outline`; a contact within 1e-12 perimeters of a corner is at the corner."""
         wrapped = np.remainder(np.asarray(positions, dtype=np.float64), self.perimeter)
         edge = np.minimum(np.searchsorted(self._ends, wrapped, side="right"), len(self._ends) - 1)
-        left = self._ends[edge] - wrapped
-        fraction = 1.0 - left / self._lengths[edge]
+        rest = self._ends[edge] - wrapped
+        fraction = 1.0 - rest / self._lengths[edge]
         near = TINY * self.perimeter
-        at_end, at_start = left <= near, self._lengths[edge] - left <= near
+        at_end, at_start = rest <= near, self._lengths[edge] - rest <= near
         edge = np.where(at_end, (edge + 1) % len(self._ends), edge)
         corner = at_end | at_start
         fraction = np.where(corner, 0.0, fraction)

@@ -182,7 +182,7 @@ def span_of(
         fingers: Contacts to mark.
     """
     width, height = size
-    across, up, _ = np.ptp(_shown(points, fingers) @ view.axes.T, axis=0)
+    across, up, _ = np.ptp(_drawing_points(points, fingers) @ view.axes.T, axis=0)
     return MARGIN * max(float(up), float(across) * height / width, np.finfo(float).tiny)
 
 
@@ -211,7 +211,7 @@ class _Surface:
         return surface
 
 
-def _shown(points: Floats, fingers: Sequence[Finger]) -> Floats:
+def _drawing_points(points: Floats, fingers: Sequence[Finger]) -> Floats:
     """Points of a surface and the ends of its fingers' arrows, shape (n, 3)."""
     length = ARROW * extent_of(points)
     tails = [finger.point - length * finger.normal for finger in fingers]
@@ -246,7 +246,7 @@ def _rendered(
             _mark(plotter, finger, extent)
         if span is None:
             span = span_of(surface.points, view, size, fingers)
-        _aim_camera(plotter, _shown(surface.points, fingers), view, span)
+        _aim_camera(plotter, _drawing_points(surface.points, fingers), view, span)
         image = _screenshot(plotter)
         if fingers:
             colored.visibility = False

@@ -82,28 +82,28 @@ class Disagreements:
     """The greatest disagreements among the grasps seen so far; only these are kept."""
 
     most: int
-    """Of each kind."""
-    found: dict[Kind, list[Disagreement]] = field(
+    """Most disagreements of each kind."""
+    greatest: dict[Kind, list[Disagreement]] = field(
         default_factory=lambda: {kind: [] for kind in MEANING}
     )
 
     def add(self, poses: EvaluatedPoses, scores: dict[str, Floats], first: int) -> None:
-        """Add those among some poses.
+        """Add the greatest disagreements among some poses.
 
         Args:
             poses: Evaluated poses with outcomes.
             scores: Their scores.
             first: Row of the first pose in the table of grasps.
         """
-        for kind in self.found:
+        for kind in self.greatest:
             rows = _extreme(kind, poses, self.most)
             new = [_disagreement(kind, poses, scores, int(row), first) for row in rows]
-            merged = [*self.found[kind], *new]
-            self.found[kind] = sorted(merged, key=_order)[: self.most]
+            merged = [*self.greatest[kind], *new]
+            self.greatest[kind] = sorted(merged, key=_order)[: self.most]
 
     def all(self) -> tuple[Disagreement, ...]:
-        """All that are kept, the greatest of each kind first."""
-        return tuple(one for kind in MEANING for one in self.found[kind])
+        """All kept disagreements, the greatest of each kind first."""
+        return tuple(one for kind in MEANING for one in self.greatest[kind])
 
 
 def _extreme(kind: Kind, poses: EvaluatedPoses, most: int) -> list[int]:

@@ -59,7 +59,7 @@ def thumbnail(labels: "SurfaceLabels") -> bytes:
     points = thickened(mesh.normalized)
     codes = labels.label[mesh.faces[:, 0]]
     axes = informative_view(points, mesh.faces, codes, WIDTH / HEIGHT).axes
-    pixels = _drawn(labels, _fitted(axes @ points.T, mesh.on_surface), axes)
+    pixels = _pixels(labels, _fitted(axes @ points.T, mesh.on_surface), axes)
     pixels[..., :3] /= np.maximum(pixels[..., 3:], 1e-6)
     file = io.BytesIO()
     picture = Image.fromarray(np.rint(255.0 * pixels[::-1]).astype(np.uint8))
@@ -78,7 +78,7 @@ def _fitted(positions: Floats, on_surface: Bools) -> Floats:
     return np.asarray(scale * (positions - origin[:, None]) + middle[:, None])
 
 
-def _drawn(labels: "SurfaceLabels", positions: Floats, axes: Floats) -> Floats:
+def _pixels(labels: "SurfaceLabels", positions: Floats, axes: Floats) -> Floats:
     """Colours with coverage, shape (HEIGHT, WIDTH, 4), the lowest row first."""
     # Imported here: writing pages needs no compiler.
     from grasp3d._kernels.surface.visible_faces import draw_surface
