@@ -75,9 +75,9 @@ class ProgressDisplay:
         """How many meshes are done, as text."""
         if self._progress is None:
             return "no mesh was started"
-        done = self._progress.finished + self._progress.labelled + self._progress.failed
-        total = done + self._progress.left
-        return f"{done} of {counted(total, 'meshes')} {'is' if total == 1 else 'are'} done"
+        count = self._progress.finished + self._progress.labelled + self._progress.failed
+        total = count + self._progress.left
+        return f"{count} of {counted(total, 'meshes')} {'is' if total == 1 else 'are'} done"
 
     def _start(self, progress: BatchProgress, now: float) -> None:
         self._started = self._last_line = now
@@ -96,8 +96,8 @@ class ProgressDisplay:
         progress = self._progress
         if progress is None or self._started is None:
             return ""
-        done, seconds = progress.labelled + progress.failed, now - self._started
-        rate = f", {done / seconds:.3g}/s" if done and seconds else ""
+        count, seconds = progress.labelled + progress.failed, now - self._started
+        rate = f", {count / seconds:.3g}/s" if count and seconds else ""
         largest = ""
         if progress.largest is not None:
             largest = f"; {escaped(progress.largest.name)} ({decimal(progress.largest.size)})"
@@ -105,8 +105,8 @@ class ProgressDisplay:
         return f"{counts}{rate}{largest}"
 
     def _time_left(self) -> str:
-        left = self._bar.tasks[self._task].time_remaining
-        return f"; about {_duration(left)} left" if left else ""
+        seconds = self._bar.tasks[self._task].time_remaining
+        return f"; about {_duration(seconds)} left" if seconds else ""
 
 
 def _log_row(row: Row) -> None:

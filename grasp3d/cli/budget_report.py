@@ -87,8 +87,8 @@ def _sensor_rows(unit: Unit, tip: Tip, sensor: Sensor) -> Iterator[tuple[str, st
         yield "sensor resolution, at worst", exact_angle(sensor.resolution)
         for axis in range(3):
             towards = np.eye(3)[axis]
-            found = tip.resolution_at(sensor.receptive_field, towards).resolution
-            yield f"  at the end of semi-axis {axis + 1}", exact_angle(found)
+            resolution = tip.resolution_at(sensor.receptive_field, towards).resolution
+            yield f"  at the end of semi-axis {axis + 1}", exact_angle(resolution)
         yield "sensors on half of it", f"at least {tip.sensors_by_discs(sensor.receptive_field)}"
     elif isinstance(tip, CylinderTip):
         yield "sensor resolution, at worst", f"{exact_angle(sensor.resolution)}, around the axis"
@@ -177,7 +177,7 @@ def _heading(unit: Unit, friction: str, grasps: GraspSamples, source: str) -> st
 
 
 def _print_bars(report: Report, budget: MarginBudget) -> None:
-    """Print the friction angle and below it its parts, each bar where the one before ends."""
+    """Print the friction angle and below it its parts, each bar where the previous bar ends."""
     width = min(WIDEST, max(NARROWEST, report.console.width - BESIDE_BAR))
     total = float(budget.friction_angle)
     scale = width / max(total, float(budget.uncertain + budget.critical_angle))
@@ -222,15 +222,15 @@ def _losses(designs: Sequence[FingerDesign], grasps: GraspSamples) -> Table:
     """Fractions S, and those with one uncertainty removed, a column for each friction."""
     frictions = [friction_text(friction_interval(design.friction)) for design in designs]
     budgets = [design.budget(grasps) for design in designs]
-    used = [
+    names = [
         name
         for name in budgets[0].parts
         if any(np.any(budget.parts[name] != 0.0) for budget in budgets)
     ]
-    changes: dict[str, Callable[[FingerDesign], FingerDesign]] = {"as given": lambda one: one}
-    for name in used:
-        changes[f"without {name}"] = lambda one, name=name: one.without(name)  # type: ignore[misc]
-    changes["without any"] = lambda one: FingerDesign(one.without("friction").friction)
+    changes: dict[str, Callable[[FingerDesign], FingerDesign]] = {"as given": lambda design: design}
+    for name in names:
+        changes[f"without {name}"] = lambda design, name=name: design.without(name)  # type: ignore[misc]
+    changes["without any"] = lambda design: FingerDesign(design.without("friction").friction)
     rows = (
         (text, *(percent_text(change(design).stable_fraction(grasps)) for design in designs))
         for text, change in changes.items()

@@ -92,16 +92,12 @@ class Check:
         from grasp3d.batch.checking import SUFFIXES, json_of, write_checks
         from grasp3d.batch.inputs import find_meshes
         from grasp3d.batch.storage import local_path
-        from grasp3d.cli.existing_files import check_replaceable
+        from grasp3d.cli.existing_files import check_output
         from grasp3d.mesh.diagnosis import Trust
-        from grasp3d.system.files import check_suffix, check_writable
 
         files = find_meshes(self.inputs)
-        if self.output is not None:
-            check_suffix(self.output, SUFFIXES, "report")
-            for file in files:
-                check_writable(self.output, source=local_path(file.source))
-            check_replaceable(self.output, overwrite=self.overwrite)
+        sources = [local_path(file.source) for file in files]
+        check_output(self.output, SUFFIXES, "report", overwrite=self.overwrite, sources=sources)
         settings = BatchSettings(
             self.model, given_sampling(self.sampling, self.multifinger), self.mesh
         )
@@ -111,8 +107,8 @@ class Check:
         if self.json:
             print(json_of(meshes, settings))  # noqa: T201
         elif not self.quiet:
-            given = {str(local_path(item) or item) for item in self.inputs}
-            print_checks(meshes, named=all(file.source in given for file in files))
+            names = {str(local_path(item) or item) for item in self.inputs}
+            print_checks(meshes, named=all(file.source in names for file in files))
         accepted = {Trust.YES} if self.strict else {Trust.YES, Trust.CARE}
         return 0 if all(mesh.trust in accepted for mesh in meshes) else 1
 
@@ -207,13 +203,13 @@ def _measures(diagnosis: "MeshDiagnosis") -> "Table":
     shift = diagnosis.center_shift if before.closed and after.closed else 0.0
     cavities = f", cavities: {diagnosis.cavities}" if diagnosis.cavities else ""
     rows = [
-        ("vertices, faces", *(f"{one.vertices:,} {one.faces:,}" for one in both), ""),
+        ("vertices, faces", *(f"{state.vertices:,} {state.faces:,}" for state in both), ""),
         ("watertight", *map(_closed, both), ""),
-        (f"area{area}", *(f"{one.area:.5g}" for one in both), _change(before.area, after.area)),
+        (f"area{area}", *(f"{state.area:.5g}" for state in both), _change(before.area, after.area)),
         (f"volume{volume}", *map(_volume, both), _volume_change(before, after)),
         (
             f"centre of mass{length}",
-            *(_center(one, diagnosis.size) for one in both),
+            *(_center(state, diagnosis.size) for state in both),
             f"{100.0 * shift:.2g} % of the size" if shift > _MIN_CHANGE else "",
         ),
         ("bodies", "", f"{diagnosis.bodies}{cavities}", ""),

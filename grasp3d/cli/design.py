@@ -114,11 +114,11 @@ class Design:
             "--flat": self.flat,
             "--fingertip-axes": bool(self.fingertip_axes),
         }
-        given = [name for name, is_given in fingertip.items() if is_given]
-        if len(given) > 1:
-            raise SettingError(f"{' and '.join(given)} each define the fingertip; give one")
-        if self.cylinder and given[:1] not in ([], ["--fingertip-radius"]):
-            raise SettingError(f"--cylinder takes a --fingertip-radius; {given[0]} is another tip")
+        names = [name for name, is_given in fingertip.items() if is_given]
+        if len(names) > 1:
+            raise SettingError(f"{' and '.join(names)} each define the fingertip; give one")
+        if self.cylinder and names[:1] not in ([], ["--fingertip-radius"]):
+            raise SettingError(f"--cylinder takes a --fingertip-radius; {names[0]} is another tip")
         if self.fingertip_axes and self.sensor_resolution is not None:
             raise SettingError(
                 "the resolution of an ellipsoid varies over the fingertip; give --receptive-field "
@@ -132,6 +132,8 @@ class Design:
             self._print_budget()
         else:
             self._print_sensor()
+        if self.figure is not None:
+            self._draw(self.figure)
         return 0
 
     def _check_figure(self) -> None:
@@ -156,37 +158,30 @@ class Design:
         setup = report.Setup(self.radius, self._length("object_size"), self.print_unit)
         sensor, frictions = self.sensor, tuple(smallest for smallest, _ in self.friction)
         if sensor is None:
-            shown = frictions or DEFAULT_FRICTIONS
-            report.print_limits(setup, shown, paper=self == Design())
+            report.print_limits(setup, frictions or DEFAULT_FRICTIONS, paper=self == Design())
             return
         report.print_sensor(setup, sensor)
         if frictions:
             report.print_comparison(setup, sensor, frictions)
-        if self.figure is not None:
-            grasps, _ = self._grasps(self.designs)
-            self._draw(self.figure, grasps)
 
     def _print_budget(self) -> None:
-        """Print the budget of each friction, and write the figure."""
+        """Print the budget of each friction."""
         from grasp3d.cli import budget_report as report
 
-        designs = self.designs
-        grasps, source = self._grasps(designs)
+        designs, (grasps, source) = self.designs, self._grasps
         report.print_finger(
             self.print_unit, self.tip, self.sensor, designs[0].encoders, designs[0].other
         )
         report.print_designs(self.print_unit, self.tip, designs, grasps, source)
-        if self.figure is not None:
-            self._draw(self.figure, grasps)
 
-    def _draw(self, path: Path, grasps: "GraspSamples") -> None:
+    def _draw(self, path: Path) -> None:
         """Draw the budget of each friction as a bar."""
         from grasp3d.cli import budget_report as report
         from grasp3d.plots.budgets import budget_figure
         from grasp3d.plots.figures import save_as
 
-        budgets = report.mean_budgets(self.designs, grasps)
-        save_as(budget_figure({f"μ {friction}": one for friction, one in budgets.items()}), path)
+        budgets = report.mean_budgets(self.designs, self._grasps[0])
+        save_as(budget_figure({f"μ {friction}": budgets[friction] for friction in budgets}), path)
         Report().written(path)
 
     @property
@@ -248,14 +243,15 @@ class Design:
             return Sensor.for_resolution(self.sensor_resolution, self.radius)
         return None
 
-    def _grasps(self, designs: "tuple[FingerDesign, ...]") -> "tuple[GraspSamples, str]":
+    @cached_property
+    def _grasps(self) -> "tuple[GraspSamples, str]":
         """The grasps that the design is for, and what they are of."""
         from grasp3d.contact.budget import GraspSamples
 
         if self.grasps.object is not None:
             from grasp3d.cli.design_object import grasps_of
 
-            return grasps_of(self.grasps, designs, self.print_unit, self._given_lengths)
+            return grasps_of(self.grasps, self.designs, self.print_unit, self._given_lengths)
         size = self._length("object_size")
         if size is not None and not self.force:
             from grasp3d.mesh.plausible_lengths import check_lengths
@@ -268,12 +264,12 @@ class Design:
     @property
     def _given_lengths(self) -> dict[str, AnyLength | None]:
         """Lengths that are compared with an object's size, with their units; none with --force."""
-        given = {
+        lengths = {
             "location_error": self.grasps.location_error,
             "receptive_field": self.receptive_field,
             "max_opening": self.grasps.max_opening,
         }
-        return {} if self.force else {name: self._with_unit(one) for name, one in given.items()}
+        return {} if self.force else {name: self._with_unit(lengths[name]) for name in lengths}
 
     def _with_unit(self, length: AnyLength | None) -> AnyLength | None:
         """A length with the unit that is meant if it has none."""

@@ -82,8 +82,8 @@ def _models(designs: Sequence[FingerDesign], size: float, unit: Unit) -> Iterato
     """Models of the two searches: with exact locations, and with the location error."""
     widest = max(designs, key=lambda design: friction_interval(design.friction)[1])
     uncertainty = widest.uncertainty
-    given = float(uncertainty.location_error)
-    for error in (0.0, given if given > 0.0 else TYPICAL_ERROR * size):
+    given_error = float(uncertainty.location_error)
+    for error in (0.0, given_error if given_error > 0.0 else TYPICAL_ERROR * size):
         yield GraspModel(
             friction=friction_interval(widest.friction),
             sensor_resolution=uncertainty.sensor_resolution,

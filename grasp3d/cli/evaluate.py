@@ -79,26 +79,24 @@ class Evaluate:
 
     def run(self) -> int:
         """Run the command, and return the exit code."""
-        from grasp3d.cli.existing_files import check_not_task, check_replaceable
+        from grasp3d.cli.existing_files import check_not_task, check_output
         from grasp3d.grasps.grasp_files import SUFFIXES, read_grasps
         from grasp3d.grasps.pose_files import holds_poses
         from grasp3d.grasps.poses import GraspPoses
         from grasp3d.quality.measures.known import metric_names
-        from grasp3d.system.files import check_suffix
 
         if self.metrics is not None:
             metric_names(self.metrics)
         output = self.output or Path(f"{safe_stem(self.file.stem)}_grasps.csv")
-        check_suffix(output, SUFFIXES, "table")
         check_not_task(output, self.load)
         self._check_gripper(poses=holds_poses(self.contacts))
-        given = read_grasps(self.contacts, hand=self.reach.hand)
+        grasps = read_grasps(self.contacts, hand=self.reach.hand)
         if output.exists() and output.samefile(self.contacts):
-            what = "poses" if isinstance(given, GraspPoses) else "contacts"
+            what = "poses" if isinstance(grasps, GraspPoses) else "contacts"
             raise OutputError(f"{output}: is the file of {what}; name another file with -o")
-        model = self._model(given)
-        check_replaceable(output, overwrite=self.overwrite, source=self.file)
-        self._evaluate(given, model, output)
+        model = self._model(grasps)
+        check_output(output, SUFFIXES, "table", overwrite=self.overwrite, sources=[self.file])
+        self._evaluate(grasps, model, output)
         return 0
 
     def _check_gripper(self, *, poses: bool) -> None:
@@ -121,15 +119,15 @@ class Evaluate:
                 f"{self.contacts}: contains no poses; a gripper applies to poses, not to contacts"
             )
 
-    def _model(self, given: "GraspPoses | Floats") -> GraspModel:
+    def _model(self, grasps: "GraspPoses | Floats") -> GraspModel:
         """The model of the grasps: at poses of the gripper, or of as many fingers as contacts."""
         from grasp3d.grasps.poses import GraspPoses
 
-        if isinstance(given, GraspPoses):
+        if isinstance(grasps, GraspPoses):
             return self.reach.touching(self.model)
-        return with_fingers(self.model, given.shape[1])
+        return with_fingers(self.model, grasps.shape[1])
 
-    def _evaluate(self, given: "GraspPoses | Floats", model: GraspModel, output: Path) -> None:
+    def _evaluate(self, grasps: "GraspPoses | Floats", model: GraspModel, output: Path) -> None:
         """Evaluate grasps, write and print the results."""
         from grasp3d.cli import grasp_report, progress_bars
         from grasp3d.grasps.evaluated_poses import EvaluatedPoses
@@ -140,7 +138,7 @@ class Evaluate:
         from grasp3d.mesh.plausible_lengths import refuse_lengths
         from grasp3d.surface.masses import loaded_mesh
 
-        mesh = in_stated_scale(load_mesh(self.file, self.mesh), given)
+        mesh = in_stated_scale(load_mesh(self.file, self.mesh), grasps)
         mesh, load = loaded_mesh(mesh, self.load.chosen)
         if not self.force:
             refuse_lengths(mesh, model, load, max_distance=self.max_distance)
@@ -149,15 +147,15 @@ class Evaluate:
                 "scene": Scene.of(self.reach, mesh), "object_motion": self.object_motion,
                 "max_distance": self.max_distance, "load": load,
             }  # fmt: skip
-            grasps = evaluate_grasps(mesh, given, model, **options)
-        progress_bars.measure(lambda: grasps.epsilon_range, "measuring epsilon", quiet=self.quiet)
-        metrics = None if self.metrics is None else grasps.metrics(self.metrics)
-        write_grasps(output, grasps, metrics=metrics)
+            results = evaluate_grasps(mesh, grasps, model, **options)
+        progress_bars.measure(lambda: results.epsilon_range, "measuring epsilon", quiet=self.quiet)
+        metrics = None if self.metrics is None else results.metrics(self.metrics)
+        write_grasps(output, results, metrics=metrics)
         if self.quiet:
             return
-        if isinstance(grasps, EvaluatedPoses):
-            grasp_report.print_poses(grasps, output)
+        if isinstance(results, EvaluatedPoses):
+            grasp_report.print_poses(results, output)
         else:
-            grasp_report.print_evaluated(grasps, output)
+            grasp_report.print_evaluated(results, output)
         if metrics is not None:
             grasp_report.print_metrics(metrics, mesh.unit)

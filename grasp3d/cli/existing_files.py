@@ -7,13 +7,14 @@ replaced only with `--overwrite`.
 import json
 import math
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import OutputError
 from grasp3d.quality.loads import Load, load_settings
 from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
-from grasp3d.system.files import check_writable
+from grasp3d.system.files import check_suffix, check_writable
 
 if TYPE_CHECKING:
     from grasp3d.surface.labelling import Labelling
@@ -29,10 +30,10 @@ _HEADS = re.compile(
 """How tables as CSV begin, which hold no name."""
 
 _GRIPPER = re.compile(rb'\s*\{[^{}]*?"format"\s*:\s*"grasp3d gripper"')
-"""How a description of a gripper begins; files of poses contain one farther on."""
+"""How a description of a gripper begins; files of poses contain it farther on."""
 
 _MESHES = frozenset({".ply", ".glb", ".npz", ".vtp"})
-"""Formats of which other programs also write files, perhaps from a labelled one."""
+"""Formats of which other programs also write files, perhaps from a labelled mesh."""
 
 _ANGLES = frozenset(
     {"approach_within", "sensor_resolution", "search_angle", "tolerance", "crease_angle"}
@@ -45,7 +46,36 @@ _LENGTHS = frozenset(
 _WITHOUT_EFFECT = frozenset({"max_memory"})
 
 ROUNDING = 1e-9
-"""Fraction by which two numbers differ that are the same."""
+"""Largest relative difference of two numbers that are the same."""
+
+
+def check_output(
+    path: Path | None,
+    suffixes: Iterable[str],
+    what: str,
+    *,
+    overwrite: bool,
+    sources: Iterable[Path | None] = (),
+) -> None:
+    """Check before a long computation that an output has a known format and can be written.
+
+    Args:
+        path: File to create or replace; None: nothing is written.
+        suffixes: Of the formats, in lower case.
+        what: What the file contains, for the error: a table, a figure.
+        overwrite: Whether any existing file may be replaced.
+        sources: Files that it must not replace; None: no local file.
+
+    Raises:
+        OutputError: The suffix is not known, it cannot be written, or a file is there that is no
+            result of grasp3d.
+    """
+    if path is None:
+        return
+    check_suffix(path, suffixes, what)
+    for source in sources:
+        check_writable(path, source=source)
+    check_replaceable(path, overwrite=overwrite)
 
 
 def check_replaceable(path: Path, *, overwrite: bool, source: Path | None = None) -> None:
@@ -76,12 +106,12 @@ def check_not_task(path: Path, load: Load) -> None:
         load: As the options give it, with the names of the task's files.
 
     Raises:
-        OutputError: It is one of them.
+        OutputError: It is a file of the task.
     """
     for file in load.task_files:
         try:
             same = path.samefile(file)
-        except OSError:  # one of them does not exist
+        except OSError:  # a file does not exist
             continue
         if same:
             raise OutputError(f"{path}: is the file of the task; name another file")
@@ -108,13 +138,13 @@ def check_same_settings(path: Path, task: "Labelling", *, overwrite: bool) -> No
     if stored is None:
         return
     mesh = task.mesh
-    chosen = chosen_settings(mesh, task.model, task.sampling, "label", task.scene)
-    chosen |= load_settings(task.load)
-    chosen["search_angle"] = search_cone(task.model, task.sampling)
+    settings = chosen_settings(mesh, task.model, task.sampling, "label", task.scene)
+    settings |= load_settings(task.load)
+    settings["search_angle"] = search_cone(task.model, task.sampling)
     of_mesh = {"file_vertices": mesh.file_vertices, "torque_scale": mesh.torque_scale}
     differing = [
         name
-        for name, value in (chosen | of_mesh).items()
+        for name, value in (settings | of_mesh).items()
         if name not in _WITHOUT_EFFECT and not _is_same(stored.get(name, str(value)), str(value))
     ]
     if differing:
@@ -122,7 +152,7 @@ def check_same_settings(path: Path, task: "Labelling", *, overwrite: bool) -> No
         reason = f"of another mesh called {mesh.report.source}"
         if name not in of_mesh:
             unit = f" {mesh.unit or ''}".rstrip()
-            pair = stored[name], str(chosen[name])
+            pair = stored[name], str(settings[name])
             there, here = (
                 _grippers(*pair)
                 if name == "gripper"
@@ -157,7 +187,7 @@ def is_result(path: Path) -> bool:
 
 
 def _is_same(there: str, here: str) -> bool:
-    """Whether two texts are one value: 80 and 80.0 are, and numbers with a rounding error."""
+    """Whether two texts are the same value: 80 and 80.0 are, and numbers with a rounding error."""
     if there == here or (there.isdecimal() and here.isdecimal()):
         return there == here
     try:
@@ -168,23 +198,24 @@ def _is_same(there: str, here: str) -> bool:
 
 def _grippers(there: str, here: str) -> tuple[str, str]:
     """Two grippers for a message: their names, and a field that differs if those are the same."""
-    one, other = (_gripper(text) for text in (there, here))
-    fields = [name for name, value in one.items() if other.get(name, value) != value]
+    first, second = _gripper(there), _gripper(here)
+    fields = [name for name, value in first.items() if second.get(name, value) != value]
     differing = [] if fields[:1] == ["name"] else fields[:1]
-    first, second = (
-        " ".join([str(given.get("name", "none")), *(f"{name} {given[name]}" for name in differing)])
-        for given in (one, other)
-    )
-    return first, second
+
+    def text(hand: dict[str, Any]) -> str:
+        values = (f"{name} {hand[name]}" for name in differing)
+        return " ".join([str(hand.get("name", "none")), *values])
+
+    return text(first), text(second)
 
 
 def _gripper(text: str) -> dict[str, Any]:
     """Fields of a stored gripper; empty: none, or it is damaged."""
     try:
-        found = json.loads(text)
+        fields = json.loads(text)
     except ValueError:
-        found = None
-    return found if isinstance(found, dict) else {}
+        fields = None
+    return fields if isinstance(fields, dict) else {}
 
 
 def _text(name: str, value: str, unit: str) -> str:

@@ -94,7 +94,7 @@ def print_evaluated(grasps: GraspTable, output: Path) -> None:
 
 
 def print_best(
-    grasps: GraspTable, requested: int, output: Path, *, drawn: bool, written: bool = True
+    grasps: GraspTable, requested: int, output: Path, *, has_pictures: bool, has_file: bool = True
 ) -> None:
     """Print the best distinct grasps of a surface, best first.
 
@@ -102,8 +102,8 @@ def print_best(
         grasps: The grasps.
         requested: Number of grasps that the user requested.
         output: The file that they were written to.
-        drawn: Whether pictures of them were written to a file of the same name.
-        written: Whether that file was written.
+        has_pictures: Whether pictures of them were written to a file of the same name.
+        has_file: Whether that file was written.
     """
     report = Report()
     if not grasps.size:
@@ -119,12 +119,12 @@ def print_best(
             report.line(f"{WARNING} {note}")
         if grasps.size < requested:
             report.paragraph(f"{requested} were requested; all others are similar to one of these")
-        if not drawn:
+        if not has_pictures:
             report.line(
                 "no pictures: they need OpenGL, which is not available (on Debian: libegl1 libgl1)"
             )
-    if written:
-        report.written(output, *([output.with_suffix(".png")] if drawn else []))
+    if has_file:
+        report.written(output, *([output.with_suffix(".png")] if has_pictures else []))
 
 
 def print_poses(poses: EvaluatedPoses, output: Path) -> None:

@@ -64,29 +64,24 @@ class Hand:
             return 0
         self._check_outputs()
         gripper = self._described()
-        written = self._write(gripper)
+        paths = self._write(gripper)
         if not self.quiet:
-            print_gripper(gripper, written)
+            print_gripper(gripper, paths)
         return 0
 
     def _check_nothing_else(self) -> None:
         options = ("fingers", "palm", "tcp", "output", "picture")
-        given = [name for name in options if getattr(self, name) is not None]
-        if given:
-            raise SettingError(f"--{given[0]} needs a gripper: a name or a file before the options")
+        names = [name for name in options if getattr(self, name) is not None]
+        if names:
+            raise SettingError(f"--{names[0]} needs a gripper: a name or a file before the options")
 
     def _check_outputs(self) -> None:
-        from grasp3d.cli.existing_files import check_replaceable
+        from grasp3d.cli.existing_files import check_output
         from grasp3d.plots.figures import METADATA
-        from grasp3d.system.files import check_suffix
 
-        for path, suffixes, what in (
-            (self.output, [".json"], "gripper"), (self.picture, METADATA, "figure"),
-        ):  # fmt: skip
-            if path is not None:
-                check_suffix(path, suffixes, what)
-                # The description that was read may be replaced only when that is asked for.
-                check_replaceable(path, overwrite=self.overwrite)
+        # The description that was read is replaced only with --overwrite.
+        check_output(self.output, [".json"], "gripper", overwrite=self.overwrite)
+        check_output(self.picture, METADATA, "figure", overwrite=self.overwrite)
 
     def _described(self) -> "ParallelGripper":
         from grasp3d.hand.hand_files import read_hand
@@ -94,10 +89,10 @@ class Hand:
         from grasp3d.settings.lengths import length_in_unit
 
         tcp = length_in_unit("tcp", self.tcp, "m")
-        found = read_hand(self.hand, fingers=self.fingers, palm=self.palm, tcp=tcp)
-        if not isinstance(found, ParallelGripper):
-            raise SettingError(f"{found.name!r} is no parallel gripper; only those are described")
-        return found
+        gripper = read_hand(self.hand, fingers=self.fingers, palm=self.palm, tcp=tcp)
+        if not isinstance(gripper, ParallelGripper):
+            raise SettingError(f"{gripper.name!r} is no parallel gripper; only those are described")
+        return gripper
 
     def _write(self, gripper: "ParallelGripper") -> list[Path]:
         """Write the files that are asked for, and return their paths."""
@@ -132,17 +127,17 @@ def print_presets() -> None:
     report.line("fingers: thickness x width x length; grasp3d hand NAME prints all of a gripper")
 
 
-def print_gripper(gripper: "ParallelGripper", written: Sequence[Path] = ()) -> None:
+def print_gripper(gripper: "ParallelGripper", paths: Sequence[Path] = ()) -> None:
     """Print the description of a gripper.
 
     Args:
         gripper: The gripper.
-        written: Files that it was written to.
+        paths: Files that it was written to.
     """
     report = Report()
     report.line(f"[bold]{escaped(gripper.name)}[/] (lengths in mm)")
     report.fields(_rows(gripper))
-    for path in written:
+    for path in paths:
         report.written(path)
 
 

@@ -183,13 +183,15 @@ class Label:
         from grasp3d.plots.rendering import can_render
 
         grasps = best_grasps(labels, count)
-        written = grasps.size > 0 or labels.reach is None  # files of poses cannot be empty
-        if written:
+        has_file = grasps.size > 0 or labels.reach is None  # files of poses cannot be empty
+        if has_file:
             write_grasps(output, grasps, format=self.grasps_format)
-        drawn = grasps.size > 0 and can_render()
-        if drawn:
+        has_pictures = grasps.size > 0 and can_render()
+        if has_pictures:
             with progress_bars.progress("drawing grasps", quiet=self.quiet):
                 pictures = draw_grasps(labels, grasps)
             save_as(grasp_figure(labels, grasps, pictures), output.with_suffix(".png"))
         if not self.quiet:
-            grasp_report.print_best(grasps, count, output, drawn=drawn, written=written)
+            grasp_report.print_best(
+                grasps, count, output, has_pictures=has_pictures, has_file=has_file
+            )

@@ -82,10 +82,10 @@ def holding_columns(holding: Holding | None) -> list[Column]:
 def _print_heading(report: Report, holding: Holding) -> None:
     """Print mass, task, force at hand and the verdict."""
     mass = "mass not given" if holding.mass is None else f"{holding.mass:.3g} kg"
-    given = holding.load.task
-    task = escaped(str(given)) if isinstance(given, TaskText) else "a given task"
+    task = holding.load.task
+    text = escaped(str(task)) if isinstance(task, TaskText) else "a given task"
     force = "none given" if holding.available is None else f"{holding.available:.3g} N per finger"
-    report.line(f"[bold]load[/]: {mass}, {task}; force at hand: {force}")
+    report.line(f"[bold]load[/]: {mass}, {text}; force at hand: {force}")
     verdict = HoldingVerdict.of(holding)
     report.line(f"  {escaped(str(verdict))}")
     if holding.remedy and holding.remedy != verdict.reason:

@@ -48,7 +48,7 @@ _METAVARS = {
     "mass": f"MASS|{_NONE}", "density": f"DENSITY|{_NONE}", "grip_force": f"FORCE|{_NONE}",
     "object_mass": "MASS",
 }  # fmt: skip
-"""Placeholders of the values of some settings; others have one by their type."""
+"""Placeholders of the values of some settings; others have a placeholder by their type."""
 
 Parser = PrimitiveConstructorSpec[Any]
 """How words of the command line become a value."""
@@ -62,38 +62,38 @@ def options_of(info: StructTypeInfo) -> StructConstructorSpec | None:
     """Return the options of a command, or of settings.
 
     Args:
-        info: A dataclass, or a partial one: then the fields that it gives have no options.
+        info: A dataclass, or a partial of it: then the fields that it gives have no options.
     """
-    given: Any = info.type
-    kind, known = (given.func, given.keywords) if isinstance(given, partial) else (given, {})
+    hint: Any = info.type
+    kind, constants = (hint.func, hint.keywords) if isinstance(hint, partial) else (hint, {})
     if not is_dataclass(kind):
         return None
     hints, helps = get_type_hints(kind, include_extras=True), _help_texts(kind)
     options = tuple(
         StructFieldSpec(
-            name=one.name,
-            type=_option(one, hints[one.name], helps.get(one.name)),
-            default=_default(one),
+            name=field.name,
+            type=_option(field, hints[field.name], helps.get(field.name)),
+            default=_default(field),
         )
-        for one in fields(kind)
-        if one.name not in known
+        for field in fields(kind)
+        if field.name not in constants
     )
-    return StructConstructorSpec(instantiate=given, fields=options)
+    return StructConstructorSpec(instantiate=hint, fields=options)
 
 
 def _option(field: "Field[Any]", hint: Any, text: str | None) -> Any:
     """Return the type of an option: with its help, its placeholder, and the parser of its value."""
     parsed = _parsed(hint, option_name(field.name))
-    shown = tyro.conf.arg(
+    argument = tyro.conf.arg(
         metavar=_METAVARS.get(field.name),
         # tyro would write `None`.
         help_behavior_hint=f"(default: {_NONE})" if field.default is None else None,
         aliases=["--gripper"] if _HAND in get_args(parsed) else None,
     )
     base, *own = get_args(parsed) if get_origin(parsed) is Annotated else (parsed,)
-    base = next((one for one in own if isinstance(one, partial)), base)
+    base = next((item for item in own if isinstance(item, partial)), base)
     helped = () if text is None else (tyro.conf.arg(help=text),)
-    return Annotated[(base, shown, *own, *helped)]
+    return Annotated[(base, argument, *own, *helped)]
 
 
 def _default(field: "Field[Any]") -> Any:
@@ -106,11 +106,11 @@ def _help_texts(kind: Any) -> dict[str, str]:
 
     Those of settings that it extends are in the docstrings of these.
     """
-    kinds = [one for one in reversed(kind.__mro__) if one.__module__.startswith("grasp3d.")]
+    kinds = [base for base in reversed(kind.__mro__) if base.__module__.startswith("grasp3d.")]
     return {
         item.args[-1]: " ".join((item.description or "").split())
-        for one in kinds
-        for item in docstring_parser.parse_from_object(one).params
+        for base in kinds
+        for item in docstring_parser.parse_from_object(base).params
     }
 
 
@@ -127,7 +127,7 @@ def _parsed(hint: Any, option: str) -> Any:
     if get_origin(hint) is Annotated:
         return Annotated[(_parsed(hint.__origin__, option), *hint.__metadata__)]
     if get_origin(hint) is tuple:
-        return GenericAlias(tuple, tuple(_parsed(one, option) for one in get_args(hint)))
+        return GenericAlias(tuple, tuple(_parsed(item, option) for item in get_args(hint)))
     return hint
 
 
@@ -385,7 +385,7 @@ Multifinger = Annotated[
     partial(MultifingerSampling, **MultifingerSampling().common),
     tyro.conf.arg(help="How candidate grasps of three fingers and more are searched."),
 ]
-"""The options of a search of three fingers and more that one of two fingers does not have."""
+"""The options of a search of three fingers and more that a search of two fingers does not have."""
 
 SearchGroup = Annotated[
     Sampling,

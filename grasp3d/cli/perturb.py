@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -102,29 +102,28 @@ class Perturb:
 
     def run(self) -> int:
         """Run the command, and return the exit code."""
-        from grasp3d.cli.existing_files import check_replaceable
+        from grasp3d.cli.existing_files import check_output
         from grasp3d.plots.figures import METADATA
         from grasp3d.plots.rendering import check_rendering
-        from grasp3d.system.files import check_suffix
         from grasp3d.validating.perturbing.perturbation import SUFFIXES, write_perturbation
 
         output = self.output or Path(f"{safe_stem(self.file.stem)}_noise.ply")
-        check_suffix(output, SUFFIXES, "table or mesh")
+        check: dict[str, Any] = {"overwrite": self.overwrite, "sources": [self.file]}
+        check_output(output, SUFFIXES, "table or mesh", **check)
+        check_output(self.figure, METADATA, "figure", **check)
+        paths = [output]
         if self.figure is not None:
-            check_suffix(self.figure, METADATA, "figure")
             check_rendering()
-        written = [path for path in (output, self.figure) if path is not None]
-        for path in written:
-            check_replaceable(path, overwrite=self.overwrite, source=self.file)
-        found = self._found()
-        write_perturbation(output, found)
+            paths.append(self.figure)
+        perturbation = self._perturb()
+        write_perturbation(output, perturbation)
         if self.figure is not None:
-            self._draw(found, self.figure)
+            self._draw(perturbation, self.figure)
         if not self.quiet:
-            print_perturbation(found, written)
+            print_perturbation(perturbation, paths)
         return 0
 
-    def _found(self) -> "Perturbation":
+    def _perturb(self) -> "Perturbation":
         """Read the mesh, and label its copies."""
         from grasp3d.cli import progress_bars
         from grasp3d.mesh.noisy_copies import movable_surface
@@ -144,20 +143,20 @@ class Perturb:
                 sampling=sampling,
             )
 
-    def _draw(self, found: "Perturbation", path: Path) -> None:
+    def _draw(self, perturbation: "Perturbation", path: Path) -> None:
         """Draw the surface, its copies, and the labels with the errors to enter."""
         from grasp3d.plots.figures import save_as
         from grasp3d.plots.perturbations import perturbation_figure
 
-        save_as(perturbation_figure(found), path)
+        save_as(perturbation_figure(perturbation), path)
 
 
-def print_perturbation(perturbation: "Perturbation", written: Sequence[Path]) -> None:
+def print_perturbation(perturbation: "Perturbation", paths: Sequence[Path]) -> None:
     """Print the noise, area fractions with and without it, and the errors to enter.
 
     Args:
         perturbation: Results of the copies.
-        written: The files that they were written to.
+        paths: The files that they were written to.
     """
     report = Report()
     mesh, model = perturbation.mesh, perturbation.labels.model
@@ -174,7 +173,7 @@ def print_perturbation(perturbation: "Perturbation", written: Sequence[Path]) ->
     report.lines(perturbation.labels.warnings, WARNING)
     if mesh.report.warnings:
         report.paragraph(CHECK_HINT)
-    report.written(*written)
+    report.written(*paths)
 
 
 def _noise(perturbation: "Perturbation") -> str:

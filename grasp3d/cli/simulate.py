@@ -100,20 +100,18 @@ class Simulate:
 
     def run(self) -> int:
         """Run the command, and return the exit code."""
-        from grasp3d.cli.existing_files import check_replaceable
+        from grasp3d.cli.existing_files import check_output
         from grasp3d.physics.simulation import write_simulation
-        from grasp3d.system.files import check_suffix
         from grasp3d.system.tables import SUFFIXES
 
         output = self.output or Path(f"{safe_stem(self.file.stem)}_simulation.csv")
         if self.grasps is not None:
             return self._simulate_poses(output)
-        check_suffix(output, SUFFIXES, "table")
-        check_replaceable(output, overwrite=self.overwrite, source=self.file)
-        found = self._found()
-        write_simulation(output, found)
+        check_output(output, SUFFIXES, "table", overwrite=self.overwrite, sources=[self.file])
+        simulation = self._simulate()
+        write_simulation(output, simulation)
         if not self.quiet:
-            print_simulation(found, output)
+            print_simulation(simulation, output)
         return 0
 
     def _simulate_poses(self, output: Path) -> int:
@@ -135,7 +133,7 @@ class Simulate:
         check_replaceable(output, overwrite=self.overwrite, source=self.file)
         text = f"simulating {self.grasps.name}"
         with progress_bars.progress(text, quiet=self.quiet):
-            found = simulate_poses(
+            outcomes = simulate_poses(
                 load_mesh(self.file, self.mesh),
                 poses,
                 touching(self.hand, self.model),
@@ -143,12 +141,12 @@ class Simulate:
                 simulation=self.simulation,
                 cluster=self.cluster,
             )
-        write_poses(output, found)
+        write_poses(output, outcomes)
         if not self.quiet:
-            print_poses(found, output)
+            print_poses(outcomes, output)
         return 0
 
-    def _found(self) -> "Simulation":
+    def _simulate(self) -> "Simulation":
         """Read the mesh, draw grasps and simulate them."""
         from grasp3d.cli import progress_bars
         from grasp3d.mesh import load_mesh
@@ -192,8 +190,8 @@ def print_simulation(simulation: "Simulation", output: Path) -> None:
     report = Report()
     for line in _head(simulation):
         report.line(line)
-    held = simulation.rates(held=True)
-    rows = [(*_named(rate), _percent(held[rate.name])) for rate in simulation.rates().values()]
+    holding = simulation.rates(held=True)
+    rows = [(*_named(rate), _percent(holding[rate.name])) for rate in simulation.rates().values()]
     headings = ("label", "", "grasps", "grasp held", "95 %", "object held")
     report.table(table_of(headings, rows, texts=2))
     margins = [

@@ -149,17 +149,17 @@ class Sweep:
         failures = {mesh.name: mesh.error for mesh in meshes if mesh.error}
         swept = gather(targets, meshes, settings)
         every = list(dict.fromkeys(sweep for target in swept for sweep in target.sweeps))
-        shown = list(dict.fromkeys(sweep for target in swept for sweep in target.shown))
+        sweeps = list(dict.fromkeys(sweep for target in swept for sweep in target.shown))
         write_sweeps(
             table, every, fractions=fractions, failures=failures, settings=plain_values(settings)
         )
-        if shown:
+        if sweeps:
             members = {target.name: target.members for target in swept if target.members}
-            self._draw(shown, members, figure)
+            self._draw(sweeps, members, figure)
         if not self.quiet:
             sweep_report.print_sweeps(swept, fractions)
             sweep_report.print_notes(targets, meshes, fractions)
-            Report().written(table, *([figure] if shown else []))
+            Report().written(table, *([figure] if sweeps else []))
         return 1 if failures else 0
 
     @property
@@ -194,7 +194,7 @@ class Sweep:
 
     def _draw(
         self,
-        shown: list["SweptFractions"],
+        sweeps: list["SweptFractions"],
         members: dict[str, tuple["SweptFractions", ...]],
         path: Path,
     ) -> None:
@@ -202,37 +202,33 @@ class Sweep:
         from grasp3d.plots.figures import save_as
 
         fractions = sorted(set(self.fraction))
-        first = shown[0]
+        first = sweeps[0]
         several = min(first.stable.shape) > 1
         many = len(first.stable) > MAX_ROWS and not first.axes.is_default
         if several and (self.heat_map or many):
             from grasp3d.plots.heat_maps import heat_map_figure
 
-            save_as(heat_map_figure(shown, fractions=fractions), path)
+            save_as(heat_map_figure(sweeps, fractions=fractions), path)
             return
         from grasp3d.plots.fractions import sweep_figure
 
-        save_as(sweep_figure(shown, members=members, fractions=fractions), path)
+        save_as(sweep_figure(sweeps, members=members, fractions=fractions), path)
 
     def _outputs(self, targets: list["Target"]) -> tuple[Path, Path]:
         """Return the paths of table and figure, checked to be writable and not to be meshes."""
         from grasp3d.batch.storage import local_path
         from grasp3d.batch.sweeping import meshes_of
-        from grasp3d.cli.existing_files import check_replaceable
+        from grasp3d.cli.existing_files import check_output
         from grasp3d.plots.figures import METADATA
-        from grasp3d.system.files import check_suffix, check_writable
         from grasp3d.system.tables import SUFFIXES
 
         path = Path(targets[0].name)
         name = safe_stem(path.name if targets[0].folder else path.stem)
         table = self.output or Path(f"{name}_sweep.csv" if len(targets) == 1 else "sweep.csv")
-        check_suffix(table, SUFFIXES, "table")
         figure = self.figure or table.with_suffix(".svg")
-        check_suffix(figure, METADATA, "figure")
-        for path in (table, figure):
-            for mesh in meshes_of(targets):
-                check_writable(path, source=local_path(mesh.source))
-            check_replaceable(path, overwrite=self.overwrite)
+        sources = [local_path(mesh.source) for mesh in meshes_of(targets)]
+        check_output(table, SUFFIXES, "table", overwrite=self.overwrite, sources=sources)
+        check_output(figure, METADATA, "figure", overwrite=self.overwrite, sources=sources)
         return table, figure
 
     def _swept(self, targets: list["Target"], settings: "SweepSettings") -> list["SweptMesh"]:

@@ -35,15 +35,15 @@ def print_sweeps(targets: Sequence[SweptTarget], fractions: Sequence[float]) -> 
         targets: Swept targets; every mesh of a folder has a line in the second table.
         fractions: Area fractions of S for which the required resolution is printed.
     """
-    shown = [sweep for target in targets for sweep in target.shown]
-    if not shown:
+    sweeps = [sweep for target in targets for sweep in target.shown]
+    if not sweeps:
         return
-    report, axes = Report(), shown[0].axes
+    report, axes = Report(), sweeps[0].axes
     fixed = "" if axes.is_default else f", {axes.fixed_text}"
-    columns = _axis(shown, shown[0].columns)
+    columns = _axis(sweeps, sweeps[0].columns)
     report.line(f"area fractions of S/M/U [%] by {columns}{fixed}:")
-    report.table(_fraction_table(shown))
-    report.line(escaped(_legend(shown)))
+    report.table(_fraction_table(sweeps))
+    report.line(escaped(_legend(sweeps)))
     if not fractions:
         return
     report.line(
@@ -51,7 +51,7 @@ def print_sweeps(targets: Sequence[SweptTarget], fractions: Sequence[float]) -> 
         "(none: at no resolution)"
     )
     every = list(dict.fromkeys(sweep for target in targets for sweep in target.sweeps))
-    if shown[0].columns == COLUMN:
+    if sweeps[0].columns == COLUMN:
         report.table(_required_table(every, fractions))
         return
     for fraction in fractions:
@@ -151,7 +151,7 @@ def _named_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> Tabl
 
 
 def _axis(sweeps: Sequence[Sweep], name: AxisName, separator: str = " ") -> str:
-    """Return the name of an axis, with the unit of values that are printed without one."""
+    """Return the name of an axis, with the unit of values that are printed without unit."""
     words = AXES[name].words
     if name != "location_error" or sweeps[0].unit:
         return words
@@ -171,16 +171,16 @@ def _shown_columns(sweep: Sweep) -> list[int]:
     values = sweep.axes.values[sweep.columns]
     if len(values) <= MAX_COLUMNS:
         return list(range(len(values)))
-    shown = np.linspace(values[0], values[-1], MAX_COLUMNS)
+    resolutions = np.linspace(values[0], values[-1], MAX_COLUMNS)
     default = GraspModel().sensor_resolution
     if sweep.columns == COLUMN and np.isclose(values[1:-1], default).any():
-        inner = shown[1:-1]
+        inner = resolutions[1:-1]
         inner[np.argmin(np.abs(inner - default))] = default
-    return sorted({int(np.argmin(np.abs(values - value))) for value in shown})
+    return sorted({int(np.argmin(np.abs(values - value))) for value in resolutions})
 
 
 def _shown_rows(sweep: Sweep) -> list[int]:
-    """Return indices of rows: all frictions of the default axes, otherwise evenly spaced ones."""
+    """Return indices of rows: all frictions of the default axes, otherwise evenly spaced rows."""
     count = len(sweep.stable)
     if sweep.axes.is_default or count <= MAX_ROWS:
         return list(range(count))
@@ -199,17 +199,17 @@ def _legend(sweeps: Sequence[Sweep]) -> str:
 def _required_table(sweeps: Sequence[Sweep], fractions: Sequence[float]) -> Table:
     """Return a table of required resolutions: a line per sweep, or per sweep and friction."""
     percents = [f"{100.0 * fraction:g} %" for fraction in fractions]
-    first, shown = sweeps[0], _shown_rows(sweeps[0])
+    first, indices = sweeps[0], _shown_rows(sweeps[0])
     texts = [
         describe_value(first.rows, float(value), first.unit)
-        for value in first.axes.values[first.rows][shown]
+        for value in first.axes.values[first.rows][indices]
     ]
     wide = first.rows == ROW and len(texts) * len(fractions) <= MAX_ANGLES
     columns = [f"μ {text}\n{percent}" for text in texts for percent in percents]
     lines: list[tuple[str, ...]] = []
     for sweep in sweeps:
         required = np.stack([sweep.required_resolution(value) for value in fractions], axis=1)
-        rows = [[_angle(angle) for angle in angles] for angles in required[shown]]
+        rows = [[_angle(angle) for angle in angles] for angles in required[indices]]
         if wide:
             lines.append((escaped(sweep.name), *chain.from_iterable(rows)))
             continue

@@ -59,17 +59,17 @@ def uncertainty_lines(
     if model.certainty == "safe":
         lines.append(f"safe labels: {SAFE_LABELS}")
     critical = np.where(np.isfinite(labelled.critical_angle), labelled.critical_angle, np.inf)
-    given = np.ones(len(critical)) if weights is None else weights
-    used = np.where(np.isfinite(critical), given, 0.0)
-    if not used.sum() > 0.0:
+    areas = np.ones(len(critical)) if weights is None else weights
+    of_grasps = np.where(np.isfinite(critical), areas, 0.0)
+    if not of_grasps.sum() > 0.0:
         return lines
     margin = np.where(np.isfinite(critical), labelled.margin, -np.inf)
-    texts = ", ".join(map(margin_text, quantiles(margin, LEVELS, given)))
+    texts = ", ".join(map(margin_text, quantiles(margin, LEVELS, areas)))
     budget = margin_budget(model, critical, model.effective_friction_angle - margin)
     return [
         *lines,
         f"margin, {PERCENTS} of the {of}: {texts} (S: above 0)",
-        f"mean budget: {budget.mean(used).line}",
+        f"mean budget: {budget.mean(of_grasps).line}",
     ]
 
 

@@ -103,11 +103,11 @@ class Validate:
             sensor_resolutions=parse_angles("--sensor-resolutions", self.sensor_resolutions),
         )
         self._check_output()
-        found = self._found(settings)
+        validation = self._validate(settings)
         if self.output is not None:
-            self._write(found, self.output)
+            self._write(validation, self.output)
         if not self.quiet:
-            validate_report.print_validation(found, self.output)
+            validate_report.print_validation(validation, self.output)
         return 0
 
     def _check_output(self) -> None:
@@ -125,10 +125,10 @@ class Validate:
             raise OutputError(f"{self.output}: is a file; name a folder")
         for path in (self.output / name for name in FILES):
             check_replaceable(path, overwrite=self.overwrite)
-            if any(path.exists() and one.exists() and path.samefile(one) for one in self.grasps):
+            if any(path.exists() and file.exists() and path.samefile(file) for file in self.grasps):
                 raise OutputError(f"{path}: is a file of grasps; name another folder with -o")
 
-    def _found(self, settings: ValidationSettings) -> "Validation":
+    def _validate(self, settings: ValidationSettings) -> "Validation":
         """Evaluate the grasps, and compare the scores with the outcomes."""
         from grasp3d.cli import progress_bars
         from grasp3d.system.counts import counted
@@ -148,10 +148,10 @@ class Validate:
                 settings=settings,
             )
 
-    def _write(self, found: "Validation", folder: Path) -> None:
+    def _write(self, validation: "Validation", folder: Path) -> None:
         """Write the report."""
         from grasp3d.cli import progress_bars
         from grasp3d.plots.validation_page import write_report
 
         with progress_bars.progress("drawing the report", quiet=self.quiet):
-            write_report(folder, found)
+            write_report(folder, validation)

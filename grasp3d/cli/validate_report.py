@@ -20,92 +20,92 @@ MOST_WARNINGS = 10
 """Most warnings that are printed."""
 
 
-def print_validation(found: Validation, output: Path | None) -> None:
+def print_validation(validation: Validation, output: Path | None) -> None:
     """Print how well the scores predict the outcomes.
 
     Args:
-        found: The result.
+        validation: The result.
         output: Folder of the report; None: it was not written.
     """
     report = Report()
-    report.lines([sentences.counts_of(found), sentences.model_of(found)])
-    report.lines([*sentences.sources_of(found), sentences.closing_of(found)])
-    report.lines(found.warnings[:MOST_WARNINGS], WARNING)
-    if len(found.warnings) > MOST_WARNINGS:
-        more = counted(len(found.warnings) - MOST_WARNINGS, "warnings")
+    report.lines([sentences.counts_of(validation), sentences.model_of(validation)])
+    report.lines([*sentences.sources_of(validation), sentences.closing_of(validation)])
+    report.lines(validation.warnings[:MOST_WARNINGS], WARNING)
+    if len(validation.warnings) > MOST_WARNINGS:
+        more = counted(len(validation.warnings) - MOST_WARNINGS, "warnings")
         report.paragraph(f"and {more} more")
-    report.table(_scores(found))
-    report.lines([sentences.intervals_of(found)])
-    report.table(_labels(found))
-    report.table(_calibration(found))
-    report.lines(sentences.calibration_of(found))
+    report.table(_scores(validation))
+    report.lines([sentences.intervals_of(validation)])
+    report.table(_labels(validation))
+    report.table(_calibration(validation))
+    report.lines(sentences.calibration_of(validation))
     for kind, meaning in MEANING.items():
-        shown = [_disagreement(found, one) for one in found.disagreements if one.kind == kind]
-        if shown:
+        cases = [case for case in validation.disagreements if case.kind == kind]
+        if cases:
             report.paragraph(f"[bold]{meaning}[/]")
-            report.lines(shown, " ")
+            report.lines([_disagreement(validation, case) for case in cases], " ")
     if output is not None:
         report.lines([f"written: {output / 'report.html'} and its tables"])
 
 
-def _scores(found: Validation) -> Table:
+def _scores(validation: Validation) -> Table:
     """ROC-AUC and average precision of each score."""
     rows = (
         (
-            escaped(one.score.title),
-            one.score.better,
-            f"{_number(one.roc_auc)} {_interval(one.roc_auc_interval)}",
-            f"{_number(one.average_precision)} {_interval(one.average_precision_interval)}",
+            escaped(quality.score.title),
+            quality.score.better,
+            f"{_number(quality.roc_auc)} {_interval(quality.roc_auc_interval)}",
+            f"{_number(quality.average_precision)} {_interval(quality.average_precision_interval)}",
         )
-        for one in found.qualities
+        for quality in validation.qualities
     )
     return table_of(("score", "better", "ROC-AUC, 95 %", "average precision, 95 %"), rows)
 
 
-def _labels(found: Validation) -> Table:
+def _labels(validation: Validation) -> Table:
     """Success within S, M and U over friction and resolution."""
     order = sorted(Label, reverse=True)
     rows = (
         (
-            f"{one.friction:.4g}",
-            f"{math.degrees(one.sensor_resolution):.4g}°",
-            *(_success(one, label) for label in order),
+            f"{success.friction:.4g}",
+            f"{math.degrees(success.sensor_resolution):.4g}°",
+            *(_success(success, label) for label in order),
         )
-        for one in found.labels
+        for success in validation.labels
     )
     return table_of(("μ", "α", *(f"{label_name(label)} held, 95 %, of" for label in order)), rows)
 
 
-def _success(one: LabelSuccess, label: Label) -> str:
+def _success(success: LabelSuccess, label: Label) -> str:
     """Fraction that held, with its interval, and the number of grasps."""
-    if not one.counts[label]:
+    if not success.counts[label]:
         return "none"
-    low, high = one.interval(label.name)
-    fraction = percent(one.fraction(label.name))
-    return f"{fraction} {100.0 * low:.0f}-{100.0 * high:<3.0f}{one.counts[label]:>6,}"
+    low, high = success.interval(label.name)
+    fraction = percent(success.fraction(label.name))
+    return f"{fraction} {100.0 * low:.0f}-{100.0 * high:<3.0f}{success.counts[label]:>6,}"
 
 
-def _calibration(found: Validation) -> Table:
+def _calibration(validation: Validation) -> Table:
     """Success in bins of the margin."""
     rows = []
-    missing = ~found.grasps.closed
+    missing = ~validation.grasps.closed
     if missing.any():
-        held, count = int(found.grasps.held[missing].sum()), int(missing.sum())
-        ends = _interval(wilson(held, count))
-        rows.append(("jaws do not close", f"{count:,}", percent(held / count), ends))
-    for one in found.calibration.bins:
-        span = f"{degrees(one.low)} to {degrees(one.high)}"
-        rows.append((span, f"{one.count:,}", percent(one.fraction), _interval(one.interval)))
+        successes, count = int(validation.grasps.held[missing].sum()), int(missing.sum())
+        ends = _interval(wilson(successes, count))
+        rows.append(("jaws do not close", f"{count:,}", percent(successes / count), ends))
+    for part in validation.calibration.bins:
+        span = f"{degrees(part.low)} to {degrees(part.high)}"
+        rows.append((span, f"{part.count:,}", percent(part.fraction), _interval(part.interval)))
     return table_of(("margin", "grasps", "held", "95 %"), rows)
 
 
-def _disagreement(found: Validation, one: Disagreement) -> str:
-    grasps = found.grasps
-    number, file = int(grasps.grasp[one.row]), found.files[int(grasps.file[one.row])]
-    where = f" of {Path(file.name).name}" if len(found.files) > 1 else ""
-    label = Label(int(grasps.label[one.row])).name
-    margin = "" if np.isnan(one.margin) else f", margin {degrees(one.margin)}"
-    return f"grasp {number}{where}: {label}{margin}: {'; '.join(one.hints)}"
+def _disagreement(validation: Validation, case: Disagreement) -> str:
+    grasps = validation.grasps
+    number, file = int(grasps.grasp[case.row]), validation.files[int(grasps.file[case.row])]
+    where = f" of {Path(file.name).name}" if len(validation.files) > 1 else ""
+    label = Label(int(grasps.label[case.row])).name
+    margin = "" if np.isnan(case.margin) else f", margin {degrees(case.margin)}"
+    return f"grasp {number}{where}: {label}{margin}: {'; '.join(case.hints)}"
 
 
 def _number(value: float) -> str:

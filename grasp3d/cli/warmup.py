@@ -46,6 +46,6 @@ class Warmup:
             )
         if not self.quiet:
             seconds = time.perf_counter() - begun
-            done = f"compiled {counted(len(kernels), 'kernels')} in {seconds:.0f} s"
-            print(done if kernels else "already compiled")  # noqa: T201
+            text = f"compiled {counted(len(kernels), 'kernels')} in {seconds:.0f} s"
+            print(text if kernels else "already compiled")  # noqa: T201
         return 0
