@@ -95,8 +95,8 @@ class MarginBudget:
 
     def __post_init__(self) -> None:
         names = [field.name for field in fields(self)]
-        given = (np.asarray(getattr(self, name), dtype=np.float64) for name in names)
-        for name, values in zip(names, np.broadcast_arrays(*given), strict=True):
+        arrays = (np.asarray(getattr(self, name), dtype=np.float64) for name in names)
+        for name, values in zip(names, np.broadcast_arrays(*arrays), strict=True):
             object.__setattr__(self, name, values)
 
     @classmethod
@@ -134,10 +134,10 @@ class MarginBudget:
             raise SettingError("a budget needs one friction: as friction=, or in the uncertainty")
         smallest, largest = friction_interval(further.friction if friction is None else friction)
         beta = math.atan(0.5 * (smallest + largest))
-        known = sensor.uncertainty if isinstance(sensor, Sensor) else sensor
-        total, joints = (known or Uncertainty()) + further, encoders or JointEncoders.exact()
+        errors = sensor.uncertainty if isinstance(sensor, Sensor) else sensor
+        total, joints = (errors or Uncertainty()) + further, encoders or JointEncoders.exact()
         lengths = _number(total.location_error), joints.contact_error
-        location, moved = _turns(np.asarray(opening, dtype=np.float64), *lengths)
+        location, turn = _turns(np.asarray(opening, dtype=np.float64), *lengths)
         return cls(
             friction_angle=np.asarray(beta),
             critical_angle=np.asarray(critical_angle, dtype=np.float64),
@@ -145,7 +145,7 @@ class MarginBudget:
             resolution=np.asarray(total.sensor_resolution / 2.0),
             normals=np.asarray(total.normal_error),
             location=location,
-            encoders=joints.normal_error + moved,
+            encoders=joints.normal_error + turn,
         )
 
     @property
@@ -173,8 +173,8 @@ class MarginBudget:
         """Name of the uncertainty that takes the most, shape (...); '' where none takes any."""
         names = np.array(["", *self.parts])
         values = np.stack([np.zeros_like(self.friction_angle), *self.parts.values()])
-        found = names[np.argmax(values, axis=0)]  # the first of equal ones: '' where all are 0
-        return str(found) if found.ndim == 0 else found
+        result = names[np.argmax(values, axis=0)]  # the first of equal ones: '' where all are 0
+        return str(result) if result.ndim == 0 else result
 
     @property
     def line(self) -> str:
@@ -185,8 +185,8 @@ class MarginBudget:
         """
         if self.friction_angle.size != 1 or not np.all(np.isfinite(self.critical_angle)):
             raise SettingError("a budget is written as a line for one grasp; choose it with at()")
-        shown = {name: value for name, value in self.parts.items() if float(value.item()) != 0.0}
-        terms = {CRITICAL: self.critical_angle, **shown, MARGIN: self.margin}
+        parts = {name: value for name, value in self.parts.items() if float(value.item()) != 0.0}
+        terms = {CRITICAL: self.critical_angle, **parts, MARGIN: self.margin}
         total = f"friction angle {_degrees(self.friction_angle)}"
         return f"{total} = " + " + ".join(f"{name} {_degrees(at)}" for name, at in terms.items())
 
@@ -207,12 +207,12 @@ class MarginBudget:
         Raises:
             SettingError: There is no grasp with a weight.
         """
-        given = np.ones(self.friction_angle.shape) if weights is None else np.asarray(weights)
-        used = np.where(np.isfinite(self.critical_angle), given, 0.0)
-        if not used.sum() > 0.0:
+        factors = np.ones(self.friction_angle.shape) if weights is None else np.asarray(weights)
+        shares = np.where(np.isfinite(self.critical_angle), factors, 0.0)
+        if not shares.sum() > 0.0:
             raise SettingError("there is no grasp whose margin could have a mean")
-        columns = (np.where(used > 0.0, getattr(self, one.name), 0.0) for one in fields(self))
-        return MarginBudget(*(np.average(column, weights=used) for column in columns))
+        columns = (np.where(shares > 0.0, getattr(self, one.name), 0.0) for one in fields(self))
+        return MarginBudget(*(np.average(column, weights=shares) for column in columns))
 
 
 def _turns(opening: Floats, *lengths: float) -> tuple[Floats, ...]:

@@ -102,8 +102,8 @@ class Contacts:
         lengths = np.linalg.norm(n, axis=-1, keepdims=True)
         object.__setattr__(self, "points", locked(p))
         object.__setattr__(self, "normals", locked(n / lengths))
-        for name, given in (("friction", friction), ("torsion_radius", torsion_radius)):
-            values = finite_numbers(name, given)
+        for name, value in (("friction", friction), ("torsion_radius", torsion_radius)):
+            values = finite_numbers(name, value)
             if (values < 0.0).any():
                 raise ContactError(f"{name} must be at least 0; got {values.min():g}")
             object.__setattr__(
@@ -121,8 +121,8 @@ class Contacts:
 
     def with_friction(self, friction: ArrayLike) -> "Contacts":
         """The same contacts with other friction coefficients: one value, or shape (..., n)."""
-        made = Contacts(self.points, self.normals, friction, self.torsion_radius)
-        return made._with_patches(self.patch, self._arms)
+        contacts = Contacts(self.points, self.normals, friction, self.torsion_radius)
+        return contacts._with_patches(self.patch, self._arms)
 
     def with_normals(self, normals: Floats) -> "Contacts":
         """The same contacts with other unit normals, patches staying where they are.
@@ -142,16 +142,16 @@ class Contacts:
             return np.broadcast_to(wide, (*normals.shape[:-1], *values.shape[values.ndim - rest :]))
 
         friction = repeated(self.friction, 0)
-        made = Contacts(
+        contacts = Contacts(
             repeated(self.points, 1), normals, friction, repeated(self.torsion_radius, 0)
         )
         if self.patch is not None and self._arms is not None:
-            cosine = (made.normals * repeated(self.normals, 1)).sum(axis=-1)
+            cosine = (contacts.normals * repeated(self.normals, 1)).sum(axis=-1)
             sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
             sure = np.maximum(cosine - friction * sine, 0.0)
             arms = sure[..., None, None] * repeated(self._arms, 2)
-            made._with_patches(repeated(self.patch, 2), arms)
-        return made
+            contacts._with_patches(repeated(self.patch, 2), arms)
+        return contacts
 
     def without_patches(self) -> "Contacts":
         """The same contacts as points, with the torsion that they resist."""
@@ -164,22 +164,22 @@ class Contacts:
             points: Shape (..., n, 3).
             size: Shape (...).
         """
-        made = Contacts(points, self.normals, self.friction, self.torsion_radius / size[..., None])
+        other = Contacts(points, self.normals, self.friction, self.torsion_radius / size[..., None])
         if self.patch is not None and self._arms is not None:
             unit = size[..., None, None, None]
-            made._with_patches(self.patch / unit, self._arms / unit)
-        return made
+            other._with_patches(self.patch / unit, self._arms / unit)
+        return other
 
     def fingers(self, which: Bools) -> "Contacts":
         """Some of the fingers of every grasp, (n,)."""
-        made = Contacts(*(
+        subset = Contacts(*(
             values.compress(which, axis=len(self.batch))
             for values in (self.points, self.normals, self.friction, self.torsion_radius)
         ))  # fmt: skip
         if self.patch is not None and self._arms is not None:
-            chosen = (one.compress(which, axis=len(self.batch)) for one in (self.patch, self._arms))
-            made._with_patches(*chosen)
-        return made
+            axes = (one.compress(which, axis=len(self.batch)) for one in (self.patch, self._arms))
+            subset._with_patches(*axes)
+        return subset
 
     def reshape(self, batch: tuple[int, ...]) -> "Contacts":
         """The same grasps in a batch of another shape, in which one number may be -1."""
@@ -197,13 +197,13 @@ class Contacts:
 
     def _each(self, change: Callable[[Floats, tuple[int, ...]], Floats]) -> "Contacts":
         """Apply `change(values, other axes)` to every field, to change the batch axes."""
-        made = object.__new__(Contacts)
+        contacts = object.__new__(Contacts)
         for field in fields(self):
             values = getattr(self, field.name)
             if values is not None:
                 values = locked(change(values, values.shape[len(self.batch) :]))
-            object.__setattr__(made, field.name, values)
-        return made
+            object.__setattr__(contacts, field.name, values)
+        return contacts
 
     @property
     def rolling_arms(self) -> Floats | None:
@@ -224,11 +224,11 @@ class Contacts:
         return int(self.points.shape[-2])
 
 
-def _patches(given: ArrayLike | None, normals: Floats) -> Floats | None:
+def _patches(patch: ArrayLike | None, normals: Floats) -> Floats | None:
     """Semi-axes of patches (..., n, 2, 3) in the tangent planes; None: all are points."""
-    if given is None:
+    if patch is None:
         return None
-    axes = finite_numbers("patch", given, most=LARGEST)
+    axes = finite_numbers("patch", patch, most=LARGEST)
     shape = (*normals.shape[:-1], 2, 3)
     if axes.shape != shape:
         raise ContactError(

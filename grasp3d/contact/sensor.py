@@ -427,12 +427,12 @@ class JointEncoders:
         object.__setattr__(self, "lengths", _numbers(self.lengths))
         if isinstance(self.counts, Sequence):
             object.__setattr__(self, "counts", _numbers(self.counts))
-        given = self.counts if isinstance(self.counts, tuple) else (self.counts,)
-        if not all(count > 0.0 for count in given):
+        steps = self.counts if isinstance(self.counts, tuple) else (self.counts,)
+        if not all(count > 0.0 for count in steps):
             raise SettingError(f"encoder counts must be above 0; got {self.counts}")
-        if isinstance(self.counts, tuple) and len(given) != len(self.lengths):
+        if isinstance(self.counts, tuple) and len(steps) != len(self.lengths):
             raise SettingError(
-                f"encoder counts must be one for all joints or one for each; got {len(given)}, but "
+                f"encoder counts must be one for all joints or one for each; got {len(steps)}, but "
                 f"joints: {len(self.lengths)}"
             )
         if not all(0.0 <= length < math.inf for length in self.lengths):
@@ -453,8 +453,8 @@ class JointEncoders:
     @property
     def angle_errors(self) -> tuple[float, ...]:
         """Largest error of each joint's encoder [rad]: half a count, pi / counts."""
-        given = self.counts if isinstance(self.counts, tuple) else (self.counts,) * self.joints
-        return tuple(math.pi / count for count in given)
+        steps = self.counts if isinstance(self.counts, tuple) else (self.counts,) * self.joints
+        return tuple(math.pi / count for count in steps)
 
     @property
     def normal_error(self) -> float:

@@ -246,15 +246,15 @@ class EllipsoidTip:
             pull = (velocity**2 @ inverse) / (gradient**2).sum(axis=-1)
             return np.stack([velocity, -pull[:, None] * gradient])
 
-        state, step, found = np.stack([points, tangents]), length / STEPS, []
+        state, step, path = np.stack([points, tangents]), length / STEPS, []
         for _ in range(STEPS):  # Runge-Kutta
             one = change(state)
             two = change(state + 0.5 * step * one)
             three = change(state + 0.5 * step * two)
             four = change(state + step * three)
             state = state + step / 6.0 * (one + 2.0 * two + 2.0 * three + four)
-            found.append(state[0])
-        return np.array(found)
+            path.append(state[0])
+        return np.array(path)
 
     def _on_ellipse(self, angle: float) -> tuple[tuple[float, float, float], ...]:
         """Point and tangent on the ellipse of the longest and the shortest axis.

@@ -204,10 +204,10 @@ def check_mesh(
         >>> print(found.warnings[1].message)
         holes: 1, ...: grasps with contacts there are not found; repair full (--repair full) ...
     """
-    given = source.options if isinstance(source, ObjectMesh) else None
-    chosen = MeshOptions.of(options or given, fields)
+    own = source.options if isinstance(source, ObjectMesh) else None
+    settings = MeshOptions.of(options or own, fields)
     model = model or GraspModel()
-    return diagnose(source, model, sampling or Sampling().fitted(model.fingers), chosen)
+    return diagnose(source, model, sampling or Sampling().fitted(model.fingers), settings)
 
 
 def diagnose(
@@ -222,8 +222,8 @@ def diagnose(
 
     With `force` lengths that cannot be meant for an object of this size are accepted.
     """
-    found = prepare(source, options)
-    given, repaired, mesh = found.given, found.repaired, found.mesh
+    prepared = prepare(source, options)
+    given, repaired, mesh = prepared.given, prepared.repaired, prepared.mesh
     model, sampling = mesh.in_own_unit(model, sampling)
     lengths = model.lengths() | sampling.lengths() | mesh.options.lengths()
     surface = Triangles((repaired.vertices - mesh.center) / mesh.size, repaired.faces)
@@ -241,7 +241,7 @@ def diagnose(
             for message in mesh.report.warnings
         ),
         *_interior_warnings(mesh),
-        *_hole_warnings(found, options),
+        *_hole_warnings(prepared, options),
         *self_intersection_warnings(int(crossing.faces.sum()), fraction),
         *_body_warnings(surface, bodies),
         *_noise_warnings(surface, mesh, noise),
@@ -310,12 +310,12 @@ def _length_warnings(
         yield MeshWarning(Trust.CARE, message)
 
 
-def _hole_warnings(found: PreparedMesh, options: MeshOptions) -> Iterator[MeshWarning]:
+def _hole_warnings(prepared: PreparedMesh, options: MeshOptions) -> Iterator[MeshWarning]:
     """Warn about holes, open or closed by repair."""
-    repaired = found.repaired
+    repaired = prepared.repaired
     filled = any(step.name == "closed" for step in repaired.steps)
     if filled:
-        repaired = repair_given(found.given, replace(options, repair="safe"))
+        repaired = repair_given(prepared.given, replace(options, repair="safe"))
     count, missing = _missing_fraction(Triangles(repaired.vertices, repaired.faces))
     if not count:
         return
@@ -403,9 +403,9 @@ def _body_warnings(surface: Triangles, bodies: int) -> Iterator[MeshWarning]:
 
 def _noise_warnings(surface: Triangles, mesh: ObjectMesh, noise: float) -> Iterator[MeshWarning]:
     """Warn about inaccurate normals of a rough surface, and suggest a patch radius."""
-    given = mesh.options.patch_radius / mesh.size
+    patch = mesh.options.patch_radius / mesh.size
     radius = _smoothing_radius(surface, noise)
-    if noise <= ROUGH or given >= radius:
+    if noise <= ROUGH or patch >= radius:
         return
     message = (
         f"the surface is rough: its normals have errors of about {math.degrees(noise):.2g} degrees"
@@ -416,7 +416,7 @@ def _noise_warnings(surface: Triangles, mesh: ObjectMesh, noise: float) -> Itera
         digits = 1 - math.floor(math.log10(radius * mesh.size))
         rounded = math.ceil(radius * mesh.size * 10.0**digits) / 10.0**digits
         remedy = f"try a patch radius of {rounded:g} (--patch-radius)"
-        if given > 0.0:
+        if patch > 0.0:
             remedy += f"; {mesh.options.patch_radius:g} is too small"
     yield MeshWarning(Trust.CARE, f"{message}; {remedy}")
 

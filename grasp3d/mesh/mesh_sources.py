@@ -211,15 +211,15 @@ def _array(name: str, values: Any) -> np.ndarray[Any, Any]:
 
 def _of_object(source: Any) -> GivenMesh:
     name = _type_name(source)
-    found = (_LIBRARIES.get(_names(kind)) for kind in type(source).__mro__)
-    read = next(filter(None, found), None)
-    if read is None:
+    readers = (_LIBRARIES.get(_names(kind)) for kind in type(source).__mro__)
+    reader = next(filter(None, readers), None)
+    if reader is None:
         hint = _HINTS.get(_names(type(source))[0], "")
         raise MeshError(
             f"{_described(source)} is no mesh{f' ({hint})' if hint else ''}; {ACCEPTED}"
         )
     try:
-        raw = read(source)
+        raw = reader(source)
     except (MeshError, MemoryError):
         raise
     except Exception as error:  # each library raises its own classes of errors

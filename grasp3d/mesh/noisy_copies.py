@@ -166,9 +166,9 @@ def movable_surface(source: MeshSource, options: MeshOptions | None = None) -> M
         SettingError: An option is outside its range.
     """
     own = source.options if isinstance(source, ObjectMesh) else None
-    chosen = options or own or MeshOptions()
-    found = prepare(source, chosen)
-    mesh, repaired = found.mesh, found.repaired
+    settings = options or own or MeshOptions()
+    prepared = prepare(source, settings)
+    mesh, repaired = prepared.mesh, prepared.repaired
     surface = Triangles((repaired.vertices - mesh.center) / mesh.size, repaired.faces)
     edge = longest_edge(mesh.options, mesh.size)
     return MovableSurface(mesh, repaired, *refined_corners(surface, edge))

@@ -170,8 +170,8 @@ def normal_sets(count: int, normals: CornerNormals) -> NormalSets:
     """
     order = np.argsort(normals.vertices, kind="stable")
     vertex, rows = normals.vertices[order], normals.normals[order]
-    kept = _distinct(vertex, rows)
-    vertex, rows = vertex[kept], np.ascontiguousarray(rows[kept])
+    distinct = _distinct(vertex, rows)
+    vertex, rows = vertex[distinct], np.ascontiguousarray(rows[distinct])
     start = np.searchsorted(vertex, np.arange(count + 1)).astype(np.int64)
     counts = np.zeros(count, dtype=np.int64)
     centres = np.zeros((count, 3))
@@ -182,22 +182,22 @@ def normal_sets(count: int, normals: CornerNormals) -> NormalSets:
 
 def _distinct(vertex: Ints, rows: Floats) -> Bools:
     """Mark the first of every group of equal normals at one vertex, shape (C,)."""
-    kept = np.ones(len(vertex), dtype=bool)
+    mask = np.ones(len(vertex), dtype=bool)
     several = np.flatnonzero(np.bincount(vertex)[vertex] > 1)
     keys = np.column_stack([vertex[several], np.round(rows[several], SAME_DIGITS) + 0.0])
     _, first = np.unique(keys, axis=0, return_index=True)
-    kept[several] = False
-    kept[several[first]] = True
-    return kept
+    mask[several] = False
+    mask[several[first]] = True
+    return mask
 
 
 def fingertip_normals(
-    given: Triangles, refined: Triangles, normals: CornerNormals, options: MeshOptions, size: float
+    base: Triangles, refined: Triangles, normals: CornerNormals, options: MeshOptions, size: float
 ) -> tuple[CornerNormals, tuple[str, ...]]:
     """Take the contact normals of a fingertip: averaged over its patch, if it has one.
 
     Args:
-        given: The surface before refinement, in the mesh's unit.
+        base: The surface before refinement, in the mesh's unit.
         refined: The surface in the normalised frame.
         normals: Its own normals.
         options: With the patch's radius; 0: the surface's own normals.
@@ -221,7 +221,7 @@ def fingertip_normals(
     net = surface_net(refined)
     _check_work(net, radius, size)
     averaged = patch_normals(net, normals, radius / size)
-    width = facet_width(given, options.crease_angle)
+    width = facet_width(base, options.crease_angle)
     return averaged, _warnings(radius, width, size * float(net.sides.mean()))
 
 

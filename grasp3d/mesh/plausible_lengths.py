@@ -54,12 +54,12 @@ def guess_unit(size: float) -> UnitGuess:
     if not likely:
         plausible = _fitting(size, PLAUSIBLE)
         likely = tuple(unit for unit in plausible if unit in usual or unit in PREFERRED)
-    unit, shown, remark = None, get_args(Unit), "; no hand holds any of these"
+    unit, units, remark = None, get_args(Unit), "; no hand holds any of these"
     if len(likely) > 1:
-        shown, remark = likely, "; these are equally plausible"
+        units, remark = likely, "; these are equally plausible"
     elif likely:
-        unit, shown, remark = likely[0], tuple(dict.fromkeys((*likely, *PREFERRED))), ""
-    sizes = ", ".join(f"{length_text(size * METRES[one])} if {one}" for one in shown)
+        unit, units, remark = likely[0], tuple(dict.fromkeys((*likely, *PREFERRED))), ""
+    sizes = ", ".join(f"{length_text(size * METRES[one])} if {one}" for one in units)
     return UnitGuess(unit, f"largest extent {size:.4g}: {sizes}{remark}")
 
 
@@ -91,9 +91,9 @@ def impossible_size(size: float, unit: Unit | None) -> str:
     least, most = POSSIBLE
     if any(least <= size * METRES[one] <= most for one in ((unit,) if unit else get_args(Unit))):
         return ""
-    shown = length_text(size * METRES[unit]) if unit else f"{size:.2g} in any unit"
+    text = length_text(size * METRES[unit]) if unit else f"{size:.2g} in any unit"
     return (
-        f"the object is {shown} large: no object to grasp is; is the transform of a part or a "
+        f"the object is {text} large: no object to grasp is; is the transform of a part or a "
         "vertex of the file wrong?"
     )
 
@@ -199,11 +199,11 @@ def check_lengths(
         if limits.least <= length / size <= limits.most:
             continue
         own = f" {unit}" if unit else ""
-        given = lengths[name]
-        shown = describe_length(given) if isinstance(given, Measure) else f"{length:.4g}{own}"
-        remedy = _remedy(name, given or length, size, unit, limits)
+        entry = lengths[name]
+        text = describe_length(entry) if isinstance(entry, Measure) else f"{length:.4g}{own}"
+        remedy = _remedy(name, entry or length, size, unit, limits)
         raise SettingError(
-            f"{name} is {shown}, {_times(length / size)} the size of {source}, "
+            f"{name} is {text}, {_times(length / size)} the size of {source}, "
             f"{size:.4g}{own}: {remedy}, or accept it with --force "
             "(in Python force=True)"
         )
@@ -222,12 +222,12 @@ def refuse_lengths(
     Raises:
         SettingError: There is such a length.
     """
-    given, fingers = mesh.options.lengths() | lengths, []
+    common, fingers = mesh.options.lengths() | lengths, []
     for one in filter(None, settings):
-        given |= one.lengths()
+        common |= one.lengths()
         if isinstance(one, GraspModel):
             fingers += [own.lengths() for own in one.per_finger]
-    for each in (given, *fingers):
+    for each in (common, *fingers):
         check_lengths(each, mesh.size, mesh.unit, mesh.report.source)
 
 
@@ -240,15 +240,15 @@ def _given(lengths: Mapping[str, float | None]) -> Iterator[tuple[str, float, Pl
 
 
 def _remedy(
-    name: str, given: AnyLength, size: float, unit: Unit | None, limits: PlausibleRange
+    name: str, length: AnyLength, size: float, unit: Unit | None, limits: PlausibleRange
 ) -> str:
     """What to write instead: the length in another unit, or the unit of the mesh."""
-    own = isinstance(given, Measure)
-    number = f"{given.number:.15g}" if isinstance(given, Measure) else f"{given:g}"
+    own = isinstance(length, Measure)
+    number = f"{length.number:.15g}" if isinstance(length, Measure) else f"{length:g}"
     usual, option = limits.usual * size, f"--{name.replace('_', '-')}"
     of_mesh = guess_unit(size).unit
     if of_mesh is not None and (unit is None or unit_warning(size, unit)):
-        if isinstance(given, Measure) and _is_likely(given.in_unit(of_mesh), usual):
+        if isinstance(length, Measure) and _is_likely(length.in_unit(of_mesh), usual):
             return f"if the mesh is in {of_mesh}, not in {unit}, give --unit {of_mesh}"
         likely = None if own else _likely_unit(float(number), usual, of_mesh)
         if likely is not None:

@@ -104,32 +104,32 @@ def prepare(source: MeshSource, options: MeshOptions) -> PreparedMesh:
         SettingError: A length has a unit, but that of the mesh is not known; or the centre of mass
             is far away.
     """
-    given = read_source(source, max_memory=options.max_memory)
-    repaired = repair_given(given, options)
-    return PreparedMesh(given, repaired, refined_mesh(given, repaired, options))
+    raw = read_source(source, max_memory=options.max_memory)
+    repaired = repair_given(raw, options)
+    return PreparedMesh(raw, repaired, refined_mesh(raw, repaired, options))
 
 
-def repair_given(given: GivenMesh, options: MeshOptions) -> RepairedSurface:
+def repair_given(mesh: GivenMesh, options: MeshOptions) -> RepairedSurface:
     """Check and repair a surface.
 
     Args:
-        given: The surface.
+        mesh: The surface.
         options: How much is repaired, and how large it may be.
 
     Raises:
         MeshError: It is not a surface, or too large.
     """
     begin_step("repairing the surface")
-    given.check(options.max_memory)
-    with bounds_of(given.where):
-        return repair_surface(given.raw.vertices, given.raw.faces, options.repair, given.where)
+    mesh.check(options.max_memory)
+    with bounds_of(mesh.where):
+        return repair_surface(mesh.raw.vertices, mesh.raw.faces, options.repair, mesh.where)
 
 
-def refined_mesh(given: GivenMesh, repaired: RepairedSurface, options: MeshOptions) -> ObjectMesh:
+def refined_mesh(source: GivenMesh, repaired: RepairedSurface, options: MeshOptions) -> ObjectMesh:
     """Make the mesh of a repaired surface: contact normals, refinement, mass properties.
 
     Args:
-        given: The surface as it was read.
+        source: The surface as it was read.
         repaired: The repaired surface.
         options: Longest edge, crease angle, patch radius, unit and memory limit.
 
@@ -139,15 +139,15 @@ def refined_mesh(given: GivenMesh, repaired: RepairedSurface, options: MeshOptio
             is far away.
     """
     begin_step("refining the mesh")
-    unit = options.unit or given.raw.unit
-    (options,) = settings_in_unit(unit, options, source=given.name)
-    error = rounding_of(given.raw.vertices)
+    unit = options.unit or source.raw.unit
+    (options,) = settings_in_unit(unit, options, source=source.name)
+    error = rounding_of(source.raw.vertices)
     center, size = surface_extent(repaired.vertices, repaired.faces)
     surface = Triangles((repaired.vertices - center) / size, repaired.faces)
     normals = corner_normals(surface, options.crease_angle)
     edge = longest_edge(options, size)
-    check_refinement(surface, edge, options.max_memory, given.where)
-    with bounds_of(given.where):
+    check_refinement(surface, edge, options.max_memory, source.where)
+    with bounds_of(source.where):
         refined, normals = refine(surface, normals, edge, min(error / size, MOST_ROUNDING))
     normals, patch_warnings = fingertip_normals(
         Triangles(repaired.vertices, repaired.faces), refined, normals, options, size,
@@ -155,11 +155,11 @@ def refined_mesh(given: GivenMesh, repaired: RepairedSurface, options: MeshOptio
     center_mass, volume = center_and_volume(surface, closed=repaired.closed)
     warnings = [
         *_surface_warnings(repaired, volume, given=options.center_of_mass is not None),
-        *_size_warnings(given.raw, size, unit),
+        *_size_warnings(source.raw, size, unit),
     ]
     if options.center_of_mass is not None:
         center_mass = (np.array(options.center_of_mass) - center) / size
-        warnings += _center_warnings(surface, center_mass, given.where)
+        warnings += _center_warnings(surface, center_mass, source.where)
     added = np.arange(len(repaired.vertices), len(refined.vertices))
     return ObjectMesh(
         vertices=locked(
@@ -167,7 +167,7 @@ def refined_mesh(given: GivenMesh, repaired: RepairedSurface, options: MeshOptio
         ),
         faces=locked(refined.faces),
         canonical=locked(np.concatenate([repaired.canonical, added])),
-        file_vertices=len(given.raw.vertices),
+        file_vertices=len(source.raw.vertices),
         corner_normals=normals.locked(),
         center=locked(center),
         size=size,
@@ -175,11 +175,11 @@ def refined_mesh(given: GivenMesh, repaired: RepairedSurface, options: MeshOptio
         volume=volume * size**3,
         options=options,
         report=MeshReport(
-            source=given.name,
-            format=given.raw.format,
+            source=source.name,
+            format=source.raw.format,
             unit=unit,
-            file_vertices=len(given.raw.vertices),
-            file_faces=len(given.raw.faces),
+            file_vertices=len(source.raw.vertices),
+            file_faces=len(source.raw.faces),
             vertices=len(refined.vertices),
             faces=len(refined.faces),
             bodies=repaired.bodies,

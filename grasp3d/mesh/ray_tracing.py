@@ -163,8 +163,8 @@ def _met(points: Floats, corners: Ints, edges: Ints) -> tuple[Ints, Ints]:
             (lengths[active] - along[active]).astype(np.float32),
         )
         hit = hits_found["primID"] >= 0
-        active, found = active[hit], hits_found["primID"][hit].astype(np.int64)
-        met.append((active, found))
+        active, faces = active[hit], hits_found["primID"][hit].astype(np.int64)
+        met.append((active, faces))
         # A ray that makes no progress lies in a face: take a longer step.
         step[active] = np.where(hits_found["tfar"][hit] < step[active], 2.0 * step[active], STEP)
         along[active] += hits_found["tfar"][hit] + step[active]

@@ -90,7 +90,7 @@ def refined_corners(surface: Triangles, max_edge: float) -> tuple[Ints, Floats]:
     return parents, rows[corners][..., 3:]
 
 
-def _first_nearby(points: Floats, same: Ints, given: int, tolerance: float) -> Ints:
+def _first_nearby(points: Floats, same: Ints, count: int, tolerance: float) -> Ints:
     """First point within a tolerance of each added point, shape (n,).
 
     `same` is the first point at each point's position. At a T-junction one face has a vertex in the
@@ -101,7 +101,7 @@ def _first_nearby(points: Floats, same: Ints, given: int, tolerance: float) -> I
     pairs = distinct[close_pairs(points[distinct], tolerance)]
     ends = np.concatenate([pairs.T, [np.arange(len(points)), same]], axis=1)
     first = first_connected(len(points), *ends)
-    first[:given] = np.arange(given)  # given vertices stay distinct
+    first[:count] = np.arange(count)  # given vertices stay distinct
     return first
 
 

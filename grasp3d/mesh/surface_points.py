@@ -60,19 +60,19 @@ def nearest_surface_points(
         (k,). Points farther away than `limit` have face -1, nan and inf.
     """
     faces = _Faces.of(mesh.normalized[mesh.faces])
-    found, weights = np.full(len(points), -1, dtype=np.int64), np.zeros((len(points), 3))
+    numbers, weights = np.full(len(points), -1, dtype=np.int64), np.zeros((len(points), 3))
     reach = limit / mesh.size
     for start in range(0, len(points), POINTS):
         part = slice(start, start + POINTS)
         normalized = (points[part] - mesh.center) / mesh.size
-        found[part], weights[part] = faces.nearest(normalized, reach)
+        numbers[part], weights[part] = faces.nearest(normalized, reach)
         report_progress(min(part.stop / len(points), 1.0))
-    surface_points = SurfacePoints(found, weights)
-    missing = found < 0
+    surface_points = SurfacePoints(numbers, weights)
+    missing = numbers < 0
     positions = np.where(missing[:, None], math.nan, surface_points.positions(mesh))
     distances = np.where(missing, math.inf, np.linalg.norm(positions - points, axis=1))
     far = distances > limit
-    found[far], weights[far], positions[far], distances[far] = -1, 0.0, math.nan, math.inf
+    numbers[far], weights[far], positions[far], distances[far] = -1, 0.0, math.nan, math.inf
     return surface_points, positions, distances
 
 
@@ -87,8 +87,8 @@ def nearest_surface_point(mesh: ObjectMesh, point: Floats) -> tuple[Floats, int,
         Its position (3,) in the normalised frame, its face, and its barycentric coordinates (3,).
     """
     corners = mesh.normalized[mesh.faces]
-    found, weights = _Faces.of(corners).nearest(point[None], math.inf)
-    face = int(found[0])
+    faces, weights = _Faces.of(corners).nearest(point[None], math.inf)
+    face = int(faces[0])
     return weights[0] @ corners[face], face, weights[0]
 
 
@@ -139,18 +139,18 @@ class _Faces:
         first = np.asarray(first, dtype=np.int64)
         near = np.flatnonzero(first < len(self.radii))
         faces, weights = np.full(len(points), -1, dtype=np.int64), np.zeros((len(points), 3))
-        queried, found = points[near], first[near]
-        least = self._distances(queried, found)
+        queried, nearest = points[near], first[near]
+        least = self._distances(queried, nearest)
         for group in self.groups:
             for rows, tested in _pairs(group, queried, least):
                 which, faces_here, least_here = self._best(queried, rows, tested)
                 better = (least_here < least[which]) | (
-                    (least_here == least[which]) & (faces_here < found[which])
+                    (least_here == least[which]) & (faces_here < nearest[which])
                 )
-                found[which[better]] = faces_here[better]
+                nearest[which[better]] = faces_here[better]
                 least[which[better]] = least_here[better]
-        faces[near] = found
-        weights[near] = _weights(self.corners[found], self._closest(queried, found))
+        faces[near] = nearest
+        weights[near] = _weights(self.corners[nearest], self._closest(queried, nearest))
         return faces, weights
 
     def _best(self, points: Floats, rows: Ints, tested: Ints) -> tuple[Ints, Ints, Floats]:

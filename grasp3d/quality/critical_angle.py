@@ -205,20 +205,20 @@ def least_friction_angles(points: Floats, normals: Floats, patch: Floats, known:
     length = np.linalg.norm(line, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         turn = np.where(length > arms, np.arcsin(np.minimum(arms / length, 1.0)), math.pi)
-    found = np.minimum(known, RIGHT_ANGLE)
+    smallest = np.minimum(known, RIGHT_ANGLE)
     for sign in (1.0, -1.0):
         a, b = sign * first, sign * second
         nominal = np.maximum(angles_between(a, line), angles_between(b, line))
         # No line is nearer to both normals than their middle, nor turned by more than the patches.
         least = np.maximum(middle, nominal - turn)
-        for rows in _chunks((least < found - NOT_BELOW) & (arms > 0.0)):
+        for rows in _chunks((least < smallest - NOT_BELOW) & (arms > 0.0)):
             angles = _Lines.of(line[rows], patch[rows], a[rows], b[rows]).least()
-            found[rows] = np.minimum(found[rows], angles)
-    return np.where(found < RIGHT_ANGLE - NOT_BELOW, found, RIGHT_ANGLE)
+            smallest[rows] = np.minimum(smallest[rows], angles)
+    return np.where(smallest < RIGHT_ANGLE - NOT_BELOW, smallest, RIGHT_ANGLE)
 
 
-def _chunks(chosen: Bools) -> list[Ints]:
-    rows = np.flatnonzero(chosen)
+def _chunks(mask: Bools) -> list[Ints]:
+    rows = np.flatnonzero(mask)
     return [rows[i : i + CHUNK] for i in range(0, len(rows), CHUNK)]
 
 

@@ -197,15 +197,15 @@ class ForceProblem:
         """Bounds for one wrench by the growing hull, which may leave it open."""
         row = np.zeros((1, TERM))
         row[0, :3] = POINTS, 0, 1
-        chosen = replace(
+        single = replace(
             self, problem=self.problem.take(np.array([g])), sizes=self.sizes[g : g + 1]
         )
         terms = Terms(row, wrench[None].copy())
-        found = chosen.of_terms(terms, np.ones(1), rtol, small=True)
+        bounds = single.of_terms(terms, np.ones(1), rtol, small=True)
         for name in ("lower", "upper", "status", "reason", "direction"):
-            getattr(results, name)[g] = getattr(found, name)[0]
-        if math.isinf(found.upper[0]):
-            results.reason[g] = max(found.reason[0], kernels.NOT_RESISTED)
+            getattr(results, name)[g] = getattr(bounds, name)[0]
+        if math.isinf(bounds.upper[0]):
+            results.reason[g] = max(bounds.reason[0], kernels.NOT_RESISTED)
 
 
 def _check_rtol(rtol: float) -> None:
@@ -246,8 +246,8 @@ def separating_direction(
         forces = np.broadcast_to(forces[:, :, None], moments.shape)
     generators = np.concatenate([forces, moments], axis=-1).reshape(-1, 6)
     size = np.linalg.norm(wrench)
-    weights, left = nnls(generators.T, wrench / size)
-    if left <= APART:
+    weights, residual = nnls(generators.T, wrench / size)
+    if residual <= APART:
         return None
     direction = wrench / size - weights @ generators
     lengths = np.linalg.norm(generators, axis=-1)

@@ -111,14 +111,14 @@ def largest_sampled(
     Returns:
         The forces (b,) and the normals (b, n, 3) of these tilts.
     """
-    found = _Tilted(contacts.normals, nominal.lower)
-    found = found.worse(*_opened(contacts, tilt, options))
+    sampled = _Tilted(contacts.normals, nominal.lower)
+    sampled = sampled.worse(*_opened(contacts, tilt, options))
     weakest = nominal.certificate.direction
     wrenches = _hardest(options, -weakest)
     directions, forces = [], []
     for normals in _tilts_around(contacts, tilt):
         direction, force = _against(contacts.with_normals(normals), wrenches, options)
-        found = found.worse(normals, force)
+        sampled = sampled.worse(normals, force)
         directions.append(direction)
         forces.append(force)
     order = np.argsort(np.stack(forces), axis=0)[-STARTS:]  # (STARTS, b)
@@ -128,12 +128,12 @@ def largest_sampled(
     ]
     starts += [weakest, *np.take_along_axis(np.stack(directions), order[..., None], axis=0)]
     for start in starts:
-        found = _ascend(contacts, tilt, options, start, found)
+        sampled = _ascend(contacts, tilt, options, start, sampled)
     largest, worst = np.array(nominal.upper), contacts.normals.copy()
     active = np.arange(len(tilt))
     for _ in range(EVALUATIONS):
-        chosen, some, best = contacts.take(active), options.take(active), found.take(active)
-        evaluated = some.force(chosen.with_normals(best.normals))
+        grasps, some, best = contacts.take(active), options.take(active), sampled.take(active)
+        evaluated = some.force(grasps.with_normals(best.normals))
         larger = np.asarray(evaluated.upper > largest[active] * (1.0 + COARSE))
         more = active[evaluated.upper > largest[active]]
         worst[more] = best.normals[evaluated.upper > largest[active]]
@@ -143,7 +143,7 @@ def largest_sampled(
             break
         weakest = evaluated.certificate.direction[larger]
         best = _ascend(contacts.take(active), tilt[active], options.take(active), weakest, best)
-        found = found.replaced(active, best)
+        sampled = sampled.replaced(active, best)
     return largest, worst
 
 
@@ -168,11 +168,11 @@ def least_sampled(
     goals = np.where(np.isfinite(forces), forces, middle - contacts.points)
     toward = turned(contacts.normals, goals, tilt)
     normals = np.where(np.isfinite(toward), toward, contacts.normals)
-    found = options.force(contacts.with_normals(normals))
-    forces = found.certificate.forces[..., :3]
+    third = options.force(contacts.with_normals(normals))
+    forces = third.certificate.forces[..., :3]
     again = turned(contacts.normals, np.where(np.isfinite(forces), forces, normals), tilt)
     second = options.force(contacts.with_normals(again))
-    return np.minimum(np.minimum(nominal.lower, found.lower), second.lower)
+    return np.minimum(np.minimum(nominal.lower, third.lower), second.lower)
 
 
 def _opened(contacts: Contacts, tilt: Floats, options: ForceOptions) -> tuple[Floats, Floats]:
@@ -186,33 +186,33 @@ def _opened(contacts: Contacts, tilt: Floats, options: ForceOptions) -> tuple[Fl
     closure = force_closure(hard, cone_offset=offset)
     opened = np.flatnonzero(~closure.closed)
     force, normals = np.zeros(len(tilt)), contacts.normals.copy()
-    chosen = contacts.take(opened)
+    grasps = contacts.take(opened)
     directions = closure.certificate.direction[opened]
-    normals[opened] = _weakest(chosen, tilt[opened], directions)
+    normals[opened] = _weakest(grasps, tilt[opened], directions)
     coarse = replace(options.take(opened), rtol=COARSE)
-    force[opened] = coarse.force(chosen.with_normals(normals[opened])).lower
+    force[opened] = coarse.force(grasps.with_normals(normals[opened])).lower
     return normals, force
 
 
 def _ascend(
-    contacts: Contacts, tilt: Floats, options: ForceOptions, directions: Floats, found: _Tilted
+    contacts: Contacts, tilt: Floats, options: ForceOptions, directions: Floats, worst: _Tilted
 ) -> _Tilted:
     """Tilt against directions (b, 6), and find directions for the tilts, by turns."""
     active = np.arange(len(tilt))
     for _ in range(ROUNDS):
-        chosen, some = contacts.take(active), options.take(active)
-        normals = _weakest(chosen, tilt[active], directions)
-        turned_contacts = chosen.with_normals(normals)
+        grasps, some = contacts.take(active), options.take(active)
+        normals = _weakest(grasps, tilt[active], directions)
+        turned_contacts = grasps.with_normals(normals)
         directions, force = _against(turned_contacts, _hardest(some, -directions), some)
-        before = found.force[active]
-        everywhere = found.normals.copy(), np.full(len(tilt), -math.inf)
+        before = worst.force[active]
+        everywhere = worst.normals.copy(), np.full(len(tilt), -math.inf)
         everywhere[0][active], everywhere[1][active] = normals, force
-        found = found.worse(*everywhere)
+        worst = worst.worse(*everywhere)
         further = (force > before * (1.0 + COARSE)) & np.isfinite(force)
         active, directions = active[further], directions[further]
         if not len(active):
             break
-    return found
+    return worst
 
 
 def _hardest(options: ForceOptions, directions: Floats) -> Floats:
@@ -226,8 +226,8 @@ def _hardest(options: ForceOptions, directions: Floats) -> Floats:
 def _against(contacts: Contacts, wrenches: Floats, options: ForceOptions) -> tuple[Floats, Floats]:
     """Directions (b, 6) that prove the force that wrenches need, and that force (b,)."""
     problem = ForceProblem.of_contacts(contacts, bound=options.bound)
-    found = problem.of_wrenches(wrenches, COARSE, proven=False)
-    return found.direction, found.lower
+    bounds = problem.of_wrenches(wrenches, COARSE, proven=False)
+    return bounds.direction, bounds.lower
 
 
 def _weakest(contacts: Contacts, tilt: Floats, directions: Floats) -> Floats:
@@ -315,19 +315,19 @@ def force_range(
     resistance = np.empty(len(tilts), dtype=np.uint8)
     for first in range(0, len(tilts), CHUNK):
         rows = slice(first, first + CHUNK)
-        chosen, part = flat.take(rows), options.take(rows)
-        found = part.force(chosen)
+        grasps, part = flat.take(rows), options.take(rows)
+        bounds = part.force(grasps)
         if not tilts[rows].any():
-            least, largest = found.lower, found.upper
+            least, largest = bounds.lower, bounds.upper
         else:
-            limits = chosen, tilts[rows], part
+            limits = grasps, tilts[rows], part
             if soft:
-                largest, _ = largest_sampled(*limits, found)
-                least = least_sampled(*limits, found)
+                largest, _ = largest_sampled(*limits, bounds)
+                least = least_sampled(*limits, bounds)
             else:
                 least, largest = _bounds(*limits)
-        values[:, rows] = found.upper, np.minimum(least, found.upper), largest
-        resistance[rows] = found.resistance
+        values[:, rows] = bounds.upper, np.minimum(least, bounds.upper), largest
+        resistance[rows] = bounds.resistance
         report_progress(min(1.0, (first + CHUNK) / len(tilts)))
     within = bool((tilts <= flat.friction_angle).all())
     how: Certainty = "sampled" if soft else "exact" if bound == "norm" and within else "bound"
@@ -346,9 +346,9 @@ def _bounds(contacts: Contacts, tilt: Floats, options: ForceOptions) -> tuple[Fl
     safe = tilt <= angles
     for fingers in np.unique(safe[safe.any(axis=-1)], axis=0):
         rows = np.flatnonzero((safe == fingers).all(axis=-1))
-        chosen = contacts.take(rows).fingers(fingers)
+        grasps = contacts.take(rows).fingers(fingers)
         offset = -tilt[rows][:, fingers]
-        largest[rows] = options.take(rows).force_of_lengths(chosen, offset).upper
+        largest[rows] = options.take(rows).force_of_lengths(grasps, offset).upper
     # Wider cones are not convex from 90 degrees on: any force may then do.
     convex = np.asarray((angles + tilt < math.pi / 2.0).all(axis=-1))
     wide = options.force_of_lengths(contacts, np.where(convex[:, None], tilt, 0.0)).lower
@@ -382,12 +382,12 @@ class WorstCase:
     def force(self, rows: Ints, masses: Floats) -> Floats:
         """Largest forces of some of the grasps for masses (r,)."""
         options = replace(self.options, masses=masses)
-        chosen = self.contacts.take(rows)
-        nominal = options.force(chosen).upper
+        grasps = self.contacts.take(rows)
+        nominal = options.force(grasps).upper
         if not self.tilts.any():
             return nominal
         if self.worst is None:
-            _, largest = _bounds(chosen, self.tilts[rows], options)
+            _, largest = _bounds(grasps, self.tilts[rows], options)
         else:
             largest = options.force(self.worst.take(rows)).upper
         return np.maximum(nominal, largest)
@@ -442,8 +442,8 @@ def payload(
             return locked(force / largest)[()]
     flat = contacts.reshape((-1,))
     tilts = tilts_of(tilt, contacts)
-    found = _search(WorstCase.of(flat, tilts, options), force, rtol)
-    return locked(found.reshape(contacts.batch))[()]
+    masses = _search(WorstCase.of(flat, tilts, options), force, rtol)
+    return locked(masses.reshape(contacts.batch))[()]
 
 
 def _search(worst: WorstCase, force: float, rtol: float) -> Floats:

@@ -172,17 +172,17 @@ def _pressing(twist: Floats, least: Floats, along: Floats, radius: Floats) -> Fl
     pressing = np.where(enough, lowest, pressing)
     searched = np.flatnonzero(~enough & (np.maximum(e1, e2) > 0.0))
     if searched.size:
-        chosen = (along, first, second, e1, e2, twist)
-        rest = tuple(values[searched] for values in chosen)
+        terms = (along, first, second, e1, e2, twist)
+        rest = tuple(values[searched] for values in terms)
         # Pressing by this much more, either finger resists the torque by itself.
         more = twist / np.maximum(e1, e2) + np.maximum(first, second) + np.abs(along)
-        found = find_root(
+        root = find_root(
             _missing,
             (lowest[searched], (lowest + more)[searched]),
             args=rest,
             tolerances={"xrtol": 4e-16, "xatol": 0.0, "fatol": 0.0, "frtol": 0.0},
         )
-        pressing[searched] = np.where(found.success, found.x, math.inf)
+        pressing[searched] = np.where(root.success, root.x, math.inf)
     return pressing
 
 
@@ -215,19 +215,19 @@ def hardest(problem: ForceProblem, wrenches: Floats, rtol: float) -> WrenchForce
         rtol: As in `grip_force`.
     """
     size, count = wrenches.shape[:2]
-    found = [against(problem, wrenches[:, k], rtol) for k in range(count)]
-    chosen = np.stack([one.results.upper for one in found]).argmax(axis=0)
+    bounds = [against(problem, wrenches[:, k], rtol) for k in range(count)]
+    worst = np.stack([one.results.upper for one in bounds]).argmax(axis=0)
     grasps = np.arange(size)
 
     def of_chosen(values: Sequence[Any]) -> Any:
-        return np.stack(values)[chosen, grasps]
+        return np.stack(values)[worst, grasps]
 
-    results = ForceResults(*map(of_chosen, zip(*(one.results for one in found), strict=True)))
-    lower = np.stack([one.results.lower for one in found])
+    results = ForceResults(*map(of_chosen, zip(*(one.results for one in bounds), strict=True)))
+    lower = np.stack([one.results.lower for one in bounds])
     best = lower.argmax(axis=0)
     results.lower[:] = lower.max(axis=0)
-    results.direction[:] = np.stack([one.results.direction for one in found])[best, grasps]
-    return WrenchForces(results, wrenches[grasps, chosen], of_chosen([one.forces for one in found]))
+    results.direction[:] = np.stack([one.results.direction for one in bounds])[best, grasps]
+    return WrenchForces(results, wrenches[grasps, worst], of_chosen([one.forces for one in bounds]))
 
 
 def against(problem: ForceProblem, wrenches: Floats, rtol: float) -> WrenchForces:
@@ -238,14 +238,14 @@ def against(problem: ForceProblem, wrenches: Floats, rtol: float) -> WrenchForce
         contacts = problem.contacts.reshape((-1,))
         opposed = np.flatnonzero(are_opposed(contacts))
         if opposed.size:
-            chosen = contacts.take(opposed)
-            exact = opposed_forces(chosen, wrenches[opposed])
+            pairs = contacts.take(opposed)
+            exact = opposed_forces(pairs, wrenches[opposed])
             finite = np.isfinite(exact.normal).all(axis=-1)
-            directions, proven = exact.proofs(chosen, problem.bound)
+            directions, proven = exact.proofs(pairs, problem.bound)
             results.direction[opposed[proven]] = directions[proven]
             opposed, values = opposed[finite], exact.bounded(problem.bound)[finite]
             results.lower[opposed] = results.upper[opposed] = values
-            forces[opposed] = exact.in_contact_frame(chosen.normals)[finite]
+            forces[opposed] = exact.in_contact_frame(pairs.normals)[finite]
     return WrenchForces(results, wrenches, forces)
 
 
@@ -360,10 +360,10 @@ def grip_force(
     return ForceOptions(task, bound, masses, rtol).solve(problem)
 
 
-def wrenches_of(given: ArrayLike, contacts: Contacts) -> Floats:
+def wrenches_of(values: ArrayLike, contacts: Contacts) -> Floats:
     """One wrench for each grasp of the flat batch (b, 6). Raises ContactError."""
     try:
-        wrenches = np.asarray(given, dtype=np.float64)
+        wrenches = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ContactError(f"a task must be a Task or an array of numbers: {error}") from error
     if wrenches.ndim == 0 or wrenches.shape[-1] != 6:
@@ -381,9 +381,9 @@ def wrenches_of(given: ArrayLike, contacts: Contacts) -> Floats:
         ) from error
 
 
-def masses_of(given: ArrayLike, contacts: Contacts) -> Floats:
+def masses_of(values: ArrayLike, contacts: Contacts) -> Floats:
     """One mass for each grasp of the flat batch (b,). Raises SettingError."""
-    masses = np.asarray(given, dtype=np.float64)
+    masses = np.asarray(values, dtype=np.float64)
     if not ((masses >= 0.0) & np.isfinite(masses)).all():
         raise SettingError(f"masses must be finite and at least 0 [kg]; got {masses}")
     return of_shape("masses", masses, contacts.batch).reshape(-1).copy()
@@ -422,8 +422,8 @@ class ForceOptions:
 
     def solve(self, problem: ForceProblem) -> GripForce:
         """Grip force of contacts whose wrench spaces are known."""
-        found = self._wrench_forces(problem)
-        results, batch = found.results, problem.contacts.batch
+        forces = self._wrench_forces(problem)
+        results, batch = forces.results, problem.contacts.batch
         return GripForce(
             lower=shaped(results.lower, batch),
             upper=shaped(results.upper, batch),
@@ -433,8 +433,8 @@ class ForceOptions:
             limit_surface=problem.limit_surface,
             certificate=ForceCertificate(
                 direction=shaped(results.direction, batch),
-                wrench=shaped(found.wrenches, batch),
-                forces=shaped(found.forces, batch),
+                wrench=shaped(forces.wrenches, batch),
+                forces=shaped(forces.forces, batch),
             ),
         )
 

@@ -164,9 +164,9 @@ def load_from(values: Mapping[str, str]) -> Load | None:
         return None
     if not task.startswith(GIVEN_TASK):
         return settings_of_texts(Load, values)
-    given = _given_task(task.removeprefix(GIVEN_TASK))
+    parsed = _given_task(task.removeprefix(GIVEN_TASK))
     others = {name: text for name, text in values.items() if name != "task"}
-    return None if given is None else replace(settings_of_texts(Load, others), task=given)
+    return None if parsed is None else replace(settings_of_texts(Load, others), task=parsed)
 
 
 def _given_task(text: str) -> "Task | None":
@@ -184,7 +184,7 @@ def _given_task(text: str) -> "Task | None":
         return ast.literal_eval(node)
 
     try:
-        found = value(ast.parse(text, mode="eval").body)
+        task = value(ast.parse(text, mode="eval").body)
     except (
         SyntaxError,
         ValueError,
@@ -195,7 +195,7 @@ def _given_task(text: str) -> "Task | None":
         SettingError,
     ):
         return None
-    return found if isinstance(found, kinds) else None
+    return task if isinstance(task, kinds) else None
 
 
 def _one_line(value: object) -> str | float | None:

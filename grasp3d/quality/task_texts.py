@@ -283,7 +283,7 @@ def _torque(torque: Row, metres: float | None, source: str) -> Row:
                 "unit of its coordinates (--unit, in Python unit=...)"
             )
         return torque
-    return tuple(float(f"{one / metres:.15g}") for one in torque)
+    return tuple(float(f"{component / metres:.15g}") for component in torque)
 
 
 def _with_rows(part: _Part) -> _Part:
@@ -307,14 +307,14 @@ def _parse(text: str) -> _Part:
 def _weight(text: str, rest: str) -> _Part:
     if not rest:
         return _Part(text, "weight")
-    found = _WITHIN.fullmatch(rest)
-    if found is None:
+    match = _WITHIN.fullmatch(rest)
+    if match is None:
         raise _no_task(text, "write 'weight', or 'weight within DEGREES of AXIS'")
-    (degrees,) = _numbers(text, found[1], 1, "the angle in degrees as")
+    (degrees,) = _numbers(text, match[1], 1, "the angle in degrees as")
     if not 0.0 <= degrees <= 90.0:
         remedy = "'weight' alone acts in any direction"
         raise _no_task(text, f"the angle must be from 0 to 90 degrees; {remedy}")
-    axis = AXES.get(found[2]) or _numbers(text, found[2], 3, "the axis x, y, z, -x, -y or -z, or")
+    axis = AXES.get(match[2]) or _numbers(text, match[2], 3, "the axis x, y, z, -x, -y or -z, or")
     if not any(axis):
         raise _no_task(text, "the axis has no direction")
     return _Part(text, "weight", (axis,), math.radians(degrees))
@@ -354,8 +354,8 @@ def _numbers(text: str, words: str, count: int, what: str) -> Row:
         numbers = ()
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
         noun = "number" if count == 1 else "numbers"
-        shown = printable(words.strip())
-        raise _no_task(text, f"give {what} {count} finite {noun}; got {shown!r}")
+        quoted = printable(words.strip())
+        raise _no_task(text, f"give {what} {count} finite {noun}; got {quoted!r}")
     return numbers
 
 

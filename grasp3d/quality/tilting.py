@@ -114,7 +114,7 @@ def epsilon_range(
             f"tilts of soft fingers are sampled, for at most {MAX_SAMPLED_FINGERS} of them; "
             f"got {contacts.count}"
         )
-    values, done = np.empty((3, len(soft))), 0
+    values, count = np.empty((3, len(soft))), 0
     flat = contacts.reshape((-1,))
     for rows in _chunks(contacts.count, soft, tilted=tilted):
         chunk, angles = flat.take(rows), tilts[rows]
@@ -122,8 +122,8 @@ def epsilon_range(
         minimum = np.minimum(_minimum(chunk, angles, options, nominal), nominal)
         maximum = (_maximum_soft if soft[rows[0]] else _maximum_hard)(chunk, angles, bound)
         values[:, rows] = nominal, minimum, maximum
-        done += len(rows)
-        report_progress(done / len(soft))
+        count += len(rows)
+        report_progress(count / len(soft))
     return EpsilonRange(*(locked(row.reshape(contacts.batch))[()] for row in values))
 
 
@@ -259,10 +259,10 @@ def uncertain_epsilon_range(
         bound_rtol: As in `epsilon_range`.
     """
     if errors.friction_known:
-        found = epsilon_range(contacts, tilt, options, bound_rtol=bound_rtol)
+        interval = epsilon_range(contacts, tilt, options, bound_rtol=bound_rtol)
     else:
-        found = _over_friction(contacts, tilt, errors, options, bound_rtol)
-    minimum, maximum = found.minimum, found.maximum
+        interval = _over_friction(contacts, tilt, errors, options, bound_rtol)
+    minimum, maximum = interval.minimum, interval.maximum
     if any(errors.location):
         change, turned = _of_locations(contacts, errors.location, options)
         minimum = np.maximum(minimum * turned - change, 0.0)
@@ -275,7 +275,7 @@ def uncertain_epsilon_range(
         k = errors.center_radius / np.asarray(options.torque_scale)
         factor = 0.5 * (k + np.sqrt(k * k + 4.0))
         minimum, maximum = minimum / factor, maximum * factor
-    return EpsilonRange(found.nominal, locked(minimum), locked(maximum))
+    return EpsilonRange(interval.nominal, locked(minimum), locked(maximum))
 
 
 def _over_friction(

@@ -299,12 +299,12 @@ class WrenchProblem:
             )  # fmt: skip
 
             def run(first: int, polytope: Polytope) -> int:
-                given = (workspace, polytope, written)
+                arrays = (workspace, polytope, written)
                 if not thin:
-                    first = int(kernels.epsilons(*settings, first, 6, kernels.SIX, *given))
+                    first = int(kernels.epsilons(*settings, first, 6, kernels.SIX, *arrays))
                     if first == len(wrenches) or written.status[first] != kernels.OTHER_RANK:
                         return first
-                return int(kernels.epsilons(*settings, first, 1, workspace.dims, *given))
+                return int(kernels.epsilons(*settings, first, 1, workspace.dims, *arrays))
 
             self.with_polytope(len(wrenches), run)
 

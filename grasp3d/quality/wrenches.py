@@ -183,11 +183,11 @@ def span(rows: ArrayLike) -> Floats:
     Raises:
         ContactError: Rows of another shape, or values that are not finite.
     """
-    given = np.ascontiguousarray(rows, dtype=np.float64)
-    if given.ndim != 2 or given.shape[1] != 6 or not np.isfinite(given).all():
-        raise ContactError(f"wrenches must be finite and of shape (k, 6); got {given.shape}")
+    values = np.ascontiguousarray(rows, dtype=np.float64)
+    if values.ndim != 2 or values.shape[1] != 6 or not np.isfinite(values).all():
+        raise ContactError(f"wrenches must be finite and of shape (k, 6); got {values.shape}")
     basis = np.zeros((6, 6))
-    rank = span_kernel(given, RANK_TOLERANCE, np.zeros_like(given), basis)
+    rank = span_kernel(values, RANK_TOLERANCE, np.zeros_like(values), basis)
     return basis[:rank]
 
 

@@ -127,10 +127,10 @@ def count_parts(source: Source) -> int:
     """
     with zipfile.ZipFile(source.path) as archive:
         names = {name.lower(): name for name in reversed(archive.namelist())}
-        found = [names[name] for name in names if "3d/3dmodel.model" in name]
-        if len(found) != 1:
-            raise source.unexpected(f"contains {len(found)} models, not one")
-        parts, built, paths = _structure(archive.read(found[0]))
+        models = [names[name] for name in names if "3d/3dmodel.model" in name]
+        if len(models) != 1:
+            raise source.unexpected(f"contains {len(models)} models, not one")
+        parts, built, paths = _structure(archive.read(models[0]))
         _check_paths(source, archive, parts, paths)
     known: dict[str, int] = {}
 

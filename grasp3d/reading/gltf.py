@@ -69,7 +69,7 @@ def _chunks(source: Source, data: bytes) -> tuple[bytes, bytes]:
         raise source.error(
             f"is GLB of version {version}, and only version 2 is read; export it as glTF 2.0"
         )
-    found: dict[int, bytes] = {}
+    chunks: dict[int, bytes] = {}
     start, end = 12, min(length, len(data))
     while start + 8 <= end:
         size, kind = struct.unpack_from("<II", data, start)
@@ -77,9 +77,9 @@ def _chunks(source: Source, data: bytes) -> tuple[bytes, bytes]:
             raise source.incomplete(
                 f"a chunk declares {size:,} bytes, but {len(data) - start - 8:,} are left"
             )
-        found.setdefault(kind, data[start + 8 : start + 8 + size])
+        chunks.setdefault(kind, data[start + 8 : start + 8 + size])
         start += 8 + size
-    return found.get(_JSON, b""), found.get(_BINARY, b"")
+    return chunks.get(_JSON, b""), chunks.get(_BINARY, b"")
 
 
 def _glb(text: bytes, binary: bytes) -> bytes:
@@ -154,21 +154,21 @@ def _embedded(source: Source, uri: str) -> bytes:
 
 def _side_file(source: Source, uri: str) -> bytes:
     """Return the content of a side file in the folder of the glTF or below."""
-    shown, folder = ascii(uri[:80]), source.path.parent.resolve()
+    label, folder = ascii(uri[:80]), source.path.parent.resolve()
     name = unquote(uri)
     if not _is_plain(uri) or not _is_plain(name):
-        raise source.error(f"refers to {shown}; only files in its own folder are read")
+        raise source.error(f"refers to {label}; only files in its own folder are read")
     try:
         path = (folder / name).resolve(strict=True)
         status = path.stat()
     except (OSError, RuntimeError, ValueError) as error:
-        raise source.error(f"its side file {shown} is missing; keep it beside the mesh") from error
+        raise source.error(f"its side file {label} is missing; keep it beside the mesh") from error
     if not path.is_relative_to(folder):
         raise source.error(
-            f"refers to {shown}, which is outside its folder; only files in its own folder are read"
+            f"refers to {label}, which is outside its folder; only files in its own folder are read"
         )
     if not stat.S_ISREG(status.st_mode):
-        raise source.error(f"its side file {shown} is not a file")
+        raise source.error(f"its side file {label} is not a file")
     return path.read_bytes()
 
 

@@ -82,14 +82,14 @@ class GltfReduction:
         used = [self._accessor(number) for number in rows]
         accessors = [accessor | {"bufferView": row} for row, (accessor, _) in enumerate(used)]
         self._check_corners(meshes, accessors)
-        read = {
+        parts = {
             "asset": {"version": "2.0"},
             "nodes": nodes,
             "meshes": meshes,
             "accessors": accessors,
             "bufferViews": [view for _, view in used],
         }
-        return {name: tree[name] for name in ("scene", "scenes", "buffers") if name in tree} | read
+        return {name: tree[name] for name in ("scene", "scenes", "buffers") if name in tree} | parts
 
     def _check_features(self) -> None:
         """Refuse other versions, and extensions that change positions."""
@@ -132,10 +132,10 @@ class GltfReduction:
                     raise source.damaged(f"node {name} does not exist or has two parents")
                 del roots[child]
         for number, scene in enumerate(tree.get("scenes", [])):
-            shown = scene.get("nodes", [])
-            if not _is_list_of(int, shown):
+            numbers = scene.get("nodes", [])
+            if not _is_list_of(int, numbers):
                 raise source.damaged(f"the nodes of scene {number} are not a list of whole numbers")
-            if len(set(shown)) < len(shown) or not set(shown) <= roots.keys():
+            if len(set(numbers)) < len(numbers) or not set(numbers) <= roots.keys():
                 raise source.damaged("a scene has a node that does not exist or has a parent")
         queue, reached = list(roots), 0
         while queue:

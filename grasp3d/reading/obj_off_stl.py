@@ -71,9 +71,9 @@ def off_counts(source: Source) -> tuple[int, int]:
     """
     for size in (LONGEST_HEADER, source.size):  # a comment may be longer than a header
         head = without_comments(source.head(size))
-        if found := OFF_HEADER.match(head):
+        if match := OFF_HEADER.match(head):
             break
-    if found is None:
+    if match is None:
         if kind := _OTHER_OFF.match(head):
             name = kind[0].strip().decode("ascii")
             raise source.error(
@@ -81,7 +81,7 @@ def off_counts(source: Source) -> tuple[int, int]:
                 "coordinates is read: export it so, or as STL"
             )
         raise source.unexpected("cannot be read as OFF: no counts")
-    vertices, faces = int(found["vertices"][:18]), int(found["faces"][:18])
+    vertices, faces = int(match["vertices"][:18]), int(match["faces"][:18])
     check_count(source, "vertices", vertices, len("0 0 0\n"), source.size)
     check_count(source, "faces", faces, len("3 0 1 2\n"), source.size)
     return vertices, faces
@@ -101,7 +101,7 @@ def plain_obj(source: Source, data: bytes) -> tuple[bytes, int, int]:
         ValueError: A face has an invalid vertex number.
     """
     data = re.sub(rb"\\\r?\n", b" ", data)
-    kept: list[bytes] = []
+    lines: list[bytes] = []
     count = 0
     for number, line in enumerate(data.splitlines(), 1):
         words = line.split()
@@ -111,15 +111,15 @@ def plain_obj(source: Source, data: bytes) -> tuple[bytes, int, int]:
             if len(words) <= COORDINATES:
                 raise source.error(f"line {number}: a vertex needs three coordinates")
             count += 1
-            kept.append(b" ".join(words[: 1 + COORDINATES]))
+            lines.append(b" ".join(words[: 1 + COORDINATES]))
         elif words[0] == b"f":
             if not LEAST_CORNERS < len(words) <= 1 + MOST_CORNERS:
                 raise source.error(
                     f"line {number} is a face of {len(words) - 1:,} corners; "
                     f"{LEAST_CORNERS} to {MOST_CORNERS:,} are allowed"
                 )
-            kept.append(b" ".join([b"f", *(_absolute(word, count) for word in words[1:])]))
-    return b"\n".join(kept), count, len(kept) - count
+            lines.append(b" ".join([b"f", *(_absolute(word, count) for word in words[1:])]))
+    return b"\n".join(lines), count, len(lines) - count
 
 
 def _absolute(corner: bytes, count: int) -> bytes:
@@ -174,7 +174,7 @@ def plain_off(source: Source, data: bytes) -> bytes:
     header = OFF_HEADER.match(data)
     data = data[header.end() if header else 0 :]
     start, lines = vertices, [line for line in data.splitlines() if line.strip()]
-    kept: list[bytes] = []
+    rows: list[bytes] = []
     for number, line in enumerate(lines[start : start + faces]):
         words = line.split()
         count = int(words[0]) if words[0].isdigit() else 0
@@ -185,12 +185,12 @@ def plain_off(source: Source, data: bytes) -> bytes:
                 f"to {MOST_CORNERS:,} are allowed"
             )
         if count <= 4:
-            kept.append(line)
+            rows.append(line)
         else:
             first, *rest = words[1 : count + 1]
-            kept += [b"3 %s %s %s" % (first, a, b) for a, b in pairwise(rest)]
-    head = b"OFF\n%d %d 0" % (vertices, len(kept))
-    return b"\n".join([head, *lines[:start], *kept])
+            rows += [b"3 %s %s %s" % (first, a, b) for a, b in pairwise(rest)]
+    head = b"OFF\n%d %d 0" % (vertices, len(rows))
+    return b"\n".join([head, *lines[:start], *rows])
 
 
 def plain_stl(source: Source, data: bytes) -> tuple[bytes, int]:

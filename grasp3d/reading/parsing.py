@@ -88,10 +88,10 @@ def _parsed_3mf(source: Source) -> trimesh.Scene:
     if not declared:
         return trimesh.Scene()
     scene = _scene(source, source.path.read_bytes(), postprocess=False)
-    found = len(scene.graph.nodes_geometry)
-    if found != declared:
+    count = len(scene.graph.nodes_geometry)
+    if count != declared:
         raise source.error(
-            f"contains {declared:,} copies of its parts, of which {found:,} can be "
+            f"contains {declared:,} copies of its parts, of which {count:,} can be "
             "read; export it without nested parts, or as STL"
         )
     return scene
@@ -100,8 +100,8 @@ def _parsed_3mf(source: Source) -> trimesh.Scene:
 def _parsed_obj(source: Source) -> trimesh.Scene:
     data = source.path.read_bytes()
     try:
-        kept, *declared = plain_obj(source, data)
-        scene = _scene(source, kept, maintain_order=True, skip_materials=True)
+        plain, *declared = plain_obj(source, data)
+        scene = _scene(source, plain, maintain_order=True, skip_materials=True)
         return _complete(source, scene, *declared)
     except (MeshError, ValueError, IndexError):
         check_obj_lines(source, data)
@@ -137,11 +137,11 @@ def _parsed_stl(source: Source) -> trimesh.Scene:
 def _complete(source: Source, scene: trimesh.Scene, vertices: int, faces: int) -> trimesh.Scene:
     """The scene, after rejecting one with fewer vertices or faces than the file declares."""
     parts = list(scene.geometry.values())
-    found = [sum(len(getattr(part, name, ())) for part in parts) for name in ("vertices", "faces")]
-    if found[0] < vertices or found[1] < faces:
+    counts = [sum(len(getattr(part, name, ())) for part in parts) for name in ("vertices", "faces")]
+    if counts[0] < vertices or counts[1] < faces:
         raise source.incomplete(
-            f"declares {vertices:,} vertices and {faces:,} faces, but contains {found[0]:,} and "
-            f"{found[1]:,}"
+            f"declares {vertices:,} vertices and {faces:,} faces, but contains {counts[0]:,} and "
+            f"{counts[1]:,}"
         )
     return scene
 

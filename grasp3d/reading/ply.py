@@ -65,13 +65,13 @@ class Element:
 
     def lines(self) -> list[str]:
         """Return the header lines of the element, with neutral names for what is not read."""
-        read = {"vertex": ("x", "y", "z"), "face": _CORNERS}.get(self.name, ())
+        names = {"vertex": ("x", "y", "z"), "face": _CORNERS}.get(self.name, ())
         only = self.name == "face" and len(self.properties) == 1
-        found = [f"element {self.name if read else 'other_' + self.name} {self.count}"]
+        lines = [f"element {self.name if names else 'other_' + self.name} {self.count}"]
         for number, entry in enumerate(self.properties):
-            name = entry.name if entry.name in read or only else f"other_{number}"
-            found.append(" ".join(["property", *entry.type_words, name]))
-        return found
+            name = entry.name if entry.name in names or only else f"other_{number}"
+            lines.append(" ".join(["property", *entry.type_words, name]))
+        return lines
 
 
 @dataclass(frozen=True)
@@ -106,12 +106,12 @@ def read_ply_header(source: Source) -> PlyHeader:
     Raises:
         MeshError: It is not a PLY, or declares more than the file can contain.
     """
-    found = re.match(rb"ply\s(.*?)\nend_header[ \r]*\n", source.head(LONGEST_HEADER), re.DOTALL)
-    if found is None:
+    match = re.match(rb"ply\s(.*?)\nend_header[ \r]*\n", source.head(LONGEST_HEADER), re.DOTALL)
+    if match is None:
         raise source.unexpected("cannot be read as PLY: no header")
     formats = {name: order for order, name in _FORMATS.items()}
     order, elements = "", list[Element]()
-    for line in re.split(r"\r?\n", found[1].decode("utf-8", "replace")):
+    for line in re.split(r"\r?\n", match[1].decode("utf-8", "replace")):
         words = line.split()
         try:
             if words[:1] == ["format"]:
@@ -122,7 +122,7 @@ def read_ply_header(source: Source) -> PlyHeader:
                 elements[-1].properties.append(_property(words[1:]))
         except (ValueError, KeyError, IndexError) as error:
             raise source.damaged(f"a line of its header ({line[:60]!r}) is not valid") from error
-    header = PlyHeader(order, tuple(elements), found.end())
+    header = PlyHeader(order, tuple(elements), match.end())
     _check_elements(source, header)
     return header
 
@@ -183,9 +183,9 @@ def _check_lines(source: Source, header: PlyHeader, text: bytes) -> None:
         lists = [i for i, entry in enumerate(element.properties) if entry.length]
         for number, line in enumerate(rows):
             if not _is_complete(line.split(), len(element.properties), lists):
-                shown = line[:40].decode("utf-8", "replace")
+                quoted = line[:40].decode("utf-8", "replace")
                 raise source.damaged(
-                    f"{element.name} {number} ({shown!r}) has a wrong number of numbers"
+                    f"{element.name} {number} ({quoted!r}) has a wrong number of numbers"
                 )
 
 
@@ -290,8 +290,8 @@ def _corners(
             )
         counts.append(count)
         rows.append(data[first : first + count * size])
-    found = np.frombuffer(b"".join(rows), dtype=order + entry.type).astype(np.int64)
-    return np.array(counts, dtype=np.int64), found
+    corners = np.frombuffer(b"".join(rows), dtype=order + entry.type).astype(np.int64)
+    return np.array(counts, dtype=np.int64), corners
 
 
 def _fans(counts: Ints, corners: Ints) -> Ints:

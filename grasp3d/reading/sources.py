@@ -111,10 +111,10 @@ class Source:
         """Question about the likely cause if the content does not match the suffix."""
         head = self.head()
         matches = (name for name, pattern in _SIGNATURES if re.match(pattern, head))
-        found = next(matches, None)
-        if found is None or found.lower() == self.kind:
+        kind = next(matches, None)
+        if kind is None or kind.lower() == self.kind:
             return "is the file complete, and is its suffix right?"
-        return f"its content looks like {found}: is its suffix right?"
+        return f"its content looks like {kind}: is its suffix right?"
 
 
 def check_memory(source: Source, size: int, per_byte: float) -> None:

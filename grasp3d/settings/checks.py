@@ -25,10 +25,10 @@ def check_choice(what: str, value: object, choices: object) -> None:
     Raises:
         SettingError: The value is none of the choices.
     """
-    known = get_args(choices)
-    if value not in known:
+    names = get_args(choices)
+    if value not in names:
         verb = "are" if what.endswith("s") else "is"
-        raise SettingError(f"no {what} {verb} called {value!r}; known: {', '.join(known)}")
+        raise SettingError(f"no {what} {verb} called {value!r}; known: {', '.join(names)}")
 
 
 def whole_number(name: str, value: object, minimum: int) -> int:
@@ -84,14 +84,14 @@ def check_range(
     if above and below and whole:
         return
     numbers = map(math.degrees, (least, most, value)) if degrees else (least, most, value)
-    low, high, given = (one if isinstance(least, int) else f"{one:g}" for one in numbers)
+    low, high, got = (one if isinstance(least, int) else f"{one:g}" for one in numbers)
     unit = " degrees" if degrees else unit and f" {unit}"
     text = f"above {low}" if ends[0] == "(" else f"at least {low}"
     if ends == "[]" and most < math.inf:
         text = f"from {low} to {high}"
     elif most < math.inf:
         text += f" and below {high}" if ends[1] == ")" else f" and at most {high}"
-    raise SettingError(f"{name} must be {text}{unit}; got {given}{unit}")
+    raise SettingError(f"{name} must be {text}{unit}; got {got}{unit}")
 
 
 def check_seed(name: str, seed: object) -> None:

@@ -142,12 +142,12 @@ class GraspModel(LengthSettings):
 
     def _check_patches(self) -> None:
         """Refuse what is not known of contacts with patches."""
-        for name, given in (
+        for name, applies in (
             ("method extremes", self.method == "extremes"),
             ("location_error", self.location_error != 0.0),
             ("per_finger", bool(self.per_finger)),
         ):
-            if given:
+            if applies:
                 raise SettingError(
                     f"contact='patch' (--contact patch) is for the method exact and fingers that "
                     f"are known equally well, and does not take {name}; use contact='soft', or "
@@ -400,6 +400,6 @@ def with_fingers(model: GraspModel, count: int) -> GraspModel:
             f"the grasps have {count} fingers, but the model (--fingers) has {model.fingers}; "
             "fingers need not be set for given grasps"
         )
-    chosen = replace(model, fingers=count)
-    check_per_finger(chosen)
-    return chosen
+    result = replace(model, fingers=count)
+    check_per_finger(result)
+    return result

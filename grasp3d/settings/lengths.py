@@ -140,9 +140,9 @@ def _in_unit(name: str, value: Any, unit: Unit | None, source: str) -> Any:
         return value if same else type(value)(parts)
     if not isinstance(value, Settings):
         return value
-    given = {name: getattr(value, name) for name in value.parsed_fields}
-    found = {name: _in_unit(name, one, unit, source) for name, one in given.items()}
-    changed = {name: one for name, one in found.items() if one is not given[name]}
+    lengths = {name: getattr(value, name) for name in value.parsed_fields}
+    converted = {name: _in_unit(name, one, unit, source) for name, one in lengths.items()}
+    changed = {name: one for name, one in converted.items() if one is not lengths[name]}
     return replace(value, **changed) if changed else value  # type: ignore[type-var]
 
 
@@ -165,15 +165,15 @@ def parse_length(name: str, value: Any) -> Any:
             return value
         raise _no_length(name, value)
     text = value.strip()
-    found = NUMBER_AND_UNIT.fullmatch(text)
-    if found is None:
+    match = NUMBER_AND_UNIT.fullmatch(text)
+    if match is None:
         if text.lower() in {"inf", "nan"}:
             return float(text)
         raise _no_length(name, value)
-    number, given = float(found[1]), found[2].lower()
-    if not given:
+    number, suffix = float(match[1]), match[2].lower()
+    if not suffix:
         return number
-    unit = next((known for known in METRES if known == given), None)
+    unit = next((known for known in METRES if known == suffix), None)
     if unit is None:
         raise _no_length(name, value)
     return measure(number, unit)
@@ -204,9 +204,9 @@ def parse_position(name: str, value: Any) -> Any:
     """
     if value is None or _is_position(value):
         return value
-    given = value.split(",") if isinstance(value, str) else value
+    parts = value.split(",") if isinstance(value, str) else value
     try:
-        lengths = tuple(parse_length(name, one) for one in given)
+        lengths = tuple(parse_length(name, one) for one in parts)
     except (TypeError, SettingError):
         lengths = ()
     lengths = tuple(one if isinstance(one, Measure | None) else float(one) for one in lengths)
@@ -255,11 +255,11 @@ def comparable(*lengths: AnyLength | None) -> tuple[float, ...] | None:
     Args:
         lengths: Lengths as settings hold them; none counts as 0.
     """
-    given = [length or 0.0 for length in lengths]
-    numbers = [one for one in given if not isinstance(one, Measure)]
-    if len(numbers) < len(given) and any(0.0 < abs(one) < math.inf for one in numbers):
+    values = [length or 0.0 for length in lengths]
+    numbers = [one for one in values if not isinstance(one, Measure)]
+    if len(numbers) < len(values) and any(0.0 < abs(one) < math.inf for one in numbers):
         return None
-    return tuple(one.metres if isinstance(one, Measure) else one for one in given)
+    return tuple(one.metres if isinstance(one, Measure) else one for one in values)
 
 
 def describe_length(length: AnyLength | None) -> str:

@@ -93,6 +93,6 @@ class MeshOptions(LengthSettings):
         names = [field.name for field in fields(cls)]
         unknown = [name for name in fields_ if name not in names]
         if unknown:
-            known = ", ".join(names)
-            raise SettingError(f"no mesh option is called {unknown[0]!r}; known: {known}")
+            choices = ", ".join(names)
+            raise SettingError(f"no mesh option is called {unknown[0]!r}; known: {choices}")
         return replace(options or cls(), **fields_)

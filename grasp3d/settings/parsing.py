@@ -59,9 +59,9 @@ class Settings:
 
     def __post_init__(self) -> None:
         for name, field in self.parsed_fields.items():
-            given = getattr(self, name)
-            value = field.parse(name, given)
-            if value is not given:
+            raw = getattr(self, name)
+            value = field.parse(name, raw)
+            if value is not raw:
                 object.__setattr__(self, name, value)
 
 

@@ -85,22 +85,22 @@ def _number(value: object, units: Mapping[str, float]) -> float | None:
     text = value.strip()
     if text.lower().lstrip("+-") in {"inf", "nan"}:
         return float(text)
-    found = NUMBER_AND_UNIT.fullmatch(text)
-    if found is None:
+    match = NUMBER_AND_UNIT.fullmatch(text)
+    if match is None:
         return None
-    number, unit = float(found[1]), found[2]
+    number, unit = float(match[1]), match[2]
     if not unit:
         return number
-    for known, multiple in units.items():
-        if known.lower().replace("^", "") == unit.lower().replace("^", ""):
+    for symbol, multiple in units.items():
+        if symbol.lower().replace("^", "") == unit.lower().replace("^", ""):
             # To 15 digits, so that 300 g are 0.3 kg and not 0.3 and a rounding error.
             return float(f"{number * multiple:.15g}")
     return None
 
 
 def _no_quantity(name: str, value: object, units: Mapping[str, float]) -> SettingError:
-    known = ", ".join(units)
+    symbols = ", ".join(units)
     return SettingError(
-        f"{name} must be a number [{next(iter(units))}], or a number with a unit ({known}); "
+        f"{name} must be a number [{next(iter(units))}], or a number with a unit ({symbols}); "
         f"got {value!r}"
     )

@@ -93,8 +93,8 @@ class SearchSettings(LengthSettings):
     @property
     def max_distance(self) -> float:
         """Largest distance allowed between contacts."""
-        found: float = getattr(self, self.limits[1])
-        return found
+        limit: float = getattr(self, self.limits[1])
+        return limit
 
     def limited(self, most: float) -> Self:
         """The same search, for contacts within another distance of each other.
@@ -257,10 +257,10 @@ def _check_limits(what: str, sampling: AnySampling) -> None:
     A number and a length with a unit are compared later, when the mesh's unit is known.
     """
     least, most = sampling.limits
-    given = getattr(sampling, least), getattr(sampling, most)
-    low, high = comparable(*given) or (0.0, math.inf)
+    limits = getattr(sampling, least), getattr(sampling, most)
+    low, high = comparable(*limits) or (0.0, math.inf)
     if not (0.0 <= low <= high and low < math.inf and high > 0.0):
-        low_text, high_text = map(describe_length, given)
+        low_text, high_text = map(describe_length, limits)
         raise SettingError(
             f"{what} must satisfy 0 <= {least} <= {most}, and {most} above 0; got {low_text} and "
             f"{high_text}"

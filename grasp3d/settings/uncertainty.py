@@ -135,18 +135,18 @@ def friction_interval(value: object) -> Interval:
     """
     if type(value) is float and 0.0 < value < math.inf:  # as in most models, which are made often
         return value, value
-    given = value.split(_BETWEEN) if isinstance(value, str) else value
+    parts = value.split(_BETWEEN) if isinstance(value, str) else value
     try:
-        ends = [float(one) for one in given] if isinstance(given, Sequence) else [float(given)]  # type: ignore[arg-type]
+        ends = [float(one) for one in parts] if isinstance(parts, Sequence) else [float(parts)]  # type: ignore[arg-type]
     except (TypeError, ValueError):
         ends = []
     if len(ends) == 1:
         ends *= 2
     if len(ends) != 2 or not all(0.0 < end < math.inf for end in ends) or ends[0] > ends[1]:
-        shown = f"{value:g}" if isinstance(value, float) else repr(value)
+        quoted = f"{value:g}" if isinstance(value, float) else repr(value)
         raise SettingError(
             "friction must be a finite number above 0, or an interval of two, the smallest first "
-            f"(0.4{_BETWEEN}0.6, in Python (0.4, 0.6)); got {shown}"
+            f"(0.4{_BETWEEN}0.6, in Python (0.4, 0.6)); got {quoted}"
         )
     return ends[0], ends[1]
 
@@ -182,11 +182,11 @@ def parse_uncertainty(text: str) -> Uncertainty:
     for part in filter(None, (one.strip() for one in text.split(","))):
         name, separator, value = (one.strip() for one in part.partition("="))
         name = name.replace("-", "_")
-        known = [field.name for field in fields(Uncertainty)]
-        if name not in known or not separator or name in values:
+        names = [field.name for field in fields(Uncertainty)]
+        if name not in names or not separator or name in values:
             raise SettingError(
                 f"the uncertainty of a finger must be NAME=VALUE, separated by commas, with the "
-                f"names {', '.join(known)}, each at most once ('location_error=1mm, "
+                f"names {', '.join(names)}, each at most once ('location_error=1mm, "
                 f"friction=0.3..0.4'); got {part!r}"
             )
         values[name] = _angle(name, value) if name in _ANGLES else value
@@ -242,13 +242,13 @@ def parse_fingers(value: str | Sequence[Uncertainty]) -> Fingers:
     if isinstance(value, str):
         fingers = Fingers(_parsed_fingers(value.split(";")))
         return fingers if any(one != Uncertainty() for one in fingers) else Fingers()
-    given: Any = value
-    if not (isinstance(given, Sequence) and all(isinstance(one, Uncertainty) for one in given)):
+    items: Any = value
+    if not (isinstance(items, Sequence) and all(isinstance(one, Uncertainty) for one in items)):
         raise SettingError(
             "per_finger must be a text such as 'location_error=1mm; normal_error=5' (degrees), or "
             f"one Uncertainty for each finger; got {value!r}"
         )
-    return parse_fingers(str(Fingers(given)))
+    return parse_fingers(str(Fingers(items)))
 
 
 def _parsed_fingers(texts: Sequence[str]) -> Iterator[Uncertainty]:
@@ -260,9 +260,9 @@ def _parsed_fingers(texts: Sequence[str]) -> Iterator[Uncertainty]:
 
 
 def _angle(name: str, text: str) -> float:
-    found = re.fullmatch(r"(\S+?)\s*(?:deg|degrees|°)?", text)
+    match = re.fullmatch(r"(\S+?)\s*(?:deg|degrees|°)?", text)
     try:
-        return math.radians(float(found[1])) if found else math.nan
+        return math.radians(float(match[1])) if match else math.nan
     except ValueError as error:
         raise SettingError(f"{name} must be an angle in degrees; got {text!r}") from error
 

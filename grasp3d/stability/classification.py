@@ -353,8 +353,8 @@ def _check_patches(contacts: Contacts, method: Method, *, creases: bool, located
         "creases": creases,
         "a location_error": located,
     }
-    for what, given in reasons.items():
-        if given:
+    for what, applies in reasons.items():
+        if applies:
             raise SettingError(
                 "labels of contacts with patches are those of two fingers by method exact, without "
                 f"creases and location_error; got {what}: give contacts.without_patches()"

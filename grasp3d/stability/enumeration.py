@@ -228,12 +228,12 @@ class Enumeration(NamedTuple):
 
     def at(self, grasps: Ints, numbers: Ints) -> WrenchProblem:
         """Wrench problem of chosen grasps (g,), each at chosen combinations (c,): g x c in all."""
-        chosen = np.stack(np.unravel_index(numbers, self.sizes), axis=-1)  # (c, n)
+        choices = np.stack(np.unravel_index(numbers, self.sizes), axis=-1)  # (c, n)
         each = np.arange(len(self.sizes))
 
         def wrenches_of(chunk: slice | Ints) -> Floats:
             row, column = np.divmod(np.arange(len(repeated))[chunk], len(numbers))
-            return self.axes[grasps[row][:, None], each, chosen[column]]
+            return self.axes[grasps[row][:, None], each, choices[column]]
 
         repeated = np.repeat(grasps, len(numbers))
         return self.problem.with_wrenches(repeated, wrenches_of)
@@ -267,17 +267,17 @@ def closure_at(
         cone_offset: Angle added to the cones' half-angles [rad], one value or shape (b, n).
     """
     options = options or EpsilonOptions()
-    used = EpsilonOptions(edges=options.edges)
+    sampling = EpsilonOptions(edges=options.edges)
     points, _, _ = centred(contacts.points)
     hard = Contacts(points, contacts.normals, contacts.friction)
     offset = per_contact("cone_offset", cone_offset, contacts)
-    found = []
+    results = []
     for chunk in _chunks(contacts, tested):
         normals = tuple(at_contact[chunk] for at_contact in tested)
-        enumeration = Enumeration.of(hard.take(chunk), normals, used, cone_offset=offset[chunk])
-        found.append(_tested_closure(enumeration))
+        enumeration = Enumeration.of(hard.take(chunk), normals, sampling, cone_offset=offset[chunk])
+        results.append(_tested_closure(enumeration))
     return ClosureAtNormals(
-        *(locked(np.concatenate(values)) for values in zip(*found, strict=True))
+        *(locked(np.concatenate(values)) for values in zip(*results, strict=True))
     )
 
 
@@ -306,12 +306,12 @@ def extremes(contacts: Contacts, tested: Tested, options: EpsilonOptions | None 
         tested: Normals of each contact, as `extreme_normals` returns them.
         options: Cones, actuation, torque scale, and accuracy; None: the defaults.
     """
-    used = options or EpsilonOptions()
-    found = []
+    settings = options or EpsilonOptions()
+    parts = []
     for chunk in _chunks(contacts, tested):
         normals = tuple(at_contact[chunk] for at_contact in tested)
-        found.append(_extremes(Enumeration.of(contacts.take(chunk), normals, used)))
-    minimum, maximum, worst, best = (np.concatenate(values) for values in zip(*found, strict=True))
+        parts.append(_extremes(Enumeration.of(contacts.take(chunk), normals, settings)))
+    minimum, maximum, worst, best = (np.concatenate(values) for values in zip(*parts, strict=True))
     return Extremes(
         minimum=locked(minimum),
         maximum=locked(maximum),
@@ -347,10 +347,10 @@ def _extremes(enumeration: Enumeration) -> tuple[Floats, Floats, Ints, Ints]:
 
 def _normals(tested: Tested, numbers: Ints) -> Floats:
     """The normals of one combination for each grasp, shape (b, n, 3)."""
-    chosen = np.unravel_index(numbers, [at_contact.shape[1] for at_contact in tested])
+    choices = np.unravel_index(numbers, [at_contact.shape[1] for at_contact in tested])
     rows = np.arange(len(numbers))
     return np.stack(
-        [at_contact[rows, k] for at_contact, k in zip(tested, chosen, strict=True)], axis=1
+        [at_contact[rows, k] for at_contact, k in zip(tested, choices, strict=True)], axis=1
     )
 
 

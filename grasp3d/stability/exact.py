@@ -235,8 +235,8 @@ def _by_closure(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
         rank = worst.rank[exceeding]
         stable[exceeding] = _reliable_contacts_closed(problem, exceeding, reliable, rank)
     if contacts.count >= MIN_FORM_CLOSURE and exceeding.size:
-        chosen = Contacts(contacts.points[exceeding], contacts.normals[exceeding])
-        critical = critical_friction_angle(chosen)
+        subset = Contacts(contacts.points[exceeding], contacts.normals[exceeding])
+        critical = critical_friction_angle(subset)
         stable[exceeding] |= critical < narrowest[exceeding].min(axis=1)
     tests = np.full(len(stable), 2)
     tests[exceeding] += 1
@@ -257,10 +257,10 @@ def _reliable_contacts_closed(
     contacts, rows = problem.hard, grasps[:, None]
     # Every other contact is replaced by a copy of a reliable one, which changes nothing.
     which = np.where(reliable, np.arange(contacts.count), reliable.argmax(axis=1)[:, None])
-    chosen = Contacts(*(
+    subset = Contacts(*(
         values[rows, which] for values in (contacts.points, contacts.normals, contacts.friction)
     ))  # fmt: skip
-    closure = force_closure(chosen, cone_offset=problem.inner_offset[rows, which])
+    closure = force_closure(subset, cone_offset=problem.inner_offset[rows, which])
     return np.asarray(closure.closed & reliable.any(axis=1) & (closure.rank == rank))
 
 
@@ -301,12 +301,12 @@ def closing_normals(problem: StabilityProblem) -> Floats:
         goals = closure.certificate.equilibrium[..., :3]
     toward = turned(contacts.normals, goals, problem.tilt)
     toward = np.where(np.isnan(toward).any(axis=(1, 2), keepdims=True), contacts.normals, toward)
-    found = np.full(toward.shape, math.nan)
+    result = np.full(toward.shape, math.nan)
     for normals in (contacts.normals, toward):
         turned_contacts = Contacts(contacts.points, normals, problem.high.friction)
         closed = force_closure(turned_contacts).closed
-        found[closed] = normals[closed]
-    return found
+        result[closed] = normals[closed]
+    return result
 
 
 def _line_goals(problem: StabilityProblem) -> Floats:

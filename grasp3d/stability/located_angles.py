@@ -161,7 +161,7 @@ def located_pairs(
         lines: Of the same grasps.
         limits: What is known about the contacts.
     """
-    found = np.empty((2, len(critical)))
+    angles = np.empty((2, len(critical)))
     # The worse a contact is known, the more is added to its angle.
     worst_extras = limits.inner.max(axis=1, keepdims=True) - limits.inner
     lift = limits.inner.max(axis=1)
@@ -170,10 +170,10 @@ def located_pairs(
         np.array(critical), np.array(critical_best), lines.openings,
         lines.openings_best, lines.angles, lines.angles_best, lines.lines, lines.normals,
         lines.single, np.ascontiguousarray(limits.location.sum(axis=1)), worst_extras,
-        np.ascontiguousarray(limits.outer), found[0], found[1],
+        np.ascontiguousarray(limits.outer), angles[0], angles[1],
     )  # fmt: skip
-    found[0] -= lift
-    return found[0], found[1]
+    angles[0] -= lift
+    return angles[0], angles[1]
 
 
 def located_contacts(
@@ -203,8 +203,8 @@ def located_grasps(
     """
     if limits.uniform:
         return critical, critical
-    given = Contacts(contacts.points, contacts.normals, friction=0.0), critical, limits
-    return _smallest_sure(*given), _largest_excluded(*given)
+    problem = Contacts(contacts.points, contacts.normals, friction=0.0), critical, limits
+    return _smallest_sure(*problem), _largest_excluded(*problem)
 
 
 def _smallest_sure(contacts: Contacts, critical: Floats, limits: ContactLimits) -> Floats:
@@ -243,11 +243,11 @@ def _largest_excluded(contacts: Contacts, critical: Floats, limits: ContactLimit
     for fraction in PROVING:
         angles = np.minimum(fraction * critical[open_], RIGHT_ANGLE) - 0.1 * TOLERANCE
         offsets = np.broadcast_to(angles[:, None], (len(open_), contacts.count))
-        chosen = contacts.take(open_)
-        found = force_closure(chosen, cone_offset=offsets)
-        u = found.certificate.direction
-        separated = _separated(chosen, u, limits.take(open_))
-        proven[open_] = np.maximum(proven[open_], np.where(found.closed, 0.0, separated))
+        grasps = contacts.take(open_)
+        closure = force_closure(grasps, cone_offset=offsets)
+        u = closure.certificate.direction
+        separated = _separated(grasps, u, limits.take(open_))
+        proven[open_] = np.maximum(proven[open_], np.where(closure.closed, 0.0, separated))
     return np.clip(proven, 0.0, None)
 
 

@@ -57,16 +57,16 @@ def face_normals(creases: Mapping[int, ArrayLike], contacts: Contacts) -> Crease
             "creases must map numbers of contacts to normals, as {0: [[1, 0, 0], [0, 1, 0]]}; "
             f"got {type(creases).__name__}"
         )
-    return {i: _checked(i, given, contacts) for i, given in creases.items()}
+    return {i: _checked(i, rows, contacts) for i, rows in creases.items()}
 
 
-def _checked(contact: int, given: ArrayLike, contacts: Contacts) -> Floats:
+def _checked(contact: int, values: ArrayLike, contacts: Contacts) -> Floats:
     if contact not in range(contacts.count):
         raise ContactError(
             f"creases name contact {contact}, but a grasp has contacts 0 to {contacts.count - 1}"
         )
     try:
-        normals = np.asarray(given, dtype=np.float64)
+        normals = np.asarray(values, dtype=np.float64)
         shape = (*contacts.batch, *normals.shape[-2:])
         normals = np.broadcast_to(normals, shape).reshape(-1, *normals.shape[-2:])
     except (TypeError, ValueError) as error:
@@ -77,7 +77,7 @@ def _checked(contact: int, given: ArrayLike, contacts: Contacts) -> Floats:
     if normals.ndim != 3 or normals.shape[2] != 3 or normals.shape[1] < 2:
         raise ContactError(
             f"contact {contact}: a crease needs two normals or more, shape (..., k, 3); "
-            f"got {np.shape(given)}"
+            f"got {np.shape(values)}"
         )
     lengths = np.linalg.norm(normals, axis=2)
     if not (np.isfinite(normals).all() and (lengths > 0.0).all()):
@@ -97,12 +97,12 @@ def _checked(contact: int, given: ArrayLike, contacts: Contacts) -> Floats:
 
 def angles_to_set(normals: Floats, directions: Floats) -> tuple[Floats, Floats]:
     """(smallest, largest) angle between directions (b, 3) and convex sets (b, k, 3) [rad]."""
-    found = np.empty((2, len(normals)))
+    angles = np.empty((2, len(normals)))
     counts = (normals == normals[:, -1:]).all(axis=2).argmax(axis=1) + 1  # the last may be repeated
     for g, (rows, count, direction) in enumerate(zip(normals, counts, directions, strict=True)):
-        found[0, g] = smallest_angle(rows, 0, count, *direction)
-        found[1, g] = largest_angle(rows, 0, count, *direction)
-    return found[0], found[1]
+        angles[0, g] = smallest_angle(rows, 0, count, *direction)
+        angles[1, g] = largest_angle(rows, 0, count, *direction)
+    return angles[0], angles[1]
 
 
 def sampled_set(normals: Floats, step: float = STEP) -> Floats:
@@ -155,11 +155,11 @@ def sampled_sets(start: Ints, normals: Floats, step: float) -> tuple[list[Floats
     widths = angles_between(begin, end)
     divisions = np.where(widths > MIN_WIDTH, np.ceil(widths / step), 0.0).astype(np.int64)
     for division in np.unique(divisions[divisions > 0]):
-        chosen = np.flatnonzero(divisions == division)
-        steps[arcs[chosen]] = widths[chosen] / division
+        group = np.flatnonzero(divisions == division)
+        steps[arcs[group]] = widths[group] / division
         fractions = np.linspace(0.0, 1.0, division + 1)
-        on_chosen = on_arcs(begin[chosen], end[chosen], fractions)
-        for k, rows in zip(arcs[chosen], on_chosen, strict=True):
+        on_chosen = on_arcs(begin[group], end[group], fractions)
+        for k, rows in zip(arcs[group], on_chosen, strict=True):
             samples[k] = rows
     for k in np.flatnonzero(corners > 2):
         samples[k] = sampled_set(normals[None, start[k] : start[k + 1]], step)[0]
@@ -250,24 +250,24 @@ class NormalSamples:
 
     def at(self, grasps: Ints, numbers: Ints) -> Floats:
         """Normals of grasps (m,), each at its combination number (m,), shape (m, n, 3)."""
-        chosen = np.empty((len(grasps), self.sizes.shape[1]), dtype=np.int64)
-        for i in range(chosen.shape[1]):
-            numbers, chosen[:, i] = np.divmod(numbers, self.sizes[grasps, i])
-        return np.asarray(self.normals[self.first[grasps] + chosen])
+        choices = np.empty((len(grasps), self.sizes.shape[1]), dtype=np.int64)
+        for i in range(choices.shape[1]):
+            numbers, choices[:, i] = np.divmod(numbers, self.sizes[grasps, i])
+        return np.asarray(self.normals[self.first[grasps] + choices])
 
 
 def _distinct_sets(start: Ints, normals: Floats) -> tuple[Ints, Ints]:
     """(index of each set among the distinct ones (b,), first set of each index (d,))."""
     numbers: dict[bytes, int] = {}
     first: list[int] = []
-    found = np.empty(len(start) - 1, dtype=np.int64)
-    for k in range(len(found)):
+    indices = np.empty(len(start) - 1, dtype=np.int64)
+    for k in range(len(indices)):
         key = normals[start[k] : start[k + 1]].tobytes()
         if key not in numbers:
             numbers[key] = len(first)
             first.append(k)
-        found[k] = numbers[key]
-    return found, np.array(first, dtype=np.int64)
+        indices[k] = numbers[key]
+    return indices, np.array(first, dtype=np.int64)
 
 
 def angle_bounds(points: Floats, samples: NormalSamples, *, tolerance: float) -> WorstAndBest:
@@ -326,9 +326,9 @@ class _CombinationProblem(NamedTuple):
         """Bounds on the largest and on the smallest angle of each grasp, shape (b,) each."""
         grasps, numbers = self._combinations()
         first = np.flatnonzero(np.diff(grasps, prepend=-1))
-        found = self.angles(grasps[first], numbers[first])
+        nominal = self.angles(grasps[first], numbers[first])
         others = np.delete(grasps, first), np.delete(numbers, first)
-        return self._search(found.copy(), *others, 1), self._search(found.copy(), *others, -1)
+        return self._search(nominal.copy(), *others, 1), self._search(nominal.copy(), *others, -1)
 
     def _combinations(self) -> tuple[Ints, Ints]:
         """(grasps, numbers) of all combinations, grasp by grasp.
@@ -342,14 +342,14 @@ class _CombinationProblem(NamedTuple):
         key = (numbers - totals[grasps] // 2) * GOLDEN_RATIO % 1.0
         return grasps, numbers[np.lexsort((key, grasps))]
 
-    def _search(self, found: Floats, grasps: Ints, numbers: Ints, sign: int) -> Floats:
+    def _search(self, bounds: Floats, grasps: Ints, numbers: Ints, sign: int) -> Floats:
         """Bounds on the largest (sign 1) or smallest (-1) angles, starting from those found.
 
         A closure test excludes most combinations. Of those with a larger (smaller) angle than found
         so far, the angle of one for each grasp is computed, then the others are tested again.
         """
         while grasps.size:
-            limit = np.maximum(found, 0.0)[grasps] + sign * self.tolerance
+            limit = np.maximum(bounds, 0.0)[grasps] + sign * self.tolerance
             possible = (limit > 0.0) & (limit < RIGHT_ANGLE)
             grasps, numbers, limit = grasps[possible], numbers[possible], limit[possible]
             closed, failed = self.closed_at(grasps, numbers, limit)
@@ -357,11 +357,11 @@ class _CombinationProblem(NamedTuple):
             grasps, numbers = grasps[better], numbers[better]
             which, first = np.unique(grasps, return_index=True)
             angles = self.angles(which, numbers[first])
-            found[which] = sign * np.maximum(sign * found[which], sign * angles)
+            bounds[which] = sign * np.maximum(sign * bounds[which], sign * angles)
             grasps, numbers = np.delete(grasps, first), np.delete(numbers, first)
         # Add the tolerance, except where no combination is force-closed at any friction.
-        never_closed = (sign < 0) & (found >= RIGHT_ANGLE)
-        return np.where(never_closed, found, found + sign * self.tolerance)
+        never_closed = (sign < 0) & (bounds >= RIGHT_ANGLE)
+        return np.where(never_closed, bounds, bounds + sign * self.tolerance)
 
     def angles(self, grasps: Ints, numbers: Ints) -> Floats:
         """Critical angles of grasps (m,), each at its combination number (m,)."""

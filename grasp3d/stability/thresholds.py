@@ -149,5 +149,5 @@ def _worst_finger(model: GraspModel) -> Uncertainty:
 def _difference(critical: Floats, located: ArrayLike | None) -> Floats:
     if located is None:
         return np.zeros(critical.shape)
-    found = np.isfinite(critical)
-    return np.where(found, np.asarray(located) - np.where(found, critical, 0.0), 0.0)
+    finite = np.isfinite(critical)
+    return np.where(finite, np.asarray(located) - np.where(finite, critical, 0.0), 0.0)

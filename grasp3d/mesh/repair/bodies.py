@@ -176,10 +176,10 @@ class Bodies:
         owner = self.owners()
         first = np.full(self.count, int(self.faces.max()) + 1)
         np.minimum.at(first, self.body, self.faces.min(axis=1))
-        found = np.unique(owner[owner >= 0])
-        found = found[np.argsort(first[found], kind="stable")]
-        volumes, centers = np.zeros(len(found)), np.zeros((len(found), 3))
-        for row, solid in enumerate(found.tolist()):
+        numbers = np.unique(owner[owner >= 0])
+        numbers = numbers[np.argsort(first[numbers], kind="stable")]
+        volumes, centers = np.zeros(len(numbers)), np.zeros((len(numbers), 3))
+        for row, solid in enumerate(numbers.tolist()):
             if not self.volumes[owner == solid].sum() > 0.0:
                 return None
             faces = self.faces[owner[self.body] == solid]
@@ -193,17 +193,17 @@ class Bodies:
             For each copy its vertices, and the corresponding vertices of the earlier body.
         """
         sizes = np.bincount(self.body)
-        found: dict[int, tuple[Ints, Ints]] = {}
+        matches: dict[int, tuple[Ints, Ints]] = {}
         for size in np.unique(sizes):
             alike = np.flatnonzero(sizes == size)
             rows = np.hstack([self.lower[alike], self.upper[alike], self._middles[alike]])
             for i, j in _near(rows, distance):
-                if alike[i] in found or alike[j] in found:
+                if alike[i] in matches or alike[j] in matches:
                     continue
                 matched = self._matched(int(alike[i]), int(alike[j]), distance)
                 if matched is not None:
-                    found[int(alike[j])] = matched
-        return found
+                    matches[int(alike[j])] = matched
+        return matches
 
     @cached_property
     def _middles(self) -> Floats:
@@ -299,12 +299,12 @@ def without_inner_walls(points: Floats, faces: Ints, rounding: float) -> Bools:
     Returns:
         The faces to keep, shape (F,).
     """
-    kept = np.ones(len(faces), dtype=bool)
+    mask = np.ones(len(faces), dtype=bool)
     if not (edges_of(faces).faces > PAIR).any():
-        return kept
+        return mask
     wall = _back_to_back(points, faces, rounding)
     if wall.all():
-        return kept
+        return mask
     corners, rows = points[faces[~wall]], np.flatnonzero(wall)
     part = parts_of(faces[rows])
     INNER_WALLS.check((int(part.max(initial=-1)) + 1) * len(corners))
@@ -312,8 +312,8 @@ def without_inner_walls(points: Floats, faces: Ints, rounding: float) -> Bools:
         own = rows[part == number]
         middle = points[faces[own[np.argmax(face_areas(points, faces[own]))]]].mean(axis=0)
         if _winding_number(corners - middle) > HALF:
-            kept[own] = False
-    return kept
+            mask[own] = False
+    return mask
 
 
 def _winding_number(corners: Floats) -> float:
@@ -376,9 +376,8 @@ def _borders(faces: Ints, sheet: Ints) -> dict[int, tuple[int, ...]]:
     low, high = (edges.ends[ends] % size).T
     number = (low * size + high + 1) * np.sign(edges.balance[ends])
     order = np.lexsort((np.abs(number), sheet_of_edge))
-    found, first = np.unique(sheet_of_edge[order], return_index=True)
+    keys, first = np.unique(sheet_of_edge[order], return_index=True)
     groups = np.split(number[order], first[1:])
     return {
-        int(key): tuple(group.tolist())
-        for key, group in zip(found, groups, strict=bool(len(found)))
+        int(key): tuple(group.tolist()) for key, group in zip(keys, groups, strict=bool(len(keys)))
     }

@@ -38,9 +38,9 @@ def is_first(faces: Ints) -> Bools:
     Faces with the same corners in the opposite winding are not equal: a sheet may have two sides.
     """
     first, _ = first_alike(from_least_corner(faces))
-    kept = np.zeros(len(faces), dtype=bool)
-    kept[first] = True
-    return kept
+    mask = np.zeros(len(faces), dtype=bool)
+    mask[first] = True
+    return mask
 
 
 def from_least_corner(faces: Ints) -> Ints:
@@ -62,16 +62,16 @@ def without_mirrored(faces: Ints) -> Bools:
         The faces to keep, shape (F,).
     """
     first, same = first_alike(np.sort(faces, axis=1))
-    kept = np.ones(len(faces), dtype=bool)
+    mask = np.ones(len(faces), dtype=bool)
     if len(first) == len(faces):
-        return kept
+        return mask
     once = np.sort(first)
     sheet_of_face = np.zeros(len(faces), dtype=np.int64)
     sheet_of_face[once] = sheets_of(faces[once])
     body = _is_body(faces[once], sheet_of_face[once])
-    kept[body[sheet_of_face[first[same]]]] = False
-    kept[once] = True
-    return kept
+    mask[body[sheet_of_face[first[same]]]] = False
+    mask[once] = True
+    return mask
 
 
 def sheets_of(faces: Ints) -> Ints:

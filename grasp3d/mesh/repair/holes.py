@@ -92,39 +92,39 @@ def close_hole(points: Floats, hole: Ints, longest: int = LONG) -> Ints:
         across = np.cross(corners[middle] - start, end - start)
         total = 0.5 * np.linalg.norm(across, axis=2)
         total += area[first[:, None], middle] + area[middle, last[:, None]]
-        found = np.argmin(total, axis=1)
-        area[first, last] = np.take_along_axis(total, found[:, None], axis=1)[:, 0]
-        best[first, last] = middle[first, found]
+        choice = np.argmin(total, axis=1)
+        area[first, last] = np.take_along_axis(total, choice[:, None], axis=1)[:, 0]
+        best[first, last] = middle[first, choice]
     return hole[_triangles(best)]
 
 
 def _cycles_from(start: int, after: dict[int, list[int]]) -> list[Ints]:
     """Walk along unused edges from a vertex and split off a cycle where the walk meets itself."""
-    cycles, walk, seen = [], [start], {start: 0}
+    cycles, walk, position = [], [start], {start: 0}
     while after[walk[-1]]:
         vertex = after[walk[-1]].pop()
-        if vertex in seen:
-            begin = seen[vertex]
+        if vertex in position:
+            begin = position[vertex]
             cycles.append(np.array(walk[begin:], dtype=np.int64))
-            for left in walk[begin + 1 :]:
-                del seen[left]
+            for dropped in walk[begin + 1 :]:
+                del position[dropped]
             del walk[begin + 1 :]
         else:
-            seen[vertex] = len(walk)
+            position[vertex] = len(walk)
             walk.append(vertex)
     return cycles
 
 
 def _triangles(best: Ints) -> Ints:
     """Collect the triangles of the whole cycle from the best third corner of each part."""
-    found, open_parts = [], [(0, len(best) - 1)]
+    triangles, open_parts = [], [(0, len(best) - 1)]
     while open_parts:
         first, last = open_parts.pop()
         if last - first > 1:
             middle = int(best[first, last])
-            found.append((first, middle, last))
+            triangles.append((first, middle, last))
             open_parts += [(first, middle), (middle, last)]
-    return np.array(found, dtype=np.int64)
+    return np.array(triangles, dtype=np.int64)
 
 
 def _clipped(corners: Floats) -> Ints:

@@ -129,13 +129,13 @@ def nested(
     shrunk = _solids(points, turned, body, np.unique(outer), -margin)
     order = np.argsort(outer, kind="stable")
     inner, outer = inner[order], outer[order]
-    found, first = np.unique(outer, return_index=True)
+    outers, first = np.unique(outer, return_index=True)
     within = [
         _within([grown[one] for one in ones.tolist()], shrunk[other])
-        for other, ones in zip(found.tolist(), np.split(inner, first[1:]), strict=True)
+        for other, ones in zip(outers.tolist(), np.split(inner, first[1:]), strict=True)
     ]
-    kept = np.concatenate(within)
-    return inner[kept], outer[kept]
+    rows = np.concatenate(within)
+    return inner[rows], outer[rows]
 
 
 def boxes_of(points: Floats, faces: Ints, body: Ints, count: int) -> tuple[Floats, Floats]:
@@ -222,12 +222,12 @@ def overlapping(lower: Floats, upper: Floats) -> Iterator[tuple[Ints, Ints]]:
 
 def enclosed(lower: Floats, upper: Floats) -> tuple[Ints, Ints]:
     """Find the boxes that lie wholly inside others: the inner and the outer of each pair, (k,)."""
-    found = [(np.empty(0, dtype=np.int64),) * 2]
+    pairs = [(np.empty(0, dtype=np.int64),) * 2]
     for one, two in overlapping(lower, upper):
         for inner, outer in ((one, two), (two, one)):
             inside = ((lower[outer] < lower[inner]) & (upper[inner] < upper[outer])).all(axis=1)
-            found.append((inner[inside], outer[inside]))
-    inner, outer = (np.concatenate(part) for part in zip(*found, strict=True))
+            pairs.append((inner[inside], outer[inside]))
+    inner, outer = (np.concatenate(part) for part in zip(*pairs, strict=True))
     return inner, outer
 
 
@@ -257,8 +257,8 @@ def estimated_overlaps(lower: Floats, upper: Floats, group: Ints) -> float:
     count = len(lower)
     samples = min(count, max(FEWEST_SAMPLES, SAMPLED // count))
     chosen = np.linspace(0, count - 1, samples).astype(np.int64)
-    found = 0
+    meeting = 0
     for box in chosen.tolist():
         meet = ((lower <= upper[box]) & (lower[box] <= upper)).all(axis=1)
-        found += int((meet & (group != group[box])).sum())
-    return found / samples * count / 2.0
+        meeting += int((meet & (group != group[box])).sum())
+    return meeting / samples * count / 2.0

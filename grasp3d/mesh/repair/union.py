@@ -135,25 +135,25 @@ def _has_less_area(whole: manifold3d.Manifold, solids: list[Solid], touch: float
 def _union(points: Floats, whole: manifold3d.Manifold, solids: list[Solid], touch: float) -> _Union:
     """Express a union over the given vertices."""
     mesh = whole.to_mesh64()
-    given, corners = np.unique(
+    ids, corners = np.unique(
         np.concatenate([solid.corners for solid in solids]), return_inverse=True
     )
     displaced = np.concatenate([solid.points for solid in solids])
-    found = np.asarray(mesh.vert_properties)[:, :3]
-    same = first_at_position(np.concatenate([displaced, found]))[len(displaced) :]
+    crossings = np.asarray(mesh.vert_properties)[:, :3]
+    same = first_at_position(np.concatenate([displaced, crossings]))[len(displaced) :]
     new = same >= len(displaced)
-    number = len(given) + np.cumsum(new) - 1
+    number = len(ids) + np.cumsum(new) - 1
     number[~new] = corners[same[~new]]
-    own = np.concatenate([points[given], found[new]])
+    own = np.concatenate([points[ids], crossings[new]])
     cut = number[np.asarray(mesh.tri_verts).astype(np.int64)]
-    canonical, faces = _snapped(own, cut, len(given), touch)
+    canonical, faces = _snapped(own, cut, len(ids), touch)
     lost = canonical == np.arange(len(own))
     lost[faces] = False
-    faces = put_on_surface(own, faces, np.flatnonzero(lost[: len(given)]), NEAR * touch)
-    parts = np.searchsorted(given, np.concatenate([solid.corners[solid.faces] for solid in solids]))
+    faces = put_on_surface(own, faces, np.flatnonzero(lost[: len(ids)]), NEAR * touch)
+    parts = np.searchsorted(ids, np.concatenate([solid.corners[solid.faces] for solid in solids]))
     gone = ~np.isin(_keys(parts), _keys(cut))
     solid_of_face = np.repeat(np.arange(len(solids)), [len(solid.faces) for solid in solids])
-    return _Union(given, found[new], canonical, faces, len(np.unique(solid_of_face[gone])))
+    return _Union(ids, crossings[new], canonical, faces, len(np.unique(solid_of_face[gone])))
 
 
 def _put_together(
@@ -177,19 +177,19 @@ def _put_together(
     )
 
 
-def _snapped(points: Floats, cut: Ints, given: int, touch: float) -> tuple[Ints, Ints]:
+def _snapped(points: Floats, cut: Ints, count: int, touch: float) -> tuple[Ints, Ints]:
     """Merge the vertices of a union that differ only by the offset of the faces.
 
     Args:
         points: Positions (V, 3) of its vertices and those of its parts.
         cut: Faces of the union (F, 3).
-        given: Number of given vertices, which come first.
+        count: Number of given vertices, which come first.
         touch: Offset of the faces.
 
     Returns:
         Canonical vertex of each vertex (V,); the faces, with an area as far as possible.
     """
-    new = np.arange(len(points)) >= given
+    new = np.arange(len(points)) >= count
     for snap in SNAPS:
         reach = min(snap * touch, WELDS[-1])
         canonical = clusters(points, NEAR * touch, loose=new, reach=reach)
@@ -319,12 +319,12 @@ def _twins(faces: Ints) -> Ints:
 
 def _flip_edges(faces: Ints, half_edges: Ints, twins: Ints) -> None:
     """Flip edges in place, at most one of each face."""
-    done = set()
+    touched = set()
     for here, there in zip(half_edges.tolist(), twins.tolist(), strict=True):
         face, other = here // 3, there // 3
-        if there < 0 or face in done or other in done:
+        if there < 0 or face in touched or other in touched:
             continue
-        done |= {face, other}
+        touched |= {face, other}
         top, start, end = (int(faces[face, (here + k) % 3]) for k in range(3))
         bottom = int(faces[other, there % 3])
         faces[face], faces[other] = (top, start, bottom), (top, bottom, end)

@@ -107,15 +107,15 @@ class Work:
         if count:
             self.steps.append(RepairStep(name, count, f"{noun(count, things)} {message}"))
 
-    def _keep(self, name: str, kept: Bools, message: str) -> None:
-        if not kept.any():
+    def _keep(self, name: str, mask: Bools, message: str) -> None:
+        if not mask.any():
             dropped = f"{counted(len(self.faces), 'faces')} {message}"
             raise MeshError(
                 f"{self.where}: no face is left ({dropped}); is it the surface of an object?"
             )
-        if not kept.all():
-            self.faces = self.faces[kept]
-            self._note(name, int((~kept).sum()), "faces", message)
+        if not mask.all():
+            self.faces = self.faces[mask]
+            self._note(name, int((~mask).sum()), "faces", message)
 
     def _merge(self, canonical: Ints) -> None:
         """Replace vertices by canonical ones."""
@@ -289,7 +289,7 @@ def repair_surface(vertices: Floats, faces: Ints, level: Repair, where: str) -> 
     if level == "none":
         work.leave_out_flat()
         work.note_solids()
-        done = {str(step) for step in work.steps}
+        texts = {str(step) for step in work.steps}
         try:
             safe = repair_surface(vertices, faces, "safe", where)
         except WorkBoundError as error:
@@ -298,7 +298,7 @@ def repair_surface(vertices: Floats, faces: Ints, level: Repair, where: str) -> 
         work.warnings = [
             f"not repaired, as requested; repair 'safe' would do this: {step}"
             for step in safe.steps
-            if str(step) not in done
+            if str(step) not in texts
         ]
         return work.result()
     work.weld()

@@ -68,11 +68,11 @@ class Program:
 
 def solve(programs: Sequence[Program]) -> Floats:
     """The largest first unknown of each program, shape (p,); nan where there is no solution."""
-    found = np.full(len(programs), np.nan)
+    values = np.full(len(programs), np.nan)
     for start in range(0, len(programs), TOGETHER):
         chunk = programs[start : start + TOGETHER]
-        found[start : start + len(chunk)] = _solve_together(chunk)
-    return found
+        values[start : start + len(chunk)] = _solve_together(chunk)
+    return values
 
 
 def _solve_together(programs: Sequence[Program]) -> Floats:
@@ -281,14 +281,14 @@ def wrench_resistance(grasps: GraspGeometry) -> Measured:
     if grasps.wrench is None:
         missing = np.ones(grasps.size, dtype=bool)
         return Measured.of(np.full(grasps.size, np.nan), (missing, "no wrench is given"))
-    found = grip_force(grasps.contacts, grasps.wrench, rtol=RTOL)
+    force = grip_force(grasps.contacts, grasps.wrench, rtol=RTOL)
     return Measured.of(
-        found.value,
+        force.value,
         (
-            found.resistance == Resistance.NO_SUCH_WRENCH,
+            force.resistance == Resistance.NO_SUCH_WRENCH,
             "the fingers can apply no wrench of that kind, however hard they press",
         ),
-        (~np.isfinite(found.value), "the fingers cannot push that way, however hard they press"),
+        (~np.isfinite(force.value), "the fingers cannot push that way, however hard they press"),
     )
 
 

@@ -164,11 +164,11 @@ class Measured:
     @classmethod
     def of(cls, values: Floats, *undefined: tuple[Bools, str]) -> "Measured":
         """Values with the masks where they are undefined; the first reason that applies counts."""
-        found = np.array(values, dtype=np.float64)
-        reasons = np.full(found.shape, "", dtype=object)
+        numbers = np.array(values, dtype=np.float64)
+        reasons = np.full(numbers.shape, "", dtype=object)
         for mask, text in reversed(undefined):
-            found[mask], reasons[mask] = np.nan, text
-        return cls(found, reasons)
+            numbers[mask], reasons[mask] = np.nan, text
+        return cls(numbers, reasons)
 
 
 def _span(rows: Floats) -> Span:

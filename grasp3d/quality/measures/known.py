@@ -230,9 +230,9 @@ def metric_names(names: str | Sequence[str], *, of_wrench: bool = False) -> tupl
         >>> metric_names("min_weight, grasp_isotropy")
         ('min_weight', 'grasp_isotropy')
     """
-    given = names.split(",") if isinstance(names, str) else list(names)
-    parts = [str(name).strip() for name in given]
-    everything = [one.name for one in _ALL_METRICS if of_wrench or not one.of_wrench]
+    words = names.split(",") if isinstance(names, str) else list(names)
+    parts = [str(name).strip() for name in words]
+    everything = [metric.name for metric in _ALL_METRICS if of_wrench or not metric.of_wrench]
     wanted = [name for part in parts for name in (everything if part == ALL else [part])]
     if not any(wanted):
         raise SettingError(f"no metric is named; known: {ALL}, {', '.join(METRICS)}")

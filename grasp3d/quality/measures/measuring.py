@@ -211,9 +211,9 @@ def _measure(grasps: GraspGeometry, metric: Metric) -> Measured:
     return measured
 
 
-def _axes_of(given: ArrayLike | None, batch: tuple[int, ...]) -> Floats:
+def _axes_of(values: ArrayLike | None, batch: tuple[int, ...]) -> Floats:
     """Principal axes of the shape of the batch; nan where there is none."""
-    axis = np.full(3, np.nan) if given is None else np.asarray(given, dtype=np.float64)
+    axis = np.full(3, np.nan) if values is None else np.asarray(values, dtype=np.float64)
     try:
         axes = np.broadcast_to(axis, (*batch, 3))
     except ValueError as error:
