@@ -177,8 +177,8 @@ class Contacts:
             for values in (self.points, self.normals, self.friction, self.torsion_radius)
         ))  # fmt: skip
         if self.patch is not None and self._arms is not None:
-            axes = (one.compress(which, axis=len(self.batch)) for one in (self.patch, self._arms))
-            subset._with_patches(*axes)
+            parts = (one.compress(which, axis=len(self.batch)) for one in (self.patch, self._arms))
+            subset._with_patches(*parts)
         return subset
 
     def reshape(self, batch: tuple[int, ...]) -> "Contacts":

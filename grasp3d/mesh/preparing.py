@@ -104,9 +104,9 @@ def prepare(source: MeshSource, options: MeshOptions) -> PreparedMesh:
         SettingError: A length has a unit, but that of the mesh is not known; or the centre of mass
             is far away.
     """
-    raw = read_source(source, max_memory=options.max_memory)
-    repaired = repair_given(raw, options)
-    return PreparedMesh(raw, repaired, refined_mesh(raw, repaired, options))
+    mesh = read_source(source, max_memory=options.max_memory)
+    repaired = repair_given(mesh, options)
+    return PreparedMesh(mesh, repaired, refined_mesh(mesh, repaired, options))
 
 
 def repair_given(mesh: GivenMesh, options: MeshOptions) -> RepairedSurface:

@@ -80,14 +80,14 @@ def location_tolerance(
     if contacts.count == 2:
         return _of_pairs(contacts, relative, cone_offset)
     hard = Contacts(contacts.points, contacts.normals, contacts.friction)
-    lengths = ForceProblem.of_contacts(hard, bound="total", lengths=True, cone_offset=cone_offset)
+    forces = ForceProblem.of_contacts(hard, bound="total", lengths=True, cone_offset=cone_offset)
     scale = 1.0 / np.maximum(relative, 1.0 / LARGEST_RATIO).reshape(-1, contacts.count)
-    axes_of = lengths.problem.wrenches_of
+    axes_of = forces.problem.wrenches_of
     scaled = replace(
-        lengths.problem, wrenches_of=lambda chunk: axes_of(chunk) * scale[chunk, :, None, None]
+        forces.problem, wrenches_of=lambda chunk: axes_of(chunk) * scale[chunk, :, None, None]
     )
-    force = replace(lengths, problem=scaled).of_task(TORQUES, rtol).upper
-    usable = ~lengths.problem.tilts_exceed_friction
+    force = replace(forces, problem=scaled).of_task(TORQUES, rtol).upper
+    usable = ~forces.problem.tilts_exceed_friction
     return np.asarray(np.where(usable, 1.0 / force, 0.0).reshape(contacts.batch))[()]
 
 
