@@ -253,7 +253,7 @@ class GraspSamples:
 
     critical_angle: ArrayLike
     """Critical friction angle beta* of each [rad], shape (k,), or (k, c) where c grasps are known
-    at each contact point, of which the one with the largest margin counts; inf: no grasp."""
+    at each contact point, of which the grasp of largest margin counts; inf: no grasp."""
     opening: ArrayLike = math.inf
     """Distance between the contacts, at least 0, of the same shape; inf: locations do not
     matter."""

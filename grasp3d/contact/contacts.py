@@ -420,7 +420,7 @@ def evenly_pressed_radius(half_extents: Floats, area: Floats) -> Floats:
     force times that distance. On an ellipse with semi-axes a and b it is its perimeter / (3 pi), on
     a disc 2/3 r. The patch is taken as the ellipse that has its area and the proportions of its
     extents: exact for ellipses, 2 to 4 % too little for rectangles, and never less than for a disc
-    of that area, of all shapes the one that resists least.
+    of that area, which resists least of all shapes.
 
     Args:
         half_extents: Half of the patch's extents along two orthogonal directions, at least 0, shape

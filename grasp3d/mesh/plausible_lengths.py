@@ -125,15 +125,15 @@ class PlausibleRange:
     """Range of a length, as fractions of the object's size."""
 
     least: float
-    """A smaller one cannot be meant."""
+    """A smaller length cannot be meant."""
     small: float
-    """A smaller one is probably in another unit."""
+    """A smaller length is probably in another unit."""
     most: float
-    """A larger one cannot be meant."""
+    """A larger length cannot be meant."""
     usual: float
-    """An ordinary one, to guess the unit by."""
+    """An ordinary length, by which the unit is guessed."""
     example: str
-    """One with a unit, for errors."""
+    """A length with a unit, for errors."""
 
 
 LIMIT = PlausibleRange(1.0 / 500.0, 0.01, 100.0, usual=0.5, example="80mm")
@@ -269,7 +269,7 @@ def _is_likely(length: float, usual: float) -> bool:
 
 
 def _likely_unit(length: float, usual: float, unit: Unit) -> Unit | None:
-    """The unit in which a length is nearest to an ordinary one; None: there is none."""
+    """The unit in which a length is nearest to the usual length; None: none is near."""
     ratios = {other: length * METRES[other] / (usual * METRES[unit]) for other in METRES}
     nearest = min(ratios, key=lambda other: abs(math.log(ratios[other])))
     return nearest if _is_likely(ratios[nearest], 1.0) else None

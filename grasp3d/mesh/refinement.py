@@ -94,8 +94,7 @@ def _first_nearby(points: Floats, same: Ints, count: int, tolerance: float) -> I
     """First point within a tolerance of each added point, shape (n,).
 
     `same` is the first point at each point's position. At a T-junction one face has a vertex in the
-    middle of another's edge, and the midpoints of the one lie on those of the other only up to
-    rounding.
+    middle of another's edge, and the midpoints of the two faces there agree only up to rounding.
     """
     distinct = np.flatnonzero(same == np.arange(len(points)))  # any number may be at one position
     pairs = distinct[close_pairs(points[distinct], tolerance)]

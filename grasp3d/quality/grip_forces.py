@@ -142,7 +142,7 @@ def opposed_forces(contacts: Contacts, wrenches: Floats) -> OpposedForces:
 
 
 def _line(contacts: Contacts) -> tuple[Floats, Floats]:
-    """Directions from the first contacts to the second ones (b, 3), and distances (b,)."""
+    """Directions from the first to the second contacts (b, 3), and distances (b,)."""
     difference = contacts.points[:, 1] - contacts.points[:, 0]
     length = np.linalg.norm(difference, axis=-1)
     return difference / np.where(length > 0.0, length, 1.0)[:, None], length
@@ -151,7 +151,7 @@ def _line(contacts: Contacts) -> tuple[Floats, Floats]:
 def _capacity(
     normal: Floats, along: Floats, first: Floats, second: Floats, e1: Floats, e2: Floats
 ) -> Floats:
-    """Torque about the line that both fingers resist when the second one presses so hard."""
+    """Torque about the line that both fingers resist when the second finger presses so hard."""
     spare = np.maximum(normal + along - first, 0.0) * (normal + along + first)
     other = np.maximum(normal - second, 0.0) * (normal + second)
     return np.asarray(e1 * np.sqrt(spare) + e2 * np.sqrt(other))
@@ -283,9 +283,9 @@ class GripForce:
     """The smallest contact forces that resist a wrench or a task, with certified bounds."""
 
     lower: Floats
-    """No smaller bound of the forces suffices [N], shape (...)."""
+    """Lower bound: no smaller force suffices [N], shape (...)."""
     upper: Floats
-    """This one does [N], shape (...); inf where none is known to."""
+    """Upper bound: this force suffices [N], shape (...); inf where no force is known to."""
     rank: Ints
     """Dimension of the span of the wrenches, shape (...)."""
     resistance: Bytes

@@ -2,8 +2,8 @@
 
 A task is a convex set of wrenches, given by its support function: how far it reaches in a
 direction. A wrench is (force [N], torque about the nominal centre of mass [N x the contacts' unit
-of length]), as it acts on the object. Sums of tasks act together: any wrench of the one with any
-of the other.
+of length]), as it acts on the object. Sums of tasks act together: any wrench of the first with
+any of the second.
 """
 
 import math
@@ -201,10 +201,10 @@ class ForceAtCenter(Term):
 
 @dataclass(frozen=True)
 class Weight(ForceAtCenter):
-    """The weight of a mass: in any direction, or within an angle of one.
+    """The weight of a mass: in any direction, or within an angle of a direction.
 
     Example:
-        A part of 0.5 kg, however the hand is turned, and one that is only ever tipped by 30
+        A part of 0.5 kg, however the hand is turned, and a part that is only ever tipped by 30
         degrees:
 
         >>> import math

@@ -268,7 +268,7 @@ def _angle(name: str, text: str) -> float:
 
 
 def _sum_of_lengths(one: AnyLength, two: AnyLength) -> AnyLength:
-    """Sum of two lengths, in the unit of the one that has one."""
+    """Sum of two lengths, in the unit of the length that has a unit."""
     for unit_of, other in ((one, two), (two, one)):
         if isinstance(unit_of, Measure):
             if other == 0.0:

@@ -24,7 +24,7 @@ TOLERANCE = 1e-3
 
 PROVING = (1.0, 0.99, 0.97, 0.93, 0.85, 0.7, 0.5)
 """Three contacts and more: fractions of the critical angle at which directions are computed that
-separate the grasp; the one that proves the most is taken."""
+separate the grasp; the fraction that proves the most is taken."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -104,8 +104,8 @@ def nested(
 ) -> tuple[Ints, Ints]:
     """Find the bodies that lie wholly within others, their surfaces apart by a margin.
 
-    Such a body minus the other one is empty, both taken as wound outward, the inner one offset
-    outward and the outer one inward by the margin. A body that crosses the other one, or touches it
+    Such a body minus the other body is empty, both taken as wound outward, the inner body offset
+    outward and the outer body inward by the margin. A body that crosses the other, or touches it
     from inside, is not within it.
 
     Args:
