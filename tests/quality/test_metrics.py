@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from random_grasps import Shape, random_contacts
@@ -253,6 +253,7 @@ def test_the_order_of_the_fingers_changes_nothing(kind: Shape, seed: int) -> Non
 
 @few
 @given(kinds, seeds, st.floats(0.01, 100.0))
+@example(Shape(2, 8, soft=True), 5427, 1.0)  # only without a presolver the moved one is solved
 def test_measures_of_closure_depend_on_no_centre_and_no_scale(
     kind: Shape, seed: int, scale: float
 ) -> None:

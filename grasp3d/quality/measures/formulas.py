@@ -31,6 +31,9 @@ TOGETHER = 32
 TOLERANCE = 1e-10
 """Largest violation of a constraint; rows and unknowns are of size 1."""
 
+NUMERICAL_DIFFICULTIES = 4
+"""Status of a program of which the solver found nothing out."""
+
 LEAST_RANK = 5
 """Rank of hard fingers on a line; below it contacts coincide, or have no friction."""
 
@@ -75,8 +78,12 @@ def solve(programs: Sequence[Program]) -> Floats:
     return values
 
 
-def _solve_together(programs: Sequence[Program]) -> Floats:
-    """Solve programs as one with blocks; divide them in halves if that has no solution."""
+def _solve_together(programs: Sequence[Program], *, presolve: bool = True) -> Floats:
+    """Solve programs as one with blocks; divide them in halves if that has no solution.
+
+    The solver may fail to lead the solution of a simplified program back to the program itself; one
+    of which it neither finds a solution nor that there is none is solved as it is.
+    """
     widths = np.array([len(program.least) for program in programs])
     first = np.concatenate([[0], np.cumsum(widths)[:-1]])
     cost = np.zeros(widths.sum())
@@ -94,6 +101,7 @@ def _solve_together(programs: Sequence[Program]) -> Floats:
         bounds=bounds,
         method="highs",
         options={
+            "presolve": presolve,
             "primal_feasibility_tolerance": TOLERANCE,
             "dual_feasibility_tolerance": TOLERANCE,
         },
@@ -101,7 +109,8 @@ def _solve_together(programs: Sequence[Program]) -> Floats:
     if result.status == 0 and result.x is not None:
         return np.asarray(result.x[first], dtype=np.float64)
     if len(programs) == 1:
-        return np.array([np.nan])
+        undecided = result.status == NUMERICAL_DIFFICULTIES and presolve
+        return _solve_together(programs, presolve=False) if undecided else np.array([np.nan])
     half = len(programs) // 2
     return np.concatenate([_solve_together(programs[:half]), _solve_together(programs[half:])])
 
