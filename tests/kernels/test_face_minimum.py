@@ -1,5 +1,6 @@
 import math
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,7 +8,7 @@ from hypothesis import strategies as st
 
 from grasp3d._kernels.search.antipodal_candidates import PairLimits
 from grasp3d._kernels.search.descent import best_of_face, make_scratch, rank
-from grasp3d._kernels.search.face_contacts import NONE, OwnNormals, cosine_at
+from grasp3d._kernels.search.face_contacts import NONE, OwnNormals, PairDomain, cosine_at
 from grasp3d._kernels.surface.polygons import REGION_CORNERS, centroid, cut, stays_inside
 from grasp3d.arrays import Floats
 from grasp3d.mesh import ObjectMesh, load_mesh
@@ -22,6 +23,32 @@ def mesh_of(shape: str) -> ObjectMesh:
     return MESHES.setdefault(shape, load_mesh(SHAPES[shape]))
 
 
+@numba.njit
+def cosines(
+    points: Floats, lines: Floats, normals: Floats, own: OwnNormals, limits: PairLimits
+) -> Floats:
+    """`cosine_at` points of a face, compiled with the loop, shape (k,)."""
+    found = np.empty(len(points))
+    for k in range(len(points)):
+        w0, w1, w2 = points[k]
+        found[k] = cosine_at(w0, w1, w2, lines, normals, own, limits)
+    return found
+
+
+@numba.njit
+def largest_rank(
+    row: int, vertex: int, own: OwnNormals, domain: PairDomain, cosine: float, sine: float
+) -> float:
+    """Largest `rank` of the nodes above a row of the tree, compiled with the loop."""
+    size, largest = len(domain.tree.order), -np.inf
+    for level in range(domain.tree.depth + 1):
+        for k in range(1 << level):
+            if size * k >> level <= row < size * (k + 1) >> level:
+                node = (1 << level) - 1 + k
+                largest = max(largest, rank(node, vertex, own, domain, cosine, sine))
+    return largest
+
+
 def sampled(
     rng: np.random.Generator, lines: Floats, normals: Floats, own: OwnNormals, limits: PairLimits
 ) -> float:
@@ -31,7 +58,7 @@ def sampled(
         points = centre + radius * (rng.dirichlet(np.ones(3), 150) - centre)
         points = np.maximum(points, 2e-9)
         points /= points.sum(axis=1, keepdims=True)
-        found = np.array([cosine_at(*w, lines, normals, own, limits) for w in points])
+        found = cosines(points, lines, normals, own, limits)
         if found.max() > best:
             best, centre = float(found.max()), points[found.argmax()]
         radius *= 0.5
@@ -92,14 +119,7 @@ def test_a_node_with_a_good_contact_is_not_left_out(seed: int, shape: str) -> No
             limit = math.acos(min(found, 1.0)) + 1e-9
             if limit > math.pi / 2.0:
                 continue
-            for level in range(tree.depth + 1):
-                size = len(tree.order)
-                number = next(
-                    k for k in range(1 << level)
-                    if size * k >> level <= row < size * (k + 1) >> level
-                )  # fmt: skip
-                node = (1 << level) - 1 + number
-                assert rank(node, vertex, own, domain, math.cos(limit), math.sin(limit)) < 0.0
+            assert largest_rank(row, vertex, own, domain, math.cos(limit), math.sin(limit)) < 0.0
 
 
 @settings(deadline=None)
