@@ -5,7 +5,7 @@ variables. A block of `text` that follows, with at most one line such as "prints
 expected output, in which `...` matches anything. `<!-- skip: next "the reason" -->` skips a block.
 
 Shell runs in bash. Blocks of nothing but `grasp3d` commands run in this process, as a new one for
-each would take seconds, except on the pages that users follow first.
+each would take seconds, except on the page that users follow first.
 
     python scripts/run_examples.py [--write] [PAGE ...]
 
@@ -55,8 +55,8 @@ FLAGS = doctest.ELLIPSIS | doctest.REPORT_NDIFF
 MOST_SECONDS = 300.0
 """Time limit of a block in bash; one in this process has that of the test."""
 
-ALL_IN_BASH = (ROOT / "README.md", ROOT / "docs" / "quickstart.md")
-"""Pages whose commands are run as users run them."""
+ALL_IN_BASH = ROOT / "README.md"
+"""The page whose commands are run as users run them."""
 
 ENVIRONMENT = {"COLUMNS": "80", "NO_COLOR": "1"}
 """What commands print does not depend on the terminal."""
@@ -146,7 +146,7 @@ def run_shell(example: Example) -> str | None:
     A command may fail where the page shows what it prints, on standard error too.
     """
     block: Block = example.parsed
-    commands = [] if Path(example.path) in ALL_IN_BASH else commands_of(block.source)
+    commands = [] if Path(example.path) == ALL_IN_BASH else commands_of(block.source)
     done = run_here(commands) if commands else run_in_bash(block.source)
     block.printed = done.stdout if done.returncode == 0 else done.stdout + done.stderr
     if done.returncode and block.expected is None:
