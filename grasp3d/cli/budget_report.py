@@ -1,7 +1,7 @@
 """Printed report of `grasp3d design` with everything that is uncertain: budgets and limits."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from rich.table import Table
@@ -227,14 +227,13 @@ def _losses(designs: Sequence[FingerDesign], grasps: GraspSamples) -> Table:
         for name in budgets[0].parts
         if any(np.any(budget.parts[name] != 0.0) for budget in budgets)
     ]
-    changes: dict[str, Callable[[FingerDesign], FingerDesign]] = {"as given": lambda design: design}
-    for name in names:
-        changes[f"without {name}"] = lambda design, name=name: design.without(name)  # type: ignore[misc]
-    changes["without any"] = lambda design: FingerDesign(design.without("friction").friction)
-    rows = (
-        (text, *(percent_text(change(design).stable_fraction(grasps)) for design in designs))
-        for text, change in changes.items()
-    )
+    texts = ["as given", *(f"without {name}" for name in names), "without any"]
+    columns = []
+    for design in designs:
+        exact = FingerDesign(design.without("friction").friction)
+        changed = (design, *map(design.without, names), exact)
+        columns.append([percent_text(finger.stable_fraction(grasps)) for finger in changed])
+    rows = zip(texts, *columns, strict=True)
     return table_of(("", *(f"μ {friction}" for friction in frictions)), rows, folded=True)
 
 

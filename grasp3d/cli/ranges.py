@@ -16,7 +16,7 @@ def parse_angles(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
     """Parse angles: numbers and ranges FROM:TO:STEP in degrees.
 
     Args:
-        what: What one of them is, for the error.
+        what: What a single value is, for the error.
         words: Words of the command line.
 
     Returns:
@@ -32,7 +32,7 @@ def parse_numbers(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
     """Parse numbers and ranges FROM:TO:STEP; see `parse_angles`.
 
     Args:
-        what: What one of them is, for the error.
+        what: What a single value is, for the error.
         words: Words of the command line.
 
     Returns:
@@ -48,7 +48,7 @@ def parse_frictions(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
     """Parse coefficients of friction: numbers and ranges FROM:TO:STEP; see `parse_angles`.
 
     Args:
-        what: What one of them is, for the error.
+        what: What a single value is, for the error.
         words: Words of the command line.
 
     Returns:
@@ -77,7 +77,7 @@ def parse_lengths(what: str, words: tuple[str, ...]) -> tuple[AnyLength, ...]:
     A unit at the end of a range is that of all its numbers without one: 0:5:0.5mm.
 
     Args:
-        what: What one of them is, for the error.
+        what: What a single value is, for the error.
         words: Words of the command line.
 
     Returns:

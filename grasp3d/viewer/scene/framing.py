@@ -64,8 +64,8 @@ def extents(points: Floats, middle: Floats, axes: Sequence[Floats]) -> tuple[flo
 
 def middle_of(points: Floats, axes: Floats) -> Floats:
     """Centre of points (n, 3) as seen from one view."""
-    seen = points @ axes.T
-    return np.asarray(0.5 * (seen.min(axis=0) + seen.max(axis=0)) @ axes)
+    projected = points @ axes.T
+    return np.asarray(0.5 * (projected.min(axis=0) + projected.max(axis=0)) @ axes)
 
 
 def parallel_scale(reach: tuple[float, float], area: FreeArea) -> float:
@@ -106,8 +106,8 @@ def frame_of(points: Floats, beside: Floats, axes: Floats) -> Frame:
     most = MOST_BESIDE * float(own.max())
     reach = np.minimum((across, up), most)
     shift = axes[:2] @ (middle - alone)
-    kept = np.clip(shift, own - reach, reach - own)
-    return Frame(middle + (kept - shift) @ axes[:2], (float(reach[0]), float(reach[1])))
+    limited = np.clip(shift, own - reach, reach - own)
+    return Frame(middle + (limited - shift) @ axes[:2], (float(reach[0]), float(reach[1])))
 
 
 def visible_fraction(points: Floats, frame: Frame, axes: Floats) -> float:

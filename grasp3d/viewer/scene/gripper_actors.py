@@ -49,7 +49,7 @@ class GripperActors:
         self,
         subject: Subject,
         hand: Hand | None,
-        held: GripperPose | None,
+        pose: GripperPose | None,
         table: Table | None,
     ) -> bool:
         """Draw a gripper and a table; returns whether another gripper is drawn than before.
@@ -57,17 +57,17 @@ class GripperActors:
         Args:
             subject: The surface.
             hand: The gripper.
-            held: Its pose.
+            pose: Its pose.
             table: The table.
                 Any of these may be None: it is not drawn.
         """
-        before, self._drawn = self._drawn, (subject.mesh.vertices, table, held)
+        before, self._drawn = self._drawn, (subject.mesh.vertices, table, pose)
         same_object = before[0] is subject.mesh.vertices
         if not same_object or before[1] is not table:
             self._show_table(subject, table)
-        if same_object and before[2] is held:
+        if same_object and before[2] is pose:
             return False
-        self._show_gripper(subject, hand, held)
+        self._show_gripper(subject, hand, pose)
         return len(self.points) > 0
 
     def hide(self) -> None:
@@ -81,18 +81,18 @@ class GripperActors:
         self._table.visibility = table is not None
         self.table_points = NO_POINTS
         if table is not None:
-            used = subject.mesh.vertices[np.unique(subject.mesh.faces)]
-            plate = plate_triangles(table, used, subject.mesh.size)
+            vertices = subject.mesh.vertices[np.unique(subject.mesh.faces)]
+            plate = plate_triangles(table, vertices, subject.mesh.size)
             self._table.mapper.dataset = surface_of(plate)
             self.table_points = plate.vertices
 
-    def _show_gripper(self, subject: Subject, hand: Hand | None, held: GripperPose | None) -> None:
+    def _show_gripper(self, subject: Subject, hand: Hand | None, pose: GripperPose | None) -> None:
         for actor in (self._gripper, self._edges, self._arc):
             actor.visibility = False
         self.points = NO_POINTS
-        if hand is None or held is None or subject.mesh.unit is None:
+        if hand is None or pose is None or subject.mesh.unit is None:
             return
-        shape = gripper_shape(hand, held.pose, held.opening, subject.mesh.unit)
+        shape = gripper_shape(hand, pose.pose, pose.opening, subject.mesh.unit)
         parts = shape.cell_data["part"]
         opacities = np.array([255.0 * OPACITIES[part] for part in Part], dtype=np.uint8)
         shape.cell_data["color"] = np.c_[shape.cell_data["color"], opacities[parts]]
@@ -104,10 +104,10 @@ class GripperActors:
         self._gripper.visibility = self._edges.visibility = True
         boxes = shape.regular_faces[parts <= Part.FINGER]
         self.points = np.asarray(shape.points[np.unique(boxes)], dtype=np.float64)
-        if held.arcs:
+        if pose.arcs:
             radius = ARC_RADIUS * hand.finger_length / METRES[subject.mesh.unit]
             self._arc.mapper.dataset = approach_arc(
-                held.pose, held.arcs, radius=radius, inner=ARC_INNER
+                pose.pose, pose.arcs, radius=radius, inner=ARC_INNER
             )
             self._arc.visibility = True
 

@@ -116,20 +116,20 @@ def shortened(text: str, width: float, size: float, *, bold: bool = False) -> st
     """Cut the end of a line that is wider than a width [pixels], and add an ellipsis."""
     if text_width(text, size, bold=bold) <= width:
         return text
-    kept = len(text)
-    while kept and text_width(text[:kept].rstrip() + ELLIPSIS, size, bold=bold) > width:
-        kept -= 1
-    return text[:kept].rstrip() + ELLIPSIS if kept else ""
+    count = len(text)
+    while count and text_width(text[:count].rstrip() + ELLIPSIS, size, bold=bold) > width:
+        count -= 1
+    return text[:count].rstrip() + ELLIPSIS if count else ""
 
 
 def middle_cut(text: str, width: float, size: float, *, bold: bool = False) -> str:
     """Replace the middle of a line that is wider than a width [pixels] by an ellipsis."""
-    kept = len(text)
+    count = len(text)
     short = text
-    while kept > 0 and text_width(short, size, bold=bold) > width:
-        kept -= 1
-        end = text[len(text) - kept // 2 :].lstrip()
-        short = text[: (kept + 1) // 2].rstrip() + ELLIPSIS + end
+    while count > 0 and text_width(short, size, bold=bold) > width:
+        count -= 1
+        end = text[len(text) - count // 2 :].lstrip()
+        short = text[: (count + 1) // 2].rstrip() + ELLIPSIS + end
     return short if text_width(short, size, bold=bold) <= width else ""
 
 
@@ -258,16 +258,16 @@ def contact_numbers(
         radius: Radius of the contact markers [pixels].
     """
     items: list[OverlayItem] = []
-    taken: list[Box] = []
+    boxes: list[Box] = []
     for number, (contact, tip) in enumerate(zip(contacts, tips, strict=True), start=1):
-        box = _box(area, f"{number}", contact, tip - contact, radius, taken)
-        taken.append(box)
+        box = _box(area, f"{number}", contact, tip - contact, radius, boxes)
+        boxes.append(box)
         items += _badge(area, f"{number}", box)
     return items
 
 
 def _box(
-    area: TextArea, text: str, contact: Floats, normal: Floats, radius: float, taken: Sequence[Box]
+    area: TextArea, text: str, contact: Floats, normal: Floats, radius: float, others: Sequence[Box]
 ) -> Box:
     """Box of a number: beside the normal if there is space, else on another side."""
     length = float(np.linalg.norm(normal))
@@ -281,14 +281,14 @@ def _box(
     for offset in (side, -side, side + ahead, side - ahead, ahead - side, -side - ahead):
         x, y = contact + distance * offset
         boxes.append((x - 0.5 * width, y - 0.5 * height, x + 0.5 * width, y + 0.5 * height))
-    return next((box for box in boxes if _free(area, box, taken)), boxes[0])
+    return next((box for box in boxes if _free(area, box, others)), boxes[0])
 
 
-def _free(area: TextArea, box: Box, taken: Sequence[Box]) -> bool:
+def _free(area: TextArea, box: Box, others: Sequence[Box]) -> bool:
     left, bottom, right, top = box
     if left < 0.0 or bottom < 0.0 or right > area.width or top > area.height:
         return False
-    return all(right < one[0] or one[2] < left or top < one[1] or one[3] < bottom for one in taken)
+    return all(right < one[0] or one[2] < left or top < one[1] or one[3] < bottom for one in others)
 
 
 def _badge(area: TextArea, text: str, box: Box) -> list[OverlayItem]:

@@ -141,11 +141,11 @@ class Pane:
         of_corners = texture_coordinates(subject, paint, model)[
             subject.mesh.corner_normals.vertices
         ]
-        known = self._data.active_texture_coordinates
-        if known is None:
+        coordinates = self._data.active_texture_coordinates
+        if coordinates is None:
             self._data.active_texture_coordinates = of_corners  # type: ignore[assignment]
         else:
-            np.asarray(known)[:] = of_corners
+            np.asarray(coordinates)[:] = of_corners
             self._data.GetPointData().GetTCoords().Modified()
 
     def _set_image(self, image: Bytes) -> None:

@@ -235,12 +235,12 @@ def _choose_grasp(session: Session) -> None:
         SettingError: The chosen vertex or colours do not exist.
         GraspError: The grasp cannot be found.
     """
-    subject, chosen = session.subject, session.settings.vertex
+    subject, vertex = session.subject, session.settings.vertex
     assert subject is not None
-    if chosen is not None and session.state.vertex is None:
+    if vertex is not None and session.state.vertex is None:
         raise SettingError(session.message)
     session.check_paint(session.state.paint)
-    if chosen is None and subject.labels.approach_margin is not None:
+    if vertex is None and subject.labels.approach_margin is not None:
         for best in best_vertices(subject, 1):
             session.click(int(best), inspect=True)
             _wait(session)

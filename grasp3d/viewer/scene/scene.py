@@ -128,14 +128,14 @@ class Scene:
                 prepare_picking(subject, before)
             self._inspection = inspection = session.inspection
             self._set_surroundings(session, subject)
-            moved = self._draw(0, session, session.model, inspection)
+            has_moved = self._draw(0, session, session.model, inspection)
             if other is not None:
                 self._draw(1, session, other, inspection and replace(inspection, model=other))
             item = session.collection.items[session.number]
             if item is not self._item:
                 self._item = item
                 self.look(session)
-            elif moved:
+            elif has_moved:
                 self._show_whole_gripper()
         self._before_render()
 
@@ -239,12 +239,12 @@ class Scene:
         pane.cut(state.section.plane(subject.bounds) if state.section else None)
         fixed = np.array(state.fixed, dtype=float).reshape(-1, 3)
         scene = session.scene
-        held = inspection.held if inspection is not None and state.show_gripper else None
-        pane.marks.show(subject, inspection, fixed, cones=held is None)
+        pose = inspection.held if inspection is not None and state.show_gripper else None
+        pane.marks.show(subject, inspection, fixed, cones=pose is None)
         return pane.gripper.show(
             subject,
             None if scene is None else scene.hand,
-            held,
+            pose,
             scene.table if scene is not None and state.show_table else None,
         )
 

@@ -84,11 +84,11 @@ class SubjectCache:
         self._lock = threading.Lock()
         self._count = 0
 
-    def cached(self, read: Callable[[], Subject]) -> Callable[[], Subject]:
+    def cached(self, reader: Callable[[], Subject]) -> Callable[[], Subject]:
         """Add the cache to a function that opens one object.
 
         Args:
-            read: Opens the object.
+            reader: Opens the object.
         """
         number, opening, fraction = self._count, threading.Lock(), [0.0]
         self._count += 1
@@ -96,12 +96,12 @@ class SubjectCache:
         def recorded() -> Subject:
             report = current_progress()
 
-            def record(done: float) -> None:
-                fraction[0] = done
-                report(done)
+            def record(value: float) -> None:
+                fraction[0] = value
+                report(value)
 
             with running(progress=record):
-                return read()
+                return reader()
 
         def read_cached() -> Subject:
             while not opening.acquire(timeout=POLL_INTERVAL):
@@ -190,7 +190,7 @@ def open_collection(
 
     A mesh is labelled when it is opened. A labelled file and the results of a batch are shown with
     their stored labels and settings. Settings given here that differ from the defaults override
-    the stored ones; if they need other grasps, such as more fingers, these are searched.
+    the stored settings; if they need other grasps, such as more fingers, these are searched.
 
     Args:
         target: A mesh, a labelled file, or the folder of a batch's results.
@@ -226,22 +226,22 @@ def open_collection(
         settings = settings_in_unit(unit, *_merged(stored, model, sampling), source=target.name)
         _check(*settings, scan=stored.mode == "scan")
         lengths = {} if force else _given_lengths(model, sampling, unit, target.name)
-        read = partial(read_subject, target, options.max_memory, unit=options.unit)
-        opened = partial(_open_stored, read, lengths, (reach, *settings))
+        reader = partial(read_subject, target, options.max_memory, unit=options.unit)
+        opened = partial(_open_stored, reader, lengths, (reach, *settings))
         return _single(target.name, opened, *settings)
     settings = _chosen(model, sampling)
     if any(isinstance(length, Measure) for one in settings for length in one.lengths().values()):
         unit = options.unit or read_source(target, max_memory=options.max_memory).raw.unit
         settings = settings_in_unit(unit, *settings, source=target.name)
     _check(*settings, scan=False)
-    read = partial(_open_mesh, target, (reach, *settings), options, load, force)
-    return _single(target.name, read, *settings)
+    reader = partial(_open_mesh, target, (reach, *settings), options, load, force)
+    return _single(target.name, reader, *settings)
 
 
 def _single(
-    name: str, read: Callable[[], Subject], model: GraspModel, sampling: AnySampling
+    name: str, reader: Callable[[], Subject], model: GraspModel, sampling: AnySampling
 ) -> Collection:
-    return Collection((Item(as_unicode(name), SubjectCache().cached(read)),), model, sampling)
+    return Collection((Item(as_unicode(name), SubjectCache().cached(reader)),), model, sampling)
 
 
 def _batch_collection(
@@ -267,8 +267,8 @@ def _batch_collection(
     _check(*settings, scan=False)
     cache, items = SubjectCache(), []
     for row in rows:
-        read = partial(read_result, folder, row, options.max_memory, unit=options.unit)
-        opened = partial(_open_stored, read, lengths, (reach, *settings))
+        reader = partial(read_result, folder, row, options.max_memory, unit=options.unit)
+        opened = partial(_open_stored, reader, lengths, (reach, *settings))
         items.append(Item(as_unicode(row.mesh), cache.cached(opened)))
     count = left_out + len(rows)
     note = f"{left_out} of {count} meshes were not labelled; see report/index.html for the reasons"
@@ -291,12 +291,12 @@ def labelled_rows(folder: Path) -> tuple[list[Row], int]:
             "grasp3d batch, or give the path of one mesh"
         )
     rows = read_summary(folder)
-    found = [row for row in rows if row.outcome is Outcome.LABELLED and row.labels]
-    if not found:
+    labelled = [row for row in rows if row.outcome is Outcome.LABELLED and row.labels]
+    if not labelled:
         raise MeshError(
             f"{where}: none of its {len(rows)} meshes was labelled; see report/index.html"
         )
-    return found, len(rows) - len(found)
+    return labelled, len(rows) - len(labelled)
 
 
 def settings_of_results(
@@ -325,22 +325,22 @@ def read_result(folder: Path, row: Row, max_memory: float, *, unit: Unit | None 
     Raises:
         MeshError: Its labelled PLY is missing or damaged.
     """
-    read = partial(read_subject, max_memory=max_memory, unit=unit, name=row.mesh)
+    reader = partial(read_subject, max_memory=max_memory, unit=unit, name=row.mesh)
     path, notes = folder / row.fields, [text for text in row.warnings.split("; ") if text]
     try:
-        subject, missing = read(path), []
+        subject, missing = reader(path), []
         if row.size not in {None, subject.mesh.size}:
             raise MeshError(f"{printable(str(path))}: is of another mesh")
     except GraspError as error:
-        subject = read(folder / row.labels)
+        subject = reader(folder / row.labels)
         missing = [f"{error}: grasps are searched again when you click"]
     return replace(subject, notes=tuple(dict.fromkeys((*notes, *subject.notes, *missing))))
 
 
-def _open_stored(read: Callable[[], Subject], lengths: Lengths, search: Search) -> Subject:
+def _open_stored(reader: Callable[[], Subject], lengths: Lengths, search: Search) -> Subject:
     """Read stored labels; the lengths that the user gave must be such as can be meant for them."""
     report_progress(0.0)
-    subject = read()
+    subject = reader()
     check_lengths(lengths, subject.mesh.size, subject.mesh.unit, subject.name)
     return _with_gripper(subject, search)
 
@@ -358,13 +358,13 @@ def _with_gripper(subject: Subject, search: Search) -> Subject:
         raise SettingError(
             f"{subject.name}: is a scan, whose grasps are given; a gripper cannot be chosen for it"
         )
-    stored, wanted = subject.labels.scene, Scene.of(reach, mesh_of(subject))
-    assert wanted is not None
-    if stored is not None and scene_settings(stored) == scene_settings(wanted):
+    stored, scene = subject.labels.scene, Scene.of(reach, mesh_of(subject))
+    assert scene is not None
+    if stored is not None and scene_settings(stored) == scene_settings(scene):
         return subject
-    found = search_grasps(subject, model, sampling, scene=wanted)
-    note = f"grasps were searched again for gripper {wanted.hand.name}, unlike in the file"
-    return replace(found, notes=(*subject.notes, note))
+    searched = search_grasps(subject, model, sampling, scene=scene)
+    note = f"grasps were searched again for gripper {scene.hand.name}, unlike in the file"
+    return replace(searched, notes=(*subject.notes, note))
 
 
 def _open_mesh(
@@ -397,15 +397,15 @@ def _given_lengths(
 def _merged(
     stored: FileSettings, model: GraspModel | None, sampling: AnySampling | None
 ) -> tuple[GraspModel, AnySampling]:
-    """Stored settings with the given ones over them.
+    """Stored settings overridden by the given settings.
 
     The stored search angle is dropped, so that it does not limit later searches.
     """
     merged = _overridden(stored.model, model)
-    given = None if sampling is None else sampling.fitted(merged.fingers)
+    options = None if sampling is None else sampling.fitted(merged.fingers)
     if stored.sampling is None or merged.fingers != stored.model.fingers:
-        return merged, given or _default(merged)
-    return merged, _overridden(replace(stored.sampling, search_angle=None), given)
+        return merged, options or _default(merged)
+    return merged, _overridden(replace(stored.sampling, search_angle=None), options)
 
 
 def _chosen(
@@ -420,16 +420,16 @@ def _default(model: GraspModel) -> AnySampling:
     return Sampling().fitted(model.fingers)
 
 
-def _overridden(stored: SettingsT, given: SettingsT | None) -> SettingsT:
+def _overridden(stored: SettingsT, options: SettingsT | None) -> SettingsT:
     """Stored settings, replaced where a given value differs from the default."""
-    if given is None:
+    if options is None:
         return stored
-    default = type(given)()
-    names = [field.name for field in fields(given)]  # type: ignore[arg-type]
+    default = type(options)()
+    names = [field.name for field in fields(options)]  # type: ignore[arg-type]
     changed = {
-        name: getattr(given, name)
+        name: getattr(options, name)
         for name in names
-        if getattr(given, name) != getattr(default, name)
+        if getattr(options, name) != getattr(default, name)
     }
     return replace(stored, **changed)  # type: ignore[type-var]
 

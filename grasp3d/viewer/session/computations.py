@@ -52,16 +52,16 @@ def mesh_of(subject: Subject) -> ObjectMesh:
 
 
 def _prepared_mesh(subject: Subject) -> ObjectMesh:
-    given = subject.mesh
-    options = replace(given.options, max_edge=math.inf)
-    mesh = load_mesh((given.vertices, given.faces), options)
-    if len(mesh.vertices) != len(given.vertices):
+    source = subject.mesh
+    options = replace(source.options, max_edge=math.inf)
+    mesh = load_mesh((source.vertices, source.faces), options)
+    if len(mesh.vertices) != len(source.vertices):
         options = replace(options, repair="none")
-        mesh = load_mesh((given.vertices, given.faces), options)
-    if len(mesh.vertices) != len(given.vertices):
+        mesh = load_mesh((source.vertices, source.faces), options)
+    if len(mesh.vertices) != len(source.vertices):
         raise MeshError(f"{subject.name}: its mesh cannot be prepared; label the mesh again")
-    report = replace(mesh.report, source=subject.name, unit=given.unit)
-    return replace(mesh, report=report, options=given.options)
+    report = replace(mesh.report, source=subject.name, unit=source.unit)
+    return replace(mesh, report=report, options=source.options)
 
 
 def search_grasps(
@@ -118,32 +118,32 @@ def search_wider(subject: Subject, model: GraspModel, sampling: AnySampling) -> 
     Args:
         subject: The surface; grasps that its file does not contain are searched first.
         model: Grasp model.
-        sampling: Settings of the search, the same as before apart from the cone.
+        sampling: Settings of the search, equal to those of the labels apart from the cone.
 
     Raises:
         GraspError: The mesh cannot be prepared or searched.
     """
     start = 0.0 if subject.prepared else KNOWN
     with within(0.0, KNOWN):
-        known = with_grasps(subject, sampling=sampling).labels
+        narrow = with_grasps(subject, sampling=sampling).labels
     with within(start, 1.0):
         wide = label_surface(
-            known.mesh, replace(model, fingers=known.model.fingers),
+            narrow.mesh, replace(model, fingers=narrow.model.fingers),
             sampling=replace(sampling, search_angle=WIDEST), load=subject.labels.load,
             scene=subject.labels.scene,
         )  # fmt: skip
-    return warm_up(subject_of(with_known_grasps(wide, known), subject.name))
+    return warm_up(subject_of(with_known_grasps(wide, narrow), subject.name))
 
 
-def with_known_grasps(wide: SurfaceLabels, known: SurfaceLabels) -> SurfaceLabels:
-    """Labels of a wider search, with the grasps that a narrower one found within its cone.
+def with_known_grasps(wide: SurfaceLabels, narrow: SurfaceLabels) -> SurfaceLabels:
+    """Labels of a wider search, with the grasps of a narrower search within its cone.
 
     Args:
         wide: Labels of the wider search.
-        known: Labels of the narrower search on the same mesh.
+        narrow: Labels of the narrower search on the same mesh.
     """
-    new, old = wide, known
-    beyond = known.search.cone + ROUNDING
+    new, old = wide, narrow
+    beyond = narrow.search.cone + ROUNDING
     worst = (old.critical_angle > beyond) & (new.critical_angle < old.critical_angle)
     best = (old.critical_angle_best > beyond) | worst
     best &= new.critical_angle_best < old.critical_angle_best

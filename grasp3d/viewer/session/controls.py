@@ -99,11 +99,11 @@ def handle_key(session: Session, key: str) -> bool:
     Returns:
         Whether the key has an action here.
     """
-    known = KEYS.get(key)
-    if known is None or known.action is None:
+    control = KEYS.get(key)
+    if control is None or control.action is None:
         return False
     try:
-        known.action(session)
+        control.action(session)
     except SettingError as error:
         session.show_message(str(error))
     return True
@@ -168,8 +168,8 @@ def _write_comparing(session: Session, value: Any) -> None:
 
 
 def _read_compare(session: Session) -> float:
-    chosen = session.state.compare
-    return DEFAULT_COMPARED if chosen is None else _degrees(chosen)
+    angle = session.state.compare
+    return DEFAULT_COMPARED if angle is None else _degrees(angle)
 
 
 def _write_compare(session: Session, value: Any) -> None:

@@ -249,11 +249,11 @@ def _ambiguous(case: Case) -> str:
 
 
 def _unsearched(case: Case) -> str:
-    found = ""
+    best = ""
     if math.isfinite(case.worst):
-        found = f", and the best of them has β* {angle_text(case.worst)}"
+        best = f", and the best of them has β* {angle_text(case.worst)}"
     return (
-        f"Not searched: grasps were searched up to β* {angle_text(case.cone)}{found}; "
+        f"Not searched: grasps were searched up to β* {angle_text(case.cone)}{best}; "
         f"{_unstable_limit(case)} exceeds this limit."
     )
 
@@ -262,18 +262,18 @@ def _no_grasp(case: Case) -> str:
     pair = case.model.fingers == PAIR
     points = f"contact points for the {'second finger' if pair else 'other fingers'}"
     limits = "opening limits" if pair else "distance limits"
-    found = f"no {points} were found within the searched {angle_text(case.cone)}"
+    text = f"no {points} were found within the searched {angle_text(case.cone)}"
     if case.reason == Reason.NOT_REACHED:
         return _not_reached(case)
     reasons = {
         Reason.OPENING: f"all {points} violate the {limits}",
         Reason.OFF_SURFACE: "no grasp, as the vertex belongs to no face",
         Reason.SAME_POINT: "no grasp, as a fixed finger is at this point",
-        Reason.NO_PARTNER: found,
+        Reason.NO_PARTNER: text,
     }
     return reasons.get(
         case.reason or Reason.FOUND,
-        f"{found} and the {limits}{'' if case.hand is None else ', and reached by the gripper'}",
+        f"{text} and the {limits}{'' if case.hand is None else ', and reached by the gripper'}",
     )
 
 

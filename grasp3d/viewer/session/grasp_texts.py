@@ -87,12 +87,12 @@ class HeldGrasp:
         """Names and values that a load adds."""
         if math.isnan(self.grip_force):
             return []
-        found = [("grip force", self._text(self.grip_force))]
+        numbers = [("grip force", self._text(self.grip_force))]
         if self.largest > self.grip_force * (1.0 + ALIKE):
-            found.append(("at worst normals", self._text(self.largest)))
+            numbers.append(("at worst normals", self._text(self.largest)))
         if math.isfinite(self.payload):
-            found.append(("payload", f"{self.payload:.3g} kg with {self.load.available:.3g} N"))
-        return found
+            numbers.append(("payload", f"{self.payload:.3g} kg with {self.load.available:.3g} N"))
+        return numbers
 
     def _text(self, force: float) -> str:
         if math.isinf(force):
@@ -130,11 +130,11 @@ class HeldGrasp:
 
 def held_grasp(contacts: GraspContacts, model: GraspModel, case: LoadCase) -> HeldGrasp:
     """Force and payload of one grasp, shape (1, n)."""
-    found = surface_holding(contacts, replace(model, fingers=contacts.count), case)
-    numbers = (found.grip_force, found.grip_force_least, found.grip_force_largest, found.payload)
+    load = surface_holding(contacts, replace(model, fingers=contacts.count), case)
+    numbers = (load.grip_force, load.grip_force_least, load.grip_force_largest, load.payload)
     force, least, largest, payload = (float(values[0]) for values in numbers)
-    assert found.resistance is not None
+    assert load.resistance is not None
     return HeldGrasp(
         LoadNumbers.of(case), force, least, largest, payload, contacts.count,
-        hard=case.hard, resistance=Resistance(int(found.resistance[0])),
+        hard=case.hard, resistance=Resistance(int(load.resistance[0])),
     )  # fmt: skip

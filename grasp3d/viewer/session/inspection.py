@@ -66,18 +66,18 @@ def inspect(subject: Subject, vertex: int, model: GraspModel, alternative: int =
         model: Friction and resolution; fingers as the subject has them.
         alternative: Which of its grasps, 0: the best one; as far as there are so many.
     """
-    held, count = GripperPose.of(subject.labels.reach, vertex), 1
-    if held is None:
+    pose, count = GripperPose.of(subject.labels.reach, vertex), 1
+    if pose is None:
         return _inspect_best(subject, vertex, model)
     others = alternatives_of(subject, vertex)
     if others is None:
-        return replace(_inspect_best(subject, vertex, model), held=held, count=None)
+        return replace(_inspect_best(subject, vertex, model), held=pose, count=None)
     count += others.size
     row = min(alternative, count - 1)
     if row == 0:
-        return replace(_inspect_best(subject, vertex, model), held=held, count=count)
-    found = _inspect_alternative(subject, vertex, others, row - 1, model)
-    return replace(found, number=row + 1, count=count)
+        return replace(_inspect_best(subject, vertex, model), held=pose, count=count)
+    inspection = _inspect_alternative(subject, vertex, others, row - 1, model)
+    return replace(inspection, number=row + 1, count=count)
 
 
 def _inspect_best(subject: Subject, vertex: int, model: GraspModel) -> Inspection:
@@ -102,7 +102,7 @@ def _inspect_best(subject: Subject, vertex: int, model: GraspModel) -> Inspectio
     )
     if not case.smooth:
         case = replace(case, creases=_creases(subject, vertex, several=len(points) > 1))
-    force = _held(subject, vertex, model)
+    force = _force_of(subject, vertex, model)
     numbers, reason = _numbers(subject, vertex, case, force), _reason_text(case, force)
     return Inspection(
         vertex, code, points, normals, model, numbers, reason, budget=budget_text(case)
@@ -131,7 +131,7 @@ def _inspect_alternative(
         perceived=_perceived(model, *perceived),
     )
     unit = f" {subject.mesh.unit}" if subject.mesh.unit else ""
-    held = GripperPose.of(grasps.reach, row)
+    pose = GripperPose.of(grasps.reach, row)
     position = _position(subject.mesh.vertices[vertex], subject.mesh.size, unit)
     numbers = [("vertex", f"{vertex}"), ("position", position)]
     numbers += angle_numbers(case)
@@ -139,11 +139,11 @@ def _inspect_alternative(
     numbers += zip(EPSILONS, map(_epsilon_text, values), strict=True)
     numbers.append(("opening", f"{grasps.opening[row]:.4g}{unit}"))
     force = _held_by(subject, contacts, model)
-    numbers += [*_force_numbers(force), *_gripper_numbers(held, unit), *_off_line_text(case)]
+    numbers += [*_force_numbers(force), *_gripper_numbers(pose, unit), *_off_line_text(case)]
     reason = _reason_text(case, force)
     budget = budget_text(case)
     return Inspection(
-        vertex, code, points, normals, model, tuple(numbers), reason, held, budget=budget
+        vertex, code, points, normals, model, tuple(numbers), reason, pose, budget=budget
     )
 
 
@@ -159,12 +159,12 @@ def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | No
         subject: The surface.
         model: Friction and resolution; fingers as the subject has them.
     """
-    found = subject.last_contact
-    if found is None:
+    contact = subject.last_contact
+    if contact is None:
         return None
-    worst, best = found.angles(model)
+    worst, best = contact.angles(model)
     code = int(label_codes(subject, np.array([worst]), np.array([best]), model)[0])
-    off = _off_line(found.points, found.normals) if len(found.points) == PAIR else None
+    off = _off_line(contact.points, contact.normals) if len(contact.points) == PAIR else None
     case = Case(
         model=model,
         mode=subject.labels.mode,
@@ -174,29 +174,29 @@ def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | No
         cone=subject.cone,
         reason=Reason.FOUND,
         off_line=off,
-        creases=found.creases,
-        perceived=_perceived(model, found.worst, found.best),
+        creases=contact.creases,
+        perceived=_perceived(model, contact.worst, contact.best),
     )
     unit = f" {subject.mesh.unit}" if subject.mesh.unit else ""
-    numbers = [("position", _position(found.points[0], subject.mesh.size, unit))]
-    if found.between:
+    numbers = [("position", _position(contact.points[0], subject.mesh.size, unit))]
+    if contact.between:
         numbers.append(("location", "between vertices"))
     numbers += angle_numbers(case)
-    gaps = np.linalg.norm(found.points[:, None] - found.points, axis=2)
+    gaps = np.linalg.norm(contact.points[:, None] - contact.points, axis=2)
     numbers.append(("opening", f"{gaps.max():.4g}{unit}"))
-    numbers += [*_gripper_numbers(found.held, unit), *_off_line_text(case)]
+    numbers += [*_gripper_numbers(contact.held, unit), *_off_line_text(case)]
     return Inspection(
-        None, code, found.points, found.normals, model, tuple(numbers), explain(case), found.held,
-        budget=budget_text(case),
+        None, code, contact.points, contact.normals, model, tuple(numbers), explain(case),
+        contact.held, budget=budget_text(case),
     )  # fmt: skip
 
 
 def warm_up(subject: Subject) -> Subject:
     """Prepare the first picture and click: angles of the labels are known, functions compiled."""
     subject.angles(subject.labels.model)
-    found = np.flatnonzero(subject.labels.likely_reason == Reason.FOUND)
-    if subject.prepared and len(found):
-        grasp = _grasp(subject.labels, int(found[0]))
+    vertices = np.flatnonzero(subject.labels.likely_reason == Reason.FOUND)
+    if subject.prepared and len(vertices):
+        grasp = _grasp(subject.labels, int(vertices[0]))
         _epsilons_of(grasp, subject.labels.model)
         if grasp.count == PAIR and subject.labels.model.method == "exact":
             located_grasp(
@@ -250,19 +250,19 @@ def _unreached(subject: Subject, vertex: int) -> Reachability | None:
     return Reachability(int(reach.state[vertex]))
 
 
-def _held(subject: Subject, vertex: int, model: GraspModel) -> HeldGrasp | None:
+def _force_of(subject: Subject, vertex: int, model: GraspModel) -> HeldGrasp | None:
     """Force and payload of a vertex's grasp; None: no load, no grasp, or not known."""
-    load, known = subject.load_numbers, subject.forces
+    load, forces = subject.load_numbers, subject.forces
     if load is None or subject.labels.likely_reason[vertex] != Reason.FOUND:
         return None
     if subject.prepared:
         return _held_by(subject, _grasp(subject.labels, vertex), model)
-    if known is None or not same_settings(known.model, model):
+    if forces is None or not same_settings(forces.model, model):
         return None
-    numbers = (known.grip_force, known.grip_force_least, known.grip_force_largest, known.payload)
+    numbers = forces.grip_force, forces.grip_force_least, forces.grip_force_largest, forces.payload
     force, least, largest, payload = (float(values[vertex]) for values in numbers)
     hard = subject.labels.scene is None and subject.labels.model.torsion_radius == 0.0
-    codes = known.resistance
+    codes = forces.resistance
     resistance = None if codes is None else Resistance(int(codes[vertex]))
     return HeldGrasp(
         load, force, least, largest, payload, subject.labels.model.fingers, hard, resistance
@@ -300,19 +300,19 @@ def _numbers(
     openings = subject.labels.opening
     if openings is not None and math.isfinite(opening := openings[vertex]):
         numbers.append(("opening", f"{opening:.4g}{unit}"))
-    held = GripperPose.of(subject.labels.reach, vertex)
+    pose = GripperPose.of(subject.labels.reach, vertex)
     numbers += _force_numbers(force)
-    return (*numbers, *_gripper_numbers(held, unit), *_off_line_text(case))
+    return (*numbers, *_gripper_numbers(pose, unit), *_off_line_text(case))
 
 
-def _gripper_numbers(held: GripperPose | None, unit: str) -> list[tuple[str, str]]:
+def _gripper_numbers(pose: GripperPose | None, unit: str) -> list[tuple[str, str]]:
     """Names and values that a gripper adds; those that are unknown are left out."""
-    if held is None:
+    if pose is None:
         return []
     values = [
-        ("pre-grasp opening", held.pregrasp_opening, f"{held.pregrasp_opening:.4g}{unit}"),
-        ("approach margin", held.approach_margin, f"±{math.degrees(held.approach_margin):.1f}°"),
-        ("inserted depth", held.depth, f"{round(held.depth, 9):.3g}{unit}"),
+        ("pre-grasp opening", pose.pregrasp_opening, f"{pose.pregrasp_opening:.4g}{unit}"),
+        ("approach margin", pose.approach_margin, f"±{math.degrees(pose.approach_margin):.1f}°"),
+        ("inserted depth", pose.depth, f"{round(pose.depth, 9):.3g}{unit}"),
     ]
     return [(name, text) for name, value, text in values if math.isfinite(value)]
 
@@ -333,9 +333,9 @@ def _off_line_text(case: Case) -> list[tuple[str, str]]:
 
 def _epsilon_texts(subject: Subject, vertex: int, model: GraspModel) -> list[str]:
     """Nominal, smallest and largest epsilon of a vertex's grasp; a dash where unknown."""
-    known, values = subject.epsilons, (math.nan,) * 3
-    if known is not None and same_settings(known.model, model):
-        values = (known.epsilon[vertex], known.epsilon_min[vertex], known.epsilon_max[vertex])
+    ranges, values = subject.epsilons, (math.nan,) * 3
+    if ranges is not None and same_settings(ranges.model, model):
+        values = (ranges.epsilon[vertex], ranges.epsilon_min[vertex], ranges.epsilon_max[vertex])
     elif subject.prepared and subject.labels.likely_reason[vertex] == Reason.FOUND:
         values = _epsilons_of(_grasp(subject.labels, vertex), model)
     return [_epsilon_text(value) for value in values]
@@ -377,6 +377,6 @@ def _epsilons_of(grasp: GraspContacts, model: GraspModel) -> tuple[float, float,
     nominal_only = model.tilts == "sampled_tilts" and grasp.count > PAIR
     if nominal_only:
         model = replace(model, sensor_resolution=0.0, method="exact")
-    found = surface_epsilons(grasp, model)
-    values = (float(found.nominal[0]), float(found.minimum[0]), float(found.maximum[0]))
+    epsilons = surface_epsilons(grasp, model)
+    values = (float(epsilons.nominal[0]), float(epsilons.minimum[0]), float(epsilons.maximum[0]))
     return (values[0], math.nan, math.nan) if nominal_only else values

@@ -107,7 +107,7 @@ def labels_at(subject: Subject, model: GraspModel) -> Bytes:
 
 
 def label_codes(subject: Subject, worst: Floats, best: Floats, model: GraspModel) -> Bytes:
-    """Label given critical angles of a subject, located ones if contact locations are uncertain.
+    """Label given critical angles of a subject, located angles if contact locations are uncertain.
 
     Beyond the searched cone the search may have missed a better grasp: U is then unknown, and so
     is M if the missed grasp could be S.
@@ -154,20 +154,20 @@ def texture_coordinates(
         return np.stack(both, axis=1).astype(np.float32)
     # Located angles of different fingers may be below 0.
     values = np.clip(worst, -math.pi, math.pi) / (2.0 * math.pi) + 0.5
-    known = np.isfinite(worst)
+    finite = np.isfinite(worst)
     if paint in {"epsilon", "epsilon_min"}:
         epsilon = _epsilon(subject, paint)
-        known = np.isfinite(epsilon)
+        finite = np.isfinite(epsilon)
         values = np.minimum(np.nan_to_num(epsilon) / _max_epsilon(subject), 1.0)
     elif paint == "approach_margin":
         margins = _approach_margin(subject)
-        known = np.isfinite(margins)
+        finite = np.isfinite(margins)
         values = np.nan_to_num(margins) / _max_margin(subject)
     elif paint in FORCE_PAINTS:
         forces = _forces(subject, paint)
-        known = np.isfinite(forces)
-        values = np.minimum(np.where(known, forces, 0.0) / _top(subject, forces), 1.0)
-    return np.stack([values, np.where(known, 0.25, 0.75)], axis=1).astype(np.float32)
+        finite = np.isfinite(forces)
+        values = np.minimum(np.where(finite, forces, 0.0) / _top(subject, forces), 1.0)
+    return np.stack([values, np.where(finite, 0.25, 0.75)], axis=1).astype(np.float32)
 
 
 def _about(angles: Floats, limit: float) -> Floats:
@@ -265,15 +265,15 @@ def _approach_ramp(subject: Subject) -> Ramp:
 
 
 def _epsilon_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) -> Ramp:
-    known = subject.epsilons
+    epsilons = subject.epsilons
     text = "ε of the grasp with the smallest β*"
     if paint == "epsilon_min":
-        text = epsilon_min_text(model if known is None else known.model)
+        text = epsilon_min_text(model if epsilons is None else epsilons.model)
     status = "being computed" if subject.measurable else "as in the file"
-    if known is None:
+    if epsilons is None:
         return Ramp(f"{text}; {status}", 1.0, "", "not computed yet", EQUAL_GRASPS)
-    if not same_settings(known.model, model):
-        friction, degrees = known.model.friction, math.degrees(known.model.sensor_resolution)
+    if not same_settings(epsilons.model, model):
+        friction, degrees = epsilons.model.friction, math.degrees(epsilons.model.sensor_resolution)
         text = f"{text}, for μ {friction:.3g}, α {degrees:.1f}°; {status}"
     return Ramp(text, _max_epsilon(subject), "", none, EQUAL_GRASPS)
 
@@ -288,12 +288,12 @@ def _force_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) ->
     if paint == "payload" and not load.by_mass:
         return Ramp("payload: the task does not depend on the mass", 1.0, unit, "no payload")
     text = f"{name} {_condition(paint, load)}"
-    known = subject.forces
+    forces = subject.forces
     status = "being computed" if subject.measurable and subject.labels.load else "as in the file"
-    if known is None:
+    if forces is None:
         return Ramp(f"{text}; {status}", 1.0, unit, "not computed yet")
-    if not same_settings(known.model, model):
-        friction, degrees = known.model.friction, math.degrees(known.model.sensor_resolution)
+    if not same_settings(forces.model, model):
+        friction, degrees = forces.model.friction, math.degrees(forces.model.sensor_resolution)
         text = f"{text}, for μ {friction:.3g}, α {degrees:.1f}°; {status}"
     values = _forces(subject, paint)
     weighed = subject.weights > 0.0
@@ -309,9 +309,9 @@ def _condition(paint: Paint, load: LoadNumbers) -> str:
     return f"with {load.available:.3g} N at the worst normals"
 
 
-def same_settings(known: GraspModel, model: GraspModel) -> bool:
+def same_settings(computed: GraspModel, model: GraspModel) -> bool:
     """Whether epsilon computed for one model is valid for another; fingers are ignored."""
-    return replace(known, fingers=model.fingers) == model
+    return replace(computed, fingers=model.fingers) == model
 
 
 def _labels(subject: Subject, model: GraspModel) -> Bytes:
@@ -330,8 +330,8 @@ def _epsilon(subject: Subject, paint: Paint) -> Floats:
 
 
 def _approach_margin(subject: Subject) -> Floats:
-    known = subject.labels.approach_margin
-    return np.full(len(subject.mesh.vertices), math.nan) if known is None else known
+    margin = subject.labels.approach_margin
+    return np.full(len(subject.mesh.vertices), math.nan) if margin is None else margin
 
 
 def _max_margin(subject: Subject) -> float:
@@ -340,21 +340,21 @@ def _max_margin(subject: Subject) -> float:
 
 
 def _forces(subject: Subject, paint: Paint) -> Floats:
-    known = subject.forces
-    if known is None:
+    forces = subject.forces
+    if forces is None:
         return np.full(len(subject.mesh.vertices), math.nan)
-    return known.grip_force if paint == "grip_force" else known.payload
+    return forces.grip_force if paint == "grip_force" else forces.payload
 
 
 def _top(subject: Subject, values: Floats) -> float:
     """Value that a fraction `MOST` of the area does not exceed."""
-    chosen = np.flatnonzero(np.isfinite(values) & (subject.weights > 0.0))
-    if not len(chosen):
+    vertices = np.flatnonzero(np.isfinite(values) & (subject.weights > 0.0))
+    if not len(vertices):
         return 1.0
-    order = chosen[np.argsort(values[chosen])]
+    order = vertices[np.argsort(values[vertices])]
     areas = np.cumsum(subject.weights[order])
-    found = float(values[order[np.searchsorted(areas, MOST * areas[-1])]])
-    return found or float(values[chosen].max()) or 1.0
+    top = float(values[order[np.searchsorted(areas, MOST * areas[-1])]])
+    return top or float(values[vertices].max()) or 1.0
 
 
 def _max_epsilon(subject: Subject) -> float:

@@ -193,17 +193,17 @@ def _rule(model: GraspModel) -> str:
 
 
 def _fractions(subject: Subject, model: GraspModel) -> tuple[LabelFraction, ...]:
-    found = area_fractions(subject, labels_at(subject, model))
+    fractions = area_fractions(subject, labels_at(subject, model))
     between = _label_between(subject, model)
     labels = [
         (label.name, MEANING[subject.labels.mode][label], int(label))
         for label in sorted(Label, reverse=True)
     ]
-    if found[UNSEARCHED] > 0.0:
+    if fractions[UNSEARCHED] > 0.0:
         labels.append(("–", "not searched", UNSEARCHED))
     return tuple(
         LabelFraction(
-            letter, text, "#{:02X}{:02X}{:02X}".format(*PALETTE[code]), float(found[code]),
+            letter, text, "#{:02X}{:02X}{:02X}".format(*PALETTE[code]), float(fractions[code]),
             occurs=between == code, alone=between in {None, code},
         )
         for letter, text, code in labels
@@ -212,8 +212,8 @@ def _fractions(subject: Subject, model: GraspModel) -> tuple[LabelFraction, ...]
 
 def _label_between(subject: Subject, model: GraspModel) -> int | None:
     """Label of the best contact of the last finger, if it is between vertices."""
-    found = subject.last_contact
-    if found is None or not found.between:
+    contact = subject.last_contact
+    if contact is None or not contact.between:
         return None
-    worst, best = (np.array([angle]) for angle in found.angles(model))
+    worst, best = (np.array([angle]) for angle in contact.angles(model))
     return int(label_codes(subject, worst, best, model)[0])

@@ -205,7 +205,7 @@ def _search_job(
 
 
 def ranked_otherwise(subject: Subject, state: ViewState) -> bool:
-    """Whether the grasps are the best ones for another location error than is chosen.
+    """Whether the grasps are the best grasps for another location error than is chosen.
 
     A location error affects wide grasps of two fingers less, so that others may be the best.
     Meanwhile the labels are those of the known grasps.

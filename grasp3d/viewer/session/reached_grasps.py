@@ -32,15 +32,15 @@ def find_alternatives(subject: Subject, vertex: int) -> Subject:
         vertex: A vertex whose grasp is reached.
     """
     report_progress(0.0)
-    found = alternatives_at(subject.labels, vertex, MOST)
-    others = found.take(_others(subject, vertex, found)[: MOST - 1])
+    grasps = alternatives_at(subject.labels, vertex, MOST)
+    others = grasps.take(_others(subject, vertex, grasps)[: MOST - 1])
     return replace(subject, alternatives=Alternatives(vertex, others))
 
 
 def alternatives_of(subject: Subject, vertex: int) -> GraspTable | None:
     """The other grasps of a vertex; None: not searched."""
-    known = subject.alternatives
-    return known.grasps if known is not None and known.vertex == vertex else None
+    others = subject.alternatives
+    return others.grasps if others is not None and others.vertex == vertex else None
 
 
 def is_reached(subject: Subject, vertex: int) -> bool:
@@ -67,13 +67,13 @@ def best_vertices(subject: Subject, count: int) -> Ints:
     return ranked[distinct_rows(points, count, distance_of_distinct(subject.mesh))]
 
 
-def _others(subject: Subject, vertex: int, found: GraspTable) -> Ints:
+def _others(subject: Subject, vertex: int, grasps: GraspTable) -> Ints:
     """Rows of the grasps that have a pose and are not the vertex's own."""
-    assert found.reach is not None
-    chosen = has_pose(found.reach)
+    assert grasps.reach is not None
+    is_other = has_pose(grasps.reach)
     if subject.labels.partners is not None:
         gaps = np.linalg.norm(
-            found.contacts.points[:, 1:] - subject.labels.partners[vertex], axis=2
+            grasps.contacts.points[:, 1:] - subject.labels.partners[vertex], axis=2
         )
-        chosen &= ~(gaps <= SAME * subject.mesh.size).all(axis=1)
-    return np.flatnonzero(chosen)
+        is_other &= ~(gaps <= SAME * subject.mesh.size).all(axis=1)
+    return np.flatnonzero(is_other)

@@ -35,9 +35,9 @@ STEPS = 5
 KEPT = 3
 """Points about which the next, finer grid is laid."""
 ROUNDS = 4
-"""Grids, each finer than the one before."""
+"""Grids, each finer than the previous grid."""
 FINER = 0.3
-"""Size of a grid relative to the one before."""
+"""Size of a grid relative to the previous grid."""
 INSIDE = 0.98
 """Size of the first grid relative to its face, whose edges may be sharp."""
 
@@ -56,8 +56,8 @@ def scan_with_fixed(subject: Subject, model: GraspModel, fixed: FixedPoints) -> 
     with within(start, SCANNED):
         labels = scan_surface(mesh, model, fixed=np.array(fixed))
     with within(SCANNED, 1.0):
-        found = best_last_contact(labels, _opposing_contacts(subject, fixed))
-    return warm_up(replace(subject_of(labels, subject.name), last_contact=found))
+        contact = best_last_contact(labels, _opposing_contacts(subject, fixed))
+    return warm_up(replace(subject_of(labels, subject.name), last_contact=contact))
 
 
 def _opposing_contacts(subject: Subject, fixed: FixedPoints) -> SurfacePoints:
@@ -72,8 +72,8 @@ def _opposing_contacts(subject: Subject, fixed: FixedPoints) -> SurfacePoints:
         return none
     nearest = int(np.argmin(((subject.mesh.vertices - np.array(fixed[0])) ** 2).sum(axis=1)))
     faces, weights = labels.partner_points.faces[nearest], labels.partner_points.weights[nearest]
-    known = faces[:, 0] >= 0
-    return SurfacePoints(faces[known, 0], weights[known, 0])
+    has_contact = faces[:, 0] >= 0
+    return SurfacePoints(faces[has_contact, 0], weights[has_contact, 0])
 
 
 def scan_of_grasp(grasps: GraspTable, row: int) -> Subject:
@@ -84,7 +84,7 @@ def scan_of_grasp(grasps: GraspTable, row: int) -> Subject:
         grasps.model,
         fixed=contacts.points[0, 1:],
     )
-    shown = LastContact(
+    contact = LastContact(
         points=contacts.points[0],
         normals=contacts.normals[0],
         worst=float(grasps.critical_angle[row]),
@@ -94,7 +94,7 @@ def scan_of_grasp(grasps: GraspTable, row: int) -> Subject:
         held=GripperPose.of(grasps.reach, row),
         grasp=contacts,
     )
-    return warm_up(replace(subject_of(labels.using(scene=grasps.scene)), last_contact=shown))
+    return warm_up(replace(subject_of(labels.using(scene=grasps.scene)), last_contact=contact))
 
 
 def best_last_contact(scan: SurfaceLabels, tested: SurfacePoints) -> LastContact | None:
@@ -108,11 +108,11 @@ def best_last_contact(scan: SurfaceLabels, tested: SurfacePoints) -> LastContact
         The best contact found, at a vertex or between vertices; None: there is no grasp.
     """
     mesh = scan.mesh
-    used = np.flatnonzero(np.isfinite(scan.critical_angle_best))
-    order = used[np.lexsort((scan.critical_angle_best[used], scan.critical_angle[used]))]
+    rows = np.flatnonzero(np.isfinite(scan.critical_angle_best))
+    order = rows[np.lexsort((scan.critical_angle_best[rows], scan.critical_angle[rows]))]
     if not len(order):
         return None
-    near = np.append(order[:BEST_VERTICES], used[np.argmin(scan.critical_angle_best[used])])
+    near = np.append(order[:BEST_VERTICES], rows[np.argmin(scan.critical_angle_best[rows])])
     with unreported():
         leading = _Candidates.of(scan, vertex_surface_points(mesh, near))
         leading = leading.joined(_Candidates.of(scan, tested))
@@ -121,8 +121,8 @@ def best_last_contact(scan: SurfaceLabels, tested: SurfacePoints) -> LastContact
     grids = SurfacePoints(faces, np.tile(MIDDLE, (len(faces), 1)))
     for number in range(ROUNDS):
         with unreported():
-            found = _Candidates.of(scan, _grid_points(grids, FINER**number)).leading()
-        leading, grids = leading.joined(found), found.points
+            finer = _Candidates.of(scan, _grid_points(grids, FINER**number)).leading()
+        leading, grids = leading.joined(finer), finer.points
         report_progress((number + 1) / ROUNDS)
     return leading.best(scan)
 
@@ -165,14 +165,14 @@ class _Candidates:
         row = int(np.lexsort((self.smallest, self.worst))[0])
         if np.isinf(self.worst[row]):
             row = int(np.argmin(self.smallest))
-        chosen = self._take(np.array([row]))
-        grasp = _grasps(scan, chosen.points)
+        candidate = self._take(np.array([row]))
+        grasp = _grasps(scan, candidate.points)
         return LastContact(
             points=locked(grasp.points[0]),
             normals=locked(grasp.normals[0]),
             worst=float(self.worst.min()),
             best=float(self.smallest.min()),
-            between=bool(chosen.points.weights.max() < 1.0),
+            between=bool(candidate.points.weights.max() < 1.0),
             creases=tuple(int(finger) for finger in np.flatnonzero(grasp.on_crease[0])),
             grasp=grasp,
         )

@@ -228,8 +228,8 @@ class Session:
             self._set_state(replace(self.state, vertex=vertex, alternative=0))
             return
         x, y, z = (float(value) for value in subject.mesh.vertices[vertex])
-        kept = self.state.fixed[: max(0, self.state.model.fingers - 2)]
-        self._set_state(replace(self.state, fixed=(*kept, (x, y, z)), vertex=None, alternative=0))
+        others = self.state.fixed[: max(0, self.state.model.fingers - 2)]
+        self._set_state(replace(self.state, fixed=(*others, (x, y, z)), vertex=None, alternative=0))
 
     def step_grasp(self, by: int) -> None:
         """Show another grasp of the inspected vertex that the gripper reaches, cyclically.
@@ -241,17 +241,17 @@ class Session:
             SettingError: There is no gripper, or it reaches no other grasp there.
         """
         self.check_gripper()
-        found = self.inspection
-        if found is None or found.vertex is None or found.held is None:
+        grasp = self.inspection
+        if grasp is None or grasp.vertex is None or grasp.held is None:
             raise SettingError("click a vertex that the gripper reaches to step through its grasps")
-        if found.count is None:
+        if grasp.count is None:
             raise SettingError("other grasps at this vertex are still being searched")
-        if found.count == 1:
+        if grasp.count == 1:
             raise SettingError("the gripper reaches no other grasp at this vertex")
-        self._set_state(replace(self.state, alternative=(found.number - 1 + by) % found.count))
+        self._set_state(replace(self.state, alternative=(grasp.number - 1 + by) % grasp.count))
 
     def step_best(self, by: int) -> None:
-        """Inspect another one of the best distinct grasps of the surface, cyclically.
+        """Inspect another of the best distinct grasps of the surface, cyclically.
 
         Args:
             by: Number of grasps to go forward, or back.
@@ -463,17 +463,17 @@ class Session:
         else:
             self._viewed = replace(self._viewed, subject=subject)
 
-    def _with_difference(self, found: Subject) -> Subject:
+    def _with_difference(self, subject: Subject) -> Subject:
         """Add a note on how far the labels of a new search differ from those of the file."""
         before = self._viewed.subject
-        fraction = 0.0 if before is None else difference(before, found)
+        fraction = 0.0 if before is None else difference(before, subject)
         note = (
             f"grasps were searched again on the file's surface, and {fraction:.1%} of its area has "
             "another label than in the file; label the original mesh to avoid this"
         )
         if fraction > NOTABLE_DIFFERENCE:
             self._message = note
-        return replace(found, notes=(*found.notes, note))
+        return replace(subject, notes=(*subject.notes, note))
 
     def _next_job(self) -> SubjectJob | None:
         return next_job(self._viewed, self.state, self.collection.sampling, self._saving)
@@ -484,9 +484,9 @@ class Session:
             self._viewed = replace(self._viewed, scan=None, fixed=())
         if self.stale and not self.state.fixed:
             sampling = self.collection.sampling
-            known = [one for one in self._cached if not needs_search(one, self.state, sampling)]
-            if known:
-                self._cached.remove(known[0])
-                self._show(known[0])
+            hits = [item for item in self._cached if not needs_search(item, self.state, sampling)]
+            if hits:
+                self._cached.remove(hits[0])
+                self._show(hits[0])
         job = self._next_job()
         self._worker.request(None if job is None or job.key in self._failed else job)

@@ -115,7 +115,7 @@ def changed_state(state: ViewState, changes: Mapping[str, Any]) -> ViewState:
     Args:
         state: The state before.
         changes: Fields of `ViewState`, and those of its model in `OF_MODEL`. If there are now fewer
-            fingers, the last fixed ones are released.
+            fingers, the last fixed fingers are released.
 
     Raises:
         SettingError: A value is outside its range, or there is no such field.

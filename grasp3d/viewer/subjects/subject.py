@@ -38,7 +38,7 @@ class LastContact:
     """The best contact found for the last finger when the others are fixed."""
 
     points: Floats
-    """The contact and the fixed ones, shape (n, 3)."""
+    """The contact and the fixed contacts, shape (n, 3)."""
     normals: Floats
     """Inward unit normals there, (n, 3)."""
     worst: float
@@ -127,8 +127,8 @@ class Subject:
     @cached_property
     def bounds(self) -> Floats:
         """Lowest and highest corner of the bounding box of the faces, shape (2, 3)."""
-        used = self.mesh.vertices[np.unique(self.mesh.faces)]
-        return locked(np.stack([used.min(axis=0), used.max(axis=0)]))
+        points = self.mesh.vertices[np.unique(self.mesh.faces)]
+        return locked(np.stack([points.min(axis=0), points.max(axis=0)]))
 
     @cached_property
     def center(self) -> Floats:
@@ -195,14 +195,14 @@ def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
         name: Name of the object; None: that of its file.
     """
     report = labels.mesh.report
-    case, held = labels.load_case, labels.computed("holding")
+    case, holding = labels.load_case, labels.computed("holding")
     return Subject(
         labels,
         report.source if name is None else name,
         notes=(*report.warnings, *_method_notes(labels.model, math.nan)),
         epsilons=None if labels.computed("epsilon_range") is None else labels,
         load_numbers=None if case is None else LoadNumbers.of(case),
-        forces=None if held is None else Forces.of(held, labels.model),
+        forces=None if holding is None else Forces.of(holding, labels.model),
     )
 
 
@@ -232,17 +232,17 @@ def read_subject(
         notes.append("it is a scan, and the file does not contain the fixed fingers")
     differing = labels.label != label_angles(*labels.located_angles, model)
     notes += _method_notes(model, subject.weights[differing].sum())
-    found = replace(subject, notes=tuple(notes))
+    subject = replace(subject, notes=tuple(notes))
     if labels.load is not None or subject.prepared or "object_mass" not in stored.settings:
-        return found
-    return _with_forces(found, stored, settings)
+        return subject
+    return _with_forces(subject, stored, settings)
 
 
 def _with_forces(subject: Subject, stored: Stored, settings: FileSettings) -> Subject:
     """The subject with the forces of a PLY whose task cannot be read again."""
     mass, force = settings.object_mass, settings.force_at_hand
     payload = stored.values.get("payload")
-    held = np.full(len(subject.weights), math.nan) if payload is None else payload
+    payloads = np.full(len(subject.weights), math.nan) if payload is None else payload
     return replace(
         subject,
         load_numbers=LoadNumbers(mass, force, by_mass=force is None or payload is not None),
@@ -250,7 +250,7 @@ def _with_forces(subject: Subject, stored: Stored, settings: FileSettings) -> Su
             locked(stored.field("grip_force"), np.float64),
             locked(stored.field("grip_force_least"), np.float64),
             locked(stored.field("grip_force_largest"), np.float64),
-            locked(held, np.float64),
+            locked(payloads, np.float64),
             subject.labels.model,
         ),
     )
@@ -310,5 +310,5 @@ def located_grasp(
     if model.is_uniform or not fits(model):
         return float(worst), float(best)
     angles = np.array([worst]), np.array([best])
-    found = located_angles_of(grasp, angles, model)
-    return float(found[0][0]), float(found[1][0])
+    angles = located_angles_of(grasp, angles, model)
+    return float(angles[0][0]), float(angles[1][0])

@@ -52,8 +52,8 @@ def page_state(session: Session) -> dict[str, Any]:
         "controls": _controls(session),
         "fixed_count": len(session.state.fixed),
         "paints": [
-            {"name": name, "text": shown}
-            for name, (shown, _) in PAINTS.items()
+            {"name": name, "text": text}
+            for name, (text, _) in PAINTS.items()
             if session.offers(name) or session.state.paint == name
         ],
         "gripper": "" if scene is None else scene.hand.name,

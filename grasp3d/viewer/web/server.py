@@ -143,7 +143,7 @@ class ViewerServer:
         # The first page is sent without the cookie as well, as frames may not store cookies.
         browser = request.cookies.get(COOKIE)
         if client is None or (client.page_sent and client.browser != browser):
-            # The client was closed, or belongs to another browser: make a new one.
+            # The client was closed, or belongs to another browser: make a new client.
             name = self._content_of.get(token, "")
             raise web.HTTPFound(f"../../a/{name}/" if name else "../../")
         client.page_sent = True

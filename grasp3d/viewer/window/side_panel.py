@@ -293,26 +293,26 @@ def _add_keys(lines: _Lines) -> None:
 
 def _add_vertex(lines: _Lines, session: Session) -> None:
     """The inspected vertex, or what a click would do."""
-    found = session.inspection
-    if found is None:
+    inspection = session.inspection
+    if inspection is None:
         lines.paragraph(HINTS[session.state.click], QUIET)
         return
-    lines.square("#{:02X}{:02X}{:02X}".format(*PALETTE[found.code]))
-    lines.paragraph(_heading(found), bold=True, indent=1.4 * lines.area.size)
+    lines.square("#{:02X}{:02X}{:02X}".format(*PALETTE[inspection.code]))
+    lines.paragraph(_heading(inspection), bold=True, indent=1.4 * lines.area.size)
     lines.gap(0.2)
-    lines.paragraph(found.reason)
+    lines.paragraph(inspection.reason)
     lines.gap(0.5)
-    for name, value in found.numbers:
+    for name, value in inspection.numbers:
         lines.pair(name, value)
-    if found.budget:
+    if inspection.budget:
         lines.gap(0.4)
-        lines.paragraph(found.budget, QUIET)
+        lines.paragraph(inspection.budget, QUIET)
 
 
-def _heading(found: Inspection) -> str:
-    letter = "not searched" if found.code == UNSEARCHED else Label(found.code).name
-    where = "best contact found" if found.vertex is None else f"vertex {found.vertex}"
-    number = grasp_number(found)
+def _heading(inspection: Inspection) -> str:
+    letter = "not searched" if inspection.code == UNSEARCHED else Label(inspection.code).name
+    where = "best contact found" if inspection.vertex is None else f"vertex {inspection.vertex}"
+    number = grasp_number(inspection)
     return f"{letter}: {where}{f', grasp {number}' if number else ''}"
 
 
