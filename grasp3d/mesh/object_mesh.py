@@ -122,9 +122,9 @@ class ObjectMesh:
     @cached_property
     def on_surface(self) -> Bools:
         """Mask of the vertices whose position belongs to a face, shape (V,)."""
-        used = np.zeros(len(self.vertices), dtype=bool)
-        used[self.faces] = True
-        return locked(used[self.canonical])
+        mask = np.zeros(len(self.vertices), dtype=bool)
+        mask[self.faces] = True
+        return locked(mask[self.canonical])
 
     @cached_property
     def normal_sets(self) -> NormalSets:

@@ -86,10 +86,10 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
         ('trimesh.Trimesh', None, 50)
     """
     own = source.options if isinstance(source, ObjectMesh) else None
-    chosen = MeshOptions.of(options or own, fields)
-    if isinstance(source, ObjectMesh) and chosen == own:
+    settings = MeshOptions.of(options or own, fields)
+    if isinstance(source, ObjectMesh) and settings == own:
         return source
-    return prepare(source, chosen).mesh
+    return prepare(source, settings).mesh
 
 
 def prepare(source: MeshSource, options: MeshOptions) -> PreparedMesh:

@@ -267,10 +267,10 @@ class WrenchProblem:
             Shape (b, n, 4 or 6); nan for other grasps, and where no forces prove closure.
         """
         forces = np.full((self.size, self.count, self.axes), math.nan)
-        wanted = closed & (self.cones[..., 0] > 0.0).all(axis=-1)  # see `solve`
+        balanced = closed & (self.cones[..., 0] > 0.0).all(axis=-1)  # see `solve`
         goals = (goal, SIGN) if self.is_pairs(goal) else (SIGN, goal)  # pairs need no hull
         for each in dict.fromkeys(goals):
-            left = np.flatnonzero(wanted & np.isnan(forces).any(axis=(1, 2)))
+            left = np.flatnonzero(balanced & np.isnan(forces).any(axis=(1, 2)))
             for rows in np.split(left, range(MOST_TAKEN, len(left), MOST_TAKEN)):
                 forces[rows] = self.take(rows).solve(each).forces
         return forces

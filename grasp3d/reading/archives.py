@@ -132,17 +132,17 @@ def count_parts(source: Source) -> int:
             raise source.unexpected(f"contains {len(models)} models, not one")
         parts, built, paths = _structure(archive.read(models[0]))
         _check_paths(source, archive, parts, paths)
-    known: dict[str, int] = {}
+    counts: dict[str, int] = {}
 
     def copies(name: str, above: tuple[str, ...] = ()) -> int:
         """Number of meshes of an object and its components."""
         part = parts.get(name)
         if part is None or name in above or bool(part.meshes) == bool(part.components):
             raise source.damaged(f"object {ascii(name)[:20]} is missing, empty, or contains itself")
-        if name not in known:
+        if name not in counts:
             inner = (copies(other, (*above, name)) for other in part.components)
-            known[name] = sum(inner) or 1
-        return known[name]
+            counts[name] = sum(inner) or 1
+        return counts[name]
 
     count = sum(map(copies, built))
     if count > MOST_PARTS:

@@ -201,8 +201,8 @@ def find_source(path: Path, max_memory: float, suffixes: Iterable[str] | None = 
         raise MeshError(f"{where}: its name has no suffix for its format, such as .stl")
     supported = mesh_suffixes() if suffixes is None else frozenset(suffixes)
     if suffix not in supported:
-        known = " ".join(sorted(supported))
-        raise MeshError(f"{where}: unsupported format {suffix}: supported are {known}")
+        formats = " ".join(sorted(supported))
+        raise MeshError(f"{where}: unsupported format {suffix}: supported are {formats}")
     if not status.st_size:
         raise MeshError(f"{where}: the file is empty; export the mesh again")
     source = Source(path, suffix.removeprefix("."), status.st_size, max_memory, where)
@@ -246,8 +246,8 @@ def stated_unit(name: str | None) -> tuple[Unit | None, str]:
     Args:
         name: As a file or another library states it, or None.
     """
-    known = _UNIT_NAMES.get(str(name or "").strip().lower())
-    return known, "" if known or not name else str(name)
+    unit = _UNIT_NAMES.get(str(name or "").strip().lower())
+    return unit, "" if unit or not name else str(name)
 
 
 def _check_part(part: "trimesh.Trimesh | trimesh.PointCloud", where: str) -> None:

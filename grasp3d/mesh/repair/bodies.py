@@ -118,18 +118,18 @@ class Bodies:
     @cached_property
     def within(self) -> tuple[Ints, Ints]:
         """Closed bodies wholly within other closed bodies: the inner and outer one of each pair."""
-        chosen = np.flatnonzero(~self.open & (self.volumes != 0.0))
-        own = np.isin(self.body, chosen)
-        if len(chosen) < 2:
-            return chosen[:0], chosen[:0]
+        solid = np.flatnonzero(~self.open & (self.volumes != 0.0))
+        own = np.isin(self.body, solid)
+        if len(solid) < 2:
+            return solid[:0], solid[:0]
         inner, outer = nested(
             self.points,
             self.faces[own],
-            np.searchsorted(chosen, self.body[own]),
-            self.volumes[chosen],
+            np.searchsorted(solid, self.body[own]),
+            self.volumes[solid],
             self.touch,
         )
-        return chosen[inner], chosen[outer]
+        return solid[inner], solid[outer]
 
     def inside_out(self) -> Bools:
         """Mask of the bodies to flip; a cavity within another body must be wound inward."""
@@ -241,8 +241,8 @@ def _hull_vote(points: Floats, faces: Ints) -> float:
     """
     if len(faces) == 1:
         return 0.0
-    used, corners = np.unique(faces, return_inverse=True)
-    own, local = points[used], corners.reshape(-1, 3)
+    ids, corners = np.unique(faces, return_inverse=True)
+    own, local = points[ids], corners.reshape(-1, 3)
     outward = _outward_at_hull(own) if len(own) <= MOST_ON_HULL else _outward_at_extremes(own)
     a, b, c = own[local[:, 0]], own[local[:, 1]], own[local[:, 2]]
     doubled = np.cross(b - a, c - a)

@@ -256,9 +256,9 @@ def estimated_overlaps(lower: Floats, upper: Floats, group: Ints) -> float:
     """
     count = len(lower)
     samples = min(count, max(FEWEST_SAMPLES, SAMPLED // count))
-    chosen = np.linspace(0, count - 1, samples).astype(np.int64)
+    sample = np.linspace(0, count - 1, samples).astype(np.int64)
     meeting = 0
-    for box in chosen.tolist():
+    for box in sample.tolist():
         meet = ((lower <= upper[box]) & (lower[box] <= upper)).all(axis=1)
         meeting += int((meet & (group != group[box])).sum())
     return meeting / samples * count / 2.0

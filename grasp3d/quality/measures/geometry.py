@@ -85,10 +85,10 @@ class GraspGeometry:
     @cached_property
     def used_axes(self) -> Bools:
         """Which of normal, tangents and torsional moment each contact transmits, (b, n, 4)."""
-        used = np.ones((*self.contacts.friction.shape, 4), dtype=bool)
-        used[..., 1:3] = (self.contacts.friction > 0.0)[..., None]
-        used[..., 3] = self.contacts.torsion_radius > 0.0
-        return used
+        mask = np.ones((*self.contacts.friction.shape, 4), dtype=bool)
+        mask[..., 1:3] = (self.contacts.friction > 0.0)[..., None]
+        mask[..., 3] = self.contacts.torsion_radius > 0.0
+        return mask
 
     @cached_property
     def grasp_matrix(self) -> Floats:
@@ -125,9 +125,9 @@ class GraspGeometry:
         """Which primitive wrenches are no mere copies, shape (b, k)."""
         soft = self.contacts.torsion_radius > 0.0
         rows = self.primitives.shape[1] // self.count
-        used = np.ones((self.size, self.count, rows), dtype=bool)
-        used[..., self.edges :] = soft[..., None]
-        return used.reshape(self.size, -1)
+        mask = np.ones((self.size, self.count, rows), dtype=bool)
+        mask[..., self.edges :] = soft[..., None]
+        return mask.reshape(self.size, -1)
 
     @cached_property
     def primitive_span(self) -> Span:

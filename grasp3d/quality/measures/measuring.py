@@ -67,10 +67,10 @@ class MetricValues:
     @classmethod
     def undefined(cls, names: str | Sequence[str], size: int, reason: str) -> "MetricValues":
         """Measures of grasps that have none, for one reason, shape (size,) each."""
-        wanted = metric_names(names)
+        keys = metric_names(names)
         return cls(
-            {name: locked(np.full(size, np.nan)) for name in wanted},
-            {name: locked(np.full(size, reason)) for name in wanted},
+            {name: locked(np.full(size, np.nan)) for name in keys},
+            {name: locked(np.full(size, reason)) for name in keys},
             locked(np.zeros(size, dtype=np.int64)),
         )
 
@@ -175,7 +175,7 @@ def metrics(
             "the measures of the literature are those of point contacts; give "
             "contacts.without_patches()"
         )
-    wanted = metric_names(names, of_wrench=wrench is not None)
+    keys = metric_names(names, of_wrench=wrench is not None)
     check_torque_scale(torque_scale)
     edge_angles(edges)
     batch = contacts.batch
@@ -188,7 +188,7 @@ def metrics(
         _axes_of(principal_axis, batch).reshape(-1, 3),
         None if wrench is None else wrenches_of(wrench, contacts),
     )
-    measured = {name: _measure(grasps, METRICS[name]) for name in wanted}
+    measured = {name: _measure(grasps, METRICS[name]) for name in keys}
     return MetricValues(
         {name: shaped(one.values, batch) for name, one in measured.items()},
         {
