@@ -488,7 +488,7 @@ def test_the_zoom_is_kept_when_the_window_is_resized() -> None:
 
 
 def make_item(labels: SurfaceLabels, name: str, gate: threading.Event | None = None) -> Item:
-    def open_item(_: object) -> Subject:
+    def open_item() -> Subject:
         assert gate is None or gate.wait(TIMEOUT)
         return subject_of(labels, name)
 
