@@ -39,7 +39,7 @@ from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers.ring_hand import RING, SMALL_RING, RingHand, distance
 
 MODEL = GraspModel(fingers=3)
-SEARCH = MultifingerSampling(candidates=44)
+SEARCH = MultifingerSampling(candidates=64)
 BALL, TUBE = 20.0, 15.0
 """Radii of the shapes [mm]."""
 
