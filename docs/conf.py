@@ -50,6 +50,7 @@ nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
     ("py:class", r"grasp3d\._kernels\..*|.*\.StabilityProblem|.*\.PairLines"),  # inside results
     ("py:class", r"grasp3d\.hand\.jaws\.Jaws"),  # a part of `ParallelGripper`
     ("py:class", r"grasp3d\.mesh\.\w+\.MovableSurface"),  # a scan that is prepared already
+    ("py:class", r"grasp3d\.surface\.fields\.Field"),  # declares columns of files
     ("py:class", r".*\.tasks\.Terms?|.*\._Part"),  # likewise
     ("py:obj", r".*"),  # parameters, and words in backticks
 ]

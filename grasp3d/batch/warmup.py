@@ -19,7 +19,7 @@ from grasp3d.errors import GraspError, OutputError, SettingError
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel, Sampling, whole_number
 from grasp3d.stability.label import Label
 from grasp3d.system.compiling import NotCompiledError, announcement, compilations, logger
-from grasp3d.system.context import running
+from grasp3d.system.context import running, unreported
 from grasp3d.system.isolation import call, end_idle
 from grasp3d.system.names import printable
 
@@ -172,6 +172,7 @@ def missing_line(fingers: int, gripper: bool = False, forces: bool = False) -> s
 
 @functools.cache
 @running(threads=1)
+@unreported()
 def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -> None:
     """Call every kernel that commands and functions need for a number of fingers.
 

@@ -145,6 +145,7 @@ class Batch:
                     self.output,
                     settings,
                     cluster=self.cluster,
+                    progress=progress,
                     overwrite=self.overwrite,
                     force=self.force,
                     report=self.report,

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
+from numbers import Integral
 
 from grasp3d.errors import SettingError
 
@@ -79,15 +80,18 @@ def running(*, threads: int | None = None, progress: Progress | None = None) -> 
             labels = grasp3d.label_surface("mug.stl")
 
     Args:
-        threads: Threads to use; no result depends on it. None: as outside.
+        threads: Threads to use, 1 or more; no result depends on it. What labels and grasps compute
+            when it is first read takes those that are stated there. None: as outside.
         progress: Called by each computation with the fraction that is done, from 0 to 1; what it
             raises ends the computation. None: as outside.
 
     Raises:
-        SettingError: `threads` is below 1.
+        SettingError: `threads` is no whole number from 1 on.
     """
-    if threads is not None and threads < 1:
-        raise SettingError(f"threads must be at least 1; got {threads}")
+    if threads is not None and not (
+        isinstance(threads, Integral) and not isinstance(threads, bool) and threads >= 1
+    ):
+        raise SettingError(f"threads must be a whole number, at least 1; got {threads!r}")
     stated = {"threads": threads, "progress": progress}
     with _changed(**{name: value for name, value in stated.items() if value is not None}):
         yield

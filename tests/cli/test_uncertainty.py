@@ -3,7 +3,6 @@
 import json
 import math
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -307,11 +306,12 @@ def test_a_sweep_searches_at_each_location_error() -> None:
     mesh = box_mesh((1.0, 2.0, 3.0), max_edge=1.0)
     seen: list[float] = []
 
-    def label(model: GraspModel, progress: Callable[[float], None]) -> SurfaceLabels:
+    def label(model: GraspModel) -> SurfaceLabels:
         seen.append(model.location_error)
-        progress(0.5)
-        progress(1.0)
-        return label_surface(mesh, model, sampling=Sampling(rays=8))
+        with unreported():
+            labels = label_surface(mesh, model, sampling=Sampling(rays=8))
+        report_progress(1.0)
+        return labels
 
     few = search_at_each(label, GraspModel(), [0.0, 0.1])
     assert seen == [0.0, 0.1]
@@ -324,7 +324,8 @@ def test_a_sweep_searches_at_each_location_error() -> None:
     seen.clear()
     values = list(np.linspace(0.0, 0.1, 30))
     steps: list[float] = []
-    search_at_each(label, GraspModel(), values, steps.append)
+    with running(progress=steps.append):
+        search_at_each(label, GraspModel(), values)
     assert len(seen) == MAX_SEARCHES
     assert (seen[0], seen[-1]) == (values[0], values[-1])
     assert steps == pytest.approx(np.arange(1, 11) / 10.0)

@@ -526,8 +526,9 @@ def test_the_command_writes_all_of_the_paper(tmp_path: Path) -> None:
     check_files(first, second, printed)
     check_bytes(first, second)
     check_hulls((first / "numbers.md").read_text())
-    if find_library("OSMesa") is None:
-        check_pictures(first, second, printed, without)
+    if find_library("OSMesa") is not None:
+        pytest.skip("all but missing pictures is tested: VTK draws with OSMesa here")
+    check_pictures(first, second, printed, without)
 
 
 def check_files(first: Path, second: Path, printed: str) -> None:

@@ -1,6 +1,7 @@
 """Threads and progress of a call."""
 
 import threading
+from typing import Any
 
 import pytest
 
@@ -73,10 +74,12 @@ def test_another_thread_has_a_context_of_its_own() -> None:
     assert counts == [available_processors()]
 
 
-@pytest.mark.parametrize("threads", [0, -2])
-def test_threads_below_1_are_refused(threads: int) -> None:
+@pytest.mark.parametrize("threads", [0, -2, 2.5, True, "4"])
+def test_threads_are_a_whole_number_from_1_on(threads: Any) -> None:
     with (
-        pytest.raises(SettingError, match=f"threads must be at least 1; got {threads}"),
+        pytest.raises(
+            SettingError, match=f"threads must be a whole number, at least 1; got {threads}"
+        ),
         running(threads=threads),
     ):
         pytest.fail("must not begin")

@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+import aiohttp
+import msgpack
 import pytest
 
 from grasp3d.plots.rendering import can_render
-
-aiohttp = pytest.importorskip("aiohttp", reason="needs the extra web")
-msgpack = pytest.importorskip("msgpack", reason="needs the extra web")
 
 SERVER = """
 from math import radians

@@ -2,7 +2,9 @@
 
 import threading
 from collections.abc import Callable, Hashable
+from contextvars import copy_context
 from dataclasses import dataclass, field
+from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Generic, TypeVar
 
@@ -84,7 +86,9 @@ class Worker(Generic[ResultT]):
         self._run = None
         if job is not None:
             self._run = _Run(job)
-            threading.Thread(target=self._execute, args=(self._run,), daemon=True).start()
+            # A new thread begins without the threads that are stated here.
+            execute = partial(copy_context().run, self._execute, self._run)
+            threading.Thread(target=execute, daemon=True).start()
 
     def take_finished(self) -> Finished[ResultT] | None:
         """The result of the current job, once, when it has finished."""
