@@ -20,6 +20,7 @@ from grasp3d.planar import Circle
 from grasp3d.settings.lengths import Measure
 from grasp3d.settings.parsing import plain_values
 from grasp3d.surface.sweeps import sweep
+from grasp3d.system.context import report_progress, running, unreported
 from tests.helpers import shapes
 from tests.helpers.commands import export
 from tests.helpers.commands import run_here as grasp3d
@@ -310,7 +311,8 @@ def test_a_sweep_searches_at_each_location_error() -> None:
         seen.append(model.location_error)
         with unreported():
             labels = label_surface(mesh, model, sampling=Sampling(rays=8))
-        report_progress(1.0)
+        for fraction in (0.5, 1.0):
+            report_progress(fraction)
         return labels
 
     few = search_at_each(label, GraspModel(), [0.0, 0.1])

@@ -77,9 +77,7 @@ def test_another_thread_has_a_context_of_its_own() -> None:
 @pytest.mark.parametrize("threads", [0, -2, 2.5, True, "4"])
 def test_threads_are_a_whole_number_from_1_on(threads: Any) -> None:
     with (
-        pytest.raises(
-            SettingError, match=f"threads must be a whole number, at least 1; got {threads}"
-        ),
+        pytest.raises(SettingError, match="threads must be a whole number, at least 1"),
         running(threads=threads),
     ):
         pytest.fail("must not begin")
