@@ -66,18 +66,18 @@ class ClosedGrasps:
             rows: Their indices, shape (c,).
         """
         row = self.row[rows]
-        known = row != NO_ROW
+        has_row = row != NO_ROW
         return ClosedGrasps(
             label=locked(self.label[rows]),
             margin=locked(self.margin[rows]),
-            row=rows_where(known),
-            jaws=None if self.jaws is None or not known.any() else self.jaws.take(row[known]),
+            row=rows_where(has_row),
+            jaws=None if self.jaws is None or not has_row.any() else self.jaws.take(row[has_row]),
         )
 
     def note(self, labels: Bytes) -> str:
         """A sentence if the closed jaws confirm none of the labels S and M; else empty.
 
-        A label is confirmed by the same or a better one.
+        A label is confirmed by the same or a better label.
 
         Args:
             labels: `Label` codes of the grasps of ideal points, shape (b,).
@@ -106,8 +106,8 @@ def close_on(mesh: ObjectMesh, reach: Reach, scene: Scene, model: GraspModel) ->
     """
     hand = scene.hand
     external = reach.pregrasp_opening >= reach.opening
-    known = external & np.isfinite(reach.poses).all(axis=(1, 2))
-    rows, row = np.flatnonzero(known), rows_where(known)
+    has_pose = external & np.isfinite(reach.poses).all(axis=(1, 2))
+    rows, row = np.flatnonzero(has_pose), rows_where(has_pose)
     if not len(rows):
         unknown = np.full(len(row), UNKNOWN)
         return ClosedGrasps(unknown, np.full(len(row), math.nan), row, None)

@@ -361,19 +361,19 @@ def _normal_sets_at(mesh: ObjectMesh, surface_points: SurfacePoints) -> NormalSe
     weights = np.array(surface_points.weights).reshape(-1, 3)
     sets = mesh.contact_normals
     counts, vertices = np.empty((2, len(faces)), dtype=np.int64)
-    found = np.zeros((len(faces), 2, 3))
-    write_normals_of_all(faces, weights, mesh.contact_surface, sets, counts, vertices, found)
+    pairs = np.zeros((len(faces), 2, 3))
+    write_normals_of_all(faces, weights, mesh.contact_surface, sets, counts, vertices, pairs)
     at_vertex = vertices >= 0
     set_sizes = np.where(sets.counts > 0, sets.counts, np.diff(sets.start))
     rows = np.where(at_vertex, set_sizes[vertices], np.maximum(counts, 1))
     first = np.where(at_vertex, sets.start[vertices], len(sets.normals) + 2 * np.arange(len(faces)))
     start = np.concatenate([[0], np.cumsum(rows)])
     which = np.arange(start[-1]) + np.repeat(first - start[:-1], rows)
-    found[counts == 0] = unit_rows(found[counts == 0])
-    normals = np.concatenate([sets.normals, found.reshape(-1, 3)])[which]
-    middles = found[:, 0].copy()
+    pairs[counts == 0] = unit_rows(pairs[counts == 0])
+    normals = np.concatenate([sets.normals, pairs.reshape(-1, 3)])[which]
+    middles = pairs[:, 0].copy()
     arcs = np.flatnonzero((counts == 2) & ~at_vertex)
-    sums = found[arcs].sum(axis=1)
+    sums = pairs[arcs].sum(axis=1)
     middles[arcs] = unit_rows(sums)
     counts[arcs[np.linalg.norm(sums, axis=1) < 2.0 * HEMISPHERE]] = 0
     middles[at_vertex] = mesh.normals[vertices[at_vertex]]

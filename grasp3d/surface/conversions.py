@@ -24,11 +24,11 @@ def labels_to_table(labels: VertexGrasps) -> Any:
     """Arrow table with a row for each vertex, as in the file that `write_fields` writes."""
     from grasp3d.system.tables import table_of_arrays
 
-    found = [(field, values) for field, values in present(VERTICES, labels) if field.table]
+    pairs = [(field, values) for field, values in present(VERTICES, labels) if field.table]
     columns = {
-        name: column for field, values in found for name, column in field.as_columns(values).items()
+        name: column for field, values in pairs for name, column in field.as_columns(values).items()
     }
-    texts = {field.name: field.texts for field, _ in found if field.texts}
+    texts = {field.name: field.texts for field, _ in pairs if field.texts}
     return table_of_arrays(columns, texts, settings=complete_settings(labels))
 
 
@@ -36,12 +36,12 @@ def labels_to_trimesh(labels: VertexGrasps) -> "trimesh.Trimesh":
     """The surface as a trimesh, coloured by label, with every array as a vertex attribute."""
     from trimesh.visual import ColorVisuals
 
-    made = labels.mesh.to_trimesh()
+    surface = labels.mesh.to_trimesh()
     arrays = point_arrays(labels)
-    made.visual = ColorVisuals(made, vertex_colors=arrays.pop("color"))
-    made.vertex_attributes.update(arrays)
-    made.metadata["grasp3d"] = settings_of(labels)
-    return made
+    surface.visual = ColorVisuals(surface, vertex_colors=arrays.pop("color"))
+    surface.vertex_attributes.update(arrays)
+    surface.metadata["grasp3d"] = settings_of(labels)
+    return surface
 
 
 def labels_to_polydata(labels: VertexGrasps) -> "pyvista.PolyData":
@@ -64,10 +64,10 @@ def labels_to_polydata(labels: VertexGrasps) -> "pyvista.PolyData":
 
 def point_arrays(labels: VertexGrasps) -> Arrays:
     """The arrays over the vertices beside their positions, those of each finger apart."""
-    chosen = (field for field in VERTICES[1:] if field.array)
+    fields = (field for field in VERTICES[1:] if field.array)
     return {
         name: part
-        for field, values in present(chosen, labels)
+        for field, values in present(fields, labels)
         for name, part in field.as_points(values).items()
     }
 

@@ -72,22 +72,22 @@ def critical_angles(contacts: GraspContacts, *, tolerance: float = 1e-4) -> Wors
     """
     if not tolerance > 0.0:
         raise SettingError(f"tolerance must be above 0; got {tolerance}")
-    found = np.full((2, contacts.size), math.inf)
+    bounds = np.full((2, contacts.size), math.inf)
     distances = np.linalg.norm(contacts.points - contacts.points[:, :1], axis=2)
     separate = (distances > SAME_POINT * contacts.mesh.size).any(axis=1)
     together = np.flatnonzero(~separate)
-    found[1, together] = _best_at_one_point(contacts, together, tolerance)
+    bounds[1, together] = _best_at_one_point(contacts, together, tolerance)
     done = len(together)
     for rows, angles in _evaluated(contacts, separate, tolerance):
         if not len(rows):
             continue
-        found[:, rows] = angles
+        bounds[:, rows] = angles
         if 3 <= contacts.count <= MAX_EXAMINED:
             points, _, _ = centred(contacts.points[rows])
-            found[1, rows[~clearly_placed(points)]] = 0.0
+            bounds[1, rows[~clearly_placed(points)]] = 0.0
         done += len(rows)
         report_progress(done / contacts.size)
-    return locked(found[0]), locked(found[1])
+    return locked(bounds[0]), locked(bounds[1])
 
 
 def _best_at_one_point(contacts: GraspContacts, rows: Ints, tolerance: float) -> Floats:
@@ -98,8 +98,8 @@ def _best_at_one_point(contacts: GraspContacts, rows: Ints, tolerance: float) ->
     """
     best = np.zeros(len(rows))
     smooth = ~contacts.on_crease[rows].any(axis=1)
-    chosen = contacts.normals[rows[smooth]]
-    at_origin = Contacts(np.zeros(chosen.shape), chosen, friction=0.0)
+    smooth_normals = contacts.normals[rows[smooth]]
+    at_origin = Contacts(np.zeros(smooth_normals.shape), smooth_normals, friction=0.0)
     best[smooth] = critical_friction_angle(at_origin, tolerance=tolerance)
     start, count = contacts.set_start, contacts.count
     for g in np.flatnonzero(~smooth & ~contacts.any_normal[rows].any(axis=1)):
@@ -181,7 +181,7 @@ def _chunks_of_sizes(sizes: Floats, rows: Ints) -> Iterator[Ints]:
 
 def _of_pairs(contacts: GraspContacts, rows: Ints) -> Floats:
     """Closed form of two contacts with sets of normals: squeezing or expanding, (2, b)."""
-    found = np.full((2, len(rows)), math.inf)
+    angles = np.full((2, len(rows)), math.inf)
     start, normals, any_normal = contacts.set_start, contacts.set_normals, contacts.any_normal
     lines = contacts.points[rows, 1] - contacts.points[rows, 0]
     for g, (row, line) in enumerate(zip(rows, lines, strict=True)):
@@ -196,5 +196,5 @@ def _of_pairs(contacts: GraspContacts, rows: Ints) -> Floats:
                     angle(normals, *set_, *direction)
                     for set_, direction in zip(sets, directions, strict=True)
                 )
-                found[k, g] = min(found[k, g], larger)
-    return found
+                angles[k, g] = min(angles[k, g], larger)
+    return angles

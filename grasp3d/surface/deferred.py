@@ -36,8 +36,8 @@ class Deferred(cached_property[T]):
 
     def computed(self, instance: object) -> T | None:
         """The value if it is known already, else None."""
-        found: T | None = vars(instance).get(self.attrname or "")
-        return found
+        value: T | None = vars(instance).get(self.attrname or "")
+        return value
 
     def know(self, instance: object, value: T) -> None:
         """Set the value, which is known already, instead of computing it.

@@ -65,10 +65,10 @@ def hull_labels(grasps: GraspContacts, model: GraspModel) -> Bytes:
     done = 0
     for rows, contacts, tested in _groups(grasps, model):
         low, high = _over_friction(contacts, model)
-        found = closure_at(low, tested, options)
-        best = found if high is low else closure_at(high, tested, options)
+        worst = closure_at(low, tested, options)
+        best = worst if high is low else closure_at(high, tested, options)
         labels[rows[~best.closing]] = Label.U
-        labels[rows[~found.failing]] = Label.S
+        labels[rows[~worst.failing]] = Label.S
         done += len(rows)
         report_progress(done / len(labels))
     return labels
@@ -78,7 +78,7 @@ def _labels_of_jaws(grasps: JawContacts, model: GraspModel) -> Bytes:
     """Label codes of patches that closed jaws touch, which have one normal each, shape (b,)."""
     if not grasps.size:
         return np.zeros(0, dtype=np.uint8)
-    found = classify(
+    result = classify(
         grasps.contacts(model),
         2.0 * model.tilt,
         method=model.method,
@@ -86,7 +86,7 @@ def _labels_of_jaws(grasps: JawContacts, model: GraspModel) -> Bytes:
         extreme_normals=model.extreme_normals,
         options=EpsilonOptions.of_model(model, torque_scale=1.0, rtol=LABEL_RTOL),
     )
-    return np.asarray(found.label)
+    return np.asarray(result.label)
 
 
 def hull_epsilons(
@@ -106,15 +106,15 @@ def hull_epsilons(
     Raises:
         SettingError: A grasp has too many combinations.
     """
-    found, done = np.zeros((2, grasps.size)), 0
+    epsilons, done = np.zeros((2, grasps.size)), 0
     for rows, contacts, tested in _groups(grasps, model):
         low, high = _over_friction(contacts, model)
         worst = extremes(low, tested, options)
         best = worst if high is low else extremes(high, tested, options)
-        found[:, rows] = worst.minimum, best.maximum
+        epsilons[:, rows] = worst.minimum, best.maximum
         done += len(rows)
         report_progress(done / grasps.size)
-    return found[0], found[1]
+    return epsilons[0], epsilons[1]
 
 
 def _groups(grasps: GraspContacts, model: GraspModel) -> Iterator[tuple[Ints, Contacts, Tested]]:
@@ -149,9 +149,9 @@ def _over_friction(contacts: Contacts, model: GraspModel) -> tuple[Contacts, Con
 
 def _normals(grasps: GraspContacts) -> list[Floats]:
     """Normals of the faces at every contact, (k, 3) each, at most `MAX_FACE_NORMALS`."""
-    found = []
+    normals = []
     for first, end in pairwise(grasps.set_start.tolist()):
         count = min(end - first, MAX_FACE_NORMALS)
         rows = np.linspace(0, end - first, count, endpoint=False).astype(np.int64)
-        found.append(grasps.set_normals[first + rows])
-    return found
+        normals.append(grasps.set_normals[first + rows])
+    return normals

@@ -82,10 +82,10 @@ class Field:
 
     def values_of(self, holder: object) -> Array | None:
         """The values as files hold them, a row for each vertex or grasp; None: there are none."""
-        found = (self.of or attrgetter(self.name))(holder)
-        if found is None:
+        attribute = (self.of or attrgetter(self.name))(holder)
+        if attribute is None:
             return None
-        values = np.asarray(found)
+        values = np.asarray(attribute)
         return -values if self.outward else values
 
     def texts_of(self, values: Array) -> Array:
@@ -123,8 +123,8 @@ class Field:
 
     def from_columns(self, columns: Mapping[str, Array], fingers: int) -> Array:
         """Put columns of numbers together again; raises KeyError."""
-        found = np.stack([columns[name] for name in self.column_names(fingers)], axis=1)
-        return found.reshape(len(found), *self.shape_for(fingers))
+        values = np.stack([columns[name] for name in self.column_names(fingers)], axis=1)
+        return values.reshape(len(values), *self.shape_for(fingers))
 
     def from_points(self, points: Mapping[str, Array], fingers: int) -> Array:
         """Put the arrays of the fingers together again; raises KeyError."""
@@ -158,8 +158,8 @@ def of_part(part: str, name: str) -> Callable[[Any], Array | None]:
     """The values of an attribute that labels or grasps may lack; None where they do."""
 
     def values(holder: Any) -> Array | None:
-        found = getattr(holder, part)
-        return None if found is None else getattr(found, name)
+        owner = getattr(holder, part)
+        return None if owner is None else getattr(owner, name)
 
     return values
 
@@ -170,8 +170,8 @@ def names_of(codes: type[IntEnum]) -> tuple[str, ...]:
 
 
 def _payload(holder: Any) -> Array | None:
-    held = holder.holding
-    return held.payload if held is not None and held.has_payload else None
+    holding = holder.holding
+    return holding.payload if holding is not None and holding.has_payload else None
 
 
 LABEL = Field("label", "the label S, M or U", kind="u1", ply="u1", texts=LETTERS)

@@ -58,15 +58,15 @@ def located_angles_of(
     if grasps.count == 2:
         worst, best = located_pairs(*angles, lines or grasps.lines, limits)
         return locked(worst), locked(best)
-    found = np.full((2, grasps.size), math.inf)
-    chosen = np.flatnonzero(np.isfinite(angles[0]))
-    on_crease = grasps.on_crease[chosen].any(axis=1)
-    found[:, chosen[on_crease]] = np.array(AMBIGUOUS)[:, None]
-    smooth = chosen[~on_crease]
+    bounds = np.full((2, grasps.size), math.inf)
+    rows = np.flatnonzero(np.isfinite(angles[0]))
+    on_crease = grasps.on_crease[rows].any(axis=1)
+    bounds[:, rows[on_crease]] = np.array(AMBIGUOUS)[:, None]
+    smooth = rows[~on_crease]
     if len(smooth):
         contacts = Contacts(grasps.points[smooth] - grasps.mesh.center, grasps.normals[smooth])
-        found[:, smooth] = located_grasps(contacts, np.asarray(angles[0])[smooth], limits)
-    return locked(found[0]), locked(found[1])
+        bounds[:, smooth] = located_grasps(contacts, np.asarray(angles[0])[smooth], limits)
+    return locked(bounds[0]), locked(bounds[1])
 
 
 def surface_epsilons(
@@ -91,23 +91,23 @@ def surface_epsilons(
         SettingError: A grasp has too many combinations of extreme normals.
     """
     values = np.full((3, grasps.size), math.nan)
-    chosen = grasps.with_normals
-    if not len(chosen):
+    rows = grasps.with_normals
+    if not len(rows):
         return EpsilonRange(*map(locked, values))
-    chosen_grasps = grasps.take(chosen)
+    chosen_grasps = grasps.take(rows)
     contacts = chosen_grasps.contacts(model)
     options = EpsilonOptions.of_model(
         model, torque_scale=grasps.mesh.torque_scale, rtol=EPSILON_RTOL
     )
     if model.method == "extremes" and not isinstance(grasps, JawContacts):
-        values[0, chosen] = epsilon_with(contacts, options).lower
-        values[1:, chosen] = hull_epsilons(chosen_grasps, model, options)
+        values[0, rows] = epsilon_with(contacts, options).lower
+        values[1:, rows] = hull_epsilons(chosen_grasps, model, options)
     else:
-        found = uncertain_epsilon_range(
+        epsilon = uncertain_epsilon_range(
             contacts, model.tilt_of_fingers, WrenchErrors.of_model(model, center_radius), options,
             bound_rtol=BOUND_RTOL,
         )  # fmt: skip
-        values[:, chosen] = found.nominal, found.minimum, found.maximum
+        values[:, rows] = epsilon.nominal, epsilon.minimum, epsilon.maximum
     return EpsilonRange(*map(locked, values))
 
 
@@ -139,17 +139,17 @@ def surface_metrics(
     Raises:
         SettingError: An unknown name.
     """
-    chosen = grasps.with_normals
-    if not len(chosen):
+    rows = grasps.with_normals
+    if not len(rows):
         return MetricValues.undefined(names, grasps.size, NO_NORMALS)
-    found = metrics(
-        grasps.take(chosen).contacts(model),
+    values = metrics(
+        grasps.take(rows).contacts(model),
         names,
         torque_scale=grasps.mesh.torque_scale,
         edges=model.edges or EDGES,
         principal_axis=longest_axis(grasps.mesh),
     )
-    return found.placed(chosen, grasps.size, NO_NORMALS)
+    return values.placed(rows, grasps.size, NO_NORMALS)
 
 
 def longest_axis(mesh: ObjectMesh) -> Floats:
@@ -192,25 +192,25 @@ def surface_holding(grasps: GraspContacts, model: GraspModel, case: LoadCase) ->
         Rows (b,). Where the normals at a contact cancel out nothing is known of the forces: the
         label with force is M.
     """
-    chosen = grasps.with_normals
-    if not len(chosen):
+    rows = grasps.with_normals
+    if not len(rows):
         return _unknown_normals(Holding.none(case, grasps.size))
-    known = grasps.take(chosen)
-    found = holding_of(
-        known.contacts(model), known.tilts(model), case, friction=model.friction_bounds,
+    subset = grasps.take(rows)
+    holding = holding_of(
+        subset.contacts(model), subset.tilts(model), case, friction=model.friction_bounds,
     )  # fmt: skip
-    if len(chosen) == grasps.size:
-        return found
-    return _unknown_normals(found.placed(chosen, grasps.size))
+    if len(rows) == grasps.size:
+        return holding
+    return _unknown_normals(holding.placed(rows, grasps.size))
 
 
-def _unknown_normals(found: Holding) -> Holding:
+def _unknown_normals(holding: Holding) -> Holding:
     """The forces of rows without numbers, whose normals cancel out: anything may be true."""
-    unknown = np.isnan(found.grip_force)
-    payload = np.where(unknown & found.has_payload, 0.0, found.payload)
+    unknown = np.isnan(holding.grip_force)
+    payload = np.where(unknown & holding.has_payload, 0.0, holding.payload)
     return replace(
-        found,
-        grip_force_least=locked(np.where(unknown, 0.0, found.grip_force_least)),
-        grip_force_largest=locked(np.where(unknown, math.inf, found.grip_force_largest)),
+        holding,
+        grip_force_least=locked(np.where(unknown, 0.0, holding.grip_force_least)),
+        grip_force_largest=locked(np.where(unknown, math.inf, holding.grip_force_largest)),
         payload=locked(payload),
     )

@@ -62,11 +62,11 @@ class BestNormalGrasps:
 
     def of_rows(self, rows: Ints) -> "BestNormalGrasps | None":
         """Those of chosen rows of the table, shape (d,); None: none."""
-        chosen = np.flatnonzero(np.isin(rows, self.rows))
-        if not len(chosen):
+        indices = np.flatnonzero(np.isin(rows, self.rows))
+        if not len(indices):
             return None
-        numbers = np.searchsorted(self.rows, rows[chosen])
-        return BestNormalGrasps(locked(chosen), self.contacts.take(numbers))
+        numbers = np.searchsorted(self.rows, rows[indices])
+        return BestNormalGrasps(locked(indices), self.contacts.take(numbers))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -192,25 +192,25 @@ class GraspTable(LabelledGrasps):
     def holding(self) -> Holding | None:
         """Grip force and payload of the grasps under the load; None: there is no load.
 
-        Of the grasps over the worst normals; where another one is better over the best normals,
+        Of the grasps over the worst normals; where another grasp is better over the best normals,
         the least force is the smaller one of the two, as for labels. Computed when first read.
         """
         case, model, other = self.load_case, self.model, self.best_normals
         if case is None or self.known_contacts is None:
             return None
-        found = surface_holding(self.contacts, model, case)
+        holding = surface_holding(self.contacts, model, case)
         if other is None:
-            return found
+            return holding
         with unreported():
             better = surface_holding(other.contacts, model, case)
         least = better.placed(other.rows, self.size).grip_force_least
-        return replace(found, grip_force_least=locked(np.fmin(found.grip_force_least, least)))
+        return replace(holding, grip_force_least=locked(np.fmin(holding.grip_force_least, least)))
 
     @Deferred
     def closed(self) -> ClosedGrasps | None:
         """What the jaws touch when they close at the poses, with labels and margins.
 
-        Computed when first read; None: no hand, or one without poses.
+        Computed when first read; None: no hand, or a hand without poses.
         """
         reach, scene = self.reach, self.scene
         if reach is None or scene is None or not self.has_poses:
@@ -231,10 +231,10 @@ class GraspTable(LabelledGrasps):
         different rank are not comparable.
         """
         ranks = np.zeros(self.size, dtype=np.int64)
-        chosen = self.contacts.with_normals
-        if len(chosen):
-            contacts = self.contacts.take(chosen).contacts(self.model)
-            ranks[chosen] = force_closure(contacts).rank
+        rows = self.contacts.with_normals
+        if len(rows):
+            contacts = self.contacts.take(rows).contacts(self.model)
+            ranks[rows] = force_closure(contacts).rank
         return locked(ranks)
 
     @property
@@ -297,22 +297,22 @@ class GraspTable(LabelledGrasps):
         }
         other = None if self.best_normals is None else self.best_normals.of_rows(rows)
         reach = None if self.reach is None else self.reach.take(rows)
-        found = replace(
+        table = replace(
             self, contacts=self.contacts.take(rows), best_normals=other, reach=reach, **arrays
         )
         for name in COMPUTED.intersection(vars(self)):
-            vars(found)[name] = rows_of(vars(self)[name], rows)
-        return found
+            vars(table)[name] = rows_of(vars(self)[name], rows)
+        return table
 
     def whole(self) -> "GraspTable":
         """The grasps as given by their contacts: with the angles of these, over all normals."""
         worst, best = critical_angles(self.contacts)
-        found = replace(
+        table = replace(
             self, critical_angle=worst, critical_angle_best=best, best_normals=None, points=None
         )
         if "closed" in vars(self):
-            GraspTable.closed.know(found, self.closed)
-        return found
+            GraspTable.closed.know(table, self.closed)
+        return table
 
     def using(self, **changed: Any) -> "GraspTable":
         """The same grasps with another model or load.
@@ -329,11 +329,11 @@ class GraspTable(LabelledGrasps):
                 "how a gripper reaches grasps is known for its own scene only; label the surface "
                 "with the other one (in Python label_surface(..., scene=...))"
             )
-        found = replace(self, **changed)
-        known = GraspTable.located_angles.computed(self)
-        if known is not None and _limits(found.model) == _limits(self.model):
-            GraspTable.located_angles.know(found, known)
-        return found
+        table = replace(self, **changed)
+        angles = GraspTable.located_angles.computed(self)
+        if angles is not None and _limits(table.model) == _limits(self.model):
+            GraspTable.located_angles.know(table, angles)
+        return table
 
     def computed(self, name: str) -> Any:
         """What has been computed already: `label`, `epsilon_range`, ...; None: it has not been.

@@ -169,8 +169,8 @@ class Holding:
         return replace(self, **changed)
 
     def _arrays(self) -> dict[str, npt.NDArray[Any]]:
-        found = {name: getattr(self, name) for name in _ARRAYS}
-        return {name: values for name, values in found.items() if values is not None}
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        return {name: values for name, values in arrays.items() if values is not None}
 
 
 _ARRAYS = ("grip_force", "grip_force_least", "grip_force_largest", "payload", "resistance")
@@ -194,11 +194,11 @@ def holding_of(
             force and the payload are those of the smallest friction, the least force that of the
             largest, each with the torsion radius of a gripper's pads at that friction.
     """
-    known = np.array_equal(friction[0], friction[1])
+    is_known = np.array_equal(friction[0], friction[1])
     cases = FrictionCases(
         case.at_friction(contacts), *(case.at_friction(contacts, bound) for bound in friction)
     )
-    forces = _forces(cases, tilt, case.task, known)
+    forces = _forces(cases, tilt, case.task, is_known)
     payloads = np.full(contacts.batch, np.nan)
     force, mass = case.available, case.task.mass
     if force is not None and mass is not None:
@@ -219,13 +219,13 @@ def holding_of(
     )
 
 
-def _forces(cases: FrictionCases, tilt: ArrayLike, task: Task, friction_known: bool) -> ForceRange:
+def _forces(cases: FrictionCases, tilt: ArrayLike, task: Task, is_known: bool) -> ForceRange:
     """Forces at the nominal contacts, and the least and the largest over tilts and friction."""
 
     def forces(contacts: Contacts, tilt: ArrayLike) -> ForceRange:
         return force_range(contacts, task, tilt, rtol=FORCE_RTOL)
 
-    if friction_known:
+    if is_known:
         return forces(cases.nominal, tilt)
     nominal, low, high = over_friction(forces, cases, tilt)
     return replace(nominal, least=high.least, largest=low.largest, how=low.how)

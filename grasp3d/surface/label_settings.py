@@ -49,7 +49,7 @@ def settings_of(labels: VertexGrasps) -> Values:
 def complete_settings(labels: VertexGrasps) -> Values:
     """The same with what a prepared mesh has beside its arrays, and the extent of the search."""
     mesh, sampling = labels.mesh, labels.sampling
-    solids, given = mesh.solids, None if sampling is None else sampling.search_angle
+    solids, angle = mesh.solids, None if sampling is None else sampling.search_angle
     surface: dict[str, Any] = {
         "center": mesh.center.tolist(),
         "size": mesh.size,
@@ -62,7 +62,7 @@ def complete_settings(labels: VertexGrasps) -> Values:
     return {
         **settings_of(labels),
         "surface": json.dumps(surface),
-        "search": json.dumps({**asdict(labels.search), GIVEN_ANGLE: given}),
+        "search": json.dumps({**asdict(labels.search), GIVEN_ANGLE: angle}),
     }
 
 

@@ -76,8 +76,8 @@ class Labelling:
             SettingError: As in `label_surface`.
             MeshError: Labels for so many fingers would need too much memory.
         """
-        model, given = mesh.in_own_unit(model, sampling)
-        limits = given or Sampling().fitted(model.fingers)
+        model, settings = mesh.in_own_unit(model, sampling)
+        limits = settings or Sampling().fitted(model.fingers)
         check_search_settings(model, limits)
         if scene is not None:
             metres_per_unit(mesh)
@@ -262,8 +262,8 @@ def label_pairs(
     )  # fmt: skip
     alike = ranking == ALIKE
     with within(0.0, 1.0 if alike else BEFORE_MARGINS):
-        found = find()
-    labels = labels_of(**_pairs(mesh, found, other_hand), search=_search_report(cone, [found]))
+        pairs = find()
+    labels = labels_of(**_pairs(mesh, pairs, other_hand), search=_search_report(cone, [pairs]))
     if alike:
         return labels
     # With larger openings or other normals, grasps may have more margin.
@@ -272,7 +272,7 @@ def label_pairs(
     with unreported():
         with_margin = labels_of(
             **_pairs(mesh, other, other_hand, are_costs=True),
-            search=_search_report(cone, [found, other]),
+            search=_search_report(cone, [pairs, other]),
         )
     return with_more_margin(labels, with_margin)
 
@@ -289,7 +289,7 @@ def _search_report(cone: float, searches: list[AntipodalGrasps]) -> SearchReport
 
 def _pairs(
     mesh: ObjectMesh,
-    found: AntipodalGrasps,
+    pairs: AntipodalGrasps,
     scene: Scene | None,
     *,
     are_costs: bool = False,
@@ -300,21 +300,21 @@ def _pairs(
     that its hand does not reach.
     """
     points = SurfacePoints(
-        found.partner_points.faces[..., None], found.partner_points.weights[..., None, :]
+        pairs.partner_points.faces[..., None], pairs.partner_points.weights[..., None, :]
     )
-    angles = found.worst, found.best
+    angles = pairs.worst, pairs.best
     if are_costs:
-        having = (found.reason == Reason.FOUND) & mesh.on_surface
+        having = (pairs.reason == Reason.FOUND) & mesh.on_surface
         angles, points = _angles_of_pairs(mesh, points, np.unique(mesh.canonical[having]))
-    reasons, reach = found.reason, found.reach
+    reasons, reach = pairs.reason, pairs.reach
     if scene is not None:
-        reasons, reach = _reach_of(mesh, points, reasons, scene, grip=found.grip)
-    lost = reasons != found.reason
+        reasons, reach = _reach_of(mesh, points, reasons, scene, grip=pairs.grip)
+    lost = reasons != pairs.reason
     return {
         "angles": tuple(np.where(lost, math.inf, angle) for angle in angles),
-        "partners": np.where(lost[:, None], math.nan, found.partner)[:, None],
+        "partners": np.where(lost[:, None], math.nan, pairs.partner)[:, None],
         "partner_points": points,
-        "grip": np.where(lost, 0, found.grip),
+        "grip": np.where(lost, 0, pairs.grip),
         "reason": reasons,
         "reach": reach,
     }
@@ -359,9 +359,9 @@ def label_multifinger(
     """
     cone, count = search_cone(model, sampling), len(mesh.vertices)
     with within(0.0, BEFORE_ANGLES):
-        found = search(mesh, model.fingers, sampling, cone)
-    points = _both_grasps(found.partner_points)
-    reasons, reach = found.reason, None
+        result = search(mesh, model.fingers, sampling, cone)
+    points = _both_grasps(result.partner_points)
+    reasons, reach = result.reason, None
     if scene is not None:
         reasons, reach = _reach_of(mesh, points, reasons, scene)
     vertices = np.unique(mesh.canonical[(reasons == Reason.FOUND) & mesh.on_surface])
@@ -377,7 +377,7 @@ def label_multifinger(
     partners[vertices] = grasps.points[:, 1:]
     report_progress(1.0)
     report = SearchReport(
-        cone, evaluated=found.evaluated, rounds=found.rounds, still_falling=found.still_falling
+        cone, evaluated=result.evaluated, rounds=result.rounds, still_falling=result.still_falling
     )
     return SurfaceLabels.of_vertices(
         mesh,

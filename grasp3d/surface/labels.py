@@ -53,9 +53,9 @@ class SurfaceLabels(VertexGrasps):
 
     def __repr__(self) -> str:
         model = self.model
-        known = model.method == "exact" or self.computed("label") is not None
-        found = self.fractions() if known else {}
-        fractions = (f"{name} {fraction:.1%}" for name, fraction in found.items())
+        has_labels = model.method == "exact" or self.computed("label") is not None
+        areas = self.fractions() if has_labels else {}
+        fractions = (f"{name} {fraction:.1%}" for name, fraction in areas.items())
         return (
             f"<SurfaceLabels of {self.mesh.report.source}: {len(self.row):,} vertices, "
             f"{model.fingers} fingers, {model_line(model, self.mesh.unit)}; "
@@ -85,9 +85,9 @@ class SurfaceLabels(VertexGrasps):
         Args:
             changed: Fields of `GraspTable` by name; see `GraspTable.using`.
         """
-        found = replace(self, grasps=self.grasps.using(**changed))
-        vars(found).update({name: vars(self)[name] for name in _OF_SEARCH.intersection(vars(self))})
-        return found
+        copy = replace(self, grasps=self.grasps.using(**changed))
+        vars(copy).update({name: vars(self)[name] for name in _OF_SEARCH.intersection(vars(self))})
+        return copy
 
     def relabel(
         self,
@@ -127,7 +127,7 @@ class SurfaceLabels(VertexGrasps):
             >>> labels.relabel(sensor_resolution=0.1)
             <SurfaceLabels of trimesh.Trimesh: 482 ...; S 68.0%, M 32.0%, U 0.0%>
         """
-        given = {
+        fields = {
             "friction": friction,
             "sensor_resolution": sensor_resolution,
             "friction_error": friction_error,
@@ -135,7 +135,7 @@ class SurfaceLabels(VertexGrasps):
             "location_error": location_error,
             "per_finger": per_finger,
         }
-        changed: dict[str, Any] = {name: one for name, one in given.items() if one is not None}
+        changed: dict[str, Any] = {name: one for name, one in fields.items() if one is not None}
         if friction is not None and len(set(friction_interval(friction))) > 1:
             changed.setdefault("friction_error", 0.0)  # the interval states it
         (model,) = self.mesh.in_own_unit(replace(self.model, **changed))

@@ -119,14 +119,14 @@ def _volumes(mesh: ObjectMesh, count: int) -> Floats:
     """Volumes of the bodies, shape (count,); raises SettingError if there are not so many."""
     solids, source = mesh.solids, mesh.report.source
     if solids is None or len(solids.volumes) != count:
-        found = "too many" if solids is None else len(solids.volumes)
+        bodies = "too many" if solids is None else len(solids.volumes)
         listed = ""
         if solids is not None and 1 < len(solids.volumes) <= LISTED:
             volumes = ", ".join(f"{one * mesh.size**3:.4g}" for one in solids.volumes)
             listed = f" (volumes {volumes} {mesh.unit}^3)"
         raise SettingError(
             f"density has {count} values, one for each closed body, but {source} has "
-            f"{found}{listed}: give one density, or one for each in the order of the file"
+            f"{bodies}{listed}: give one density, or one for each in the order of the file"
         )
     ratio = float(solids.volumes.sum()) * mesh.size**3 / mesh.volume
     if ratio > 1.0 + OVERLAP:

@@ -14,22 +14,22 @@ TIE = 1e-9
 """Difference of located angles up to which a grasp is kept [rad]."""
 
 
-def with_more_margin(known: SurfaceLabels, other: SurfaceLabels) -> SurfaceLabels:
+def with_more_margin(labels: SurfaceLabels, other: SurfaceLabels) -> SurfaceLabels:
     """Known grasps, or those of a search by margin where they have more of it.
 
-    Over the best normals those with the smallest critical angle stay: where one of them is M, no
-    grasp with more margin makes the vertex U.
+    Over the best normals those with the smallest critical angle stay: where such a grasp is M,
+    no grasp with more margin makes the vertex U.
 
     Args:
-        known: Grasps with the smallest critical angles.
+        labels: Grasps with the smallest critical angles.
         other: Grasps with the largest margins that were found, for the same model.
     """
-    worst = other.located_angles[0] < known.located_angles[0] - TIE
-    best = other.critical_angle_best < known.critical_angle_best
-    missing = known.reason != Reason.FOUND
+    worst = other.located_angles[0] < labels.located_angles[0] - TIE
+    best = other.critical_angle_best < labels.critical_angle_best
+    missing = labels.reason != Reason.FOUND
     return merged(
-        known, other, worst=worst, best=best | (missing & worst),
-        reason=np.where(worst, other.reason, known.reason),
+        labels, other, worst=worst, best=best | (missing & worst),
+        reason=np.where(worst, other.reason, labels.reason),
     )  # fmt: skip
 
 
@@ -41,11 +41,11 @@ def merged(
     Args:
         one: The grasps; those of a file have no surface points yet.
         other: Grasps on the same mesh, whose model, settings and search the result has.
-        worst: Vertices whose grasp over the worst normals is the other one (V,).
-        best: Vertices whose grasp over the best normals is the other one (V,).
+        worst: Vertices whose grasp over the worst normals is from `other` (V,).
+        best: Vertices whose grasp over the best normals is from `other` (V,).
         reason: `Reason` codes of the result (V,).
     """
-    taken = np.stack([worst, best], axis=1)  # (V, 2): both grasps of a vertex
+    from_other = np.stack([worst, best], axis=1)  # (V, 2): both grasps of a vertex
     points, others = one.partner_points, other.partner_points
     return SurfaceLabels.of_vertices(
         other.mesh,
@@ -56,8 +56,8 @@ def merged(
         ),
         partners=np.where(worst[:, None, None], other.partners, one.partners),
         partner_points=SurfacePoints(
-            np.where(taken[..., None], others.faces, points.faces),
-            np.where(taken[..., None, None], others.weights, points.weights),
+            np.where(from_other[..., None], others.faces, points.faces),
+            np.where(from_other[..., None, None], others.weights, points.weights),
         ),
         grip=np.where(worst, other.grip, one.grip),
         reason=reason,

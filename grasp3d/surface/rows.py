@@ -32,19 +32,19 @@ def spread(values: npt.NDArray[Any], row: Ints, missing: float) -> npt.NDArray[A
         >>> spread(np.array([0.5, 0.7]), np.array([1, 0, -1, 1]), 0.0).tolist()
         [0.7, 0.5, 0.0, 0.7]
     """
-    found = np.full((len(row), *values.shape[1:]), missing, dtype=values.dtype)
-    known = row != NO_ROW
-    found[known] = values[row[known]]
-    return locked(found)
+    result = np.full((len(row), *values.shape[1:]), missing, dtype=values.dtype)
+    has_row = row != NO_ROW
+    result[has_row] = values[row[has_row]]
+    return locked(result)
 
 
-def rows_where(known: Bools) -> Ints:
-    """Row of each place in a table of those that are known, in their order; -1: none, shape (k,).
+def rows_where(has_row: Bools) -> Ints:
+    """Rows of places in a table of those that have one, in their order; -1: none, shape (k,).
 
     Args:
-        known: Whether each place has a row, shape (k,).
+        has_row: Whether each place has a row, shape (k,).
     """
-    return locked(np.where(known, np.cumsum(known) - 1, NO_ROW))
+    return locked(np.where(has_row, np.cumsum(has_row) - 1, NO_ROW))
 
 
 def rows_of(values: Any, rows: Ints) -> Any:
@@ -66,5 +66,5 @@ def if_known(values: T | None, function: Callable[[T], V]) -> V:
         function: What follows from them.
     """
     unknown: Any = None
-    found: V = unknown if values is None else function(values)
-    return found
+    result: V = unknown if values is None else function(values)
+    return result

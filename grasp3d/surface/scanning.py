@@ -61,17 +61,17 @@ def scan_surface(
         [-0.015]
     """
     mesh, points = load_mesh(mesh), _fixed_points(fixed)
-    (chosen,) = mesh.in_own_unit(with_fingers(model or GraspModel(), len(points) + 1))
-    check_point_contacts(chosen)
-    if chosen.method == "extremes":
-        check_combinations_of(chosen)
+    (own_model,) = mesh.in_own_unit(with_fingers(model or GraspModel(), len(points) + 1))
+    check_point_contacts(own_model)
+    if own_model.method == "extremes":
+        check_combinations_of(own_model)
     count = len(mesh.vertices)
     nearest = [nearest_surface_point(mesh, (point - mesh.center) / mesh.size) for point in points]
     positions = np.stack([position for position, _, _ in nearest])  # normalised frame
     faces = np.array([[face for _, face, _ in nearest]])
     weights = np.stack([weights for _, _, weights in nearest])[None]
     fixed_contacts = SurfaceContacts(mesh, SurfacePoints(faces, weights))  # one grasp
-    searched = BEFORE_ENUMERATION if chosen.method == "extremes" and len(points) > 1 else 0.0
+    searched = BEFORE_ENUMERATION if own_model.method == "extremes" and len(points) > 1 else 0.0
     if len(points) == 1:
         angles, grip = _scan_pairs(fixed_contacts, positions[0])
     else:
@@ -82,7 +82,7 @@ def scan_surface(
     angles[1, np.isinf(angles[0])] = math.inf
     labels = SurfaceLabels.of_vertices(
         mesh,
-        chosen,
+        own_model,
         angles=(angles[0], angles[1]),
         partners=np.tile(mesh.from_normalized(positions), (count, 1, 1)),
         partner_points=SurfacePoints(

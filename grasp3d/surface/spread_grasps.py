@@ -100,11 +100,11 @@ class SpreadGrasps(LabelledGrasps):
         """`epsilon`, `epsilon_min` and `epsilon_max`, shape (k,); computed when first read."""
         return if_known(self.grasps.epsilon_range, self._spread_epsilon)
 
-    def _spread_epsilon(self, found: EpsilonRange) -> EpsilonRange:
+    def _spread_epsilon(self, epsilon: EpsilonRange) -> EpsilonRange:
         return EpsilonRange(
-            self._spread(found.nominal, math.nan),
-            self._spread(found.minimum, math.nan),
-            self._spread(found.maximum, math.nan),
+            self._spread(epsilon.nominal, math.nan),
+            self._spread(epsilon.minimum, math.nan),
+            self._spread(epsilon.maximum, math.nan),
         )
 
     @cached_property
@@ -113,8 +113,8 @@ class SpreadGrasps(LabelledGrasps):
 
         Computed when first read; see `GraspTable.holding`.
         """
-        found = self.grasps.holding
-        return None if found is None else found.spread(self._spread)
+        holding = self.grasps.holding
+        return None if holding is None else holding.spread(self._spread)
 
     def metrics(self, names: str | Sequence[str] = "all") -> MetricValues:
         """Quality measures of each place's grasp, shape (k,) each; computed when called.
@@ -129,8 +129,8 @@ class SpreadGrasps(LabelledGrasps):
             SettingError: An unknown name.
         """
         rows = np.flatnonzero(self.row != NO_ROW)
-        found = self.grasps.metrics(names).take(self.row[rows])
-        return found.placed(rows, len(self.row), self.no_grasp)
+        values = self.grasps.metrics(names).take(self.row[rows])
+        return values.placed(rows, len(self.row), self.no_grasp)
 
     def computed(self, name: str) -> Any:
         """What has been computed already: `label`, `epsilon_range`, ...; None: it has not been.
@@ -138,8 +138,8 @@ class SpreadGrasps(LabelledGrasps):
         Args:
             name: An attribute that is computed when it is first read.
         """
-        known = name in vars(self) or self.grasps.computed(name) is not None
-        return getattr(self, name) if known else None
+        is_known = name in vars(self) or self.grasps.computed(name) is not None
+        return getattr(self, name) if is_known else None
 
     def compute_labels(self) -> None:
         """Compute `label` now; see `GraspTable.compute_labels`."""

@@ -75,8 +75,8 @@ class VertexGrasps(SpreadGrasps):
     """
 
     grasps: GraspTable
-    """The best grasps over the worst normals, a row for each position that has one; with those that
-    are better over the best normals."""
+    """The best grasps over the worst normals, a row for each position that has a grasp; and
+    the grasps that are better over the best normals."""
     row: Ints
     """Row of each vertex's grasp in that table, -1: none, shape (V,)."""
     reason: Bytes
@@ -132,11 +132,11 @@ class VertexGrasps(SpreadGrasps):
         """
         count = len(mesh.vertices)
         reasons: Any = reason
-        found = np.isfinite(angles[1]) & mesh.on_surface
+        has_grasp = np.isfinite(angles[1]) & mesh.on_surface
         if reason is not None:
             reasons = locked(np.where(mesh.on_surface, reason, Reason.OFF_SURFACE), np.uint8)
-            found = reasons == Reason.FOUND
-        vertices = np.unique(mesh.canonical[found])
+            has_grasp = reasons == Reason.FOUND
+        vertices = np.unique(mesh.canonical[has_grasp])
         row = np.full(count, NO_ROW, dtype=np.int64)
         row[vertices] = np.arange(len(vertices))
         own = None if partners is None else locked(partners[vertices])
@@ -208,10 +208,10 @@ class VertexGrasps(SpreadGrasps):
             reason=values.get("reason"), reach=values.get("reach"), sampling=sampling, mode=mode,
             search=search, scene=scene, load=load, file=file,
         )  # fmt: skip
-        known = {name: one for name, one in values.items() if one is not None}
-        vars(labels).update(known)
+        fields = {name: one for name, one in values.items() if one is not None}
+        vars(labels).update(fields)
         vars(labels.grasps).update(
-            {name: rows_of(known[name], labels.vertices) for name in COMPUTED.intersection(known)}
+            {name: rows_of(fields[name], labels.vertices) for name in COMPUTED.intersection(fields)}
         )
         return labels
 
@@ -223,7 +223,7 @@ class VertexGrasps(SpreadGrasps):
 
     @cached_property
     def likely_reason(self) -> Bytes:
-        """`reason`, or the likely one where a file does not contain it, shape (V,)."""
+        """`reason`, or the likely reason where a file does not contain it, shape (V,)."""
         if self.reason is not None:
             return self.reason
         none = Reason.SAME_POINT if self.mode == "scan" else Reason.NO_PARTNER
@@ -321,10 +321,10 @@ def grasps_at(
     Returns:
         The grasps (b, n), the contacts at the vertices first.
     """
-    chosen = SurfacePoints(
+    points = SurfacePoints(
         partner_points.faces[vertices, number], partner_points.weights[vertices, number]
     )
-    return SurfaceContacts(mesh, with_vertices(mesh, vertices, chosen))
+    return SurfaceContacts(mesh, with_vertices(mesh, vertices, points))
 
 
 def grasps_differ(partner_points: SurfacePoints, vertices: Ints) -> Bools:

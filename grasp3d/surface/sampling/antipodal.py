@@ -1,11 +1,12 @@
 """The best antipodal grasp through every vertex.
 
 Fingers that squeeze: branch and bound over the whole surface, exact on each face, or from the best
-of a few rays where that is not to be had. Fingers that expand: rays from a vertex find the surface
-points opposite to it, since what lies between is in the way. The critical friction angle of each
-pair of contacts is exact, so a search may miss a grasp, but every grasp that it returns is real.
-What rays began is then refined: by ever narrower rings of rays about the closing directions, and by
-rays to the opposing contacts of neighbouring vertices.
+of a few rays where fingers may expand too, openings are limited from below or margins decide.
+Fingers that expand: rays from a vertex find the surface points opposite to it, since what lies
+between is in the way. The critical friction angle of each pair of contacts is exact, so a search
+may miss a grasp, but every grasp that it returns is real. What rays began is then refined: by ever
+narrower rings of rays about the closing directions, and by rays to the opposing contacts of
+neighbouring vertices.
 """
 
 import math
@@ -112,7 +113,7 @@ class AntipodalGrasps:
     grip: np.ndarray[Any, np.dtype[np.int8]]
     """+1 squeeze, -1 expand, 0 none. (V,)"""
     reason: Bytes
-    """0 found, 1 no opposing contact, 2 all of them outside the limits of openings, 5 none of them
+    """0 found, 1 no opposing contact, 2 all contacts outside the limits of openings, 5 no contact
     reached by the gripper. (V,)"""
     rays: int
     """Number of rays traced."""
@@ -123,7 +124,7 @@ class AntipodalGrasps:
     still_falling: float
     """Fraction of the vertices that the last evaluation of neighbours' contacts still improved."""
     reach: Reach | None = None
-    """With a gripper: how it reaches each grasp, or why not the best one where reason is 5. (V,)"""
+    """With a gripper: how it reaches each grasp, or why not the best where reason is 5. (V,)"""
 
 
 def best_pairs(
@@ -136,7 +137,7 @@ def best_pairs(
 ) -> AntipodalGrasps:
     """Search for the best antipodal grasp through every vertex of the surface.
 
-    The best is the one with the largest margin: with the smallest critical friction angle plus the
+    The best grasp has the largest margin: with the smallest critical friction angle plus the
     angle by which the line between the contacts may turn. The result does not depend on the number
     of threads.
 
@@ -280,12 +281,12 @@ class _Search:
         creases = vertices[self.sets.counts[vertices] != 1]
         if self.ranking != ALIKE:
             creases = creases[:0]
-        for chosen, worst, start in ((vertices, True, 0.45), (creases, False, 0.65)):
-            number = max(-(-len(chosen) // DESCENDING), CHUNKS * thread_count())
-            chunks = np.array_split(chosen, number)
+        for group, worst, start in ((vertices, True, 0.45), (creases, False, 0.65)):
+            number = max(-(-len(group) // DESCENDING), CHUNKS * thread_count())
+            chunks = np.array_split(group, number)
             descents = self.executor.map(partial(self._descend_at, tree, worst), chunks)
-            for done, _ in enumerate(descents, start=1):
-                report_progress(start + 0.2 * done / number)
+            for count, _ in enumerate(descents, start=1):
+                report_progress(start + 0.2 * count / number)
 
     def _descend_at(self, tree: FaceTree, worst: bool, vertices: Ints) -> None:
         domain = PairDomain(self.surface, self.sets, self.frames.centres, tree, self.limits)
@@ -434,11 +435,11 @@ class _Search:
         def evaluate(chunk: Ints) -> int:
             return tracer.evaluate_all(make_rays(chunk), self.limits, self.grasps)
 
-        for done, traced in enumerate(self.executor.map(evaluate, chunks), start=1):
+        for count, traced in enumerate(self.executor.map(evaluate, chunks), start=1):
             self.traced += traced
             if progress is not None:
                 start, fraction = progress
-                report_progress(start + fraction * done / len(chunks))
+                report_progress(start + fraction * count / len(chunks))
 
     def _result(self, rounds: int, still_falling: float) -> AntipodalGrasps:
         canonical = self.mesh.canonical

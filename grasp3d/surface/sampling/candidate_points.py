@@ -51,10 +51,10 @@ def candidate_vertices(
     mesh: ObjectMesh, count: int, seed: int, scale: float
 ) -> tuple[CandidatePoints, Ints]:
     """Sample vertices as candidate points; see `candidate_surface_points`."""
-    chosen = spread_vertices(mesh, count, seed=seed)
+    vertices = spread_vertices(mesh, count, seed=seed)
     own = np.full(len(mesh.vertices), NO_CONTACT, dtype=np.int64)
     return _candidate_points(
-        mesh, chosen, vertex_surface_points(mesh, chosen), len(chosen), scale
+        mesh, vertices, vertex_surface_points(mesh, vertices), len(vertices), scale
     ), own
 
 
@@ -71,7 +71,7 @@ def candidate_surface_points(
         extra: Points that belong to one vertex each (m,), and these vertices (m,).
 
     Returns:
-        The points, and the index of each vertex's own one, shape (V,); NO_CONTACT: none.
+        The points, and the index of each vertex's own point, shape (V,); NO_CONTACT: none.
     """
     common, (single, owners) = spread_points(mesh, count, seed=seed), extra
     own = np.full(len(mesh.vertices), NO_CONTACT, dtype=np.int64)
@@ -176,16 +176,16 @@ def spread_points(mesh: ObjectMesh, count: int, *, seed: int = 0) -> SurfacePoin
     count, seed = whole_number("count", count, 1), whole_number("seed", seed, 0)
     rng = np.random.default_rng(seed)
     areas = face_areas(mesh.normalized, mesh.faces)
-    drawn = SURPLUS * count
-    faces = rng.choice(len(areas), drawn, p=areas / areas.sum())
-    root, uniform = np.sqrt(rng.random(drawn)), rng.random(drawn)
+    samples = SURPLUS * count
+    faces = rng.choice(len(areas), samples, p=areas / areas.sum())
+    root, uniform = np.sqrt(rng.random(samples)), rng.random(samples)
     even = np.stack([1.0 - root, root * (1.0 - uniform), root * uniform], axis=1)
     weights = INSIDE + (1.0 - 3.0 * INSIDE) * even
-    corners = mesh.normalized[mesh.faces[faces]]  # (drawn, 3, 3)
+    corners = mesh.normalized[mesh.faces[faces]]  # (samples, 3, 3)
     points = np.einsum("bk,bkj->bj", weights, corners)
     normals = inward_normals(mesh.normalized, mesh.faces[faces])
-    chosen = _choose(points, normals, float(areas.sum()), count)
-    return SurfacePoints(faces[chosen], weights[chosen])
+    rows = _choose(points, normals, float(areas.sum()), count)
+    return SurfacePoints(faces[rows], weights[rows])
 
 
 def spread_vertices(mesh: ObjectMesh, count: int, *, seed: int = 0) -> Ints:
@@ -209,10 +209,10 @@ def spread_vertices(mesh: ObjectMesh, count: int, *, seed: int = 0) -> Ints:
     areas = mesh.vertex_areas[candidates] / mesh.vertex_areas[candidates].max()
     # The largest u^(1/area) are a weighted sample without replacement (Efraimidis & Spirakis 2006).
     keys = np.log(rng.random(len(candidates))) / np.maximum(areas, np.finfo(np.float64).tiny)
-    drawn = candidates[np.argsort(-keys, kind="stable")[: SURPLUS * count]]
+    samples = candidates[np.argsort(-keys, kind="stable")[: SURPLUS * count]]
     area = float(face_areas(mesh.normalized, mesh.faces).sum())
-    chosen = _choose(mesh.normalized[drawn], mesh.normals[drawn], area, min(count, len(drawn)))
-    return np.asarray(drawn[chosen])
+    rows = _choose(mesh.normalized[samples], mesh.normals[samples], area, min(count, len(samples)))
+    return np.asarray(samples[rows])
 
 
 def _choose(points: Floats, normals: Floats, area: float, count: int) -> Ints:
@@ -247,8 +247,8 @@ def _eliminate(
 def _crowding(points: Floats, normals: Floats, clipped_distance: float, widest: float) -> csr_array:
     """Weights of all pairs of samples, shape (m, m): 1 for equal ones, 0 from `widest` on."""
     near = min(MAX_NEIGHBOURS, len(points))
-    found = cKDTree(points).query(points, np.arange(2, near + 1), distance_upper_bound=widest)
-    distance, other = np.asarray(found[0]), np.asarray(found[1])  # (m, near - 1)
+    hits = cKDTree(points).query(points, np.arange(2, near + 1), distance_upper_bound=widest)
+    distance, other = np.asarray(hits[0]), np.asarray(hits[1])  # (m, near - 1)
     one, column = np.nonzero(np.isfinite(distance))
     two = other[one, column]
     facing = np.einsum("ij,ij->i", normals[one], normals[two]) >= 0.0

@@ -95,9 +95,9 @@ class ExactSearch:
         first, last = progress
         chunks = [vertices[i : i + IN_ORDER] for i in range(0, len(vertices), IN_ORDER)]
         descend = partial(self._descend_from, cone, worst, owners)
-        for done, tried in enumerate(self.executor.map(descend, chunks), start=1):
+        for count, tried in enumerate(self.executor.map(descend, chunks), start=1):
             self.evaluated += tried
-            report_progress(first + (last - first) * done / len(chunks))
+            report_progress(first + (last - first) * count / len(chunks))
 
     def _descend_from(self, cone: float, worst: bool, owners: Ints, vertices: Ints) -> int:
         domain = PairDomain(self.surface, self.sets, self.centres, self.tree, self.limits)

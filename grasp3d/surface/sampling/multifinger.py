@@ -163,16 +163,16 @@ class _Search:
         with_several = self.vertices if self.on_vertices and len(creased) else creased
         tasks = [(self.vertices, False), (with_several, True)]
         work = sum(len(vertices) for vertices, _ in tasks)
-        done, found, improving = 0.0, [], 0.0
+        start, results, improving = 0.0, [], 0.0
         for vertices, best_normals in tasks:
             fraction = len(vertices) / work
             grasps, improved = self._search(
-                vertices, best_normals=best_normals, start=done, fraction=fraction
+                vertices, best_normals=best_normals, start=start, fraction=fraction
             )
-            found.append(grasps)
+            results.append(grasps)
             improving = improving if best_normals else improved
-            done += fraction
-        worst, best = found
+            start += fraction
+        worst, best = results
         missing = np.isinf(best.angles)
         for of_best, of_worst in zip(best[1:], worst[1:], strict=True):
             of_best[missing] = of_worst[missing]
@@ -227,9 +227,9 @@ class _Search:
             )  # fmt: skip
             return int(workspace.evaluated[0])
 
-        for done, evaluated in enumerate(self.executor.map(search_chunk, chunks), start=1):
+        for count, evaluated in enumerate(self.executor.map(search_chunk, chunks), start=1):
             self.evaluated += evaluated
-            report_progress(done / len(chunks))
+            report_progress(count / len(chunks))
 
     def _limits(self, *, best_normals: bool) -> SearchLimits:
         sampling, unit = self.sampling, self.scale / self.mesh.size
@@ -249,7 +249,7 @@ class _Search:
         )
 
     def _candidate_points(self) -> tuple[CandidatePoints, Ints]:
-        """Candidate points, and the index of each vertex's own one."""
+        """Candidate points, and the index of each vertex's own point."""
         count = max(self.points_per_vertex, min(SURPLUS * self.points_per_vertex, MAX_SURPLUS))
         count = max(count, min(math.ceil(self.points_per_vertex * self.scale**2), MAX_POINTS))
         if self.on_vertices:
@@ -273,13 +273,13 @@ class _Search:
             pairs.partner_points.faces[self.vertices, 0],
             pairs.partner_points.weights[self.vertices, 0],
         )
-        found = np.flatnonzero(faces >= 0)
-        points = SurfacePoints(faces[found], weights[found])
-        single = SurfaceContacts(mesh, SurfacePoints(faces[found, None], weights[found, None]))
+        rows = np.flatnonzero(faces >= 0)
+        points = SurfacePoints(faces[rows], weights[rows])
+        single = SurfaceContacts(mesh, SurfacePoints(faces[rows, None], weights[rows, None]))
         smooth = ~single.on_crease[:, 0]
         return (
             SurfacePoints(points.faces[smooth], points.weights[smooth]),
-            self.vertices[found[smooth]],
+            self.vertices[rows[smooth]],
         )
 
     def _result(

@@ -22,7 +22,7 @@ class Ranking:
     location: float = 0.0
     """Sum of the location errors of both contacts, in the mesh's unit."""
     first_extra: float = 0.0
-    """Angle by which the finger at the vertex is known less well than the other one [rad]."""
+    """Angle by which the finger at the vertex is known less well than the other finger [rad]."""
     second_extra: float = 0.0
     """The same of the other finger; one of the two is 0 [rad]."""
 

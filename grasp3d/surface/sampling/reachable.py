@@ -90,23 +90,23 @@ class ReachSearch:
         self.spacing = min(SPACING * self.beside.shape.finger_width, LARGEST_SPACING)
 
     def run(
-        self, found: BestPairs, tracer: SurfaceRays, neighbours: tuple[Ints, Ints], *, squeeze: bool
+        self, ideal: BestPairs, tracer: SurfaceRays, neighbours: tuple[Ints, Ints], *, squeeze: bool
     ) -> BestPairs:
         """The best grasps that are reached; vertices with other grasps only are NOT_REACHED.
 
         Args:
-            found: The best grasps for ideal points.
+            ideal: The best grasps for ideal points.
             tracer: Rays through the surface.
             neighbours: (first, index): the adjacent vertices of each vertex.
             squeeze: Whether fingers may squeeze.
         """
-        vertices = np.flatnonzero(found.reason == FOUND)
-        reached = self._ideal(found, vertices)
-        missing = _still_better(found, reached, vertices)
+        vertices = np.flatnonzero(ideal.reason == FOUND)
+        reached = self._ideal(ideal, vertices)
+        missing = _still_better(ideal, reached, vertices)
         if squeeze:
             self._search(missing, reached)
-        if (found.start_signs < 0).any():
-            for pairs in self._other_starts(found, missing, tracer):
+        if (ideal.start_signs < 0).any():
+            for pairs in self._other_starts(ideal, missing, tracer):
                 self._keep(pairs, reached)
         for _ in range(SWEEPS):
             self._keep(_of_neighbours(reached, missing, neighbours), reached)
@@ -114,23 +114,23 @@ class ReachSearch:
                 self._keep(self._expanding(reached, missing, neighbours, tracer), reached)
         return reached
 
-    def _ideal(self, found: BestPairs, vertices: Ints) -> BestPairs:
-        """The best grasps for ideal points that are reached, just as they were found."""
-        worst, best = _nothing_found(found), _nothing_found(found)
-        self._keep(_grasps_of(found, vertices, 0), worst)
-        differing = vertices[_differ(found, vertices)]
-        results = no_results(len(found.reason))
-        self._keep(_grasps_of(found, differing, 1), best, results)
+    def _ideal(self, ideal: BestPairs, vertices: Ints) -> BestPairs:
+        """The best grasps for ideal points that are reached, with the same numbers."""
+        worst, best = _nothing_found(ideal), _nothing_found(ideal)
+        self._keep(_grasps_of(ideal, vertices, 0), worst)
+        differing = vertices[_differ(ideal, vertices)]
+        results = no_results(len(ideal.reason))
+        self._keep(_grasps_of(ideal, differing, 1), best, results)
         first = worst.faces[:, 1] >= 0
         second = first.copy()
         second[differing] = best.faces[differing, 1] >= 0
         _copy(best, worst, second & ~first, (*OF_WORST, *CACHED))
         # Evaluated again they would differ by rounding.
-        _copy(found, worst, first, OF_WORST)
-        _copy(found, worst, second, OF_BEST)
-        for number, chosen in enumerate((first, second)):
-            worst.faces[chosen, number] = found.faces[chosen, number]
-            worst.weights[chosen, number] = found.weights[chosen, number]
+        _copy(ideal, worst, first, OF_WORST)
+        _copy(ideal, worst, second, OF_BEST)
+        for number, mask in enumerate((first, second)):
+            worst.faces[mask, number] = ideal.faces[mask, number]
+            worst.weights[mask, number] = ideal.weights[mask, number]
         only_second = second & ~first
         for name in results._fields:
             getattr(self.results, name)[only_second] = getattr(results, name)[only_second]
@@ -138,19 +138,19 @@ class ReachSearch:
         worst.weights[only_second, 0] = best.weights[only_second, 0]
         return worst
 
-    def reach_of(self, found: BestPairs, reached: BestPairs, tracer: SurfaceRays) -> Reach:
-        """How the best grasp of each vertex is reached; where none is, why the best one is not.
+    def reach_of(self, ideal: BestPairs, reached: BestPairs, tracer: SurfaceRays) -> Reach:
+        """How the best grasp of each vertex is reached; where none is, why the best grasp is not.
 
         Where the stroke leaves only grasps that are outside the search cone, but the surface
         right opposite is within it, WIDTH.
 
         Args:
-            found: The best grasps for ideal points.
+            ideal: The best grasps for ideal points.
             reached: What `run` returned.
             tracer: Rays through the surface.
         """
         missing = np.flatnonzero(reached.reason == NOT_REACHED)
-        vertices, signs, faces, weights = _grasps_of(found, missing, 0)
+        vertices, signs, faces, weights = _grasps_of(ideal, missing, 0)
         codes = self.results.codes
 
         def work(rows: slice, beside: Any) -> None:
@@ -158,13 +158,13 @@ class ReachSearch:
             explain_pairs(*pairs, self.domain, beside, codes)
 
         self._in_chunks(work, len(missing))
-        useless = missing[found.best[missing] >= self.cone]
-        codes[self._facing(useless, found, tracer)] = Reachability.WIDTH
+        useless = missing[ideal.best[missing] >= self.cone]
+        codes[self._facing(useless, ideal, tracer)] = Reachability.WIDTH
         return Reach.of(self.mesh, self.results, self.scene.approach.angles)
 
-    def _facing(self, vertices: Ints, found: BestPairs, tracer: SurfaceRays) -> Ints:
+    def _facing(self, vertices: Ints, ideal: BestPairs, tracer: SurfaceRays) -> Ints:
         """Those vertices that have a grasp along their normal, of any opening."""
-        one, count = _nothing_found(found), len(vertices)
+        one, count = _nothing_found(ideal), len(vertices)
         if count:
             rays = starting_rays(
                 vertices.astype(np.int32), self.centres[vertices], np.ones(count, dtype=np.int8),
@@ -174,25 +174,25 @@ class ReachSearch:
         return vertices[one.best[vertices] < self.cone]
 
     def partners_of(
-        self, vertices: Ints, wanted: int, most_failed: int, *, worst: bool = True
+        self, vertices: Ints, count: int, most_failed: int, *, worst: bool = True
     ) -> SurfacePoints:
         """Opposing contacts of vertices that are reached, best first, for fingers that squeeze.
 
         Args:
             vertices: Vertices (n,).
-            wanted: Contacts of each vertex, k.
+            count: Contacts of each vertex, k.
             most_failed: Contacts of a vertex that are tested and not reached, before it ends.
             worst: Whether the best are those over the worst normals of the vertex.
 
         Returns:
             Surface points (n, k); face -1: none.
         """
-        faces = np.full((len(vertices), wanted), -1, dtype=np.int64)
-        weights = np.zeros((len(vertices), wanted, 3))
+        faces = np.full((len(vertices), count), -1, dtype=np.int64)
+        weights = np.zeros((len(vertices), count, 3))
 
         def work(rows: slice, beside: Any) -> None:
             faces[rows], weights[rows] = search_reachable(
-                vertices[rows], worst, self.most, self.spacing, wanted, most_failed, self.domain,
+                vertices[rows], worst, self.most, self.spacing, count, most_failed, self.domain,
                 beside,
             )  # fmt: skip
 
@@ -240,20 +240,20 @@ class ReachSearch:
         if count:
             list(self.executor.map(run, starts.tolist(), ends.tolist()))
 
-    def _other_starts(self, found: BestPairs, vertices: Ints, tracer: SurfaceRays) -> list[Pairs]:
+    def _other_starts(self, ideal: BestPairs, vertices: Ints, tracer: SurfaceRays) -> list[Pairs]:
         """The clearly different grasps that rays found, traced again, one list for each rank."""
         traced = []
-        for rank in range(1, found.start_angles.shape[1]):
-            chosen = vertices[np.isfinite(found.start_angles[vertices, rank])]
-            if not len(chosen):
+        for rank in range(1, ideal.start_angles.shape[1]):
+            subset = vertices[np.isfinite(ideal.start_angles[vertices, rank])]
+            if not len(subset):
                 continue
-            one = _nothing_found(found)
+            one = _nothing_found(ideal)
             rays = starting_rays(
-                chosen.astype(np.int32), found.starts[chosen, rank].copy(),
-                found.start_signs[chosen, rank].copy(), len(chosen),
+                subset.astype(np.int32), ideal.starts[subset, rank].copy(),
+                ideal.start_signs[subset, rank].copy(), len(subset),
             )  # fmt: skip
             tracer.evaluate_all(rays, self.limits, one)
-            traced.append(_grasps_of(one, chosen, 0))
+            traced.append(_grasps_of(one, subset, 0))
         return traced
 
     def _expanding(
@@ -275,10 +275,10 @@ class ReachSearch:
         return _grasps_of(one, vertices[one.reason[vertices] == FOUND], 0)
 
 
-def _copy(source: BestPairs, target: BestPairs, chosen: Bools, names: tuple[str, ...]) -> None:
+def _copy(source: BestPairs, target: BestPairs, mask: Bools, names: tuple[str, ...]) -> None:
     """Copy fields of the chosen vertices (V,)."""
     for name in names:
-        getattr(target, name)[chosen] = getattr(source, name)[chosen]
+        getattr(target, name)[mask] = getattr(source, name)[mask]
 
 
 def _nothing_found(grasps: BestPairs) -> BestPairs:
@@ -313,10 +313,10 @@ def _differ(grasps: BestPairs, vertices: Ints) -> Bools:
     return np.asarray(~same)
 
 
-def _still_better(found: BestPairs, reached: BestPairs, vertices: Ints) -> Ints:
-    """Vertices with a better grasp than the one that is reached."""
-    worse = reached.worst[vertices] > found.worst[vertices]
-    return vertices[worse | (reached.best[vertices] > found.best[vertices])]
+def _still_better(ideal: BestPairs, reached: BestPairs, vertices: Ints) -> Ints:
+    """Vertices with a better grasp than that which is reached."""
+    worse = reached.worst[vertices] > ideal.worst[vertices]
+    return vertices[worse | (reached.best[vertices] > ideal.best[vertices])]
 
 
 def _of_neighbours(reached: BestPairs, vertices: Ints, neighbours: tuple[Ints, Ints]) -> Pairs:
@@ -327,10 +327,10 @@ def _of_neighbours(reached: BestPairs, vertices: Ints, neighbours: tuple[Ints, I
     ends = np.cumsum(counts)
     rows = np.arange(len(owners)) + np.repeat(first[vertices] - (ends - counts), counts)
     others = index[rows]
-    known = (reached.reason[others] == FOUND) & (reached.signs[others] > 0)
+    usable = (reached.reason[others] == FOUND) & (reached.signs[others] > 0)
     return Pairs(
-        owners[known],
-        reached.signs[others[known]],
-        reached.faces[others[known], 0],
-        reached.weights[others[known], 0],
+        owners[usable],
+        reached.signs[others[usable]],
+        reached.faces[others[usable], 0],
+        reached.weights[others[usable], 0],
     )

@@ -135,29 +135,29 @@ class AxisValues:
         return [measure(number, self.unit) for number in numbers]
 
 
-def axis_values(**given: ArrayLike | Sequence[GivenLength] | GivenLength) -> AxisValues:
+def axis_values(**entries: ArrayLike | Sequence[GivenLength] | GivenLength) -> AxisValues:
     """Check the values of every axis and put them in order, each once.
 
     Args:
-        given: One or more values of every axis; location errors may be lengths with a unit.
+        entries: One or more values of every axis; location errors may be lengths with a unit.
 
     Raises:
         SettingError: A value is outside its range, or an axis has none.
 
     Example:
         >>> from grasp3d.surface.sweeps.axes import axis_values
-        >>> found = axis_values(
+        >>> axes = axis_values(
         ...     friction=0.5, friction_error=[0.0, 0.1], normal_error=0.0,
         ...     location_error=["2 mm", 0, "0.1 cm"], sensor_resolution=0.4,
         ... )
-        >>> found.rows_and_columns, found.location_errors()
+        >>> axes.rows_and_columns, axes.location_errors()
         (('friction_error', 'location_error'), [0.0, '1 mm', '2 mm'])
     """
-    numbers, unit = in_one_unit(given.pop("location_error"))
+    numbers, unit = in_one_unit(entries.pop("location_error"))
     values: dict[AxisName, Floats] = {"location_error": _in_order(numbers, "location error")}
     for name in NAMES:
-        if name in given:
-            values[name] = _in_order(given[name], AXES[name].words)
+        if name in entries:
+            values[name] = _in_order(entries[name], AXES[name].words)
     for friction in values["friction"]:
         GraspModel(friction=float(friction))
     for resolution in values["sensor_resolution"]:
@@ -168,9 +168,9 @@ def axis_values(**given: ArrayLike | Sequence[GivenLength] | GivenLength) -> Axi
         raise SettingError(
             f"location error must be at least 0; got {values['location_error'][0]:g}"
         )
-    found = AxisValues(values, unit)
-    found.friction_angles()
-    return found
+    axes = AxisValues(values, unit)
+    axes.friction_angles()
+    return axes
 
 
 def in_one_unit(
@@ -184,10 +184,10 @@ def in_one_unit(
     Raises:
         SettingError: One is no length, or some have a unit and others none.
     """
-    given: Any = (
+    items: Any = (
         [lengths] if isinstance(lengths, str | Measure) else np.asarray(lengths, object).ravel()
     )
-    parsed = [parse_length("location_error", one) for one in given]
+    parsed = [parse_length("location_error", one) for one in items]
     unit: Any = next((one.unit for one in parsed if isinstance(one, Measure)), None)
     bare = [one for one in parsed if not isinstance(one, Measure) and one != 0.0]
     if unit is not None and bare:

@@ -116,11 +116,11 @@ class Sweep:
         row, column = self.rows, self.columns
         worst = quantiles[:, None] if row == "location_error" else quantiles[None, :]
         least, _ = self.axes.friction_angles()
-        found = np.maximum(0.0, 2.0 * (least - worst - self.axes.grid("normal_error")))
+        resolution = np.maximum(0.0, 2.0 * (least - worst - self.axes.grid("normal_error")))
         shape = len(self.axes.values[row]), len(self.axes.values[column])
         if column == COLUMN:
-            return locked(np.broadcast_to(found, (shape[0], 1))[:, 0])
-        return locked(np.broadcast_to(found, shape))
+            return locked(np.broadcast_to(resolution, (shape[0], 1))[:, 0])
+        return locked(np.broadcast_to(resolution, shape))
 
     def to_table(self, *, fractions: Sequence[float] = ()) -> Any:
         """Return a `pyarrow.Table` with a row for each friction and resolution.
@@ -174,15 +174,15 @@ def table_rows(
     rows: list[dict[str, Any]] = []
     for one in sweeps:
         shape = one.stable.shape
-        written = {value: getattr(one, value) for value in values}
+        entries = {value: getattr(one, value) for value in values}
         for column, fraction in required.items():
             needed = one.required_resolution(fraction)
-            written[column] = needed[:, None] if needed.ndim == 1 else needed
-        written |= {name: one.axes.grid(name) for name in NAMES}
-        written = {name: np.broadcast_to(value, shape) for name, value in written.items()}
+            entries[column] = needed[:, None] if needed.ndim == 1 else needed
+        entries |= {name: one.axes.grid(name) for name in NAMES}
+        entries = {name: np.broadcast_to(value, shape) for name, value in entries.items()}
         texts = {"name": one.name, "mode": one.mode, "unit": one.unit or ""}
         rows += [
-            texts | {name: float(value[entry]) for name, value in written.items()}
+            texts | {name: float(value[entry]) for name, value in entries.items()}
             for entry in np.ndindex(shape)
         ]
     return rows, columns
@@ -219,8 +219,8 @@ def write_sweeps(
 
     rows, columns = table_rows(sweeps, fractions)
     rows += [{"name": name, "error": reason} for name, reason in (failures or {}).items()]
-    written = [{"error": "", **row} for row in rows]
-    write_table(Path(path), written, {**columns, "error": str}, settings=settings or {})
+    entries = [{"error": "", **row} for row in rows]
+    write_table(Path(path), entries, {**columns, "error": str}, settings=settings or {})
 
 
 class LocatedGrasps(Protocol):
@@ -274,26 +274,26 @@ def sweep(
         >>> cone = trimesh.creation.cone(radius=0.03, height=0.1, sections=32)
         >>> mesh = grasp3d.load_mesh(cone, unit="m", max_edge=0.02)
         >>> labels = grasp3d.label_surface(mesh, sampling=grasp3d.Sampling(search_angle=1.0))
-        >>> found = grasp3d.sweep(
+        >>> sweep = grasp3d.sweep(
         ...     labels.angle_distribution(),
         ...     friction=[0.3, 0.5],
         ...     sensor_resolution=np.radians([0.0, 10.0, 30.0]),
         ... )
-        >>> found.stable.round(2).tolist()
+        >>> sweep.stable.round(2).tolist()
         [[0.05, 0.0, 0.0], [0.68, 0.68, 0.0]]
-        >>> np.degrees(found.required_resolution(0.5)).round(1).tolist()
+        >>> np.degrees(sweep.required_resolution(0.5)).round(1).tolist()
         [0.0, 19.3]
 
         How much of a sphere of radius 30 is S where friction is known to 0.1 and contacts to 2:
 
-        >>> found = grasp3d.sweep(
+        >>> sweep = grasp3d.sweep(
         ...     grasp3d.stability.SphereAngles(radius=30.0),
         ...     friction=1.0,
         ...     sensor_resolution=0.2,
         ...     friction_error=[0.0, 0.1],
         ...     location_error=[0.0, 2.0],
         ... )
-        >>> found.rows, found.columns, found.stable.round(2).tolist()
+        >>> sweep.rows, sweep.columns, sweep.stable.round(2).tolist()
         ('friction_error', 'location_error', [[0.4, 0.32], [0.35, 0.28]])
     """
     check_choice("mode", mode, Mode)
@@ -317,36 +317,36 @@ def _swept(
     least, largest, tilt = (
         np.broadcast_to(one, shape) for one in (*axes.friction_angles(), axes.tilts())
     )
-    found = np.empty((3, *shape))
+    fractions = np.empty((3, *shape))
     for number, distribution in enumerate(distributions):
         at: Any = slice(None)
         if len(distributions) > 1:
             at = (number, slice(None)) if rows == "location_error" else (slice(None), number)
-        found[(slice(None), *np.index_exp[at])] = distribution.fractions_at(
+        fractions[(slice(None), *np.index_exp[at])] = distribution.fractions_at(
             least[at], tilt[at], largest_friction_angle=largest[at]
         )
-    stable, ambiguous, unstable = map(locked, found)
+    stable, ambiguous, unstable = map(locked, fractions)
     return Sweep(name, mode, axes, stable, ambiguous, unstable, distributions)
 
 
-def _error_of(source: Any, name: AxisName, given: Any) -> Any:
-    """Values of an error; None: the one of labels, and the location error of critical angles."""
-    return getattr(getattr(source, "model", source), name, 0.0) if given is None else given
+def _error_of(source: Any, name: AxisName, value: Any) -> Any:
+    """Values of an error; None: the error of labels, and the location error of critical angles."""
+    return getattr(getattr(source, "model", source), name, 0.0) if value is None else value
 
 
 def _angles_at(source: AngleDistribution | LocatedGrasps, location: AnyLength) -> AngleDistribution:
     """Critical angles at a location error."""
-    known = _error_of(source, "location_error", None)
-    if isinstance(source, AngleDistribution) and location == known:
+    own = _error_of(source, "location_error", None)
+    if isinstance(source, AngleDistribution) and location == own:
         return source
     located = getattr(source, "angle_distribution", None)
     if located is None:
         raise SettingError(
-            f"the location error of these critical angles is {known}, not {location}: give the "
+            f"the location error of these critical angles is {own}, not {location}: give the "
             "labels instead, grasp3d.sweep(labels, ...)"
         )
-    found: AngleDistribution = located(location_error=location)
-    return found
+    distribution: AngleDistribution = located(location_error=location)
+    return distribution
 
 
 def mean_sweep(sweeps: Sequence[Sweep], *, name: str = "") -> Sweep:
