@@ -54,13 +54,13 @@ _DAMAGE = (
 
 def read_npz(source: Source) -> Stored | None:
     """Read an NPZ of labels; None: it has none of grasp3d. Raises MeshError."""
-    found = arrays_of_npz(source, source.path.open("rb"))
+    arrays = arrays_of_npz(source, source.path.open("rb"))
     settings = {
-        name.removeprefix(SETTING): str(v) for name, v in found.items() if v.dtype.kind == "U"
+        name.removeprefix(SETTING): str(v) for name, v in arrays.items() if v.dtype.kind == "U"
     }
     if not settings:
         return None
-    values = {name: array for name, array in found.items() if name in FIELDS}
+    values = {name: array for name, array in arrays.items() if name in FIELDS}
     return Stored(source, settings, values, complete=True)
 
 
@@ -102,13 +102,13 @@ def _array(content: bytes, name: str) -> Array:
     """An array of NumPy's format that has exactly the size that it declares."""
     stream = io.BytesIO(content)
     version = np.lib.format.read_magic(stream)
-    read = {
+    read_header = {
         (1, 0): np.lib.format.read_array_header_1_0,
         (2, 0): np.lib.format.read_array_header_2_0,
     }.get(version)
-    if read is None:
+    if read_header is None:
         raise ValueError(f"{name} is of an unknown version")
-    shape, by_column, kind = read(stream)
+    shape, by_column, kind = read_header(stream)
     size = math.prod(shape) * kind.itemsize
     if kind.hasobject or by_column or size != len(content) - stream.tell():
         raise ValueError(f"{name} is not an array of its size")

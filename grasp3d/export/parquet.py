@@ -102,9 +102,9 @@ def _values(columns: Arrays, fingers: int) -> Arrays:
 
 def codes_of(field: Field, texts: Array) -> Array:
     """Codes of texts. Raises ValueError."""
-    known, positions = np.unique(texts.astype(str), return_inverse=True)
-    unknown = set(known.tolist()) - set(field.texts)
+    names, positions = np.unique(texts.astype(str), return_inverse=True)
+    unknown = set(names.tolist()) - set(field.texts)
     if unknown:
         raise ValueError(f"its {field.name} is {unknown.pop()[:20]!r} somewhere")
-    codes = np.array([field.texts.index(text) for text in known.tolist()], dtype=field.kind)
+    codes = np.array([field.texts.index(text) for text in names.tolist()], dtype=field.kind)
     return codes[positions] if len(codes) else np.empty(0, dtype=field.kind)

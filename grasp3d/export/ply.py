@@ -47,10 +47,10 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
         (162, 3)
     """
     check_complete(path, labels, complete=False)
-    chosen = (field for field in VERTICES if field.ply)
+    fields = (field for field in VERTICES if field.ply)
     columns = {
         name: column.astype(field.ply)
-        for field, values in present(chosen, labels)
+        for field, values in present(fields, labels)
         for name, column in field.as_columns(values).items()
     }
     write_ply_columns(Path(path), columns, labels.mesh.faces, settings_of(labels), binary=binary)
@@ -68,7 +68,7 @@ def ply_settings(source: Source) -> dict[str, str] | None:
     """The settings of a labelled PLY, from its header alone; None: it has no labels.
 
     Raises:
-        MeshError: It has some properties of a labelled file, but is not a valid one.
+        MeshError: It has some properties of a labelled file, but is not valid.
     """
     header = read_ply_header(source)
     kinds = {
@@ -93,7 +93,7 @@ def ply_settings(source: Source) -> dict[str, str] | None:
 
 
 def _check_kind(source: Source, field: Field, name: str, kind: str | None) -> None:
-    """Refuse another type than the declared one; floats of 64 bits may stand for such of 32."""
+    """Refuse another type than is declared; floats of 64 bits may stand for floats of 32."""
     needed = field.when == "always" and field.name != "color"
     allowed = {"f4", "f8"} if field.ply.startswith("f") else {field.ply}
     if (kind is not None or needed) and kind not in allowed:
@@ -140,8 +140,8 @@ def read_tables(source: Source, header: PlyHeader) -> tuple[Columns, Ints]:
     """
     vertex, face = _layout(source, header)
     data = source.path.read_bytes()[header.start :]
-    read = _binary if header.order else _text
-    columns, corners = read(source, header.order, vertex, face, data)
+    reader = _binary if header.order else _text
+    columns, corners = reader(source, header.order, vertex, face, data)
     if corners.size and (corners.min() < 0 or corners.max() >= vertex.count):
         raise damaged(source, f"a face refers to none of its {vertex.count:,} vertices")
     return columns, np.asarray(corners, dtype=np.int64)
@@ -170,10 +170,10 @@ def _binary(
             source, f"{len(data):,} bytes are not {vertex.count:,} vertices and {face.count:,} "
             "triangles: is it complete?",
         )  # fmt: skip
-    found = np.frombuffer(data, rows, vertex.count)
+    table = np.frombuffer(data, rows, vertex.count)
     triangles = np.frombuffer(data, triangle, face.count, head)
     _check_triangles(source, triangles["count"])
-    return {name: found[name].astype(rows[name].newbyteorder("=")) for name in rows.names or ()}, (
+    return {name: table[name].astype(rows[name].newbyteorder("=")) for name in rows.names or ()}, (
         triangles["corners"]
     )
 

@@ -128,7 +128,7 @@ def settings_of_file(path: Path, max_memory: float = MeshOptions.max_memory) -> 
         The settings; None: the file has another suffix than those of `READERS`, or no labels.
 
     Raises:
-        MeshError: The file has some properties of a labelled file, but is not a valid one.
+        MeshError: The file has some properties of a labelled file, but is not valid.
     """
     suffix = path.suffix.lower()
     if suffix not in READERS:
@@ -155,7 +155,7 @@ def _labels(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Surface
     if load is not None and not stored.complete and load.density is not None:
         # The file has no bodies that the densities could belong to.
         load = replace(load, density=None, mass=float(stored.settings["object_mass"]))
-    known: dict[str, Any] = {
+    values: dict[str, Any] = {
         **{name: _value(stored, name) for name in PLAIN},
         "epsilon_range": EpsilonRange(*(_floats(stored, f"epsilon{end}") for end in _ENDS)),
         "located_angles": None
@@ -167,7 +167,7 @@ def _labels(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Surface
     }
     return SurfaceLabels.of_values(
         mesh, settings.model, sampling=settings.sampling, mode=settings.mode,
-        search=settings.search, scene=settings.scene, load=load, values=known,
+        search=settings.search, scene=settings.scene, load=load, values=values,
         file=stored.source.where,
     )  # fmt: skip
 
@@ -277,7 +277,7 @@ def read_mesh(stored: Stored, settings: FileSettings, unit: Unit | None = None) 
 
 def _complete_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
     """The same mesh as was labelled."""
-    found = dict(json.loads(stored.settings["surface"]))
+    surface = dict(json.loads(stored.settings["surface"]))
     vertices, faces, canonical = map(stored.field, ("vertices", "faces", "canonical"))
     if (canonical[canonical] != canonical).any() or (canonical[faces] != faces).any():
         raise ValueError("its faces do not use canonical vertices")
@@ -286,10 +286,10 @@ def _complete_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
     of_vertices[corners] = faces
     if (of_vertices[corners] != faces).any():
         raise ValueError("corners of several vertices have one normal")
-    center, size = _numbers(found["center"], (3,)), _numbers(found["size"], ())
+    center, size = _numbers(surface["center"], (3,)), _numbers(surface["size"], ())
     if not size > 0.0:
         raise ValueError(f"its size is {size}")
-    report = dict(found["report"])
+    report = dict(surface["report"])
     steps = tuple(RepairStep(**step) for step in report.pop("repairs"))
     mesh = ObjectMesh(
         vertices=locked(vertices),
@@ -299,26 +299,26 @@ def _complete_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
         corner_normals=CornerNormals(locked(corners), locked(normals), locked(of_vertices)),
         center=locked(center),
         size=float(size),
-        center_mass=locked(_numbers(found["center_mass"], (3,))),
-        volume=float(found["volume"]),
+        center_mass=locked(_numbers(surface["center_mass"], (3,))),
+        volume=float(surface["volume"]),
         options=settings.options,
         report=MeshReport(**{**report, "repairs": steps, "warnings": tuple(report["warnings"])}),
-        solids=_solids(found),
+        solids=_solids(surface),
     )
     if mesh.unit != settings.unit:
         raise ValueError(f"its unit is {mesh.unit} and {settings.unit}")
     return mesh
 
 
-def _numbers(found: Any, shape: tuple[int, ...]) -> Floats:
-    numbers = np.array(found, dtype=np.float64)
+def _numbers(values: Any, shape: tuple[int, ...]) -> Floats:
+    numbers = np.array(values, dtype=np.float64)
     if numbers.shape != shape or not np.isfinite(numbers).all():
-        raise ValueError(f"{str(found)[:60]} are not {math.prod(shape)} finite numbers")
+        raise ValueError(f"{str(values)[:60]} are not {math.prod(shape)} finite numbers")
     return numbers
 
 
-def _solids(found: dict[str, Any]) -> Solids | None:
-    volumes, centers = found["solid_volumes"], found["solid_centers"]
+def _solids(surface: dict[str, Any]) -> Solids | None:
+    volumes, centers = surface["solid_volumes"], surface["solid_centers"]
     if volumes is None:
         return None
     count = len(volumes)
@@ -331,7 +331,7 @@ def _displayed_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
     canonical = first_at_position(vertices)
     faces = canonical[faces]
     center, size = surface_extent(vertices, faces)
-    closed, given = is_closed(faces), settings.options.center_of_mass
+    closed, own = is_closed(faces), settings.options.center_of_mass
     surface = Triangles((vertices - center) / size, faces)
     center_mass, volume = center_and_volume(surface, closed=closed)
     warnings = [] if closed else [
@@ -345,7 +345,7 @@ def _displayed_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
         corner_normals=_shading(stored, vertices, faces, settings.options.crease_angle),
         center=locked(center),
         size=size,
-        center_mass=locked(center_mass * size + center if given is None else given),
+        center_mass=locked(center_mass * size + center if own is None else own),
         volume=volume * size**3,
         options=settings.options,
         report=MeshReport(

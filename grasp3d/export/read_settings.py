@@ -78,8 +78,8 @@ def settings_from(texts: Mapping[str, str]) -> FileSettings:
         options = settings_of_texts(MeshOptions, values)
         model = settings_of_texts(GraspModel, values)
         kind = sampling_kind(model.fingers)
-        search, given = _search(values)
-        sampled = {**values, "search_angle": given}
+        search, angle = _search(values)
+        sampled = {**values, "search_angle": angle}
         return FileSettings(
             model=model,
             sampling=None if mode == "scan" else settings_of_texts(kind, sampled),
@@ -122,19 +122,19 @@ def _source(values: Mapping[str, str]) -> str:
 
 def _search(values: Mapping[str, str]) -> tuple[SearchReport, str]:
     """Extent of the search, and the angle that was given: where a file lacks it, the searched."""
-    found: dict[str, Any] = {
+    extent: dict[str, Any] = {
         "cone": float(values["search_angle"]),
         "rays": int(values.get("rays_traced", "0")),
         "evaluated": int(values.get("candidates_evaluated", "0")),
     }
-    given = values["search_angle"]
+    angle = values["search_angle"]
     if "search" in values:
-        found = dict(json.loads(values["search"]))
-        given = str(found.pop(GIVEN_ANGLE))
-    report = SearchReport(**found)
+        extent = dict(json.loads(values["search"]))
+        angle = str(extent.pop(GIVEN_ANGLE))
+    report = SearchReport(**extent)
     if not (isinstance(report.cone, float) and 0.0 < report.cone <= math.pi):
         raise ValueError(f"its search angle is {report.cone}")
-    return report, given
+    return report, angle
 
 
 def _scene(values: Mapping[str, str]) -> Scene | None:
@@ -177,12 +177,12 @@ def stored_settings(path: Path) -> dict[str, str] | None:
     Returns:
         The values by name, as text; None: it was not written by grasp3d, or is damaged.
     """
-    read = _READERS.get(path.suffix.lower())
+    reader = _READERS.get(path.suffix.lower())
     try:
-        found = None if read is None else read(path)
+        settings = None if reader is None else reader(path)
     except (OSError, ValueError, KeyError, TypeError, struct.error, zipfile.BadZipFile):
         return None
-    return {str(name): str(value) for name, value in found.items()} if found else None
+    return {str(name): str(value) for name, value in settings.items()} if settings else None
 
 
 def _from_ply(path: Path) -> dict[str, str]:
@@ -207,11 +207,11 @@ def _from_glb(path: Path) -> dict[str, Any]:
 def _from_json(path: Path) -> dict[str, Any]:
     """Settings in the first line of a file of grasps."""
     with path.open(encoding="utf-8") as stream:
-        found = dict(json.loads(stream.readline().rstrip().removesuffix(",") + "}")["grasp3d"])
-    if isinstance(found.get("gripper"), dict):  # as in other labelled files
-        kept = {k: v for k, v in found["gripper"].items() if k not in FORMAT_KEYS}
-        found["gripper"] = json.dumps(kept)
-    return found
+        values = dict(json.loads(stream.readline().rstrip().removesuffix(",") + "}")["grasp3d"])
+    if isinstance(values.get("gripper"), dict):  # as in other labelled files
+        gripper = {k: v for k, v in values["gripper"].items() if k not in FORMAT_KEYS}
+        values["gripper"] = json.dumps(gripper)
+    return values
 
 
 def _from_vtp(path: Path) -> dict[str, str]:

@@ -238,7 +238,7 @@ def _check_labels(stored: Stored, model: GraspModel) -> None:
     Located angles have no order of their own: each is compared with another threshold.
     """
     worst, best = (stored.field(f"critical_angle{end}") for end in ("", "_best"))
-    # Of fingers that differ, the grasp with the best margin may be another one.
+    # Of fingers that differ, the grasp with the best margin may be another grasp.
     if not model.per_finger and not (best <= worst + ROUNDING).all():
         stored.reject("its critical_angle_best is above its critical_angle")
     if not model.is_uniform:
@@ -256,14 +256,14 @@ def _check_labels(stored: Stored, model: GraspModel) -> None:
 
 def _check_found(stored: Stored) -> None:
     """Compare the reasons with the angles and contacts: grasps are found where there are these."""
-    found = stored.field("reason") == Reason.FOUND
-    matches = np.isfinite(stored.field("critical_angle_best")) == found
-    matches &= np.isinf(stored.field("critical_angle")) | found
+    has_grasp = stored.field("reason") == Reason.FOUND
+    matches = np.isfinite(stored.field("critical_angle_best")) == has_grasp
+    matches &= np.isinf(stored.field("critical_angle")) | has_grasp
     for head in ("", "best_"):
         faces, weights = (stored.field(f"{head}partner_{name}") for name in ("faces", "weights"))
-        matches &= ((faces >= 0) == found[:, None]).all(axis=1)
+        matches &= ((faces >= 0) == has_grasp[:, None]).all(axis=1)
         whole = np.abs(weights.sum(axis=2) - 1.0) < ROUNDING
-        matches &= whole.all(axis=1) | ~found
+        matches &= whole.all(axis=1) | ~has_grasp
     if not matches.all():
         row = int(np.flatnonzero(~matches)[0])
         stored.reject(f"the reason of vertex {row} does not match its angles and contacts")

@@ -58,15 +58,15 @@ def read_vtp(source: Source) -> Stored | None:
     if b"VTKFile" not in source.head():
         raise source.error(f"is no VTP; {source.hint}")
     try:
-        found = call(
+        arrays = call(
             vtp_arrays,
             str(source.path.absolute()),
             memory=source.max_memory,
             seconds=SECONDS + source.size / BYTES_PER_SECOND,
         )
-        if not found:
+        if not arrays:
             raise source.error(f"is no surface of triangles, or incomplete; {source.hint}")
-        points, fields = dict(found["points"]), found["fields"]
+        points, fields = dict(arrays["points"]), arrays["fields"]
         settings = {
             name.removeprefix(SETTING): str(text[0])
             for name, text in fields.items()
@@ -77,10 +77,10 @@ def read_vtp(source: Source) -> Stored | None:
         for name, values in points.items():
             if f"{INFINITE}{name}" in fields:
                 points[name] = _with_infinite(values, fields[f"{INFINITE}{name}"])
-        stored = found["surface"] | _values(points, fingers_of(settings))
+        stored = arrays["surface"] | _values(points, fingers_of(settings))
         stored |= {
             field.name: part[field.name]
-            for field, part in ((CORNERS, found["cells"]), (CORNER_NORMALS, fields))
+            for field, part in ((CORNERS, arrays["cells"]), (CORNER_NORMALS, fields))
         }
     except CallFailedError as failure:
         raise damaged(source, f"the process that reads it {failure}") from failure
@@ -100,6 +100,6 @@ def _values(points: Arrays, fingers: int) -> Arrays:
 
 def _with_infinite(values: Array, rows: Array) -> Array:
     """Infinite values again where `_signed_rows` says so."""
-    found, above = values.copy(), rows >= 0
-    found[rows[above]], found[~rows[~above]] = math.inf, -math.inf
-    return found
+    result, above = values.copy(), rows >= 0
+    result[rows[above]], result[~rows[~above]] = math.inf, -math.inf
+    return result

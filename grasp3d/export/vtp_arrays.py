@@ -29,7 +29,7 @@ def vtp_arrays(path: str) -> VtpArrays:
     return {
         "surface": {"vertices": np.array(data.points), "faces": faces},
         **{
-            part: {name: np.array(found[name]) for name in found.keys()}  # noqa: SIM118
-            for part, found in parts.items()
+            part: {name: np.array(arrays[name]) for name in arrays.keys()}  # noqa: SIM118
+            for part, arrays in parts.items()
         },
     }

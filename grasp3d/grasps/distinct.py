@@ -30,8 +30,8 @@ DISTINCT = 1.0 / 8.0
 """Distance of corresponding contacts, in object sizes, from which grasps are distinct."""
 
 ANGLE_STEP = math.radians(1.0)
-"""Critical angles are compared in steps of this size [rad]; within one, the approach margin decides
-if there is a gripper, and then epsilon."""
+"""Critical angles are compared in steps of this size [rad]; within a step the approach margin
+decides if there is a gripper, and then epsilon."""
 
 MARGIN_STEP = math.radians(15.0)
 """Approach margins are compared in steps of this size [rad]."""
@@ -150,14 +150,14 @@ def _large_kinds(labels: SurfaceLabels) -> Ints:
 
 def distinct_rows(points: Floats, count: int, limit: float) -> Ints:
     """Indices of grasps (b, n, 3), best first, that are not near a better one."""
-    kept: list[int] = []
+    rows: list[int] = []
     remaining = np.arange(len(points))
-    while len(remaining) and len(kept) < count:
-        kept.append(int(remaining[0]))
+    while len(remaining) and len(rows) < count:
+        rows.append(int(remaining[0]))
         remaining = remaining[1:]
-        distance = matched_distance(points[remaining], points[kept[-1]])
+        distance = matched_distance(points[remaining], points[rows[-1]])
         remaining = remaining[(distance >= limit) & (distance > 0.0)]
-    return np.array(kept, dtype=np.int64)
+    return np.array(rows, dtype=np.int64)
 
 
 def matched_distance(points: Floats, other: Floats) -> Floats:
@@ -274,48 +274,48 @@ def alternatives_at(labels: SurfaceLabels, vertex: int, count: int) -> GraspTabl
     if count < 1:
         raise SettingError(f"the number of grasps must be at least 1; got {count}")
     own = int(mesh.canonical[vertex])
-    known = _known(labels, own)
-    given = labels.sampling if isinstance(labels.sampling, Sampling) else Sampling()
-    limited = scene.within_stroke(mesh, given)
+    contact = _own_contact(labels, own)
+    sampling = labels.sampling if isinstance(labels.sampling, Sampling) else Sampling()
+    limited = scene.within_stroke(mesh, sampling)
     with ThreadPoolExecutor(1) as executor:
         cone, ranking = labels.search.cone, Ranking.of(labels.model)
         limits = pair_limits(mesh, limited, cone, ranking)
         most = largest_cost(cone, ranking)
         search = ReachSearch(mesh, scene, cone, limits, executor, most)
-        found = search.partners_of(np.array([own]), count, TESTS_PER_GRASP * count)
-    signs = np.concatenate([known.signs, np.ones(count, dtype=np.int64)])
-    faces = np.concatenate([known.points.faces, found.faces[0]])
-    weights = np.concatenate([known.points.weights, found.weights[0]])
+        partners = search.partners_of(np.array([own]), count, TESTS_PER_GRASP * count)
+    signs = np.concatenate([contact.signs, np.ones(count, dtype=np.int64)])
+    faces = np.concatenate([contact.points.faces, partners.faces[0]])
+    weights = np.concatenate([contact.points.weights, partners.weights[0]])
     positions = SurfacePoints(np.maximum(faces, 0), weights).positions(mesh)
-    kept = _different(positions, faces >= 0, search.spacing * mesh.size)[:count]
-    return _grasps(labels, own, SurfacePoints(faces[kept], weights[kept]), signs[kept])
+    rows = _different(positions, faces >= 0, search.spacing * mesh.size)[:count]
+    return _grasps(labels, own, SurfacePoints(faces[rows], weights[rows]), signs[rows])
 
 
-class _Known(NamedTuple):
+class _OwnContact(NamedTuple):
     """The grasp that a vertex has, if any."""
 
     points: SurfacePoints
     signs: Ints
 
 
-def _known(labels: SurfaceLabels, vertex: int) -> _Known:
+def _own_contact(labels: SurfaceLabels, vertex: int) -> _OwnContact:
     """The opposing contact of a vertex's grasp (0 or 1,)."""
-    found = slice(0, int(labels.likely_reason[vertex] == Reason.FOUND))
+    rows = slice(0, int(labels.likely_reason[vertex] == Reason.FOUND))
     points = labels.partner_points
-    return _Known(
-        SurfacePoints(points.faces[vertex, 0][found], points.weights[vertex, 0][found]),
-        labels.grip[vertex : vertex + 1][found].astype(np.int64),
+    return _OwnContact(
+        SurfacePoints(points.faces[vertex, 0][rows], points.weights[vertex, 0][rows]),
+        labels.grip[vertex : vertex + 1][rows].astype(np.int64),
     )
 
 
 def _different(positions: Floats, exists: Bools, spacing: float) -> Ints:
     """Rows of positions (n, 3) that are not near an earlier one."""
-    kept: list[int] = []
+    rows: list[int] = []
     for row in np.flatnonzero(exists):
-        gaps = np.linalg.norm(positions[kept] - positions[row], axis=1)
+        gaps = np.linalg.norm(positions[rows] - positions[row], axis=1)
         if (gaps >= spacing).all():
-            kept.append(int(row))
-    return np.array(kept, dtype=np.int64)
+            rows.append(int(row))
+    return np.array(rows, dtype=np.int64)
 
 
 def _grasps(labels: SurfaceLabels, vertex: int, points: SurfacePoints, signs: Ints) -> GraspTable:

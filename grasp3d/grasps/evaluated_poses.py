@@ -96,12 +96,12 @@ class EvaluatedPoses(SpreadGrasps):
     def warnings(self) -> tuple[str, ...]:
         """What may make the results wrong, one sentence each."""
         mesh, poses = self.mesh, self.given.poses
-        found = None
+        reading = None
         if self.size and (self.jaws.closed & ~self.collides).mean() < FITTING:
-            found = suspected_reading(mesh, poses, self.hand, posture=self.given.posture)
-        found = found or pose_warning(poses, mesh.center, mesh.size, mesh.unit)
+            reading = suspected_reading(mesh, poses, self.hand, posture=self.given.posture)
+        reading = reading or pose_warning(poses, mesh.center, mesh.size, mesh.unit)
         inside = starting_inside(self.state)
-        return (*mesh.report.warnings, *(line for line in (found, inside) if line))
+        return (*mesh.report.warnings, *(line for line in (reading, inside) if line))
 
     def to_poses(self, metrics: MetricValues | None = None) -> GraspPoses:
         """The poses with the results as columns, as `write_grasps` writes them.
@@ -112,8 +112,8 @@ class EvaluatedPoses(SpreadGrasps):
         own = {**self._columns(), **({} if metrics is None else metrics.columns())}
         # Measures, forces and labels in the given file may be of other settings.
         others = {
-            name: kept
-            for name, kept in self.given.columns.items()
+            name: column
+            for name, column in self.given.columns.items()
             if name not in own and name not in STALE
         }
         columns = {**others, **own, "contacts": self.jaws.points, "normals": self.jaws.normals}
@@ -132,11 +132,11 @@ class EvaluatedPoses(SpreadGrasps):
             rows: Their indices, shape (c,).
         """
         row = self.row[rows]
-        known = row != NO_ROW
+        has_row = row != NO_ROW
         return replace(
             self,
-            grasps=self.grasps.take(row[known]),
-            row=rows_where(known),
+            grasps=self.grasps.take(row[has_row]),
+            row=rows_where(has_row),
             given=self.given.take(rows),
             jaws=self.jaws.take(rows),
             collides=locked(self.collides[rows]),

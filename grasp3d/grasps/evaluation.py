@@ -149,26 +149,26 @@ def evaluate_grasps(
         >>> from_above = np.diag([1.0, -1.0, -1.0, 1.0])
         >>> beside = from_above + [[0, 0, 0, 0], [0, 0, 0, 0.1], [0, 0, 0, 0], [0, 0, 0, 0]]
         >>> franka = grasp3d.ParallelGripper.preset("franka")
-        >>> found = grasp3d.evaluate_grasps(mesh, [from_above, beside], hand=franka)
-        >>> found.to_dataframe()[["closing", "label", "opening", "reachable"]].round(3)
+        >>> results = grasp3d.evaluate_grasps(mesh, [from_above, beside], hand=franka)
+        >>> results.to_dataframe()[["closing", "label", "opening", "reachable"]].round(3)
            closing label  opening  reachable
         0   closed     S     0.08       True
         1  nothing     U      NaN      False
     """
-    given, grasps = scene or Scene.given(hand, table, approach), _poses_or_contacts(grasps)
+    scene, grasps = scene or Scene.given(hand, table, approach), _poses_or_contacts(grasps)
     if not isinstance(grasps, GraspPoses):
-        if given is not None or object_motion != "free":
+        if scene is not None or object_motion != "free":
             raise SettingError(
                 "a gripper applies to poses, not to contacts; give poses, of shape (k, 4, 4)"
             )
         return _evaluate_contacts(mesh, grasps, model, max_distance, load)
     if max_distance is not None:
         raise SettingError("max_distance applies to contacts, not to poses of a gripper")
-    if given is None:
+    if scene is None:
         raise SettingError(
             "poses are evaluated for a gripper; give it (--hand, in Python hand=...)"
         )
-    return evaluate_poses(mesh, grasps, model, given, object_motion=object_motion, load=load)
+    return evaluate_poses(mesh, grasps, model, scene, object_motion=object_motion, load=load)
 
 
 def _poses_or_contacts(grasps: GraspPoses | ArrayLike) -> GraspPoses | ArrayLike:
@@ -196,24 +196,24 @@ def _evaluate_contacts(
     load: Load | None,
 ) -> GraspTable:
     """Move contacts (b, n, 3) to the surface, and evaluate the grasps."""
-    mesh, given = load_mesh(mesh), _checked(points)
+    mesh, positions = load_mesh(mesh), _checked(points)
     mesh, load = loaded_mesh(mesh, load)
-    (used,) = mesh.in_own_unit(model or GraspModel())
-    check_point_contacts(used)
-    used = with_fingers(used, given.shape[1])
+    (own_model,) = mesh.in_own_unit(model or GraspModel())
+    check_point_contacts(own_model)
+    own_model = with_fingers(own_model, positions.shape[1])
     given_limit = OFF_SURFACE * mesh.size if max_distance is None else max_distance
     limit = mesh.length("max_distance", given_limit)
     if not (limit >= 0.0 and math.isfinite(limit)):
         raise SettingError(f"max_distance must be a finite length of at least 0; got {limit:g}")
     if load is not None:
-        LoadCase.of(load, mesh, used)  # refuse it before the work
+        LoadCase.of(load, mesh, own_model)  # refuse it before the work
     with within(0.0, PROJECTED):
-        contacts, distances = _on_surface(mesh, given, limit)
-    end = ANGLES_COMPUTED if used.method == "extremes" else 1.0
+        contacts, distances = _on_surface(mesh, positions, limit)
+    end = ANGLES_COMPUTED if own_model.method == "extremes" else 1.0
     with within(PROJECTED, end):
         angles = critical_angles(contacts)
     grasps = GraspTable(
-        contacts=contacts, model=used, critical_angle=angles[0], critical_angle_best=angles[1],
+        contacts=contacts, model=own_model, critical_angle=angles[0], critical_angle_best=angles[1],
         moved=distances, load=load,
     )  # fmt: skip
     with within(end, 1.0):
@@ -222,16 +222,16 @@ def _evaluate_contacts(
     return grasps
 
 
-def _on_surface(mesh: ObjectMesh, given: Floats, limit: float) -> tuple[SurfaceContacts, Floats]:
+def _on_surface(mesh: ObjectMesh, points: Floats, limit: float) -> tuple[SurfaceContacts, Floats]:
     """Contacts (b, n, 3) moved to the surface, and their distances from it before (b, n)."""
-    size, count = given.shape[:2]
-    nearest, _, found = nearest_surface_points(
+    size, count = points.shape[:2]
+    nearest, _, gaps = nearest_surface_points(
         mesh,
-        given.reshape(-1, 3),
+        points.reshape(-1, 3),
         limit=limit + DISTANCE_ROUNDING * mesh.size,
     )
-    distances = found.reshape(size, count)
-    _check_near(mesh, given, distances, limit)
+    distances = gaps.reshape(size, count)
+    _check_near(mesh, points, distances, limit)
     faces, weights = nearest.faces.reshape(size, count), nearest.weights.reshape(size, count, 3)
     return SurfaceContacts(mesh, SurfacePoints(locked(faces), locked(weights))), locked(distances)
 
@@ -239,39 +239,39 @@ def _on_surface(mesh: ObjectMesh, given: Floats, limit: float) -> tuple[SurfaceC
 def _checked(points: ArrayLike) -> Floats:
     """Finite contacts of at least one grasp, shape (b, n, 3)."""
     try:
-        given = np.asarray(points, dtype=np.float64)
+        array = np.asarray(points, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ContactError(f"contacts must be an array of numbers: {error}") from error
-    if given.ndim == 2:
-        given = given[None]
-    if given.ndim != 3 or given.shape[2] != 3:
+    if array.ndim == 2:
+        array = array[None]
+    if array.ndim != 3 or array.shape[2] != 3:
         raise ContactError(f"contacts must have shape (b, n, 3); got {np.shape(points)}")
-    size, count = given.shape[:2]
+    size, count = array.shape[:2]
     if not size:
         raise ContactError("no grasps: contacts must have shape (b, n, 3) with b at least 1")
     if not 2 <= count <= MAX_FINGERS:
         raise ContactError(f"a grasp has 2 to {MAX_FINGERS} contacts; got {count}")
-    if not np.isfinite(given).all():
-        grasp, contact, _ = np.argwhere(~np.isfinite(given))[0]
-        point = _format_point(given[grasp, contact])
+    if not np.isfinite(array).all():
+        grasp, contact, _ = np.argwhere(~np.isfinite(array))[0]
+        point = _format_point(array[grasp, contact])
         raise ContactError(f"{_name(grasp, contact)} must be three finite numbers; got {point}")
-    if (np.abs(given) > LARGEST).any():
-        raise ContactError(f"contacts must not exceed {LARGEST:g}; got {np.abs(given).max():g}")
-    return given
+    if (np.abs(array) > LARGEST).any():
+        raise ContactError(f"contacts must not exceed {LARGEST:g}; got {np.abs(array).max():g}")
+    return array
 
 
-def _check_near(mesh: ObjectMesh, given: Floats, distances: Floats, limit: float) -> None:
+def _check_near(mesh: ObjectMesh, array: Floats, distances: Floats, limit: float) -> None:
     """Raise ContactError if contacts are too far from the surface."""
     off = np.argwhere(np.isinf(distances))
     if not len(off):
         return
     grasp, contact = off[0]
-    point = (given[grasp, contact] - mesh.center) / mesh.size
+    point = (array[grasp, contact] - mesh.center) / mesh.size
     nearest, _, _ = nearest_surface_point(mesh, point)
     distance = float(np.linalg.norm(nearest - point)) * mesh.size
     unit = mesh.unit or "(unit not stated)"
     raise ContactError(
-        f"{_name(grasp, contact)} at {_format_point(given[grasp, contact])} is {distance:.4g} from "
+        f"{_name(grasp, contact)} at {_format_point(array[grasp, contact])} is {distance:.4g} from "
         f"the surface, more than the allowed {limit:.4g}, as are {len(off)} of {distances.size} "
         f"contacts; are they in the frame and unit of {mesh.report.source}, which is "
         f"{mesh.size:.4g} {unit} in size? max_distance (--max-distance) allows more"
@@ -326,37 +326,37 @@ def evaluate_poses(
     mesh = in_stated_scale(load_mesh(mesh), poses)
     metres_per_unit(mesh)
     mesh, load = loaded_mesh(mesh, load)
-    given = poses.scaled(1.0, mesh.unit) if poses.unit is None else _in_unit(poses, mesh)
-    _check_external(given)
-    used = touching(hand, GraspModel()) if model is None else model
-    (used,) = mesh.in_own_unit(with_fingers(used, hand.fingers[-1]))
+    start = poses.scaled(1.0, mesh.unit) if poses.unit is None else _in_unit(poses, mesh)
+    _check_external(start)
+    own_model = touching(hand, GraspModel()) if model is None else model
+    (own_model,) = mesh.in_own_unit(with_fingers(own_model, hand.fingers[-1]))
     if load is not None:
-        LoadCase.of(load, mesh, used, hand)  # refuse it before the work
+        LoadCase.of(load, mesh, own_model, hand)  # refuse it before the work
     with within(0.0, JAWS_CLOSED):
         jaws = hand.close(
             mesh,
-            given.poses,
-            posture=given.posture,
+            start.poses,
+            posture=start.posture,
             object_motion=object_motion,
-            friction=float(np.min(used.frictions)),
+            friction=float(np.min(own_model.frictions)),
         )
-    held = jaws.closed if object_motion == "fixed" else np.zeros(given.count, dtype=np.bool_)
+    held = jaws.closed if object_motion == "fixed" else np.zeros(start.count, dtype=np.bool_)
     colliding = hand.blocked(
-        mesh, given.poses, jaws, posture=given.posture, held=held, table=scene.table,
+        mesh, start.poses, jaws, posture=start.posture, held=held, table=scene.table,
     )  # fmt: skip
     contacts = JawContacts.of(mesh, jaws)
     angles = np.zeros(0)
     if contacts.size:
-        angles = critical_friction_angle(contacts.contacts(used))
+        angles = critical_friction_angle(contacts.contacts(own_model))
     grasps = GraspTable(
-        contacts=contacts, model=used, critical_angle=locked(angles),
+        contacts=contacts, model=own_model, critical_angle=locked(angles),
         critical_angle_best=locked(angles),
         scene=scene, load=load,
     )  # fmt: skip
-    found = EvaluatedPoses(
+    result = EvaluatedPoses(
         grasps=grasps,
         row=rows_where(jaws.closed),
-        given=given,
+        given=start,
         jaws=jaws,
         object_motion=object_motion,
         collides=locked(colliding),
@@ -364,13 +364,13 @@ def evaluate_poses(
             jaws.closed
             & ~colliding
             & hand.opens_to(mesh, jaws)
-            & _within_approach(given.poses, scene)
+            & _within_approach(start.poses, scene)
         ),
     )
     with within(JAWS_CLOSED, 1.0):
-        found.compute_labels()
+        result.compute_labels()
     report_progress(1.0)
-    return found
+    return result
 
 
 def in_stated_scale(mesh: ObjectMesh, grasps: GraspPoses | Floats) -> ObjectMesh:

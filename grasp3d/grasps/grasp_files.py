@@ -121,8 +121,8 @@ def _from_table(path: Path) -> Floats:
     """Contacts of a CSV or Parquet file. Raises ContactError, ValueError, OSError."""
     from grasp3d.system.tables import read_columns
 
-    found = read_columns(path)
-    columns = [_column(name, found[name]) for name in _coordinate_columns(list(found))]
+    table = read_columns(path)
+    columns = [_column(name, table[name]) for name in _coordinate_columns(list(table))]
     if not len(columns[0]):
         raise ContactError("there are no grasps in it, only column names")
     return np.stack(columns, axis=1).reshape(len(columns[0]), -1, 3)
@@ -174,16 +174,16 @@ def _number(value: object) -> float:
 def _from_json(path: Path) -> Floats:
     """Contacts of a JSON file. Raises ContactError, ValueError, OSError, RecursionError."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8-sig"))
+        content = json.loads(path.read_text(encoding="utf-8-sig"))
     except json.JSONDecodeError as error:
         raise ContactError(f"is no JSON: {error}") from error
-    if isinstance(found, dict):
-        found = _from_written(found)
-    if not isinstance(found, list):
-        raise ContactError(f"expected {GRASPS}; found {_kind(found)}")
-    if not found:
+    if isinstance(content, dict):
+        content = _from_written(content)
+    if not isinstance(content, list):
+        raise ContactError(f"expected {GRASPS}; found {_kind(content)}")
+    if not content:
         raise ContactError("there are no grasps in it")
-    rows = [_grasp(number, grasp) for number, grasp in enumerate(found, 1)]
+    rows = [_grasp(number, grasp) for number, grasp in enumerate(content, 1)]
     counts = [len(row) for row in rows]
     other = next((k for k, count in enumerate(counts) if count != counts[0]), None)
     if other is not None:
@@ -194,9 +194,9 @@ def _from_json(path: Path) -> Floats:
     return np.array(rows, dtype=np.float64)
 
 
-def _from_written(found: dict[str, Any]) -> object:
+def _from_written(content: dict[str, Any]) -> object:
     """Contacts in a file that `write_grasps` wrote."""
-    grasps = found.get("grasps")
+    grasps = content.get("grasps")
     if not isinstance(grasps, list):
         raise ContactError(f"expected {GRASPS}, or a file that write_grasps wrote")
     return [

@@ -28,7 +28,7 @@ LEAST_FIT, LEAST_GAIN, LEAST_RATIO = 0.3, 0.25, 2.0
 factor."""
 
 PLAUSIBLE = 0.1, 2.5
-"""Spread of the TCPs, in object sizes, with which the unit is not suspected: in a larger one they
+"""Spread of the TCPs, in object sizes, with which the unit is not suspected: in a larger unit they
 are all at one point, where all poses fit if one does."""
 
 NAMES: dict[Unit, str] = {"m": "metres", "cm": "centimetres", "mm": "millimetres", "in": "inches"}
@@ -87,12 +87,12 @@ def suspected_reading(
     """
     if len(poses) < FEWEST:
         return None
-    chosen = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), TRIED)).astype(np.int64))
-    tried, joints = poses[chosen], np.zeros((len(chosen), 0))
+    rows = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), TRIED)).astype(np.int64))
+    tried, joints = poses[rows], np.zeros((len(rows), 0))
     if posture is not None:
-        joints = posture[chosen]
-    given = int(_fits(mesh, tried, joints, hand).sum())
-    if given >= FITTING * len(tried):
+        joints = posture[rows]
+    count = int(_fits(mesh, tried, joints, hand).sum())
+    if count >= FITTING * len(tried):
         return None
     plausible = PLAUSIBLE[0] <= _spread(tried) / mesh.size <= PLAUSIBLE[1]
     lengths = None if plausible else unit or mesh.unit
@@ -101,12 +101,12 @@ def suspected_reading(
     joints = np.tile(joints, (len(readings), 1))
     fitting = _fits(mesh, changed, joints, hand).reshape(len(readings), -1).sum(axis=1)
     best = int(fitting.max())
-    enough = max(LEAST_FIT * len(tried), given + LEAST_GAIN * len(tried), LEAST_RATIO * given)
+    enough = max(LEAST_FIT * len(tried), count + LEAST_GAIN * len(tried), LEAST_RATIO * count)
     if best < enough:
         return None
     sample = "" if len(tried) == len(poses) else f", a sample of the {len(poses)}"
     return (
-        f"the jaws close on the object without collision in {given} of {len(tried)} poses{sample}, "
+        f"the jaws close on the object without collision in {count} of {len(tried)} poses{sample}, "
         f"but in {best} of them {readings[int(fitting.argmax())].how}"
     )
 
@@ -173,7 +173,7 @@ def _bases(hand: Hand, metres: float) -> list[Floats]:
     turned[:3, 3] = own[:3, 3]
     bases: list[Floats] = []
     for base in (own, turned):
-        if not any(np.array_equal(base, known) for known in (np.eye(4), *bases)):
+        if not any(np.array_equal(base, other) for other in (np.eye(4), *bases)):
             bases.append(base)
     return bases
 
@@ -189,7 +189,7 @@ def _after(motion: Floats) -> Change:
 
 
 def _units(unit: Unit | None) -> Iterator[tuple[str, Change]]:
-    """Lengths in other units than the one that they were read in."""
+    """Lengths in other units than they were read in."""
     if unit is None:
         return
     for other in get_args(Unit):

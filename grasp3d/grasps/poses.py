@@ -95,8 +95,8 @@ class GraspPoses:
             values[name] = _numbers(name, getattr(self, name), count)
         _check_values(values)
         if self.unit is not None and self.unit not in get_args(Unit):
-            known = ", ".join(get_args(Unit))
-            raise ContactError(f"the unit of poses must be one of {known}; got {self.unit!r}")
+            units = ", ".join(get_args(Unit))
+            raise ContactError(f"the unit of poses must be one of {units}; got {self.unit!r}")
         scale = self.object_scale
         if scale is not None and not (np.isfinite(scale) and scale > 0.0):
             raise ContactError(f"the object's scale must be a finite number above 0; got {scale:g}")
@@ -150,19 +150,19 @@ class GraspPoses:
 
     def take(self, indices: ArrayLike) -> Self:
         """The poses with the given indices, or those where a mask is true, in that order."""
-        wanted = np.asarray(indices)
+        index = np.asarray(indices)
         # An empty list has no type of its own.
-        chosen = np.arange(self.count)[wanted if wanted.size else wanted.astype(np.int64)]
+        rows = np.arange(self.count)[index if index.size else index.astype(np.int64)]
         return replace(
             self,
-            poses=self.poses[chosen],
-            opening=self.opening[chosen],
-            pregrasp_opening=self.pregrasp_opening[chosen],
-            posture=self.posture[chosen],
-            scores=self.scores[chosen],
-            outcome=self.outcome[chosen],
-            names=tuple(self.names[k] for k in chosen),
-            columns={name: values[chosen] for name, values in self.columns.items()},
+            poses=self.poses[rows],
+            opening=self.opening[rows],
+            pregrasp_opening=self.pregrasp_opening[rows],
+            posture=self.posture[rows],
+            scores=self.scores[rows],
+            outcome=self.outcome[rows],
+            names=tuple(self.names[k] for k in rows),
+            columns={name: values[rows] for name, values in self.columns.items()},
         )
 
     def _checked_names(self, count: int) -> tuple[str, ...]:

@@ -69,14 +69,14 @@ class HoldingVerdict:
         task, pure = holding.load.task, holding.task.mass is None
         is_text = isinstance(task, TaskText)
         what = str(task) if is_text else "the given task"
-        given = f"({task})" if is_text else f"against {what}"
+        phrase = f"({task})" if is_text else f"against {what}"
         return cls(
             holds=enough if holding.case.decided else None,
             mass=None if pure else holding.mass,
             available=holding.available,
             needed=needed,
             payload=payload,
-            task="in any orientation" if task == Load().task else given,
+            task="in any orientation" if task == Load().task else phrase,
             resisted=what if pure else "",
             reason="" if math.isfinite(needed) else _why_not_held(holding),
         )

@@ -63,26 +63,26 @@ OBJECT = {
 def write_acronym(path: Path, poses: GraspPoses) -> None:
     """Write the poses of the hand's base, and outcomes where any are known."""
     h5py = _h5py()
-    hand, given = for_robots(poses, WHAT)
+    hand, in_metres = for_robots(poses, WHAT)
     values: dict[str, Any] = {
-        TRANSFORMS: moved(given.poses, -hand.base_to_tcp),
-        "object/file": given.object_file or "",
-        "object/scale": given.object_scale or METRES[poses.unit or "m"],
+        TRANSFORMS: moved(in_metres.poses, -hand.base_to_tcp),
+        "object/file": in_metres.object_file or "",
+        "object/scale": in_metres.object_scale or METRES[poses.unit or "m"],
         "gripper/type": hand.name,
         "gripper/base_to_tcp": hand.base_to_tcp,
-        NAMES: np.array(given.names, dtype=object),
+        NAMES: np.array(in_metres.names, dtype=object),
     }
     if hand.joint_names:
         widest = np.array([hand.max_opening])
         values["gripper/configuration"] = joint_values(hand, widest, WHAT)[0]
-    if not np.isnan(given.outcome).all():
-        known = not np.isnan(given.outcome).any()
-        values[OUTCOME] = given.outcome.astype(np.int64) if known else given.outcome
+    if not np.isnan(in_metres.outcome).all():
+        complete = not np.isnan(in_metres.outcome).any()
+        values[OUTCOME] = in_metres.outcome.astype(np.int64) if complete else in_metres.outcome
     for field, name in NUMBERS.items():
-        if not np.isnan(getattr(given, field)).all():
-            values[name] = getattr(given, field)
+        if not np.isnan(getattr(in_metres, field)).all():
+            values[name] = getattr(in_metres, field)
     for name in OBJECT:
-        stated = given.settings.get(name)
+        stated = in_metres.settings.get(name)
         # Densities of several bodies are a text.
         if stated is not None and not isinstance(stated, str):
             values[f"object/{name}"] = np.asarray(stated, dtype=np.float64)
@@ -127,7 +127,7 @@ def _read(h5py: Any, file: Any, hand: Hand | None) -> GraspPoses:
         raise ContactError("there are no grasps in it")
     bases = _numbers(h5py, file, TRANSFORMS, (count, 4, 4))
     outcome = _numbers(h5py, file, OUTCOME, (count,))
-    known: dict[str, Any] = {
+    numbers: dict[str, Any] = {
         field: value
         for field, name in NUMBERS.items()
         if (value := _numbers(h5py, file, name, (count,))) is not None
@@ -145,7 +145,7 @@ def _read(h5py: Any, file: Any, hand: Hand | None) -> GraspPoses:
             for name, shape in OBJECT.items()
             if (value := _numbers(h5py, file, f"object/{name}", shape)) is not None
         },
-        **known,
+        **numbers,
     )
 
 
@@ -163,19 +163,19 @@ def _scale(h5py: Any, file: Any) -> float | None:
 
 def _dataset(h5py: Any, file: Any, name: str) -> Any:
     """A data set that is stored in the file itself; None: there is none."""
-    found = file
+    node = file
     for part in name.split("/"):
-        link = found.get(part, getlink=True) if isinstance(found, h5py.Group) else None
+        link = node.get(part, getlink=True) if isinstance(node, h5py.Group) else None
         if link is None:
             return None
         if not isinstance(link, h5py.HardLink):
             raise ContactError(f"{name} is a link to another file or data set, which is not read")
-        found = found[part]
-    if not isinstance(found, h5py.Dataset):
+        node = node[part]
+    if not isinstance(node, h5py.Dataset):
         raise ContactError(f"{name} must be a data set; got a group")
-    if found.external or found.is_virtual:
+    if node.external or node.is_virtual:
         raise ContactError(f"{name} is stored in another file, which is not read")
-    return found
+    return node
 
 
 def _numbers(h5py: Any, file: Any, name: str, shape: tuple[int, ...]) -> Floats | None:
@@ -200,8 +200,8 @@ def _texts(h5py: Any, file: Any, name: str, shape: tuple[int, ...]) -> tuple[str
     info = h5py.check_string_dtype(data.dtype)
     if data.shape != shape or info is None or (info.length or 0) > LONGEST:
         raise ContactError(f"{name} must be text of shape {shape}; got shape {data.shape}")
-    found = data.asstr(errors="replace")[()]
-    return tuple(map(str, np.ravel(found).tolist()))
+    texts = data.asstr(errors="replace")[()]
+    return tuple(map(str, np.ravel(texts).tolist()))
 
 
 @contextmanager

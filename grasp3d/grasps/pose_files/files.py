@@ -97,14 +97,14 @@ def write_poses(
     path = Path(path)
     if format is not None:
         check_choice("format", format, PoseFormat)
-    chosen = format or format_of(path)
-    if chosen is None:
+    name = format or format_of(path)
+    if name is None:
         raise OutputError(unsupported(path, SUFFIXES, "pose"))
-    check_suffix(path, _FORMATS[chosen].suffixes, chosen)
+    check_suffix(path, _FORMATS[name].suffixes, name)
     if not poses.count:
         raise OutputError(f"{path}: there are no poses to write")
     try:
-        _FORMATS[chosen].write(path, poses)
+        _FORMATS[name].write(path, poses)
     except OutputError as error:
         raise _with_path(path, error) from error
 
@@ -191,7 +191,7 @@ def suffixes_of(format: PoseFormat) -> tuple[str, ...]:  # noqa: A002, what it i
 def format_of(path: Path) -> PoseFormat | None:
     """The format that the ending of a file's name stands for; None: none does."""
     suffix = path.suffix.lower()
-    return next((name for name, known in _FORMATS.items() if suffix in known.suffixes), None)
+    return next((name for name, entry in _FORMATS.items() if suffix in entry.suffixes), None)
 
 
 def check_hand(format: PoseFormat | None, hand: Hand) -> None:  # noqa: A002
@@ -211,19 +211,17 @@ def check_hand(format: PoseFormat | None, hand: Hand) -> None:  # noqa: A002
         raise SettingError(missing)
 
 
-def _read(
-    path: Path, chosen: PoseFormat | None, hand: Hand | None, unit: Unit | None
-) -> GraspPoses:
+def _read(path: Path, name: PoseFormat | None, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     """Poses of a file. Raises ContactError, ValueError, OSError, OutputError."""
-    if chosen is None and path.suffix.lower() == ".json":
+    if name is None and path.suffix.lower() == ".json":
         content = load_json(path)
-        found = _json_format(content)
-        if found is None:
+        kind = _json_format(content)
+        if kind is None:
             raise ContactError(_unknown_json(content))
-        return _PARSERS[found][1](content, hand, unit)
-    chosen = chosen or format_of(path)
-    assert chosen is not None
-    return _FORMATS[chosen].read(path, hand, unit)
+        return _PARSERS[kind][1](content, hand, unit)
+    name = name or format_of(path)
+    assert name is not None
+    return _FORMATS[name].read(path, hand, unit)
 
 
 def _json_format(content: object) -> PoseFormat | None:

@@ -96,8 +96,8 @@ def tcp_poses(bases: Floats, hand: ParallelGripper) -> Floats:
 
 def quaternions(poses: Floats) -> Floats:
     """Quaternions x y z w of poses (k, 4, 4), w at least 0, shape (k, 4)."""
-    found = Rotation.from_matrix(poses[:, :3, :3]).as_quat(canonical=True)
-    return np.asarray(found, dtype=np.float64).reshape(-1, 4)
+    values = Rotation.from_matrix(poses[:, :3, :3]).as_quat(canonical=True)
+    return np.asarray(values, dtype=np.float64).reshape(-1, 4)
 
 
 def from_quaternions(positions: Floats, xyzw: Floats, where: str = "") -> Floats:
@@ -133,14 +133,14 @@ def openings_of_joints(hand: ParallelGripper, joints: Sequence[dict[str, Any]]) 
     names = {name: k for k, name in enumerate(hand.joint_names) if hand.joint_scale[k]}
     openings = np.full(len(joints), np.nan)
     for number, values in enumerate(joints):
-        known = [name for name in values if name in names]
-        if not known:
+        own = [name for name in values if name in names]
+        if not own:
             _check_joints(hand, names, values)
             continue
-        indices = [names[name] for name in known]
-        found = numbers([[values[name] for name in known]], (len(known),), "joint values")[0]
+        indices = [names[name] for name in own]
+        positions = numbers([[values[name] for name in own]], (len(own),), "joint values")[0]
         scale = np.array(hand.joint_scale)[indices]
-        opening = float(((found - np.array(hand.joint_closed)[indices]) / scale).mean())
+        opening = float(((positions - np.array(hand.joint_closed)[indices]) / scale).mean())
         openings[number] = _at_least_closed(opening, hand, number)
     return openings
 
@@ -166,8 +166,8 @@ def _at_least_closed(opening: float, hand: ParallelGripper, number: int) -> floa
 
 def unequal_names(names: Sequence[str]) -> None:
     """Raise OutputError if two grasps have one name."""
-    seen: set[str] = set()
+    others: set[str] = set()
     for name in names:
-        if name in seen:
+        if name in others:
             raise OutputError(f"two grasps are called {name!r}: give each a name of its own")
-        seen.add(name)
+        others.add(name)

@@ -40,25 +40,25 @@ def is_graspgen(content: object) -> bool:
 
 def write_graspgen(path: Path, poses: GraspPoses) -> None:
     """Write the poses of the hand's base and the outcomes, which all grasps must have."""
-    hand, given = for_robots(poses, WHAT)
-    unknown = np.flatnonzero(np.isnan(given.outcome))
+    hand, in_metres = for_robots(poses, WHAT)
+    unknown = np.flatnonzero(np.isnan(in_metres.outcome))
     if len(unknown):
         raise OutputError(
             f"{WHAT} files state whether each grasp held; the outcome of grasp {unknown[0] + 1} is "
             "not known"
         )
     grasps = {
-        "transforms": moved(given.poses, -hand.base_to_tcp).tolist(),
-        "object_in_gripper": (given.outcome == 1.0).tolist(),
-        "names": list(given.names),
+        "transforms": moved(in_metres.poses, -hand.base_to_tcp).tolist(),
+        "object_in_gripper": (in_metres.outcome == 1.0).tolist(),
+        "names": list(in_metres.names),
         **{
-            key: json_numbers(getattr(given, field))
+            key: json_numbers(getattr(in_metres, field))
             for field, key in EXTRA.items()
-            if not np.isnan(getattr(given, field)).all()
+            if not np.isnan(getattr(in_metres, field)).all()
         },
     }
-    scale = given.object_scale or METRES[poses.unit or "m"]
-    document = {"object": {"file": given.object_file or "", "scale": scale}, "grasps": grasps}
+    scale = in_metres.object_scale or METRES[poses.unit or "m"]
+    document = {"object": {"file": in_metres.object_file or "", "scale": scale}, "grasps": grasps}
     with atomic_write(path) as part:
         part.write_text(json_text(document), encoding="utf-8")
 
@@ -74,7 +74,7 @@ def parse_graspgen(content: object, hand: Hand | None, unit: Unit | None) -> Gra
     scale = about.get("scale")
     fields = {"outcome": "object_in_gripper", **EXTRA}
     names = grasps.get("names")
-    known: dict[str, Any] = {
+    quantities: dict[str, Any] = {
         field: numbers(_as_many(grasps[key], key, count), (), key)
         for field, key in fields.items()
         if grasps.get(key) is not None
@@ -86,13 +86,13 @@ def parse_graspgen(content: object, hand: Hand | None, unit: Unit | None) -> Gra
         hand=hand,
         object_file=text_or_none(about.get("file"), "object.file") or None,
         object_scale=None if scale is None else one_number(scale, "object.scale"),
-        **known,
+        **quantities,
     )
 
 
 def _as_many(values: object, key: str, count: int) -> list[object]:
     """A list of as many values as there are grasps; lists of one value are that value."""
-    found = grasp_list(values, f"grasps.{key}")
-    if len(found) != count:
+    entries = grasp_list(values, f"grasps.{key}")
+    if len(entries) != count:
         raise ContactError(f"grasps.{key} must have {count} values, one of each grasp")
-    return [value[0] if isinstance(value, list) and len(value) == 1 else value for value in found]
+    return [value[0] if isinstance(value, list) and len(value) == 1 else value for value in entries]

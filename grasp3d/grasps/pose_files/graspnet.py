@@ -46,17 +46,17 @@ BEST_SCORE = 1.1
 
 def write_graspnet(path: Path, poses: GraspPoses) -> None:
     """Write a row for each grasp, float64."""
-    hand, given = for_robots(poses, WHAT)
-    moved_back = moved(given.poses, hand.end - DEPTH)
-    rows = np.empty((given.count, LENGTH))
-    rows[:, 0] = _scores(given)
-    known = np.isfinite(given.pregrasp_opening)
-    rows[:, 1] = np.where(known, given.pregrasp_opening, given.opening)
+    hand, in_metres = for_robots(poses, WHAT)
+    moved_back = moved(in_metres.poses, hand.end - DEPTH)
+    rows = np.empty((in_metres.count, LENGTH))
+    rows[:, 0] = _scores(in_metres)
+    has_pregrasp = np.isfinite(in_metres.pregrasp_opening)
+    rows[:, 1] = np.where(has_pregrasp, in_metres.pregrasp_opening, in_metres.opening)
     rows[:, 2], rows[:, 3] = HEIGHT, DEPTH
     # Their x, y and z are z, x and y here.
     rows[:, 4:13] = moved_back[:, :3, [2, 0, 1]].reshape(-1, 9)
     rows[:, 13:16] = moved_back[:, :3, 3]
-    rows[:, 16] = given.columns.get("object_id", np.full(given.count, NO_OBJECT))
+    rows[:, 16] = in_metres.columns.get("object_id", np.full(in_metres.count, NO_OBJECT))
     with atomic_write(path) as part, part.open("wb") as stream:
         np.save(stream, rows, allow_pickle=False)
 

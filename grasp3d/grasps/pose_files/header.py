@@ -70,22 +70,22 @@ def fields_of(
     }
 
 
-def stated_unit(stated: object, given: Unit | None) -> Unit | None:
+def stated_unit(stated: object, default: Unit | None) -> Unit | None:
     """The unit that a file states, or that is given for it.
 
     Raises:
         ContactError: It is no unit, or both are there and differ.
     """
     if stated in (None, "", "unknown"):
-        return given
-    known: dict[object, Unit] = {unit: unit for unit in get_args(Unit)}
-    unit = known.get(stated) if isinstance(stated, str) else None
+        return default
+    units: dict[object, Unit] = {unit: unit for unit in get_args(Unit)}
+    unit = units.get(stated) if isinstance(stated, str) else None
     if unit is None:
         raise ContactError(
-            f"the unit must be one of {', '.join(known.values())}; got {kind(stated)}"
+            f"the unit must be one of {', '.join(units.values())}; got {kind(stated)}"
         )
-    if given not in {None, unit}:
-        raise ContactError(f"it states the unit {unit}, not {given}: read it without a unit")
+    if default not in {None, unit}:
+        raise ContactError(f"it states the unit {unit}, not {default}: read it without a unit")
     return unit
 
 
@@ -119,13 +119,13 @@ def outcomes_of(columns: Mapping[str, npt.NDArray[Any]], count: int) -> Floats:
     Raises:
         ContactError: A value is no outcome, or the two columns contradict each other.
     """
-    found = [_outcomes(columns[name], name) for name in NAMES if name in columns]
-    if not found:
+    outcomes = [_outcomes(columns[name], name) for name in NAMES if name in columns]
+    if not outcomes:
         return np.full(count, math.nan)
-    merged = found[0]
-    for other in found[1:]:
-        known = ~np.isnan(merged) & ~np.isnan(other)
-        differing = np.flatnonzero(known & (merged != other))
+    merged = outcomes[0]
+    for other in outcomes[1:]:
+        both = ~np.isnan(merged) & ~np.isnan(other)
+        differing = np.flatnonzero(both & (merged != other))
         if len(differing):
             raise ContactError(
                 f"grasp {differing[0] + 1}: its columns {' and '.join(NAMES)} contradict each other"

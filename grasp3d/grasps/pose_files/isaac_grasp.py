@@ -49,15 +49,15 @@ _PYTHON = "tag:yaml.org,2002:python"
 def write_isaac(path: Path, poses: GraspPoses) -> None:
     """Write grasps by name, the hand's base relative to the object."""
     yaml = _yaml()
-    hand, given = for_robots(poses, WHAT)
-    unequal_names(given.names)
+    hand, in_metres = for_robots(poses, WHAT)
+    unequal_names(in_metres.names)
     document = {
         "format": WHAT,
         "format_version": VERSION,
-        "object_frame_link": str(given.settings.get("object_frame_link", "object")),
-        "gripper_frame_link": str(given.settings.get("gripper_frame_link", hand.name)),
-        "object_scale": given.object_scale or METRES[poses.unit or "m"],
-        "grasps": dict(zip(given.names, _entries(given, hand), strict=True)),
+        "object_frame_link": str(in_metres.settings.get("object_frame_link", "object")),
+        "gripper_frame_link": str(in_metres.settings.get("gripper_frame_link", hand.name)),
+        "object_scale": in_metres.object_scale or METRES[poses.unit or "m"],
+        "grasps": dict(zip(in_metres.names, _entries(in_metres, hand), strict=True)),
     }
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:

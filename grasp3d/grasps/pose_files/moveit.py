@@ -51,18 +51,18 @@ def is_moveit(content: object) -> bool:
 
 def write_moveit(path: Path, poses: GraspPoses) -> None:
     """Write one message for each grasp."""
-    hand, given = for_robots(poses, WHAT)
-    frame = str(given.settings.get("frame_id", "object"))
-    bases = hand_poses(given.poses, hand)
+    hand, in_metres = for_robots(poses, WHAT)
+    frame = str(in_metres.settings.get("frame_id", "object"))
+    bases = hand_poses(in_metres.poses, hand)
     turned = quaternions(bases)
-    before = json_numbers(joint_values(hand, given.pregrasp_opening, WHAT))
-    closed = json_numbers(joint_values(hand, given.opening, WHAT))
+    before = json_numbers(joint_values(hand, in_metres.pregrasp_opening, WHAT))
+    closed = json_numbers(joint_values(hand, in_metres.opening, WHAT))
     messages = []
-    for k in range(given.count):
-        approach = given.poses[k, :3, 2]
+    for k in range(in_metres.count):
+        approach = in_metres.poses[k, :3, 2]
         messages.append(
             {
-                "id": given.names[k],
+                "id": in_metres.names[k],
                 "pre_grasp_posture": _posture(hand, before[k], frame),
                 "grasp_posture": _posture(hand, closed[k], frame),
                 "grasp_pose": {
@@ -72,7 +72,7 @@ def write_moveit(path: Path, poses: GraspPoses) -> None:
                         "orientation": _letters(turned[k], "xyzw"),
                     },
                 },
-                "grasp_quality": float(np.nan_to_num(given.scores[k])),
+                "grasp_quality": float(np.nan_to_num(in_metres.scores[k])),
                 "pre_grasp_approach": _translation(approach, frame),
                 "post_grasp_retreat": _translation(-approach, frame),
                 "post_place_retreat": _translation(-approach, frame),
@@ -80,7 +80,7 @@ def write_moveit(path: Path, poses: GraspPoses) -> None:
                 "allowed_touch_objects": [],
             }
         )
-    _check_finite(given.scores)
+    _check_finite(in_metres.scores)
     with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
         stream.write("[\n" + ",\n".join(map(json_text, messages)) + "\n]\n")
 
@@ -101,15 +101,15 @@ def _letters(values: Floats, letters: str) -> dict[str, float]:
 
 def _posture(hand: ParallelGripper, values: list[Any], frame: str) -> dict[str, Any]:
     """trajectory_msgs/JointTrajectory of one point; of none where the opening is not known."""
-    known = bool(values) and None not in values
+    is_known = bool(values) and None not in values
     point = {
         "positions": values, "velocities": [], "accelerations": [], "effort": [],
         "time_from_start": {"sec": 0, "nanosec": 0},
     }  # fmt: skip
     return {
         "header": _header(frame),
-        "joint_names": list(hand.joint_names) if known else [],
-        "points": [point] if known else [],
+        "joint_names": list(hand.joint_names) if is_known else [],
+        "points": [point] if is_known else [],
     }
 
 
@@ -124,8 +124,8 @@ def _translation(direction: Floats, frame: str) -> dict[str, Any]:
 
 def parse_moveit(content: object, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     """Poses of the content of a JSON file, a list of messages or one. Raises ContactError."""
-    found = grasp_list(content if isinstance(content, list) else [content], "the file")
-    messages = [mapping(message, f"grasp {number}") for number, message in enumerate(found, 1)]
+    entries = grasp_list(content if isinstance(content, list) else [content], "the file")
+    messages = [mapping(message, f"grasp {number}") for number, message in enumerate(entries, 1)]
     hand = needed_gripper(hand, unit, WHAT)
     return GraspPoses(
         poses=tcp_poses(_bases(messages), hand),

@@ -84,9 +84,9 @@ def _contacts(columns: Mapping[str, npt.NDArray[Any]]) -> list[list[dict[str, An
 def parse_json(content: object, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     """Poses of the content of a JSON file. Raises ContactError."""
     document = mapping(content, "the file")
-    found = grasp_list(required(document, "grasps"), "grasps")
+    grasps = grasp_list(required(document, "grasps"), "grasps")
     entries: list[Mapping[str, Any]] = [
-        mapping(entry, f"grasp {number}") for number, entry in enumerate(found, 1)
+        mapping(entry, f"grasp {number}") for number, entry in enumerate(grasps, 1)
     ]
     header = mapping(document.get("grasp3d", {}), "grasp3d")
     return GraspPoses(

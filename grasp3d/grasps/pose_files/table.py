@@ -95,7 +95,7 @@ def read_table(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     stated = dict(header or {})
     stated.setdefault("unit", _unit(columns))
     rows = len(columns["px"])
-    known = fields_of(stated, hand, unit)
+    common = fields_of(stated, hand, unit)
     return GraspPoses(
         poses=from_quaternions(_stacked(columns, POSITION), _stacked(columns, QUATERNION)),
         opening=_optional(columns, "opening", rows),
@@ -105,7 +105,7 @@ def read_table(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
         outcome=outcomes_of(columns, rows),
         names=tuple(map(_text, columns["name"].tolist())) if "name" in columns else (),
         columns=_others(columns),
-        **known,
+        **common,
     )
 
 
@@ -133,19 +133,19 @@ def _numbers(values: npt.NDArray[Any], name: str) -> Floats:
 
 def _others(columns: Columns) -> dict[str, npt.NDArray[Any]]:
     """Further columns; contacts and normals put together."""
-    found: dict[str, npt.NDArray[Any]] = {}
+    others: dict[str, npt.NDArray[Any]] = {}
     vectors: set[str] = set()
     for name, start in VECTORS.items():
         fingers = next(n for n in count() if not set(_parts(start, n + 1)) <= columns.keys())
         if fingers > 1:
             parts = _parts(start, fingers)
             values = _stacked(columns, parts).reshape(-1, fingers, 3)
-            found[name] = 0.0 - values if name == "normals" else values
+            others[name] = 0.0 - values if name == "normals" else values
             vectors |= set(parts)
     for name, column in columns.items():
         if name not in OWN_NAMES and name not in vectors and name not in _joints(columns):
-            found[name] = _column(column)
-    return found
+            others[name] = _column(column)
+    return others
 
 
 def _column(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
