@@ -116,8 +116,8 @@ class ClosedJaws:
 
 def closed_jaws(
     mesh: ObjectMesh,
-    found: ClosedOn,
-    given: Floats,
+    result: ClosedOn,
+    start: Floats,
     jaw: Jaw,
     *,
     least: float,
@@ -128,37 +128,37 @@ def closed_jaws(
 
     Args:
         mesh: The object.
-        found: What the kernels found, in the normalised frame.
-        given: The poses before the jaws closed, in that frame, shape (k, 3, 4).
+        result: What the kernels found, in the normalised frame.
+        start: The poses before the jaws closed, in that frame, shape (k, 3, 4).
         jaw: The jaws.
         least: Smallest opening [object sizes].
         at_rest: Jaws that do not move and touch nothing where they are, shape (k, 2); None: none.
         free: Whether the object is free, and contacts are centres of pressure.
     """
-    touches = found.outcome == TOUCHES
+    touches = result.outcome == TOUCHES
     if at_rest is not None:
         touches &= ~at_rest
-    opening = found.position[:, 1] - found.position[:, 0]
-    state = _states(touches, found.outcome, opening, least)
-    shown = touches & np.isin(state, (Closing.CLOSED, Closing.ONE_SIDE))[:, None]
-    hidden = np.where(shown, 1.0, math.nan)
-    low, high = found.bounds[..., :2], found.bounds[..., 2:]
+    opening = result.position[:, 1] - result.position[:, 0]
+    state = _states(touches, result.outcome, opening, least)
+    visible = touches & np.isin(state, (Closing.CLOSED, Closing.ONE_SIDE))[:, None]
+    hidden = np.where(visible, 1.0, math.nan)
+    low, high = result.bounds[..., :2], result.bounds[..., 2:]
     overlap = high.min(axis=1) - low.max(axis=1)
-    points = found.points
+    points = result.points
     if free:
-        points = centres_of_pressure(points, low, high, found.poses)
+        points = centres_of_pressure(points, low, high, result.poses)
     return ClosedJaws(
         state=locked(state),
-        poses=locked(_matrices(mesh, found.poses)),
+        poses=locked(_matrices(mesh, result.poses)),
         points=locked(mesh.from_normalized(points) * hidden[..., None]),
-        normals=locked(found.normals * hidden[..., None]),
+        normals=locked(result.normals * hidden[..., None]),
         opening=locked(np.where(state == Closing.CLOSED, opening, math.nan) * mesh.size),
-        positions=locked(found.position * hidden * mesh.size),
-        area=locked(np.where(shown, found.area, 0.0) * mesh.size**2),
-        extents=locked(np.where(shown[..., None], high - low, 0.0) * mesh.size),
-        touch=locked(_touches(shown, low, high, jaw)),
+        positions=locked(result.position * hidden * mesh.size),
+        area=locked(np.where(visible, result.area, 0.0) * mesh.size**2),
+        extents=locked(np.where(visible[..., None], high - low, 0.0) * mesh.size),
+        touch=locked(_touches(visible, low, high, jaw)),
         apart=locked((state == Closing.CLOSED) & (overlap < 0.0).any(axis=1)),
-        turn=locked(_turns(given, found.poses)),
+        turn=locked(_turns(start, result.poses)),
     )
 
 
@@ -194,23 +194,23 @@ def _matrices(mesh: ObjectMesh, poses: Floats) -> Floats:
     return matrices
 
 
-def _turns(given: Floats, reached: Floats) -> Floats:
+def _turns(start: Floats, reached: Floats) -> Floats:
     """Angles between the rotations of poses [rad], shape (k,)."""
     # The chord keeps its digits where the angle is small.
-    chords = np.linalg.norm(given[..., :3] - reached[..., :3], axis=(1, 2))
+    chords = np.linalg.norm(start[..., :3] - reached[..., :3], axis=(1, 2))
     return np.asarray(2.0 * np.arcsin(np.minimum(chords / math.sqrt(8.0), 1.0)))
 
 
-def _touches(shown: Bools, low: Floats, high: Floats, jaw: Jaw) -> Bytes:
+def _touches(visible: Bools, low: Floats, high: Floats, jaw: Jaw) -> Bytes:
     """`Touch` codes, shape (k, 2)."""
     size = jaw.bounds[2:] - jaw.bounds[:2]
     narrow = high - low < NARROW * size  # (k, 2, 2)
     at_rim = narrow & ((low <= jaw.bounds[:2] + RIM * size) | (high >= jaw.bounds[2:] - RIM * size))
-    codes = np.full(shown.shape, Touch.FACE, dtype=np.uint8)
+    codes = np.full(visible.shape, Touch.FACE, dtype=np.uint8)
     codes[narrow.any(axis=2)] = Touch.EDGE
     codes[narrow.all(axis=2)] = Touch.POINT
     codes[at_rim.any(axis=2)] = Touch.PAD_RIM
-    codes[~shown] = Touch.NOTHING
+    codes[~visible] = Touch.NOTHING
     return codes
 
 

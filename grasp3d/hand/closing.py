@@ -156,10 +156,10 @@ def close_jaws(
         ...     palm_thickness=0.1, palm_width=0.05, palm_length=0.05,
         ... )
         >>> box = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.05, 0.03]), unit="m")
-        >>> found = close_jaws(box, np.eye(4), hand)
-        >>> Closing(found.state[0]).name, found.opening.round(6).tolist()
+        >>> jaws = close_jaws(box, np.eye(4), hand)
+        >>> Closing(jaws.state[0]).name, jaws.opening.round(6).tolist()
         ('CLOSED', [0.06])
-        >>> found.normals[0, :, 0].round(6).tolist(), (1e6 * found.area).round(3).tolist()
+        >>> jaws.normals[0, :, 0].round(6).tolist(), (1e6 * jaws.area).round(3).tolist()
         ([1.0, -1.0], [[200.0, 200.0]])
     """
     check_choice("moving", moving, Moving)
@@ -173,16 +173,16 @@ def close_jaws(
     matrices = _normalized(mesh, poses)
     start = _openings(mesh, opening, hand, len(matrices))
     jaw = jaw_of(hand, scale)
-    found = _empty(len(matrices))
-    used = friction if free else FIXED
-    _run(mesh, matrices, start, used, jaw, found)
+    result = _empty(len(matrices))
+    coefficient = friction if free else FIXED
+    _run(mesh, matrices, start, coefficient, jaw, result)
     return closed_jaws(
         mesh,
-        found,
+        result,
         matrices,
         jaw,
         least=hand.min_opening * scale,
-        at_rest=_at_rest(found, start, jaw) if moving == "one" else None,
+        at_rest=_at_rest(result, start, jaw) if moving == "one" else None,
         free=free,
     )
 
@@ -212,8 +212,8 @@ def _openings(
     if isinstance(opening, str | Measure):
         opening = mesh.length("opening", opening)
     try:
-        given = np.asarray(stroke if opening is None else opening, dtype=np.float64)
-        start = np.array(np.broadcast_to(given, (count,)))
+        lengths = np.asarray(stroke if opening is None else opening, dtype=np.float64)
+        start = np.array(np.broadcast_to(lengths, (count,)))
     except (TypeError, ValueError) as error:
         raise SettingError(
             f"opening must be one length or one for each of the {count} poses; got {opening!r}"
@@ -246,23 +246,23 @@ def _run(
     start: Floats,
     friction: float,
     jaw: Jaw,
-    found: ClosedOn,
+    result: ClosedOn,
 ) -> None:
-    """Close the jaws from every pose, in chunks; `found` is written."""
+    """Close the jaws from every pose, in chunks; `result` is written."""
     surface = mesh.contact_surface
     tree = face_tree(surface)
     firsts = range(0, len(matrices), CHUNK)
 
     def work(first: int) -> None:
         last = min(first + CHUNK, len(matrices))
-        close_on(surface, tree, matrices, start, friction, jaw, first, last, found)
+        close_on(surface, tree, matrices, start, friction, jaw, first, last, result)
 
     with ThreadPoolExecutor(thread_count()) as executor:
-        for done, _ in enumerate(executor.map(work, firsts), start=1):
-            report_progress(done / len(firsts))
+        for count, _ in enumerate(executor.map(work, firsts), start=1):
+            report_progress(count / len(firsts))
 
 
-def _at_rest(found: ClosedOn, start: Floats, jaw: Jaw) -> Bools:
+def _at_rest(result: ClosedOn, start: Floats, jaw: Jaw) -> Bools:
     """Finger 1 where it would touch only if it moved, shape (k, 2)."""
-    ahead = found.position[:, 0] + 0.5 * start > jaw.compliance + ROUNDING
+    ahead = result.position[:, 0] + 0.5 * start > jaw.compliance + ROUNDING
     return np.stack([ahead, np.zeros_like(ahead)], axis=1)

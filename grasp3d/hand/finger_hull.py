@@ -93,10 +93,10 @@ def finger_faces(
         ([0.0, 0.0, 0.0], [[-0.005, -0.03], [0.005, 0.01]])
     """
     for pieces in (_pieces(triangles), [triangles]):
-        found = list(islice(_faces_of(pieces, front, tolerance), MOST_FACES + 1))
-        if len(found) <= MOST_FACES:
+        faces = list(islice(_faces_of(pieces, front, tolerance), MOST_FACES + 1))
+        if len(faces) <= MOST_FACES:
             break
-    return found
+    return faces
 
 
 def _faces_of(pieces: Sequence[Floats], front: float, tolerance: float) -> Iterator[Face]:
@@ -161,23 +161,23 @@ def _half_spaces(points: Floats) -> Floats | None:
     if len(points) < 4:
         return None
     try:
-        whole, seen = ConvexHull(points), ConvexHull(points[:, 1:])
+        whole, outline = ConvexHull(points), ConvexHull(points[:, 1:])
     except QhullError:  # flat
         return None
     front = whole.equations[whole.equations[:, 0] > EDGE_ON]
-    sides = np.column_stack([np.zeros(len(seen.equations)), seen.equations])
+    sides = np.column_stack([np.zeros(len(outline.equations)), outline.equations])
     return np.concatenate([front, sides])
 
 
 def _cut_by(new: Face, faces: Sequence[Face]) -> list[Face]:
     """The faces where they are not in front of a new one, and the new one where it is rearmost."""
-    outline, kept = new.outline, []
+    outline, pieces = new.outline, []
     for face in faces:
         outline = clipped(outline, new.x(outline) - face.x(outline))
-        kept.append(
+        pieces.append(
             Face(face.plane, clipped(face.outline, face.x(face.outline) - new.x(face.outline)))
         )
-    return [*kept, Face(new.plane, outline)]
+    return [*pieces, Face(new.plane, outline)]
 
 
 def _pieces(triangles: Floats) -> list[Floats]:
@@ -197,7 +197,7 @@ def _seen(
 ) -> list[Face]:
     """Convex parts of a face that no other piece is in front of.
 
-    Of pieces that are equally far in front the earlier one is kept.
+    Of pieces that are equally far in front the earlier piece is kept.
     """
     parts = [face.outline]
     for pieces, gap in ((earlier, -SAME_PLANE), (later, SAME_PLANE)):
@@ -230,15 +230,15 @@ def clipped(polygon: Floats, values: Floats) -> Floats:
     inside = values <= 0.0
     if inside.all():
         return polygon
-    kept = []
+    corners = []
     for i in range(len(polygon)):
         j = (i + 1) % len(polygon)
         if inside[i]:
-            kept.append(polygon[i])
+            corners.append(polygon[i])
         if inside[i] != inside[j]:
             t = values[i] / (values[i] - values[j])
-            kept.append((1.0 - t) * polygon[i] + t * polygon[j])
-    points = np.array(kept).reshape(-1, 2)
+            corners.append((1.0 - t) * polygon[i] + t * polygon[j])
+    points = np.array(corners).reshape(-1, 2)
     steps = np.abs(points - np.roll(points, 1, axis=0)).max(axis=1, initial=0.0)
     return np.asarray(points[steps > SAME_CORNER])
 

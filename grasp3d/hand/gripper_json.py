@@ -34,34 +34,34 @@ _KINDS: dict[Any, str] = {
 """Descriptions of the types of fields."""
 
 
-def fields_in_json(found: object, kind: type) -> dict[str, Any]:
+def fields_in_json(content: object, kind: type) -> dict[str, Any]:
     """The fields of a gripper from the content of a JSON file.
 
     Args:
-        found: The content.
+        content: The content.
         kind: Dataclass of the gripper.
 
     Raises:
         SettingError: It is not the description of a gripper.
     """
-    if not isinstance(found, dict) or found.get("format") != FORMAT:
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise SettingError(f'is no gripper: expected an object with "format": "{FORMAT}"')
     for key, value in (("version", VERSION), ("unit", "m")):
-        if found.get(key) != value or isinstance(found.get(key), bool):
-            got = json.dumps(found.get(key))[:40]
+        if content.get(key) != value or isinstance(content.get(key), bool):
+            got = json.dumps(content.get(key))[:40]
             raise SettingError(f"{key} must be {json.dumps(value)}; got {got}")
     known = {field.name: field for field in fields(kind)}
-    for key in found.keys() - {*KEYS, NOTES} - known.keys():
+    for key in content.keys() - {*KEYS, NOTES} - known.keys():
         near = get_close_matches(key, known, 1)
         guess = f" (did you mean {near[0]}?)" if near else ""
         raise SettingError(f"no field is called {key[:40]!r}{guess}; known: {', '.join(known)}")
     missing = [
-        name for name, field in known.items() if field.default is MISSING and name not in found
+        name for name, field in known.items() if field.default is MISSING and name not in content
     ]
     if missing:
         raise SettingError(f"{', '.join(missing)} missing; every gripper needs it")
     kinds = get_type_hints(kind)
-    return {name: _typed(name, found[name], kinds[name]) for name in known if name in found}
+    return {name: _typed(name, content[name], kinds[name]) for name in known if name in content}
 
 
 def read_json(path: Path) -> object:

@@ -37,8 +37,8 @@ def read_hand(
         source: Name of a preset; or a file that `write_hand` wrote (.json), a URDF (.urdf) or a
             MuJoCo model (.xml, .mjcf).
         fingers: URDF and MuJoCo: names of the links, or bodies, of the two fingers.
-        palm: URDF and MuJoCo: name of the link whose geometry is the palm; None: the one that
-            carries the fingers, with what is fixed to it.
+        palm: URDF and MuJoCo: name of the link whose geometry is the palm; None: the link
+            that carries the fingers, with what is fixed to it.
         tcp: URDF and MuJoCo: from the origin of the link that carries the fingers to the TCP, along
             the approach axis [m]; None: the middle of the flat pads.
 
@@ -99,36 +99,36 @@ def write_hand(path: str | Path, hand: Hand) -> None:
         part.write_text(f"{text}\n", encoding="utf-8")
 
 
-def hand_of(found: object) -> Hand:
+def hand_of(content: object) -> Hand:
     """The hand that a description in JSON states.
 
     Args:
-        found: What `Hand.description` returned, as JSON has it.
+        content: What `Hand.description` returned, as JSON has it.
 
     Raises:
         SettingError: It is none, or of no known format.
     """
-    stated = found.get("format") if isinstance(found, dict) else None
-    return READERS.get(str(stated), gripper_of)(found)
+    stated = content.get("format") if isinstance(content, dict) else None
+    return READERS.get(str(stated), gripper_of)(content)
 
 
 def hand_line(hand: Hand) -> str:
     """A description in one line, as settings of labels have it: grippers without their format."""
-    found = dict(hand.description())
-    if found["format"] == FORMAT:
-        found = {name: value for name, value in found.items() if name not in KEYS}
-    return json.dumps(found)
+    content = dict(hand.description())
+    if content["format"] == FORMAT:
+        content = {name: value for name, value in content.items() if name not in KEYS}
+    return json.dumps(content)
 
 
 def hand_of_line(line: str) -> Hand:
     """The hand of which `hand_line` is that line. Raises SettingError."""
     try:
-        found = json.loads(line)
+        content = json.loads(line)
     except (ValueError, RecursionError) as error:
         raise SettingError(f"its gripper is no JSON: {error}") from error
-    if isinstance(found, dict) and "format" not in found:
-        found = {"format": FORMAT, "version": VERSION, "unit": "m", **found}
-    return hand_of(found)
+    if isinstance(content, dict) and "format" not in content:
+        content = {"format": FORMAT, "version": VERSION, "unit": "m", **content}
+    return hand_of(content)
 
 
 def _is_file_name(path: Path) -> bool:
@@ -137,9 +137,9 @@ def _is_file_name(path: Path) -> bool:
 
 
 def _from_json(path: Path) -> Hand:
-    found = read_json(path)
+    content = read_json(path)
     try:
-        return hand_of(found)
+        return hand_of(content)
     except SettingError as error:
         raise SettingError(printable(f"{path}: {error}")) from error
 

@@ -60,7 +60,7 @@ class LinkTree:
 
         Args:
             fingers: Names of the fingers' links.
-            palm: Name of the palm's link; None: the one that carries the fingers.
+            palm: Name of the palm's link; None: the link that carries the fingers.
 
         Raises:
             SettingError: There are no such links, no geometry, or fingers that do not slide.
@@ -72,7 +72,7 @@ class LinkTree:
         if movers[0] == movers[1]:
             raise self._error(f"{fingers[0]} and {fingers[1]} are moved by one joint, together")
         around = self._rigid(carrier)
-        found = [
+        parts = [
             self._finger(name, mover, around) for name, mover in zip(fingers, movers, strict=True)
         ]
         # Without `palm` only links below the carrier count: above it the robot's arm may be.
@@ -84,7 +84,7 @@ class LinkTree:
             what = palm or f"{carrier}, which carries the fingers,"
             raise self._error(f"{what} has no collision geometry; name the palm's link (--palm)")
         one, two = (self.joints[mover] for mover in movers)
-        return SlidingHand(self.source, carrier, (found[0], found[1]), points, _coupling(one, two))
+        return SlidingHand(self.source, carrier, (parts[0], parts[1]), points, _coupling(one, two))
 
     def _error(self, problem: str) -> SettingError:
         return SettingError(printable(f"{self.source}: {problem}"))
@@ -135,12 +135,12 @@ class LinkTree:
 
     def _below_poses(self, link: str) -> dict[str, Floats]:
         """Poses of a link and all that is fixed below it, in its frame."""
-        found = {link: np.eye(4)}
+        poses = {link: np.eye(4)}
         for name in self.links:  # parents come before children
             joint = self.joints.get(name)
-            if joint is not None and joint.kind == "fixed" and joint.parent in found:
-                found[name] = found[joint.parent] @ joint.origin
-        return found
+            if joint is not None and joint.kind == "fixed" and joint.parent in poses:
+                poses[name] = poses[joint.parent] @ joint.origin
+        return poses
 
     def _below(self, link: str) -> list[str]:
         return list(self._below_poses(link))

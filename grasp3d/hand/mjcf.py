@@ -57,7 +57,7 @@ def _loaded(path: Path) -> "MjModel":
 
 
 def _joint(model: "MjModel", body: int, names: list[str]) -> Joint:
-    """The joint that moves a body; of several at once the first one, as one that turns it."""
+    """The joint that moves a body; of several the first, as a joint that turns it."""
     from mujoco import mjtJoint
 
     pose = np.eye(4)
@@ -80,7 +80,7 @@ def _joint(model: "MjModel", body: int, names: list[str]) -> Joint:
 
 
 def _followed(model: "MjModel", joint: int) -> tuple[str, float, float] | None:
-    """The joint that another one follows by an equality constraint, with factor and offset."""
+    """The joint that another joint follows by an equality constraint, with factor and offset."""
     from mujoco import mjtEq
 
     for number in range(model.neq):
@@ -95,11 +95,11 @@ def _triangles(model: "MjModel", geom: int, path: Path) -> Floats:
     """Corners of a piece of collision geometry in the frame of its body, shape (n, 3, 3)."""
     if not (model.geom_contype[geom] or model.geom_conaffinity[geom]):
         return np.zeros((0, 3, 3))
-    found = _shape(model, geom)
-    if found is None:
+    triangles = _shape(model, geom)
+    if triangles is None:
         body = model.body(int(model.geom_bodyid[geom])).name
         raise SettingError(printable(f"{path}: collision geometry of {body} is of no finite shape"))
-    return np.asarray(found @ _rotation(model.geom_quat[geom]).T + model.geom_pos[geom])
+    return np.asarray(triangles @ _rotation(model.geom_quat[geom]).T + model.geom_pos[geom])
 
 
 def _shape(model: "MjModel", geom: int) -> Floats | None:

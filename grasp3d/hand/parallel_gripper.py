@@ -60,8 +60,8 @@ class ParallelGripper(Jaws):
         receptive_field: Length of the arc within which round tips do not distinguish contacts [m],
             from which alpha follows; None: not stated.
         base_to_tcp: From the origin of the hand's own frame to the TCP, along z [m].
-        base_axes: The closing and the approach axis as axes of the hand's own frame, the one of
-            its robot description, such as ("-y", "z").
+        base_axes: The closing and the approach axis as axes of the hand's own frame, that
+            of its robot description, such as ("-y", "z").
         joint_names: Names of the finger joints in simulators.
         joint_scale: Change of each joint per metre of opening.
         joint_closed: Value of each joint at an opening of 0.
@@ -185,9 +185,9 @@ class ParallelGripper(Jaws):
         return {"format": FORMAT, "version": VERSION, "unit": "m", **asdict(self)}
 
 
-def gripper_of(found: object) -> ParallelGripper:
+def gripper_of(content: object) -> ParallelGripper:
     """A gripper from the content of a JSON file. Raises SettingError."""
-    return ParallelGripper(**fields_in_json(found, ParallelGripper))
+    return ParallelGripper(**fields_in_json(content, ParallelGripper))
 
 
 FOLDER = Path(__file__).with_name("presets")

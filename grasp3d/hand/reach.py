@@ -70,17 +70,17 @@ class Reach:
             results: Codes, masks of free angles, and poses with the numbers behind them.
             angles: Number of approach angles.
         """
-        free, found = results.free, results.found
-        poses = found[:, :16].reshape(-1, 4, 4)
+        free, rows = results.free, results.found
+        poses = rows[:, :16].reshape(-1, 4, 4)
         poses[:, :3, 3] = mesh.from_normalized(poses[:, :3, 3])
         bits = (free[:, None] >> np.arange(angles, dtype=np.uint64)) & np.uint64(1)
         return cls(
             state=locked(results.codes),
             poses=locked(poses),
-            approach_margin=locked(found[:, gripper_parts.MARGIN]),
-            opening=locked(found[:, gripper_parts.OPENING] * mesh.size),
-            pregrasp_opening=locked(found[:, gripper_parts.PREGRASP] * mesh.size),
-            depth=locked(found[:, gripper_parts.DEPTH] * mesh.size),
+            approach_margin=locked(rows[:, gripper_parts.MARGIN]),
+            opening=locked(rows[:, gripper_parts.OPENING] * mesh.size),
+            pregrasp_opening=locked(rows[:, gripper_parts.PREGRASP] * mesh.size),
+            depth=locked(rows[:, gripper_parts.DEPTH] * mesh.size),
             posture=locked(np.zeros((len(poses), 0))),
             free=locked(bits.astype(np.bool_)),
         )

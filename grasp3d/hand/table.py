@@ -76,9 +76,9 @@ class Table:
                 f"resting pose must be from 1 to {len(order)}, the number of stable poses of "
                 f"{mesh.report.source}; got {number}"
             )
-        chosen = order[number - 1]
-        table = cls.below(mesh, transforms[chosen][2, :3])
-        return cls(table.normal, table.offset, float(probabilities[chosen]))
+        row = order[number - 1]
+        table = cls.below(mesh, transforms[row][2, :3])
+        return cls(table.normal, table.offset, float(probabilities[row]))
 
 
 def axis_vector(name: str) -> Floats:

@@ -108,18 +108,18 @@ def _triangles(collision: Any, link: str, path: Path) -> Floats:
     """Corners of one piece of collision geometry in the frame of its link, shape (n, 3, 3)."""
     shape = collision.geometry
     if shape.box is not None:
-        found = trimesh.creation.box(shape.box.size).triangles
+        faces = trimesh.creation.box(shape.box.size).triangles
     elif shape.cylinder is not None:
-        found = trimesh.creation.cylinder(shape.cylinder.radius, shape.cylinder.length).triangles
+        faces = trimesh.creation.cylinder(shape.cylinder.radius, shape.cylinder.length).triangles
     elif shape.sphere is not None:
-        found = trimesh.creation.icosphere(radius=shape.sphere.radius).triangles
+        faces = trimesh.creation.icosphere(radius=shape.sphere.radius).triangles
     elif shape.mesh is not None:
         raw = read_collision_mesh(shape.mesh.filename, link, path)
-        found = raw * (1.0 if shape.mesh.scale is None else np.asarray(shape.mesh.scale))
+        faces = raw * (1.0 if shape.mesh.scale is None else np.asarray(shape.mesh.scale))
     else:
         raise SettingError(printable(f"{path}: collision geometry of {link} is of no known kind"))
     pose = np.eye(4) if collision.origin is None else collision.origin
-    return np.asarray(found @ pose[:3, :3].T + pose[:3, 3])
+    return np.asarray(faces @ pose[:3, :3].T + pose[:3, 3])
 
 
 def read_collision_mesh(name: str, link: str, path: Path) -> Floats:
@@ -136,13 +136,13 @@ def read_collision_mesh(name: str, link: str, path: Path) -> Floats:
         candidates += [folder / inside for folder in folders if folder.name == package]
     else:
         candidates = [path.absolute().parent / rest]  # an absolute path stays what it is
-    found = next(filter(Path.is_file, candidates), None)
-    if found is None:
+    file = next(filter(Path.is_file, candidates), None)
+    if file is None:
         raise SettingError(
             printable(f"{path}: there is no mesh {name} of link {link}; put it where the file says")
         )
     try:
-        raw = read_mesh(found)
+        raw = read_mesh(file)
     except MeshError as error:
         raise SettingError(printable(f"{path}: mesh of link {link}: {error}")) from error
     return raw.vertices[raw.faces]
