@@ -277,11 +277,11 @@ def test_a_limited_opening_is_searched_with_progress(seen: Viewed) -> None:
     seen.until(lambda: seen.fractions()["U"] > before["U"])
     seen.drag("opening-slider", 1.0)
     seen.waits(lambda state: math.isinf(state.max_opening))
-    page.wait_for_selector("#progress", state="detached")
-    page.wait_for_timeout(300)  # nothing is drawn again while the test types
-    seen.enter("opening", "0.05")
-    seen.waits(lambda state: state.max_opening == 0.05)
-    seen.enter("opening", "-1")
+    for value, opening in (("0.05", 0.05), ("-1", 0.05)):
+        page.wait_for_selector("#progress", state="detached")
+        page.wait_for_timeout(500)  # nothing is drawn again while the test types
+        seen.enter("opening", value)
+        seen.waits(lambda state, opening=opening: state.max_opening == opening)
     page.wait_for_selector("#message")
     assert "must be a number above 0" in page.locator("#message").inner_text()
 
