@@ -250,6 +250,12 @@ def test_a_wider_search_keeps_the_poses_of_known_grasps() -> None:
         assert np.array_equal(getattr(found, one.name), getattr(reach, one.name), equal_nan=True)
 
 
+def test_fingers_that_the_gripper_cannot_have_are_refused(session: Session) -> None:
+    with pytest.raises(SettingError, match="for 3 fingers only round tips"):
+        session.change(fingers=3)
+    assert session.state.model.fingers == 2
+
+
 def test_fixed_fingers_are_not_tested_with_the_gripper(session: Session) -> None:
     session.change(click="fix")
     session.click(held_vertex())

@@ -293,7 +293,11 @@ def test_errors_of_friction_and_normals(seen: Visitor, labels: SurfaceLabels) ->
 
 @pytest.mark.slow
 def test_invalid_values_are_refused_with_a_message(seen: Visitor) -> None:
-    for name, value in (("friction", "-1"), ("resolution", "200"), ("opening", "-3")):
+    values = (
+        ("friction", "-1"), ("resolution", "200"), ("friction", "1e9"), ("resolution", ""),
+        ("friction", ""), ("opening", "-3"),
+    )  # fmt: skip
+    for name, value in values:
         field = seen.page.locator("#opening" if name == "opening" else f"#{name}-number")
         before = field.input_value()
         field.fill(value)
@@ -301,12 +305,13 @@ def test_invalid_values_are_refused_with_a_message(seen: Visitor) -> None:
         seen.page.wait_for_function(
             "name => document.querySelector('#message')?.textContent.includes(name)",
             arg={
-                "friction": "friction must be a number above 0",
+                "friction": "friction must be a number above 0 and below 1,000,000",
                 "resolution": "sensor resolution must be from 0 to below 180 degrees",
                 "opening": "the largest opening must be a number above 0",
             }[name],
         )
         seen.until(lambda field=field, before=before: field.input_value() == before)
+    assert not seen.errors
 
 
 @pytest.mark.slow

@@ -268,7 +268,7 @@ def test_the_key_w_opens_the_same_object_in_a_browser(window: Window) -> None:
     asked = window.folder.parent / "browser.txt"
     wait_for(asked.exists, "a browser")
     address = asked.read_text(encoding="utf-8").strip()
-    state = window.until(lambda state: "is open in a browser" in state["message"], "a message")
+    state = window.until(lambda state: "opened in a browser: " in state["message"], "a message")
     assert address in state["message"]
     with urllib.request.urlopen(address) as response:  # noqa: S310
         page = response.read().decode()

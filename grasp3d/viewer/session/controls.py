@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any, get_args
 
 from grasp3d.errors import SettingError
+from grasp3d.quality.wrenches import MAX_FRICTION
 from grasp3d.settings import DEGREE
 from grasp3d.settings.model_text import EPSILON_MIN
 from grasp3d.viewer.session.session import Session
@@ -221,8 +222,8 @@ PAINTS: dict[Paint, tuple[str, str]] = {
 
 CONTROLS: dict[str, Control] = {
     "friction": _chosen(
-        "friction", lambda value: _number(value, above=0.0),
-        valid="friction must be a number above 0",
+        "friction", lambda value: _number(value, above=0.0, below=MAX_FRICTION),
+        valid=f"friction must be a number above 0 and below {MAX_FRICTION:,.0f}",
         keys={
             "Right": ("more friction μ", lambda now: round(now + FRICTION_STEP, 10)),
             "Left": (

@@ -184,6 +184,8 @@ class Session:
             )
         if state.model.fingers != self.state.model.fingers:
             _ = state.model.fingertips  # raises an error if errors are given for other fingers
+            if self.scene is not None:
+                self.scene.hand.check_fingers(state.model.fingers)
         if state.model.location_error != self.state.model.location_error:
             self._check_location(state.model)
         self._set_state(state)

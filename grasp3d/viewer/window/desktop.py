@@ -149,7 +149,7 @@ class Window:
         self._session.poll()
         opened = self._page.take_finished()
         if opened is not None:
-            self._session.show_message(opened.error or f"{opened.result} is open in a browser")
+            self._session.show_message(opened.error or f"opened in a browser: {opened.result}")
         if not self._panel.dragged:
             self._history.record()
         self._draw()
