@@ -345,6 +345,11 @@ def test_fingers_are_fixed_and_released(seen: Viewed) -> None:
     page.keyboard.press("u")
     seen.waits(lambda state: not state.fixed)
     page.locator("#fingers-3").click()
+    seen.until(lambda: "two fingers" in page.locator("#message").inner_text())
+    assert seen.state.model.fingers == 2
+    page.locator("#object").select_option("1")  # without a gripper
+    seen.waits(lambda _: seen.session.number == 1 and seen.session.subject is not None)
+    page.locator("#fingers-3").click()
     seen.waits(lambda state: state.model.fingers == 3)
     page.keyboard.press("z")
     seen.waits(lambda state: state.model.fingers == 2)

@@ -265,7 +265,7 @@ class Client:
             self._view.update()
             with self._server.state as state:
                 state.update(page_state(self.session))
-        elif not self._server.state.held:  # a whole drag of a slider is one step for undo
+        if not self._server.state.held:  # a whole drag of a slider is one step for undo
             self._history.record()
         with self._server.state as state:
             state.update(progress_state(self.session))
