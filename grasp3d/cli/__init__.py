@@ -6,21 +6,18 @@ Heavy modules are imported by the commands when they run, so that `grasp3d --hel
 import logging
 import sys
 from dataclasses import dataclass
-from typing import Annotated
+from importlib import import_module
+from textwrap import indent
+from typing import get_args
 
+import docstring_parser
 import tyro
 
-from grasp3d.cli.batch import Batch
-from grasp3d.cli.check import Check
 from grasp3d.cli.design import Design
-from grasp3d.cli.evaluate import Evaluate
-from grasp3d.cli.examples import print_examples
-from grasp3d.cli.hand import Hand
-from grasp3d.cli.label import Label
+from grasp3d.cli.grasp_commands import Evaluate, Simulate, Validate
+from grasp3d.cli.library_commands import Batch, Sweep
+from grasp3d.cli.mesh_commands import Check, Label, Perturb, View
 from grasp3d.cli.options import REGISTRY, Flag
-from grasp3d.cli.paper import Paper
-from grasp3d.cli.perturb import Perturb
-from grasp3d.cli.simulate import Simulate
 from grasp3d.cli.streams import (
     check_output,
     discard_output,
@@ -28,35 +25,41 @@ from grasp3d.cli.streams import (
     prepare_streams,
     print_error,
 )
-from grasp3d.cli.sweep import Sweep
-from grasp3d.cli.validate import Validate
-from grasp3d.cli.view import View
-from grasp3d.cli.warmup import Warmup
+from grasp3d.cli.tool_commands import Hand, Paper, Warmup
 from grasp3d.errors import GraspError
 from grasp3d.system import compiling
 from grasp3d.system.names import printable
 from grasp3d.system.versions import package_version
 
 Command = (
-    Annotated[Label, tyro.conf.subcommand("label")]
-    | Annotated[Check, tyro.conf.subcommand("check")]
-    | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
-    | Annotated[Validate, tyro.conf.subcommand("validate")]
-    | Annotated[Simulate, tyro.conf.subcommand("simulate")]
-    | Annotated[Batch, tyro.conf.subcommand("batch")]
-    | Annotated[Sweep, tyro.conf.subcommand("sweep")]
-    | Annotated[Perturb, tyro.conf.subcommand("perturb")]
-    | Annotated[Design, tyro.conf.subcommand("design")]
-    | Annotated[Hand, tyro.conf.subcommand("hand")]
-    | Annotated[View, tyro.conf.subcommand("view")]
-    | Annotated[Paper, tyro.conf.subcommand("paper")]
-    | Annotated[Warmup, tyro.conf.subcommand("warmup")]
+    Label
+    | Check
+    | Evaluate
+    | Validate
+    | Simulate
+    | Batch
+    | Sweep
+    | Perturb
+    | Design
+    | Hand
+    | View
+    | Paper
+    | Warmup
 )
+"""The options of a command; the module of its name runs it, which imports what the help needs not.
+"""
 
 
 @dataclass(frozen=True)
 class Program:
-    """The options of the program, and those of one command."""
+    """The options of the program, and those of one command.
+
+    Example:
+        # Label a mesh, and write it
+        grasp3d label meshes/mug.glb --max-opening 60mm
+        # The options of a command
+        grasp3d label --help
+    """
 
     command: Command
 
@@ -66,6 +69,22 @@ class Program:
 
 BAD_INPUT = 2
 INTERRUPTED = 130
+
+KINDS = {kind.__name__.lower(): kind for kind in get_args(Command)}
+"""The options of each command by its name."""
+
+
+def examples_of(command: str) -> str:
+    """Return the examples in the docstring of a command's options, or of the program.
+
+    The folder `meshes` in them is the one that comes with the package, `grasps.csv` a table with
+    columns x1 y1 z1 x2 y2 z2, `tried.csv` one of poses with outcomes, `hand.urdf` a robot's hand.
+
+    Args:
+        command: Name of the command; another word: the program.
+    """
+    [examples] = docstring_parser.parse_from_object(KINDS.get(command, Program)).examples
+    return indent(examples.description or "", "  ")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -124,12 +143,13 @@ def _run(arguments: list[str]) -> int:
         )
     except SystemExit as end:
         if not end.code and {"-h", "--help"} & set(arguments):
-            print_examples(arguments[0])
+            print(f"examples:\n{examples_of(arguments[0])}")  # noqa: T201
         raise
     level = compiling.logger.level
     if getattr(program.command, "quiet", False):
         compiling.logger.setLevel(logging.ERROR)
     try:
-        return program.command.run()
+        command = import_module(f"{__name__}.{type(program.command).__name__.lower()}")
+        return int(command.run(program.command))
     finally:
         compiling.logger.setLevel(level)

@@ -3,37 +3,31 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Annotated
 
-import tyro
+from rich.table import Table
 
-from grasp3d.batch.batch_settings import ClusterSettings
+from grasp3d.batch.batch_settings import BatchSettings
+from grasp3d.batch.checking import (
+    SUFFIXES,
+    CheckedMesh,
+    check_file,
+    json_of,
+    lost_check,
+    write_checks,
+)
+from grasp3d.batch.inputs import MeshFile, find_meshes
+from grasp3d.batch.run import run as run_each
+from grasp3d.batch.storage import local_path
+from grasp3d.cli import progress_bars
+from grasp3d.cli.existing_files import check_output
+from grasp3d.cli.mesh_commands import Check
 from grasp3d.cli.options import (
-    Flag,
-    Force,
-    Inputs,
-    MeshGroup,
-    Multifinger,
-    OutputFile,
-    Overwrite,
-    Quiet,
-    SearchGroup,
     given_sampling,
 )
 from grasp3d.cli.report import FAILED, Report, escaped, table_of
-from grasp3d.errors import SettingError
-from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
+from grasp3d.mesh.diagnosis import MeshDiagnosis, SurfaceMeasures, Trust
 from grasp3d.system.counts import counted, noun
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from grasp3d.batch.batch_settings import BatchSettings
-    from grasp3d.batch.checking import CheckedMesh
-    from grasp3d.batch.inputs import MeshFile
-    from grasp3d.mesh.diagnosis import MeshDiagnosis, SurfaceMeasures, Trust
 
 MAX_PAGES = 3
 """Largest number of meshes with a page each."""
@@ -45,93 +39,37 @@ _MIN_CHANGE = 1e-4
 """Relative change below which nothing is printed."""
 
 
-@dataclass(frozen=True)
-class Check:
-    """Diagnose meshes: unit, holes, orientation, bodies, self-intersections, noise.
-
-    With the options of label it reports whether labels can be trusted. Exit code 0: for all
-    meshes, at least with care; 1: not for all meshes, or some cannot be read.
-    """
-
-    inputs: Inputs
-
-    output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
-    """Report: .json with all results, .csv or .parquet with one row per mesh."""
-
-    json: Flag = False
-    """Print JSON instead of tables."""
-
-    strict: Flag = False
-    """Exit code 1 also for meshes whose labels can be trusted with care only."""
-
-    model: GraspModel = field(default_factory=GraspModel)
-    """Friction, sensor resolution and fingers."""
-
-    sampling: SearchGroup = field(default_factory=Sampling)
-
-    multifinger: Multifinger = field(default_factory=MultifingerSampling)
-
-    mesh: MeshGroup = field(default_factory=MeshOptions)
-
-    cluster: ClusterSettings = field(default_factory=ClusterSettings)
-    """Which processes check the meshes, if there are several."""
-
-    force: Force = False
-
-    overwrite: Overwrite = False
-
-    quiet: Quiet = False
-
-    def __post_init__(self) -> None:
-        if not self.inputs:
-            raise SettingError("no input: name a mesh file, or a folder of meshes")
-
-    def run(self) -> int:
-        """Run the command, and return the exit code."""
-        from grasp3d.batch.batch_settings import BatchSettings
-        from grasp3d.batch.checking import SUFFIXES, json_of, write_checks
-        from grasp3d.batch.inputs import find_meshes
-        from grasp3d.batch.storage import local_path
-        from grasp3d.cli.existing_files import check_output
-        from grasp3d.mesh.diagnosis import Trust
-
-        files = find_meshes(self.inputs)
-        sources = [local_path(file.source) for file in files]
-        check_output(self.output, SUFFIXES, "report", overwrite=self.overwrite, sources=sources)
-        settings = BatchSettings(
-            self.model, given_sampling(self.sampling, self.multifinger), self.mesh
-        )
-        meshes = self._checked(files, settings)
-        if self.output is not None:
-            write_checks(self.output, meshes, settings)
-        if self.json:
-            print(json_of(meshes, settings))  # noqa: T201
-        elif not self.quiet:
-            names = {str(local_path(item) or item) for item in self.inputs}
-            print_checks(meshes, named=all(file.source in names for file in files))
-        accepted = {Trust.YES} if self.strict else {Trust.YES, Trust.CARE}
-        return 0 if all(mesh.trust in accepted for mesh in meshes) else 1
-
-    def _checked(self, files: list["MeshFile"], settings: "BatchSettings") -> list["CheckedMesh"]:
-        """Check one mesh in this process, several in child processes."""
-        from grasp3d.batch.checking import check_file, lost_check
-        from grasp3d.cli import progress_bars
-
-        if len(files) == 1:
-            return [check_file(files[0], settings, force=self.force)]
-        from grasp3d.batch.run import run
-
-        rows = []
-        with progress_bars.counter("checking", len(files), quiet=self.quiet) as advance:
-            check = partial(check_file, force=self.force)
-            checks = run(check, files, settings, lost=lost_check, cluster=self.cluster, kernels=0)
-            for row in checks:
-                rows.append(row)
-                advance()
-        return sorted(rows, key=lambda row: row.name)
+def run(command: Check) -> int:
+    """Run the command, and return the exit code."""
+    files = find_meshes(command.inputs)
+    sources = [local_path(file.source) for file in files]
+    check_output(command.output, SUFFIXES, "report", overwrite=command.overwrite, sources=sources)
+    settings = BatchSettings(
+        command.model, given_sampling(command.sampling, command.multifinger), command.mesh
+    )
+    meshes = _checked(command, files, settings)
+    if command.output is not None:
+        write_checks(command.output, meshes, settings)
+    if command.json:
+        print(json_of(meshes, settings))  # noqa: T201
+    elif not command.quiet:
+        names = {str(local_path(item) or item) for item in command.inputs}
+        print_checks(meshes, named=all(file.source in names for file in files))
+    accepted = {Trust.YES} if command.strict else {Trust.YES, Trust.CARE}
+    return 0 if all(mesh.trust in accepted for mesh in meshes) else 1
 
 
-def print_checks(meshes: Sequence["CheckedMesh"], *, named: bool) -> None:
+def _checked(command: Check, files: list[MeshFile], settings: BatchSettings) -> list[CheckedMesh]:
+    """Check one mesh in this process, several in child processes."""
+    if len(files) == 1:
+        return [check_file(files[0], settings, force=command.force)]
+    check = partial(check_file, force=command.force)
+    checks = run_each(check, files, settings, lost=lost_check, cluster=command.cluster, kernels=0)
+    rows = progress_bars.counted_results(checks, "checking", len(files), quiet=command.quiet)
+    return sorted(rows, key=lambda row: row.name)
+
+
+def print_checks(meshes: Sequence[CheckedMesh], *, named: bool) -> None:
     """Print a page for each of a few named meshes, otherwise a line for each mesh.
 
     Args:
@@ -146,7 +84,7 @@ def print_checks(meshes: Sequence["CheckedMesh"], *, named: bool) -> None:
     _print_lines(report, meshes)
 
 
-def _print_page(report: Report, mesh: "CheckedMesh") -> None:
+def _print_page(report: Report, mesh: CheckedMesh) -> None:
     diagnosis = mesh.diagnosis
     if diagnosis is None:
         report.lines([mesh.refusal], FAILED)
@@ -176,12 +114,12 @@ def _print_page(report: Report, mesh: "CheckedMesh") -> None:
         report.lines([warning.message], _colored(warning.trust, "•"))
 
 
-def _colored(trust: "Trust", text: str | None = None) -> str:
+def _colored(trust: Trust, text: str | None = None) -> str:
     """A text in the colour of the trust; None: its own."""
     return f"[{_COLORS[trust]}]{trust if text is None else text}[/]"
 
 
-def _unit(diagnosis: "MeshDiagnosis") -> str:
+def _unit(diagnosis: MeshDiagnosis) -> str:
     if diagnosis.unit is None:
         return f"not stated; {diagnosis.guess.reason}"
     if diagnosis.guess.unit in {None, diagnosis.unit}:
@@ -190,11 +128,11 @@ def _unit(diagnosis: "MeshDiagnosis") -> str:
     return f"{diagnosis.unit} as stated; {suggested}"
 
 
-def _manifold(diagnosis: "MeshDiagnosis") -> str:
+def _manifold(diagnosis: MeshDiagnosis) -> str:
     return "yes" if diagnosis.manifold == "NoError" else f"no ({diagnosis.manifold})"
 
 
-def _measures(diagnosis: "MeshDiagnosis") -> "Table":
+def _measures(diagnosis: MeshDiagnosis) -> Table:
     """Return a table of the measures before and after repair."""
     before, after = both = diagnosis.before, diagnosis.after
     length, area, volume = (
@@ -219,7 +157,7 @@ def _measures(diagnosis: "MeshDiagnosis") -> "Table":
     return table
 
 
-def _closed(measured: "SurfaceMeasures") -> str:
+def _closed(measured: SurfaceMeasures) -> str:
     words = ["yes" if measured.closed else "no"]
     if not measured.closed and not measured.boundary_edges:
         words.append("inconsistent orientation")
@@ -230,7 +168,7 @@ def _closed(measured: "SurfaceMeasures") -> str:
     return ", ".join(words)
 
 
-def _center(measured: "SurfaceMeasures", size: float) -> str:
+def _center(measured: SurfaceMeasures, size: float) -> str:
     """Format the centre of mass, to a thousandth of the object's size."""
     if not measured.closed:
         return "open"
@@ -238,11 +176,11 @@ def _center(measured: "SurfaceMeasures", size: float) -> str:
     return " ".join(f"{round(x, digits) + 0.0:.{digits}f}" for x in measured.center_mass)
 
 
-def _volume(measured: "SurfaceMeasures") -> str:
+def _volume(measured: SurfaceMeasures) -> str:
     return "open" if measured.volume is None else f"{measured.volume:.5g}"
 
 
-def _volume_change(before: "SurfaceMeasures", after: "SurfaceMeasures") -> str:
+def _volume_change(before: SurfaceMeasures, after: SurfaceMeasures) -> str:
     if before.volume is None or after.volume is None:
         return ""
     return _change(before.volume, after.volume)
@@ -259,7 +197,7 @@ def _change(before: float, after: float) -> str:
     return f"{percent:+.2g} %" if abs(percent) < 99.5 else f"{percent:+,.0f} %"
 
 
-def _bytes(diagnosis: "MeshDiagnosis") -> str:
+def _bytes(diagnosis: MeshDiagnosis) -> str:
     size = float(diagnosis.file_bytes or 0)
     for unit in ("bytes", "kB", "MB"):
         if size < 1000.0:
@@ -275,7 +213,7 @@ def _seconds(seconds: float) -> str:
     return f"{seconds:.0f} s" if minutes < 2.0 else f"{minutes:.0f} min"
 
 
-def _print_lines(report: Report, meshes: Sequence["CheckedMesh"]) -> None:
+def _print_lines(report: Report, meshes: Sequence[CheckedMesh]) -> None:
     """Print a line for each mesh, then the errors and the warnings."""
     headings = ("faces", "size", "bodies", "closed", "repairs", "crossing", "noise")
     table = table_of(("mesh", "labels", *headings), map(_cells, meshes))
@@ -302,7 +240,7 @@ def _print_lines(report: Report, meshes: Sequence["CheckedMesh"]) -> None:
     )
 
 
-def _cells(mesh: "CheckedMesh") -> list[str]:
+def _cells(mesh: CheckedMesh) -> list[str]:
     diagnosis = mesh.diagnosis
     if diagnosis is None:
         return [escaped(mesh.name), "[red]failed[/]", *[""] * 7]

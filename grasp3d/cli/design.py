@@ -39,6 +39,12 @@ class Design:
     fine enough for each friction. With an interval of friction, joints, further errors or an
     object: how much of the friction angle each uncertainty takes, what margin is left, and the
     limit of each uncertainty given the others.
+
+    Example:
+        # The coarsest sensor for two frictions
+        grasp3d design --friction 0.2 0.5
+        # What each uncertainty of a finger costs, and the encoders that it needs
+        grasp3d design --friction 0.4..0.6 --receptive-field 4 --joint-lengths 6cm --object-size 50
     """
 
     friction: FrictionList = ()
@@ -282,3 +288,8 @@ class Design:
     def _converted(self, name: str, value: AnyLength | None) -> float | None:
         length: float | None = length_in_unit(name, value, self.print_unit)
         return length
+
+
+def run(command: Design) -> int:
+    """Run the command, and return the exit code."""
+    return command.run()

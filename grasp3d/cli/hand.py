@@ -1,116 +1,47 @@
 """The command `grasp3d hand`: prints the description of a gripper, draws and writes it."""
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
-from grasp3d.cli.options import LengthOption, OutputFile, Overwrite, Quiet
+from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import Report, escaped, table_of
+from grasp3d.cli.tool_commands import Hand
 from grasp3d.errors import SettingError
-
-if TYPE_CHECKING:
-    from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.hand_files import read_hand, write_hand
+from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper, preset_names
+from grasp3d.plots.figures import METADATA, save_as
+from grasp3d.plots.grippers import gripper_figure
+from grasp3d.settings.lengths import length_in_unit
 
 HEADINGS = ("name", "opening,\nmm", "fingers,\nmm", "pads,\nmm", "force,\nN", "sensor\nresolution")
 """Of the table of grippers that are known by name."""
 
-_NAME = tyro.conf.arg(metavar="[NAME|FILE]", help_behavior_hint="")
-_LINKS = tyro.conf.arg(metavar="LINK LINK", help_behavior_hint="")
-_LINK = tyro.conf.arg(metavar="LINK", help_behavior_hint="")
 
-
-@dataclass(frozen=True)
-class Hand:
-    """Print the lengths, frame, force and touch of a gripper; draw it, write it as JSON.
-
-    Without a gripper: list the ones that are known by name.
-    """
-
-    hand: Annotated[str, tyro.conf.Positional, _NAME] = ""
-    """Name of a preset; or a file: JSON, as this command writes it, URDF (.urdf) or a MuJoCo model
-    (.xml, .mjcf)."""
-
-    fingers: Annotated[tuple[str, str] | None, _LINKS] = None
-    """URDF and MuJoCo: names of the links, or bodies, of the two fingers."""
-
-    palm: Annotated[str | None, _LINK] = None
-    """URDF and MuJoCo: name of the link that is the palm (default: the one that carries the
-    fingers)."""
-
-    tcp: LengthOption = None
-    """URDF and MuJoCo: from the origin of the link that carries the fingers to the tool centre
-    point, a length with a unit, or in m (default: to the middle of the pads)."""
-
-    output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
-    """JSON file for the gripper."""
-
-    picture: OutputFile = None
-    """Picture of the gripper with its frame and dimensions (.png, .svg or .pdf)."""
-
-    overwrite: Overwrite = False
-
-    quiet: Quiet = False
-
-    def run(self) -> int:
-        """Run the command, and return the exit code."""
-        if not self.hand:
-            self._check_nothing_else()
-            if not self.quiet:
-                print_presets()
-            return 0
-        self._check_outputs()
-        gripper = self._described()
-        paths = self._write(gripper)
-        if not self.quiet:
-            print_gripper(gripper, paths)
+def run(command: Hand) -> int:
+    """Run the command, and return the exit code."""
+    if not command.hand:
+        if not command.quiet:
+            print_presets()
         return 0
-
-    def _check_nothing_else(self) -> None:
-        options = ("fingers", "palm", "tcp", "output", "picture")
-        names = [name for name in options if getattr(self, name) is not None]
-        if names:
-            raise SettingError(f"--{names[0]} needs a gripper: a name or a file before the options")
-
-    def _check_outputs(self) -> None:
-        from grasp3d.cli.existing_files import check_output
-        from grasp3d.plots.figures import METADATA
-
-        # The description that was read is replaced only with --overwrite.
-        check_output(self.output, [".json"], "gripper", overwrite=self.overwrite)
-        check_output(self.picture, METADATA, "figure", overwrite=self.overwrite)
-
-    def _described(self) -> "ParallelGripper":
-        from grasp3d.hand.hand_files import read_hand
-        from grasp3d.hand.parallel_gripper import ParallelGripper
-        from grasp3d.settings.lengths import length_in_unit
-
-        tcp = length_in_unit("tcp", self.tcp, "m")
-        gripper = read_hand(self.hand, fingers=self.fingers, palm=self.palm, tcp=tcp)
-        if not isinstance(gripper, ParallelGripper):
-            raise SettingError(f"{gripper.name!r} is no parallel gripper; only those are described")
-        return gripper
-
-    def _write(self, gripper: "ParallelGripper") -> list[Path]:
-        """Write the files that are asked for, and return their paths."""
-        from grasp3d.hand.hand_files import write_hand
-        from grasp3d.plots.figures import save_as
-        from grasp3d.plots.grippers import gripper_figure
-
-        if self.output is not None:
-            write_hand(self.output, gripper)
-        if self.picture is not None:
-            save_as(gripper_figure(gripper), self.picture)
-        return [path for path in (self.output, self.picture) if path is not None]
+    # The description that was read is replaced only with --overwrite.
+    check_output(command.output, [".json"], "gripper", overwrite=command.overwrite)
+    check_output(command.picture, METADATA, "figure", overwrite=command.overwrite)
+    tcp = length_in_unit("tcp", command.tcp, "m")
+    gripper = read_hand(command.hand, fingers=command.fingers, palm=command.palm, tcp=tcp)
+    if not isinstance(gripper, ParallelGripper):
+        raise SettingError(f"{gripper.name!r} is no parallel gripper; only those are described")
+    if command.output is not None:
+        write_hand(command.output, gripper)
+    if command.picture is not None:
+        save_as(gripper_figure(gripper), command.picture)
+    if not command.quiet:
+        print_gripper(gripper, filter(None, (command.output, command.picture)))
+    return 0
 
 
 def print_presets() -> None:
     """Print the grippers that are known by name."""
-    from grasp3d.hand.parallel_gripper import PRESETS, preset_names
-
     rows = (
         (
             title,
@@ -127,7 +58,7 @@ def print_presets() -> None:
     report.line("fingers: thickness x width x length; grasp3d hand NAME prints all of a gripper")
 
 
-def print_gripper(gripper: "ParallelGripper", paths: Sequence[Path] = ()) -> None:
+def print_gripper(gripper: ParallelGripper, paths: Iterable[Path] = ()) -> None:
     """Print the description of a gripper.
 
     Args:
@@ -141,7 +72,7 @@ def print_gripper(gripper: "ParallelGripper", paths: Sequence[Path] = ()) -> Non
         report.written(path)
 
 
-def _rows(gripper: "ParallelGripper") -> Iterator[tuple[str, str]]:
+def _rows(gripper: ParallelGripper) -> Iterator[tuple[str, str]]:
     """Names and values of a description."""
     low, high = gripper.limits
     yield "opening", f"{_mm(gripper.min_opening)} to {_mm(gripper.max_opening)}"
@@ -168,7 +99,7 @@ def _rows(gripper: "ParallelGripper") -> Iterator[tuple[str, str]]:
         yield "source", gripper.source
 
 
-def _frame_rows(gripper: "ParallelGripper") -> Iterator[tuple[str, str]]:
+def _frame_rows(gripper: ParallelGripper) -> Iterator[tuple[str, str]]:
     where = "centres of the tips" if gripper.round_tips else "centres of the pads"
     yield "frame", f"origin (TCP) midway between the {where}"
     yield "", "x: closing axis, from finger 1 to finger 2"
@@ -182,7 +113,7 @@ def _frame_rows(gripper: "ParallelGripper") -> Iterator[tuple[str, str]]:
         yield "joint", f"{name} = {closed:.6g} {scale:+.6g} x opening [m]"
 
 
-def _touch_rows(gripper: "ParallelGripper") -> Iterator[tuple[str, str]]:
+def _touch_rows(gripper: ParallelGripper) -> Iterator[tuple[str, str]]:
     force = gripper.max_force
     yield "greatest force", "not stated" if force is None else f"{force:g} N"
     yield "sensor resolution", _resolution(gripper) or "not stated"
@@ -193,7 +124,7 @@ def _touch_rows(gripper: "ParallelGripper") -> Iterator[tuple[str, str]]:
         yield "torsion radius", f"{_mm(radius)} x friction, if the whole pads touch"
 
 
-def _pads(gripper: "ParallelGripper") -> str:
+def _pads(gripper: ParallelGripper) -> str:
     if gripper.round_tips:
         return f"ball {_mm(2.0 * gripper.tip_radius)}"
     return _product(gripper.pad_width, gripper.pad_height)
@@ -203,7 +134,7 @@ def _product(*lengths: float) -> str:
     return " x ".join(map(_mm, lengths))
 
 
-def _resolution(gripper: "ParallelGripper") -> str | None:
+def _resolution(gripper: ParallelGripper) -> str | None:
     alpha = gripper.resolution
     return None if alpha is None else f"{math.degrees(alpha):.4g}°"
 

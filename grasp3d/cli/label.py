@@ -1,197 +1,223 @@
-"""The command `grasp3d label`: labels one mesh and writes it."""
+"""The command `grasp3d label`: labels one mesh, writes it, and prints its report."""
 
-from dataclasses import dataclass, field
+import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
 
-import tyro
+import numpy as np
 
-from grasp3d.cli.options import (
-    Force,
-    InputFile,
-    LoadGroup,
-    MeshGroup,
-    Multifinger,
-    OutputFile,
-    Overwrite,
-    Quiet,
-    ReachGroup,
-    SearchGroup,
-    given_sampling,
+from grasp3d.cli import grasp_report, progress_bars
+from grasp3d.cli.existing_files import check_not_task, check_replaceable, check_same_settings
+from grasp3d.cli.load_report import print_load
+from grasp3d.cli.mesh_commands import Label
+from grasp3d.cli.options import given_sampling
+from grasp3d.cli.report import (
+    CHECK_HINT,
+    LEVELS,
+    PERCENTS,
+    WARNING,
+    Report,
+    angle_text,
+    escaped,
+    label_name,
+    length_with_unit,
+    model_words,
+    percent_text,
+    table_of,
 )
-from grasp3d.cli.time_limit import DEFAULT_TIMEOUT, Timeout, check_timeout, time_limit
-from grasp3d.errors import SettingError
-from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.quality.loads import Load
-from grasp3d.settings import (
-    GraspModel,
-    MeshOptions,
-    MultifingerSampling,
-    PoseFormat,
-    Sampling,
-    check_per_finger,
-)
+from grasp3d.cli.time_limit import time_limit
+from grasp3d.cli.uncertainty_report import uncertainty_lines
+from grasp3d.export.writers import writer_for
+from grasp3d.grasps.distinct import best_grasps
+from grasp3d.grasps.grasp_files import SUFFIXES, write_grasps
+from grasp3d.grasps.pose_files import SUFFIXES as POSES
+from grasp3d.grasps.pose_files.files import check_hand, format_of, suffixes_of
+from grasp3d.grasps.verdict import verdict_of
+from grasp3d.hand.scene import Scene
+from grasp3d.settings import AnySampling
+from grasp3d.settings.lengths import Unit
+from grasp3d.settings.model_text import MINIMUM
+from grasp3d.settings.parsing import plain_values
+from grasp3d.stability.label import MEANING
+from grasp3d.stability.label import Label as Code
+from grasp3d.surface.area_statistics import vertex_weights
+from grasp3d.surface.labelling import Labelling
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.system.counts import counted
+from grasp3d.system.files import check_suffix
 from grasp3d.system.names import printable, safe_stem
 
-if TYPE_CHECKING:
-    from grasp3d.hand.hand import Hand
-    from grasp3d.surface.labels import SurfaceLabels
+_REASONS = {
+    Reason.NO_PARTNER: "no opposing contacts within the search cone give force closure",
+    Reason.OPENING: "all opposing contacts are closer or farther than the limits allow",
+    Reason.NOT_REACHED: "the gripper reaches none of their grasps",
+    Reason.OFF_SURFACE: "in no face, so their label is U and their area 0",
+}
+"""Explanations of vertices without a grasp."""
 
 
-@dataclass(frozen=True)
-class Label:
-    """Label one mesh: print area fractions of S, M and U, write the labelled mesh."""
+def run(command: Label) -> int:
+    """Run the command, and return the exit code."""
+    name = safe_stem(command.file.stem) if command.output is None else command.output.stem
+    output = command.output or Path(f"{name}_labeled.ply")
+    write = writer_for(output)
+    form = command.grasps_format
+    suffix = suffixes_of(form)[0] if form else ".json"
+    grasp_file = command.grasps or output.with_name(f"{name}_grasps{suffix}")
+    grasp_files = (grasp_file, grasp_file.with_suffix(".png")) if command.best else ()
+    if command.best:
+        _check_grasp_file(command, grasp_file)
+    for path in (output, *grasp_files):
+        check_not_task(path, command.load)
+        check_replaceable(path, overwrite=command.overwrite, source=command.file)
+    with time_limit(command.timeout, printable(str(command.file))):
+        labels = _labels(command, (output, *grasp_files[:1]))
+    write(output, labels)
+    if not command.quiet:
+        print_labels(labels, output)
+    if command.best:
+        _write_best(command, labels, grasp_file, command.best)
+    return 0
 
-    file: tyro.conf.Positional[InputFile]
-    """Mesh file: STL, OBJ, PLY, OFF, GLB, 3MF, ..."""
 
-    output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
-    """Labelled file (.ply, .glb, .npz, .vtp or .parquet) (default: NAME_labeled.ply in this
-    folder)."""
+def _check_grasp_file(command: Label, path: Path) -> None:
+    """Check before the work that the best grasps can be written to a file of that name."""
+    hand, form = command.posed_hand, command.grasps_format
+    if form:
+        check_suffix(path, suffixes_of(form), form)
+    check_suffix(path, POSES if hand else SUFFIXES, "table")
+    if hand is not None:
+        check_hand(form or format_of(path), hand)
 
-    best: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
-    """Number of best distinct grasps to print and to write to a file, with a picture (.png) of the
-    same name beside it."""
 
-    grasps: OutputFile = None
-    """File of the best grasps (.json, .csv, .parquet; with a gripper also .yaml for isaac_grasp,
-    .h5 for ACRONYM, .npy for graspnetAPI) (default: NAME_grasps.json in the folder of the labelled
-    file)."""
+def _labels(command: Label, outputs: tuple[Path, ...]) -> SurfaceLabels:
+    """Read and label the mesh; `outputs` must not have been made with other settings."""
+    model, load, quiet = command.reach.touching(command.model), command.load.chosen, command.quiet
+    sampling = given_sampling(command.sampling, command.multifinger).fitted(model.fingers)
+    task = Labelling.read(
+        command.file, model, sampling, command.reach, load, command.mesh, force=command.force
+    )
+    for path in outputs:
+        check_same_settings(path, task, overwrite=command.overwrite)
+    with progress_bars.progress(f"labelling {command.file.name}", quiet=quiet):
+        labels = task.labels()
+    progress_bars.measure(lambda: labels.epsilon_range, "measuring epsilon", quiet=quiet)
+    if load is not None:
+        progress_bars.measure(lambda: labels.holding, "measuring grip forces", quiet=quiet)
+    return labels
 
-    grasps_format: Annotated[PoseFormat | None, tyro.conf.arg(help_behavior_hint="")] = None
-    """With a gripper: format of that file, for those that are JSON too (default: that of the
-    file's suffix)."""
 
-    model: GraspModel = field(default_factory=GraspModel)
-    """Friction, sensor resolution and fingers."""
+def _write_best(command: Label, labels: SurfaceLabels, output: Path, count: int) -> None:
+    """Print and write the best distinct grasps, and draw them if OpenGL is available."""
+    from grasp3d.plots.figures import save_as
+    from grasp3d.plots.grasps import draw_grasps, grasp_figure
+    from grasp3d.plots.rendering import can_render
 
-    sampling: SearchGroup = field(default_factory=Sampling)
+    grasps = best_grasps(labels, count)
+    has_file = grasps.size > 0 or labels.reach is None  # files of poses cannot be empty
+    if has_file:
+        write_grasps(output, grasps, format=command.grasps_format)
+    has_pictures = grasps.size > 0 and can_render()
+    if has_pictures:
+        with progress_bars.progress("drawing grasps", quiet=command.quiet):
+            pictures = draw_grasps(labels, grasps)
+        save_as(grasp_figure(labels, grasps, pictures), output.with_suffix(".png"))
+    if not command.quiet:
+        grasp_report.print_best(grasps, count, output, has_pictures=has_pictures, has_file=has_file)
 
-    multifinger: Multifinger = field(default_factory=MultifingerSampling)
 
-    reach: ReachGroup = field(default_factory=ReachSettings)
+def print_labels(labels: SurfaceLabels, output: Path) -> None:
+    """Print the settings, area fractions, quantiles, repairs and warnings of a labelled surface.
 
-    load: LoadGroup = field(default_factory=Load)
+    Args:
+        labels: Labels of the surface.
+        output: The file that they were written to.
+    """
+    report, mesh = Report(), labels.mesh
+    _print_settings(report, labels)
+    rows = (
+        (label_name(Code[name]), MEANING["label"][Code[name]], percent_text(fraction))
+        for name, fraction in labels.fractions().items()
+    )
+    report.table(table_of(("label", "", "area fraction"), rows, texts=3))
+    if labels.sampling is not None:
+        report.line(f"[bold]{escaped(str(verdict_of(labels).text))}[/]")
+    angles = ", ".join(map(angle_text, labels.angle_quantiles(LEVELS)))
+    report.paragraph(f"critical friction angle, {PERCENTS} of the area: {angles}")
+    weights = vertex_weights(mesh, "area")
+    report.lines(uncertainty_lines(labels, weights, of="area", unit=mesh.unit))
+    report.line(_epsilon_text(labels))
+    print_load(report, labels)
+    counts = np.bincount(labels.reason, minlength=len(Reason))
+    for reason, explanation in _REASONS.items():
+        if counts[reason]:
+            report.paragraph(f"{counted(int(counts[reason]), 'vertices')}: {explanation}")
+    for step in mesh.report.repairs:
+        report.paragraph(f"repaired: {escaped(str(step))}")
+    report.lines(labels.warnings, WARNING)
+    if mesh.report.warnings:
+        report.paragraph(CHECK_HINT)
+    report.written(output)
 
-    mesh: MeshGroup = field(default_factory=MeshOptions)
 
-    timeout: Timeout = DEFAULT_TIMEOUT
-
-    force: Force = False
-
-    overwrite: Overwrite = False
-
-    quiet: Quiet = False
-
-    def __post_init__(self) -> None:
-        if self.best is not None and self.best < 1:
-            raise SettingError(f"best must be at least 1; got {self.best}")
-        for name in ("grasps", "grasps_format"):
-            if getattr(self, name) is not None and self.best is None:
-                raise SettingError(f"{name} is for the best grasps; give their number with --best")
-        if self.grasps_format == "graspgen":
-            raise SettingError(
-                "graspgen files state which grasps held, which is not known of grasps that "
-                "are found; choose another grasps_format"
-            )
-        if self.grasps_format and self._posed() is None:
-            raise SettingError(
-                "grasps_format is for poses of a gripper of two fingers; give one with --hand"
-            )
-        check_timeout(self.timeout)
-        check_per_finger(self.model)
-
-    def run(self) -> int:
-        """Run the command, and return the exit code."""
-        from grasp3d.cli import label_report
-        from grasp3d.cli.existing_files import check_not_task, check_replaceable
-        from grasp3d.export.writers import writer_for
-
-        name = safe_stem(self.file.stem) if self.output is None else self.output.stem
-        output = self.output or Path(f"{name}_labeled.ply")
-        write = writer_for(output)
-        grasp_file = self.grasps or self._default_grasp_file(output, name)
-        grasp_files = (grasp_file, grasp_file.with_suffix(".png")) if self.best else ()
-        self._check_grasp_file(grasp_file)
-        for path in (output, *grasp_files):
-            check_not_task(path, self.load)
-            check_replaceable(path, overwrite=self.overwrite, source=self.file)
-        with time_limit(self.timeout, printable(str(self.file))):
-            labels = self._labels((output, *grasp_files[:1]))
-        write(output, labels)
-        if not self.quiet:
-            label_report.print_labels(labels, output)
-        if self.best:
-            self._write_best(labels, grasp_file, self.best)
-        return 0
-
-    def _posed(self) -> "Hand | None":
-        """The hand, if it has poses for grasps of so many fingers."""
-        hand = self.reach.hand
-        return hand if hand is not None and self.model.fingers in hand.fingers else None
-
-    def _default_grasp_file(self, output: Path, name: str) -> Path:
-        """The file of the best grasps beside the labelled file."""
-        from grasp3d.grasps.pose_files.files import suffixes_of
-
-        suffix = suffixes_of(self.grasps_format)[0] if self.grasps_format else ".json"
-        return output.with_name(f"{name}_grasps{suffix}")
-
-    def _check_grasp_file(self, path: Path) -> None:
-        """Check before the work that the best grasps can be written to a file of that name."""
-        from grasp3d.grasps.grasp_files import SUFFIXES
-        from grasp3d.grasps.pose_files import SUFFIXES as POSES
-        from grasp3d.grasps.pose_files.files import check_hand, format_of, suffixes_of
-        from grasp3d.system.files import check_suffix
-
-        hand = self._posed()
-        if not self.best:
-            return
-        if self.grasps_format:
-            check_suffix(path, suffixes_of(self.grasps_format), self.grasps_format)
-        check_suffix(path, POSES if hand else SUFFIXES, "table")
-        if hand is not None:
-            check_hand(self.grasps_format or format_of(path), hand)
-
-    def _labels(self, outputs: tuple[Path, ...]) -> "SurfaceLabels":
-        """Read and label the mesh; `outputs` must not have been made with other settings."""
-        from grasp3d.cli import progress_bars
-        from grasp3d.cli.existing_files import check_same_settings
-        from grasp3d.surface.labelling import Labelling
-
-        model, load = self.reach.touching(self.model), self.load.chosen
-        sampling = given_sampling(self.sampling, self.multifinger).fitted(model.fingers)
-        task = Labelling.read(
-            self.file, model, sampling, self.reach, load, self.mesh, force=self.force
+def _print_settings(report: Report, labels: SurfaceLabels) -> None:
+    """Print the mesh, the model, the gripper, and settings of the search that are not default."""
+    mesh, model = labels.mesh, labels.model
+    report.line(
+        f"[bold]{escaped(mesh.report.source)}[/]: {counted(len(mesh.vertices), 'vertices')}, "
+        f"size {length_with_unit(mesh.size, mesh.unit)}; {model_words(model)}"
+        + ("" if model.fingers == 2 else f", {model.fingers} fingers")
+    )
+    if model.method == "extremes":
+        report.paragraph(
+            f"labels from wrench hulls at {model.extreme_normals} extreme normals per contact, "
+            f"{'circular cones' if model.edges is None else f'cones of {model.edges} edges'}"
         )
-        for path in outputs:
-            check_same_settings(path, task, overwrite=self.overwrite)
-        with progress_bars.progress(f"labelling {self.file.name}", quiet=self.quiet):
-            labels = task.labels()
-        progress_bars.measure(lambda: labels.epsilon_range, "measuring epsilon", quiet=self.quiet)
-        if load is not None:
-            progress_bars.measure(lambda: labels.holding, "measuring grip forces", quiet=self.quiet)
-        return labels
+    if labels.sampling is not None and (differences := _differences(labels.sampling, mesh.unit)):
+        report.paragraph(f"search settings: {differences}")
+    if labels.scene is not None:
+        report.line(_scene_text(labels.scene, mesh.size, mesh.unit))
+    if labels.search.evaluated and model.fingers > 2:
+        report.paragraph(f"{counted(labels.search.evaluated, 'candidate grasps')} evaluated")
 
-    def _write_best(self, labels: "SurfaceLabels", output: Path, count: int) -> None:
-        """Print and write the best distinct grasps, and draw them if OpenGL is available."""
-        from grasp3d.cli import grasp_report, progress_bars
-        from grasp3d.grasps.distinct import best_grasps
-        from grasp3d.grasps.grasp_files import write_grasps
-        from grasp3d.plots.figures import save_as
-        from grasp3d.plots.grasps import draw_grasps, grasp_figure
-        from grasp3d.plots.rendering import can_render
 
-        grasps = best_grasps(labels, count)
-        has_file = grasps.size > 0 or labels.reach is None  # files of poses cannot be empty
-        if has_file:
-            write_grasps(output, grasps, format=self.grasps_format)
-        has_pictures = grasps.size > 0 and can_render()
-        if has_pictures:
-            with progress_bars.progress("drawing grasps", quiet=self.quiet):
-                pictures = draw_grasps(labels, grasps)
-            save_as(grasp_figure(labels, grasps, pictures), output.with_suffix(".png"))
-        if not self.quiet:
-            grasp_report.print_best(
-                grasps, count, output, has_pictures=has_pictures, has_file=has_file
-            )
+def _epsilon_text(labels: SurfaceLabels) -> str:
+    """Return the quantiles of epsilon and of its minimum over the tilts."""
+    nominal, minimum = (
+        ", ".join(f"{value:.3f}" for value in labels.epsilon_quantiles(LEVELS, of=of))
+        for of in ("nominal", "minimum")
+    )
+    least = MINIMUM[labels.model.tilts]
+    return f"epsilon, {PERCENTS} of the area: {nominal}; {least}: {minimum}"
+
+
+def _scene_text(scene: Scene, size: float, unit: Unit | None) -> str:
+    """Return the gripper, the table, and the limit of approach directions."""
+    hand, table, approach = scene.hand, scene.table, scene.approach
+    text = f"gripper {escaped(hand.name)}, stroke {1000.0 * hand.max_opening:.4g} mm"
+    if table is not None:
+        up = ", ".join(f"{number + 0.0:.3g}" for number in table.normal)
+        height = round(table.offset / size, 9) * size + 0.0  # without rounding errors
+        text += f"; table at {length_with_unit(height, unit)}, up ({up})"
+        if table.probability is not None:
+            text += f", resting pose of probability {100.0 * table.probability:.0f} %"
+    if approach.within < math.pi:
+        text += f"; approach within {math.degrees(approach.within):.4g}°"
+    return text
+
+
+def _differences(sampling: AnySampling, unit: Unit | None) -> str:
+    """Return the settings of the search that differ from their defaults."""
+    defaults = plain_values(type(sampling)())
+    angles, lengths = ("search_angle", "tolerance"), sampling.length_names()
+
+    def text(name: str, value: float) -> str:
+        if name in angles:
+            return f"{math.degrees(value):.4g}°"
+        return length_with_unit(value, unit) if name in lengths else f"{value}"
+
+    return ", ".join(
+        f"{name} {text(name, value)}"
+        for name, value in plain_values(sampling).items()
+        if value != defaults[name]
+    )

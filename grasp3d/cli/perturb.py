@@ -2,22 +2,15 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
-import tyro
+from rich.table import Table
 
+from grasp3d.cli import progress_bars
+from grasp3d.cli.existing_files import check_output
+from grasp3d.cli.mesh_commands import Perturb
 from grasp3d.cli.options import (
-    Force,
-    InputFile,
-    MeshGroup,
-    Multifinger,
-    NoisyModel,
-    OutputFile,
-    Overwrite,
-    Quiet,
-    SearchGroup,
     given_sampling,
 )
 from grasp3d.cli.report import (
@@ -32,19 +25,18 @@ from grasp3d.cli.report import (
     percent_text,
     table_of,
 )
-from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
+from grasp3d.mesh.noisy_copies import movable_surface
+from grasp3d.mesh.plausible_lengths import refuse_lengths
+from grasp3d.plots.figures import METADATA, save_as
+from grasp3d.plots.perturbations import perturbation_figure
+from grasp3d.plots.rendering import check_rendering
 from grasp3d.settings.lengths import Unit, small_length
 from grasp3d.settings.model_text import error_texts
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.system.counts import counted
 from grasp3d.system.names import safe_stem
-from grasp3d.validating.perturbing.noise_settings import NoiseSettings
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from grasp3d.validating.perturbing.perturbation import Perturbation
-
+from grasp3d.validating.perturbing.perturb import perturb_surface
+from grasp3d.validating.perturbing.perturbation import SUFFIXES, Perturbation, write_perturbation
 
 MIN_STABLE = 0.01
 """Area fraction that is S below which errors to enter are of no use."""
@@ -62,96 +54,35 @@ NOT_PASSED = (
 """What is printed where larger errors leave too little S, with a remedy."""
 
 
-@dataclass(frozen=True)
-class Perturb:
-    """Label noisy copies of a scan, and print the errors to enter for it.
-
-    A scan is off by the scanner's noise. This command adds such noise to it again and again, labels
-    each copy, and writes for each vertex in how many of them it is S, M and U. It prints a normal
-    error and a location error: labelled with these (grasp3d label, batch, evaluate), the scan is S
-    only where nearly all of its copies are S.
-    """
-
-    file: tyro.conf.Positional[InputFile]
-    """Mesh file: STL, OBJ, PLY, OFF, GLB, 3MF, ..."""
-
-    output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
-    """Results for each vertex (.ply, .csv or .parquet) (default: NAME_noise.ply in this folder)."""
-
-    figure: OutputFile = None
-    """Figure (.svg, .png or .pdf) (default: none)."""
-
-    noise: NoiseSettings = field(default_factory=NoiseSettings)
-    """The noise, and how many copies are made with it."""
-
-    model: NoisyModel = field(default_factory=GraspModel)
-    """Friction, sensor resolution and fingers. Errors of contact locations, and those of single
-    fingers, are none of the scan's: add them afterwards to the errors that are printed."""
-
-    sampling: SearchGroup = field(default_factory=Sampling)
-
-    multifinger: Multifinger = field(default_factory=MultifingerSampling)
-
-    mesh: MeshGroup = field(default_factory=MeshOptions)
-
-    force: Force = False
-
-    overwrite: Overwrite = False
-
-    quiet: Quiet = False
-
-    def run(self) -> int:
-        """Run the command, and return the exit code."""
-        from grasp3d.cli.existing_files import check_output
-        from grasp3d.plots.figures import METADATA
-        from grasp3d.plots.rendering import check_rendering
-        from grasp3d.validating.perturbing.perturbation import SUFFIXES, write_perturbation
-
-        output = self.output or Path(f"{safe_stem(self.file.stem)}_noise.ply")
-        check: dict[str, Any] = {"overwrite": self.overwrite, "sources": [self.file]}
-        check_output(output, SUFFIXES, "table or mesh", **check)
-        check_output(self.figure, METADATA, "figure", **check)
-        paths = [output]
-        if self.figure is not None:
-            check_rendering()
-            paths.append(self.figure)
-        perturbation = self._perturb()
-        write_perturbation(output, perturbation)
-        if self.figure is not None:
-            self._draw(perturbation, self.figure)
-        if not self.quiet:
-            print_perturbation(perturbation, paths)
-        return 0
-
-    def _perturb(self) -> "Perturbation":
-        """Read the mesh, and label its copies."""
-        from grasp3d.cli import progress_bars
-        from grasp3d.mesh.noisy_copies import movable_surface
-        from grasp3d.mesh.plausible_lengths import refuse_lengths
-        from grasp3d.validating.perturbing.perturb import perturb_surface
-
-        sampling = given_sampling(self.sampling, self.multifinger).fitted(self.model.fingers)
-        surface = movable_surface(self.file, self.mesh)
-        if not self.force:
-            refuse_lengths(surface.mesh, self.model, sampling)
-        text = f"labelling {self.noise.copies} copies of {self.file.name}"
-        with progress_bars.progress(text, quiet=self.quiet):
-            return perturb_surface(
-                surface,
-                self.model,
-                noise=self.noise,
-                sampling=sampling,
-            )
-
-    def _draw(self, perturbation: "Perturbation", path: Path) -> None:
-        """Draw the surface, its copies, and the labels with the errors to enter."""
-        from grasp3d.plots.figures import save_as
-        from grasp3d.plots.perturbations import perturbation_figure
-
-        save_as(perturbation_figure(perturbation), path)
+def run(command: Perturb) -> int:
+    """Run the command, and return the exit code."""
+    output = command.output or Path(f"{safe_stem(command.file.stem)}_noise.ply")
+    check: dict[str, Any] = {"overwrite": command.overwrite, "sources": [command.file]}
+    check_output(output, SUFFIXES, "table or mesh", **check)
+    check_output(command.figure, METADATA, "figure", **check)
+    if command.figure is not None:
+        check_rendering()
+    perturbation = _perturb(command)
+    write_perturbation(output, perturbation)
+    if command.figure is not None:
+        save_as(perturbation_figure(perturbation), command.figure)
+    if not command.quiet:
+        print_perturbation(perturbation, [output, *filter(None, [command.figure])])
+    return 0
 
 
-def print_perturbation(perturbation: "Perturbation", paths: Sequence[Path]) -> None:
+def _perturb(command: Perturb) -> Perturbation:
+    """Read the mesh, and label its copies."""
+    sampling = given_sampling(command.sampling, command.multifinger).fitted(command.model.fingers)
+    surface = movable_surface(command.file, command.mesh)
+    if not command.force:
+        refuse_lengths(surface.mesh, command.model, sampling)
+    text = f"labelling {command.noise.copies} copies of {command.file.name}"
+    with progress_bars.progress(text, quiet=command.quiet):
+        return perturb_surface(surface, command.model, noise=command.noise, sampling=sampling)
+
+
+def print_perturbation(perturbation: Perturbation, paths: Sequence[Path]) -> None:
     """Print the noise, area fractions with and without it, and the errors to enter.
 
     Args:
@@ -176,7 +107,7 @@ def print_perturbation(perturbation: "Perturbation", paths: Sequence[Path]) -> N
     report.written(*paths)
 
 
-def _noise(perturbation: "Perturbation") -> str:
+def _noise(perturbation: Perturbation) -> str:
     settings, unit = perturbation.settings, perturbation.mesh.unit
     assert settings.noise is not None  # it is a number in results
     origin = "estimated from the surface's roughness" if perturbation.estimated else "as given"
@@ -191,7 +122,7 @@ def _noise(perturbation: "Perturbation") -> str:
     )
 
 
-def _fractions(perturbation: "Perturbation") -> "Table":
+def _fractions(perturbation: Perturbation) -> Table:
     """Area fractions of the labels of the surface itself, and of the copies."""
     areas = perturbation.mesh.vertex_areas / perturbation.mesh.vertex_areas.sum()
     copies = {
@@ -212,7 +143,7 @@ def _fractions(perturbation: "Perturbation") -> "Table":
     return table_of(("label", "", "scan", "noisy copies"), rows, texts=2)
 
 
-def _measured(perturbation: "Perturbation") -> list[str]:
+def _measured(perturbation: Perturbation) -> list[str]:
     """What noise does to normals, contacts and grasps."""
     advice, unit, level = perturbation.advice, perturbation.mesh.unit, perturbation.settings.level
     where = " across the line between them" if perturbation.labels.model.fingers == 2 else ""
@@ -230,7 +161,7 @@ def _measured(perturbation: "Perturbation") -> list[str]:
     return [measured, right]
 
 
-def _advised(perturbation: "Perturbation") -> list[str]:
+def _advised(perturbation: Perturbation) -> list[str]:
     """The errors to enter, and how they were checked."""
     advice, level = perturbation.advice, 100.0 * perturbation.settings.level
     if advice.stable_fraction < MIN_STABLE:
@@ -248,7 +179,7 @@ def _advised(perturbation: "Perturbation") -> list[str]:
     return lines if advice.passed else [*lines, NOT_PASSED.format(_remedy(perturbation))]
 
 
-def _remedy(perturbation: "Perturbation") -> str:
+def _remedy(perturbation: Perturbation) -> str:
     """What makes the labels depend less on noise."""
     patch = perturbation.mesh.options.patch_radius
     if patch:

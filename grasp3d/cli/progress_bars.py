@@ -1,7 +1,8 @@
 """Progress bars on standard error."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from typing import TypeVar
 
 from rich.console import Console
 from rich.progress import (
@@ -18,6 +19,8 @@ from rich.text import Text
 from grasp3d.cli.report import escaped
 from grasp3d.system.compiling import compilations
 from grasp3d.system.context import begin_step, running
+
+ResultT = TypeVar("ResultT")
 
 
 @contextmanager
@@ -36,12 +39,12 @@ def measure(compute: Callable[[], object], text: str, *, quiet: bool) -> None:
         compute()
 
 
-@contextmanager
-def counter(text: str, total: int, *, quiet: bool) -> Iterator[Callable[[], None]]:
-    """Show a progress bar that counts meshes; yields a function to call after each mesh."""
+def counted_results(
+    results: Iterable[ResultT], text: str, total: int, *, quiet: bool
+) -> Iterator[ResultT]:
+    """Pass on the results of meshes, with a progress bar that counts them."""
     with _bar(MofNCompleteColumn(), quiet=quiet) as bar:
-        task = bar.add_task(text, total=total)
-        yield lambda: bar.advance(task)
+        yield from bar.track(results, total=total, description=text)
 
 
 @contextmanager

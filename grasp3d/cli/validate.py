@@ -1,157 +1,176 @@
 """The command `grasp3d validate`: holds labels and scores against what became of grasps."""
 
-from dataclasses import dataclass, field, replace
+import math
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
 
-import tyro
+import numpy as np
+from rich.table import Table
 
-from grasp3d.cli.options import (
-    Overwrite,
-    Quiet,
-    ValidatedModel,
-    ValidationGroup,
-)
+from grasp3d.cli import progress_bars
+from grasp3d.cli.existing_files import check_replaceable
+from grasp3d.cli.grasp_commands import Validate
 from grasp3d.cli.ranges import parse_angles, parse_frictions
+from grasp3d.cli.report import WARNING, Report, escaped, label_name, table_of
 from grasp3d.errors import OutputError
-from grasp3d.hand.choices import ObjectMotion
-from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.quality.loads import Load
-from grasp3d.settings import GraspModel, MeshOptions
+from grasp3d.plots.validation_page import FILES, write_report
+from grasp3d.stability.label import Label
+from grasp3d.system.counts import counted
+from grasp3d.system.files import check_writable
+from grasp3d.validating import sentences
+from grasp3d.validating.disagreements import MEANING, Disagreement
+from grasp3d.validating.intervals import wilson
+from grasp3d.validating.sentences import degrees, percent
+from grasp3d.validating.success import LabelSuccess
+from grasp3d.validating.validate import validate_grasps
+from grasp3d.validating.validation import Validation
 from grasp3d.validating.validation_settings import ValidationSettings
 
-if TYPE_CHECKING:
-    from grasp3d.validating.validation import Validation
+MOST_WARNINGS = 10
+"""Most warnings that are printed."""
 
 
-@dataclass(frozen=True)
-class Validate:
-    """Compare labels and scores of grasps with what became of them.
-
-    Closes the gripper's jaws at poses of which it is known whether the grasp held, and prints how
-    well label, margin, epsilon, grip force and simpler scores predict it: area under the ROC curve,
-    success within S, M and U, calibration of the margin, and the greatest disagreements.
-    """
-
-    grasps: Annotated[
-        tuple[Path, ...],
-        tyro.conf.Positional,
-        tyro.conf.arg(metavar="GRASPS [GRASPS ...]", help_behavior_hint=""),
-    ]
-    """Files of poses with outcomes: tables (.csv, .parquet) with px py pz qx qy qz qw and a column
-    success (or outcome) of 1 or 0, true or false, yes or no, empty where it was not tried; ACRONYM
-    (.h5); GraspGen and the files that grasp3d writes (.json)."""
-
-    output: Annotated[
-        Path | None, tyro.conf.arg(aliases=["-o"], metavar="FOLDER", help_behavior_hint="")
-    ] = None
-    """Folder for the report: report.html, with figures and pictures, and its tables as CSV
-    (default: only prints)."""
-
-    mesh_file: Annotated[
-        Path | None, tyro.conf.arg(name="mesh", metavar="FILE", help_behavior_hint="")
-    ] = None
-    """Mesh of the object of all grasps (default: the one that each file of grasps names, in the
-    scale that it states)."""
-
-    meshes: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
-    """Folder in which these meshes are looked up, by their path, then by their base name (default:
-    the folder of each file of grasps)."""
-
-    frictions: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NUMBER|FROM:TO:STEP [...]")] = (
-        "0.3",
-        "0.5",
-        "1.0",
+def run(command: Validate) -> int:
+    """Run the command, and return the exit code."""
+    settings = replace(
+        command.statistics,
+        frictions=parse_frictions("--frictions", command.frictions),
+        sensor_resolutions=parse_angles("--sensor-resolutions", command.sensor_resolutions),
     )
-    """Coefficients of friction of the table of S, M and U."""
+    _check_output(command)
+    validation = _validate(command, settings)
+    if command.output is not None:
+        with progress_bars.progress("drawing the report", quiet=command.quiet):
+            write_report(command.output, validation)
+    if not command.quiet:
+        print_validation(validation, command.output)
+    return 0
 
-    sensor_resolutions: Annotated[
-        tuple[str, ...], tyro.conf.arg(metavar="DEGREES|FROM:TO:STEP [...]")
-    ] = ("0", "10", "22.6", "40")
-    """Sensor resolutions of that table."""
 
-    statistics: ValidationGroup = field(default_factory=ValidationSettings)
-    """What is computed from outcomes, and listed."""
+def _check_output(command: Validate) -> None:
+    """Check that the report can be written, and replaces no file of others."""
+    if command.output is None:
+        return
+    if not command.output.exists():
+        check_writable(command.output)
+        return
+    if not command.output.is_dir():
+        raise OutputError(f"{command.output}: is a file; name a folder")
+    for path in (command.output / name for name in FILES):
+        check_replaceable(path, overwrite=command.overwrite)
+        if any(path.exists() and file.exists() and path.samefile(file) for file in command.grasps):
+            raise OutputError(f"{path}: is a file of grasps; name another folder with -o")
 
-    model: ValidatedModel = field(default_factory=GraspModel)
-    """Friction and sensor resolution of label, margin, epsilon and grip force."""
 
-    reach: ReachSettings = field(default_factory=ReachSettings)
-    """The gripper of the poses, unless their files state a known one (ACRONYM: the Franka hand),
-    and what the objects stand on."""
-
-    load: Load = field(default_factory=Load)
-    """What each grasp must hold; without a mass or density that of the file, if it states one."""
-
-    surface: MeshOptions = field(default_factory=MeshOptions)
-    """How meshes are read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
-
-    object_motion: ObjectMotion = "free"
-    """Whether objects give way to the closing jaws: they settle between them, or do not move."""
-
-    overwrite: Overwrite = False
-
-    quiet: Quiet = False
-
-    def run(self) -> int:
-        """Run the command, and return the exit code."""
-        from grasp3d.cli import validate_report
-
-        settings = replace(
-            self.statistics,
-            frictions=parse_frictions("--frictions", self.frictions),
-            sensor_resolutions=parse_angles("--sensor-resolutions", self.sensor_resolutions),
+def _validate(command: Validate, settings: ValidationSettings) -> Validation:
+    """Evaluate the grasps, and compare the scores with the outcomes."""
+    first, *others = command.grasps
+    name = counted(len(command.grasps), "files") if others else first.name
+    with progress_bars.progress(f"evaluating {name}", quiet=command.quiet):
+        return validate_grasps(
+            command.grasps,
+            command.model,
+            mesh=command.mesh_file,
+            meshes=command.meshes,
+            options=command.surface,
+            reach=command.reach,
+            object_motion=command.object_motion,
+            load=command.load.chosen,
+            settings=settings,
         )
-        self._check_output()
-        validation = self._validate(settings)
-        if self.output is not None:
-            self._write(validation, self.output)
-        if not self.quiet:
-            validate_report.print_validation(validation, self.output)
-        return 0
 
-    def _check_output(self) -> None:
-        """Check that the report can be written, and replaces no file of others."""
-        from grasp3d.cli.existing_files import check_replaceable
-        from grasp3d.plots.validation_page import FILES
-        from grasp3d.system.files import check_writable
 
-        if self.output is None:
-            return
-        if not self.output.exists():
-            check_writable(self.output)
-            return
-        if not self.output.is_dir():
-            raise OutputError(f"{self.output}: is a file; name a folder")
-        for path in (self.output / name for name in FILES):
-            check_replaceable(path, overwrite=self.overwrite)
-            if any(path.exists() and file.exists() and path.samefile(file) for file in self.grasps):
-                raise OutputError(f"{path}: is a file of grasps; name another folder with -o")
+def print_validation(validation: Validation, output: Path | None) -> None:
+    """Print how well the scores predict the outcomes.
 
-    def _validate(self, settings: ValidationSettings) -> "Validation":
-        """Evaluate the grasps, and compare the scores with the outcomes."""
-        from grasp3d.cli import progress_bars
-        from grasp3d.system.counts import counted
-        from grasp3d.validating.validate import validate_grasps
+    Args:
+        validation: The result.
+        output: Folder of the report; None: it was not written.
+    """
+    report = Report()
+    report.lines([sentences.counts_of(validation), sentences.model_of(validation)])
+    report.lines([*sentences.sources_of(validation), sentences.closing_of(validation)])
+    report.lines(validation.warnings[:MOST_WARNINGS], WARNING)
+    if len(validation.warnings) > MOST_WARNINGS:
+        more = counted(len(validation.warnings) - MOST_WARNINGS, "warnings")
+        report.paragraph(f"and {more} more")
+    report.table(_scores(validation))
+    report.lines([sentences.intervals_of(validation)])
+    report.table(_labels(validation))
+    report.table(_calibration(validation))
+    report.lines(sentences.calibration_of(validation))
+    for kind, meaning in MEANING.items():
+        cases = [case for case in validation.disagreements if case.kind == kind]
+        if cases:
+            report.paragraph(f"[bold]{meaning}[/]")
+            report.lines([_disagreement(validation, case) for case in cases], " ")
+    if output is not None:
+        report.lines([f"written: {output / 'report.html'} and its tables"])
 
-        name = self.grasps[0].name if len(self.grasps) == 1 else counted(len(self.grasps), "files")
-        with progress_bars.progress(f"evaluating {name}", quiet=self.quiet):
-            return validate_grasps(
-                self.grasps,
-                self.model,
-                mesh=self.mesh_file,
-                meshes=self.meshes,
-                options=self.surface,
-                reach=self.reach,
-                object_motion=self.object_motion,
-                load=self.load.chosen,
-                settings=settings,
-            )
 
-    def _write(self, validation: "Validation", folder: Path) -> None:
-        """Write the report."""
-        from grasp3d.cli import progress_bars
-        from grasp3d.plots.validation_page import write_report
+def _scores(validation: Validation) -> Table:
+    """ROC-AUC and average precision of each score."""
+    rows = (
+        (
+            escaped(quality.score.title),
+            quality.score.better,
+            f"{_number(quality.roc_auc)} {_interval(quality.roc_auc_interval)}",
+            f"{_number(quality.average_precision)} {_interval(quality.average_precision_interval)}",
+        )
+        for quality in validation.qualities
+    )
+    return table_of(("score", "better", "ROC-AUC, 95 %", "average precision, 95 %"), rows)
 
-        with progress_bars.progress("drawing the report", quiet=self.quiet):
-            write_report(folder, validation)
+
+def _labels(validation: Validation) -> Table:
+    """Success within S, M and U over friction and resolution."""
+    order = sorted(Label, reverse=True)
+    rows = (
+        (
+            f"{success.friction:.4g}",
+            f"{math.degrees(success.sensor_resolution):.4g}°",
+            *(_success(success, label) for label in order),
+        )
+        for success in validation.labels
+    )
+    return table_of(("μ", "α", *(f"{label_name(label)} held, 95 %, of" for label in order)), rows)
+
+
+def _success(success: LabelSuccess, label: Label) -> str:
+    """Fraction that held, with its interval, and the number of grasps."""
+    if not success.counts[label]:
+        return "none"
+    low, high = success.interval(label.name)
+    fraction = percent(success.fraction(label.name))
+    return f"{fraction} {100.0 * low:.0f}-{100.0 * high:<3.0f}{success.counts[label]:>6,}"
+
+
+def _calibration(validation: Validation) -> Table:
+    """Success in bins of the margin."""
+    rows = []
+    missing = ~validation.grasps.closed
+    if missing.any():
+        successes, count = int(validation.grasps.held[missing].sum()), int(missing.sum())
+        ends = _interval(wilson(successes, count))
+        rows.append(("jaws do not close", f"{count:,}", percent(successes / count), ends))
+    for part in validation.calibration.bins:
+        span = f"{degrees(part.low)} to {degrees(part.high)}"
+        rows.append((span, f"{part.count:,}", percent(part.fraction), _interval(part.interval)))
+    return table_of(("margin", "grasps", "held", "95 %"), rows)
+
+
+def _disagreement(validation: Validation, case: Disagreement) -> str:
+    grasps = validation.grasps
+    number, file = int(grasps.grasp[case.row]), validation.files[int(grasps.file[case.row])]
+    where = f" of {Path(file.name).name}" if len(validation.files) > 1 else ""
+    label = Label(int(grasps.label[case.row])).name
+    margin = "" if np.isnan(case.margin) else f", margin {degrees(case.margin)}"
+    return f"grasp {number}{where}: {label}{margin}: {'; '.join(case.hints)}"
+
+
+def _number(value: float) -> str:
+    return "undefined" if math.isnan(value) else f"{value:.3f}"
+
+
+def _interval(ends: tuple[float, float]) -> str:
+    return "" if math.isnan(ends[0]) else f"{ends[0]:.3f}-{ends[1]:.3f}"

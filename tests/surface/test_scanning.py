@@ -354,7 +354,7 @@ def test_files_contain_every_finger(tmp_path: Path) -> None:
 def test_the_report_states_the_number_of_fingers(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from grasp3d.cli.label_report import print_labels
+    from grasp3d.cli.label import print_labels
 
     print_labels(searched(3), tmp_path / "out.ply")
     text = " ".join(capsys.readouterr().out.split())

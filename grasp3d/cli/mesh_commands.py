@@ -1,0 +1,269 @@
+"""The commands `label`, `check`, `perturb` and `view`, of one mesh: their options."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from grasp3d.batch.batch_settings import ClusterSettings
+from grasp3d.cli.options import (
+    Flag,
+    Force,
+    InputFile,
+    Inputs,
+    LoadGroup,
+    MeshGroup,
+    Multifinger,
+    NoisyModel,
+    OutputFile,
+    Overwrite,
+    Quiet,
+    ReachGroup,
+    SearchGroup,
+)
+from grasp3d.cli.time_limit import DEFAULT_TIMEOUT, Timeout, check_timeout
+from grasp3d.errors import SettingError
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.reach_settings import ReachSettings
+from grasp3d.quality.loads import Load
+from grasp3d.settings import (
+    GraspModel,
+    MeshOptions,
+    MultifingerSampling,
+    PoseFormat,
+    Sampling,
+    check_per_finger,
+)
+from grasp3d.validating.perturbing.noise_settings import NoiseSettings
+from grasp3d.viewer.view_settings import ViewSettings
+
+
+@dataclass(frozen=True)
+class Label:
+    """Label one mesh: print area fractions of S, M and U, write the labelled mesh.
+
+    Example:
+        # Label a mug for a gripper that opens 60 mm
+        grasp3d label meshes/mug.glb --max-opening 60mm
+        # The best grasps of three fingers, for a mesh whose file states no unit
+        grasp3d label meshes/box.obj --unit m --fingers 3 --max-spread 12cm --best 4
+    """
+
+    file: tyro.conf.Positional[InputFile]
+    """Mesh file: STL, OBJ, PLY, OFF, GLB, 3MF, ..."""
+
+    output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
+    """Labelled file (.ply, .glb, .npz, .vtp or .parquet) (default: NAME_labeled.ply in this
+    folder)."""
+
+    best: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
+    """Number of best distinct grasps to print and to write to a file, with a picture (.png) of the
+    same name beside it."""
+
+    grasps: OutputFile = None
+    """File of the best grasps (.json, .csv, .parquet; with a gripper also .yaml for isaac_grasp,
+    .h5 for ACRONYM, .npy for graspnetAPI) (default: NAME_grasps.json in the folder of the labelled
+    file)."""
+
+    grasps_format: Annotated[PoseFormat | None, tyro.conf.arg(help_behavior_hint="")] = None
+    """With a gripper: format of that file, for those that are JSON too (default: that of the
+    file's suffix)."""
+
+    model: GraspModel = field(default_factory=GraspModel)
+    """Friction, sensor resolution and fingers."""
+
+    sampling: SearchGroup = field(default_factory=Sampling)
+
+    multifinger: Multifinger = field(default_factory=MultifingerSampling)
+
+    reach: ReachGroup = field(default_factory=ReachSettings)
+
+    load: LoadGroup = field(default_factory=Load)
+
+    mesh: MeshGroup = field(default_factory=MeshOptions)
+
+    timeout: Timeout = DEFAULT_TIMEOUT
+
+    force: Force = False
+
+    overwrite: Overwrite = False
+
+    quiet: Quiet = False
+
+    def __post_init__(self) -> None:
+        if self.best is not None and self.best < 1:
+            raise SettingError(f"best must be at least 1; got {self.best}")
+        for name in ("grasps", "grasps_format"):
+            if getattr(self, name) is not None and self.best is None:
+                raise SettingError(f"{name} is for the best grasps; give their number with --best")
+        if self.grasps_format == "graspgen":
+            raise SettingError(
+                "graspgen files state which grasps held, which is not known of grasps that "
+                "are found; choose another grasps_format"
+            )
+        if self.grasps_format and self.posed_hand is None:
+            raise SettingError(
+                "grasps_format is for poses of a gripper of two fingers; give one with --hand"
+            )
+        check_timeout(self.timeout)
+        check_per_finger(self.model)
+
+    @property
+    def posed_hand(self) -> Hand | None:
+        """The hand, if it has poses for grasps of so many fingers."""
+        hand = self.reach.hand
+        return hand if hand is not None and self.model.fingers in hand.fingers else None
+
+
+@dataclass(frozen=True)
+class Check:
+    """Diagnose meshes: unit, holes, orientation, bodies, self-intersections, noise.
+
+    With the options of label it reports whether labels can be trusted. Exit code 0: for all
+    meshes, at least with care; 1: not for all meshes, or some cannot be read.
+
+    Example:
+        # Diagnose one mesh
+        grasp3d check meshes/mug.glb
+        # Diagnose all meshes of a folder, and write a table
+        grasp3d check meshes --unit m --max-opening 60mm -o meshes.csv
+    """
+
+    inputs: Inputs
+
+    output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
+    """Report: .json with all results, .csv or .parquet with one row per mesh."""
+
+    json: Flag = False
+    """Print JSON instead of tables."""
+
+    strict: Flag = False
+    """Exit code 1 also for meshes whose labels can be trusted with care only."""
+
+    model: GraspModel = field(default_factory=GraspModel)
+    """Friction, sensor resolution and fingers."""
+
+    sampling: SearchGroup = field(default_factory=Sampling)
+
+    multifinger: Multifinger = field(default_factory=MultifingerSampling)
+
+    mesh: MeshGroup = field(default_factory=MeshOptions)
+
+    cluster: ClusterSettings = field(default_factory=ClusterSettings)
+    """Which processes check the meshes, if there are several."""
+
+    force: Force = False
+
+    overwrite: Overwrite = False
+
+    quiet: Quiet = False
+
+    def __post_init__(self) -> None:
+        if not self.inputs:
+            raise SettingError("no input: name a mesh file, or a folder of meshes")
+
+
+@dataclass(frozen=True)
+class Perturb:
+    """Label noisy copies of a scan, and print the errors to enter for it.
+
+    A scan is off by the scanner's noise. This command adds such noise to it again and again, labels
+    each copy, and writes for each vertex in how many of them it is S, M and U. It prints a normal
+    error and a location error: labelled with these (grasp3d label, batch, evaluate), the scan is S
+    only where nearly all of its copies are S.
+
+    Example:
+        # The errors to enter for a scan with errors of 0.3 mm
+        grasp3d perturb meshes/knob.ply --unit m --noise 0.3mm --copies 10 --patch-radius 5mm
+        # For a filtered depth image, whose errors are alike over 4 mm
+        grasp3d perturb meshes/knob.ply --unit m --noise 1mm --correlation 4mm --copies 10
+    """
+
+    file: tyro.conf.Positional[InputFile]
+    """Mesh file: STL, OBJ, PLY, OFF, GLB, 3MF, ..."""
+
+    output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
+    """Results for each vertex (.ply, .csv or .parquet) (default: NAME_noise.ply in this folder)."""
+
+    figure: OutputFile = None
+    """Figure (.svg, .png or .pdf) (default: none)."""
+
+    noise: NoiseSettings = field(default_factory=NoiseSettings)
+    """The noise, and how many copies are made with it."""
+
+    model: NoisyModel = field(default_factory=GraspModel)
+    """Friction, sensor resolution and fingers. Errors of contact locations, and those of single
+    fingers, are none of the scan's: add them afterwards to the errors that are printed."""
+
+    sampling: SearchGroup = field(default_factory=Sampling)
+
+    multifinger: Multifinger = field(default_factory=MultifingerSampling)
+
+    mesh: MeshGroup = field(default_factory=MeshOptions)
+
+    force: Force = False
+
+    overwrite: Overwrite = False
+
+    quiet: Quiet = False
+
+
+@dataclass(frozen=True)
+class View:
+    """View an object: rotate it, change friction and resolution, click for reasons.
+
+    Example:
+        # Open a window
+        grasp3d view meshes/mug.glb
+        # Write a picture instead, which needs no display
+        grasp3d view meshes/mug.glb --paint max_resolution --screenshot mug.png
+    """
+
+    target: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PATH")]
+    """A mesh, a labelled PLY, or the folder of results of `grasp3d batch`."""
+
+    web: Flag = False
+    """Serve a page for a browser instead of opening a window, as where there is no display; each
+    visitor has a view of their own."""
+
+    host: Annotated[str, tyro.conf.arg(metavar="ADDRESS")] = "127.0.0.1"
+    """Address of the page; at 127.0.0.1 only this computer can connect."""
+
+    port: Annotated[int, tyro.conf.arg(metavar="PORT")] = 8080
+    """Port of the page; if it is in use, the next free one."""
+
+    screenshot: OutputFile = None
+    """Write a picture (.png) instead; needs no display."""
+
+    turntable: OutputFile = None
+    """Write a film of one full turn (.gif or .mp4) instead; needs no display."""
+
+    view: ViewSettings = field(default_factory=ViewSettings)
+    """Initial view of the object."""
+
+    model: GraspModel = field(default_factory=GraspModel)
+    """Grasp model; options with their default are taken from a labelled file."""
+
+    sampling: Sampling = field(default_factory=Sampling)
+    """How candidate grasps are searched; likewise from a labelled file."""
+
+    multifinger: Multifinger = field(default_factory=MultifingerSampling)
+
+    reach: ReachGroup = field(default_factory=ReachSettings)
+
+    load: LoadGroup = field(default_factory=Load)
+
+    mesh: MeshOptions = field(default_factory=MeshOptions)
+    """How a mesh is read and prepared; likewise from a labelled file."""
+
+    timeout: Timeout = DEFAULT_TIMEOUT
+
+    force: Force = False
+
+    overwrite: Overwrite = False
+
+    quiet: Quiet = False
+
+    def __post_init__(self) -> None:
+        check_timeout(self.timeout)

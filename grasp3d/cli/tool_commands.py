@@ -1,0 +1,135 @@
+"""The commands `hand`, `paper` and `warmup`: their options."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from grasp3d.cli.options import (
+    Flag,
+    Friction,
+    LengthOption,
+    OutputFile,
+    Overwrite,
+    Quiet,
+    SensorResolutions,
+)
+from grasp3d.errors import SettingError
+from grasp3d.settings import DEGREE
+
+_NAME = tyro.conf.arg(metavar="[NAME|FILE]", help_behavior_hint="")
+_LINKS = tyro.conf.arg(metavar="LINK LINK", help_behavior_hint="")
+_LINK = tyro.conf.arg(metavar="LINK", help_behavior_hint="")
+
+
+@dataclass(frozen=True)
+class Hand:
+    """Print the lengths, frame, force and touch of a gripper; draw it, write it as JSON.
+
+    Without a gripper: list the ones that are known by name.
+
+    Example:
+        # Print a gripper, and draw it
+        grasp3d hand franka --picture franka.png
+        # Describe the hand of a URDF by the links of its fingers
+        grasp3d hand hand.urdf --fingers left_finger right_finger -o gripper.json
+    """
+
+    hand: Annotated[str, tyro.conf.Positional, _NAME] = ""
+    """Name of a preset; or a file: JSON, as this command writes it, URDF (.urdf) or a MuJoCo model
+    (.xml, .mjcf)."""
+
+    fingers: Annotated[tuple[str, str] | None, _LINKS] = None
+    """URDF and MuJoCo: names of the links, or bodies, of the two fingers."""
+
+    palm: Annotated[str | None, _LINK] = None
+    """URDF and MuJoCo: name of the link that is the palm (default: the one that carries the
+    fingers)."""
+
+    tcp: LengthOption = None
+    """URDF and MuJoCo: from the origin of the link that carries the fingers to the tool centre
+    point, a length with a unit, or in m (default: to the middle of the pads)."""
+
+    output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
+    """JSON file for the gripper."""
+
+    picture: OutputFile = None
+    """Picture of the gripper with its frame and dimensions (.png, .svg or .pdf)."""
+
+    overwrite: Overwrite = False
+
+    quiet: Quiet = False
+
+    def __post_init__(self) -> None:
+        options = ("fingers", "palm", "tcp", "output", "picture")
+        names = [name for name in options if getattr(self, name) is not None]
+        if names and not self.hand:
+            raise SettingError(f"--{names[0]} needs a gripper: a name or a file before the options")
+
+
+@dataclass(frozen=True)
+class Paper:
+    """Recompute Wan & Howe 2018: figures 4 to 11, their 3-D counterparts, numbers.
+
+    Without options friction and sensor resolutions are those of the paper.
+
+    Example:
+        # All figures and numbers
+        grasp3d paper -o paper
+        # For another friction, with a mesh of your own
+        grasp3d paper -o paper_mug --friction 0.5 --object meshes/mug.glb
+    """
+
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="FOLDER")]
+    """Folder for figure_04 to figure_11, extension_... and surface_..., each as .svg and .png, and
+    numbers.md; created if it is missing. Figures 4 to 6 are drawings, always for the same tip,
+    friction 1 and 30 degrees. extension_... have uncertain locations, friction and normals."""
+
+    friction: Friction = 1.0
+
+    sensor_resolution: SensorResolutions = (30.0 * DEGREE, 15.0 * DEGREE)
+    """One or two sensor resolutions in degrees, each with a column of the figures."""
+
+    object: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    """Mesh of a real object to scan as well (default: sphere, box and cylinder only)."""
+
+    fixed: Annotated[
+        tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y Z", help_behavior_hint="")
+    ] = None
+    """Position of the fixed finger on the object, in the mesh's frame and unit (default: a contact
+    of the two-finger grasp with the largest maximum sensor resolution)."""
+
+    quiet: Quiet = False
+
+
+@dataclass(frozen=True)
+class Warmup:
+    """Compile the kernels ahead, so that no later command or Python program waits for it.
+
+    They are compiled when they are first needed, once per installation: use it to make the image of
+    a container, or on the machines of a cluster.
+
+    Example:
+        # Compile the kernels for two fingers
+        grasp3d warmup
+        # Also those for three, four and five fingers
+        grasp3d warmup --fingers 3
+        # Into a folder, as for an image of a container
+        grasp3d warmup --cache kernels
+    """
+
+    fingers: Annotated[int, tyro.conf.arg(metavar="INT")] = 2
+    """Largest number of fingers, 2 to 5; the kernels for four serve five as well."""
+
+    gripper: Flag = False
+    """Compile the kernels for grippers too."""
+
+    forces: Flag = False
+    """Compile the kernels for grip forces too, which a load needs."""
+
+    cache: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
+    """Folder for the machine code, such as one of an image; later runs find it, also read-only,
+    where the environment variable NUMBA_CACHE_DIR names it (default: that of the user)."""
+
+    quiet: Quiet = False
