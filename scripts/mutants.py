@@ -109,7 +109,7 @@ MUTANTS = (
     ),
     Mutant(
         "surely stable at the best normals",
-        "labels[rows[~found.failing]] = Label.S",
+        "labels[rows[~worst.failing]] = Label.S",
         "labels[rows[~best.closing]] = Label.S",
         "test_extreme_normals.py test_scanning.py",
     ),
