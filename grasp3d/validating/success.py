@@ -129,7 +129,14 @@ def calibrate(held: Bools, margins: Floats, *, bins: int, target: float) -> Cali
     distinct, group = np.unique(finite, return_inverse=True)
     total = np.bincount(group, minlength=len(distinct)).astype(np.float64)
     success = np.bincount(group, weights=outcome, minlength=len(distinct))
-    fitted = success / np.maximum(total, 1.0)
+    # Of the grasps with at least each margin, how many there are and how many held, (m,) each.
+    accepted, successes = (np.cumsum(each[::-1])[::-1] for each in (total, success))
+    sums = successes / max(held.sum(), 1) - (accepted - successes) / max((~held).sum(), 1)
+    best = distinct[np.argmax(sums)] if 0 < held.sum() < len(held) and len(sums) else math.nan
+    least = next(iter(distinct[successes >= target * accepted]), math.nan)
+    if len(held) and held.mean() >= target:
+        least = -math.inf
+    fitted = success / total
     if len(distinct):
         fitted = isotonic_regression(fitted, weights=total).x
     return Calibration(
@@ -137,9 +144,9 @@ def calibrate(held: Bools, margins: Floats, *, bins: int, target: float) -> Cali
         margins=distinct,
         fitted=fitted,
         rank_correlation=_rank_correlation(held, margins),
-        youden=_youden(held, margins),
+        youden=_threshold(held, margins, float(best)),
         target=target,
-        reached=_reached(held, margins, target),
+        reached=_threshold(held, margins, float(least)),
     )
 
 
@@ -169,37 +176,6 @@ def _rank_correlation(held: Bools, margins: Floats) -> float:
     # Ranks of infinite values are fine, but scipy would compute with the values themselves.
     _, ranks = np.unique(values, return_inverse=True)
     return float(spearmanr(ranks, held).statistic)
-
-
-def _youden(held: Bools, margins: Floats) -> MarginThreshold:
-    """The best threshold; the smallest of several."""
-    if held.all() or not held.any():
-        return _threshold(held, margins, math.nan)
-    distinct, accepted, successes = _accepted(held, margins)
-    failed = accepted - successes
-    sums = successes / held.sum() - failed / (~held).sum()
-    return _threshold(held, margins, float(distinct[np.argmax(sums)]) if len(sums) else math.nan)
-
-
-def _reached(held: Bools, margins: Floats, target: float) -> MarginThreshold:
-    """The smallest threshold from which on the fraction that held reaches a target."""
-    if len(held) and held.mean() >= target:
-        return _threshold(held, margins, -math.inf)
-    distinct, accepted, successes = _accepted(held, margins)
-    enough = np.flatnonzero(successes >= target * accepted)
-    return _threshold(held, margins, float(distinct[enough[0]]) if len(enough) else math.nan)
-
-
-def _accepted(held: Bools, margins: Floats) -> tuple[Floats, Floats, Floats]:
-    """Distinct margins, and how many grasps with at least each there are, and held, (m,) each."""
-    closed = ~np.isnan(margins)
-    distinct, group = np.unique(margins[closed], return_inverse=True)
-    total = np.bincount(group, minlength=len(distinct))
-    success = np.bincount(group[held[closed]], minlength=len(distinct))
-    accepted, successes = (
-        np.cumsum(each[::-1])[::-1].astype(np.float64) for each in (total, success)
-    )
-    return distinct, accepted, successes
 
 
 def _threshold(held: Bools, margins: Floats, margin: float) -> MarginThreshold:
@@ -290,11 +266,7 @@ def label_success(held: Bools, codes: Bytes, friction: float, resolution: float)
         friction: Coefficient of friction of the labels.
         resolution: Their sensor resolution [rad].
     """
-    counts = np.bincount(codes, minlength=len(Label)).tolist()
-    successes = np.bincount(codes[held], minlength=len(Label)).tolist()
-    return LabelSuccess(
-        friction,
-        resolution,
-        (counts[0], counts[1], counts[2]),
-        (successes[0], successes[1], successes[2]),
+    counts, successes = (
+        tuple(np.bincount(some, minlength=len(Label)).tolist()) for some in (codes, codes[held])
     )
+    return LabelSuccess(friction, resolution, counts, successes)

@@ -1,13 +1,14 @@
 """Holding labels and scores of grasps against their outcomes."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from grasp3d.arrays import Ints, locked
+from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
@@ -27,7 +28,7 @@ from grasp3d.validating.disagreements import Disagreements
 from grasp3d.validating.intervals import FEW_OBJECTS, bootstrap
 from grasp3d.validating.ranking import RankedOutcomes
 from grasp3d.validating.scores import SCORES, scores_of
-from grasp3d.validating.success import LabelSuccess, calibrate, label_success, labels_at
+from grasp3d.validating.success import calibrate, label_success, labels_at
 from grasp3d.validating.tried_grasps import StatedObject, TriedGrasps, check_grasps, stated_object
 from grasp3d.validating.validation import ScoredGrasps, ScoreQuality, ValidatedFile, Validation
 from grasp3d.validating.validation_settings import LEAST_RESAMPLES, ValidationSettings
@@ -59,74 +60,18 @@ class Evaluation:
             return
         poses, numbers = tried.poses()
         body = stated_object(tried.mesh, poses, self.options, self.load)
-        first, file, number = self.size, len(self.files), self._object(tried, body)
+        number, first = self._object(tried, body), sum(part.size for part in self.parts)
+        own: list[ScoredGrasps] = []
         for low in range(0, tried.count, CHUNK):
-            chunk = slice(low, min(low + CHUNK, tried.count))
-            with within((first + chunk.start) / total, (first + chunk.stop) / total):
-                evaluated = self._evaluated(poses.take(np.arange(tried.count)[chunk]), tried, body)
+            rows = np.arange(low, min(low + CHUNK, tried.count))
+            with within((first + low) / total, (first + low + len(rows)) / total):
+                evaluated = self._evaluated(poses.take(rows), tried, body)
             if not low:
                 self.warnings += [f"{tried.name}: {line}" for line in evaluated.warnings]
-            self._keep(evaluated, numbers[chunk], file, number)
-        self._finish(tried, body, number, file)
-
-    @property
-    def size(self) -> int:
-        """Grasps so far."""
-        return sum(part.size for part in self.parts)
-
-    def _object(self, tried: TriedGrasps, body: StatedObject) -> int:
-        """Number of an object: one mesh in one size and of one mass is one object."""
-        source = tried.mesh
-        key = str(Path(source).resolve()) if isinstance(source, str | Path) else id(source)
-        return self.objects.setdefault(
-            (key, round(body.mesh.size * metres_per_unit(body.mesh), 9), body.mass),
-            len(self.objects),
-        )
-
-    def _evaluated(
-        self, poses: GraspPoses, tried: TriedGrasps, body: StatedObject
-    ) -> EvaluatedPoses:
-        beside = replace(self.reach, hand=tried.hand)
-        scene, model = Scene.of(beside, body.mesh), beside.touching(self.model)
-        assert scene is not None
-        self.models.append(model)
-        with within(0.0, 0.5):
-            evaluated = evaluate_grasps(
-                body.mesh,
-                poses,
-                model,
-                scene=scene,
-                object_motion=self.object_motion,
-                load=body.load,
-            )
-        with within(0.5, 0.9):
-            evaluated.compute("epsilon_range")
-        with within(0.9, 1.0):
-            evaluated.compute("holding")
-        return evaluated
-
-    def _keep(self, poses: EvaluatedPoses, numbers: Ints, file: int, number: int) -> None:
-        """Keep the scores of evaluated poses, and their greatest disagreements."""
-        scores = scores_of(poses)
-        self.disagreements.add(poses, scores, self.size)
-        worst, best = poses.located_angles
-        count = poses.size
-        self.parts.append(
-            ScoredGrasps(
-                file=np.full(count, file),
-                grasp=numbers,
-                object_number=np.full(count, number),
-                held=np.asarray(poses.outcome == 1.0),
-                state=poses.state,
-                label=poses.label,
-                located_worst=worst,
-                located_best=best,
-                scores=scores,
-            )
-        )
-
-    def _finish(self, tried: TriedGrasps, body: StatedObject, number: int, file: int) -> None:
-        own = [part for part in self.parts if part.file[0] == file]
+            scores = scores_of(evaluated)
+            self.disagreements.add(evaluated, scores, first + low)
+            own.append(_scored(evaluated, scores, numbers[rows], len(self.files), number))
+        self.parts += own
         closed = sum(int(part.closed.sum()) for part in own)
         if not closed:
             self.warnings.append(f"{tried.name}: at no pose the jaws close on the mesh")
@@ -147,6 +92,31 @@ class Evaluation:
             )
         )
 
+    def _object(self, tried: TriedGrasps, body: StatedObject) -> int:
+        """Number of an object: one mesh in one size and of one mass is one object."""
+        source = tried.mesh
+        key = str(Path(source).resolve()) if isinstance(source, str | Path) else id(source)
+        size = round(body.mesh.size * metres_per_unit(body.mesh), 9)
+        return self.objects.setdefault((key, size, body.mass), len(self.objects))
+
+    def _evaluated(
+        self, poses: GraspPoses, tried: TriedGrasps, body: StatedObject
+    ) -> EvaluatedPoses:
+        beside = replace(self.reach, hand=tried.hand)
+        scene, model = Scene.of(beside, body.mesh), beside.touching(self.model)
+        assert scene is not None
+        self.models.append(model)
+        with within(0.0, 0.5):
+            evaluated = evaluate_grasps(
+                body.mesh, poses, model, scene=scene, object_motion=self.object_motion,
+                load=body.load,
+            )  # fmt: skip
+        with within(0.5, 0.9):
+            evaluated.compute("epsilon_range")
+        with within(0.9, 1.0):
+            evaluated.compute("holding")
+        return evaluated
+
     def check(self) -> None:
         """Refuse grasps of which none closes.
 
@@ -159,9 +129,27 @@ class Evaluation:
         states = "; ".join(f"{CLOSINGS[state]}: {count}" for state, count in sorted(counts.items()))
         reasons = "; ".join(self.warnings[:3])
         raise ContactError(
-            f"at none of the {self.size} poses the jaws close on the mesh "
+            f"at none of the {counts.total()} poses the jaws close on the mesh "
             f"({states}): check gripper, unit and frame of the poses; {reasons}"
         )
+
+
+def _scored(
+    poses: EvaluatedPoses, scores: dict[str, Floats], numbers: Ints, file: int, object_number: int
+) -> ScoredGrasps:
+    """What is kept of evaluated poses of one file."""
+    worst, best = poses.located_angles
+    return ScoredGrasps(
+        file=np.full(poses.size, file),
+        grasp=numbers,
+        object_number=np.full(poses.size, object_number),
+        held=np.asarray(poses.outcome == 1.0),
+        state=poses.state,
+        label=poses.label,
+        located_worst=worst,
+        located_best=best,
+        scores=scores,
+    )
 
 
 EVALUATED = 0.9
@@ -241,7 +229,15 @@ def validate_grasps(
     """
     settings, reach = settings or ValidationSettings(), reach or ReachSettings()
     model = model or GraspModel()
-    _check_model(model)
+    if model.method != "exact":
+        raise SettingError(
+            "outcomes are compared with margins, which method extremes has not; use the method "
+            "exact"
+        )
+    if model.per_finger:
+        raise SettingError(
+            "outcomes are compared with labels of fingers that are alike: leave per_finger out"
+        )
     tried = check_grasps(
         [grasps] if isinstance(grasps, str | Path | GraspPoses) else list(grasps),
         mesh=mesh,
@@ -255,30 +251,13 @@ def validate_grasps(
             evaluation.evaluate(source, sum(each.count for each in tried))
     evaluation.check()
     with within(EVALUATED, 1.0):
-        validation = compared(evaluation, settings)
+        validation = _compared(evaluation, settings)
     report_progress(1.0)
     return validation
 
 
-def _check_model(model: GraspModel) -> None:
-    """Refuse models whose labels are no thresholds that all grasps have in common."""
-    if model.method != "exact":
-        raise SettingError(
-            "outcomes are compared with margins, which method extremes has not; use the method "
-            "exact"
-        )
-    if model.per_finger:
-        raise SettingError("outcomes are compared with labels of fingers that are alike: leave "
-                           "per_finger out")  # fmt: skip
-
-
-def compared(evaluation: Evaluation, settings: ValidationSettings) -> Validation:
-    """Compare the scores of evaluated grasps with their outcomes.
-
-    Args:
-        evaluation: The evaluated grasps, at least one of which closes.
-        settings: Grid of the labels, bins, resamples and seed.
-    """
+def _compared(evaluation: Evaluation, settings: ValidationSettings) -> Validation:
+    """Compare the scores of evaluated grasps with their outcomes."""
     grasps, model = _joined(evaluation.parts), evaluation.models[0]
     by_object, resamples = len(evaluation.objects) > 1, _resamples(grasps.size, settings.resamples)
     return Validation(
@@ -289,7 +268,16 @@ def compared(evaluation: Evaluation, settings: ValidationSettings) -> Validation
         qualities=_qualities(grasps, resamples, settings.seed, by_object=by_object),
         by_object=by_object,
         resamples=resamples,
-        labels=tuple(_labels(grasps, model, settings)),
+        labels=tuple(
+            label_success(
+                grasps.held,
+                labels_at(grasps.located_worst, grasps.located_best, model, friction, resolution),
+                friction,
+                resolution,
+            )
+            for friction in settings.frictions
+            for resolution in settings.sensor_resolutions
+        ),
         calibration=calibrate(
             grasps.held, grasps.scores["margin"], bins=settings.bins, target=settings.target
         ),
@@ -327,19 +315,19 @@ def _resamples(size: int, most: int) -> int:
 
 def _joined(parts: Sequence[ScoredGrasps]) -> ScoredGrasps:
     """All grasps; scores that some files lack are nan there."""
+
+    def joined(arrays: Iterable[Any]) -> Any:
+        return locked(np.concatenate(list(arrays)))
+
     names = [score.name for score in SCORES if any(score.name in part.scores for part in parts)]
-    joined = {
-        name: locked(
-            np.concatenate([part.scores.get(name, np.full(part.size, np.nan)) for part in parts])
-        )
+    scores = {
+        name: joined(part.scores.get(name, np.full(part.size, np.nan)) for part in parts)
         for name in names
     }
-    rest = {
-        name: locked(np.concatenate([getattr(part, name) for part in parts]))
-        for name in vars(parts[0])
-        if name != "scores"
-    }
-    return ScoredGrasps(scores=joined, **rest)
+    others = [name for name in vars(parts[0]) if name != "scores"]
+    return ScoredGrasps(
+        scores=scores, **{name: joined(getattr(part, name) for part in parts) for name in others}
+    )
 
 
 def _qualities(
@@ -361,15 +349,3 @@ def _qualities(
         )
         for score, one, (area, precision) in zip(scores, ranked, ends, strict=True)
     )
-
-
-def _labels(
-    grasps: ScoredGrasps, model: GraspModel, settings: ValidationSettings
-) -> Iterator[LabelSuccess]:
-    """Success within S, M and U over the grid of the settings."""
-    for friction in settings.frictions:
-        for resolution in settings.sensor_resolutions:
-            codes = labels_at(
-                grasps.located_worst, grasps.located_best, model, friction, resolution
-            )
-            yield label_success(grasps.held, codes, friction, resolution)

@@ -16,7 +16,7 @@ from grasp3d.stability.label import Label
 from grasp3d.system.names import as_unicode
 from grasp3d.validating.disagreements import Disagreement
 from grasp3d.validating.scores import Score
-from grasp3d.validating.success import Calibration, LabelSuccess
+from grasp3d.validating.success import Calibration, LabelSuccess, MarginBin
 from grasp3d.validating.validation_settings import ValidationSettings
 
 GRASPS, SCORES, LABELS, CALIBRATION = "grasps.csv", "scores.csv", "labels.csv", "calibration.csv"
@@ -215,12 +215,49 @@ def write_validation(folder: str | Path, result: Validation) -> None:
 
     folder = made_folder(folder)
     write_columns(folder / GRASPS, result.columns(), settings={})
-    _write(folder / SCORES, _scores(result))
-    _write(folder / LABELS, [_label_row(row, label) for row in result.labels for label in _ORDER])
-    _write(folder / CALIBRATION, _bins(result))
+    scores = (_score_row(one) for one in result.qualities)
+    labels = (_label_row(one, code) for one in result.labels for code in sorted(Label)[::-1])
+    bins = (_bin_row(one) for one in result.calibration.bins)
+    for name, rows in ((SCORES, scores), (LABELS, labels), (CALIBRATION, bins)):
+        first, *others = rows
+        columns = {key: np.array([row[key] for row in (first, *others)]) for key in first}
+        write_columns(folder / name, columns, settings={})
 
 
-_ORDER = sorted(Label, reverse=True)
+def _score_row(one: ScoreQuality) -> dict[str, Any]:
+    return {
+        "score": one.score.name,
+        "better": one.score.better,
+        **_with_ends("roc_auc", one.roc_auc, one.roc_auc_interval),
+        **_with_ends("average_precision", one.average_precision, one.average_precision_interval),
+    }
+
+
+def _label_row(one: LabelSuccess, label: Label) -> dict[str, Any]:
+    return {
+        "friction": float(one.friction),
+        "sensor_resolution": float(one.sensor_resolution),
+        "label": label.name,
+        "grasps": one.counts[label],
+        "held": one.held[label],
+        **_with_ends("fraction", one.fraction(label.name), one.interval(label.name)),
+    }
+
+
+def _bin_row(one: MarginBin) -> dict[str, Any]:
+    return {
+        "margin_low": one.low,
+        "margin_high": one.high,
+        "margin_mean": one.mean,
+        "grasps": one.count,
+        "held": one.held,
+        **_with_ends("fraction", one.fraction, one.interval),
+    }
+
+
+def _with_ends(name: str, value: float, ends: tuple[float, float]) -> dict[str, float]:
+    """Columns of a number and of the ends of its interval."""
+    return {name: value, f"{name}_low": ends[0], f"{name}_high": ends[1]}
 
 
 def made_folder(folder: str | Path) -> Path:
@@ -236,60 +273,3 @@ def made_folder(folder: str | Path) -> Path:
         problem = "is a file; name a folder" if folder.exists() else "cannot be made"
         raise OutputError(f"{folder}: {problem} ({error.strerror})") from error
     return folder
-
-
-def _write(path: Path, rows: list[dict[str, Any]]) -> None:
-    from grasp3d.system.tables import write_table
-
-    columns = {name: type(value) for name, value in rows[0].items()}
-    cells = [
-        {name: value for name, value in row.items() if value == value}  # noqa: PLR0124, not nan
-        for row in rows
-    ]
-    write_table(path, cells, columns, settings={})
-
-
-def _scores(validation: Validation) -> list[dict[str, Any]]:
-    return [
-        {
-            "score": one.score.name,
-            "better": one.score.better,
-            "roc_auc": one.roc_auc,
-            "roc_auc_low": one.roc_auc_interval[0],
-            "roc_auc_high": one.roc_auc_interval[1],
-            "average_precision": one.average_precision,
-            "average_precision_low": one.average_precision_interval[0],
-            "average_precision_high": one.average_precision_interval[1],
-        }
-        for one in validation.qualities
-    ]
-
-
-def _label_row(one: LabelSuccess, label: Label) -> dict[str, Any]:
-    low, high = one.interval(label.name)
-    return {
-        "friction": float(one.friction),
-        "sensor_resolution": float(one.sensor_resolution),
-        "label": label.name,
-        "grasps": one.counts[label],
-        "held": one.held[label],
-        "fraction": one.fraction(label.name),
-        "fraction_low": low,
-        "fraction_high": high,
-    }
-
-
-def _bins(validation: Validation) -> list[dict[str, Any]]:
-    return [
-        {
-            "margin_low": one.low,
-            "margin_high": one.high,
-            "margin_mean": one.mean,
-            "grasps": one.count,
-            "held": one.held,
-            "fraction": one.fraction,
-            "fraction_low": one.interval[0],
-            "fraction_high": one.interval[1],
-        }
-        for one in validation.calibration.bins
-    ]

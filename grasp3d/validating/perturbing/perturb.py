@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -37,8 +38,7 @@ COPIES = 2
 """Number of the streams of random numbers of copies."""
 
 
-@dataclass(frozen=True, eq=False)
-class CopyResult:
+class CopyResult(NamedTuple):
     """What one noisy copy of a surface shows; arrays over the vertices, (V,).
 
     Numbers have 32 bits, as those of all copies are in memory together.
@@ -65,11 +65,7 @@ class CopyResult:
 
 
 def noisy_copies(
-    surface: MovableSurface,
-    sigma: float,
-    correlation: float,
-    seed: int,
-    count: int,
+    surface: MovableSurface, sigma: float, correlation: float, seed: int, count: int
 ) -> Iterator[ObjectMesh]:
     """Make copies of a surface whose vertices are moved along their normals at random.
 
@@ -219,7 +215,13 @@ def perturb_surface(
     """
     surface = mesh if isinstance(mesh, MovableSurface) else movable_surface(mesh, options)
     settings, own_model = surface.mesh.in_own_unit(noise or NoiseSettings(), model or GraspModel())
-    _check_model(own_model)
+    if own_model.method != "exact":
+        raise SettingError("noisy copies need the method exact; method extremes has no margins")
+    if not own_model.is_uniform:
+        raise SettingError(
+            "noisy copies are labelled without location_error and per_finger: leave them out here, "
+            "and add them to the errors of the result"
+        )
     begin_step("estimating the noise")
     sigma = _sigma(surface, settings)
     with unreported():
@@ -240,17 +242,6 @@ def perturb_surface(
     return perturbation
 
 
-def _check_model(model: GraspModel) -> None:
-    """Refuse models whose labels are no thresholds on critical friction angles."""
-    if model.method != "exact":
-        raise SettingError("noisy copies need the method exact; method extremes has no margins")
-    if not model.is_uniform:
-        raise SettingError(
-            "noisy copies are labelled without location_error and per_finger: leave them out here, "
-            "and add them to the errors of the result"
-        )
-
-
 def _sigma(surface: MovableSurface, settings: NoiseSettings) -> float:
     size, lengths = surface.mesh.size, settings.lengths()
     for name, part in (("noise", MOST_NOISE), ("correlation", 1.0)):
@@ -269,15 +260,12 @@ def _gathered(
 ) -> Perturbation:
     """Fractions and quantiles over the copies."""
     level = settings.level
-    codes = np.stack([result.label for result in results])
-    angles = np.stack([result.critical_angle for result in results])
-    turns, shifts = (
-        np.stack([getattr(result, name) for result in results]) for name in ("turn", "shift")
-    )
-    parts = {label: locked((codes == label).mean(axis=0)) for label in Label}
-    fractions = np.mean([result.kept for result in results], axis=0)
-    across = _quantile(labels, np.stack([result.across for result in results]), level)
+    columns = (np.stack(column) for column in zip(*results, strict=True))
+    codes, angles, kept, stable_areas, right_areas, turns, shifts, acrosses = columns  # (N, V), (N)
+    stable, right = sum(stable_areas.tolist()), sum(right_areas.tolist())
+    across = _quantile(labels, acrosses, level)
     confirmed: Bools = (codes == Label.S).sum(axis=0) >= math.ceil(level * len(codes) - 1e-9)
+    parts = {label: locked((codes == label).mean(axis=0)) for label in Label}
     return Perturbation(
         labels=labels,
         settings=settings,
@@ -285,13 +273,13 @@ def _gathered(
         stable=parts[Label.S],
         ambiguous=parts[Label.M],
         unstable=parts[Label.U],
-        kept=locked(np.where(np.isinf(labels.critical_angle), math.nan, fractions)),
+        kept=locked(np.where(np.isinf(labels.critical_angle), math.nan, kept.mean(axis=0))),
         critical_angle_low=_over_copies(angles, 1.0 - level),
         critical_angle_high=_over_copies(angles, level),
         normal_turn=_over_copies(turns, level),
         shift=_over_copies(shifts, level),
         shift_across=across,
-        confirmed_fraction=_confirmed(results),
+        confirmed_fraction=right / stable if stable else math.nan,
         advice=advise(labels, confirmed, _quantile(labels, turns, level), across),
     )
 
@@ -309,9 +297,3 @@ def _quantile(labels: SurfaceLabels, values: Singles, level: float) -> float:
     return float(
         quantiles(np.nan_to_num(values).ravel().astype(np.float64), [level], weights.ravel())[0]
     )
-
-
-def _confirmed(results: list[CopyResult]) -> float:
-    """Area fraction of what is S in copies whose grasp is S on the surface itself; nan: nothing."""
-    stable = sum(one.stable_area for one in results)
-    return sum(one.right_area for one in results) / stable if stable else math.nan
