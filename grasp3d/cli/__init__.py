@@ -13,7 +13,7 @@ from typing import get_args
 import docstring_parser
 import tyro
 
-from grasp3d.cli.design import Design
+from grasp3d.cli.design_command import Design
 from grasp3d.cli.grasp_commands import Evaluate, Simulate, Validate
 from grasp3d.cli.library_commands import Batch, Sweep
 from grasp3d.cli.mesh_commands import Check, Label, Perturb, View

@@ -6,14 +6,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from rich.table import Table
 
-from grasp3d.cli.design_options import friction_text
+from grasp3d.cli.design_command import friction_text
 from grasp3d.cli.design_report import FLAT
 from grasp3d.cli.report import Report, escaped, exact_angle, percent_text, table_of
 from grasp3d.contact.budget import CRITICAL, MARGIN, FingerDesign, GraspSamples, MarginBudget
 from grasp3d.contact.sensor import JointEncoders, Sensor
 from grasp3d.contact.tips import CylinderTip, EllipsoidTip
 from grasp3d.settings.lengths import Unit
-from grasp3d.settings.uncertainty import Uncertainty, friction_interval
+from grasp3d.settings.uncertainty import friction_interval
 from grasp3d.system.counts import counted
 
 Tip = float | CylinderTip | EllipsoidTip
@@ -45,29 +45,24 @@ _OBJECT_NOTE = (
 )
 
 
-def print_finger(
-    unit: Unit,
-    tip: Tip,
-    sensor: Sensor | None,
-    encoders: JointEncoders | None,
-    other: Uncertainty | None = None,
-) -> None:
+def print_finger(unit: Unit, tip: Tip, design: FingerDesign) -> None:
     """Print the fingertip, its sensor, the encoders of its joints, and further errors.
 
     Args:
         unit: Unit of all lengths.
         tip: Radius of a round fingertip, inf for a flat one, or a tip of another shape.
-        sensor: The sensor; None: not given.
-        encoders: The encoders; None: not given.
-        other: Errors beside those of sensor and encoders; None: there are none.
+        design: The finger.
     """
     rows = [("fingertip", _tip_text(unit, tip))]
-    if sensor is not None:
-        rows += _sensor_rows(unit, tip, sensor)
-    if encoders is not None:
-        rows += _encoder_rows(unit, encoders)
-    if other is not None:
-        rows += _other_rows(unit, other)
+    if isinstance(design.sensor, Sensor):
+        rows += _sensor_rows(unit, tip, design.sensor)
+    if design.encoders is not None:
+        rows += _encoder_rows(unit, design.encoders)
+    if design.other.normal_error:
+        rows.append(("other normal error", f"within {_small_angle(design.other.normal_error)}"))
+    if design.other.location_error:
+        error = float(design.other.location_error)
+        rows.append(("other location error", f"within {error:.4g} {unit}"))
     report = Report()
     report.paragraph("[bold]Finger[/]")
     report.fields(rows)
@@ -110,14 +105,6 @@ def _encoder_rows(unit: Unit, encoders: JointEncoders) -> Iterator[tuple[str, st
         return
     yield "  normals turn by up to", _small_angle(encoders.normal_error)
     yield "  contact location", f"within {encoders.location_error:.4g} {unit}"
-
-
-def _other_rows(unit: Unit, other: Uncertainty) -> Iterator[tuple[str, str]]:
-    """The errors that were given beside sensor and encoders."""
-    if other.normal_error:
-        yield "other normal error", f"within {_small_angle(other.normal_error)}"
-    if other.location_error:
-        yield "other location error", f"within {float(other.location_error):.4g} {unit}"
 
 
 def print_designs(

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from grasp3d.cli import progress_bars
-from grasp3d.cli.design_options import GraspOptions
+from grasp3d.cli.design_command import GraspOptions
 from grasp3d.contact.budget import FingerDesign, GraspSamples
 from grasp3d.errors import SettingError
 from grasp3d.mesh import load_mesh

@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 from rich.table import Table
 
+from grasp3d.cli.design_command import Design
 from grasp3d.cli.report import WARNING, Report, exact_angle, table_of
 from grasp3d.contact.friction_cones import effective_friction
 from grasp3d.contact.sensor import Sensor, resolution_limit
-from grasp3d.settings.lengths import Unit
 
 ROUNDING = 1e-12
 """Margin up to which a sensor is not fine enough [rad]."""
@@ -30,138 +29,90 @@ _PAPER_NOTE = (
 )
 
 
-@dataclass(frozen=True)
-class Setup:
-    """Fingertip, object size and unit of a report."""
-
-    radius: float
-    """Radius of the fingertip; inf: flat."""
-    object_size: float | None
-    """Distance between two opposing fingers; None: not given."""
-    unit: Unit
-    """Unit of all lengths."""
-
-    @property
-    def flat(self) -> bool:
-        """Whether the fingertip is flat."""
-        return math.isinf(self.radius)
-
-    @property
-    def fingertip(self) -> str:
-        """Description of the fingertip."""
-        if self.flat:
-            return "flat"
-        radius = self.length(self.radius)
-        return f"radius {radius}, curvature {1.0 / self.radius:.4g} per {self.unit}"
-
-    @property
-    def openings(self) -> tuple[tuple[float, str], ...]:
-        """Distances between two fingers with headings; inf: locations are not included."""
-        normals = (math.inf, "Uncertain normals only, as in Wan & Howe:")
-        if self.object_size is None:
-            return (normals,)
-        size = self.length(self.object_size)
-        return normals, (
-            self.object_size,
-            f"Uncertain normals and locations, two fingers {size} apart:",
-        )
-
-    def length(self, value: float) -> str:
-        """Format a length with its unit."""
-        return f"{value:.4g} {self.unit}"
-
-    def print_notes(self, report: Report) -> None:
-        """Print the notes on numbers of sensors and on uncertain locations."""
-        if not self.flat:
-            report.paragraph(_COUNTS_NOTE)
-        if self.object_size is None:
-            report.paragraph(_LOCATIONS_NOTE)
-
-
-def print_limits(setup: Setup, frictions: Sequence[float], *, paper: bool = False) -> None:
+def print_limits(command: Design, frictions: Sequence[float]) -> None:
     """Print the coarsest sensor for each friction.
 
     Args:
-        setup: Fingertip, object size and unit.
+        command: Fingertip, object size and unit; without any option the numbers of Wan & Howe 2018
+            are printed for comparison.
         frictions: Coulomb coefficients, above 0.
-        paper: Whether to print a comparison with the numbers of Wan & Howe 2018.
     """
+    flat = math.isinf(command.radius)
     # A flat tip has a limit only if locations are included; otherwise `limiting` raises an error.
-    openings = setup.openings[1:] if setup.flat and setup.object_size else setup.openings
-    tables = [(heading, _limits(setup, opening, frictions)) for opening, heading in openings]
+    openings = _openings(command)[1:] if flat and command.object_size else _openings(command)
+    tables = [(heading, _limits(command, opening, frictions)) for opening, heading in openings]
     report = Report()
     report.paragraph("[bold]Required sensor for each friction[/]")
-    report.paragraph(f"fingertip: {setup.fingertip}")
+    report.paragraph(f"fingertip: {_fingertip(command)}")
     _print_tables(report, tables)
     report.paragraph(
         "\nGrasps can be surely stable only with a finer sensor than this; grasp3d sweep computes "
         "the area fraction of an object where they are."
     )
-    setup.print_notes(report)
-    if paper:
+    _print_notes(report, command)
+    if command == Design():
         report.paragraph(_PAPER_NOTE)
 
 
-def _limits(setup: Setup, opening: float, frictions: Sequence[float]) -> Table:
-    headings = ["friction", f"receptive field\nbelow, {setup.unit}"]
-    if not setup.flat:
+def _limits(command: Design, opening: float, frictions: Sequence[float]) -> Table:
+    flat = math.isinf(command.radius)
+    headings = ["friction", f"receptive field\nbelow, {command.print_unit}"]
+    if not flat:
         headings += ["resolution\nbelow", "sensors,\ndiscs", "sensors,\ncaps"]
     rows = []
     for friction in frictions:
-        sensor = Sensor.limiting(friction, setup.radius, opening=opening)
+        sensor = Sensor.limiting(friction, command.radius, opening=opening)
         row = [f"{friction:g}", f"{sensor.receptive_field:#.4g}"]
-        if not setup.flat:
+        if not flat:
             row += [exact_angle(sensor.resolution), *_counts(sensor)]
         rows.append(row)
     return table_of(headings, rows, texts=0, folded=True)
 
 
-def print_sensor(setup: Setup, sensor: Sensor) -> None:
-    """Print the properties of a sensor, and the friction that it requires."""
-    warnings = () if setup.object_size is None else sensor.warnings(setup.object_size)
-    report = Report()
+def print_sensor(command: Design, sensor: Sensor, frictions: Sequence[float]) -> None:
+    """Print the properties of a sensor, the friction that it requires, and how frictions compare.
+
+    Args:
+        command: Fingertip, object size and unit.
+        sensor: The sensor.
+        frictions: Coulomb coefficients, above 0.
+    """
+    size, report = command.length("object_size"), Report()
     report.paragraph("[bold]Required friction for this sensor[/]")
-    report.fields([*_sensor_rows(setup, sensor), *_size_rows(setup, sensor)])
-    for warning in warnings:
+    report.fields(_sensor_rows(command, sensor))
+    for warning in () if size is None else sensor.warnings(size):
         report.paragraph(f"{WARNING} {warning}")
-    setup.print_notes(report)
-
-
-def _sensor_rows(setup: Setup, sensor: Sensor) -> Iterator[tuple[str, str]]:
-    yield "fingertip", setup.fingertip
-    yield "receptive field", setup.length(sensor.receptive_field)
-    yield "sensor resolution", FLAT if sensor.flat else exact_angle(sensor.resolution)
-    yield "location uncertainty", f"within {setup.length(sensor.location_uncertainty)}"
-    if not sensor.flat:
-        discs, caps = _counts(sensor)
-        yield "sensors on the hemisphere", f"at least {discs} (discs), {caps} (caps)"
-    yield "required friction", _above(sensor.required_friction)
-
-
-def _size_rows(setup: Setup, sensor: Sensor) -> Iterator[tuple[str, str]]:
-    if setup.object_size is not None:
-        yield f"two fingers {setup.length(setup.object_size)} apart", ""
-        yield "  their line tilts by up to", exact_angle(sensor.line_error(setup.object_size))
-        required = sensor.required_friction_at(setup.object_size)
-        yield "  required friction with this", _above(required)
-
-
-def print_comparison(setup: Setup, sensor: Sensor, frictions: Sequence[float]) -> None:
-    """Print whether a sensor is fine enough for each friction, and the effective friction."""
-    tables = [
-        (heading, _comparison(sensor, opening, frictions)) for opening, heading in setup.openings
-    ]
-    report = Report()
+    _print_notes(report, command)
+    if not frictions:
+        return
     report.paragraph("\n[bold]Comparison of this sensor with each friction[/]")
     report.paragraph(
         "For the best grasps: two fingers that push along the line through both contacts."
     )
+    openings = _openings(command)
+    tables = [(heading, _comparison(sensor, opening, frictions)) for opening, heading in openings]
     _print_tables(report, tables)
     report.paragraph(
         "\nmargin: friction angle minus the largest angle between a normal and this line; "
         "effective friction: friction whose friction angle is the margin. Where the contact "
         "normals are not along the line, a finer sensor is required: see grasp3d sweep."
     )
+
+
+def _sensor_rows(command: Design, sensor: Sensor) -> Iterator[tuple[str, str]]:
+    unit, size = command.print_unit, command.length("object_size")
+    yield "fingertip", _fingertip(command)
+    yield "receptive field", f"{sensor.receptive_field:.4g} {unit}"
+    yield "sensor resolution", FLAT if sensor.flat else exact_angle(sensor.resolution)
+    yield "location uncertainty", f"within {sensor.location_uncertainty:.4g} {unit}"
+    if not sensor.flat:
+        discs, caps = _counts(sensor)
+        yield "sensors on the hemisphere", f"at least {discs} (discs), {caps} (caps)"
+    yield "required friction", _above(sensor.required_friction)
+    if size is not None:
+        yield f"two fingers {size:.4g} {unit} apart", ""
+        yield "  their line tilts by up to", exact_angle(sensor.line_error(size))
+        yield "  required friction with this", _above(sensor.required_friction_at(size))
 
 
 def _comparison(sensor: Sensor, opening: float, frictions: Sequence[float]) -> Table:
@@ -191,3 +142,29 @@ def _counts(sensor: Sensor) -> tuple[str, str]:
 
 def _count(sensors: int | None) -> str:
     return "inf" if sensors is None else str(sensors)
+
+
+def _fingertip(command: Design) -> str:
+    """Description of the fingertip."""
+    radius, unit = command.radius, command.print_unit
+    if math.isinf(radius):
+        return "flat"
+    return f"radius {radius:.4g} {unit}, curvature {1.0 / radius:.4g} per {unit}"
+
+
+def _openings(command: Design) -> tuple[tuple[float, str], ...]:
+    """Distances between two fingers with headings; inf: locations are not included."""
+    normals = (math.inf, "Uncertain normals only, as in Wan & Howe:")
+    size = command.length("object_size")
+    if size is None:
+        return (normals,)
+    apart = f"{size:.4g} {command.print_unit} apart"
+    return normals, (size, f"Uncertain normals and locations, two fingers {apart}:")
+
+
+def _print_notes(report: Report, command: Design) -> None:
+    """Print the notes on numbers of sensors and on uncertain locations."""
+    if not math.isinf(command.radius):
+        report.paragraph(_COUNTS_NOTE)
+    if command.object_size is None:
+        report.paragraph(_LOCATIONS_NOTE)
