@@ -116,6 +116,19 @@ def test_one_worse_finger_costs_at_most_what_is_worse_about_it() -> None:
         assert (searched.margin > each.margin - 2e-3).all()
 
 
+@pytest.mark.parametrize("worse", [0, 1])
+def test_the_search_turns_the_line_away_from_the_worse_finger(
+    labels: SurfaceLabels, worse: int
+) -> None:
+    """Its grasps are better than those for fingers alike, mostly by much: the line can turn."""
+    fingers = tuple(Uncertainty(normal_error=0.3 * (finger == worse)) for finger in range(2))
+    model = GraspModel(per_finger=fingers)
+    searched = label_surface(labels.mesh, model, sampling=WIDE)
+    gains = searched.margin - labels.relabel(per_finger=fingers).margin
+    assert gains.min() >= 0.0
+    assert np.median(gains) > 0.05
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
