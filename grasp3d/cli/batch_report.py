@@ -15,6 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from grasp3d.batch.library import REPORT, LibraryLabels
 from grasp3d.batch.progress import BatchProgress
 from grasp3d.batch.row import Outcome, Row
+from grasp3d.cli.margin_report import MARGIN, is_uncertain, margin_text
 from grasp3d.cli.report import (
     CHECK_HINT,
     FAILED,
@@ -24,7 +25,6 @@ from grasp3d.cli.report import (
     escaped,
     table_of,
 )
-from grasp3d.cli.uncertainty_report import MARGIN, is_uncertain, margin_text
 from grasp3d.errors import OutputError
 from grasp3d.grasps.verdict import Word
 from grasp3d.settings import GraspModel

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from grasp3d.cli.options import Flag, Force, LengthOption, OutputFile, SensorResolution
+from grasp3d.cli.options import AngleOption, Flag, Force, LengthOption, OutputFile
 from grasp3d.contact.sensor import JointEncoders, radius_of
 from grasp3d.errors import SettingError
 from grasp3d.settings.lengths import Unit, length_in_unit
@@ -100,7 +100,7 @@ class JointOptions:
 class GraspOptions:
     """What else is uncertain, and the grasps that the design is for."""
 
-    normal_error: SensorResolution = None
+    normal_error: AngleOption = None
     """Largest angle in degrees between true and perceived normals, beside those that sensor and
     encoders cause."""
 
@@ -108,7 +108,7 @@ class GraspOptions:
     """Largest distance between the true and the perceived contact, beside those of sensor and
     encoders."""
 
-    critical_angle: SensorResolution = None
+    critical_angle: AngleOption = None
     """Critical friction angle of the grasp in degrees (default: 0, that of the best grasps: the
     contact normals lie on the line through both contacts)."""
 
@@ -185,7 +185,7 @@ class Design:
     """Distance between neighbouring sensing elements whose receptive fields overlap: together they
     distinguish more than one of them."""
 
-    sensor_resolution: SensorResolution = None
+    sensor_resolution: AngleOption = None
     """Sensor, by its resolution in degrees instead."""
 
     object_size: LengthOption = None

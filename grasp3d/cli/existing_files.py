@@ -51,8 +51,8 @@ ROUNDING = 1e-9
 
 def check_output(
     path: Path | None,
-    suffixes: Iterable[str],
-    what: str,
+    suffixes: Iterable[str] = (),
+    what: str = "",
     *,
     overwrite: bool,
     sources: Iterable[Path | None] = (),
@@ -61,7 +61,7 @@ def check_output(
 
     Args:
         path: File to create or replace; None: nothing is written.
-        suffixes: Of the formats, in lower case.
+        suffixes: Of the formats, in lower case; none: they are checked elsewhere.
         what: What the file contains, for the error: a table, a figure.
         overwrite: Whether any existing file may be replaced.
         sources: Files that it must not replace; None: no local file.
@@ -72,30 +72,15 @@ def check_output(
     """
     if path is None:
         return
-    check_suffix(path, suffixes, what)
-    for source in sources:
+    if suffixes:
+        check_suffix(path, suffixes, what)
+    for source in (None, *sources):
         check_writable(path, source=source)
-    check_replaceable(path, overwrite=overwrite)
-
-
-def check_replaceable(path: Path, *, overwrite: bool, source: Path | None = None) -> None:
-    """Check before a long computation that an output can be written to a path.
-
-    Args:
-        path: File to create or replace.
-        overwrite: Whether any existing file may be replaced.
-        source: A file that it must not replace.
-
-    Raises:
-        OutputError: It cannot be written, or a file is there that is no result of grasp3d.
-    """
-    check_writable(path, source=source)
-    if overwrite or not path.exists() or is_result(path):
-        return
-    raise OutputError(
-        f"{path}: exists and is no result of grasp3d; name another file, or replace it with "
-        "--overwrite"
-    )
+    if path.exists() and not overwrite and not is_result(path):
+        raise OutputError(
+            f"{path}: exists and is no result of grasp3d; name another file, or replace it with "
+            "--overwrite"
+        )
 
 
 def check_not_task(path: Path, load: Load) -> None:

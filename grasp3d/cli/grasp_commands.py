@@ -8,20 +8,20 @@ import tyro
 
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import (
+    DegreeRanges,
     Force,
-    HandOption,
     InputFile,
     LengthOption,
     LoadGroup,
     MeshGroup,
+    NumberRanges,
     OutputFile,
     Overwrite,
     Quiet,
-    SimulatedModel,
-    ValidatedModel,
-    ValidationGroup,
+    without,
 )
 from grasp3d.hand.choices import ObjectMotion
+from grasp3d.hand.hand import Hand
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.physics.simulation_settings import SimulationSettings
 from grasp3d.quality.loads import Load
@@ -125,22 +125,20 @@ class Validate:
     """Folder in which these meshes are looked up, by their path, then by their base name (default:
     the folder of each file of grasps)."""
 
-    frictions: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NUMBER|FROM:TO:STEP [...]")] = (
-        "0.3",
-        "0.5",
-        "1.0",
-    )
+    frictions: NumberRanges = ("0.3", "0.5", "1.0")
     """Coefficients of friction of the table of S, M and U."""
 
-    sensor_resolutions: Annotated[
-        tuple[str, ...], tyro.conf.arg(metavar="DEGREES|FROM:TO:STEP [...]")
-    ] = ("0", "10", "22.6", "40")
+    sensor_resolutions: DegreeRanges = ("0", "10", "22.6", "40")
     """Sensor resolutions of that table."""
 
-    statistics: ValidationGroup = field(default_factory=ValidationSettings)
+    statistics: Annotated[
+        ValidationSettings, without(ValidationSettings, "frictions", "sensor_resolutions")
+    ] = field(default_factory=ValidationSettings)
     """What is computed from outcomes, and listed."""
 
-    model: ValidatedModel = field(default_factory=GraspModel)
+    model: Annotated[
+        GraspModel, without(GraspModel, "fingers", "per_finger", "method", "extreme_normals")
+    ] = field(default_factory=GraspModel)
     """Friction and sensor resolution of label, margin, epsilon and grip force."""
 
     reach: ReachSettings = field(default_factory=ReachSettings)
@@ -188,7 +186,7 @@ class Simulate:
     """File of poses of a gripper to simulate, in any format that grasp3d evaluate reads (default:
     grasps are drawn from the surface)."""
 
-    hand: HandOption = None
+    hand: Annotated[Hand | None, tyro.conf.arg(help_behavior_hint="")] = None
     """Name of a preset, or a file, of the gripper of the poses. Of drawn grasps: a gripper with
     round tips, whose radius and limits of the opening are taken (default: tips of --tip-radius)."""
 
@@ -202,7 +200,10 @@ class Simulate:
     """Grasps, tips, forces and limits of the simulation. A LENGTH is a number in the mesh's unit,
     or has a unit: 3mm."""
 
-    model: SimulatedModel = field(default_factory=GraspModel)
+    model: Annotated[
+        GraspModel,
+        without(GraspModel, "fingers", "method", "extreme_normals", "edges", "actuation"),
+    ] = field(default_factory=GraspModel)
     """Friction and what is uncertain, from which labels follow, and within which the true contacts
     are drawn."""
 

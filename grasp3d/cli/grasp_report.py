@@ -6,7 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp3d.cli.load_report import LEGEND, holding_columns, print_load_of_grasps
+from grasp3d.cli.margin_report import (
+    LOAD,
+    MARGIN,
+    holding_columns,
+    is_uncertain,
+    margin_columns,
+    margin_text,
+    print_load,
+    uncertainty_lines,
+)
 from grasp3d.cli.report import (
     LEVELS,
     PERCENTS,
@@ -20,13 +29,6 @@ from grasp3d.cli.report import (
     percent_text,
     table_of,
     table_of_columns,
-)
-from grasp3d.cli.uncertainty_report import (
-    MARGIN,
-    is_uncertain,
-    margin_columns,
-    margin_text,
-    uncertainty_lines,
 )
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
@@ -86,7 +88,7 @@ def print_evaluated(grasps: GraspTable, output: Path) -> None:
     report.paragraph(f"critical friction angle, {PERCENTS} of the grasps: {texts}")
     report.lines(uncertainty_lines(grasps, None, of="grasps", unit=mesh.unit))
     report.paragraph(_distance_text(grasps))
-    print_load_of_grasps(report, grasps.holding)
+    print_load(report, grasps.holding)
     report.lines(mesh.report.warnings, WARNING)
     _print_first(report, [*_columns(grasps), *_conditional_columns(grasps, distances=True)], grasps)
     report.line(_legend(grasps))
@@ -144,7 +146,7 @@ def print_poses(poses: EvaluatedPoses, output: Path) -> None:
     report.lines(uncertainty_lines(poses, None, of="poses", unit=mesh.unit))
     if not np.isnan(poses.outcome).all():
         report.line(_outcomes(poses))
-    print_load_of_grasps(report, poses.holding)
+    print_load(report, poses.holding)
     report.lines(poses.warnings, WARNING)
     _print_first(report, _pose_columns(poses), poses)
     report.line(f"{_added_legend(poses)}{_POSES_LEGEND}{mesh.unit}")
@@ -192,7 +194,7 @@ def _number_of(count: int, total: int) -> tuple[str, str]:
 
 def _added_legend(grasps: GraspTable | EvaluatedPoses) -> str:
     """Meaning of the columns on loads and margins, if there are any."""
-    forces = "" if grasps.holding is None else LEGEND
+    forces = "" if grasps.holding is None else LOAD
     return forces + (MARGIN if is_uncertain(grasps.model) else "")
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from grasp3d.cli import grasp_report, progress_bars
-from grasp3d.cli.existing_files import check_not_task, check_replaceable, check_same_settings
-from grasp3d.cli.load_report import print_load
+from grasp3d.cli.existing_files import check_not_task, check_output, check_same_settings
+from grasp3d.cli.margin_report import print_load, uncertainty_lines
 from grasp3d.cli.mesh_commands import Label
 from grasp3d.cli.options import given_sampling
 from grasp3d.cli.report import (
@@ -25,7 +25,6 @@ from grasp3d.cli.report import (
     table_of,
 )
 from grasp3d.cli.time_limit import time_limit
-from grasp3d.cli.uncertainty_report import uncertainty_lines
 from grasp3d.export.writers import writer_for
 from grasp3d.grasps.distinct import best_grasps
 from grasp3d.grasps.grasp_files import SUFFIXES, write_grasps
@@ -69,7 +68,7 @@ def run(command: Label) -> int:
         _check_grasp_file(command, grasp_file)
     for path in (output, *grasp_files):
         check_not_task(path, command.load)
-        check_replaceable(path, overwrite=command.overwrite, source=command.file)
+        check_output(path, overwrite=command.overwrite, sources=[command.file])
     with time_limit(command.timeout, printable(str(command.file))):
         labels = _labels(command, (output, *grasp_files[:1]))
     write(output, labels)
@@ -144,10 +143,10 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
         report.line(f"[bold]{escaped(str(verdict_of(labels).text))}[/]")
     angles = ", ".join(map(angle_text, labels.angle_quantiles(LEVELS)))
     report.paragraph(f"critical friction angle, {PERCENTS} of the area: {angles}")
-    weights = vertex_weights(mesh, "area")
-    report.lines(uncertainty_lines(labels, weights, of="area", unit=mesh.unit))
+    areas = vertex_weights(mesh, "area")
+    report.lines(uncertainty_lines(labels, areas, of="area", unit=mesh.unit))
     report.line(_epsilon_text(labels))
-    print_load(report, labels)
+    print_load(report, labels.holding, areas)
     counts = np.bincount(labels.reason, minlength=len(Reason))
     for reason, explanation in _REASONS.items():
         if counts[reason]:

@@ -7,29 +7,31 @@ import tyro
 
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import (
-    Fingers,
+    DegreeRanges,
     Flag,
     Force,
-    FrictionErrorRanges,
-    FrictionRanges,
     Inputs,
+    LengthRanges,
     LoadGroup,
-    LocationErrorRanges,
     MeshGroup,
     Multifinger,
-    NormalErrorRanges,
+    NumberRanges,
     OutputFile,
     Overwrite,
     Quiet,
     ReachGroup,
     SearchGroup,
-    SensorResolutionRanges,
+    model_help,
 )
 from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
 
+_NUMBER, _DEGREES, _LENGTH = (
+    tyro.conf.arg(metavar=f"{word}|FROM:TO:STEP", help_behavior_hint="")
+    for word in ("NUMBER", "DEGREES", "LENGTH")
+)
 FRICTIONS, RESOLUTIONS = ("0.2", "0.5", "1.0"), ("0:60:1", "22.6")
 """Default values of friction and sensor resolution of a sweep."""
 
@@ -61,33 +63,22 @@ class Batch:
 
     force: Force = False
 
-    grid_friction: Annotated[
-        tuple[str, ...], tyro.conf.arg(metavar="NUMBER|FROM:TO:STEP", help_behavior_hint="")
-    ] = ()
+    grid_friction: Annotated[tuple[str, ...], _NUMBER] = ()
     """Coulomb coefficients at which area fractions are computed besides the labels (default: the
     model's)."""
 
-    grid_sensor_resolution: Annotated[
-        tuple[str, ...],
-        tyro.conf.arg(metavar="DEGREES|FROM:TO:STEP", help_behavior_hint=""),
-    ] = ()
+    grid_sensor_resolution: Annotated[tuple[str, ...], _DEGREES] = ()
     """Sensor resolutions in degrees at which area fractions are computed: numbers, and ranges that
     include both ends (default: 0:60:5 and the model's, with M and U only within the searched cone).
     A grid that is given makes the searched cone large enough for all of it."""
 
-    grid_friction_error: Annotated[
-        tuple[str, ...], tyro.conf.arg(metavar="NUMBER|FROM:TO:STEP", help_behavior_hint="")
-    ] = ()
+    grid_friction_error: Annotated[tuple[str, ...], _NUMBER] = ()
     """Errors of friction at which area fractions are computed (default: the model's)."""
 
-    grid_normal_error: Annotated[
-        tuple[str, ...], tyro.conf.arg(metavar="DEGREES|FROM:TO:STEP", help_behavior_hint="")
-    ] = ()
+    grid_normal_error: Annotated[tuple[str, ...], _DEGREES] = ()
     """Normal errors in degrees at which area fractions are computed (default: the model's)."""
 
-    grid_location_error: Annotated[
-        tuple[str, ...], tyro.conf.arg(metavar="LENGTH|FROM:TO:STEP", help_behavior_hint="")
-    ] = ()
+    grid_location_error: Annotated[tuple[str, ...], _LENGTH] = ()
     """Location errors at which area fractions are computed, for the grasps found at the model's
     (default: the model's)."""
 
@@ -149,15 +140,24 @@ class Sweep:
     figure: OutputFile = None
     """Figure (.svg, .png or .pdf) (default: the name of the table with the suffix .svg)."""
 
-    friction: FrictionRanges = FRICTIONS
+    friction: NumberRanges = FRICTIONS
+    """Coulomb coefficients of friction between fingertip and object, above 0. For an interval give
+    its middle here and half its width with --friction-error."""
 
-    sensor_resolution: SensorResolutionRanges = RESOLUTIONS
+    sensor_resolution: Annotated[
+        DegreeRanges,
+        model_help(
+            "sensor_resolution", "One value or more, in degrees, and ranges that include both ends."
+        ),
+    ] = RESOLUTIONS
 
-    friction_error: FrictionErrorRanges = ("0",)
+    friction_error: NumberRanges = ("0",)
+    """Largest difference between the true friction and the coefficient, to either side; smaller
+    than the coefficient. --friction 0.5 --friction-error 0.1: from 0.4 to 0.6."""
 
-    normal_error: NormalErrorRanges = ("0",)
+    normal_error: Annotated[DegreeRanges, model_help("normal_error", "In degrees.")] = ("0",)
 
-    location_error: LocationErrorRanges = ("0",)
+    location_error: LengthRanges = ("0",)
     """Largest distance between the true and the perceived contact point, a length; for shapes in
     closed form as a part of their radius or half side. Where errors have several values, those of
     friction and sensor resolution are 0.5 and 22.6 unless they are given."""
@@ -170,7 +170,7 @@ class Sweep:
     """Area fractions of S, above 0 and at most 1. For each the required sensor resolution is
     printed: at any smaller one at least this fraction of the surface is S."""
 
-    fingers: Fingers = 2
+    fingers: Annotated[int, model_help("fingers")] = 2
 
     sampling: SearchGroup = field(default_factory=Sampling)
 

@@ -15,12 +15,12 @@ from grasp3d.cli.options import (
     LoadGroup,
     MeshGroup,
     Multifinger,
-    NoisyModel,
     OutputFile,
     Overwrite,
     Quiet,
     ReachGroup,
     SearchGroup,
+    without,
 )
 from grasp3d.cli.time_limit import DEFAULT_TIMEOUT, Timeout, check_timeout
 from grasp3d.errors import SettingError
@@ -192,7 +192,9 @@ class Perturb:
     noise: NoiseSettings = field(default_factory=NoiseSettings)
     """The noise, and how many copies are made with it."""
 
-    model: NoisyModel = field(default_factory=GraspModel)
+    model: Annotated[
+        GraspModel, without(GraspModel, "location_error", "per_finger", "method", "extreme_normals")
+    ] = field(default_factory=GraspModel)
     """Friction, sensor resolution and fingers. Errors of contact locations, and those of single
     fingers, are none of the scan's: add them afterwards to the errors that are printed."""
 

@@ -39,7 +39,6 @@ from grasp3d.settings.parsing import ParsedField
 from grasp3d.settings.quantities import Quantity
 from grasp3d.settings.uncertainty import Friction as FrictionField
 from grasp3d.settings.uncertainty import PerFinger, Uncertainty, parse_fingers
-from grasp3d.validating.validation_settings import ValidationSettings
 
 _NONE = "none"
 _METAVARS = {
@@ -255,88 +254,30 @@ _PARSERS: dict[Any, Parser] = {
 """Parsers by the kind of field of settings; the texts are parsed by the settings themselves."""
 
 
-def _model_option(
-    field: str, note: str = "", *, metavar: str | None = None, default: str | None = None
-) -> object:
-    """Return an option with the help of a field of `GraspModel`.
+def model_help(field: str, note: str = "") -> object:
+    """Return the help of a field of `GraspModel`, for an option of the same name.
 
     Args:
         field: Name of the field.
         note: Sentence added to the help.
-        metavar: Placeholder of the value; None: from its type.
-        default: Description of the default; None: its value.
     """
-    text = f"{_help_texts(GraspModel)[field]} {note}".strip()
-    return tyro.conf.arg(help=text, metavar=metavar, help_behavior_hint=default)
+    return tyro.conf.arg(help=f"{_help_texts(GraspModel)[field]} {note}".strip())
 
 
-Friction = Annotated[
-    float,
-    tyro.conf.arg(help="Coulomb coefficient of friction between fingertip and object, above 0."),
-]
-"""A coefficient of friction."""
+NumberRanges = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NUMBER|FROM:TO:STEP [...]")]
+"""Words for `parse_numbers` and `parse_frictions`."""
 
-FrictionRanges = Annotated[
-    tuple[str, ...],
-    tyro.conf.arg(
-        help="Coulomb coefficients of friction between fingertip and object, above 0. For an "
-        "interval give its middle here and half its width with --friction-error.",
-        metavar="NUMBER|FROM:TO:STEP [...]",
-    ),
-]
-"""Coefficients of friction as words for `parse_frictions`."""
+DegreeRanges = Annotated[tuple[str, ...], tyro.conf.arg(metavar="DEGREES|FROM:TO:STEP [...]")]
+"""Words for `parse_angles`."""
 
-SensorResolution = Annotated[Radians | None, _model_option("sensor_resolution", default="")]
-"""A sensor resolution [rad], given in degrees; None: not given."""
+LengthRanges = Annotated[tuple[str, ...], tyro.conf.arg(metavar="LENGTH|FROM:TO:STEP [...]")]
+"""Words for `parse_lengths`."""
 
-SensorResolutions = Annotated[
-    tuple[Radians, ...],
-    _model_option("sensor_resolution", "One or two values, in degrees."),
-]
-"""One or two sensor resolutions [rad], given in degrees."""
-
-SensorResolutionRanges = Annotated[
-    tuple[str, ...],
-    _model_option(
-        "sensor_resolution",
-        "One value or more, in degrees, and ranges that include both ends.",
-        metavar="DEGREES|FROM:TO:STEP [...]",
-    ),
-]
-"""Sensor resolutions in degrees as words for `parse_angles`."""
-
-NormalErrorRanges = Annotated[
-    tuple[str, ...],
-    _model_option("normal_error", "In degrees.", metavar="DEGREES|FROM:TO:STEP [...]"),
-]
-"""Normal errors in degrees as words for `parse_angles`."""
-
-LocationErrorRanges = Annotated[
-    tuple[str, ...], _model_option("location_error", metavar="LENGTH|FROM:TO:STEP [...]")
-]
-"""Location errors as words for `parse_lengths`."""
-
-FrictionErrorRanges = Annotated[
-    tuple[str, ...],
-    tyro.conf.arg(
-        help="Largest difference between the true friction and the coefficient, to either side; "
-        "smaller than the coefficient. --friction 0.5 --friction-error 0.1: from 0.4 to 0.6.",
-        metavar="NUMBER|FROM:TO:STEP [...]",
-    ),
-]
-"""Errors of friction as words for `parse_numbers`."""
-
-Fingers = Annotated[int, _model_option("fingers")]
-"""A number of fingers."""
+AngleOption = Annotated[Radians | None, tyro.conf.arg(help_behavior_hint="")]
+"""An angle [rad], given in degrees, or none."""
 
 LengthOption = Annotated[AnyLength | None, tyro.conf.arg(help_behavior_hint="")]
 """A length: a number, a text with a unit, or none."""
-
-HandOption = Annotated[
-    Hand | None,
-    tyro.conf.arg(help_behavior_hint=""),
-]
-"""A gripper: the name of a preset, or a file; None: not given."""
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff, tyro.conf.arg(help_behavior_hint="")]
 """An option without a value."""
@@ -436,28 +377,6 @@ def given_sampling(sampling: Sampling, multifinger: MultifingerSampling) -> AnyS
     return replace(multifinger, **sampling.common)
 
 
-def _without(kind: Any, *names: str) -> "partial[Any]":
+def without(kind: Any, *names: str) -> "partial[Any]":
     """Return how a command makes settings of whose fields it does not take some."""
     return partial(kind, **{name: getattr(kind, name) for name in names})
-
-
-NoisyModel = Annotated[
-    GraspModel, _without(GraspModel, "location_error", "per_finger", "method", "extreme_normals")
-]
-"""The model of labels of noisy copies."""
-
-SimulatedModel = Annotated[
-    GraspModel,
-    _without(GraspModel, "fingers", "method", "extreme_normals", "edges", "actuation"),
-]
-"""The model of simulated grasps."""
-
-ValidatedModel = Annotated[
-    GraspModel, _without(GraspModel, "fingers", "per_finger", "method", "extreme_normals")
-]
-"""The model of labels that are held against outcomes."""
-
-ValidationGroup = Annotated[
-    ValidationSettings, _without(ValidationSettings, "frictions", "sensor_resolutions")
-]
-"""The options of a validation; those of its grid are ranges."""

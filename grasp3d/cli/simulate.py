@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from grasp3d.cli import progress_bars
-from grasp3d.cli.existing_files import check_output, check_replaceable
+from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.grasp_commands import Simulate
 from grasp3d.cli.report import WARNING, Report, escaped, label_name, length_with_unit, table_of
 from grasp3d.errors import OutputError, SettingError
@@ -61,7 +61,7 @@ def _simulate_poses(command: Simulate, output: Path) -> int:
     if output.exists() and command.grasps.exists() and output.samefile(command.grasps):
         raise OutputError(f"{output}: is the file of poses; name another file with -o")
     poses = read_poses(command.grasps, hand=command.hand)
-    check_replaceable(output, overwrite=command.overwrite, source=command.file)
+    check_output(output, overwrite=command.overwrite, sources=[command.file])
     text = f"simulating {command.grasps.name}"
     with progress_bars.progress(text, quiet=command.quiet):
         outcomes = simulate_poses(

@@ -8,15 +8,13 @@ import tyro
 
 from grasp3d.cli.options import (
     Flag,
-    Friction,
     LengthOption,
     OutputFile,
     Overwrite,
     Quiet,
-    SensorResolutions,
 )
 from grasp3d.errors import SettingError
-from grasp3d.settings import DEGREE
+from grasp3d.settings import DEGREE, Radians
 
 _NAME = tyro.conf.arg(metavar="[NAME|FILE]", help_behavior_hint="")
 _LINKS = tyro.conf.arg(metavar="LINK LINK", help_behavior_hint="")
@@ -86,9 +84,10 @@ class Paper:
     numbers.md; created if it is missing. Figures 4 to 6 are drawings, always for the same tip,
     friction 1 and 30 degrees. extension_... have uncertain locations, friction and normals."""
 
-    friction: Friction = 1.0
+    friction: float = 1.0
+    """Coulomb coefficient of friction between fingertip and object, above 0."""
 
-    sensor_resolution: SensorResolutions = (30.0 * DEGREE, 15.0 * DEGREE)
+    sensor_resolution: tuple[Radians, ...] = (30.0 * DEGREE, 15.0 * DEGREE)
     """One or two sensor resolutions in degrees, each with a column of the figures."""
 
     object: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None

@@ -8,7 +8,7 @@ import numpy as np
 from rich.table import Table
 
 from grasp3d.cli import progress_bars
-from grasp3d.cli.existing_files import check_replaceable
+from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.grasp_commands import Validate
 from grasp3d.cli.ranges import parse_angles, parse_frictions
 from grasp3d.cli.report import WARNING, Report, escaped, label_name, table_of
@@ -57,7 +57,7 @@ def _check_output(command: Validate) -> None:
     if not command.output.is_dir():
         raise OutputError(f"{command.output}: is a file; name a folder")
     for path in (command.output / name for name in FILES):
-        check_replaceable(path, overwrite=command.overwrite)
+        check_output(path, overwrite=command.overwrite)
         if any(path.exists() and file.exists() and path.samefile(file) for file in command.grasps):
             raise OutputError(f"{path}: is a file of grasps; name another folder with -o")
 

@@ -1,7 +1,7 @@
 """`grasp3d view`: view an object in a window, in a browser, or as a picture."""
 
 from grasp3d.cli import progress_bars
-from grasp3d.cli.existing_files import check_replaceable
+from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.mesh_commands import View
 from grasp3d.cli.options import (
     given_sampling,
@@ -62,7 +62,7 @@ def _check(command: View) -> str:
     for path, check in ((command.screenshot, check_picture), (command.turntable, check_film)):
         if path:
             check(path)
-            check_replaceable(path, overwrite=command.overwrite)
+            check_output(path, overwrite=command.overwrite)
     needs_window = not (command.web or command.screenshot or command.turntable)
     problem = display_problem() if needs_window else ""
     if command.web or problem:
