@@ -624,7 +624,7 @@ def test_a_missing_library_is_named_with_its_extra(
 ) -> None:
     write_acronym_by_hand(tmp_path / "mug.h5")
     (tmp_path / "cup.yaml").write_text(ISAAC)
-    for module in ("acronym", "isaac_grasp"):
+    for module in ("acronym", "documents"):
         monkeypatch.setattr(f"grasp3d.grasps.pose_files.{module}.find_spec", lambda _: None)
     for name in ("mug.h5", "cup.yaml"):
         with pytest.raises(OutputError, match=r"pip install 'grasp3d\[datasets\]'"):

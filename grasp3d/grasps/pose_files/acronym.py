@@ -19,7 +19,7 @@ from grasp3d.grasps.pose_files.frames import (
 )
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
-from grasp3d.settings.lengths import METRES, Unit
+from grasp3d.settings.lengths import Unit
 from grasp3d.system.files import atomic_write
 from grasp3d.system.isolation import CallFailedError, call
 from grasp3d.system.versions import package_version
@@ -67,7 +67,7 @@ def write_acronym(path: Path, poses: GraspPoses) -> None:
     values: dict[str, Any] = {
         TRANSFORMS: moved(in_metres.poses, -hand.base_to_tcp),
         "object/file": in_metres.object_file or "",
-        "object/scale": in_metres.object_scale or METRES[poses.unit or "m"],
+        "object/scale": in_metres.object_scale,
         "gripper/type": hand.name,
         "gripper/base_to_tcp": hand.base_to_tcp,
         NAMES: np.array(in_metres.names, dtype=object),

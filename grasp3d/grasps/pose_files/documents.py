@@ -6,7 +6,8 @@ many times, so that a short file stands for more values than memory holds.
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Floats
-from grasp3d.errors import ContactError
+from grasp3d.errors import ContactError, OutputError
+
+DEEPEST = 32
+"""Deepest nesting that is read: libyaml's constructor overflows the stack at some thousands."""
+
+_PYTHON = "tag:yaml.org,2002:python"
 
 Entries = Sequence[Mapping[str, Any]]
 
@@ -25,6 +31,44 @@ def load_json(path: Path) -> Any:
         return json.loads(path.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise ContactError(f"is no JSON: {error}") from error
+
+
+def load_yaml(path: Path) -> Any:
+    """Content of a YAML file of plain values. Raises ContactError, OSError."""
+    yaml = yaml_module()
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    text = path.read_bytes()
+    try:
+        _check_events(yaml, text, loader)
+        return yaml.load(text, loader)
+    except yaml.YAMLError as error:
+        raise ContactError(f"is no YAML: {' '.join(str(error).split())[:200]}") from error
+    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        # Dates such as 2026-13-45, numbers of thousands of digits, keys that are lists.
+        raise ContactError(f"is no YAML: {error}") from error
+
+
+def _check_events(yaml: Any, text: bytes, loader: Any) -> None:
+    """Refuse what a small file can expand to any size, and objects of Python."""
+    depth = 0
+    for event in yaml.parse(text, loader):
+        depth += isinstance(event, yaml.CollectionStartEvent)
+        depth -= isinstance(event, yaml.CollectionEndEvent)
+        if depth > DEEPEST:
+            raise ContactError(f"it is nested more than {DEEPEST} levels deep")
+        if str(getattr(event, "tag", None)).startswith(_PYTHON):
+            raise ContactError("it contains objects of Python, which are not read: plain YAML only")
+        if getattr(event, "value", None) == "<<":
+            raise ContactError("it merges keys (<<), which is not read: write the keys out")
+
+
+def yaml_module() -> Any:
+    """PyYAML. Raises OutputError if it is not installed."""
+    if find_spec("yaml") is None:
+        raise OutputError("YAML needs PyYAML: pip install 'grasp3d[datasets]'")
+    import yaml
+
+    return yaml
 
 
 def mapping(value: object, what: str) -> dict[str, Any]:
@@ -41,6 +85,11 @@ def grasp_list(value: object, what: str) -> list[Any]:
     if not value:
         raise ContactError("there are no grasps in it")
     return value
+
+
+def entries_of(grasps: Iterable[object]) -> list[dict[str, Any]]:
+    """Grasps that are objects of keys and values each. Raises ContactError."""
+    return [mapping(entry, f"grasp {number}") for number, entry in enumerate(grasps, 1)]
 
 
 def required(document: Mapping[str, Any], key: str, where: str = "") -> Any:
@@ -95,6 +144,11 @@ def one_number(value: object, what: str) -> float:
     if not math.isfinite(number):
         raise ContactError(f"{what} must be a finite number; got {kind(value)}")
     return number
+
+
+def number_or_none(value: object, what: str) -> float | None:
+    """A finite number, or none. Raises ContactError."""
+    return None if value is None else one_number(value, what)
 
 
 def text_or_none(value: object, what: str) -> str | None:

@@ -3,26 +3,40 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from grasp3d.errors import ContactError, OutputError, SettingError
 from grasp3d.grasps.pose_files.acronym import read_acronym, write_acronym
+from grasp3d.grasps.pose_files.data_sets import (
+    is_graspgen,
+    parse_graspgen,
+    read_graspnet,
+    write_graspgen,
+    write_graspnet,
+)
 from grasp3d.grasps.pose_files.documents import load_json
 from grasp3d.grasps.pose_files.frames import missing_of_hand
-from grasp3d.grasps.pose_files.graspgen import is_graspgen, parse_graspgen, write_graspgen
-from grasp3d.grasps.pose_files.graspnet import read_graspnet, write_graspnet
-from grasp3d.grasps.pose_files.isaac_grasp import read_isaac, write_isaac
-from grasp3d.grasps.pose_files.moveit import is_moveit, parse_moveit, write_moveit
-from grasp3d.grasps.pose_files.own_json import is_own, parse_json, write_json
-from grasp3d.grasps.pose_files.table import are_poses, read_table, write_table
+from grasp3d.grasps.pose_files.own_files import (
+    are_poses,
+    is_own,
+    parse_json,
+    read_table,
+    write_json,
+    write_table,
+)
+from grasp3d.grasps.pose_files.robots import (
+    is_moveit,
+    parse_moveit,
+    read_isaac,
+    write_isaac,
+    write_moveit,
+)
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.settings import PoseFormat, check_choice
 from grasp3d.settings.lengths import Unit
 from grasp3d.system.files import check_suffix
 from grasp3d.system.names import printable, unsupported
-
-Read = Callable[[Path, Hand | None, Unit | None], GraspPoses]
-Parse = Callable[[object, Hand | None, Unit | None], GraspPoses]
 
 
 @dataclass(frozen=True)
@@ -31,22 +45,21 @@ class _Format:
 
     suffixes: tuple[str, ...]
     write: Callable[[Path, GraspPoses], None]
-    read: Read
-
-
-def _json_reader(parse: Parse) -> Read:
-    return lambda path, hand, unit: parse(load_json(path), hand, unit)
+    read: Callable[[Any, Hand | None, Unit | None], GraspPoses]
+    """Poses of a file of this path; of JSON files, of this content."""
+    is_in: Callable[[object], bool] | None = None
+    """Whether the content of a JSON file is in this format; None: its files are no JSON."""
 
 
 _FORMATS: dict[PoseFormat, _Format] = {
-    "json": _Format((".json",), write_json, _json_reader(parse_json)),
+    "json": _Format((".json",), write_json, parse_json, is_own),
     "csv": _Format((".csv",), write_table, read_table),
     "parquet": _Format((".parquet",), write_table, read_table),
     "isaac_grasp": _Format((".yaml", ".yml"), write_isaac, read_isaac),
     "acronym": _Format((".h5", ".hdf5"), write_acronym, read_acronym),
-    "graspgen": _Format((".json",), write_graspgen, _json_reader(parse_graspgen)),
+    "graspgen": _Format((".json",), write_graspgen, parse_graspgen, is_graspgen),
     "graspnet": _Format((".npy",), write_graspnet, read_graspnet),
-    "moveit": _Format((".json",), write_moveit, _json_reader(parse_moveit)),
+    "moveit": _Format((".json",), write_moveit, parse_moveit, is_moveit),
 }
 
 OWN_FORMATS = frozenset[PoseFormat]({"json", "csv", "parquet"})
@@ -57,13 +70,6 @@ JOINT_FORMATS = frozenset[PoseFormat]({"isaac_grasp", "moveit"})
 
 SUFFIXES = tuple(dict.fromkeys(suffix for known in _FORMATS.values() for suffix in known.suffixes))
 """Endings of files of poses."""
-
-_PARSERS: dict[PoseFormat, tuple[Callable[[object], bool], Parse]] = {
-    "json": (is_own, parse_json),
-    "graspgen": (is_graspgen, parse_graspgen),
-    "moveit": (is_moveit, parse_moveit),
-}
-"""Formats of JSON files: how they are recognised."""
 
 
 def write_poses(
@@ -106,7 +112,8 @@ def write_poses(
     try:
         _FORMATS[name].write(path, poses)
     except OutputError as error:
-        raise _with_path(path, error) from error
+        text = str(error)
+        raise OutputError(text if text.startswith(str(path)) else f"{path}: {text}") from error
 
 
 def read_poses(
@@ -213,19 +220,18 @@ def check_hand(format: PoseFormat | None, hand: Hand) -> None:  # noqa: A002
 
 def _read(path: Path, name: PoseFormat | None, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     """Poses of a file. Raises ContactError, ValueError, OSError, OutputError."""
-    if name is None and path.suffix.lower() == ".json":
-        content = load_json(path)
-        kind = _json_format(content)
-        if kind is None:
-            raise ContactError(_unknown_json(content))
-        return _PARSERS[kind][1](content, hand, unit)
-    name = name or format_of(path)
-    assert name is not None
-    return _FORMATS[name].read(path, hand, unit)
+    suffix = path.suffix.lower() if name is None else _FORMATS[name].suffixes[0]
+    content = load_json(path) if suffix == ".json" else path
+    if name is None:
+        name = _json_format(content) if suffix == ".json" else format_of(path)
+    if name is None:
+        raise ContactError(_unknown_json(content))
+    return _FORMATS[name].read(content, hand, unit)
 
 
 def _json_format(content: object) -> PoseFormat | None:
-    return next((name for name, (fits, _) in _PARSERS.items() if fits(content)), None)
+    entries = _FORMATS.items()
+    return next((name for name, entry in entries if entry.is_in and entry.is_in(content)), None)
 
 
 def _unknown_json(content: object) -> str:
@@ -240,9 +246,3 @@ def _unknown_json(content: object) -> str:
 def _one_line(path: Path, problem: str) -> ContactError:
     """The error of a file; the messages of libraries can have several lines."""
     return ContactError(printable(f"{path}: {' '.join(problem.split())}"))
-
-
-def _with_path(path: Path, error: OutputError) -> OutputError:
-    """The error with the path at its start."""
-    text = str(error)
-    return error if text.startswith(str(path)) else OutputError(f"{path}: {text}")

@@ -1,7 +1,6 @@
-"""Frames of robots' files: the hand's base in metres, joint values, quaternions."""
+"""Frames of robots' files: the hand's base in metres, quaternions, joints."""
 
-from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -9,15 +8,14 @@ from scipy.spatial.transform import Rotation
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.grasps.pose_checks import checked_quaternions
-from grasp3d.grasps.pose_files.documents import numbers
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.settings.lengths import Unit
+from grasp3d.settings.lengths import METRES, Unit
 
 
 def for_robots(poses: GraspPoses, what: str) -> tuple[ParallelGripper, GraspPoses]:
-    """The gripper of poses to write, and the poses in metres.
+    """The gripper of poses to write, and the poses in metres, with the scale of the object's file.
 
     Raises:
         OutputError: There is no gripper, or the unit of the poses is not known.
@@ -29,7 +27,8 @@ def for_robots(poses: GraspPoses, what: str) -> tuple[ParallelGripper, GraspPose
             f"{what} files are in metres, but the unit of the poses is not known: give the mesh's "
             "unit (--unit, in Python unit=...)"
         )
-    return poses.hand, poses.in_unit("m")
+    scale = poses.object_scale or METRES[poses.unit]
+    return poses.hand, replace(poses.in_unit("m"), object_scale=scale)
 
 
 def check_metres(unit: Unit | None, what: str) -> None:
@@ -84,16 +83,6 @@ def moved(poses: Floats, distance: float | Floats) -> Floats:
     return result
 
 
-def hand_poses(poses: Floats, hand: ParallelGripper) -> Floats:
-    """Poses of the hand's own frame, that of its robot description, shape (k, 4, 4) [m]."""
-    return np.asarray(poses @ hand.base_pose)
-
-
-def tcp_poses(bases: Floats, hand: ParallelGripper) -> Floats:
-    """Poses of the TCP from those of the hand's own frame, shape (k, 4, 4) [m]."""
-    return np.asarray(bases @ np.linalg.inv(hand.base_pose))
-
-
 def quaternions(poses: Floats) -> Floats:
     """Quaternions x y z w of poses (k, 4, 4), w at least 0, shape (k, 4)."""
     values = Rotation.from_matrix(poses[:, :3, :3]).as_quat(canonical=True)
@@ -122,52 +111,3 @@ def joint_values(hand: ParallelGripper, openings: Floats, what: str) -> Floats:
         raise OutputError(missing_of_hand(hand, what, joints=True))
     closed, scale = np.array(hand.joint_closed), np.array(hand.joint_scale)
     return np.asarray(closed + scale * openings[:, None])
-
-
-def openings_of_joints(hand: ParallelGripper, joints: Sequence[dict[str, Any]]) -> Floats:
-    """Openings [m] from joint values by name, the mean over the joints, (k,); nan: not stated.
-
-    Raises:
-        ContactError: The joints are those of another gripper.
-    """
-    names = {name: k for k, name in enumerate(hand.joint_names) if hand.joint_scale[k]}
-    openings = np.full(len(joints), np.nan)
-    for number, values in enumerate(joints):
-        own = [name for name in values if name in names]
-        if not own:
-            _check_joints(hand, names, values)
-            continue
-        indices = [names[name] for name in own]
-        positions = numbers([[values[name] for name in own]], (len(own),), "joint values")[0]
-        scale = np.array(hand.joint_scale)[indices]
-        opening = float(((positions - np.array(hand.joint_closed)[indices]) / scale).mean())
-        openings[number] = _at_least_closed(opening, hand, number)
-    return openings
-
-
-def _check_joints(hand: ParallelGripper, names: dict[str, int], values: dict[str, Any]) -> None:
-    if values and names:
-        stated = ", ".join(str(name)[:40] for name in list(values)[:4])
-        raise ContactError(
-            f"its joints ({stated}) are not those of gripper {hand.name!r} "
-            f"({', '.join(names)}): give the gripper that the file was written for"
-        )
-
-
-def _at_least_closed(opening: float, hand: ParallelGripper, number: int) -> float:
-    """The opening; slightly negative ones, of fingers pressed together, are 0."""
-    if opening < -0.1 * hand.max_opening:
-        raise ContactError(
-            f"grasp {number + 1}: its joint values mean an opening of {opening:.4g} m: are they "
-            f"those of gripper {hand.name!r}?"
-        )
-    return max(opening, 0.0)
-
-
-def unequal_names(names: Sequence[str]) -> None:
-    """Raise OutputError if two grasps have one name."""
-    others: set[str] = set()
-    for name in names:
-        if name in others:
-            raise OutputError(f"two grasps are called {name!r}: give each a name of its own")
-        others.add(name)

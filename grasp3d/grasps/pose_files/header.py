@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.grasps.pose_files.documents import kind, one_number, text_or_none
+from grasp3d.grasps.pose_files.documents import kind, number_or_none, text_or_none
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_of
@@ -60,12 +60,11 @@ def fields_of(
     Raises:
         ContactError: Invalid values, or another unit.
     """
-    scale = header.get("object_scale")
     return {
         "unit": stated_unit(header.get("unit"), unit),
         "hand": hand or _gripper(header.get("gripper")),
         "object_file": text_or_none(header.get("object_file"), "object_file"),
-        "object_scale": None if scale is None else one_number(scale, "object_scale"),
+        "object_scale": number_or_none(header.get("object_scale"), "object_scale"),
         "settings": {name: value for name, value in header.items() if name not in STATED},
     }
 

@@ -1,0 +1,186 @@
+"""Poses of data sets: GraspGen's JSON, and the (k, 17) array of graspnetAPI in a .npy file."""
+
+from pathlib import Path
+from tokenize import TokenError
+from typing import Any
+
+import numpy as np
+
+from grasp3d.arrays import Floats
+from grasp3d.errors import ContactError, OutputError
+from grasp3d.grasps.pose_files.documents import (
+    grasp_list,
+    json_numbers,
+    json_text,
+    mapping,
+    number_or_none,
+    numbers,
+    required,
+    text_or_none,
+)
+from grasp3d.grasps.pose_files.frames import for_robots, moved, needed_gripper
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.hand.hand import Hand
+from grasp3d.settings.lengths import Unit
+from grasp3d.system.files import atomic_write
+
+GRASPGEN, GRASPNET = "GraspGen", "graspnetAPI"
+
+EXTRA = ("opening", "pregrasp_opening", "scores")
+"""Further lists, which only files of this project have."""
+
+
+def is_graspgen(content: object) -> bool:
+    """Whether the content of a JSON file is in this format."""
+    grasps = content.get("grasps") if isinstance(content, dict) else None
+    return isinstance(grasps, dict) and "transforms" in grasps
+
+
+def write_graspgen(path: Path, poses: GraspPoses) -> None:
+    """Write the poses of the hand's base and the outcomes, which all grasps must have."""
+    hand, in_metres = for_robots(poses, GRASPGEN)
+    unknown = np.flatnonzero(np.isnan(in_metres.outcome))
+    if len(unknown):
+        raise OutputError(
+            f"{GRASPGEN} files state whether each grasp held; the outcome of grasp "
+            f"{unknown[0] + 1} is not known"
+        )
+    grasps = {
+        "transforms": moved(in_metres.poses, -hand.base_to_tcp).tolist(),
+        "object_in_gripper": (in_metres.outcome == 1.0).tolist(),
+        "names": list(in_metres.names),
+        **{
+            name: json_numbers(getattr(in_metres, name))
+            for name in EXTRA
+            if not np.isnan(getattr(in_metres, name)).all()
+        },
+    }
+    about = {"file": in_metres.object_file or "", "scale": in_metres.object_scale}
+    with atomic_write(path) as part:
+        part.write_text(json_text({"object": about, "grasps": grasps}), encoding="utf-8")
+
+
+def parse_graspgen(content: object, hand: Hand | None, unit: Unit | None) -> GraspPoses:
+    """Poses of the content of a JSON file. Raises ContactError."""
+    document = mapping(content, "the file")
+    grasps = mapping(required(document, "grasps"), "grasps")
+    transforms = grasp_list(required(grasps, "transforms", "grasps: "), "grasps.transforms")
+    about = mapping(document.get("object", {}), "object")
+    hand = needed_gripper(hand, unit, GRASPGEN)
+    count = len(transforms)
+    fields = {"outcome": "object_in_gripper", **{name: name for name in EXTRA}}
+    names = grasps.get("names")
+    quantities: dict[str, Any] = {
+        field: numbers(_as_many(grasps[key], key, count), (), key)
+        for field, key in fields.items()
+        if grasps.get(key) is not None
+    }
+    return GraspPoses(
+        poses=moved(numbers(transforms, (4, 4), "transforms"), hand.base_to_tcp),
+        names=tuple(map(str, grasp_list(names, "grasps.names"))) if names is not None else (),
+        unit="m",
+        hand=hand,
+        object_file=text_or_none(about.get("file"), "object.file") or None,
+        object_scale=number_or_none(about.get("scale"), "object.scale"),
+        **quantities,
+    )
+
+
+def _as_many(values: object, key: str, count: int) -> list[object]:
+    """A list of as many values as there are grasps; lists of one value are that value."""
+    entries = grasp_list(values, f"grasps.{key}")
+    if len(entries) != count:
+        raise ContactError(f"grasps.{key} must have {count} values, one of each grasp")
+    return [value[0] if isinstance(value, list) and len(value) == 1 else value for value in entries]
+
+
+LENGTH = 17
+"""Numbers of a row: score, width, height, depth, rotation (9), translation (3), object."""
+
+MOST_ROWS = 10_000_000
+"""Most rows that are read."""
+
+DEPTH = 0.02
+"""From the frame's origin to the ends of the fingers, in written files [m]."""
+
+HEIGHT = 0.02
+"""Height of the fingers that graspnetAPI assumes [m]."""
+
+NO_OBJECT = -1.0
+"""Number of an object that is not known."""
+
+_HEADER_ERRORS = (
+    ValueError, TypeError, OverflowError, EOFError, SyntaxError, MemoryError, RecursionError,
+    TokenError,
+)  # fmt: skip
+"""What NumPy raises for headers, which are the text of a Python dictionary."""
+
+BEST_SCORE = 1.1
+"""Scores of the data set are 1.1 minus the smallest coefficient of friction that holds."""
+
+
+def write_graspnet(path: Path, poses: GraspPoses) -> None:
+    """Write a row for each grasp, float64."""
+    hand, in_metres = for_robots(poses, GRASPNET)
+    moved_back = moved(in_metres.poses, hand.end - DEPTH)
+    rows = np.empty((in_metres.count, LENGTH))
+    rows[:, 0] = _graspnet_scores(in_metres)
+    has_pregrasp = np.isfinite(in_metres.pregrasp_opening)
+    rows[:, 1] = np.where(has_pregrasp, in_metres.pregrasp_opening, in_metres.opening)
+    rows[:, 2], rows[:, 3] = HEIGHT, DEPTH
+    # Their x, y and z are z, x and y here.
+    rows[:, 4:13] = moved_back[:, :3, [2, 0, 1]].reshape(-1, 9)
+    rows[:, 13:16] = moved_back[:, :3, 3]
+    rows[:, 16] = in_metres.columns.get("object_id", np.full(in_metres.count, NO_OBJECT))
+    with atomic_write(path) as part, part.open("wb") as stream:
+        np.save(stream, rows, allow_pickle=False)
+
+
+def _graspnet_scores(poses: GraspPoses) -> Floats:
+    """Scores, or those that the critical friction angles imply."""
+    if "critical_angle" not in poses.columns:
+        return poses.scores
+    angles = np.asarray(poses.columns["critical_angle"], dtype=np.float64)
+    implied = BEST_SCORE - np.tan(np.minimum(angles, 0.5 * np.pi))
+    return np.where(np.isnan(poses.scores), np.maximum(implied, NO_OBJECT), poses.scores)
+
+
+def read_graspnet(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
+    """Poses in the order of the rows. Raises ContactError, OSError."""
+    rows = _graspnet_rows(path)
+    hand = needed_gripper(hand, unit, GRASPNET)
+    if not np.isfinite(rows[:, 3:]).all():
+        bad = np.flatnonzero(~np.isfinite(rows[:, 3:]).all(axis=1))
+        raise ContactError(f"grasp {bad[0] + 1} has numbers that are not finite")
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    poses[:, :3, [2, 0, 1]] = rows[:, 4:13].reshape(-1, 3, 3)
+    poses[:, :3, 3] = rows[:, 13:16]
+    return GraspPoses(
+        poses=moved(poses, rows[:, 3] - hand.end),
+        pregrasp_opening=rows[:, 1],
+        scores=rows[:, 0],
+        unit="m",
+        hand=hand,
+        columns={"object_id": rows[:, 16]},
+    )
+
+
+def _graspnet_rows(path: Path) -> Floats:
+    """Rows of the array, whose shape and type are checked before they are loaded."""
+    with path.open("rb") as stream:
+        if stream.read(6) != b"\x93NUMPY":
+            raise ContactError("is no .npy file")
+    try:
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+    except _HEADER_ERRORS as error:
+        reason = " ".join(str(error).split())[:200]
+        raise ContactError(f"is no .npy file of numbers ({reason})") from error
+    fits = array.ndim == 2 and array.shape[1] == LENGTH and array.dtype.kind in "fiu"
+    if not fits or len(array) > MOST_ROWS:
+        raise ContactError(
+            f"it must have {LENGTH} numbers in each row, at most {MOST_ROWS} rows; got "
+            f"{array.dtype} of shape {array.shape}"
+        )
+    if not len(array):
+        raise ContactError("there are no grasps in it")
+    return np.array(array, dtype=np.float64)

@@ -1,0 +1,283 @@
+"""Poses in the project's own formats: JSON, CSV and Parquet."""
+
+from collections.abc import Mapping
+from itertools import count, takewhile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.arrays import Floats
+from grasp3d.errors import ContactError, OutputError
+from grasp3d.grasps.pose_files.documents import (
+    Entries,
+    each,
+    entries_of,
+    grasp_list,
+    json_numbers,
+    json_text,
+    kind,
+    mapping,
+    numbers,
+    required,
+)
+from grasp3d.grasps.pose_files.frames import from_quaternions, quaternions
+from grasp3d.grasps.pose_files.header import fields_of, header_of, outcomes_of
+from grasp3d.grasps.poses import OWN_NAMES, GraspPoses
+from grasp3d.hand.hand import Hand
+from grasp3d.settings.lengths import Unit
+from grasp3d.system.files import atomic_write
+
+Columns = Mapping[str, npt.NDArray[Any]]
+
+POSITION = ("px", "py", "pz")
+QUATERNION = ("qx", "qy", "qz", "qw")
+REQUIRED = POSITION + QUATERNION
+
+VECTORS = {"contacts": "", "normals": "n"}
+"""Columns of poses that are contacts and outward normals, and how their names begin in a table."""
+
+
+def is_own(content: object) -> bool:
+    """Whether the content of a JSON file is in this format."""
+    grasps = content.get("grasps") if isinstance(content, dict) else None
+    first = grasps[0] if isinstance(grasps, list) and grasps else None
+    return isinstance(first, dict) and "pose" in first
+
+
+def are_poses(names: list[str]) -> bool:
+    """Whether a table with these columns holds poses."""
+    return any(name in names for name in REQUIRED)
+
+
+def write_json(path: Path, poses: GraspPoses) -> None:
+    """Write what applies to all grasps, then one line for each grasp."""
+    posture = {"posture": poses.posture} if poses.posture.size else {}
+    further = {name: values for name, values in poses.columns.items() if name not in VECTORS}
+    columns = {
+        name: json_numbers(values)
+        for name, values in {**_columns(poses, {"pose": poses.poses}, posture), **further}.items()
+    }
+    if len(further) < len(poses.columns):
+        columns["contacts"] = _contacts(poses.columns)
+    try:
+        header = json_text(header_of(poses))
+    except (TypeError, ValueError) as error:
+        raise OutputError(f"{path}: the settings of the poses are no JSON: {error}") from error
+    with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
+        stream.write(f'{{"grasp3d": {header},\n"grasps": [')
+        for row in range(poses.count):
+            entry = {name: values[row] for name, values in columns.items()}
+            stream.write(("," if row else "") + "\n" + json_text(entry))
+        stream.write("\n]}\n")
+
+
+def write_table(path: Path, poses: GraspPoses) -> None:
+    """Write one row for each grasp; Parquet has the header in its metadata."""
+    from grasp3d.system.tables import write_columns
+
+    pose = dict(zip(POSITION, poses.poses[:, :3, 3].T, strict=True))
+    pose |= dict(zip(QUATERNION, quaternions(poses.poses).T, strict=True))
+    posture = {f"posture{k + 1}": values for k, values in enumerate(poses.posture.T)}
+    columns = {**_columns(poses, pose, posture), "unit": np.full(poses.count, poses.unit or "")}
+    for name, values in poses.columns.items():
+        if name in VECTORS:
+            parts = _parts(name, values.shape[1])
+            outward = _turned(name, values).reshape(poses.count, -1)
+            columns |= dict(zip(parts, outward.T, strict=True))
+        else:
+            columns[name] = values
+    write_columns(path, columns, settings=header_of(poses))
+
+
+def _columns(poses: GraspPoses, pose: Columns, posture: Columns) -> dict[str, npt.NDArray[Any]]:
+    """The columns of every file, with the pose and the posture as this one has them."""
+    return {
+        "name": np.array(poses.names),
+        **pose,
+        "opening": poses.opening,
+        "pregrasp_opening": poses.pregrasp_opening,
+        **posture,
+        "score": poses.scores,
+        "outcome": poses.outcome,
+    }
+
+
+def _turned(name: str, values: Floats) -> Floats:
+    """Vectors of a file from those of poses and back: the normals of files are outward."""
+    return 0.0 - values if name == "normals" else values
+
+
+def _contacts(columns: Columns) -> list[list[dict[str, Any]]]:
+    """The contacts of each grasp, normals outward."""
+    parts = {
+        key: json_numbers(_turned(name, columns[name]))
+        for key, name in (("point", "contacts"), ("normal", "normals"))
+        if name in columns
+    }
+    return [
+        [dict(zip(parts, contact, strict=True)) for contact in zip(*grasp, strict=True)]
+        for grasp in zip(*parts.values(), strict=True)
+    ]
+
+
+def _poses(table: Columns, **fields: Any) -> GraspPoses:
+    """Poses with the numbers that files of every kind have in columns of the same names."""
+    rows = len(fields["poses"])
+    opening, pregrasp_opening, scores = (
+        _numbers(table[name], name) if name in table else np.full(rows, np.nan)
+        for name in ("opening", "pregrasp_opening", "score")
+    )
+    return GraspPoses(
+        opening=opening,
+        pregrasp_opening=pregrasp_opening,
+        scores=scores,
+        outcome=outcomes_of(table, rows),
+        **fields,
+    )
+
+
+def _numbers(values: npt.NDArray[Any], name: str) -> Floats:
+    if values.dtype.kind in "fiub":
+        return values.astype(np.float64)
+    return numbers(values.tolist(), (), name)
+
+
+def parse_json(content: object, hand: Hand | None, unit: Unit | None) -> GraspPoses:
+    """Poses of the content of a JSON file. Raises ContactError."""
+    document = mapping(content, "the file")
+    entries = entries_of(grasp_list(required(document, "grasps"), "grasps"))
+    keys = list(dict.fromkeys(key for entry in entries for key in entry))
+    listed = {key: [entry.get(key) for entry in entries] for key in keys}
+    further = [key for key in keys if key not in OWN_NAMES | VECTORS.keys()]
+    return _poses(
+        {key: np.array(values, dtype=object) for key, values in listed.items()},
+        poses=numbers(each(entries, "pose"), (4, 4), "pose"),
+        posture=_posture(entries),
+        names=tuple(str(one.get("name", f"grasp_{k}")) for k, one in enumerate(entries, 1)),
+        columns={
+            **{key: _column(listed[key], key) for key in further},
+            **(_vectors(entries) if "contacts" in keys else {}),
+        },
+        **fields_of(mapping(document.get("grasp3d", {}), "grasp3d"), hand, unit),
+    )
+
+
+def _posture(entries: Entries) -> Floats:
+    """Values of further joints, shape (k, p)."""
+    if "posture" not in entries[0]:
+        return np.zeros((0, 0))
+    first = entries[0]["posture"]
+    joints = len(first) if isinstance(first, list) else 0
+    return numbers(each(entries, "posture"), (joints,), "posture")
+
+
+def _column(values: list[Any], key: str) -> npt.NDArray[Any]:
+    """Text if there is any text, otherwise numbers."""
+    if any(isinstance(value, str) for value in values):
+        wrong = next((v for v in values if isinstance(v, list | dict)), None)
+        if wrong is not None:
+            raise ContactError(f"{key} must be text in all grasps; got {kind(wrong)}")
+        return np.array([_text(value) for value in values])
+    return numbers(values, (), key)
+
+
+def _vectors(entries: Entries) -> dict[str, Floats]:
+    """Contacts and normals into the object, shape (k, n, 3), as many of each grasp."""
+    first = entries[0].get("contacts")
+    fingers = len(first) if isinstance(first, list) and len(first) > 2 else 2
+    grasps: list[list[dict[str, Any]]] = []
+    for number, entry in enumerate(entries, 1):
+        contacts = entry.get("contacts")
+        if not isinstance(contacts, list) or len(contacts) != fingers:
+            raise ContactError(
+                f"grasp {number}: contacts must be a list of {fingers}; got {kind(contacts)}"
+            )
+        grasps.append([mapping(contact, f"grasp {number}: a contact") for contact in contacts])
+    return {
+        name: _turned(
+            name,
+            numbers(
+                [[contact[key] for contact in contacts] for contacts in grasps],
+                (fingers, 3),
+                f"{key} of contacts",
+            ),
+        )
+        for key, name in (("point", "contacts"), ("normal", "normals"))
+        if all(key in contact for contacts in grasps for contact in contacts)
+    }
+
+
+def read_table(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
+    """Poses of a CSV or Parquet file. Raises ContactError, ValueError, OSError."""
+    from grasp3d.system.tables import read_columns, read_settings
+
+    columns = read_columns(path)
+    missing = [name for name in REQUIRED if name not in columns]
+    if missing:
+        listed = " ".join(list(columns)[:12]) + (" ..." if len(columns) > 12 else "")
+        raise ContactError(
+            f"column {missing[0]} is missing of {' '.join(REQUIRED)}; found {listed}"
+        )
+    if not len(columns["px"]):
+        raise ContactError("there are no grasps in it, only column names")
+    header = read_settings(path) if path.suffix.lower() == ".parquet" else None
+    stated = {"unit": _unit(columns), **(header or {})}
+    joints = tuple(takewhile(columns.__contains__, (f"posture{k}" for k in count(1))))
+    vectors = _vector_columns(columns)
+    used = {*OWN_NAMES, *joints, *(part for parts in vectors.values() for part in parts)}
+    return _poses(
+        columns,
+        poses=from_quaternions(_stacked(columns, POSITION), _stacked(columns, QUATERNION)),
+        posture=_stacked(columns, joints) if joints else np.zeros((0, 0)),
+        names=tuple(map(_text, columns["name"].tolist())) if "name" in columns else (),
+        columns={
+            **{
+                name: _turned(name, _stacked(columns, parts).reshape(-1, len(parts) // 3, 3))
+                for name, parts in vectors.items()
+            },
+            **{name: _further(values) for name, values in columns.items() if name not in used},
+        },
+        **fields_of(stated, hand, unit),
+    )
+
+
+def _unit(columns: Columns) -> str | None:
+    """The unit that all rows state."""
+    stated = {_text(value) for value in columns["unit"].tolist()} if "unit" in columns else set()
+    if len(stated) > 1:
+        raise ContactError("all grasps must have the same unit")
+    return stated.pop() if stated else None
+
+
+def _stacked(columns: Columns, names: tuple[str, ...]) -> Floats:
+    return np.stack([_numbers(columns[name], name) for name in names], axis=1)
+
+
+def _parts(name: str, fingers: int) -> tuple[str, ...]:
+    """Columns of a table for vectors at as many contacts."""
+    return tuple(f"{VECTORS[name]}{axis}{k + 1}" for k in range(fingers) for axis in "xyz")
+
+
+def _vector_columns(columns: Columns) -> dict[str, tuple[str, ...]]:
+    """The columns of contacts and normals, where there are those of two fingers at least."""
+    complete = {
+        name: next(n for n in count() if not set(_parts(name, n + 1)) <= columns.keys())
+        for name in VECTORS
+    }
+    return {name: _parts(name, fingers) for name, fingers in complete.items() if fingers > 1}
+
+
+def _further(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Numbers, or text."""
+    if values.dtype.kind in "fiub":
+        return values
+    listed = values.tolist()
+    if all(value is None for value in listed):
+        return np.full(len(listed), np.nan)
+    return np.array([_text(value) for value in listed])
+
+
+def _text(value: object) -> str:
+    return "" if value is None else str(value)

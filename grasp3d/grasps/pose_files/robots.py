@@ -1,0 +1,349 @@
+"""Poses of robots' programs, with the hand's own frame and the values of its joints.
+
+`isaac_grasp` is YAML, format version 1.0; MoveIt's is JSON that is a list of ROS messages
+`moveit_msgs/Grasp`, field by field.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grasp3d.arrays import Floats
+from grasp3d.errors import ContactError, OutputError
+from grasp3d.grasps.pose_files.documents import (
+    each,
+    entries_of,
+    grasp_list,
+    json_numbers,
+    json_text,
+    kind,
+    load_yaml,
+    mapping,
+    number_or_none,
+    numbers,
+    one_number,
+    optional_numbers,
+    required,
+    text_or_none,
+    yaml_module,
+)
+from grasp3d.grasps.pose_files.frames import (
+    for_robots,
+    from_quaternions,
+    joint_values,
+    needed_gripper,
+    quaternions,
+)
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.settings.lengths import Unit
+from grasp3d.system.files import atomic_write
+from grasp3d.system.versions import package_version
+
+ISAAC, ISAAC_VERSION = "isaac_grasp", 1.0
+MOVEIT = "moveit_msgs/Grasp"
+
+DESIRED, LEAST = 0.10, 0.02
+"""Desired and smallest length of approach and retreat [m]."""
+
+NO_FORCE_LIMIT = 0.0
+"""`max_contact_force` where the gripper states no greatest force: MoveIt then applies none."""
+
+
+def write_isaac(path: Path, poses: GraspPoses) -> None:
+    """Write grasps by name, the hand's base relative to the object."""
+    yaml = yaml_module()
+    hand, in_metres = for_robots(poses, ISAAC)
+    twice = [name for name, count in Counter(in_metres.names).items() if count > 1]
+    if twice:
+        raise OutputError(f"two grasps are called {twice[0]!r}: give each a name of its own")
+    document = {
+        "format": ISAAC,
+        "format_version": ISAAC_VERSION,
+        "object_frame_link": str(in_metres.settings.get("object_frame_link", "object")),
+        "gripper_frame_link": str(in_metres.settings.get("gripper_frame_link", hand.name)),
+        "object_scale": in_metres.object_scale,
+        "grasps": dict(zip(in_metres.names, _isaac_entries(in_metres, hand), strict=True)),
+    }
+    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+    with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
+        stream.write(f"# written by grasp3d {package_version()}\n")
+        yaml.dump(
+            document, stream, dumper, sort_keys=False, default_flow_style=None, allow_unicode=True
+        )
+
+
+def _isaac_entries(poses: GraspPoses, hand: ParallelGripper) -> list[dict[str, Any]]:
+    outside = np.flatnonzero((poses.scores < 0.0) | (poses.scores > 1.0))
+    if len(outside):
+        raise OutputError(
+            f"the confidence in {ISAAC} files must be from 0 to 1; grasp {outside[0] + 1} has "
+            f"{poses.scores[outside[0]]:g}"
+        )
+    bases = poses.poses @ hand.base_pose
+    turned = quaternions(bases).tolist()
+    closed = _named_joints(hand, poses.opening)
+    opened = _named_joints(hand, poses.pregrasp_opening)
+    return [
+        {
+            "confidence": float(poses.scores[k]),
+            "position": bases[k, :3, 3].tolist(),
+            "orientation": {"w": turned[k][3], "xyz": turned[k][:3]},
+            "cspace_position": closed[k],
+            "pregrasp_cspace_position": opened[k],
+        }
+        for k in range(poses.count)
+    ]
+
+
+def _named_joints(hand: ParallelGripper, openings: Floats) -> list[dict[str, float]]:
+    """Joint values by name; empty where the opening is not known."""
+    rows = json_numbers(joint_values(hand, openings, ISAAC))
+    return [
+        {n: v for n, v in zip(hand.joint_names, row, strict=True) if v is not None} for row in rows
+    ]
+
+
+def read_isaac(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
+    """Grasps in the order of the file. Raises ContactError, OSError."""
+    document = mapping(load_yaml(path), "the file")
+    if required(document, "format") != ISAAC:
+        raise ContactError(f"format must be {ISAAC}; got {kind(document['format'])}")
+    version = one_number(document.get("format_version", ISAAC_VERSION), "format_version")
+    if int(version) != int(ISAAC_VERSION):
+        raise ContactError(f"format_version must be {ISAAC_VERSION}; got {version:g}")
+    grasps = mapping(required(document, "grasps"), "grasps")
+    if not grasps:
+        raise ContactError("there are no grasps in it")
+    hand = needed_gripper(hand, unit, ISAAC)
+    entries = entries_of(grasps.values())
+    return GraspPoses(
+        poses=_tcp_poses(_isaac_bases(entries), hand),
+        opening=_openings_of_joints(hand, _stated_joints(entries, "cspace_position")),
+        pregrasp_opening=_openings_of_joints(
+            hand, _stated_joints(entries, "pregrasp_cspace_position")
+        ),
+        scores=optional_numbers(entries, "confidence"),
+        names=tuple(map(str, grasps)),
+        unit="m",
+        hand=hand,
+        object_file=text_or_none(document.get("object_file"), "object_file"),
+        object_scale=number_or_none(document.get("object_scale"), "object_scale"),
+        settings=_isaac_frames(document),
+    )
+
+
+def _isaac_bases(entries: list[dict[str, Any]]) -> Floats:
+    """Poses of the hand's base, shape (k, 4, 4)."""
+    for number, entry in enumerate(entries, 1):
+        if isinstance(entry.get("orientation"), list):
+            raise ContactError(
+                f"grasp {number}: orientation must be w and xyz: a list of numbers does not state "
+                "whether w is the first or the last"
+            )
+    positions = numbers(each(entries, "position"), (3,), "position")
+    w = numbers(each(entries, "orientation", "w"), (), "orientation.w")
+    xyz = numbers(each(entries, "orientation", "xyz"), (3,), "orientation.xyz")
+    return from_quaternions(positions, np.column_stack([xyz, w]))
+
+
+def _stated_joints(entries: list[dict[str, Any]], key: str) -> list[dict[str, Any]]:
+    return [
+        mapping({} if entry.get(key) is None else entry[key], f"grasp {number}: {key}")
+        for number, entry in enumerate(entries, 1)
+    ]
+
+
+def _isaac_frames(document: dict[str, Any]) -> dict[str, str]:
+    """Names of the frames; the editor calls them ..._link, other programs do not."""
+    names: dict[str, str] = {}
+    for key in ("object_frame_link", "gripper_frame_link"):
+        value = document.get(key, document.get(key.removesuffix("_link")))
+        if isinstance(value, str):
+            names[key] = value
+    return names
+
+
+def is_moveit(content: object) -> bool:
+    """Whether the content of a JSON file is in this format."""
+    first = content[0] if isinstance(content, list) and content else content
+    return isinstance(first, dict) and "grasp_pose" in first
+
+
+def write_moveit(path: Path, poses: GraspPoses) -> None:
+    """Write one message for each grasp."""
+    hand, in_metres = for_robots(poses, MOVEIT)
+    frame = str(in_metres.settings.get("frame_id", "object"))
+    bases = in_metres.poses @ hand.base_pose
+    turned = quaternions(bases)
+    before = json_numbers(joint_values(hand, in_metres.pregrasp_opening, MOVEIT))
+    closed = json_numbers(joint_values(hand, in_metres.opening, MOVEIT))
+    messages = []
+    for k in range(in_metres.count):
+        approach = in_metres.poses[k, :3, 2]
+        messages.append(
+            {
+                "id": in_metres.names[k],
+                "pre_grasp_posture": _posture(hand, before[k], frame),
+                "grasp_posture": _posture(hand, closed[k], frame),
+                "grasp_pose": {
+                    "header": _header(frame),
+                    "pose": {
+                        "position": _letters(bases[k, :3, 3], "xyz"),
+                        "orientation": _letters(turned[k], "xyzw"),
+                    },
+                },
+                "grasp_quality": float(np.nan_to_num(in_metres.scores[k])),
+                "pre_grasp_approach": _translation(approach, frame),
+                "post_grasp_retreat": _translation(-approach, frame),
+                "post_place_retreat": _translation(-approach, frame),
+                "max_contact_force": NO_FORCE_LIMIT if hand.max_force is None else hand.max_force,
+                "allowed_touch_objects": [],
+            }
+        )
+    if np.isinf(in_metres.scores).any():
+        raise OutputError(f"the scores of {MOVEIT} messages must be finite")
+    with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
+        stream.write("[\n" + ",\n".join(map(json_text, messages)) + "\n]\n")
+
+
+def _header(frame: str) -> dict[str, Any]:
+    """std_msgs/Header of ROS 2."""
+    return {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": frame}
+
+
+def _letters(values: Floats, letters: str) -> dict[str, float]:
+    return dict(zip(letters, values.tolist(), strict=True))
+
+
+def _posture(hand: ParallelGripper, values: list[Any], frame: str) -> dict[str, Any]:
+    """trajectory_msgs/JointTrajectory of one point; of none where the opening is not known."""
+    is_known = bool(values) and None not in values
+    point = {
+        "positions": values, "velocities": [], "accelerations": [], "effort": [],
+        "time_from_start": {"sec": 0, "nanosec": 0},
+    }  # fmt: skip
+    return {
+        "header": _header(frame),
+        "joint_names": list(hand.joint_names) if is_known else [],
+        "points": [point] if is_known else [],
+    }
+
+
+def _translation(direction: Floats, frame: str) -> dict[str, Any]:
+    """moveit_msgs/GripperTranslation."""
+    return {
+        "direction": {"header": _header(frame), "vector": _letters(direction, "xyz")},
+        "desired_distance": DESIRED,
+        "min_distance": LEAST,
+    }
+
+
+def parse_moveit(content: object, hand: Hand | None, unit: Unit | None) -> GraspPoses:
+    """Poses of the content of a JSON file, a list of messages or one. Raises ContactError."""
+    messages = entries_of(
+        grasp_list(content if isinstance(content, list) else [content], "the file")
+    )
+    hand = needed_gripper(hand, unit, MOVEIT)
+    return GraspPoses(
+        poses=_tcp_poses(_moveit_bases(messages), hand),
+        opening=_moveit_openings(hand, messages, "grasp_posture"),
+        pregrasp_opening=_moveit_openings(hand, messages, "pre_grasp_posture"),
+        scores=optional_numbers(messages, "grasp_quality"),
+        names=tuple(str(m.get("id", f"grasp_{number}")) for number, m in enumerate(messages, 1)),
+        unit="m",
+        hand=hand,
+        settings=_moveit_frame(messages),
+    )
+
+
+def _moveit_bases(messages: list[dict[str, Any]]) -> Floats:
+    """Poses of the hand's base, shape (k, 4, 4)."""
+    where = ("grasp_pose", "pose")
+    position, turned = (
+        np.column_stack(
+            [
+                numbers(each(messages, *where, part, letter), (), f"{part}.{letter}")
+                for letter in letters
+            ]
+        )
+        for part, letters in (("position", "xyz"), ("orientation", "xyzw"))
+    )
+    return from_quaternions(position, turned)
+
+
+def _moveit_openings(hand: ParallelGripper, messages: list[dict[str, Any]], key: str) -> Floats:
+    """Openings [m] at the last point of the postures, (k,); nan: not stated."""
+    joints = []
+    for number, message in enumerate(messages, 1):
+        where = f"grasp {number}: {key}"
+        posture = mapping(message.get(key, {}), where)
+        names, points = posture.get("joint_names", []), posture.get("points", [])
+        if not isinstance(names, list) or not isinstance(points, list):
+            raise ContactError(f"{where} must have lists joint_names and points")
+        last = mapping(points[-1], f"{where}: a point") if points else {}
+        positions = last.get("positions", [])
+        if not isinstance(positions, list) or (points and len(positions) != len(names)):
+            raise ContactError(
+                f"{where} must have a position of each of {len(names)} joints; got "
+                f"{kind(positions)}"
+            )
+        joints.append(dict(zip(map(str, names), positions, strict=False)))
+    return _openings_of_joints(hand, joints)
+
+
+def _moveit_frame(messages: list[dict[str, Any]]) -> dict[str, str]:
+    """The frame that all poses are in."""
+    frames = {
+        text_or_none(
+            mapping(message["grasp_pose"].get("header", {}), "grasp_pose.header").get("frame_id"),
+            "frame_id",
+        )
+        for message in messages
+    }
+    if len(frames) > 1:
+        raise ContactError(
+            f"all grasps must be in the frame of the object; got {len(frames)} values of frame_id"
+        )
+    (frame,) = frames
+    return {"frame_id": frame} if frame else {}
+
+
+def _tcp_poses(bases: Floats, hand: ParallelGripper) -> Floats:
+    """Poses of the TCP from those of the hand's own frame, shape (k, 4, 4) [m]."""
+    return np.asarray(bases @ np.linalg.inv(hand.base_pose))
+
+
+def _openings_of_joints(hand: ParallelGripper, joints: Sequence[dict[str, Any]]) -> Floats:
+    """Openings [m] from joint values by name, the mean over the joints, (k,); nan: not stated.
+
+    Raises:
+        ContactError: The joints are those of another gripper.
+    """
+    names = {name: k for k, name in enumerate(hand.joint_names) if hand.joint_scale[k]}
+    openings = np.full(len(joints), np.nan)
+    for number, values in enumerate(joints):
+        own = [name for name in values if name in names]
+        if not own:
+            if values and names:
+                stated = ", ".join(str(name)[:40] for name in list(values)[:4])
+                raise ContactError(
+                    f"its joints ({stated}) are not those of gripper {hand.name!r} "
+                    f"({', '.join(names)}): give the gripper that the file was written for"
+                )
+            continue
+        indices = [names[name] for name in own]
+        positions = numbers([[values[name] for name in own]], (len(own),), "joint values")[0]
+        scale = np.array(hand.joint_scale)[indices]
+        opening = float(((positions - np.array(hand.joint_closed)[indices]) / scale).mean())
+        if opening < -0.1 * hand.max_opening:
+            raise ContactError(
+                f"grasp {number + 1}: its joint values mean an opening of {opening:.4g} m: are "
+                f"they those of gripper {hand.name!r}?"
+            )
+        openings[number] = max(opening, 0.0)  # below 0 where fingers are pressed together
+    return openings
