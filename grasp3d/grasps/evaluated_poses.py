@@ -174,6 +174,7 @@ class EvaluatedPoses(SpreadGrasps):
 
     def _settings(self) -> dict[str, Any]:
         """Settings of the evaluation; angles in radians."""
+        load = {} if self.holding is None else load_settings(self.load) | self.holding.settings()
         return {
             "version": package_version(),
             "source": self.mesh.report.source,
@@ -181,10 +182,5 @@ class EvaluatedPoses(SpreadGrasps):
             "unit": self.mesh.unit,
             "gripper": self.hand.name,
             "object_motion": self.object_motion,
-            **{name: value for name, value in self._load().items() if value is not None},
+            **{name: value for name, value in load.items() if value is not None},
         }
-
-    def _load(self) -> dict[str, Any]:
-        if self.holding is None:
-            return {}
-        return {**load_settings(self.load), **self.holding.settings()}

@@ -326,7 +326,8 @@ def evaluate_poses(
     mesh = in_stated_scale(load_mesh(mesh), poses)
     metres_per_unit(mesh)
     mesh, load = loaded_mesh(mesh, load)
-    start = poses.scaled(1.0, mesh.unit) if poses.unit is None else _in_unit(poses, mesh)
+    assert mesh.unit is not None
+    start = poses.scaled(1.0, mesh.unit) if poses.unit is None else poses.in_unit(mesh.unit)
     _check_external(start)
     own_model = touching(hand, GraspModel()) if model is None else model
     (own_model,) = mesh.in_own_unit(with_fingers(own_model, hand.fingers[-1]))
@@ -403,11 +404,6 @@ def _check_external(poses: GraspPoses) -> None:
             f"{poses.names[internal[0]]} is an internal grasp, as are {len(internal)} of "
             f"{poses.count}: its fingers push outward; only external grasps are evaluated"
         )
-
-
-def _in_unit(poses: GraspPoses, mesh: ObjectMesh) -> GraspPoses:
-    assert mesh.unit is not None
-    return poses.in_unit(mesh.unit)
 
 
 def _within_approach(poses: Floats, scene: Scene) -> Bools:

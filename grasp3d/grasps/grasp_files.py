@@ -15,6 +15,7 @@ from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.pose_files import holds_poses, read_poses, write_poses
+from grasp3d.grasps.pose_files.documents import load_json
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.quality.measures.measuring import MetricValues
@@ -173,10 +174,7 @@ def _number(value: object) -> float:
 
 def _from_json(path: Path) -> Floats:
     """Contacts of a JSON file. Raises ContactError, ValueError, OSError, RecursionError."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8-sig"))
-    except json.JSONDecodeError as error:
-        raise ContactError(f"is no JSON: {error}") from error
+    content = load_json(path)
     if isinstance(content, dict):
         content = _from_written(content)
     if not isinstance(content, list):
@@ -376,14 +374,9 @@ def poses_of(grasps: GraspTable) -> GraspPoses:
         opening=reach.opening,
         pregrasp_opening=reach.pregrasp_opening,
         posture=reach.posture,
-        scores=_scores(grasps),
+        scores=np.clip(1.0 - grasps.critical_angle / grasps.model.friction_angle, 0.0, 1.0),
         unit=grasps.mesh.unit,
         hand=scene.hand,
         columns=columns_of(FOUND_POSES, grasps),
         object_file=grasps.mesh.report.source,
     )
-
-
-def _scores(grasps: GraspTable) -> Floats:
-    """Scores from 0 to 1, larger is better (k,)."""
-    return np.clip(1.0 - grasps.critical_angle / grasps.model.friction_angle, 0.0, 1.0)

@@ -1,15 +1,15 @@
 """Other readings of poses: which mistake of a file would explain why the jaws do not close."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from grasp3d.arrays import Bools, Bytes, Floats
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.jaws import Jaws, metres_per_unit
+from grasp3d.hand.jaws import AXES, Jaws, metres_per_unit
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.system.context import unreported
@@ -34,16 +34,10 @@ are all at one point, where all poses fit if one does."""
 NAMES: dict[Unit, str] = {"m": "metres", "cm": "centimetres", "mm": "millimetres", "in": "inches"}
 
 Change = Callable[[Floats], Floats]
+"""From poses as they were read, shape (k, 4, 4), to those that they would be without a mistake."""
 
-
-@dataclass(frozen=True)
-class _Reading:
-    """Poses as they would be without one mistake."""
-
-    how: str
-    """Completes 'the jaws would close ... in n of m poses '."""
-    change: Change
-    """From the poses as they were read, shape (k, 4, 4), to those of this reading."""
+Reading = tuple[str, Change]
+"""Completes 'the jaws would close ... in n of m poses ', and the poses of this reading."""
 
 
 def suspected_reading(
@@ -94,10 +88,11 @@ def suspected_reading(
     count = int(_fits(mesh, tried, joints, hand).sum())
     if count >= FITTING * len(tried):
         return None
-    plausible = PLAUSIBLE[0] <= _spread(tried) / mesh.size <= PLAUSIBLE[1]
+    spread = float(np.linalg.norm(np.ptp(tried[:, :3, 3], axis=0)))  # diagonal of the TCPs' box
+    plausible = PLAUSIBLE[0] <= spread / mesh.size <= PLAUSIBLE[1]
     lengths = None if plausible else unit or mesh.unit
     readings = list(_readings(mesh, hand, lengths))
-    changed = np.concatenate([reading.change(tried) for reading in readings])
+    changed = np.concatenate([change(tried) for _, change in readings])
     joints = np.tile(joints, (len(readings), 1))
     fitting = _fits(mesh, changed, joints, hand).reshape(len(readings), -1).sum(axis=1)
     best = int(fitting.max())
@@ -107,13 +102,8 @@ def suspected_reading(
     sample = "" if len(tried) == len(poses) else f", a sample of the {len(poses)}"
     return (
         f"the jaws close on the object without collision in {count} of {len(tried)} poses{sample}, "
-        f"but in {best} of them {readings[int(fitting.argmax())].how}"
+        f"but in {best} of them {readings[int(fitting.argmax())][0]}"
     )
-
-
-def _spread(poses: Floats) -> float:
-    """Diagonal of the box around the TCPs."""
-    return float(np.linalg.norm(np.ptp(poses[:, :3, 3], axis=0)))
 
 
 def starting_inside(state: Bytes) -> str | None:
@@ -137,27 +127,29 @@ def _fits(mesh: ObjectMesh, poses: Floats, posture: Floats, hand: Hand) -> Bools
     return np.asarray(closed.closed & ~blocked)
 
 
-def _readings(mesh: ObjectMesh, hand: Hand, unit: Unit | None) -> Iterator[_Reading]:
+def _readings(mesh: ObjectMesh, hand: Hand, unit: Unit | None) -> Iterator[Reading]:
     """All other readings, the most common mistakes first."""
     bases = _bases(hand, metres_per_unit(mesh))
     for how, change in (*_ROTATIONS, *_units(unit)):
         for frame in (np.eye(4), *bases):  # files state the pose of the TCP, or of the hand's base
-            yield _Reading(how, _in_frame(change, frame))
+            yield how, _in_frame(change, frame)
     behind = hand.base_to_tcp if isinstance(hand, Jaws) else 0.0
     distance = f"{1000.0 * behind:.4g} mm"
     for base in bases:
-        yield _Reading(
+        how = (
             f"if they are those of the hand's base, {distance} behind the TCP: they may have been "
-            "read as poses of the TCP",
-            _after(np.asarray(np.linalg.inv(base), dtype=np.float64)),
+            "read as poses of the TCP"
         )
-        yield _Reading(
+        yield how, _after(np.asarray(np.linalg.inv(base), dtype=np.float64))
+        how = (
             f"if the TCP is {distance} farther back: poses of the TCP may have been read as those "
-            "of the hand's base, or converted twice",
-            _after(base),
+            "of the hand's base, or converted twice"
         )
+        yield how, _after(base)
     for how, axes in _AXES:
-        yield _Reading(how, _after(np.array(axes)))
+        frame = np.eye(4)
+        frame[:3, :3] = np.stack([AXES[name] for name in axes], axis=1)
+        yield how, _after(frame)
 
 
 def _bases(hand: Hand, metres: float) -> list[Floats]:
@@ -188,7 +180,7 @@ def _after(motion: Floats) -> Change:
     return lambda poses: np.asarray(poses @ motion)
 
 
-def _units(unit: Unit | None) -> Iterator[tuple[str, Change]]:
+def _units(unit: Unit | None) -> Iterator[Reading]:
     """Lengths in other units than they were read in."""
     if unit is None:
         return
@@ -199,9 +191,17 @@ def _units(unit: Unit | None) -> Iterator[tuple[str, Change]]:
 
 
 def _scaled(factor: float) -> Change:
+    factors = np.ones((4, 4))
+    factors[:3, 3] = factor
+    return lambda poses: poses * factors
+
+
+def _turned(turn: Change) -> Change:
+    """Poses whose rotations, shape (k, 3, 3), are others."""
+
     def change(poses: Floats) -> Floats:
         changed = poses.copy()
-        changed[:, :3, 3] *= factor
+        changed[:, :3, :3] = turn(poses[:, :3, :3])
         return changed
 
     return change
@@ -210,28 +210,14 @@ def _scaled(factor: float) -> Change:
 def _reordered(*order: int) -> Change:
     """Rotations whose quaternions (x y z w) are taken in another order."""
 
-    def change(poses: Floats) -> Floats:
-        from scipy.spatial.transform import Rotation
+    def turn(rotations: Floats) -> Floats:
+        quaternions = Rotation.from_matrix(rotations).as_quat()
+        return np.asarray(Rotation.from_quat(quaternions[:, order]).as_matrix())
 
-        changed = poses.copy()
-        quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
-        changed[:, :3, :3] = Rotation.from_quat(quaternions[:, order]).as_matrix()
-        return changed
-
-    return change
+    return _turned(turn)
 
 
-def _transposed(poses: Floats) -> Floats:
-    changed = poses.copy()
-    changed[:, :3, :3] = poses[:, :3, :3].transpose(0, 2, 1)
-    return changed
-
-
-def _inverted(poses: Floats) -> Floats:
-    return np.asarray(np.linalg.inv(poses))
-
-
-_ROTATIONS: tuple[tuple[str, Change], ...] = (
+_ROTATIONS: tuple[Reading, ...] = (
     (
         "if their quaternions are in the order (w x y z) instead of (x y z w)",
         _reordered(1, 2, 3, 0),
@@ -246,26 +232,20 @@ _ROTATIONS: tuple[tuple[str, Change], ...] = (
     ),
     (
         "if their rotations are inverted: transposed, or with the opposite scalar of a quaternion",
-        _transposed,
+        _turned(lambda rotations: rotations.transpose(0, 2, 1)),
     ),
     (
         "if they are inverted: they may be poses of the object in the gripper's frame",
-        _inverted,
+        lambda poses: np.asarray(np.linalg.inv(poses)),
     ),
 )
 
 _AXES = (
-    (
-        "if their y is the closing axis, where x is expected",
-        [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]],
-    ),
-    (
-        "if they approach along -z, where z is expected",
-        [[1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 0.0, 0.0, 1.0]],
-    ),
+    ("if their y is the closing axis, where x is expected", ("y", "-x", "z")),
+    ("if they approach along -z, where z is expected", ("x", "-y", "-z")),
     (
         "if they approach along x and close along y, where z and x are expected",
-        [[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]],
+        ("y", "z", "x"),
     ),
 )
-"""Other axes of the gripper's frame, as columns: x, y and z of the TCP in the file's axes."""
+"""Other axes of the gripper's frame: x, y and z of the TCP as axes of the file's frame."""

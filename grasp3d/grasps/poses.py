@@ -25,6 +25,9 @@ OWN_NAMES = frozenset({
 })  # fmt: skip
 """Names that files use for the fields themselves, and that no further column may have."""
 
+NUMBERS = ("opening", "pregrasp_opening", "scores", "outcome")
+"""Fields of one number for each pose."""
+
 VECTOR_COLUMNS = ("contacts", "normals")
 """Columns of shape (k, n, 3), for n contacts."""
 
@@ -91,7 +94,7 @@ class GraspPoses:
             },
             "settings": dict(self.settings),
         }
-        for name in ("opening", "pregrasp_opening", "scores", "outcome"):
+        for name in NUMBERS:
             values[name] = _numbers(name, getattr(self, name), count)
         _check_values(values)
         if self.unit is not None and self.unit not in get_args(Unit):
@@ -155,12 +158,7 @@ class GraspPoses:
         rows = np.arange(self.count)[index if index.size else index.astype(np.int64)]
         return replace(
             self,
-            poses=self.poses[rows],
-            opening=self.opening[rows],
-            pregrasp_opening=self.pregrasp_opening[rows],
-            posture=self.posture[rows],
-            scores=self.scores[rows],
-            outcome=self.outcome[rows],
+            **{name: getattr(self, name)[rows] for name in ("poses", "posture", *NUMBERS)},
             names=tuple(self.names[k] for k in rows),
             columns={name: values[rows] for name, values in self.columns.items()},
         )
