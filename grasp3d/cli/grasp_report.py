@@ -34,8 +34,7 @@ from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing
-from grasp3d.quality.measures.geometry import Texts
-from grasp3d.quality.measures.known import Metric
+from grasp3d.quality.measures.geometry import Metric, Texts
 from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.settings.model_text import epsilon_min_text
 from grasp3d.stability.label import MEANING, Label

@@ -16,7 +16,7 @@ from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.hand import Hand
 from grasp3d.quality.loads import load_settings
-from grasp3d.quality.measures.known import METRICS
+from grasp3d.quality.measures.formulas import METRICS
 from grasp3d.quality.measures.measuring import UNDEFINED, MetricValues
 from grasp3d.settings.parsing import plain_values
 from grasp3d.surface.fields import CLOSED, FORCES, columns_of, given_poses

@@ -16,10 +16,10 @@ from .grip_forces import GripForce as GripForce
 from .grip_forces import Resistance as Resistance
 from .grip_forces import grip_force as grip_force
 from .location_tolerance import location_tolerance as location_tolerance
-from .measures.known import METRICS as METRICS
-from .measures.known import Metric as Metric
-from .measures.known import metric_names as metric_names
+from .measures.formulas import METRICS as METRICS
+from .measures.geometry import Metric as Metric
 from .measures.measuring import MetricValues as MetricValues
+from .measures.measuring import metric_names as metric_names
 from .measures.measuring import metrics as metrics
 from .task_texts import parse_task as parse_task
 from .tasks import Acceleration as Acceleration

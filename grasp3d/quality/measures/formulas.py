@@ -1,38 +1,27 @@
-"""Measures of wrenches, of forces, and of the contacts' positions.
+"""Measures of wrenches, of forces, and of the contacts' positions, with their sources.
 
 Of the grasp matrix: its singular values in the span of the grasp. Of the primitive wrenches: volume
 of their hull, min-weight metric. Of internal forces: how far they can stay from the borders of the
-friction cones. Of a given wrench: the force per finger that it needs. Linear programs are solved
-many together.
+friction cones. Of a given wrench: the force per finger that it needs.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import linprog
-from scipy.sparse import block_diag
 from scipy.spatial import ConvexHull, QhullError
 
 from grasp3d.arrays import Bools, Floats, Ints, angles_between
 from grasp3d.contact.friction_cones import edge_angles
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.grip_forces import Resistance, grip_force
-from grasp3d.quality.measures.geometry import AT_ONE_POINT, NO_EQUILIBRIUM, GraspGeometry, Measured
+from grasp3d.quality.measures.geometry import GraspGeometry, Measured, Metric
+from grasp3d.quality.measures.linear_programs import Program, solve
 
 BESIDE_ORIGIN = 1e-9
 """Part of the vector of ones outside the wrenches' column space from which weights exist."""
-
-TOGETHER = 32
-"""Programs solved as one: a call of the solver costs more than a small program."""
-
-TOLERANCE = 1e-10
-"""Largest violation of a constraint; rows and unknowns are of size 1."""
-
-NUMERICAL_DIFFICULTIES = 4
-"""Status of a program of which the solver found nothing out."""
 
 LEAST_RANK = 5
 """Rank of hard fingers on a line; below it contacts coincide, or have no friction."""
@@ -49,77 +38,91 @@ NEAR = 1e-9
 ROUND = 1e-6
 """Difference of two extents of the contacts, relative to the larger, from which they differ."""
 
+NO_EQUILIBRIUM = "no forces of the fingers are in equilibrium"
+AT_ONE_POINT = "all contacts are at one point"
 NO_PLANE = "the contacts are nearest to no single plane"
 NO_AXIS = "no longest principal axis of the object is given"
+"""Why measures are undefined."""
+
+_COLUMN = "a soft finger adds the column e n of torsional moment per normal force"
+_PRIMITIVES = "a soft finger adds its normal force with the moments +e and -e as primitive wrenches"
+
+_METRICS: dict[str, Metric] = {}
+
+METRICS: Mapping[str, Metric] = MappingProxyType(_METRICS)
+"""Known quality measures by name, in the order of tables."""
+
+Measure = Callable[[GraspGeometry], Measured]
 
 
-@dataclass(frozen=True, eq=False)
-class Program:
-    """Maximise the first unknown x[0], with `equal @ x = given` and `below @ x <= 0`."""
+def _metric(
+    term: str, text: str, formula: str, source: str, **others: Any
+) -> Callable[[Measure], Measure]:
+    """Add a function to the known measures, with its description as of `Metric`."""
 
-    equal: Floats
-    """Shape (e, v)."""
-    given: Floats
-    """Shape (e,)."""
-    below: Floats
-    """Shape (k, v); k may be 0."""
-    least: Floats
-    """Lower bounds of the unknowns, shape (v,)."""
-    most: Floats
-    """Upper bounds, shape (v,)."""
+    def add(measure: Measure) -> Measure:
+        name = measure.__name__
+        _METRICS[name] = Metric(name, term, text, formula, source, **others, measure=measure)
+        return measure
+
+    return add
 
 
-def solve(programs: Sequence[Program]) -> Floats:
-    """The largest first unknown of each program, shape (p,); nan where there is no solution."""
-    values = np.full(len(programs), np.nan)
-    for start in range(0, len(programs), TOGETHER):
-        chunk = programs[start : start + TOGETHER]
-        values[start : start + len(chunk)] = _solve_together(chunk)
-    return values
+@_metric(
+    "smallest singular value of the grasp matrix",
+    "how far the grasp is from one that cannot move the object in some direction",
+    r"\sigma_{min}(G)",
+    "Li & Sastry 1988",
+    torsion=_COLUMN,
+)
+def smallest_singular_value(grasps: GraspGeometry) -> Measured:
+    """Smallest singular value in the span of the grasp."""
+    return _of_rank(grasps, _smallest(grasps))
 
 
-def _solve_together(programs: Sequence[Program], *, presolve: bool = True) -> Floats:
-    """Solve programs as one with blocks; divide them in halves if that has no solution.
-
-    The solver may fail to lead the solution of a simplified program back to the program itself; one
-    of which it neither finds a solution nor that there is none is solved as it is.
-    """
-    widths = np.array([len(program.least) for program in programs])
-    first = np.concatenate([[0], np.cumsum(widths)[:-1]])
-    cost = np.zeros(widths.sum())
-    cost[first] = -1.0
-    below = _blocks([program.below for program in programs])
-    bounds: Any = np.concatenate(
-        [np.stack([program.least, program.most], axis=1) for program in programs]
-    )
-    result = linprog(
-        cost,
-        A_eq=_blocks([program.equal for program in programs]),
-        b_eq=np.concatenate([program.given for program in programs]),
-        A_ub=below if below.shape[0] else None,
-        b_ub=np.zeros(below.shape[0]) if below.shape[0] else None,
-        bounds=bounds,
-        method="highs",
-        options={
-            "presolve": presolve,
-            "primal_feasibility_tolerance": TOLERANCE,
-            "dual_feasibility_tolerance": TOLERANCE,
-        },
-    )
-    if result.status == 0 and result.x is not None:
-        return np.asarray(result.x[first], dtype=np.float64)
-    if len(programs) == 1:
-        undecided = result.status == NUMERICAL_DIFFICULTIES and presolve
-        return _solve_together(programs, presolve=False) if undecided else np.array([np.nan])
-    half = len(programs) // 2
-    return np.concatenate([_solve_together(programs[:half]), _solve_together(programs[half:])])
+@_metric(
+    "volume of the ellipsoid in the wrench space",
+    "how much wrench unit contact forces make in all directions together",
+    r"\sqrt{\det(G G^T)} = \prod_k \sigma_k",
+    "Li & Sastry 1988",
+    torsion=_COLUMN,
+)
+def grasp_matrix_volume(grasps: GraspGeometry) -> Measured:
+    """Product of the singular values in the span of the grasp."""
+    values = grasps.singular_values
+    product = np.where(values > 0.0, values, 1.0).prod(axis=1)
+    return _of_rank(grasps, product)
 
 
-def _blocks(matrices: Sequence[Floats]) -> Any:
-    """Sparse matrix with the given ones along its diagonal."""
-    return block_diag(matrices, format="csr")
+@_metric(
+    "grasp isotropy index",
+    "how evenly contact forces contribute to wrenches of all directions",
+    r"\sigma_{min}(G) / \sigma_{max}(G)",
+    "Kim et al. 2001",
+    torsion=_COLUMN,
+    most=1.0,
+)
+def grasp_isotropy(grasps: GraspGeometry) -> Measured:
+    """Smallest divided by largest singular value in the span of the grasp."""
+    return _of_rank(grasps, _smallest(grasps) / grasps.singular_values[:, 0])
 
 
+def _smallest(grasps: GraspGeometry) -> Floats:
+    values = grasps.singular_values
+    return np.asarray(np.where(values > 0.0, values, np.inf).min(axis=1))
+
+
+def _of_rank(grasps: GraspGeometry, values: Floats) -> Measured:
+    return Measured.of(values, *_below_rank(grasps.rank, "the grasp matrix has rank {}"))
+
+
+@_metric(
+    "volume of the grasp wrench space",
+    "volume of the convex hull of the primitive wrenches, whether or not it contains 0",
+    r"\operatorname{vol}(\operatorname{conv}\{w_j\})",
+    "Miller & Allen 1999",
+    torsion=_PRIMITIVES,
+)
 def wrench_space_volume(grasps: GraspGeometry) -> Measured:
     """Volume of the hull of the primitive wrenches in their span."""
     span_rank = (grasps.primitive_span.sizes > 0.0).sum(axis=1)
@@ -142,6 +145,24 @@ def _hull_volume(rows: Floats, rank: int) -> float:
     return float(volume * sizes[:rank].prod())
 
 
+def _below_rank(ranks: Ints, text: str) -> list[tuple[Bools, str]]:
+    """Masks of the ranks below the least one, with the reason why there is no measure."""
+    return [
+        (ranks == rank, f"{text.format(rank)}, less than {LEAST_RANK}")
+        for rank in range(LEAST_RANK)
+    ]
+
+
+@_metric(
+    "min-weight metric",
+    "largest smallest weight with which the primitive wrenches combine to 0; above 0 exactly "
+    "if the grasp with these polygonal cones is force-closed",
+    r"\max_c \min_j c_j, \sum_j c_j w_j = 0, \sum_j c_j = 1",
+    "Li et al. 2023",
+    torsion=_PRIMITIVES,
+    least=-math.inf,
+    most=1.0,
+)
 def min_weight(grasps: GraspGeometry) -> Measured:
     """Largest smallest weight of a combination of the primitive wrenches that is 0."""
     coordinates, used = grasps.primitive_span.rows, grasps.used_primitives
@@ -174,40 +195,16 @@ def _weights_of(rows: Floats) -> Program:
     )
 
 
-def smallest_singular_value(grasps: GraspGeometry) -> Measured:
-    """Smallest singular value in the span of the grasp."""
-    return _of_rank(grasps, _smallest(grasps))
-
-
-def grasp_matrix_volume(grasps: GraspGeometry) -> Measured:
-    """Product of the singular values in the span of the grasp."""
-    values = grasps.singular_values
-    product = np.where(values > 0.0, values, 1.0).prod(axis=1)
-    return _of_rank(grasps, product)
-
-
-def grasp_isotropy(grasps: GraspGeometry) -> Measured:
-    """Smallest divided by largest singular value in the span of the grasp."""
-    return _of_rank(grasps, _smallest(grasps) / grasps.singular_values[:, 0])
-
-
-def _smallest(grasps: GraspGeometry) -> Floats:
-    values = grasps.singular_values
-    return np.asarray(np.where(values > 0.0, values, np.inf).min(axis=1))
-
-
-def _of_rank(grasps: GraspGeometry, values: Floats) -> Measured:
-    return Measured.of(values, *_below_rank(grasps.rank, "the grasp matrix has rank {}"))
-
-
-def _below_rank(ranks: Ints, text: str) -> list[tuple[Bools, str]]:
-    """Masks of the ranks below the least one, with the reason why there is no measure."""
-    return [
-        (ranks == rank, f"{text.format(rank)}, less than {LEAST_RANK}")
-        for rank in range(LEAST_RANK)
-    ]
-
-
+@_metric(
+    "margin of internal forces",
+    "largest distance of forces in equilibrium from the borders of the polygonal friction "
+    "cones, their normal components being 1 together; below 0 they must leave the cones",
+    r"\max_f \min_{i,k} d_k(f_i), \sum_i G_i f_i = 0, \sum_i n_i \cdot f_i = 1",
+    "Kerr & Roth 1986",
+    torsion="a soft finger may use torsion, which takes |moment|/e from its normal force",
+    least=-math.inf,
+    most=0.5,
+)
 def internal_force_margin(grasps: GraspGeometry) -> Measured:
     """Largest distance of internal forces from the borders of the cones (Kerr & Roth 1986)."""
     rows = np.flatnonzero(~grasps.at_one_point)
@@ -271,6 +268,16 @@ def _moment_limits(count: int) -> Floats:
     return limits.reshape(2 * count, -1)
 
 
+@_metric(
+    "margin of the friction angle",
+    "largest smallest angle between forces in equilibrium and the borders of their circular "
+    "friction cones",
+    r"\beta - \beta^*",
+    "Wan & Howe 2018",
+    least=-math.pi,
+    most=math.pi,
+    unit="rad",
+)
 def friction_margin(grasps: GraspGeometry) -> Measured:
     """Friction angle less the critical friction angle."""
     contacts = grasps.contacts
@@ -282,22 +289,6 @@ def friction_margin(grasps: GraspGeometry) -> Measured:
         (grasps.at_one_point, AT_ONE_POINT),
         ((own != own[:, :1]).any(axis=1), "the fingers' friction differs"),
         (~np.isfinite(angles), NO_EQUILIBRIUM),
-    )
-
-
-def wrench_resistance(grasps: GraspGeometry) -> Measured:
-    """Smallest normal force of every finger that resists the given wrench (Mahler et al. 2019)."""
-    if grasps.wrench is None:
-        missing = np.ones(grasps.size, dtype=bool)
-        return Measured.of(np.full(grasps.size, np.nan), (missing, "no wrench is given"))
-    force = grip_force(grasps.contacts, grasps.wrench, rtol=RTOL)
-    return Measured.of(
-        force.value,
-        (
-            force.resistance == Resistance.NO_SUCH_WRENCH,
-            "the fingers can apply no wrench of that kind, however hard they press",
-        ),
-        (~np.isfinite(force.value), "the fingers cannot push that way, however hard they press"),
     )
 
 
@@ -316,11 +307,27 @@ class _Plane(NamedTuple):
     """Whether other planes are as near, as for a regular tetrahedron, shape (b,)."""
 
 
+@_metric(
+    "distance between the grasp's centroid and the centre of mass",
+    "lever arm of weight and inertia",
+    r"\lVert \frac{1}{n} \sum_i p_i \rVert",
+    "Ding et al. 2001",
+    better="smaller",
+    unit="length",
+)
 def centroid_distance(grasps: GraspGeometry) -> Measured:
     """Distance of the contacts' mean from the centre of mass."""
     return Measured.of(np.linalg.norm(grasps.contacts.points.mean(axis=1), axis=-1))
 
 
+@_metric(
+    "area of the grasp polygon",
+    "area of the polygon of the contacts, in the plane nearest to them",
+    r"\operatorname{area}(p_1 \dots p_n)",
+    "Mirtich & Canny 1994",
+    unit="length²",
+    fingers=3,
+)
 def polygon_area(grasps: GraspGeometry) -> Measured:
     """Area of the finger polygon in its plane."""
     plane = _plane(grasps)
@@ -331,6 +338,15 @@ def polygon_area(grasps: GraspGeometry) -> Measured:
     return Measured.of(area, (plane.ambiguous, NO_PLANE))
 
 
+@_metric(
+    "shape of the grasp polygon",
+    "difference of its inner angles from those of the regular polygon; 0: regular, 1: a line",
+    r"\frac{1}{\theta_{max}} \sum_i \lvert \theta_i - \bar\theta \rvert",
+    "Kim et al. 2001",
+    better="smaller",
+    most=1.0,
+    fingers=3,
+)
 def polygon_shape(grasps: GraspGeometry) -> Measured:
     """Difference of the polygon's inner angles from the regular ones; 0: regular, 1: a line."""
     plane, count = _plane(grasps), grasps.count
@@ -346,6 +362,33 @@ def polygon_shape(grasps: GraspGeometry) -> Measured:
     )
 
 
+def _inner_angles(corners: Floats) -> Floats:
+    """Inner angles of polygons (b, n, 2) in counter-clockwise order [rad], shape (b, n)."""
+    ahead = np.roll(corners, -1, axis=1) - corners
+    behind = np.roll(corners, 1, axis=1) - corners
+    cross = ahead[..., 0] * behind[..., 1] - ahead[..., 1] * behind[..., 0]
+    angles = np.arctan2(cross, (ahead * behind).sum(axis=-1))
+    return np.asarray(np.where(angles < 0.0, angles + 2.0 * math.pi, angles))
+
+
+def _any_coincide(points: Floats) -> Bools:
+    """Whether any two of the points (b, n, 2) of each grasp coincide, shape (b,)."""
+    first, second = np.triu_indices(points.shape[1], 1)
+    gaps = np.linalg.norm(points[:, first] - points[:, second], axis=-1)
+    return np.asarray((gaps <= NEAR).any(axis=1))
+
+
+@_metric(
+    "orthogonality",
+    "angle from the grasp's axis to the nearest of parallel and orthogonal to the object's "
+    "longest principal axis; the grasp's axis is the line through the contacts, of three and "
+    "more the normal of their plane",
+    r"\min(\delta, \frac{\pi}{2} - \delta)",
+    "Balasubramanian et al. 2012",
+    better="smaller",
+    most=math.pi / 4.0,
+    unit="rad",
+)
 def orthogonality(grasps: GraspGeometry) -> Measured:
     """Angle between the grasp's axis and the object's, or its complement if that is smaller."""
     plane, axis = _plane(grasps), grasps.principal_axis
@@ -374,17 +417,28 @@ def _plane(grasps: GraspGeometry) -> _Plane:
     return _Plane(flat, axes[:, 0], axes[:, 2], collinear, ambiguous)
 
 
-def _inner_angles(corners: Floats) -> Floats:
-    """Inner angles of polygons (b, n, 2) in counter-clockwise order [rad], shape (b, n)."""
-    ahead = np.roll(corners, -1, axis=1) - corners
-    behind = np.roll(corners, 1, axis=1) - corners
-    cross = ahead[..., 0] * behind[..., 1] - ahead[..., 1] * behind[..., 0]
-    angles = np.arctan2(cross, (ahead * behind).sum(axis=-1))
-    return np.asarray(np.where(angles < 0.0, angles + 2.0 * math.pi, angles))
-
-
-def _any_coincide(points: Floats) -> Bools:
-    """Whether any two of the points (b, n, 2) of each grasp coincide, shape (b,)."""
-    first, second = np.triu_indices(points.shape[1], 1)
-    gaps = np.linalg.norm(points[:, first] - points[:, second], axis=-1)
-    return np.asarray((gaps <= NEAR).any(axis=1))
+@_metric(
+    "wrench resistance",
+    "smallest normal force of every finger with which circular friction cones resist a given "
+    "wrench, as `grip_force` finds it; the fingers may press less than that",
+    r"\min\{t : -w \in t \, W\}",
+    "Mahler et al. 2019",
+    better="smaller",
+    torsion="soft fingers have the elliptic limit surface",
+    unit="N",
+    of_wrench=True,
+)
+def wrench_resistance(grasps: GraspGeometry) -> Measured:
+    """Smallest normal force of every finger that resists the given wrench (Mahler et al. 2019)."""
+    if grasps.wrench is None:
+        missing = np.ones(grasps.size, dtype=bool)
+        return Measured.of(np.full(grasps.size, np.nan), (missing, "no wrench is given"))
+    force = grip_force(grasps.contacts, grasps.wrench, rtol=RTOL)
+    return Measured.of(
+        force.value,
+        (
+            force.resistance == Resistance.NO_SUCH_WRENCH,
+            "the fingers can apply no wrench of that kind, however hard they press",
+        ),
+        (~np.isfinite(force.value), "the fingers cannot push that way, however hard they press"),
+    )

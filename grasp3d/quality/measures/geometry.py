@@ -1,8 +1,10 @@
-"""What measures take, the geometry of a batch of grasps, and return: values with reasons."""
+"""What measures are, take, the geometry of a batch of grasps, and return: values with reasons."""
 
-from dataclasses import dataclass
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,15 +19,14 @@ RANK_TOLERANCE = 1e-10
 SAME_POINT = 1e-12
 """Size of a grasp, relative to its distance from the centre of mass, that is rounding alone."""
 
-
 Texts = npt.NDArray[Any]
 """Texts, shape (b,)."""
 
-NO_EQUILIBRIUM = "no forces of the fingers are in equilibrium"
-"""Why measures of internal forces are undefined."""
+Better = Literal["larger", "smaller"]
+"""Which values of a measure are better."""
 
-AT_ONE_POINT = "all contacts are at one point"
-"""Why measures of forces and of directions are undefined."""
+Unit = Literal["", "length", "length²", "rad", "N"]
+"""Unit of a measure; '': it has none."""
 
 
 class Span(NamedTuple):
@@ -49,7 +50,6 @@ class GraspGeometry:
     """Edges of polygonal friction cones."""
     tolerance: float
     """Largest error of critical friction angles [rad]."""
-    """Threads for critical friction angles."""
     principal_axis: Floats
     """Longest principal axis of the object, shape (b, 3); nan: not given."""
     wrench: Floats | None = None
@@ -169,6 +169,45 @@ class Measured:
         for mask, text in reversed(undefined):
             numbers[mask], reasons[mask] = np.nan, text
         return cls(numbers, reasons)
+
+
+@dataclass(frozen=True)
+class Metric:
+    """Description of a quality measure.
+
+    Example:
+        >>> from grasp3d.quality import METRICS
+        >>> metric = METRICS["grasp_isotropy"]
+        >>> metric.better, metric.least, metric.most, metric.source
+        ('larger', 0.0, 1.0, 'Kim et al. 2001')
+    """
+
+    name: str
+    """Name of the column, such as 'min_weight'."""
+    term: str
+    """Standard term."""
+    text: str
+    """What it measures, in a sentence."""
+    formula: str
+    """In LaTeX, with the symbols of the documentation."""
+    source: str
+    """Authors and year; the documentation lists the papers."""
+    better: Better = "larger"
+    """Which values are better."""
+    torsion: str = "torsion does not matter"
+    """What it does with the torsional moment of soft fingers."""
+    least: float = 0.0
+    """Lower end of its range."""
+    most: float = math.inf
+    """Upper end of its range."""
+    unit: Unit = ""
+    """Lengths are in the unit of the contacts."""
+    fingers: int = 2
+    """Smallest number of fingers for which it is defined."""
+    of_wrench: bool = False
+    """Whether it is that of a given wrench."""
+    measure: Callable[[GraspGeometry], Measured] = field(kw_only=True, repr=False, compare=False)
+    """The function of the package that computes it."""
 
 
 def _span(rows: Floats) -> Span:

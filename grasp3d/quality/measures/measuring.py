@@ -1,5 +1,6 @@
 """Quality measures of contacts, all in one table."""
 
+import difflib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -13,12 +14,49 @@ from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import edge_angles
 from grasp3d.errors import SettingError
 from grasp3d.quality.grip_forces import wrenches_of
-from grasp3d.quality.measures.geometry import GraspGeometry, Measured
-from grasp3d.quality.measures.known import METRICS, Metric, metric_names
+from grasp3d.quality.measures.formulas import METRICS
+from grasp3d.quality.measures.geometry import GraspGeometry, Measured, Metric
 from grasp3d.quality.wrenches import check_torque_scale
+
+ALL = "all"
+"""Stands for the names of all measures, of those of a wrench only where one is given."""
 
 UNDEFINED = "undefined_metrics"
 """Column of a table with the reasons why measures are undefined."""
+
+
+def metric_names(names: str | Sequence[str], *, of_wrench: bool = False) -> tuple[str, ...]:
+    """Names of known measures.
+
+    Args:
+        names: 'all', names in a list, or separated by commas in one text.
+        of_wrench: Whether 'all' includes the measures of a given wrench.
+
+    Returns:
+        Each name once, in the order in which it was given; of 'all', that of `METRICS`.
+
+    Raises:
+        SettingError: A name that is not known, or none at all.
+
+    Example:
+        >>> from grasp3d.quality import metric_names
+        >>> metric_names("min_weight, grasp_isotropy")
+        ('min_weight', 'grasp_isotropy')
+    """
+    words = names.split(",") if isinstance(names, str) else list(names)
+    parts = [str(name).strip() for name in words]
+    everything = [name for name, one in METRICS.items() if of_wrench or not one.of_wrench]
+    wanted = [name for part in parts for name in (everything if part == ALL else [part])]
+    if not any(wanted):
+        raise SettingError(f"no metric is named; known: {ALL}, {', '.join(METRICS)}")
+    for name in wanted:
+        if name not in METRICS:
+            near = difflib.get_close_matches(name, METRICS, 1)
+            hint = f"did you mean {near[0]}? " if near else ""
+            raise SettingError(
+                f"no metric is called {name!r}; {hint}known: {ALL}, {', '.join(METRICS)}"
+            )
+    return tuple(dict.fromkeys(wanted))
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,8 +245,7 @@ def _measure(grasps: GraspGeometry, metric: Metric) -> Measured:
         return Measured.of(np.full(grasps.size, np.nan), (few, reason))
     if not grasps.size:
         return Measured.of(np.zeros(0))
-    measured: Measured = metric.measure(grasps)
-    return measured
+    return metric.measure(grasps)
 
 
 def _axes_of(values: ArrayLike | None, batch: tuple[int, ...]) -> Floats:
