@@ -27,7 +27,7 @@ from typing import Literal
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts, tilts_of
 from grasp3d.contact.friction_cones import tilted_normals, turned
 from grasp3d.errors import SettingError
@@ -79,22 +79,10 @@ class _Tilted:
     force: Floats
     """Shape (b,)."""
 
-    def take(self, grasps: Ints | Bools) -> "_Tilted":
-        """Those of chosen grasps."""
-        return _Tilted(self.normals[grasps], self.force[grasps])
-
-    def replaced(self, grasps: Ints, values: "_Tilted") -> "_Tilted":
-        """With those of some grasps replaced."""
-        normals, force = self.normals.copy(), self.force.copy()
-        normals[grasps], force[grasps] = values.normals, values.force
-        return _Tilted(normals, force)
-
-    def worse(self, normals: Floats, force: Floats) -> "_Tilted":
-        """Take other tilts where they need more force."""
-        more = force > self.force
-        return _Tilted(
-            np.where(more[:, None, None], normals, self.normals), np.where(more, force, self.force)
-        )
+    def worsen(self, grasps: Ints, normals: Floats, force: Floats) -> None:
+        """Take other tilts of some grasps where they need more force."""
+        more = force > self.force[grasps]
+        self.normals[grasps[more]], self.force[grasps[more]] = normals[more], force[more]
 
 
 def largest_sampled(
@@ -111,14 +99,15 @@ def largest_sampled(
     Returns:
         The forces (b,) and the normals (b, n, 3) of these tilts.
     """
-    sampled = _Tilted(contacts.normals, nominal.lower)
-    sampled = sampled.worse(*_opened(contacts, tilt, options))
+    active = np.arange(len(tilt))
+    sampled = _Tilted(np.array(contacts.normals), np.array(nominal.lower))
+    sampled.worsen(active, *_opened(contacts, tilt, options))
     weakest = nominal.certificate.direction
     wrenches = _hardest(options, -weakest)
     directions, forces = [], []
     for normals in _tilts_around(contacts, tilt):
         direction, force = _against(contacts.with_normals(normals), wrenches, options)
-        sampled = sampled.worse(normals, force)
+        sampled.worsen(active, normals, force)
         directions.append(direction)
         forces.append(force)
     order = np.argsort(np.stack(forces), axis=0)[-STARTS:]  # (STARTS, b)
@@ -128,22 +117,20 @@ def largest_sampled(
     ]
     starts += [weakest, *np.take_along_axis(np.stack(directions), order[..., None], axis=0)]
     for start in starts:
-        sampled = _ascend(contacts, tilt, options, start, sampled)
+        _ascend(contacts, tilt, options, active, start, sampled)
     largest, worst = np.array(nominal.upper), contacts.normals.copy()
-    active = np.arange(len(tilt))
     for _ in range(EVALUATIONS):
-        grasps, some, best = contacts.take(active), options.take(active), sampled.take(active)
-        evaluated = some.force(grasps.with_normals(best.normals))
+        normals = sampled.normals[active]
+        evaluated = options.take(active).force(contacts.take(active).with_normals(normals))
+        more = evaluated.upper > largest[active]
         larger = np.asarray(evaluated.upper > largest[active] * (1.0 + COARSE))
-        more = active[evaluated.upper > largest[active]]
-        worst[more] = best.normals[evaluated.upper > largest[active]]
+        worst[active[more]] = normals[more]
         largest[active] = np.maximum(largest[active], evaluated.upper)
-        active, best = active[larger], best.take(larger)
+        active = active[larger]
         if not len(active):
             break
         weakest = evaluated.certificate.direction[larger]
-        best = _ascend(contacts.take(active), tilt[active], options.take(active), weakest, best)
-        sampled = sampled.replaced(active, best)
+        _ascend(contacts, tilt, options, active, weakest, sampled)
     return largest, worst
 
 
@@ -168,11 +155,11 @@ def least_sampled(
     goals = np.where(np.isfinite(forces), forces, middle - contacts.points)
     toward = turned(contacts.normals, goals, tilt)
     normals = np.where(np.isfinite(toward), toward, contacts.normals)
-    third = options.force(contacts.with_normals(normals))
-    forces = third.certificate.forces[..., :3]
+    first = options.force(contacts.with_normals(normals))
+    forces = first.certificate.forces[..., :3]
     again = turned(contacts.normals, np.where(np.isfinite(forces), forces, normals), tilt)
     second = options.force(contacts.with_normals(again))
-    return np.minimum(np.minimum(nominal.lower, third.lower), second.lower)
+    return np.minimum(np.minimum(nominal.lower, first.lower), second.lower)
 
 
 def _opened(contacts: Contacts, tilt: Floats, options: ForceOptions) -> tuple[Floats, Floats]:
@@ -195,24 +182,25 @@ def _opened(contacts: Contacts, tilt: Floats, options: ForceOptions) -> tuple[Fl
 
 
 def _ascend(
-    contacts: Contacts, tilt: Floats, options: ForceOptions, directions: Floats, worst: _Tilted
-) -> _Tilted:
-    """Tilt against directions (b, 6), and find directions for the tilts, by turns."""
-    active = np.arange(len(tilt))
+    contacts: Contacts,
+    tilt: Floats,
+    options: ForceOptions,
+    active: Ints,
+    directions: Floats,
+    worst: _Tilted,
+) -> None:
+    """Tilt some grasps (k,) against directions (k, 6), find directions for the tilts, by turns."""
     for _ in range(ROUNDS):
         grasps, some = contacts.take(active), options.take(active)
         normals = _weakest(grasps, tilt[active], directions)
-        turned_contacts = grasps.with_normals(normals)
-        directions, force = _against(turned_contacts, _hardest(some, -directions), some)
-        before = worst.force[active]
-        everywhere = worst.normals.copy(), np.full(len(tilt), -math.inf)
-        everywhere[0][active], everywhere[1][active] = normals, force
-        worst = worst.worse(*everywhere)
-        further = (force > before * (1.0 + COARSE)) & np.isfinite(force)
+        directions, force = _against(
+            grasps.with_normals(normals), _hardest(some, -directions), some
+        )
+        further = (force > worst.force[active] * (1.0 + COARSE)) & np.isfinite(force)
+        worst.worsen(active, normals, force)
         active, directions = active[further], directions[further]
         if not len(active):
             break
-    return worst
 
 
 def _hardest(options: ForceOptions, directions: Floats) -> Floats:

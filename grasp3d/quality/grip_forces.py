@@ -10,7 +10,6 @@ hull, with facets ranked by h / h_T; for one wrench by the simplex method along 
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
@@ -195,43 +194,23 @@ def _torsion(normal: Floats, least: Floats, contacts: Contacts, twist: Floats) -
     return np.asarray(most * part[:, None] * np.array([1.0, -1.0]))
 
 
-@dataclass(frozen=True, eq=False)
-class WrenchForces:
-    """Grip forces of a flat batch, the wrenches that need them, and contact forces that do."""
-
-    results: ForceResults
-    wrenches: Floats
-    """Shape (b, 6)."""
-    forces: Floats
-    """As of `ForceCertificate`, shape (b, n, 4)."""
-
-
-def hardest(problem: ForceProblem, wrenches: Floats, rtol: float) -> WrenchForces:
-    """Grip force of the hardest of k wrenches for each grasp.
-
-    Args:
-        problem: The grasps.
-        wrenches: Shape (b, k, 6).
-        rtol: As in `grip_force`.
-    """
+def _hardest(problem: ForceProblem, wrenches: Floats, rtol: float) -> tuple[ForceResults, Floats]:
+    """Grip force of the hardest of k wrenches (b, k, 6) for each grasp, and that wrench (b, 6)."""
     size, count = wrenches.shape[:2]
-    bounds = [against(problem, wrenches[:, k], rtol) for k in range(count)]
-    worst = np.stack([one.results.upper for one in bounds]).argmax(axis=0)
+    each = [_against(problem, wrenches[:, k], rtol) for k in range(count)]
+    columns = ForceResults(*map(np.stack, zip(*each, strict=True)))  # (k, b, ...)
     grasps = np.arange(size)
-
-    def of_chosen(values: Sequence[Any]) -> Any:
-        return np.stack(values)[worst, grasps]
-
-    results = ForceResults(*map(of_chosen, zip(*(one.results for one in bounds), strict=True)))
-    lower = np.stack([one.results.lower for one in bounds])
-    best = lower.argmax(axis=0)
-    results.lower[:] = lower.max(axis=0)
-    results.direction[:] = np.stack([one.results.direction for one in bounds])[best, grasps]
-    return WrenchForces(results, wrenches[grasps, worst], of_chosen([one.forces for one in bounds]))
+    worst, best = columns.upper.argmax(axis=0), columns.lower.argmax(axis=0)
+    results = ForceResults(*(column[worst, grasps] for column in columns))
+    proof = {"lower": columns.lower[best, grasps], "direction": columns.direction[best, grasps]}
+    return results._replace(**proof), wrenches[grasps, worst]
 
 
-def against(problem: ForceProblem, wrenches: Floats, rtol: float) -> WrenchForces:
-    """Grip force against one wrench for each grasp, shape (b, 6); opposed fingers: closed form."""
+def _against(problem: ForceProblem, wrenches: Floats, rtol: float) -> ForceResults:
+    """Grip force against one wrench for each grasp, shape (b, 6); opposed fingers: closed form.
+
+    Forces are those of `ForceCertificate`.
+    """
     results = problem.of_wrenches(wrenches, rtol)
     forces = problem.in_contact_frame(results.forces)
     if problem.plain:
@@ -246,7 +225,7 @@ def against(problem: ForceProblem, wrenches: Floats, rtol: float) -> WrenchForce
             opposed, values = opposed[finite], exact.bounded(problem.bound)[finite]
             results.lower[opposed] = results.upper[opposed] = values
             forces[opposed] = exact.in_contact_frame(pairs.normals)[finite]
-    return WrenchForces(results, wrenches, forces)
+    return results._replace(forces=forces)
 
 
 class Resistance(IntEnum):
@@ -422,8 +401,8 @@ class ForceOptions:
 
     def solve(self, problem: ForceProblem) -> GripForce:
         """Grip force of contacts whose wrench spaces are known."""
-        forces = self._wrench_forces(problem)
-        results, batch = forces.results, problem.contacts.batch
+        results, wrenches = self._results(problem)
+        batch = problem.contacts.batch
         return GripForce(
             lower=shaped(results.lower, batch),
             upper=shaped(results.upper, batch),
@@ -433,20 +412,21 @@ class ForceOptions:
             limit_surface=problem.limit_surface,
             certificate=ForceCertificate(
                 direction=shaped(results.direction, batch),
-                wrench=shaped(forces.wrenches, batch),
-                forces=shaped(forces.forces, batch),
+                wrench=shaped(wrenches, batch),
+                forces=shaped(results.forces, batch),
             ),
         )
 
-    def _wrench_forces(self, problem: ForceProblem) -> WrenchForces:
+    def _results(self, problem: ForceProblem) -> tuple[ForceResults, Floats]:
+        """Results of a flat batch, forces as of `ForceCertificate`, and the hardest wrenches."""
         task, contacts = self.task, problem.contacts
         if not isinstance(task, Task):
-            return hardest(problem, wrenches_of(task, contacts)[:, None], self.rtol)
+            return _hardest(problem, wrenches_of(task, contacts)[:, None], self.rtol)
         masses = None if self.masses is None else masses_of(self.masses, contacts)
         corners = task.corners_for(masses, problem.problem.size)
         if corners is not None:
-            return hardest(problem, corners, self.rtol)
+            return _hardest(problem, corners, self.rtol)
         results = problem.of_task(task, self.rtol, masses)
         wrenches = task.farthest_for(masses, -results.direction)
         forces = problem.of_wrenches(wrenches, self.rtol).forces
-        return WrenchForces(results, wrenches, problem.in_contact_frame(forces))
+        return results._replace(forces=problem.in_contact_frame(forces)), wrenches
