@@ -27,6 +27,9 @@ LARGEST = 1e12
 MOST_CORNERS = 64
 """Corners of a task up to which the force is computed for each of them."""
 
+PARALLEL = 1e-12
+"""Sine of the angle between a force and the axis of a turn that is a rounding error."""
+
 Numbers3 = tuple[float, float, float]
 Numbers6 = tuple[float, float, float, float, float, float]
 
@@ -41,9 +44,12 @@ class Terms(NamedTuple):
 
 
 class Task(ABC):
-    """A convex set of wrenches that a grasp must resist."""
+    """A convex set of wrenches that a grasp must resist: the sum of its terms."""
 
     @abstractmethod
+    def terms(self) -> tuple["Term", ...]:
+        """Its terms."""
+
     def support(self, directions: ArrayLike) -> Floats:
         """How far the task reaches along directions of wrenches.
 
@@ -53,23 +59,20 @@ class Task(ABC):
         Returns:
             The largest product of a wrench of the task with each, shape (...).
         """
+        return np.asarray(sum(term.support(directions) for term in self.terms()))[()]
 
-    @abstractmethod
     def farthest(self, directions: ArrayLike) -> Floats:
         """The wrenches of the task that reach farthest along directions, shape (..., 6)."""
+        return np.asarray(sum(term.farthest(directions) for term in self.terms()))
 
-    @abstractmethod
     def scaled_to(self, mass: float) -> "Task":
         """The task for another mass [kg]: weights and accelerations change, given wrenches not."""
+        return Sum(tuple(term.scaled_to(mass) for term in self.terms()))
 
     @property
-    @abstractmethod
     def mass(self) -> float | None:
-        """The mass that it is for [kg]; None where it has none, as given wrenches."""
-
-    @abstractmethod
-    def terms(self) -> tuple["Term", ...]:
-        """Its terms, whose sum it is."""
+        """The largest mass that it is for [kg]; None where it has none, as given wrenches."""
+        return max((term.mass for term in self.terms() if term.mass is not None), default=None)
 
     def farthest_for(self, masses: Floats | None, directions: Floats) -> Floats:
         """`farthest` for masses (b,) in place of its own, along directions (b, 6)."""
@@ -115,10 +118,10 @@ class Task(ABC):
 
 
 class Term(Task):
-    """A task that is not a sum."""
+    """A task that is not a sum; without a mass unless a class says otherwise."""
 
     @abstractmethod
-    def scaled_to(self, mass: float) -> Self:
+    def farthest(self, directions: ArrayLike) -> Floats:
         """As in `Task`."""
 
     @abstractmethod
@@ -138,19 +141,15 @@ class Term(Task):
         u = _directions(directions)
         return np.asarray((self.farthest(u) * u).sum(axis=-1))[()]
 
-
-class WithoutMass(Term):
-    """A task of wrenches that do not grow with a mass."""
-
-    @property
-    def mass(self) -> None:
-        """None: it does not grow with a mass."""
-        return None
-
     def scaled_to(self, mass: float) -> Self:
         """As in `Task`."""
         del mass
         return self
+
+    @property
+    def mass(self) -> float | None:
+        """As in `Task`."""
+        return None
 
 
 @dataclass(frozen=True)
@@ -192,7 +191,8 @@ class ForceAtCenter(Term):
         across = along_force - parallel
         # The centre moves the force's direction, u_f + u_tau x c, outward over a disc.
         size = np.linalg.norm(across, axis=-1, keepdims=True)
-        outward = np.where(size > 0.0, across / np.where(size > 0.0, size, 1.0), _across(axis))
+        clear = size > PARALLEL * np.linalg.norm(along_force, axis=-1, keepdims=True)
+        outward = np.where(clear, across / np.where(clear, size, 1.0), _across(axis))
         center = self.center_radius * np.cross(outward, axis)
         center = np.where(turning > 0.0, center, 0.0)
         force = self.force * _unit(along_force + np.cross(along_torque, center))
@@ -313,7 +313,7 @@ class Acceleration(ForceAtCenter):
 
 
 @dataclass(frozen=True)
-class Wrenches(WithoutMass):
+class Wrenches(Term):
     """Given wrenches, and all of their convex hull.
 
     Example:
@@ -349,7 +349,7 @@ class Wrenches(WithoutMass):
 
 
 @dataclass(frozen=True)
-class Ellipsoid(WithoutMass):
+class Ellipsoid(Term):
     """An ellipsoid of wrenches about 0: the sums of given wrenches whose weights' squares sum to 1.
 
     Example:
@@ -384,24 +384,6 @@ class Sum(Task):
     """Tasks that act together, as `+` makes it."""
 
     parts: tuple[Term, ...]
-
-    def support(self, directions: ArrayLike) -> Floats:
-        """As in `Task`."""
-        return np.asarray(sum(part.support(directions) for part in self.parts))[()]
-
-    def farthest(self, directions: ArrayLike) -> Floats:
-        """As in `Task`."""
-        return np.asarray(sum(part.farthest(directions) for part in self.parts))
-
-    def scaled_to(self, mass: float) -> "Sum":
-        """As in `Task`."""
-        return Sum(tuple(part.scaled_to(mass) for part in self.parts))
-
-    @property
-    def mass(self) -> float | None:
-        """The largest of its parts [kg]."""
-        masses = [part.mass for part in self.parts if part.mass is not None]
-        return max(masses, default=None)
 
     def terms(self) -> tuple[Term, ...]:
         """As in `Task`."""

@@ -3,7 +3,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from grasp3d._kernels.forces.tasks import reach
@@ -50,6 +50,7 @@ def test_the_farthest_wrench_reaches_as_far_as_the_support(name: str, u: Any) ->
 
 
 @given(names, vectors)
+@example("weight about a ball", np.array([1.0, 0.0, 1.0, 1.0, 0.0, 1.0]))
 @few
 def test_the_kernels_reach_as_far(name: str, u: Any) -> None:
     rows, points = TASKS[name].arrays()
