@@ -19,6 +19,7 @@ from grasp3d.arrays import ArrayLike, Floats, short_repr
 from grasp3d.contact.sensor import MOST_COUNTS, JointEncoders, Sensor
 from grasp3d.contact.tips import CylinderTip, EllipsoidTip
 from grasp3d.errors import SettingError
+from grasp3d.settings.checks import check_range
 from grasp3d.settings.lengths import AnyLength, Measure
 from grasp3d.settings.uncertainty import Interval, Uncertainty, friction_interval
 
@@ -134,8 +135,7 @@ class MarginBudget:
             raise SettingError("a budget needs one friction: as friction=, or in the uncertainty")
         smallest, largest = friction_interval(further.friction if friction is None else friction)
         beta = math.atan(0.5 * (smallest + largest))
-        errors = sensor.uncertainty if isinstance(sensor, Sensor) else sensor
-        total, joints = (errors or Uncertainty()) + further, encoders or JointEncoders.exact()
+        total, joints = _uncertainty_of(sensor) + further, encoders or JointEncoders.exact()
         lengths = _number(total.location_error), joints.contact_error
         location, turn = _turns(np.asarray(opening, dtype=np.float64), *lengths)
         return cls(
@@ -263,14 +263,11 @@ class GraspSamples:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        pair = (
-            np.atleast_1d(np.asarray(one, float)) for one in (self.critical_angle, self.opening)
-        )
+        pair = (np.array(one, float, ndmin=1) for one in (self.critical_angle, self.opening))
         critical, opening = np.broadcast_arrays(*pair)
         weights = np.broadcast_to(np.asarray(self.weights, float), critical.shape[:1])
-        for name, values in zip(
-            ("critical_angle", "opening", "weights"), (critical, opening, weights), strict=True
-        ):
+        columns = {"critical_angle": critical, "opening": opening, "weights": weights}
+        for name, values in columns.items():
             object.__setattr__(self, name, values)
         if not weights.sum() > 0.0:
             raise SettingError("there must be a grasp with a weight above 0")
@@ -409,7 +406,7 @@ class FingerDesign:
         Raises:
             SettingError: The fraction is outside its range, or see `budget`.
         """
-        _check(fraction)
+        check_range("the fraction", fraction, 0.0, 1.0, ends="(]")
         budget = self.budget(grasps)
         needed = budget.uncertain - budget.friction + budget.critical_angle
         order = np.argsort(needed)
@@ -499,7 +496,7 @@ class FingerDesign:
 
 
 def _holds(design: FingerDesign, grasps: GraspSamples, fraction: float) -> bool:
-    _check(fraction)
+    check_range("the fraction", fraction, 0.0, 1.0, ends="(]")
     return design.stable_fraction(grasps) >= fraction - FRACTION_ROUNDING
 
 
@@ -537,8 +534,3 @@ def _longest(grasps: GraspSamples) -> float:
     """A length at which every line may turn by 90 degrees, as far as it may turn at all."""
     opening = np.asarray(grasps.opening)
     return 2.0 * max(1.0, float(np.max(opening[np.isfinite(opening)], initial=0.0)))
-
-
-def _check(fraction: float) -> None:
-    if not 0.0 < fraction <= 1.0:
-        raise SettingError(f"the fraction must be above 0 and at most 1; got {fraction:g}")

@@ -7,7 +7,7 @@ in the tangent plane of the contact, shape (2, 3).
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from scipy.special import ellipe
@@ -57,8 +57,9 @@ class Contacts:
     patch: Floats | None
     """Semi-axes of the elliptic patches in their tangent planes [mesh unit], shape (..., n, 2, 3).
     None: points, which resist no rolling."""
-    _arms: Floats | None
-    """See `rolling_arms`."""
+    rolling_arms: Floats | None = field(repr=False)
+    """Moments about a contact that a unit normal force has at the ends of the semi-axes, shape
+    (..., n, 2, 3) [mesh unit]. None: all contacts are points."""
 
     __repr__ = short_repr
 
@@ -112,7 +113,7 @@ class Contacts:
         axes = _patches(patch, self.normals)
         object.__setattr__(self, "patch", axes)
         arms = None if axes is None else locked(np.cross(axes, self.normals[..., None, :]))
-        object.__setattr__(self, "_arms", arms)
+        object.__setattr__(self, "rolling_arms", arms)
 
     @property
     def friction_angle(self) -> Floats:
@@ -122,7 +123,7 @@ class Contacts:
     def with_friction(self, friction: ArrayLike) -> "Contacts":
         """The same contacts with other friction coefficients: one value, or shape (..., n)."""
         contacts = Contacts(self.points, self.normals, friction, self.torsion_radius)
-        return contacts._with_patches(self.patch, self._arms)
+        return contacts._with_patches(self)
 
     def with_normals(self, normals: Floats) -> "Contacts":
         """The same contacts with other unit normals, patches staying where they are.
@@ -145,12 +146,13 @@ class Contacts:
         contacts = Contacts(
             repeated(self.points, 1), normals, friction, repeated(self.torsion_radius, 0)
         )
-        if self.patch is not None and self._arms is not None:
+        contacts._with_patches(self, lambda values: repeated(values, 2))
+        if contacts.rolling_arms is not None:
             cosine = (contacts.normals * repeated(self.normals, 1)).sum(axis=-1)
             sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
             sure = np.maximum(cosine - friction * sine, 0.0)
-            arms = sure[..., None, None] * repeated(self._arms, 2)
-            contacts._with_patches(repeated(self.patch, 2), arms)
+            arms = locked(sure[..., None, None] * contacts.rolling_arms)
+            object.__setattr__(contacts, "rolling_arms", arms)
         return contacts
 
     def without_patches(self) -> "Contacts":
@@ -165,21 +167,17 @@ class Contacts:
             size: Shape (...).
         """
         other = Contacts(points, self.normals, self.friction, self.torsion_radius / size[..., None])
-        if self.patch is not None and self._arms is not None:
-            unit = size[..., None, None, None]
-            other._with_patches(self.patch / unit, self._arms / unit)
-        return other
+        return other._with_patches(self, lambda values: values / size[..., None, None, None])
 
     def fingers(self, which: Bools) -> "Contacts":
         """Some of the fingers of every grasp, (n,)."""
-        subset = Contacts(*(
-            values.compress(which, axis=len(self.batch))
-            for values in (self.points, self.normals, self.friction, self.torsion_radius)
-        ))  # fmt: skip
-        if self.patch is not None and self._arms is not None:
-            parts = (one.compress(which, axis=len(self.batch)) for one in (self.patch, self._arms))
-            subset._with_patches(*parts)
-        return subset
+
+        def chosen(values: Floats) -> Floats:
+            return values.compress(which, axis=len(self.batch))
+
+        columns = self.points, self.normals, self.friction, self.torsion_radius
+        subset = Contacts(*map(chosen, columns))
+        return subset._with_patches(self, chosen)
 
     def reshape(self, batch: tuple[int, ...]) -> "Contacts":
         """The same grasps in a batch of another shape, in which one number may be -1."""
@@ -189,29 +187,24 @@ class Contacts:
         """The chosen grasps along the first axis of the batch."""
         return self._each(lambda values, _: values[which])
 
-    def _with_patches(self, patch: Floats | None, arms: Floats | None) -> "Contacts":
-        """Set the patches of contacts that were just made; returns them."""
-        object.__setattr__(self, "patch", None if patch is None else locked(patch))
-        object.__setattr__(self, "_arms", None if arms is None else locked(arms))
+    def _with_patches(
+        self, other: "Contacts", change: Callable[[Floats], Floats] = np.asarray
+    ) -> "Contacts":
+        """Give contacts that were just made the patches of others, changed; returns them."""
+        for name in ("patch", "rolling_arms"):
+            values = getattr(other, name)
+            object.__setattr__(self, name, None if values is None else locked(change(values)))
         return self
 
     def _each(self, change: Callable[[Floats, tuple[int, ...]], Floats]) -> "Contacts":
         """Apply `change(values, other axes)` to every field, to change the batch axes."""
         contacts = object.__new__(Contacts)
-        for field in fields(self):
-            values = getattr(self, field.name)
+        for column in fields(self):
+            values = getattr(self, column.name)
             if values is not None:
                 values = locked(change(values, values.shape[len(self.batch) :]))
-            object.__setattr__(contacts, field.name, values)
+            object.__setattr__(contacts, column.name, values)
         return contacts
-
-    @property
-    def rolling_arms(self) -> Floats | None:
-        """Moments about a contact that a unit normal force has at the ends of the semi-axes.
-
-        Shape (..., n, 2, 3) [mesh unit]; None: all contacts are points.
-        """
-        return self._arms
 
     @property
     def batch(self) -> tuple[int, ...]:

@@ -15,7 +15,6 @@ from .grip_forces import ForceCertificate as ForceCertificate
 from .grip_forces import GripForce as GripForce
 from .grip_forces import Resistance as Resistance
 from .grip_forces import grip_force as grip_force
-from .location_tolerance import location_tolerance as location_tolerance
 from .measures.formulas import METRICS as METRICS
 from .measures.geometry import Metric as Metric
 from .measures.measuring import MetricValues as MetricValues
@@ -29,4 +28,5 @@ from .tasks import Weight as Weight
 from .tasks import Wrenches as Wrenches
 from .tilting import EpsilonRange as EpsilonRange
 from .tilting import epsilon_range as epsilon_range
+from .tilting import location_tolerance as location_tolerance
 from .wrenches import EpsilonOptions as EpsilonOptions

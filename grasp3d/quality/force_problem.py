@@ -24,11 +24,10 @@ from grasp3d._kernels.hull.wrench_problem import Workspace
 from grasp3d.arrays import ArrayLike, Floats, Ints
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import edge_angles, tangents
-from grasp3d.errors import SettingError
 from grasp3d.quality.closure import forces_of_components
 from grasp3d.quality.tasks import Task, Terms
 from grasp3d.quality.wrench_problem import WrenchProblem, part_of
-from grasp3d.quality.wrenches import EpsilonOptions
+from grasp3d.quality.wrenches import EpsilonOptions, check_rtol
 from grasp3d.settings import check_choice
 
 ForceBound = Literal["normal", "norm", "total"]
@@ -113,7 +112,7 @@ class ForceProblem:
 
     def of_task(self, task: Task, rtol: float, masses: Floats | None = None) -> ForceResults:
         """Bounds of the force that resists a whole task, for masses (b,) or the task's own."""
-        _check_rtol(rtol)
+        check_rtol(rtol)
         if masses is None:
             return self.of_terms(task.arrays(), np.ones(self.problem.size), rtol)
         return self.of_terms(task.scaled_to(1.0).arrays(), masses, rtol)
@@ -126,7 +125,7 @@ class ForceProblem:
             rtol: As in `grip_force`.
             proven: Whether it is proven that no force suffices where none was found.
         """
-        _check_rtol(rtol)
+        check_rtol(rtol)
         problem = self.problem
         results = problem.unwritten(ForceResults)
 
@@ -206,11 +205,6 @@ class ForceProblem:
             getattr(results, name)[g] = getattr(bounds, name)[0]
         if math.isinf(bounds.upper[0]):
             results.reason[g] = max(bounds.reason[0], kernels.NOT_RESISTED)
-
-
-def _check_rtol(rtol: float) -> None:
-    if not 0.0 < rtol < 1.0:
-        raise SettingError(f"rtol must lie between 0 and 1; got {rtol}")
 
 
 def separating_direction(

@@ -15,7 +15,14 @@ from grasp3d._kernels.hull.certificates import LARGEST_SLACK
 from grasp3d._kernels.hull.growing_hull import CONVERGED, UNDECIDED
 from grasp3d._kernels.hull.pair_epsilon import make_pair_scratch, pair_epsilons
 from grasp3d._kernels.hull.polytope import SCRATCH_ROWS, Polytope, make_polytope
-from grasp3d._kernels.hull.support_functions import LINEAR, NO_TORSION, PER_FINGER, ROWS, TOTAL
+from grasp3d._kernels.hull.support_functions import (
+    LINEAR,
+    NO_TORSION,
+    PER_FINGER,
+    ROWS,
+    SIX,
+    TOTAL,
+)
 from grasp3d._kernels.hull.wrench_problem import (
     AT_REST,
     SIGN,
@@ -301,7 +308,7 @@ class WrenchProblem:
             def run(first: int, polytope: Polytope) -> int:
                 arrays = (workspace, polytope, written)
                 if not thin:
-                    first = int(kernels.epsilons(*settings, first, 6, kernels.SIX, *arrays))
+                    first = int(kernels.epsilons(*settings, first, 6, SIX, *arrays))
                     if first == len(wrenches) or written.status[first] != kernels.OTHER_RANK:
                         return first
                 return int(kernels.epsilons(*settings, first, 1, workspace.dims, *arrays))

@@ -39,6 +39,12 @@ def check_torque_scale(torque_scale: float) -> None:
         raise SettingError(f"torque_scale must be a finite length above 0; got {torque_scale}")
 
 
+def check_rtol(rtol: float) -> None:
+    """Raise SettingError unless a relative tolerance lies between 0 and 1."""
+    if not 0.0 < rtol < 1.0:
+        raise SettingError(f"rtol must lie between 0 and 1; got {rtol}")
+
+
 def wrench_axes(
     points: Floats,
     normals: Floats,
@@ -225,8 +231,7 @@ class EpsilonOptions:
     def __post_init__(self) -> None:
         check_choice("actuation", self.actuation, Actuation)
         check_torque_scale(self.torque_scale)
-        if not 0.0 < self.rtol < 1.0:
-            raise SettingError(f"rtol must lie between 0 and 1; got {self.rtol}")
+        check_rtol(self.rtol)
         if self.edges is not None:
             edge_angles(self.edges)  # raises SettingError
 

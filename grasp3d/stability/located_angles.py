@@ -16,7 +16,7 @@ from grasp3d._kernels.search.pair_lines import locate_pairs, pair_angles
 from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, angles_between
 from grasp3d.contact.contacts import Contacts
 from grasp3d.quality.closure import force_closure
-from grasp3d.quality.location_tolerance import location_tolerance
+from grasp3d.quality.tilting import location_tolerance
 from grasp3d.settings import FingerLimits
 
 TOLERANCE = 1e-3

@@ -7,9 +7,8 @@ import numba
 import numpy as np
 import pytest
 
-from grasp3d._kernels.hull import horizon
-from grasp3d._kernels.hull.horizon import lowest_bit
-from grasp3d._kernels.hull.polytope import UNKNOWN, Polytope, make_polytope
+from grasp3d._kernels.hull import polytope as kernels
+from grasp3d._kernels.hull.polytope import UNKNOWN, Polytope, lowest_bit, make_polytope
 
 CAPACITY = 600
 
@@ -45,10 +44,10 @@ class Complex:
         for r in range(ridges):
             self.polytope.added[r] = self.used
             ridge, new = self.polytope.horizon[r], np.uint32(self.used)
-            horizon.join(self.polytope, self.dim, ridge, new, self.vertices, self.pinched)
+            kernels.join(self.polytope, self.dim, ridge, new, self.vertices, self.pinched)
             self.used += 1
         self.vertices += 1
-        walked = horizon.link_new_facets(self.polytope, self.dim, ridges, self.vertices)
+        walked = kernels.link_new_facets(self.polytope, self.dim, ridges, self.vertices)
         self.walks += walked
         self.pinched |= walked
         self.live = self.live - visible | set(self.polytope.added[:ridges].tolist())

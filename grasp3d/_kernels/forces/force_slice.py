@@ -17,10 +17,8 @@ from numba.extending import overload
 from grasp3d._kernels.compiling.decorators import part
 from grasp3d._kernels.forces.tasks import TaskInSpan, task_reach
 from grasp3d._kernels.forces.wrench_resistance import RESISTED, resist
-from grasp3d._kernels.hull.support_functions import WrenchSpace, support
+from grasp3d._kernels.hull.support_functions import SIX, WrenchSpace, support
 from grasp3d._kernels.surface.vectors import copy6, dot6
-
-SIX = (0, 0, 0, 0, 0, 0)
 
 
 class ForceSlice(NamedTuple):

@@ -20,15 +20,9 @@ from grasp3d._kernels.forces.tasks import (
 from grasp3d._kernels.forces.wrench_resistance import RESISTED, resist
 from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN, AT_ORIGIN, CONVERGED, EXHAUSTED, grow
 from grasp3d._kernels.hull.polytope import SCRATCH_ROWS
-from grasp3d._kernels.hull.support_functions import WrenchSpace
-from grasp3d._kernels.hull.wrench_problem import (
-    SIX,
-    erase_forces,
-    load_contacts,
-    project,
-    write_direction,
-)
-from grasp3d._kernels.hull.wrenches import RANK_TOLERANCE, span
+from grasp3d._kernels.hull.support_functions import SIX, WrenchSpace
+from grasp3d._kernels.hull.wrench_problem import erase_forces, load, project, write_direction
+from grasp3d._kernels.hull.wrenches import RANK_TOLERANCE
 from grasp3d._kernels.surface.vectors import add6, clear6, dot6
 
 THREE = (0, 0, 0)
@@ -109,10 +103,8 @@ def _reset(results, g):
 @merged
 def _load(form, axes, tangential, workspace):
     """Write the contacts' wrenches in balanced coordinates of their span; returns its rank."""
-    kind, _, torsion, _ = form
-    load_contacts(axes, tangential, torsion, workspace)
-    rank = span(workspace.rows, RANK_TOLERANCE, workspace.scratch, workspace.basis)
-    project(kind, axes, workspace, rank)
+    rank = load(form, axes, tangential, RANK_TOLERANCE, workspace)
+    project(form[0], axes, workspace, rank)
     return rank
 
 

@@ -132,5 +132,5 @@ def task_reach(task, direction):
         u4 -= n * row[4]
         u5 -= n * row[5]
         extent += abs(n) * task.extents[k]
-    found = reach(task.terms, task.points, u0, u1, u2, u3, u4, u5)
-    return found if found > NEGLIGIBLE * extent else 0.0
+    value = reach(task.terms, task.points, u0, u1, u2, u3, u4, u5)
+    return value if value > NEGLIGIBLE * extent else 0.0

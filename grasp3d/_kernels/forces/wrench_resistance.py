@@ -168,12 +168,12 @@ def _write_forces(space, dim, goal, vectors, forces):
         for k in range(forces.shape[1]):
             forces[i, k] = 0.0
     for j in range(dim):
-        made = dot6(directions[j], directions[j]) > 0.0
-        if made:
+        is_applied = dot6(directions[j], directions[j]) > 0.0
+        if is_applied:
             farthest(space, directions[j], point, vectors[13])
         for k in range(dim):
             unit = 1.0 if k == j else 0.0
-            matrix[k, j] = point[k] if made else unit
+            matrix[k, j] = point[k] if is_applied else unit
     for k in range(dim):
         matrix[k, 6] = goal[k]
     solve(matrix, x, dim)

@@ -121,25 +121,13 @@ def _margin_in_cone(space, i, forces):
 
 
 @merged
-def _generators(space, i):
-    """How many of a contact's axes its force may change along."""
-    if space.kind == ROWS:
-        return 1
-    if space.rolling:
-        return 6
-    if not space.cones[i, 1] > 0.0:
-        return 1
-    return 4 if space.torsion != NO_TORSION else 3
-
-
-@merged
-def _is_generator(space, i, j):
-    """Whether the force may change along an axis, of those that `_generators` counts."""
-    if not space.rolling or j == 0 or j > 3:
+def _may_change(space, i, j):
+    """Whether a contact's force may change along one of its axes."""
+    if j == 0:
         return True
-    if not space.cones[i, 1] > 0.0:
-        return False
-    return j < 3 or space.torsion != NO_TORSION
+    if space.kind == ROWS or j > 3:
+        return space.kind != ROWS
+    return space.cones[i, 1] > 0.0 and (j < 3 or space.torsion != NO_TORSION)
 
 
 @merged
@@ -206,8 +194,8 @@ def _write_factor(space, rank, forces, thorough, matrix, residual, row):
         margin = _margin(space, i, forces)
         if not margin > 0.0:
             return False
-        for j in range(_generators(space, i)):
-            if not _is_generator(space, i, j):
+        for j in range(forces.shape[1]):
+            if not _may_change(space, i, j):
                 continue
             for k in range(rank):
                 component = _component(space, i, j, k)
@@ -293,8 +281,8 @@ def clear_slack(space, rank, extents, radius, forces, residual):
     clear6(residual)
     for i in range(forces.shape[0]):
         least = min(least, _margin(space, i, forces))
-        for j in range(_generators(space, i)):
-            if not _is_generator(space, i, j):
+        for j in range(forces.shape[1]):
+            if not _may_change(space, i, j):
                 continue
             axis, force = space.axes[i, j], forces[i, j]
             for k in range(6):  # coordinates beyond the rank are 0
@@ -354,8 +342,8 @@ def balance(space, rank, extents, forces, scratch):
         for i in range(count):
             margin = _margin(space, i, forces)
             margin *= margin
-            for j in range(_generators(space, i)):
-                if not _is_generator(space, i, j):
+            for j in range(forces.shape[1]):
+                if not _may_change(space, i, j):
                     continue
                 change = 0.0
                 for k in range(rank):

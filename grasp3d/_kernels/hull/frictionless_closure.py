@@ -313,20 +313,20 @@ def _descended(cells, contacts, dim, cell, cosine):
     |g_i| is at least t_i . g_i, t_i a unit vector: mixtures below 0 in the game of tangents have a
     smaller largest cosine. (The convex-concave procedure.)
     """
-    kept = cosine
+    least = cosine
     for _ in range(DESCENTS):
-        _write_tangents(cells, contacts, dim, cell, kept)
+        _write_tangents(cells, contacts, dim, cell, least)
         solve_game(cells.game, contacts, dim)
         weights = cells.game.weights
         for k in range(dim):
             cells.mixture[k], weights[k] = weights[k], cells.mixture[k]
         reached = _largest_cosine(cells, contacts, dim, cell)
-        if not reached < kept - LEAST_DESCENT:
+        if not reached < least - LEAST_DESCENT:
             for k in range(dim):
                 cells.mixture[k] = weights[k]
             break
-        kept = reached
-    return kept
+        least = reached
+    return least
 
 
 @merged
@@ -392,8 +392,8 @@ def frictionless_depth(axes, dim, tolerance, most, cells):
         cells: From `make_cells`.
 
     Returns:
-        (found, sure): the smallest cosine found, and a lower bound that holds in every direction,
-        0 where the number of cells did not suffice.
+        (best, sure): the smallest cosine of the examined directions, and a lower bound that holds
+        in every direction, 0 where the number of cells did not suffice.
     """
     contacts = axes.shape[0]
     best, size, corner = 1.0, 0, 0
@@ -414,9 +414,9 @@ def frictionless_depth(axes, dim, tolerance, most, cells):
         if _is_excluded(cells, contacts, dim, cell, threshold):
             size -= 1
             continue
-        found = _largest_cosine(cells, contacts, dim, cell)
-        if is_new or found < best:
-            best = max(min(best, _descended(cells, contacts, dim, cell, found)), 0.0)
+        cosine = _largest_cosine(cells, contacts, dim, cell)
+        if is_new or cosine < best:
+            best = max(min(best, _descended(cells, contacts, dim, cell, cosine)), 0.0)
         if is_new or best <= threshold:
             continue
         if size >= cells.rays.shape[0]:

@@ -24,10 +24,13 @@ import numpy as np
 from grasp3d._kernels.compiling.decorators import merged, part_for_constants
 from grasp3d._kernels.forces.force_slice import farthest_point
 from grasp3d._kernels.forces.tasks import task_reach
-from grasp3d._kernels.hull.horizon import find_visible, flood_visible, join, link_new_facets
 from grasp3d._kernels.hull.polytope import (
     TOLERANCE,
     distance_of,
+    find_visible,
+    flood_visible,
+    join,
+    link_new_facets,
     set_normalised_plane,
     set_plane,
     square_in,
@@ -211,20 +214,20 @@ def _pop_nearest(polytope, size, limit, sign, task):
         (size of the queue, facet or -1 where none is left, its distance from the origin).
     """
     queue, planes = polytope.queue, polytope.planes
-    kept, position, key = 0, -1, limit
+    count, position, key = 0, -1, limit
     for i in range(size):
         f = queue[i]
-        queue[kept] = f
+        queue[count] = f
         # nan where the facet was removed
         value = distance_of(planes, f, task) - sign * planes[7, f]
         if value < key:
-            key, position = value, kept
-        kept += value < limit
+            key, position = value, count
+        count += value < limit
     if position < 0:
         return 0, -1, key
     f = queue[position]
-    queue[position] = queue[kept - 1]
-    return kept - 1, np.int64(f), key
+    queue[position] = queue[count - 1]
+    return count - 1, np.int64(f), key
 
 
 @part_for_constants

@@ -587,15 +587,15 @@ def pair_epsilons(form, wrenches, tangential, cones, rtol, scratch, results, lef
         inside = min(angles[0][1] - angles[0][0], angles[1][1] - angles[1][0])
         closed, lower, upper = inside > CLEAR_ANGLE, 0.0, 0.0
         if closed and _is_regular(form, angles):
-            found, lower, upper = _epsilon(
+            decided, lower, upper = _epsilon(
                 form, frames, points, normals, cones[g], angles, rtol, scratch,
                 results.direction[g],
             )  # fmt: skip
         else:
-            found = inside < -CLEAR_ANGLE and _separated(
+            decided = inside < -CLEAR_ANGLE and _separated(
                 frames, points, normals, cones[g], form[1], results.direction[g]
             )
-        if not found:
+        if not decided:
             continue
         left[g] = False
         results.lower[g], results.upper[g] = min(lower, upper), upper

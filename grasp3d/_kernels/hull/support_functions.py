@@ -41,6 +41,10 @@ ROWS, TOTAL, PER_FINGER = 0, 1, 2
 (total force bounded), or the Minkowski sum over the contacts (force per finger bounded)."""
 
 
+SIX = (0, 0, 0, 0, 0, 0)
+"""A tuple as long as the most common rank, for which loops are compiled with fixed lengths."""
+
+
 class WrenchSpace(NamedTuple):
     """The grasp wrench space of one grasp, in balanced coordinates of its span."""
 
@@ -64,13 +68,13 @@ class WrenchSpace(NamedTuple):
 @merged
 def _farthest_row(rows, u):
     """Support of given wrenches, and the index of the farthest one."""
-    best, chosen = -math.inf, 0
+    best, row = -math.inf, 0
     for j in range(rows.shape[1]):
         height = (rows[0, j] * u[0] + rows[1, j] * u[1]) + (rows[2, j] * u[2] + rows[3, j] * u[3])
         height += rows[4, j] * u[4] + rows[5, j] * u[5]
         if height > best:
-            best, chosen = height, j
-    return best, chosen
+            best, row = height, j
+    return best, row
 
 
 @merged

@@ -27,12 +27,15 @@ from grasp3d._kernels.hull.growing_hull import (
     UNDECIDED,
     grow,
 )
-from grasp3d._kernels.hull.support_functions import NO_TORSION, PER_FINGER, ROWS, TOTAL, WrenchSpace
+from grasp3d._kernels.hull.support_functions import (
+    NO_TORSION,
+    PER_FINGER,
+    ROWS,
+    TOTAL,
+    WrenchSpace,
+)
 from grasp3d._kernels.hull.wrenches import span
 from grasp3d._kernels.surface.vectors import copy6
-
-SIX = (0, 0, 0, 0, 0, 0)
-"""A tuple as long as the most common rank, for which `grow` is compiled with fixed loop lengths."""
 
 SIGN = (0.0, 1e4, 0.0, 1.0)
 """Goal of a closure test; see `grow`."""
@@ -101,15 +104,7 @@ def make_workspace(kind: int, count: int, rolling: bool = False) -> Workspace:
 
 
 @merged
-def _load_rows(wrenches, workspace):
-    """Copy given wrenches (n, 6) into the workspace."""
-    rows = workspace.rows
-    for i in range(rows.shape[0]):
-        copy6(wrenches[i], rows[i])
-
-
-@merged
-def load_contacts(axes, tangential, torsion, workspace):
+def _load_contacts(axes, tangential, torsion, workspace):
     """Copy the axes (n, 4 or 6, 6) of contacts, the tangential ones scaled by friction (n,)."""
     rows, width = workspace.rows, axes.shape[1]
     for i in range(axes.shape[0]):
@@ -122,6 +117,18 @@ def load_contacts(axes, tangential, torsion, workspace):
                 factor = 0.0
             for k in range(6):
                 rows[width * i + j, k] = factor * axes[i, j, k]
+
+
+@merged
+def load(form, wrenches, tangential, tolerance, workspace):
+    """Write the wrenches of a grasp, as `epsilons` takes them, and their span; returns its rank."""
+    kind, _, torsion, _ = form
+    if kind == ROWS:
+        for i in range(wrenches.shape[0]):
+            copy6(wrenches[i, 0], workspace.rows[i])
+    else:
+        _load_contacts(wrenches, tangential, torsion, workspace)
+    return span(workspace.rows, tolerance, workspace.scratch, workspace.basis)
 
 
 @merged
@@ -247,15 +254,15 @@ def _examine_separation(form, wrenches, cones, rim, workspace, polytope, results
     Where it does not, a grasp that is not force-closed becomes UNDECIDED.
     """
     kind, _, torsion, _ = form
-    found = separation(
+    proof = separation(
         kind, torsion != NO_TORSION, wrenches, cones, rim, _largest_wrench(workspace),
         results.direction[g], polytope.vectors,
     )  # fmt: skip
-    if found == UNPROVEN:
+    if proof == UNPROVEN:
         if not results.closed[g]:
             results.status[g] = UNDECIDED
         return
-    results.status[g] = AT_REST if found == RESTING else CONVERGED
+    results.status[g] = AT_REST if proof == RESTING else CONVERGED
     results.closed[g] = False
     results.lower[g] = results.upper[g] = 0.0
 
@@ -264,11 +271,7 @@ def _examine_separation(form, wrenches, cones, rim, workspace, polytope, results
 def verify(form, wrenches, tangential, cones, rim, tolerance, workspace, scratch, forces):
     """Correct forces of one grasp found by other means; returns the slack of `balance`."""
     kind, spherical, torsion, rolling = form
-    if kind == ROWS:
-        _load_rows(wrenches[:, 0], workspace)
-    else:
-        load_contacts(wrenches, tangential, torsion, workspace)
-    rank = span(workspace.rows, tolerance, workspace.scratch, workspace.basis)
+    rank = load(form, wrenches, tangential, tolerance, workspace)
     total = ROWS if kind == ROWS else TOTAL
     project(total, wrenches, workspace, rank)
     space = WrenchSpace(total, spherical, torsion, workspace.axes, cones, rim, rolling)
@@ -319,11 +322,7 @@ def epsilons(
         if group > 1 and smallest <= 0.0:
             results.lower[g] = results.upper[g] = math.inf
             continue
-        if kind == ROWS:
-            _load_rows(wrenches[g, :, 0], workspace)
-        else:
-            load_contacts(wrenches[g], tangential[g], torsion, workspace)
-        rank = span(workspace.rows, tolerance, workspace.scratch, workspace.basis)
+        rank = load(form, wrenches[g], tangential[g], tolerance, workspace)
         results.rank[g] = rank
         if rank == 0:
             smallest = 0.0

@@ -17,8 +17,8 @@ import numpy.typing as npt
 from grasp3d._kernels.compiling.decorators import merged, part
 from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN, grow
 from grasp3d._kernels.hull.polytope import Polytope, make_polytope
-from grasp3d._kernels.hull.support_functions import NO_TORSION, TOTAL, WrenchSpace
-from grasp3d._kernels.hull.wrench_problem import SIGN, SIX
+from grasp3d._kernels.hull.support_functions import NO_TORSION, SIX, TOTAL, WrenchSpace
+from grasp3d._kernels.hull.wrench_problem import SIGN
 from grasp3d._kernels.search.coplanar_contacts import (
     Fans,
     Plane,
