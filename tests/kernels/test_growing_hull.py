@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import epsilon_of_wrenches
-from grasp3d._kernels.hull import growing_hull, horizon
+from grasp3d._kernels.hull import growing_hull, polytope
 from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN
 from grasp3d._kernels.hull.polytope import UNKNOWN, Polytope, make_polytope
 from grasp3d._kernels.hull.support_functions import NO_TORSION, ROWS, WrenchSpace
@@ -124,10 +124,10 @@ def test_words_and_walks_find_the_same_neighbours(dimension: int, goal: Any) -> 
         new = [f for f in found.facets if found.polytope.neighbours[f, 0] == UNKNOWN]
         assert sorted(found.polytope.added[: len(new)].tolist()) == sorted(new)
         before = found.polytope.neighbours.copy()
-        horizon.link_new_facets(found.polytope, found.dim, len(new), len(found.points))
+        polytope.link_new_facets(found.polytope, found.dim, len(new), len(found.points))
         linked = found.polytope.neighbours.copy()
         found.polytope.neighbours[:] = before
-        horizon.turn_about_faces(found.polytope, found.dim, len(new))
+        polytope.turn_about_faces(found.polytope, found.dim, len(new))
         np.testing.assert_array_equal(linked, found.polytope.neighbours)
         assert (linked[new, :dimension] != UNKNOWN).all()
         most = max(most, len(new))
