@@ -42,7 +42,11 @@ def print_sweeps(targets: Sequence[SweptTarget], fractions: Sequence[float]) -> 
     fixed = "" if axes.is_default else f", {axes.fixed_text}"
     columns = _axis(sweeps, sweeps[0].columns)
     report.line(f"area fractions of S/M/U [%] by {columns}{fixed}:")
-    report.table(_fraction_table(sweeps))
+    fractions_of = (
+        [list(map(_percents, *rows)) for rows in zip(one.stable, one.ambiguous, strict=True)]
+        for one in sweeps
+    )
+    report.table(_grid_table(sweeps, fractions_of))
     report.line(escaped(_legend(sweeps)))
     if not fractions:
         return
@@ -56,7 +60,10 @@ def print_sweeps(targets: Sequence[SweptTarget], fractions: Sequence[float]) -> 
         return
     for fraction in fractions:
         report.paragraph(f"{100.0 * fraction:g} %, by {columns}:")
-        report.table(_required_entries(every, fraction))
+        required = (
+            [list(map(_angle, row)) for row in one.required_resolution(fraction)] for one in every
+        )
+        report.table(_grid_table(every, required))
 
 
 def print_notes(
@@ -101,51 +108,41 @@ def _print_crease_note(
         )
 
 
-def _fraction_table(sweeps: Sequence[Sweep]) -> Table:
-    return _grid_table(
-        sweeps,
-        [
-            [list(map(_percents, *rows)) for rows in zip(one.stable, one.ambiguous, strict=True)]
-            for one in sweeps
-        ],
-    )
-
-
-def _required_entries(sweeps: Sequence[Sweep], fraction: float) -> Table:
-    """Return a table of required resolutions over rows and columns of sweeps."""
-    required = [one.required_resolution(fraction) for one in sweeps]
-    return _grid_table(sweeps, [[list(map(_angle, row)) for row in one] for one in required])
-
-
-def _grid_table(sweeps: Sequence[Sweep], cells: Sequence[Sequence[Sequence[str]]]) -> Table:
-    """Return a table with a line for each sweep and row, and some of the columns.
+def _grid_table(sweeps: Sequence[Sweep], cells: Iterable[Sequence[Sequence[str]]]) -> Table:
+    """Return a table with some of the columns of sweeps.
 
     Args:
         sweeps: The sweeps.
         cells: Their cells, by sweep, row and column.
     """
     first = sweeps[0]
-    columns, rows = _shown_columns(first), _shown_rows(first)
+    columns, values = _shown_columns(first), first.axes.values[first.columns]
+    headings = [describe_value(first.columns, float(values[one]), first.unit) for one in columns]
+    shown = ([[row[column] for column in columns] for row in rows] for rows in cells)
+    return _named_table(sweeps, headings, shown)
 
-    def described(axis: AxisName, index: int) -> str:
-        return describe_value(axis, float(first.axes.values[axis][index]), first.unit)
 
-    headings = [described(first.columns, column) for column in columns]
+def _named_table(
+    sweeps: Sequence[Sweep], headings: Sequence[str], cells: Iterable[Sequence[Sequence[str]]]
+) -> Table:
+    """Return a table with a line for each sweep and some of its rows.
+
+    Args:
+        sweeps: The sweeps.
+        headings: Of the cells.
+        cells: By sweep, row and column.
+    """
+    first = sweeps[0]
     lines = (
-        (
-            "" if number else escaped(sweep.name),
-            described(first.rows, row),
-            *(entries[row][column] for column in columns),
-        )
-        for sweep, entries in zip(sweeps, cells, strict=True)
-        for number, row in enumerate(rows)
+        ("" if number else escaped(sweep.name), text, *rows[row])
+        for sweep, rows in zip(sweeps, cells, strict=True)
+        for number, (row, text) in enumerate(_row_texts(first).items())
     )
-    return _named_table(("", _axis(sweeps, first.rows, "\n"), *headings), lines)
+    return _wide(table_of(("", _axis(sweeps, first.rows, "\n"), *headings), lines))
 
 
-def _named_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
+def _wide(table: Table) -> Table:
     """A table whose first column has the names of sweeps."""
-    table = table_of(headings, rows)
     table.columns[0].min_width = 12
     return table
 
@@ -179,12 +176,12 @@ def _shown_columns(sweep: Sweep) -> list[int]:
     return sorted({int(np.argmin(np.abs(values - value))) for value in resolutions})
 
 
-def _shown_rows(sweep: Sweep) -> list[int]:
-    """Return indices of rows: all frictions of the default axes, otherwise evenly spaced rows."""
-    count = len(sweep.stable)
-    if sweep.axes.is_default or count <= MAX_ROWS:
-        return list(range(count))
-    return [round(index) for index in np.linspace(0, count - 1, MAX_ROWS)]
+def _row_texts(sweep: Sweep) -> dict[int, str]:
+    """Return the values of rows by index: all of the default axes, otherwise evenly spaced ones."""
+    count, values = len(sweep.stable), sweep.axes.values[sweep.rows]
+    few = sweep.axes.is_default or count <= MAX_ROWS
+    rows = range(count) if few else map(round, np.linspace(0, count - 1, MAX_ROWS))
+    return {row: describe_value(sweep.rows, float(values[row]), sweep.unit) for row in rows}
 
 
 def _legend(sweeps: Sequence[Sweep]) -> str:
@@ -199,24 +196,22 @@ def _legend(sweeps: Sequence[Sweep]) -> str:
 def _required_table(sweeps: Sequence[Sweep], fractions: Sequence[float]) -> Table:
     """Return a table of required resolutions: a line per sweep, or per sweep and friction."""
     percents = [f"{100.0 * fraction:g} %" for fraction in fractions]
-    first, indices = sweeps[0], _shown_rows(sweeps[0])
-    texts = [
-        describe_value(first.rows, float(value), first.unit)
-        for value in first.axes.values[first.rows][indices]
+    cells = [
+        [
+            list(map(_angle, row))
+            for row in zip(*map(sweep.required_resolution, fractions), strict=True)
+        ]
+        for sweep in sweeps
     ]
-    wide = first.rows == ROW and len(texts) * len(fractions) <= MAX_ANGLES
-    columns = [f"μ {text}\n{percent}" for text in texts for percent in percents]
-    lines: list[tuple[str, ...]] = []
-    for sweep in sweeps:
-        required = np.stack([sweep.required_resolution(value) for value in fractions], axis=1)
-        rows = [[_angle(angle) for angle in angles] for angles in required[indices]]
-        if wide:
-            lines.append((escaped(sweep.name), *chain.from_iterable(rows)))
-            continue
-        for number, (text, cells) in enumerate(zip(texts, rows, strict=True)):
-            lines.append(("" if number else escaped(sweep.name), text, *cells))
-    headings = columns if wide else [_axis(sweeps, first.rows, "\n"), *percents]
-    return _named_table(("", *headings), lines)
+    texts = _row_texts(sweeps[0])
+    if sweeps[0].rows != ROW or len(texts) * len(fractions) > MAX_ANGLES:
+        return _named_table(sweeps, percents, cells)
+    columns = [f"μ {text}\n{percent}" for text in texts.values() for percent in percents]
+    lines = (
+        (escaped(sweep.name), *chain.from_iterable(rows[row] for row in texts))
+        for sweep, rows in zip(sweeps, cells, strict=True)
+    )
+    return _wide(table_of(("", *columns), lines))
 
 
 def _angle(angle: float) -> str:
