@@ -145,41 +145,6 @@ def test_quiet_prints_nothing(folder: Path) -> None:
     assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["nothing.stl"], "there is no such file or folder"),
-        (["."], ""),
-        (["box.stl", "-o", "report.txt"], "unsupported report format .txt"),
-        (["box.stl", "-o", "missing/report.json"], "cannot be written"),
-        (["box.stl", "--workers", "-1"], "workers must be at least 0"),
-        (["box.stl", "--repair", "all"], "invalid"),
-        (["box.stl", "--max-memory", "0.1"], "max memory must be at least 0.5 GB"),
-        (["box.stl", "--patch-radius", "-1"], "patch radius must be"),
-        ([], "no input"),
-    ],
-)
-def test_bad_input_prints_one_line_with_exit_code_2(
-    folder: Path, arguments: list[str], message: str
-) -> None:
-    if arguments == ["."]:
-        (folder / "box.stl").unlink()
-        message = "no mesh in it"
-    run = grasp3d("check", *arguments, cwd=folder)
-    assert run.returncode == 2
-    assert message in run.stderr
-    assert run.stdout == ""
-
-
-def test_a_report_never_replaces_a_mesh(folder: Path) -> None:
-    (folder / "box.json").symlink_to(folder / "box.stl")
-    before = (folder / "box.stl").read_bytes()
-    run = grasp3d("check", "box.stl", "-o", "box.json", cwd=folder)
-    assert run.returncode == 2
-    assert "is the mesh itself" in run.stderr
-    assert (folder / "box.stl").read_bytes() == before
-
-
 def test_lengths_that_cannot_be_meant_are_accepted_with_force(folder: Path) -> None:
     run = grasp3d("check", "box.stl", "--max-opening", "80", cwd=folder)
     assert (run.returncode, "labels can be trusted: no" in run.stdout) == (1, True)

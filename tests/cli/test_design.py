@@ -199,60 +199,6 @@ def test_nothing_is_truncated_in_a_narrow_terminal(
     assert sorted("".join(narrow.split())) == sorted("".join(wide.split()))
 
 
-BAD: dict[str, tuple[list[str], str]] = {
-    "two tips": (
-        ["--fingertip-radius", "10", "--flat"],
-        "--fingertip-radius and --flat each define",
-    ),
-    "tip and curvature": (["--fingertip-radius", "10", "--curvature", "0.1"], "give one"),
-    "three tips": (
-        ["--fingertip-radius", "10", "--curvature", "0.1", "--flat"],
-        "--fingertip-radius and --curvature and --flat",
-    ),
-    "two sensors": (
-        ["--receptive-field", "4", "--sensor-resolution", "20"],
-        "each define the sensor",
-    ),
-    "flat resolution": (["--flat", "--sensor-resolution", "20"], "a flat fingertip has the same"),
-    "flat limit": (["--flat", "--friction", "0.5"], "--object-size"),
-    "only flat": (["--flat"], "--object-size"),
-    "field": (["--receptive-field", "0"], "receptive field must be a finite length above 0"),
-    "long field": (["--receptive-field", "32"], "pi x 10 = 31.42; got 32"),
-    "radius": (["--fingertip-radius", "-1"], "fingertip radius must be above 0"),
-    "no radius": (["--fingertip-radius", "nan"], "fingertip radius must be above 0"),
-    "curvature": (["--curvature", "-1"], "curvature must be a finite number of at least 0"),
-    "resolution": (["--sensor-resolution", "180"], "below 180 degrees"),
-    "no resolution": (["--sensor-resolution", "0"], "above 0"),
-    "friction": (["--friction", "0.5", "0"], "friction must be a finite number above 0"),
-    "no friction": (["--friction", "high"], "an interval of two, the smallest first"),
-    "half an interval": (["--friction", "0.4.."], "an interval of two, the smallest first"),
-    "no length": (["--location-error", "5lightyears"], "--location-error must be a length"),
-    "no lengths": (["--joint-lengths", "3", "5x"], "--joint-lengths must be a length"),
-    "no angle": (["--normal-error", "x"], "--normal-error must be a number of degrees"),
-    "sensor, bad friction": (["--receptive-field", "4", "--friction", "-1"], "friction must be"),
-    "size": (["--object-size", "0"], "object size must be a finite length above 0; got 0"),
-    "endless size": (["--object-size", "inf"], "object size must be a finite length above 0"),
-}
-
-
-@pytest.mark.parametrize("name", BAD)
-def test_bad_settings_print_one_line_with_exit_code_2(name: str) -> None:
-    arguments, message = BAD[name]
-    run = design(*arguments)
-    assert (run.returncode, run.stdout) == (2, "")
-    assert run.stderr.startswith("grasp3d: ")
-    assert message in run.stderr
-    assert run.stderr.count("\n") == 1
-
-
-@pytest.mark.parametrize("arguments", [("--fraction", "1"), ("--mass", "1"), ("mug.stl",)])
-def test_bad_usage_has_exit_code_2_and_refers_to_the_help(arguments: tuple[str, ...]) -> None:
-    run = design(*arguments)
-    assert run.returncode == 2
-    assert "--help" in run.stderr
-    assert "Traceback" not in run.stderr
-
-
 def test_help_names_the_options_and_loads_nothing_heavy() -> None:
     code = (
         "import sys, grasp3d.cli\n"

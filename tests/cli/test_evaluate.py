@@ -122,57 +122,6 @@ def test_of_many_grasps_only_the_first_are_printed(folder: Path) -> None:
     assert pc.read_csv(folder / "many.csv").num_rows == 200
 
 
-BAD: dict[str, tuple[list[str], str]] = {
-    "no contacts": (["evaluate", "my box.stl", "no.csv"], "no.csv: there is no such file"),
-    "no mesh": (["evaluate", "no.stl", "pair.json"], "there is no such file"),
-    "suffix": (
-        ["evaluate", "my box.stl", "my box.stl"],
-        "unsupported contacts format .stl: supported are .csv",
-    ),
-    "columns": (["evaluate", "my box.stl", "bad.csv"], "found a b c"),
-    "format": (
-        ["evaluate", "my box.stl", "pair.json", "-o", "x.xlsx"],
-        "unsupported table format .xlsx",
-    ),
-    "output": (["evaluate", "my box.stl", "pair.json", "-o", "no/x.csv"], "cannot be written"),
-    "onto the contacts": (
-        ["evaluate", "my box.stl", "pair.json", "-o", "pair.json"],
-        "pair.json: is the file of contacts; name another file",
-    ),
-    "far off": (["evaluate", "my box.stl", "far.json"], "grasp 1, contact 2 at (-500, 0, 0)"),
-    "fingers": (["evaluate", "my box.stl", "three.json", "--fingers", "4"], "have 3 fingers"),
-    "distance": (
-        ["evaluate", "my box.stl", "pair.json", "--max-distance", "-1"],
-        "max_distance must be",
-    ),
-    "friction": (["evaluate", "my box.stl", "pair.json", "--friction", "0"], "friction must be"),
-    "metric": (
-        ["evaluate", "my box.stl", "pair.json", "--metrics", "min_weight,beauty"],
-        "no metric is called 'beauty'; known: all, smallest_singular_value",
-    ),
-    "no metrics": (["evaluate", "my box.stl", "pair.json", "--metrics", ""], "no metric is named"),
-    "none of the best": (["label", "my box.stl", "--best", "0"], "best must be at least 1"),
-    "negative": (["label", "my box.stl", "--best", "-2"], "best must be at least 1"),
-    "word for a number": (["label", "my box.stl", "--best", "all"], "invalid"),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", BAD)
-def test_bad_input_prints_one_line_and_writes_nothing(folder: Path, name: str) -> None:
-    (folder / "bad.csv").write_text("a,b,c\n1,2,3\n", encoding="utf-8")
-    (folder / "far.json").write_text(json.dumps([[PAIR[0], [-500, 0, 0]]]), encoding="utf-8")
-    before = {path: path.read_bytes() for path in folder.iterdir()}
-    arguments, message = BAD[name]
-    run = grasp3d(*arguments, cwd=folder)
-    assert run.returncode == 2
-    assert run.stdout == ""
-    assert message in run.stderr
-    if name != "word for a number":  # the parser prints its errors in a frame
-        assert re.fullmatch(r"grasp3d: [^\n]+\n", run.stderr)
-    assert {path: path.read_bytes() for path in folder.iterdir()} == before
-
-
 POSES = """px,py,pz,qx,qy,qz,qw,unit,outcome
 0,0,10,1,0,0,0,mm,1
 0,0.5,10,1,0,0,0,mm,1
@@ -259,51 +208,6 @@ def test_poses_on_a_table_collide_from_below(posed: Path) -> None:
     assert run.returncode == 0
     assert re.search("closed, but the gripper collides +2", run.stdout)
     assert re.search("closed and reachable +0", run.stdout)
-
-
-BAD_POSES: dict[str, tuple[list[str], str]] = {
-    "no gripper": (["poses.csv", "--unit", "mm"], "give their gripper with --hand NAME"),
-    "no unit": (["poses.csv", "--hand", "franka"], "unit"),
-    "contacts": (["pair.json", "--unit", "mm", "--hand", "franka"], "contains no poses"),
-    "onto the poses": (
-        ["poses.csv", "--unit", "mm", "--hand", "franka", "-o", "poses.csv"],
-        "poses.csv: is the file of poses; name another file",
-    ),
-    "metrics of patches": (
-        [
-            "poses.csv",
-            "--unit",
-            "mm",
-            "--hand",
-            "franka",
-            "--contact",
-            "patch",
-            "--metrics",
-            "all",
-        ],
-        "use --contact soft, or point",
-    ),
-    "patches without poses": (
-        ["pair.json", "--unit", "mm", "--contact", "patch"],
-        "contact='patch' (--contact patch) applies to poses of a gripper",
-    ),
-    "distance": (
-        ["poses.csv", "--unit", "mm", "--hand", "franka", "--max-distance", "1"],
-        "max_distance applies to contacts",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", BAD_POSES)
-def test_bad_poses_print_one_line_and_write_nothing(posed: Path, name: str) -> None:
-    (posed / "pair.json").write_text(json.dumps([PAIR]), encoding="utf-8")
-    before = {path: path.read_bytes() for path in posed.iterdir()}
-    arguments, message = BAD_POSES[name]
-    run = grasp3d("evaluate", "small.stl", *arguments, cwd=posed)
-    assert (run.returncode, run.stdout) == (2, "")
-    assert message in run.stderr
-    assert re.fullmatch(r"grasp3d: [^\n]+\n", run.stderr)
-    assert {path: path.read_bytes() for path in posed.iterdir()} == before
 
 
 def printed_rows(text: str) -> list[list[str]]:

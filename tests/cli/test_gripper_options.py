@@ -213,36 +213,6 @@ def test_a_bad_gripper_is_one_sentence(
     assert sorted(path.name for path in box.iterdir()) == ["box.stl", "own.json"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--hand", "franka"), "give the unit"),
-        (("--hand", "gripe"), "franka"),
-        (("--hand", "none.json"), "none.json"),
-        (("--unit", "mm", "--hand", "franka", "--table", "stable", "--resting-pose", "99"),
-         "resting pose must be from 1 to"),
-        (("--unit", "mm", "--hand", "franka", "--resting-pose", "2"), "table stable only"),
-        (("--unit", "mm", "--hand", "franka", "--table", "stable", "--up", "y"), "up does not"),
-        (("--unit", "mm", "--table", "as-is"), "applies to grippers only"),
-        (("--unit", "mm", "--hand", "franka", "--approach-within", "0"), "approach_within"),
-        (("--unit", "mm", "--hand", "franka", "--approach-angles", "7"), "from 8 to 64"),
-        (("--unit", "mm", "--hand", "franka", "--fingers", "3"), "flat pads"),
-        (("--unit", "mm", "--hand", "franka", "--min-opening", "100", "--force"), "contradicts"),
-    ],
-)  # fmt: skip
-def test_options_that_contradict_are_one_sentence(
-    box: Path, options: tuple[str, ...], message: str
-) -> None:
-    run = run_here("label", "box.stl", "--max-edge", "90", *options, cwd=box, columns=400)
-    assert run.returncode == 2
-    assert message in run.stderr
-    assert "Traceback" not in run.stderr
-    if run.stderr.startswith("grasp3d: "):  # not an error of usage, which has a frame
-        assert run.stderr.count("\n") == 1
-    assert [path.name for path in box.iterdir()] == ["box.stl"]
-
-
 def test_a_batch_without_units_has_a_row_with_the_reason(box: Path) -> None:
     run = run_here("batch", "box.stl", "-o", "out", "--workers", "0", "--hand", "franka", cwd=box)
     assert run.returncode == 1

@@ -90,87 +90,11 @@ def test_every_output_format_is_written(tmp_path: Path) -> None:
         assert (tmp_path / f"out.{suffix}").stat().st_size > 1000
 
 
-BAD: dict[str, tuple[list[str], str]] = {
-    "missing": (["label", "nothing.stl"], "there is no such file"),
-    "folder": (["label", "."], "is a folder"),
-    "empty": (["label", "empty.stl"], "the file is empty"),
-    "prose": (["label", "prose.stl"], "holds no triangles"),
-    "no faces": (["label", "points.ply"], "holds no triangles"),
-    "nan": (["label", "nan.off"], "not a finite number"),
-    "infinite": (["label", "inf.obj"], "not a finite number"),
-    "friction": (["label", "ball.ply", "--friction", "0"], "friction must be"),
-    "negative friction": (["label", "ball.ply", "--friction", "-0.5"], "friction must be"),
-    "resolution": (["label", "ball.ply", "--sensor-resolution", "-1"], "below 180 degrees"),
-    "coarse": (["label", "ball.ply", "--sensor-resolution", "180"], "below 180 degrees"),
-    "edges": (["label", "ball.ply", "--edges", "2"], "edges must be from 3 to 360"),
-    "torsion": (["label", "ball.ply", "--torsion-radius", "-1"], "torsion radius must be"),
-    "format": (
-        ["label", "ball.ply", "-o", "x.docx"],
-        "unsupported format .docx: supported are .ply",
-    ),
-    "output": (["label", "ball.ply", "-o", "no/where.ply"], "cannot be written"),
-    "no input": (["batch", "-o", "out"], "no input"),
-    "no mesh": (["batch", "void", "-o", "out"], "no mesh in it"),
-    "no folder": (["batch", "nowhere", "-o", "out"], "no such file or folder"),
-    "output is a file": (["batch", "ball.ply", "-o", "ball.ply"], "its folder is a file"),
-    "onto itself": (["label", "ball.ply", "-o", "ball.ply"], "is the mesh itself"),
-    "workers": (["batch", "ball.ply", "-o", "out", "--workers", "-1"], "workers must be"),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", BAD)
-def test_bad_input_prints_one_line_and_writes_nothing(tmp_path: Path, name: str) -> None:
-    export(tmp_path / "ball.ply", shapes.sphere(2))
-    (tmp_path / "void").mkdir()
-    (tmp_path / "empty.stl").touch()
-    (tmp_path / "prose.stl").write_text("Not a mesh at all.\n" * 9, encoding="ascii")
-    (tmp_path / "points.ply").write_text(
-        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
-        "property float z\nend_header\n0 0 0\n",
-        encoding="ascii",
-    )
-    triangle = "0 0 0\n1 0 0\n0 {} 0\n"
-    (tmp_path / "nan.off").write_text(
-        "OFF\n3 1 0\n" + triangle.format("nan") + "3 0 1 2\n", encoding="ascii"
-    )
-    (tmp_path / "inf.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 inf 0\nf 1 2 3\n", encoding="ascii")
-    before = sorted(p for p in tmp_path.rglob("*"))
-    arguments, message = BAD[name]
-    run = run_here(*arguments, cwd=tmp_path)
-    assert run.returncode == 2
-    assert message in run.stderr
-    assert run.stderr.count("\n") == 1
-    assert run.stderr.startswith("grasp3d: ")
-    assert "Traceback" not in run.stderr
-    assert run.stdout == ""
-    assert sorted(p for p in tmp_path.rglob("*")) == before
-
-
 @pytest.mark.slow
 def test_bad_input_of_a_process_is_one_line_as_well(tmp_path: Path) -> None:
     run = grasp3d("label", "nothing.stl", cwd=tmp_path)
     assert (run.returncode, run.stdout) == (2, "")
     assert re.fullmatch(r"grasp3d: .*nothing.stl.*there is no such file.*\n", run.stderr)
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["label"],
-        ["label", "x", "--frict", "1"],
-        ["bake"],
-        ["label", "x", "--edges", "some"],
-        ["label", "x", "--actuation", "both"],
-    ],
-)
-def test_bad_usage_has_exit_code_2_and_refers_to_the_help(
-    tmp_path: Path, arguments: list[str]
-) -> None:
-    run = run_here(*arguments, cwd=tmp_path)
-    assert run.returncode == 2
-    assert "--help" in run.stderr
-    assert "Traceback" not in run.stderr
 
 
 def test_a_closed_output_pipe_is_not_an_error(tmp_path: Path) -> None:

@@ -39,55 +39,17 @@ def test_a_length_with_a_unit_is_written_as_a_number_in_the_unit_of_the_mesh(fol
     assert (text["setting_max_opening"], text["setting_unit"]) == ("70.0", "mm")
 
 
-ACCEPTING: dict[str, list[str]] = {
-    "label": ["label", "box.stl", "--max-opening", "LENGTH", *COARSE, "-o", "out.ply"],
-    "sweep": ["sweep", "box.stl", "--max-opening", "LENGTH", *COARSE, "-o", "out.csv"],
-    "evaluate": ["evaluate", "box.stl", "pair.json", "--max-distance", "LENGTH", "-o", "out.csv"],
-    "view": ["view", "box.stl", "--max-opening", "LENGTH", *COARSE, "--screenshot", "out.png"],
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("command", ACCEPTING)
-def test_without_the_unit_of_the_mesh_a_unit_is_refused(folder: Path, command: str) -> None:
-    words = [word.replace("LENGTH", "70mm") for word in ACCEPTING[command]]
-    before = sorted(folder.iterdir())
-    done = grasp3d(*words, cwd=folder)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "is 70 mm, but the unit of box.stl is not known: give the unit" in done.stderr
-    assert sorted(folder.iterdir()) == before
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("command", ACCEPTING)
-def test_a_length_that_cannot_be_meant_is_refused_before_any_work(
-    folder: Path, command: str
-) -> None:
-    words = [word.replace("LENGTH", "70000") for word in ACCEPTING[command]]
-    before = sorted(folder.iterdir())
-    done = grasp3d(*words, "--unit", "mm", cwd=folder)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "is 7e+04 mm, 650 times the size of box.stl, 107.7 mm" in done.stderr
-    assert done.stderr.count("\n") == 1
-    assert sorted(folder.iterdir()) == before
-
-
 @pytest.mark.slow
 def test_it_is_accepted_with_force(folder: Path) -> None:
-    for command in ("label", "evaluate", "sweep"):
-        words = [word.replace("LENGTH", "70000") for word in ACCEPTING[command]]
-        done = grasp3d(*words, "--unit", "mm", "--force", cwd=folder)
+    for command, *words in (
+        ("label", "box.stl", "--max-opening", "70000", *COARSE),
+        ("sweep", "box.stl", "--max-opening", "70000", *COARSE),
+        ("evaluate", "box.stl", "pair.json", "--max-distance", "70000"),
+    ):
+        done = grasp3d(command, *words, "--unit", "mm", "--force", cwd=folder)
         assert (done.returncode, done.stderr) == (0, "")
         if command != "evaluate":
             assert "is 7e+04 mm, 650 times the object's size" in done.stdout
-
-
-def test_what_is_no_length_names_the_option_and_the_units(folder: Path) -> None:
-    done = grasp3d("label", "box.stl", "--max-opening", "70km", cwd=folder)
-    assert done.returncode == 2
-    assert done.stderr.startswith("grasp3d: --max-opening must be a length: a number")
-    assert done.stderr.count("\n") == 1
-    assert "(m, cm, mm, in)" in done.stderr
 
 
 @pytest.mark.slow

@@ -72,25 +72,3 @@ def test_evaluate_contacts(tmp_path: Path) -> None:
     # From below one finger carries the weight.
     assert table["grip_force"][1] == pytest.approx(0.5 * 9.80665, rel=0.01)
     assert table["label_with_force"] == ["S", "S"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--mass", "-1"), "mass must be finite and above 0"),
-        (("--mass", "1", "--density", "1000"), "exclude each other"),
-        (("--density", "1,2"), "density has 2 values"),
-        (("--task", "wight"), "wight"),
-        (("--task", "missing.csv"), "missing.csv"),
-    ],
-)
-def test_mistakes_are_one_sentence_and_write_nothing(
-    tmp_path: Path, options: tuple[str, ...], message: str
-) -> None:
-    export(tmp_path / "block.ply", BLOCK)
-    run = run_here("label", "block.ply", *SOFT, *options, "-o", "out.npz", cwd=tmp_path)
-    assert run.returncode != 0
-    assert message in run.stderr
-    assert "Traceback" not in run.stderr
-    assert not (tmp_path / "out.npz").exists()

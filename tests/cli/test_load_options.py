@@ -35,49 +35,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-QUICK = [
-    (("--mass", "-0.5kg"), "mass must be finite and above 0 [kg]; got -0.5kg"),
-    (("--task", "five.csv"), "five.csv: line 1 has 5 columns; a wrench has six"),
-    (("--mass", "1", "--density", "9"), "mass and density exclude each other"),
-    (("--task", "acceleration 0"), "'acceleration 0': a task needs a force or a torque"),
-    (("--mass", "1e300"), "mass must be at most 1e+09 [kg]; got 1e300"),
-    (("--task", "wieght"), "no task is called 'wieght'; known: weight"),
-    (("--center-of-mass", "1,2"), "center_of_mass must be three finite lengths"),
-]
-"""Refused before the mesh is read."""
-
-OF_THE_MESH = [
-    (("--mass", "0.5kg"), "open.stl", "is open, so its centre of mass is not known"),
-    (("--unit", "mm", "--density", "1000"), "open.stl", "is open, so a density gives no mass"),
-    (("--task", "pushes.csv"), "box.stl", "torques of the task are in N m, but the unit of box"),
-    (("--density", "1000"), "box.stl", "density is in kg/m^3, but the unit of box.stl"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("words", "message"), QUICK)
-def test_bad_loads_are_one_sentence(folder: Path, words: tuple[str, ...], message: str) -> None:
-    check_refused("box.stl", words, message, folder)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("words", "mesh", "message"), OF_THE_MESH)
-def test_loads_that_the_mesh_does_not_allow_are_one_sentence(
-    folder: Path, words: tuple[str, ...], mesh: str, message: str
-) -> None:
-    check_refused(mesh, words, message, folder)
-
-
-def check_refused(mesh: str, words: tuple[str, ...], message: str, folder: Path) -> None:
-    """It ends with one sentence, and writes nothing."""
-    before = sorted(folder.iterdir())
-    found = run_here("label", mesh, *words, *COARSE, cwd=folder)
-    assert (found.returncode, found.stdout) == (2, "")
-    assert found.stderr.startswith("grasp3d: ")
-    assert message in found.stderr
-    assert found.stderr.count("\n") == 1
-    assert sorted(folder.iterdir()) == before
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "words",

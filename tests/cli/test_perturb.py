@@ -84,56 +84,10 @@ def test_the_model_is_stated_and_its_normal_error_contained(scan: Path) -> None:
     assert float(entered[1]) > 3.0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("--location-error", "1mm"),
-        ("--per-finger", "location_error=1mm; normal_error=2"),
-        ("--method", "extremes"),
-    ],
-)
-def test_what_noisy_copies_do_not_take_is_no_option(scan: Path, words: tuple[str, str]) -> None:
-    done = grasp3d("perturb", "missing.ply", *words, cwd=scan.parent)
-    assert done.returncode == 2
-    assert "Unrecognized" in done.stderr
-    assert words[0] in done.stderr
-    assert "missing.ply" not in done.stderr  # refused before anything is read
-    helped = grasp3d("perturb", "--help", cwd=scan.parent)
-    assert words[0] not in re.findall(r"--[a-z-]+", helped.stdout)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--noise", "0"], "noise must be a finite length above 0"),
-        (["--noise", "9cm"], "noise is 9, but the size of scan.ply"),
-        (["--copies", "1"], "copies must be a whole number of at least 2"),
-        (["--level", "2"], "level must be above 0.5 and below 1"),
-        (["-o", "a.txt"], "supported are .ply .csv .parquet"),
-        (["--figure", "a.gif"], "supported are .svg .png .pdf"),
-        (["-o", "scan.ply"], "scan.ply"),
-    ],
-)
-def test_bad_input_is_one_line(scan: Path, words: list[str], message: str) -> None:
-    before = scan.read_bytes()
-    done = grasp3d(
-        "perturb", scan.name, "--unit", "cm", "--max-edge", "9cm", *words, cwd=scan.parent
-    )
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert message in done.stderr
-    assert done.stderr.count("\n") == 1
-    assert scan.read_bytes() == before
-    assert list(scan.parent.iterdir()) == [scan]
-
-
-def test_a_smooth_mesh_needs_a_noise(tmp_path: Path) -> None:
-    trimesh.creation.box([0.1, 0.1, 0.1]).export(tmp_path / "box.stl")
-    done = grasp3d("perturb", "box.stl", "--unit", "m", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "no noise that can be measured" in done.stderr
+@pytest.mark.parametrize("option", ["--location-error", "--per-finger", "--method"])
+def test_what_noisy_copies_do_not_take_is_no_option(tmp_path: Path, option: str) -> None:
+    text = grasp3d("perturb", "--help", cwd=tmp_path).stdout
+    assert option not in re.findall(r"--[a-z-]+", text)
 
 
 @pytest.mark.slow

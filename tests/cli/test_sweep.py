@@ -178,51 +178,6 @@ def test_for_mesh_and_shape_together_the_meaning_of_u_is_printed_for_each(tmp_pa
     assert "U no grasp found (on sphere: surely unstable)" in done.stdout
 
 
-BAD: dict[str, tuple[list[str], str]] = {
-    "nothing": ([], "nothing to sweep"),
-    "missing": (["nothing.stl"], "there is no such file"),
-    "no mesh": (["void"], "no mesh in it"),
-    "broken": (["prose.stl"], "holds no triangles"),
-    "table": (["circle", "-o", "x.xlsx"], "unsupported table format .xlsx"),
-    "figure": (["circle", "--figure", "x.docx"], "unsupported figure format .docx"),
-    "output": (["circle", "-o", "no/where.csv"], "cannot be written"),
-    "figure's folder": (["circle", "--figure", "no/where.svg"], "cannot be written"),
-    "onto itself": (["ball.ply", "-o", "link.csv"], "is the mesh itself"),
-    "friction": (["circle", "--friction", "0.5", "0"], "friction must be"),
-    "no friction": (["circle", "--friction"], "at least one friction"),
-    "resolution": (["circle", "--sensor-resolution", "180"], "below 180 degrees"),
-    "word": (
-        ["circle", "--sensor-resolution", "fine"],
-        "degrees, or a range FROM:TO:STEP",
-    ),
-    "step": (["circle", "--sensor-resolution", "0:60:0"], "STEP above 0"),
-    "fraction": (["circle", "--fraction", "50"], "each fraction must be"),
-    "search": (["ball.ply", "--search-angle", "30"], "75 degrees; got 30"),
-    "workers": (["circle", "--workers", "-1"], "workers must be"),
-    "fingers": (["circle", "--fingers", "3"], "closed form for two fingers only; got 3"),
-    "too many fingers": (["ball.ply", "--fingers", "6"], "fingers must be from 2 to 5; got 6"),
-    "another's": (["ball.ply", "--fingers", "3", "--rays", "16"], "rays does not apply to 3"),
-    "both": (["ball.ply", "--rays", "16", "--seed", "1"], "two fingers and --seed for three"),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", BAD)
-def test_bad_input_prints_one_line_and_writes_nothing(tmp_path: Path, name: str) -> None:
-    ball = export(tmp_path / "ball.ply", shapes.sphere(1))
-    (tmp_path / "link.csv").symlink_to(ball)
-    (tmp_path / "void").mkdir()
-    (tmp_path / "prose.stl").write_text("Not a mesh at all.\n" * 9, encoding="ascii")
-    before = sorted(tmp_path.rglob("*"))
-    arguments, message = BAD[name]
-    done = grasp3d("sweep", *arguments, cwd=tmp_path)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert message in done.stderr
-    assert done.stderr.startswith("grasp3d: ")
-    assert done.stderr.count("\n") == 1
-    assert sorted(tmp_path.rglob("*")) == before
-
-
 def test_help_names_the_shapes_and_the_format_of_ranges(tmp_path: Path) -> None:
     done = grasp3d("sweep", "--help", cwd=tmp_path)
     for text in ("circle|square|sphere", "DEGREES|FROM:TO:STEP", "0:60:1 22.6", "--fraction"):

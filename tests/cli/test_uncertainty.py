@@ -54,50 +54,6 @@ def test_the_options_are_the_settings() -> None:
     assert parsed("--per-finger", "none").per_finger == ()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--friction", "0.6..0.4"), "the smallest first"),
-        (("--friction", "slippery"), "an interval of two, the smallest first"),
-        (("--friction", "0.4.."), "an interval of two, the smallest first"),
-        (("--friction", "0"), "friction must be a finite number above 0"),
-        (("--friction", "0.4..0.5..0.6"), "an interval of two"),
-        (
-            ("--per-finger", "alpha=3"),
-            "--per-finger: finger 1: the uncertainty of a finger must be",
-        ),
-        (
-            ("--per-finger", "; alpha"),
-            "--per-finger: finger 2: the uncertainty of a finger must be",
-        ),
-        (
-            ("--per-finger", "location_error=1mm"),
-            "is for 1 finger, but a grasp has 2: separate the",
-        ),
-        (("--per-finger", "normal_error=steep"), "must be an angle in degrees"),
-        (("--normal-error", "steep"), "--normal-error must be a number of degrees; got 'steep'"),
-        (("--normal-error", "none"), "--normal-error must be a number of degrees"),
-        (("--normal-error", "95"), "below 90 degrees"),
-        (("--location-error", "-1mm"), "finite length of at least 0"),
-        (("--location-error", "1 furlong"), "--location-error must be a length: a number"),
-        (("--friction-error", "0.5"), "below the friction, 0.5"),
-        (("--location-error", "2m"), "location_error is 2 m, 18.6 times the size of box.stl"),
-        (("--per-finger", ";location_error=2m"), "location_error is 2 m, 18.6 times the size"),
-    ],
-)
-def test_bad_options_are_errors_of_usage(
-    words: tuple[str, ...], message: str, tmp_path: Path
-) -> None:
-    export(tmp_path / "box.stl", shapes.box((40.0, 60.0, 80.0)))
-    done = grasp3d("label", "box.stl", "--unit", "mm", *words, cwd=tmp_path)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("grasp3d: ")
-    assert message in done.stderr
-    assert done.stderr.count("\n") == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["box.stl"]
-
-
 def test_ranges_of_lengths_and_numbers() -> None:
     one, two = Measure(1.0, "mm"), Measure(2.0, "mm")
     assert parse_lengths("it", ("0:2:1mm", "0.5mm")) == (0.0, one, two, Measure(0.5, "mm"))
@@ -230,30 +186,6 @@ def test_the_required_resolution_over_two_errors_is_printed(tmp_path: Path) -> N
     assert printed == pytest.approx(expected.tolist(), abs=0.051)
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--location-error", "1mm"), "a shape without a unit"),
-        (("--normal-error", "steep"), "--normal-error must be a number of degrees"),
-        (("--friction", "0.4..0.6"),
-         "its middle and half its width, --friction 0.5 --friction-error 0.1"),
-        (("--friction", "0.4.."), "--friction must be a number"),
-        (("--location-error", "0", "5"), "more than sphere is large"),
-        (("--friction-error", "0.3"), "below the friction, 0.2"),
-        (("--location-error", "1", "2", "--sensor-resolution", "1", "2", "--friction", "1", "2"),
-         "two axes, but 3 settings have several values"),
-    ],
-)  # fmt: skip
-def test_a_bad_sweep_prints_one_line_and_writes_nothing(
-    words: tuple[str, ...], message: str, tmp_path: Path
-) -> None:
-    done = grasp3d("sweep", "sphere", *words, cwd=tmp_path)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert message in done.stderr
-    assert done.stderr.count("\n") == 1
-    assert not list(tmp_path.iterdir())
-
-
 def test_reports_have_millimetres_and_the_meaning_of_safe_labels(tmp_path: Path) -> None:
     export(tmp_path / "box.stl", shapes.box((0.04, 0.06, 0.08)))
     fingers = "location_error=0.5mm; normal_error=2, friction=0.3..0.4"
@@ -275,12 +207,9 @@ def test_reports_have_millimetres_and_the_meaning_of_safe_labels(tmp_path: Path)
         assert done.stdout.count(safe) == len(located) // 2
 
 
-def test_a_location_error_that_cannot_be_meant_is_refused(tmp_path: Path) -> None:
+def test_a_batch_refuses_a_location_error_that_cannot_be_meant(tmp_path: Path) -> None:
     export(tmp_path / "box.stl", shapes.box((40.0, 60.0, 80.0)))
     words = ("--unit", "mm", "--rays", "8", "--max-edge", "inf")
-    done = grasp3d("sweep", "box.stl", *words, "--location-error", "0", "5m", cwd=tmp_path)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "location_error is 5 m, 46.4 times the size of box.stl, 107.7 mm" in done.stderr
     batch = ("batch", "box.stl", "--workers", "0", *words)
     for number, option in enumerate(("--location-error", "--grid-location-error")):
         done = grasp3d(*batch, "-o", f"out{number}", option, "500mm", cwd=tmp_path)

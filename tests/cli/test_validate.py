@@ -119,27 +119,6 @@ def test_the_mesh_is_looked_up_in_the_scale_that_is_stated(folder: Path) -> None
     assert "--meshes FOLDER" in done.stderr
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--frictions", "0"], "friction"),
-        (["--sensor-resolutions", "x"], "--sensor-resolutions must be a number of degrees"),
-        (["--bins", "1"], "bins must be from 2 to 50"),
-        (["-o", "log.csv"], "log.csv: is a file; name a folder"),
-        (["-o", "missing/out"], "missing/out: cannot be written"),
-        (["--meshes", "nowhere"], "nowhere: there is no such folder"),
-        (["--hand", "nope"], "nope"),
-    ],
-)
-def test_bad_input_is_refused(folder: Path, words: list[str], message: str) -> None:
-    before = sorted(folder.iterdir())
-    done = grasp3d(*GIVEN, *words, cwd=folder)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert message in done.stderr
-    assert sorted(folder.iterdir()) == before
-
-
 def rewritten(folder: Path, change: dict[str, str]) -> None:
     """Change cells of the log's column outcome, by row."""
     lines = (folder / "log.csv").read_text().splitlines()

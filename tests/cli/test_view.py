@@ -13,7 +13,6 @@ import pytest
 import trimesh
 from PIL import Image
 
-from grasp3d.cli import main
 from grasp3d.plots import rendering
 from tests.helpers import shapes
 from tests.helpers.commands import COMMAND, run_process
@@ -49,44 +48,6 @@ def test_a_picture_and_a_film_without_a_display(box: Path) -> None:
     with Image.open(box / "a.gif") as film:
         assert film.n_frames > 10
     assert sorted(p.name for p in box.iterdir()) == ["a.gif", "a.png", "box.stl"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["none.stl", "--screenshot", "a.png"], "none.stl: no such file or folder"),
-        ([".", "--screenshot", "a.png"], "was not written by grasp3d batch"),
-        (["bad.ply", "--screenshot", "a.png"], "bad.ply: .*label"),
-        (["text.stl", "--screenshot", "a.png"], "text.stl: "),
-        (["box.stl", "--screenshot", "a.jpg"], r"a\.jpg: .*\.png"),
-        (["box.stl", "--turntable", "a.avi"], r"a\.avi: .*\.gif"),
-        (["box.stl", "--screenshot", "none/a.png"], "none/a.png: cannot be written"),
-        (["box.stl", "--screenshot", "box.stl"], "box.stl: "),
-        (["box.stl", "--screenshot", "a.png", "--fingers", "9"], "fingers must be from 2 to 5"),
-        (["box.stl", "--web", "--port", "70000"], "port"),
-        (["box.stl", "--web", "--host", "no.such.host.invalid"], "no.such.host.invalid"),
-    ],
-)
-def test_a_mistake_is_one_line_and_exit_code_2(
-    box: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    arguments: list[str],
-    message: str,
-) -> None:
-    (box / "text.stl").write_text("no mesh at all\n")
-    header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
-    rest = "property float z\nproperty uchar label\nelement face 1\n"
-    end = "property list uchar int vertex_indices\nend_header\n0 0 0 1\n1 0 0 2\n0 1 0 7\n3 0 1 2\n"
-    (box / "bad.ply").write_text(header + rest + end)
-    before = (box / "box.stl").read_bytes()
-    monkeypatch.chdir(box)
-    assert main(["view", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert re.fullmatch(rf"grasp3d: .*{message}.*\n", error), error
-    assert (box / "box.stl").read_bytes() == before
-    assert not list(box.glob("a.*"))
 
 
 @pytest.mark.slow

@@ -2,6 +2,8 @@
 
 import io
 import os
+import re
+import shlex
 import subprocess
 import sys
 from contextlib import chdir, redirect_stderr, redirect_stdout
@@ -46,3 +48,18 @@ def run_here(
         except SystemExit as ended:  # errors of usage
             code = int(ended.code or 0)
     return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
+
+
+def refusal(words: str, cwd: Path) -> str:
+    """Run a command that must refuse its input, write nothing, and return its error, one line."""
+    before = contents(cwd)
+    run = run_here(*shlex.split(words), cwd=cwd)
+    assert (run.returncode, run.stdout) == (2, ""), run.stdout
+    assert re.fullmatch(r"grasp3d: [^\n]+\n", run.stderr), run.stderr
+    assert contents(cwd) == before
+    return run.stderr
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    """What all files and folders below a folder hold."""
+    return {path: path.read_bytes() if path.is_file() else b"" for path in folder.rglob("*")}

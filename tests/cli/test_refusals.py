@@ -1,0 +1,319 @@
+"""Bad input of every command: one line that says what would be right, and nothing is written."""
+
+import json
+import shlex
+from pathlib import Path
+
+import pytest
+
+from tests.helpers import shapes
+from tests.helpers.commands import export, refusal, run_here
+
+REFUSED = """
+label nothing.stl | there is no such file
+label . | is a folder
+label empty.stl | the file is empty
+label prose.stl | holds no triangles
+label points.ply | holds no triangles
+label nan.off | not a finite number
+label inf.obj | not a finite number
+label ball.ply --friction 0 | friction must be a finite number above 0
+label ball.ply --friction -0.5 | friction must be
+label ball.ply --friction 0.6..0.4 | the smallest first
+label ball.ply --friction slippery | an interval of two, the smallest first
+label ball.ply --friction 0.4.. | an interval of two, the smallest first
+label ball.ply --friction 0.4..0.5..0.6 | an interval of two
+label ball.ply --friction-error 0.5 | below the friction, 0.5
+label ball.ply --sensor-resolution -1 | below 180 degrees
+label ball.ply --sensor-resolution 180 | below 180 degrees
+label ball.ply --edges 2 | edges must be from 3 to 360
+label ball.ply --torsion-radius -1 | torsion radius must be
+label ball.ply --per-finger alpha=3 | --per-finger: finger 1: the uncertainty of a finger must be
+label ball.ply --per-finger '; alpha' | --per-finger: finger 2: the uncertainty of a finger must be
+label ball.ply --per-finger location_error=1mm | is for 1 finger, but a grasp has 2: separate the
+label ball.ply --per-finger normal_error=steep | must be an angle in degrees
+label ball.ply --normal-error steep | --normal-error must be a number of degrees; got 'steep'
+label ball.ply --normal-error none | --normal-error must be a number of degrees
+label ball.ply --normal-error 95 | below 90 degrees
+label ball.ply --location-error -1mm | finite length of at least 0
+label ball.ply --location-error '1 furlong' | --location-error must be a length: a number
+label ball.ply --max-opening 70km | --max-opening must be a length: a number | (m, cm, mm, in)
+label ball.ply -o x.docx | unsupported format .docx: supported are .ply
+label ball.ply -o no/where.ply | cannot be written
+label ball.ply -o ball.ply | is the mesh itself
+label ball.ply --best 0 | best must be at least 1
+label ball.ply --best -2 | best must be at least 1
+label box.stl --unit mm --location-error 2m | location_error is 2 m, 18.6 times the size of box.stl
+label box.stl --unit mm --per-finger ';location_error=2m' | location_error is 2 m, 18.6 times the
+label box.stl --max-opening 70mm | is 70 mm, but the unit of box.stl is not known: give the unit
+label box.stl --unit mm --max-opening 70000 | is 7e+04 mm, 650 times the size of box.stl, 107.7 mm
+label box.stl --hand franka | give the unit
+label box.stl --unit mm --hand franka --table stable --resting-pose 99 | pose must be from 1 to
+label box.stl --unit mm --hand franka --resting-pose 2 | table stable only
+label box.stl --unit mm --hand franka --table stable --up y | up does not
+label box.stl --unit mm --table as-is | applies to grippers only
+label box.stl --unit mm --hand franka --approach-within 0 | approach_within
+label box.stl --unit mm --hand franka --approach-angles 7 | from 8 to 64
+label box.stl --unit mm --hand franka --fingers 3 | flat pads
+label box.stl --unit mm --hand franka --min-opening 100 --force | contradicts
+label box.stl --mass -0.5kg | mass must be finite and above 0 [kg]; got -0.5kg
+label box.stl --mass 1e300 | mass must be at most 1e+09 [kg]; got 1e300
+label box.stl --mass 1 --density 9 | mass and density exclude each other
+label box.stl --unit mm --density 1,2 | density has 2 values
+label box.stl --density 1000 | density is in kg/m^3, but the unit of box.stl
+label box.stl --task five.csv | five.csv: line 1 has 5 columns; a wrench has six
+label box.stl --task missing.csv | missing.csv
+label box.stl --task 'acceleration 0' | 'acceleration 0': a task needs a force or a torque
+label box.stl --task wieght | no task is called 'wieght'; known: weight
+label box.stl --task pushes.csv | torques of the task are in N m, but the unit of box
+label box.stl --center-of-mass 1,2 | center_of_mass must be three finite lengths
+label open.stl --mass 0.5kg | is open, so its centre of mass is not known
+label open.stl --unit mm --density 1000 | is open, so a density gives no mass
+evaluate box.stl no.csv | no.csv: there is no such file
+evaluate no.stl pair.json | there is no such file
+evaluate box.stl box.stl | unsupported contacts format .stl: supported are .csv
+evaluate box.stl bad.csv | found a b c
+evaluate box.stl pair.json -o x.xlsx | unsupported table format .xlsx
+evaluate box.stl pair.json -o no/x.csv | cannot be written
+evaluate box.stl pair.json -o pair.json | pair.json: is the file of contacts; name another file
+evaluate box.stl far.json | grasp 1, contact 2 at (-5000, 0, 0)
+evaluate box.stl three.json --fingers 4 | have 3 fingers
+evaluate box.stl pair.json --max-distance -1 | max_distance must be
+evaluate box.stl pair.json --max-distance 70mm | is 70 mm, but the unit of box.stl is not known
+evaluate box.stl pair.json --unit mm --max-distance 70000 | is 7e+04 mm, 650 times the size of box
+evaluate box.stl pair.json --friction 0 | friction must be
+evaluate box.stl pair.json --metrics min_weight,beauty | 'beauty'; known: all, smallest
+evaluate box.stl pair.json --metrics '' | no metric is named
+evaluate box.stl pair.json --unit mm --hand franka | contains no poses
+evaluate box.stl pair.json --unit mm --contact patch | contact='patch' (--contact patch) applies to
+evaluate box.stl poses.csv --unit mm | give their gripper with --hand NAME
+evaluate box.stl poses.csv --hand franka | unit
+evaluate box.stl poses.csv --unit mm --hand franka -o poses.csv | is the file of poses; name another
+evaluate box.stl poses.csv --unit mm --hand franka --contact patch --metrics all | --contact soft
+evaluate box.stl poses.csv --unit mm --hand franka --max-distance 1 | max_distance applies to
+validate poses.csv --mesh box.stl --hand franka --frictions 0 | friction
+validate poses.csv --mesh box.stl --hand franka --sensor-resolutions x | must be a number of degrees
+validate poses.csv --mesh box.stl --hand franka --bins 1 | bins must be from 2 to 50
+validate poses.csv --mesh box.stl --hand franka -o poses.csv | poses.csv: is a file; name a folder
+validate poses.csv --mesh box.stl --hand franka -o missing/out | missing/out: cannot be written
+validate poses.csv --hand franka --meshes nowhere | nowhere: there is no such folder
+simulate box.stl --unit mm --grasps poses.csv | contains poses; give their gripper with
+simulate box.stl --unit mm --hand franka | gripper 'franka' has flat pads, which touch more than two
+simulate box.stl --unit mm -o out.ply | out.ply: unsupported table format .ply
+simulate box.stl --unit mm -o mine.csv | exists and is no result of grasp3d
+simulate box.stl --unit mm --count 2 | count must be a whole number of at least 3; got 2
+simulate box.stl --unit mm --tip-radius 4m | must be below the size of the object, 107.7
+simulate box.stl --unit mm -o box.stl | box.stl
+simulate box.stl --unit mm --grasps poses.csv --hand franka -o poses.csv | is the file of poses
+sweep | nothing to sweep
+sweep nothing.stl | there is no such file
+sweep void | no mesh in it
+sweep prose.stl | holds no triangles
+sweep circle -o x.xlsx | unsupported table format .xlsx
+sweep circle --figure x.docx | unsupported figure format .docx
+sweep circle -o no/where.csv | cannot be written
+sweep circle --figure no/where.svg | cannot be written
+sweep ball.ply -o link.csv | is the mesh itself
+sweep circle --friction 0.5 0 | friction must be
+sweep circle --friction | at least one friction
+sweep sphere --friction 0.4.. | --friction must be a number
+sweep sphere --friction 0.4..0.6 | and half its width, --friction 0.5 --friction-error 0.1
+sweep sphere --friction-error 0.3 | below the friction, 0.2
+sweep circle --sensor-resolution 180 | below 180 degrees
+sweep circle --sensor-resolution fine | degrees, or a range FROM:TO:STEP
+sweep circle --sensor-resolution 0:60:0 | STEP above 0
+sweep sphere --normal-error steep | --normal-error must be a number of degrees
+sweep sphere --location-error 1mm | a shape without a unit
+sweep sphere --location-error 0 5 | more than sphere is large
+sweep sphere --location-error 1 2 --sensor-resolution 1 2 --friction 1 2 | two axes, but 3 settings
+sweep box.stl --unit mm --location-error 0 5m | is 5 m, 46.4 times the size of box.stl, 107.7 mm
+sweep box.stl --max-opening 70mm | is 70 mm, but the unit of box.stl is not known: give the unit
+sweep box.stl --unit mm --max-opening 70000 | is 7e+04 mm, 650 times the size of box.stl, 107.7 mm
+sweep circle --fraction 50 | each fraction must be
+sweep ball.ply --search-angle 30 | 75 degrees; got 30
+sweep circle --workers -1 | workers must be
+sweep circle --fingers 3 | closed form for two fingers only; got 3
+sweep ball.ply --fingers 6 | fingers must be from 2 to 5; got 6
+sweep ball.ply --fingers 3 --rays 16 | rays does not apply to 3
+sweep ball.ply --rays 16 --seed 1 | two fingers and --seed for three
+check nothing.stl | there is no such file or folder
+check void | no mesh in it
+check ball.ply -o report.txt | unsupported report format .txt
+check ball.ply -o missing/report.json | cannot be written
+check ball.ply -o link.json | is the mesh itself
+check ball.ply --workers -1 | workers must be at least 0
+check ball.ply --max-memory 0.1 | max memory must be at least 0.5 GB
+check ball.ply --patch-radius -1 | patch radius must be
+check | no input
+perturb ball.ply --noise 0 | noise must be a finite length above 0
+perturb ball.ply --noise 9 | noise is 9, but the size of ball.ply
+perturb ball.ply --copies 1 | copies must be a whole number of at least 2
+perturb ball.ply --level 2 | level must be above 0.5 and below 1
+perturb ball.ply -o a.txt | supported are .ply .csv .parquet
+perturb ball.ply --figure a.gif | supported are .svg .png .pdf
+perturb ball.ply -o ball.ply | ball.ply
+perturb box.stl | no noise that can be measured
+hand --picture a.png | --picture needs a gripper
+hand nope | 'nope'; known: franka (panda), robotiq_2f85, robotiq_2f140, wsg50, tactile
+hand other.json | other.json: is no gripper
+hand gone.json | no such file
+hand franka --fingers a b | is no file
+hand franka -o g.txt | supported are .json
+hand franka --picture g.txt | supported are .svg
+hand franka -o other.json | exists and is no result of grasp3d
+batch -o out | no input
+batch void -o out | no mesh in it
+batch void/*.obj -o out | no mesh in it
+batch nowhere -o out | no such file or folder
+batch list.txt -o out | nowhere.stl
+batch nothing://lib -o out | nothing
+batch 'void/**x/[a' -o out | is not a valid file name pattern
+batch ball.ply -o ball.ply | its folder is a file
+batch ball.ply -o '' | no folder for the results
+batch ball.ply -o out --workers -1 | workers must be
+batch ball.ply -o out --worker-memory 0.01 | worker memory must be
+batch ball.ply -o out --timeout 0 | timeout must be
+batch ball.ply -o out --best -1 | best grasps must be
+batch ball.ply -o out --grid-friction 0 | friction must be
+batch ball.ply -o out --grid-sensor-resolution x | resolution must be a number of degrees
+batch ball.ply -o out --log no/where.txt | cannot be written
+view none.stl --screenshot a.png | none.stl: no such file or folder
+view . --screenshot a.png | was not written by grasp3d batch
+view bad.ply --screenshot a.png | bad.ply: | label
+view prose.stl --screenshot a.png | prose.stl:
+view ball.ply --screenshot a.jpg | a.jpg: unsupported picture format .jpg: supported are .png
+view ball.ply --turntable a.avi | a.avi: | .gif
+view ball.ply --screenshot none/a.png | none/a.png: cannot be written
+view ball.ply --screenshot ball.ply | ball.ply:
+view ball.ply --screenshot a.png --fingers 9 | fingers must be from 2 to 5
+view ball.ply --web --port 70000 | port
+view ball.ply --web --host no.such.host.invalid | no.such.host.invalid
+view box.stl --max-opening 70mm --screenshot a.png | is 70 mm, but the unit of box.stl is not known
+view box.stl --unit mm --max-opening 70000 --screenshot a.png | is 7e+04 mm, 650 times the size of b
+design --fingertip-radius 10 --flat | --fingertip-radius and --flat each define
+design --fingertip-radius 10 --curvature 0.1 | give one
+design --fingertip-radius 10 --curvature 0.1 --flat | --fingertip-radius and --curvature and --flat
+design --receptive-field 4 --sensor-resolution 20 | each define the sensor
+design --flat --sensor-resolution 20 | a flat fingertip has the same
+design --flat --friction 0.5 | --object-size
+design --flat | --object-size
+design --receptive-field 0 | receptive field must be a finite length above 0
+design --receptive-field 32 | pi x 10 = 31.42; got 32
+design --fingertip-radius -1 | fingertip radius must be above 0
+design --fingertip-radius nan | fingertip radius must be above 0
+design --curvature -1 | curvature must be a finite number of at least 0
+design --sensor-resolution 180 | below 180 degrees
+design --sensor-resolution 0 | above 0
+design --friction 0.5 0 | friction must be a finite number above 0
+design --friction high | an interval of two, the smallest first
+design --friction 0.4.. | an interval of two, the smallest first
+design --friction 0.6..0.4 | an interval of two, the smallest first
+design --location-error 5lightyears | --location-error must be a length
+design --location-error -1 | location error must be a finite length of at least 0
+design --joint-lengths 3 5x | --joint-lengths must be a length
+design --normal-error x | --normal-error must be a number of degrees
+design --normal-error 90 | normal error must be at least 0 and below 90 degrees
+design --receptive-field 4 --friction -1 | friction must be
+design --object-size 0 | object size must be a finite length above 0; got 0
+design --object-size inf | object size must be a finite length above 0
+design --encoder-counts 4096 | --encoder-counts need the lengths of the joints
+design --parallel-jaws | --parallel-jaws needs --joint-lengths
+design --encoder-counts 0 --joint-lengths 5 | encoder counts must be above 0
+design --encoder-counts 9 9 --joint-lengths 5 | one for all joints or one for each
+design --fingertip-axes 8 10 --friction 0.5 | three finite lengths above 0
+design --fingertip-axes 8 10 12 --fingertip-radius 8 | each define the fingertip
+design --fingertip-axes 8 10 12 --sensor-resolution 20 | give --receptive-field instead
+design --cylinder --flat | --cylinder takes a --fingertip-radius
+design --pitch 2 | --pitch is that of receptive fields
+design --receptive-field 2 --pitch 3 | pitch must be above 0 and at most
+design --object a.stl --object-size 30 | each define the distance
+design --unit mm | --unit is for an object; give its mesh with --object
+design --max-opening 20 | --max-opening is for an object
+design --object a.stl --critical-angle 3 | give one
+design --figure budget.txt | .svg
+design --figure a.png | --figure draws the budget of a finger
+design --figure a.png --receptive-field 4 | --figure draws the budget
+design --object missing.stl | missing.stl
+design --object box.stl --friction 0.5 | unit of box.stl is not known, but a design
+design --object box.stl --unit mm --location-error 5m | is 5 m, 46.4 times the size of box.stl
+design --object box.stl --unit mm --location-error 220 | is 220 mm, 2.04 times the size of box
+design --object box.stl --unit mm --receptive-field 12cm --fingertip-radius 6cm | is 12 cm, 1.11
+design --object-size 50mm --location-error 1m | 20 times the size of the object | with --force
+"""
+"""Words of a command line, and what its error contains."""
+
+UNKNOWN = """
+label
+bake
+label x --frict 1
+label x --edges some
+label x --actuation both
+label ball.ply --best all
+label ball.ply --hand gripe
+label ball.ply --hand none.json
+check ball.ply --repair all
+validate poses.csv --mesh box.stl --hand nope
+design --fraction 1
+design --mass 1
+design mug.stl
+perturb missing.ply --location-error 1mm
+perturb missing.ply --per-finger 'location_error=1mm; normal_error=2'
+perturb missing.ply --method extremes
+"""
+"""Words that are no command, option or choice, which the parser refuses in a frame."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with meshes, grasps and files of other programs, sound ones and damaged ones."""
+    folder = tmp_path_factory.mktemp("refused")
+    ball = export(folder / "ball.ply", shapes.sphere(2))
+    vertices, faces = shapes.box((40.0, 60.0, 80.0))
+    export(folder / "box.stl", (vertices, faces))
+    export(folder / "open.stl", (vertices, faces[:-2]))
+    (folder / "void").mkdir()
+    for name in ("link.csv", "link.json"):
+        (folder / name).symlink_to(ball)
+    pair = [[20, 0, 0], [-20, 0, 0]]
+    header = "ply\nformat ascii 1.0\nelement vertex {}\n" + "".join(
+        f"property float {axis}\n" for axis in "xyz"
+    )
+    texts = {
+        "empty.stl": "",
+        "prose.stl": "Not a mesh at all.\n" * 9,
+        "points.ply": f"{header.format(1)}end_header\n0 0 0\n",
+        "bad.ply": header.format(3) + "property uchar label\nelement face 1\n"
+        "property list uchar int vertex_indices\nend_header\n"
+        "0 0 0 1\n1 0 0 2\n0 1 0 7\n3 0 1 2\n",
+        "nan.off": "OFF\n3 1 0\n0 0 0\n1 0 0\n0 nan 0\n3 0 1 2\n",
+        "inf.obj": "v 0 0 0\nv 1 0 0\nv 0 inf 0\nf 1 2 3\n",
+        "bad.csv": "a,b,c\n1,2,3\n",
+        "mine.csv": "a,b\n1,2\n",
+        "other.json": json.dumps({"mine": 1}),
+        "list.txt": "ball.ply\nnowhere.stl\n",
+        "pair.json": json.dumps([pair]),
+        "far.json": json.dumps([[pair[0], [-5000, 0, 0]]]),
+        "three.json": json.dumps([[*pair, [0, 30, 0]]]),
+        "poses.csv": "px,py,pz,qx,qy,qz,qw,unit,outcome\n0,0,40,1,0,0,0,mm,1\n",
+        "pushes.csv": "fx,fy,fz,tx,ty,tz\n5,0,0,0,0,0.1\n",
+        "five.csv": "5,0,0,0,0\n",
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("case", REFUSED.strip().splitlines())
+def test_bad_input_is_one_line_and_writes_nothing(folder: Path, case: str) -> None:
+    words, *messages = case.split(" | ")
+    error = refusal(words, folder)
+    assert all(message in error for message in messages), error
+
+
+@pytest.mark.parametrize("words", UNKNOWN.strip().splitlines())
+def test_bad_usage_is_refused_before_anything_is_read(folder: Path, words: str) -> None:
+    run = run_here(*shlex.split(words), cwd=folder)
+    assert (run.returncode, run.stdout) == (2, "")
+    assert "--help" in run.stderr
+    assert "Traceback" not in run.stderr
+    assert "missing.ply" not in run.stderr
