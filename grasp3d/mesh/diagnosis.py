@@ -240,7 +240,6 @@ def diagnose(
             MeshWarning(Trust.NO if message == impossible else Trust.CARE, message)
             for message in mesh.report.warnings
         ),
-        *_interior_warnings(mesh),
         *_hole_warnings(prepared, options),
         *self_intersection_warnings(int(crossing.faces.sum()), fraction),
         *_body_warnings(surface, bodies),
@@ -311,8 +310,12 @@ def _length_warnings(
 
 
 def _hole_warnings(prepared: PreparedMesh, options: MeshOptions) -> Iterator[MeshWarning]:
-    """Warn about holes, open or closed by repair."""
-    repaired = prepared.repaired
+    """Warn about a surface without an interior, and about holes, open or closed by repair."""
+    repaired, mesh = prepared.repaired, prepared.mesh
+    if repaired.closed and math.isnan(mesh.volume):
+        yield MeshWarning(
+            Trust.NO, "the surface has no interior, so that no contact can be pushed against it"
+        )
     filled = any(step.name == "closed" for step in repaired.steps)
     if filled:
         repaired = repair_given(prepared.given, replace(options, repair="safe"))
@@ -322,27 +325,15 @@ def _hole_warnings(prepared: PreparedMesh, options: MeshOptions) -> Iterator[Mes
     trust = Trust.NO if missing > MISSING else Trust.CARE
     area = f"{100.0 * missing:.2g} % of the surface"
     if filled:
-        yield MeshWarning(trust, f"holes: {count}, {area}: closed by repair with a guessed surface")
+        remark = "closed by repair with a guessed surface"
     elif trust is Trust.NO:
-        yield MeshWarning(
-            trust,
-            f"holes: {count}, {area}: is it a sheet that should have a thickness? Repair full "
-            "(--repair full) closes them with a guessed surface",
+        remark = (
+            "is it a sheet that should have a thickness? Repair full (--repair full) closes them "
+            "with a guessed surface"
         )
     else:
-        yield MeshWarning(
-            trust,
-            f"holes: {count}, {area}: grasps with contacts there are not found; repair full "
-            "(--repair full) closes them",
-        )
-
-
-def _interior_warnings(mesh: ObjectMesh) -> Iterator[MeshWarning]:
-    """Warn about a surface without an interior."""
-    if mesh.report.closed and math.isnan(mesh.volume):
-        yield MeshWarning(
-            Trust.NO, "the surface has no interior, so that no contact can be pushed against it"
-        )
+        remark = "grasps with contacts there are not found; repair full (--repair full) closes them"
+    yield MeshWarning(trust, f"holes: {count}, {area}: {remark}")
 
 
 def _missing_fraction(surface: Triangles) -> tuple[int, float]:
@@ -404,7 +395,8 @@ def _body_warnings(surface: Triangles, bodies: int) -> Iterator[MeshWarning]:
 def _noise_warnings(surface: Triangles, mesh: ObjectMesh, noise: float) -> Iterator[MeshWarning]:
     """Warn about inaccurate normals of a rough surface, and suggest a patch radius."""
     patch = mesh.options.patch_radius / mesh.size
-    radius = _smoothing_radius(surface, noise)
+    vertex_area = float(surface.areas.sum()) / len(surface.used)
+    radius = math.sqrt((noise / SMOOTH) ** 2 * vertex_area / math.pi)  # where errors average out
     if noise <= ROUGH or patch >= radius:
         return
     message = (
@@ -419,13 +411,6 @@ def _noise_warnings(surface: Triangles, mesh: ObjectMesh, noise: float) -> Itera
         if patch > 0.0:
             remedy += f"; {mesh.options.patch_radius:g} is too small"
     yield MeshWarning(Trust.CARE, f"{message}; {remedy}")
-
-
-def _smoothing_radius(surface: Triangles, noise: float) -> float:
-    """Return the patch radius at which the mean of independent errors is small enough."""
-    vertices = (noise / SMOOTH) ** 2
-    area = float(surface.areas.sum()) / len(surface.used)
-    return math.sqrt(vertices * area / math.pi)
 
 
 def _has_direction(surface: Triangles, radius: float) -> bool:

@@ -29,29 +29,8 @@ class Edges(NamedTuple):
 
 def face_areas(vertices: Floats, faces: Ints) -> Floats:
     """Areas of the faces, shape (F,)."""
-    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
+    a, b, c = vertices[faces].swapaxes(0, 1)
     return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
-
-
-def inward_normals(vertices: Floats, faces: Ints) -> Floats:
-    """Inward unit normals of the faces, shape (F, 3)."""
-    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
-    return unit_rows(np.cross(c - a, b - a))
-
-
-def corner_angles(vertices: Floats, faces: Ints) -> Floats:
-    """Angle of each face at each of its corners [rad], shape (F, 3)."""
-    corners = vertices[faces]
-    after = np.roll(corners, -1, axis=1) - corners
-    before = np.roll(corners, 1, axis=1) - corners
-    sine = np.linalg.norm(np.cross(after, before), axis=2)
-    return np.asarray(np.arctan2(sine, np.einsum("fij,fij->fi", after, before)))
-
-
-def signed_volumes(vertices: Floats, faces: Ints) -> Floats:
-    """Volumes of the tetrahedra from the origin to each face, shape (F,)."""
-    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
-    return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0)
 
 
 def part_volumes(vertices: Floats, faces: Ints, part: Ints) -> Floats:
@@ -95,7 +74,7 @@ def mass_center(vertices: Floats, faces: Ints) -> tuple[float, Floats]:
     """
     middle = vertices[faces].mean(axis=(0, 1))
     centred = vertices - middle
-    pieces = signed_volumes(centred, faces)
+    pieces = Triangles(centred, faces).volumes
     volume = float(pieces.sum())
     corners = centred[faces].sum(axis=1) / 4.0
     return volume, middle + (pieces[:, None] * corners).sum(axis=0) / volume
@@ -249,17 +228,23 @@ class Triangles:
     @cached_property
     def volumes(self) -> Floats:
         """Volumes of the tetrahedra from the origin to each face, shape (F,)."""
-        return signed_volumes(self.vertices, self.faces)
+        a, b, c = self.vertices[self.faces].swapaxes(0, 1)
+        return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0)
 
     @cached_property
     def normals(self) -> Floats:
         """Inward unit normals of the faces, shape (F, 3)."""
-        return inward_normals(self.vertices, self.faces)
+        a, b, c = self.vertices[self.faces].swapaxes(0, 1)
+        return unit_rows(np.cross(c - a, b - a))
 
     @cached_property
     def angles(self) -> Floats:
         """Angle of each face at each of its corners [rad], shape (F, 3)."""
-        return corner_angles(self.vertices, self.faces)
+        corners = self.vertices[self.faces]
+        after = np.roll(corners, -1, axis=1) - corners
+        before = np.roll(corners, 1, axis=1) - corners
+        sine = np.linalg.norm(np.cross(after, before), axis=2)
+        return np.asarray(np.arctan2(sine, np.einsum("fij,fij->fi", after, before)))
 
     @cached_property
     def sides(self) -> Floats:

@@ -87,12 +87,6 @@ class MovableSurface:
     def _own(self) -> Ints:
         return np.unique(self.repaired.faces)
 
-    @cached_property
-    def _first_corner(self) -> tuple[Ints, Ints]:
-        """The vertices that belong to faces, and one corner (3 f + i) of each."""
-        used, first = np.unique(self.mesh.faces, return_index=True)
-        return used, first
-
     def moved(self, shifts: Floats) -> ObjectMesh:
         """A copy of the mesh with moved vertices, and the contact normals that these give.
 
@@ -123,17 +117,14 @@ class MovableSurface:
 
     def _all(self, vertices: Floats) -> Floats:
         """Positions of all vertices, from those of the repaired surface."""
-        positions = np.concatenate([vertices, np.zeros((self._added, 3))])
-        used, corner = self._first_corner
+        positions = np.zeros((len(self.mesh.vertices), 3))
+        positions[: len(vertices)] = vertices
+        used, corner = np.unique(self.mesh.faces, return_index=True)  # corner 3 f + i of each
         corners = vertices[self.repaired.faces[self.parents[corner // 3]]]  # (n, 3, 3)
         weights = self.weights.reshape(-1, 3)[corner]
         new = used >= len(vertices)
         positions[used[new]] = np.einsum("nk,nkc->nc", weights[new], corners[new])
         return positions
-
-    @property
-    def _added(self) -> int:
-        return len(self.mesh.vertices) - len(self.repaired.vertices)
 
     def _divided(self, normals: CornerNormals) -> CornerNormals:
         """Interpolate corner normals of the repaired surface, as the division of edges does."""
@@ -217,15 +208,10 @@ def noise_length(surface: MovableSurface, correlation: float = 0.0, *, seed: int
     errors = field[:, None] * surface.normals
     sigma = FIRST * surface.mean_edge / surface.mesh.size
     for _ in range(STEPS):
-        factor = _factor(Triangles(points + sigma * errors, faces), own, crease)
+        rough = noise_below_creases(Triangles(points + sigma * errors, faces), crease)
+        added = math.sqrt(max(rough**2 - own**2, 0.0))
+        factor = min(max(own / added if added else LARGEST, 1.0 / LARGEST), LARGEST)
         sigma *= factor
         if abs(factor - 1.0) < CLOSE:
             break
     return sigma * surface.mesh.size
-
-
-def _factor(rough: Triangles, own: float, crease: float) -> float:
-    """How many times the noise was too small that made a surface of some noise this rough."""
-    total = noise_below_creases(rough, crease)
-    added = math.sqrt(max(total**2 - own**2, 0.0))
-    return min(max(own / added if added else LARGEST, 1.0 / LARGEST), LARGEST)

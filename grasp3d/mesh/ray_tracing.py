@@ -13,6 +13,7 @@ from grasp3d._kernels.search.rays import STEP, Rays, evaluate_crossings, write_r
 from grasp3d._kernels.surface.normal_sets import ContactNormals
 from grasp3d._kernels.surface.surface_contacts import Surface
 from grasp3d.arrays import Bools, Floats, Ints, first_at_position, unit_rows
+from grasp3d.mesh.measures import edges_of
 
 MARGIN = 1e-6
 """Least distance of an edge's ends from the face that it passes through, and of the crossing from
@@ -116,11 +117,13 @@ def crossings(points: Floats, faces: Ints) -> Crossings:
         faces: Faces (F, 3).
     """
     corners = first_at_position(points)[faces]
-    edges, owners, first = _edges(corners)
-    met_edges, met_faces = _met(points, corners, edges)
-    apart = (edges[met_edges][:, :, None] != corners[met_faces][:, None, :]).all(axis=(1, 2))
+    ends, counts, _, of_corner = edges_of(corners)
+    owners = np.argsort(of_corner.ravel(), kind="stable") // 3  # faces at each edge
+    first = np.concatenate([[0], np.cumsum(counts)])
+    met_edges, met_faces = _met(points, corners, ends)
+    apart = (ends[met_edges][:, :, None] != corners[met_faces][:, None, :]).all(axis=(1, 2))
     met_edges, met_faces = met_edges[apart], met_faces[apart]
-    through = _passes(points[edges[met_edges]], points[corners[met_faces]])
+    through = _passes(points[ends[met_edges]], points[corners[met_faces]])
     pairs = _pairs(met_edges[through], met_faces[through], owners, first)
     pairs = pairs[
         (corners[pairs[:, 0]][:, :, None] != corners[pairs[:, 1]][:, None, :]).all((1, 2))
@@ -128,17 +131,6 @@ def crossings(points: Floats, faces: Ints) -> Crossings:
     marked = np.zeros(len(faces), dtype=bool)
     marked[pairs] = True
     return Crossings(marked, pairs)
-
-
-def _edges(corners: Ints) -> tuple[Ints, Ints, Ints]:
-    """Undirected edges (E, 2), the faces at them, and where each edge's faces begin (E + 1)."""
-    sides = np.sort(corners[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    order = np.lexsort((sides[:, 1], sides[:, 0]))
-    ordered = sides[order]
-    new = np.ones(len(ordered), dtype=bool)
-    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
-    first = np.append(np.flatnonzero(new), len(ordered))
-    return ordered[new], order // 3, first
 
 
 def _met(points: Floats, corners: Ints, edges: Ints) -> tuple[Ints, Ints]:

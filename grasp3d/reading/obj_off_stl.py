@@ -24,8 +24,6 @@ _OTHER_OFF = re.compile(rb"\s*(?:(?:ST)?C?N?(?:4n?|n)OFF|(?:ST)?C?N?OFF\s+BINARY
 MOST_CORNERS = 1000
 """Largest number of corners of a face; round lids have a few hundred."""
 
-LEAST_CORNERS = COORDINATES = 3
-
 _NAME = re.compile(rb"solid[^\n]*")
 
 
@@ -97,68 +95,49 @@ def plain_obj(source: Source, data: bytes) -> tuple[bytes, int, int]:
         (the OBJ, number of positions, number of faces).
 
     Raises:
-        MeshError: A vertex has too few coordinates, or a face too few or too many corners.
-        ValueError: A face has an invalid vertex number.
+        MeshError: A vertex has too few coordinates, or a face too few or too many corners, or no
+            valid vertex number.
     """
-    data = re.sub(rb"\\\r?\n", b" ", data)
-    lines: list[bytes] = []
-    count = 0
-    for number, line in enumerate(data.splitlines(), 1):
-        words = line.split()
-        if not words:
-            continue
-        if words[0] == b"v":
-            if len(words) <= COORDINATES:
-                raise source.error(f"line {number}: a vertex needs three coordinates")
-            count += 1
-            lines.append(b" ".join(words[: 1 + COORDINATES]))
-        elif words[0] == b"f":
-            if not LEAST_CORNERS < len(words) <= 1 + MOST_CORNERS:
-                raise source.error(
-                    f"line {number} is a face of {len(words) - 1:,} corners; "
-                    f"{LEAST_CORNERS} to {MOST_CORNERS:,} are allowed"
-                )
-            lines.append(b" ".join([b"f", *(_absolute(word, count) for word in words[1:])]))
-    return b"\n".join(lines), count, len(lines) - count
-
-
-def _absolute(corner: bytes, count: int) -> bytes:
-    """Return the vertex number of a face's corner `v/vt/vn`, counted from the start of the file."""
-    index = corner.split(b"/", 1)[0]
-    if not index.startswith((b"-", b"0")):
-        return index
-    number = int(index)
-    absolute = number if number > 0 else count + 1 + number
-    if number == 0 or absolute < 1:
-        raise ValueError(f"a face uses vertex {number}")
-    return b"%d" % absolute
-
-
-def check_obj_lines(source: Source, data: bytes) -> None:
-    """Find the first invalid line of an OBJ, after trimesh failed to read it.
-
-    Raises:
-        MeshError: A line is invalid.
-    """
-    lines = data.splitlines()
+    lines = re.sub(rb"\\\r?\n", b" ", data).splitlines()
     total, count = sum(line.split()[:1] == [b"v"] for line in lines), 0
+    plain: list[bytes] = []
     for number, line in enumerate(lines, 1):
-        words = line.split()
-        count += words[:1] == [b"v"]
+        kind, *words = line.split() or [b""]
+        if kind not in {b"v", b"f"}:
+            continue
+        count += kind == b"v"
         try:
-            _check_line(words, count, total)
+            values = (
+                _position(words) if kind == b"v" else [_absolute(w, count, total) for w in words]
+            )
         except ValueError as error:
             text = line.decode("utf-8", "replace")[:40]
             raise source.damaged(f"line {number}, {text!r}, cannot be read ({error})") from error
+        if kind == b"f" and not 3 <= len(words) <= MOST_CORNERS:
+            raise source.error(
+                f"line {number} is a face of {len(words):,} corners; 3 to {MOST_CORNERS:,} are "
+                "allowed"
+            )
+        plain.append(b" ".join([kind, *values]))
+    return b"\n".join(plain), count, len(plain) - count
 
 
-def _check_line(words: list[bytes], count: int, total: int) -> None:
-    if words[:1] == [b"v"] and len([float(word) for word in words[1:]]) < COORDINATES:
+def _position(words: list[bytes]) -> list[bytes]:
+    """Return the three coordinates of a vertex, which colours may follow."""
+    if len([float(word) for word in words[:3]]) < 3:
         raise ValueError("a vertex needs three coordinates")
-    if words[:1] == [b"f"]:
-        for word in words[1:]:
-            if int(_absolute(word, count)) > total:
-                raise ValueError(f"there are {total:,} vertices")
+    return words[:3]
+
+
+def _absolute(corner: bytes, count: int, total: int) -> bytes:
+    """Return the vertex number of a face's corner `v/vt/vn`, counted from the start of the file."""
+    number = int(corner.split(b"/", 1)[0])
+    absolute = number if number > 0 else count + 1 + number
+    if number == 0 or absolute < 1:
+        raise ValueError(f"a face uses vertex {number}")
+    if absolute > total:
+        raise ValueError(f"there are {total:,} vertices")
+    return b"%d" % absolute
 
 
 def plain_off(source: Source, data: bytes) -> bytes:

@@ -18,7 +18,6 @@ from grasp3d.reading.obj_off_stl import (
     STL_FACE,
     STL_HEADER,
     binary_stl_faces,
-    check_obj_lines,
     off_counts,
     plain_obj,
     plain_off,
@@ -98,14 +97,9 @@ def _parsed_3mf(source: Source) -> trimesh.Scene:
 
 
 def _parsed_obj(source: Source) -> trimesh.Scene:
-    data = source.path.read_bytes()
-    try:
-        plain, *declared = plain_obj(source, data)
-        scene = _scene(source, plain, maintain_order=True, skip_materials=True)
-        return _complete(source, scene, *declared)
-    except (MeshError, ValueError, IndexError):
-        check_obj_lines(source, data)
-        raise
+    plain, *declared = plain_obj(source, source.path.read_bytes())
+    scene = _scene(source, plain, maintain_order=True, skip_materials=True)
+    return _complete(source, scene, *declared)
 
 
 def _parsed_off(source: Source) -> trimesh.Scene:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp3d import ObjectMesh
-from grasp3d.mesh.measures import signed_volumes
+from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.repair import RepairedSurface, repair_surface
 from grasp3d.settings.mesh_options import Repair
 from tests.helpers.shapes import Surface
@@ -38,7 +38,7 @@ def counts(surface: RepairedSurface | ObjectMesh) -> dict[str, int]:
 
 
 def volume_of(surface: RepairedSurface) -> float:
-    return float(signed_volumes(surface.vertices, surface.faces).sum())
+    return float(Triangles(surface.vertices, surface.faces).volumes.sum())
 
 
 def used_by(surface: RepairedSurface) -> NDArray[np.bool_]:

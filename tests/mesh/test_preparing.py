@@ -6,14 +6,7 @@ import trimesh
 
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import MeshError
-from grasp3d.mesh.measures import (
-    Triangles,
-    has_area,
-    is_closed,
-    paired_edges,
-    rounding_of,
-    signed_volumes,
-)
+from grasp3d.mesh.measures import Triangles, has_area, is_closed, paired_edges, rounding_of
 from grasp3d.mesh.normals import corner_normals, crease_twins
 from tests.helpers import oracles, shapes
 from tests.helpers.repairs import joined
@@ -325,8 +318,8 @@ def test_closedness_counts_directions() -> None:
 
 def test_signed_volumes_do_not_depend_on_the_origin() -> None:
     vertices, faces = shapes.torus()
-    moved = signed_volumes(vertices + [3.0, -1.0, 2.0], faces).sum()
-    assert moved == pytest.approx(signed_volumes(vertices, faces).sum())
+    moved = Triangles(vertices + [3.0, -1.0, 2.0], faces).volumes.sum()
+    assert moved == pytest.approx(Triangles(vertices, faces).volumes.sum())
 
 
 def test_edges_with_more_than_two_faces_are_not_paired() -> None:

@@ -8,7 +8,7 @@ import manifold3d
 import numpy as np
 
 from grasp3d.arrays import Bools, Floats, Ints
-from grasp3d.mesh.measures import corner_angles, first_connected, inward_normals
+from grasp3d.mesh.measures import Triangles, first_connected
 from grasp3d.mesh.work_bounds import BODY_BOXES, NESTED_BODIES
 
 FARTHEST = 4.0
@@ -85,8 +85,8 @@ def solids_of(points: Floats, faces: Ints, solid: Ints, distance: float) -> list
 
 def _unit_shifts(points: Floats, faces: Ints) -> Floats:
     """Least-squares displacements (V, 3) of the vertices that move all faces outward by 1."""
-    outward = -inward_normals(points, faces)
-    weights = corner_angles(points, faces)
+    surface = Triangles(points, faces)
+    outward, weights = -surface.normals, surface.angles
     pull = np.zeros_like(points)
     spread = np.zeros((len(points), 3, 3))
     squares = outward[:, :, None] * outward[:, None, :]

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from grasp3d._kernels.search.multifinger_grasps import NO_CONTACT, CandidatePoints, ContactDomain
 from grasp3d.arrays import Floats, Ints, angles_between, locked, unit_rows, used_indices
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.measures import face_areas, inward_normals, paired_edges
+from grasp3d.mesh.measures import Triangles, face_areas, paired_edges
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import whole_number
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
@@ -183,7 +183,7 @@ def spread_points(mesh: ObjectMesh, count: int, *, seed: int = 0) -> SurfacePoin
     weights = INSIDE + (1.0 - 3.0 * INSIDE) * even
     corners = mesh.normalized[mesh.faces[faces]]  # (samples, 3, 3)
     points = np.einsum("bk,bkj->bj", weights, corners)
-    normals = inward_normals(mesh.normalized, mesh.faces[faces])
+    normals = Triangles(mesh.normalized, mesh.faces[faces]).normals
     rows = _choose(points, normals, float(areas.sum()), count)
     return SurfacePoints(faces[rows], weights[rows])
 
