@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from grasp3d._kernels.hull.wrench_problem import SIGN
-from grasp3d._kernels.search.coplanar_contacts import critical_of_sets, make_fans, make_plane
+from grasp3d._kernels.search.coplanar_contacts import critical_of_sets, make_plane
 from grasp3d._kernels.surface.normal_sets import largest_angle, order_normal_sets, smallest_angle
 from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Bools, Floats, Ints, angles_between, unit_rows
 from grasp3d.contact.contacts import Contacts
@@ -300,8 +300,8 @@ def planar_bounds(points: Floats, samples: NormalSamples, *, tolerance: float) -
     """
     worst, best = np.empty((2, len(points)))
     critical_of_sets(
-        points, samples.first, samples.sizes, samples.normals, tolerance, make_plane(),
-        make_fans(int(samples.sizes.max(initial=1))), worst, best,
+        points, samples.first, samples.sizes, samples.normals, tolerance,
+        make_plane(int(samples.sizes.max(initial=1))), worst, best,
     )  # fmt: skip
     return _with_margin(worst, best, samples)
 

@@ -31,7 +31,7 @@ def cosines(
     found = np.empty(len(points))
     for k in range(len(points)):
         w0, w1, w2 = points[k]
-        found[k] = cosine_at(w0, w1, w2, lines, normals, own, limits)
+        found[k] = cosine_at((w0, w1, w2), lines, normals, own, limits)
     return found
 
 
@@ -92,7 +92,7 @@ def test_no_point_of_a_face_is_better_than_the_best_one(
             continue
         angle = math.acos(min(found, 1.0))
         assert angle <= math.acos(min(best, 1.0)) + 5e-7
-        again = cosine_at(*scratch[0], lines, normals, own, domain.limits)
+        again = cosine_at(scratch[0], lines, normals, own, domain.limits)
         assert again == pytest.approx(found, abs=1e-12)
         limit = math.cos(max(angle - 1e-6, 0.0))
         assert best_of_face(face, vertex, limit, own, domain, scratch) == limit
@@ -113,7 +113,7 @@ def test_a_node_with_a_good_contact_is_not_left_out(seed: int, shape: str) -> No
         weights = rng.dirichlet(np.ones(3))
         for worst in (True, False):
             own = own_normals(mesh, vertex, worst=worst)
-            found = cosine_at(*weights, lines, normals, own, limits)
+            found = cosine_at(weights, lines, normals, own, limits)
             if found <= 0.0:
                 continue
             limit = math.acos(min(found, 1.0)) + 1e-9

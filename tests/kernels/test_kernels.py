@@ -9,15 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp3d._kernels.search.antipodal_candidates import NO_PARTNER, BestPairs
+from grasp3d._kernels.search.antipodal_candidates import no_pairs
 from grasp3d._kernels.search.pair_lines import scan
-from grasp3d._kernels.search.rays import Frames, seed_rays
+from grasp3d._kernels.search.rays import Origins, seed_rays
 from grasp3d._kernels.surface.normal_sets import (
     ContactNormals,
     largest_angle,
     order_normal_sets,
     smallest_angle,
 )
+from grasp3d.arrays import Floats
 from tests.helpers import oracles, shapes
 
 seeds = st.integers(0, 100_000)
@@ -119,38 +120,25 @@ def test_coincident_contacts_have_no_angle() -> None:
     assert critical_angle(p, n, p, n) == math.inf
 
 
-def no_grasps() -> BestPairs:
-    """Arrays of one vertex without a grasp."""
-    return BestPairs(
-        np.full(1, np.inf),
-        np.full(1, np.inf),
-        np.zeros((1, 3)),
-        np.zeros((1, 3)),
-        np.zeros((1, 3)),
-        np.zeros((1, 3)),
-        np.full((1, 2), -1),
-        np.zeros((1, 2, 3)),
-        np.zeros(1, dtype=np.int8),
-        np.zeros(1, dtype=np.int8),
-        np.full(1, NO_PARTNER, dtype=np.uint8),
-        np.zeros((1, 3, 3)),
-        np.full((1, 3), np.inf),
-        np.zeros((1, 3), dtype=np.int8),
-        1.0,
-    )
-
-
-@pytest.mark.slow
-def test_initial_directions_fill_their_cone_and_begin_with_the_normal() -> None:
-    normal = np.array([[0.0, 0.0, 1.0]])
-    sets = ContactNormals(np.array([0, 1]), np.array([1]), normal)
-    frames = Frames(normal, np.array([[1.0, 0.0, 0.0]]), np.zeros(1))
-    cone = 0.7
-    rays = seed_rays(np.array([0]), 500, (0, 500), cone, 1, frames, sets, no_grasps())
-    closing = rays.closing
-    assert len(rays.owner) == 500
+def initial_directions(sets: ContactNormals, centre: Floats, radius: float, cone: float) -> Floats:
+    """Closing directions of the first 500 rays of one vertex that squeezes."""
+    nowhere = np.zeros((1, 3))
+    tangent = np.cross(centre, [0.6, 0.8, 0.1])[None]
+    tangent /= np.linalg.norm(tangent)
+    around = np.zeros(2, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    origins = Origins(nowhere, sets, centre[None], tangent, np.array([radius]), around, cone)
+    rays = seed_rays(np.array([0]), 500, (0, 500), 1, origins, no_pairs(1, 3, 1.0))
+    assert set(rays.owner) == {0}
     assert set(rays.signs) == {1}
-    assert closing[0] == pytest.approx(normal[0])
+    return np.array(rays.closing)
+
+
+def test_initial_directions_fill_their_cone_and_begin_with_the_normal() -> None:
+    normal, cone = np.array([0.0, 0.0, 1.0]), 0.7
+    sets = ContactNormals(np.array([0, 1]), np.array([1]), normal[None])
+    closing = initial_directions(sets, normal, 0.0, cone)
+    assert len(closing) == 500
+    assert closing[0] == pytest.approx(normal)
     assert np.linalg.norm(closing, axis=1) == pytest.approx(np.ones(500))
     heights = closing[:, 2]
     assert heights.min() >= math.cos(cone)
@@ -162,12 +150,9 @@ def test_initial_directions_fill_their_cone_and_begin_with_the_normal() -> None:
 
 def test_initial_directions_at_a_crease_cover_both_cones() -> None:
     rows, corners, centre, radius = polygon(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]))
-    sets = ContactNormals(np.array([0, 2]), np.array([corners]), rows)
-    frames = Frames(centre[None], np.array([[0.0, 1.0, 0.0]]), np.array([radius]))
-    cone = 0.5
-    closing = seed_rays(np.array([0]), 400, (0, 400), cone, 1, frames, sets, no_grasps()).closing
-    gaps = [smallest_angle(rows, 0, corners, *d) for d in closing]
-    assert max(gaps) <= cone
+    sets, cone = ContactNormals(np.array([0, 2]), np.array([corners]), rows), 0.5
+    closing = initial_directions(sets, centre, radius, cone)
+    assert max(smallest_angle(rows, 0, corners, *d) for d in closing) <= cone
     for normal in rows[:2]:
         assert np.abs(closing - normal).sum(axis=1).min() < 1e-12
         assert (closing @ normal > math.cos(cone)).sum() > 40

@@ -56,7 +56,7 @@ def test_distances_of_points_from_triangles() -> None:
     points = 2.0 * RNG.normal(size=(300, 3))
     right = np.linalg.norm(trimesh.triangles.closest_point(triangles, points) - points, axis=1)
     for i in range(300):
-        found = math.sqrt(triangle_distance(*points[i], triangles[i].ravel()))
+        found = math.sqrt(triangle_distance(points[i], triangles[i].ravel()))
         assert found == pytest.approx(right[i], abs=1e-9)
 
 
@@ -73,7 +73,7 @@ def test_distances_of_segments_from_triangles() -> None:
 def test_a_segment_of_no_length_is_a_point() -> None:
     triangle, point = RNG.normal(size=9), RNG.normal(size=3)
     found = segment_distance(point, point, triangle)
-    assert found == pytest.approx(triangle_distance(*point, triangle))
+    assert found == pytest.approx(triangle_distance(point, triangle))
 
 
 @pytest.mark.slow
@@ -110,7 +110,7 @@ def test_balls_and_capsules_are_free_up_to_the_nearest_face() -> None:
         )
         assert capsule_is_free(start, end, least - 1e-9, tree, nodes)
         assert not capsule_is_free(start, end, least + 1e-9, tree, nodes) or least == 0.0
-        point = min(math.sqrt(triangle_distance(*start, triangle)) for triangle in tree.triangles)
+        point = min(math.sqrt(triangle_distance(start, triangle)) for triangle in tree.triangles)
         assert ball_is_free(*start, point - 1e-9, tree, nodes)
         assert not ball_is_free(*start, point + 1e-9, tree, nodes)
     assert ball_is_free(*points[0], 0.0, tree, nodes)

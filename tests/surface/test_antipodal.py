@@ -165,7 +165,7 @@ def test_no_grasp_is_better_than_the_bound_of_its_node(seed: int, shape: str) ->
         for worst, longest in itertools.product((True, False), (math.inf, opening * (1.0 + 1e-9))):
             limits = PairLimits(0.0, longest, rng.choice([0.0, 0.3, 3.0]) * opening)
             own = own_normals(mesh, vertex, worst=worst)
-            found = cosine_at(*weights, lines, normals, own, limits)
+            found = cosine_at(weights, lines, normals, own, limits)
             bound = upper_bound(node, vertex, own, domain._replace(limits=limits), NONE)
             assert NONE < found <= bound + 1e-9
 
@@ -189,7 +189,7 @@ def test_moves_on_a_face_do_not_end_before_they_reach_the_limit(seed: int, shape
         turning = turning_speed(weights, lines, normals, cosine_of_leaf, limits.location)
         for worst in (True, False):
             others = lines, normals, own_normals(mesh, vertex, worst=worst), limits
-            cosine = cosine_at(*weights, *others)
+            cosine = cosine_at(weights, *others)
             moved, ended = weights.copy(), weights.copy()
             reached = move_on_face(moved, cosine, math.inf, 0.0, *others)
             limit = math.acos(max(-1.0, min(reached, 1.0))) + 1e-9
@@ -210,7 +210,7 @@ def test_cosines_to_the_best_and_worst_normals_of_creases(seed: int) -> None:
         count = sets.counts[vertex]
         arguments = sets.normals, sets.start[vertex], count, *line
         best, worst = (
-            own_cosine(own_normals(mesh, vertex, worst=worst), *line) for worst in (False, True)
+            own_cosine(own_normals(mesh, vertex, worst=worst), line) for worst in (False, True)
         )
         assert best == pytest.approx(math.cos(smallest_angle(*arguments)), abs=1e-12)
         assert worst == pytest.approx(

@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 from grasp3d._kernels.compiling.decorators import merged, part
 from grasp3d._kernels.surface.normal_sets import largest_angle, smallest_angle
-from grasp3d._kernels.surface.surface_contacts import write_normals
-from grasp3d._kernels.surface.vectors import copy
+from grasp3d._kernels.surface.surface_contacts import point_on_face, write_normals
+from grasp3d._kernels.surface.vectors import copy, difference, dot, norm, scaled, triple
 
 TIE = 1e-7
 """Angle by which a candidate must be better, so that rounding errors do not decide ties [rad]."""
@@ -115,13 +115,13 @@ def no_pairs(
 
 
 @merged
-def _keep_start(v, sign, x, y, z, angle, grasps):
+def _keep_start(v, sign, direction, angle, grasps):
     """Insert a closing direction into a vertex's sorted cache of clearly different ones."""
     directions, angles, signs = grasps.starts[v], grasps.start_angles[v], grasps.start_signs[v]
     row = angles.shape[0] - 1
     for k in range(angles.shape[0]):  # replace a similar direction, and only by a better one
-        cosine = x * directions[k, 0] + y * directions[k, 1] + z * directions[k, 2]
-        if angles[k] < math.inf and signs[k] == sign and cosine > grasps.distinct_cosine:
+        similar = dot(direction, directions[k]) > grasps.distinct_cosine
+        if angles[k] < math.inf and signs[k] == sign and similar:
             row = k
             break
     if angle >= angles[row] - TIE:
@@ -132,7 +132,7 @@ def _keep_start(v, sign, x, y, z, angle, grasps):
         copy(directions[row - 1], directions[row])
         row -= 1
     angles[row], signs[row] = angle, sign
-    directions[row, 0], directions[row, 1], directions[row, 2] = x, y, z
+    copy(direction, directions[row])
 
 
 @part
@@ -145,13 +145,11 @@ def line_turn(location, opening):
 
 
 @merged
-def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasps, found):
+def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasps, scratch):
     """Evaluate the grasp of a vertex and a point on a face; store it if it is the best so far."""
     start, counts, normals = sets.start, sets.counts, sets.normals
-    scale = sign / opening
-    x = scale * (partner[0] - surface.points[v, 0])
-    y = scale * (partner[1] - surface.points[v, 1])
-    z = scale * (partner[2] - surface.points[v, 2])
+    direction = scaled(sign / opening, difference(partner, surface.points[v]))
+    x, y, z = direction
     low = smallest_angle(normals, start[v], counts[v], x, y, z)
     if low > grasps.start_angles[v, -1]:
         return  # a lower bound of both angles, and worse than the whole cache
@@ -160,55 +158,42 @@ def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasp
         high = largest_angle(normals, start[v], counts[v], x, y, z)
     low, high = low + grasps.first_extra, high + grasps.first_extra
     extra = grasps.second_extra
-    count, vertex = write_normals(face, weights, surface, sets, found)
+    count, vertex = write_normals(face, weights, surface, sets, scratch)
     # The angles at the second contact, against the opposite direction; a vertex has its own set.
     if vertex >= 0:
         first, count = start[vertex], counts[vertex]
         low = max(low, smallest_angle(normals, first, count, -x, -y, -z) + extra)
         high = max(high, largest_angle(normals, first, count, -x, -y, -z) + extra)
-        copy(normals[first], found[0])
+        copy(normals[first], scratch[0])
     else:
-        low = max(low, smallest_angle(found, 0, count, -x, -y, -z) + extra)
-        high = max(high, largest_angle(found, 0, count, -x, -y, -z) + extra)
+        low = max(low, smallest_angle(scratch, 0, count, -x, -y, -z) + extra)
+        high = max(high, largest_angle(scratch, 0, count, -x, -y, -z) + extra)
     if grasps.location > 0.0:
         turn = line_turn(grasps.location, opening)
         low, high = low + turn, high + turn
     # `high` decides the grasp of `worst` and the cache, `low` that of `best`: they may differ.
     if high < grasps.start_angles[v, -1]:
-        _keep_start(v, sign, x, y, z, high, grasps)
+        _keep_start(v, sign, direction, high, grasps)
     if high < grasps.worst[v] - TIE:
-        grasps.worst[v] = high
-        grasps.reason[v] = FOUND
-        grasps.signs[v] = sign
-        grasps.closing[v, 0], grasps.closing[v, 1], grasps.closing[v, 2] = x, y, z
-        for k in range(3):
-            grasps.partner[v, k] = partner[k]
-            grasps.partner_normal[v, k] = found[0, k]
-            grasps.weights[v, 0, k] = weights[k]
-        grasps.faces[v, 0] = face
+        grasps.worst[v], grasps.reason[v] = high, FOUND
+        grasps.signs[v], grasps.faces[v, 0] = sign, face
+        copy(direction, grasps.closing[v])
+        copy(partner, grasps.partner[v])
+        copy(scratch[0], grasps.partner_normal[v])
+        copy(weights, grasps.weights[v, 0])
     if low < grasps.best[v] - TIE:
-        grasps.best[v] = low
-        grasps.signs_best[v] = sign
-        grasps.closing_best[v, 0], grasps.closing_best[v, 1] = x, y
-        grasps.closing_best[v, 2] = z
+        grasps.best[v], grasps.signs_best[v], grasps.faces[v, 1] = low, sign, face
+        copy(direction, grasps.closing_best[v])
         copy(weights, grasps.weights[v, 1])
-        grasps.faces[v, 1] = face
 
 
 @merged
-def evaluate_on_face(v, sign, face, weights, surface, sets, grasps, found):
+def evaluate_on_face(v, sign, face, weights, surface, sets, grasps, scratch):
     """Evaluate the grasp of a vertex and a point on a face, from its barycentric coordinates.
 
-    `found` is scratch (2, 3). The contacts must not be at one point.
+    `scratch` holds normals (2, 3). The contacts must not be at one point.
     """
-    points, own = surface.points, surface.points[v]
-    x, y, z = 0.0, 0.0, 0.0
-    for k in range(3):
-        corner = surface.faces[face, k]
-        x += weights[k] * points[corner, 0]
-        y += weights[k] * points[corner, 1]
-        z += weights[k] * points[corner, 2]
-    partner, three = (x, y, z), (weights[0], weights[1], weights[2])
-    x, y, z = x - own[0], y - own[1], z - own[2]
-    opening = math.sqrt(x * x + y * y + z * z)
-    evaluate_pair(v, sign, partner, opening, face, three, surface, sets, grasps, found)
+    weights = triple(weights, 0)
+    partner = point_on_face(face, weights, surface)
+    opening = norm(difference(partner, surface.points[v]))
+    evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasps, scratch)

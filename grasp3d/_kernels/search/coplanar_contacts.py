@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import inlined, merged, part, scratch_kernel
+from grasp3d._kernels.compiling.decorators import merged, part, scratch_kernel
+from grasp3d._kernels.surface.vectors import copy, cross, difference, divided, dot, norm, scaled
 
 COLLINEAR = 1e-6
 """Sine of the angle between a triangle's shortest and longest sides below which its corners are
@@ -41,21 +42,17 @@ class Plane(NamedTuple):
     """Separating direction where the cones are not force-closed (3,)."""
     arcs: npt.NDArray[np.float64]
     """First and last azimuth of each contact's forces, over several normals [rad] (3, 2)."""
-
-
-class Fans(NamedTuple):
-    """Several normals of each of three contacts, projected to their plane; scratch arrays."""
-
     azimuths: npt.NDArray[np.float64]
-    """Azimuths of the projections, without jumps of a full turn within a contact [rad] (3, k)."""
+    """Azimuths of several normals' projections, without jumps of a full turn within a contact [rad]
+    (3, k)."""
     lengths: npt.NDArray[np.float64]
-    """Lengths of the projections: cosines of the elevation over the plane (3, k)."""
+    """Lengths of these projections: cosines of the elevation over the plane (3, k)."""
     counts: npt.NDArray[np.int64]
     """Number of normals of each contact (3,)."""
 
 
-def make_plane() -> Plane:
-    """Allocate the arrays of a plane."""
+def make_plane(normals: int = 1) -> Plane:
+    """Allocate the arrays of a plane, for so many normals of each contact."""
     return Plane(
         frame=np.zeros((3, 3)),
         positions=np.zeros((3, 2)),
@@ -63,62 +60,58 @@ def make_plane() -> Plane:
         edges=np.zeros((6, 3)),
         separating=np.zeros(3),
         arcs=np.zeros((3, 2)),
+        azimuths=np.zeros((3, normals)),
+        lengths=np.zeros((3, normals)),
+        counts=np.zeros(3, dtype=np.int64),
     )
-
-
-def make_fans(normals: int) -> Fans:
-    """Allocate arrays for so many normals of each contact."""
-    return Fans(np.zeros((3, normals)), np.zeros((3, normals)), np.zeros(3, dtype=np.int64))
 
 
 @part
 def set_contact_plane(points, plane):
     """Write the plane through three points (3, 3); returns False where they are collinear."""
     frame, positions = plane.frame, plane.positions
-    p, q, r = points[0], points[1], points[2]
-    ax, ay, az = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-    bx, by, bz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
-    cx, cy, cz = r[0] - q[0], r[1] - q[1], r[2] - q[2]
-    one, two = ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz
-    three = cx * cx + cy * cy + cz * cz
-    # The cross product m is normal to the plane; its length is twice the area of the triangle.
-    longest = max(one, two, three)
-    mx, my, mz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    a, b = difference(points[1], points[0]), difference(points[2], points[0])
+    c = difference(points[2], points[1])
+    one, two, three = dot(a, a), dot(b, b), dot(c, c)
+    # The length of the normal to the plane is twice the area of the triangle.
+    longest, normal = max(one, two, three), cross(a, b)
     is_last_short = three < SHORT * SHORT * longest
     if is_last_short:  # the difference of two long sides would lose its direction
-        mx, my, mz = ay * cz - az * cy, az * cx - ax * cz, ax * cy - ay * cx
-    area = math.sqrt(mx * mx + my * my + mz * mz)
+        normal = cross(a, c)
+    area = norm(normal)
     # Differences of nearby points are exact: a short side has a direction however short it is, so
     # that only a flat angle makes the plane uncertain.
     shortest = min(one, two, three)
     if not area > COLLINEAR * math.sqrt(shortest * longest) or not shortest > 0.0:
         return False
-    mx, my, mz = mx / area, my / area, mz / area
-    length = math.sqrt(one)
-    ex, ey, ez = ax / length, ay / length, az / length
-    frame[0, 0], frame[0, 1], frame[0, 2] = ex, ey, ez
-    frame[1, 0], frame[1, 1], frame[1, 2] = my * ez - mz * ey, mz * ex - mx * ez, mx * ey - my * ex
-    frame[2, 0], frame[2, 1], frame[2, 2] = mx, my, mz
+    normal, along = divided(normal, area), divided(a, math.sqrt(one))
+    copy(along, frame[0])
+    copy(cross(normal, along), frame[1])
+    copy(normal, frame[2])
     scale = 1.0 / math.sqrt(longest)
     for k in range(2):
-        a = (frame[k, 0] * ax + frame[k, 1] * ay + frame[k, 2] * az) * scale
-        b = (frame[k, 0] * bx + frame[k, 1] * by + frame[k, 2] * bz) * scale
+        first = dot(frame[k], a) * scale
+        second = dot(frame[k], b) * scale
         if is_last_short:
-            b = a + (frame[k, 0] * cx + frame[k, 1] * cy + frame[k, 2] * cz) * scale
-        middle = (a + b) / 3.0
-        positions[0, k], positions[1, k], positions[2, k] = -middle, a - middle, b - middle
+            second = first + dot(frame[k], c) * scale
+        middle = (first + second) / 3.0
+        positions[0, k], positions[1, k], positions[2, k] = -middle, first - middle, second - middle
     return True
 
 
 @merged
 def set_normal(normal, i, plane):
     """Project a contact's normal to the plane; returns the sine of its elevation."""
-    frame = plane.frame
     for k in range(2):
-        plane.normals[i, k] = (
-            frame[k, 0] * normal[0] + frame[k, 1] * normal[1] + frame[k, 2] * normal[2]
-        )
-    return abs(frame[2, 0] * normal[0] + frame[2, 1] * normal[1] + frame[2, 2] * normal[2])
+        plane.normals[i, k] = dot(plane.frame[k], normal)
+    return abs(dot(plane.frame[2], normal))
+
+
+@merged
+def _set_edge(row, i, x, y, plane):
+    """Write the wrench of a unit force of contact i along (x, y)."""
+    plane.edges[row, 0], plane.edges[row, 1] = x, y
+    plane.edges[row, 2] = plane.positions[i, 0] * y - plane.positions[i, 1] * x
 
 
 @merged
@@ -135,11 +128,8 @@ def set_cone(i, cosine, plane):
     c = cosine / length
     s = math.sqrt((1.0 - c) * (1.0 + c))
     a, b = a / length, b / length
-    x, y, edges = plane.positions[i, 0], plane.positions[i, 1], plane.edges
-    fx, fy = a * c - b * s, b * c + a * s
-    edges[2 * i, 0], edges[2 * i, 1], edges[2 * i, 2] = fx, fy, x * fy - y * fx
-    fx, fy = a * c + b * s, b * c - a * s
-    edges[2 * i + 1, 0], edges[2 * i + 1, 1], edges[2 * i + 1, 2] = fx, fy, x * fy - y * fx
+    _set_edge(2 * i, i, a * c - b * s, b * c + a * s, plane)
+    _set_edge(2 * i + 1, i, a * c + b * s, b * c - a * s, plane)
     return True
 
 
@@ -150,25 +140,22 @@ def cones_force_closed(plane):
     If they do not, all lie on one side of a plane through the origin and two of them; its normal is
     written to `separating`.
     """
-    edges, separating = plane.edges, plane.separating
+    edges = plane.edges
     # A separating plane can be turned about the origin until two of the wrenches lie in it.
     for a in range(1, 6):
         for b in range(a):
             # u is orthogonal to both wrenches; the other four decide on which side they are.
-            ux = edges[a, 1] * edges[b, 2] - edges[a, 2] * edges[b, 1]
-            uy = edges[a, 2] * edges[b, 0] - edges[a, 0] * edges[b, 2]
-            uz = edges[a, 0] * edges[b, 1] - edges[a, 1] * edges[b, 0]
+            u = cross(edges[a], edges[b])
             any_below = any_above = False
             for c in range(6):
                 if c not in (a, b):
-                    side = ux * edges[c, 0] + uy * edges[c, 1] + uz * edges[c, 2]
+                    side = dot(u, edges[c])
                     any_below = any_below or side < -ROUNDING
                     any_above = any_above or side > ROUNDING
                     if any_below and any_above:
                         break
             if any_below != any_above:
-                sign = 1.0 if any_below else -1.0
-                separating[0], separating[1], separating[2] = sign * ux, sign * uy, sign * uz
+                copy(u if any_below else scaled(-1.0, u), plane.separating)
                 return False
     return True
 
@@ -209,20 +196,18 @@ def critical_of_normals(plane, low, high, tolerance):
 
 
 @merged
-def set_fan_normal(normal, i, k, plane, fans):
+def set_fan_normal(normal, i, k, plane):
     """Project normal k of a contact to the plane."""
-    frame = plane.frame
-    a = frame[0, 0] * normal[0] + frame[0, 1] * normal[1] + frame[0, 2] * normal[2]
-    b = frame[1, 0] * normal[0] + frame[1, 1] * normal[1] + frame[1, 2] * normal[2]
+    a, b = dot(plane.frame[0], normal), dot(plane.frame[1], normal)
     azimuth = math.atan2(b, a)
     if k > 0:  # the representative nearest to the first azimuth
-        turn = azimuth - fans.azimuths[i, 0]
+        turn = azimuth - plane.azimuths[i, 0]
         azimuth -= 2.0 * math.pi * round(turn / (2.0 * math.pi))
-    fans.azimuths[i, k], fans.lengths[i, k] = azimuth, math.sqrt(a * a + b * b)
+    plane.azimuths[i, k], plane.lengths[i, k] = azimuth, math.sqrt(a * a + b * b)
 
 
-@inlined
-def _set_arc(i, cosine, best_normals, plane, fans):
+@merged
+def _set_arc(i, cosine, best_normals, plane):
     """Write the azimuths of the forces possible with every normal of a contact, or with some.
 
     The intersection of the planar cones of all normals, or with `best_normals` their union.
@@ -235,8 +220,8 @@ def _set_arc(i, cosine, best_normals, plane, fans):
     first, last, any_reaches = -math.inf, math.inf, False
     if best_normals:
         first, last = math.inf, -math.inf
-    for k in range(fans.counts[i]):
-        length, azimuth = fans.lengths[i, k], fans.azimuths[i, k]
+    for k in range(plane.counts[i]):
+        length, azimuth = plane.lengths[i, k], plane.azimuths[i, k]
         if length > cosine:
             half, any_reaches = math.acos(cosine / length), True
             if best_normals:
@@ -249,16 +234,8 @@ def _set_arc(i, cosine, best_normals, plane, fans):
     return any_reaches
 
 
-@inlined
-def _set_edge(row, i, azimuth, plane):
-    """Write the wrench of a unit force of contact i along an azimuth."""
-    c, s = math.cos(azimuth), math.sin(azimuth)
-    plane.edges[row, 0], plane.edges[row, 1] = c, s
-    plane.edges[row, 2] = plane.positions[i, 0] * s - plane.positions[i, 1] * c
-
-
 @part
-def fans_force_closed(angle, best_normals, plane, fans):
+def fans_force_closed(angle, best_normals, plane):
     """Whether three contacts are force-closed with all combinations of normals, or with some.
 
     Where the cones of a contact's normals have no common force, the grasp must be force-closed with
@@ -268,12 +245,11 @@ def fans_force_closed(angle, best_normals, plane, fans):
     Args:
         angle: Half-angle of the cones [rad].
         best_normals: Whether some combination of normals suffices; otherwise all are required.
-        plane: `Plane` of the contacts.
-        fans: `Fans` of their normals.
+        plane: `Plane` of the contacts, with several normals of each.
     """
     cosine = math.cos(angle)
     for i in range(3):
-        if not _set_arc(i, cosine, best_normals, plane, fans):
+        if not _set_arc(i, cosine, best_normals, plane):
             return False
         width = plane.arcs[i, 1] - plane.arcs[i, 0]
         if best_normals and width >= 2.0 * math.pi:
@@ -293,15 +269,15 @@ def fans_force_closed(angle, best_normals, plane, fans):
                 first, last = (middle, last) if second else (first, middle)
             elif split:
                 first = last = last if second else first
-            _set_edge(2 * i, i, last, plane)
-            _set_edge(2 * i + 1, i, first, plane)
+            _set_edge(2 * i, i, math.cos(last), math.sin(last), plane)
+            _set_edge(2 * i + 1, i, math.cos(first), math.sin(first), plane)
         if possible and cones_force_closed(plane) == best_normals:
             return best_normals
     return not best_normals
 
 
 @part
-def critical_of_fans(low, high, tolerance, best_normals, plane, fans):
+def critical_of_fans(low, high, tolerance, best_normals, plane):
     """Critical friction angle of three contacts over their worst, or their best, normals.
 
     Args:
@@ -310,11 +286,10 @@ def critical_of_fans(low, high, tolerance, best_normals, plane, fans):
         tolerance: Width of the bracket [rad] whose upper end is returned.
         best_normals: As for `fans_force_closed`.
         plane: `Plane` of the contacts.
-        fans: `Fans` of their normals.
     """
     while high - low > tolerance:
         middle = 0.5 * (low + high)
-        if fans_force_closed(middle, best_normals, plane, fans):
+        if fans_force_closed(middle, best_normals, plane):
             high = middle
         else:
             low = middle
@@ -322,7 +297,7 @@ def critical_of_fans(low, high, tolerance, best_normals, plane, fans):
 
 
 @scratch_kernel
-def critical_of_sets(points, first, counts, normals, tolerance, plane, fans, worst, best):
+def critical_of_sets(points, first, counts, normals, tolerance, plane, worst, best):
     """Critical friction angles of many grasps of three contacts with several normals each.
 
     Args:
@@ -331,8 +306,7 @@ def critical_of_sets(points, first, counts, normals, tolerance, plane, fans, wor
         counts: Number of each contact's normals, at least one (b, 3).
         normals: Inward unit normals (k, 3).
         tolerance: Width of the brackets [rad].
-        plane: Scratch arrays.
-        fans: Scratch arrays for the largest of `counts`.
+        plane: Scratch arrays for the largest of `counts`.
         worst: Written, upper end of the bracket over all combinations of normals [rad], pi / 2
             where no friction suffices for all; nan where the contacts are collinear (b,).
         best: Written, lower end of the bracket of the smallest over the combinations [rad] (b,).
@@ -343,11 +317,11 @@ def critical_of_sets(points, first, counts, normals, tolerance, plane, fans, wor
         if not set_contact_plane(points[g], plane):
             continue
         for i in range(3):
-            fans.counts[i] = counts[g, i]
+            plane.counts[i] = counts[g, i]
             for k in range(counts[g, i]):
-                set_fan_normal(normals[first[g, i] + k], i, k, plane, fans)
-        worst[g] = critical_of_fans(0.0, right, tolerance, False, plane, fans)  # noqa: FBT003
-        best[g] = critical_of_fans(0.0, right, tolerance, True, plane, fans)  # noqa: FBT003
+                set_fan_normal(normals[first[g, i] + k], i, k, plane)
+        worst[g] = critical_of_fans(0.0, right, tolerance, False, plane)  # noqa: FBT003
+        best[g] = critical_of_fans(0.0, right, tolerance, True, plane)  # noqa: FBT003
         if best[g] < right:  # the lower end: U must not be concluded too early
             best[g] = max(0.0, best[g] - tolerance)
 

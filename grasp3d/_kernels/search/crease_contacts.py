@@ -12,7 +12,17 @@ from grasp3d._kernels.search.face_contacts import best_cosine, read_own, write_s
 from grasp3d._kernels.search.rays import SMALLEST_OPENING
 from grasp3d._kernels.surface.face_tree import NO_NODE, below, faces_of_leaf
 from grasp3d._kernels.surface.surface_contacts import ANY_NORMAL, ON_EDGE
-from grasp3d._kernels.surface.vectors import copy
+from grasp3d._kernels.surface.vectors import (
+    combined,
+    copy,
+    difference,
+    divided,
+    dot,
+    norm,
+    scaled,
+    squared_distance,
+    triple,
+)
 
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 STEPS = 36
@@ -72,40 +82,32 @@ def _bound_face(face, owners, surface, sets, rows, bounds):
     bounds[3] = -math.inf
     if count == 0:
         return
-    square = 0.0
     for k in range(3):
         bounds[k], bounds[4 + k] = 0.0, 0.0
         for c in range(3):
             bounds[k] += surface.points[surface.faces[face, c], k] / 3.0
         for i in range(count):
             bounds[4 + k] += rows[i, k]
+    square = 0.0
     for c in range(3):
-        distance = 0.0
-        for k in range(3):
-            distance += (surface.points[surface.faces[face, c], k] - bounds[k]) ** 2
-        square = max(square, distance)
-    length = math.sqrt(bounds[4] ** 2 + bounds[5] ** 2 + bounds[6] ** 2)
+        square = max(square, squared_distance(surface.points[surface.faces[face, c]], bounds))
+    bounds[3] = math.sqrt(square)
+    axis = triple(bounds, 4)
+    length = norm(axis)
     cosine = 1.0 if length > 1e-12 else -1.0
     for i in range(count):
-        product = 0.0
-        for k in range(3):
-            product += rows[i, k] * bounds[4 + k]
-        cosine = min(cosine, product / max(length, 1e-12))
-    bounds[3] = math.sqrt(square)
+        cosine = min(cosine, dot(rows[i], axis) / max(length, 1e-12))
     if count < 0 or cosine <= 0.0:  # any direction
         bounds[4], bounds[5], bounds[6], bounds[7], bounds[8] = 0.0, 0.0, 1.0, -1.0, 0.0
         return
-    bounds[4], bounds[5], bounds[6] = bounds[4] / length, bounds[5] / length, bounds[6] / length
+    bounds[4], bounds[5], bounds[6] = divided(axis, length)
     bounds[7], bounds[8] = cosine, math.sqrt(1.0 - cosine * cosine)
 
 
 @part
 def _merge_balls(one, other):
     """Write the smallest ball that contains two of them over the first one."""
-    square = 0.0
-    for k in range(3):
-        square += (other[k] - one[k]) ** 2
-    distance = math.sqrt(square)
+    distance = math.sqrt(squared_distance(other, one))
     if distance + other[3] <= one[3]:
         return
     if distance + one[3] <= other[3]:
@@ -114,18 +116,15 @@ def _merge_balls(one, other):
         return
     radius = 0.5 * (distance + one[3] + other[3])
     part = (radius - one[3]) / distance
-    for k in range(3):
-        one[k] += part * (other[k] - one[k])
+    copy(combined(1.0, one, part, difference(other, one)), one)
     one[3] = radius
 
 
 @part
 def _merge_cones(one, other):
     """Write the narrowest cone that contains two of them over the first one."""
-    product = 0.0
-    for k in range(4, 7):
-        product += one[k] * other[k]
-    between = math.acos(max(min(product, 1.0), -1.0))
+    axis, other_axis = triple(one, 4), triple(other, 4)
+    between = math.acos(max(min(dot(axis, other_axis), 1.0), -1.0))
     half, other_half = math.acos(one[7]), math.acos(other[7])
     if between + other_half <= half:
         return
@@ -139,9 +138,9 @@ def _merge_cones(one, other):
         return
     sine = math.sin(between)
     turn = min(max(wide - half, 0.0), between)
-    for k in range(4, 7):
-        if sine > 1e-12:
-            one[k] = (math.sin(between - turn) * one[k] + math.sin(turn) * other[k]) / sine
+    if sine > 1e-12:
+        axis = combined(math.sin(between - turn), axis, math.sin(turn), other_axis)
+        one[4], one[5], one[6] = divided(axis, sine)
     one[7], one[8] = math.cos(wide), math.sin(wide)
 
 
@@ -190,56 +189,37 @@ def bound_creases(tree, owners, surface, sets):
 
 
 @merged
-def _write_unit(one, i, other, j, t, rows, row):
-    """Write the unit vector along (1 - t) one[i] + t other[j] to the beginning of a row."""
-    square = 0.0
-    for k in range(3):
-        rows[row, k] = (1.0 - t) * one[i, k] + t * other[j, k]
-        square += rows[row, k] ** 2
-    length = max(math.sqrt(square), 1e-12)
-    for k in range(3):
-        rows[row, k] /= length
-
-
-@merged
-def _difference(normals, one, other):
-    """Distance between two unit normals."""
-    square = 0.0
-    for k in range(3):
-        square += (normals[one, k] - normals[other, k]) ** 2
-    return math.sqrt(square)
+def _edge(face, k, surface):
+    """Ends of the edge opposite a corner of a face."""
+    start, end = surface.faces[face, k - 2], surface.faces[face, k - 1]
+    return surface.points[start], surface.points[end]
 
 
 @part
 def _cosine_on_edge(t, face, k, v, surface, own, rows):
     """Cosine of the critical angle of a contact on the edge opposite a corner of a face."""
-    points, normals = surface.points, surface.normals
-    corners, twins = surface.corners, surface.twins
-    a, b = (k + 1) % 3, (k + 2) % 3
-    start, end = surface.faces[face, a], surface.faces[face, b]
-    x = (1.0 - t) * points[start, 0] + t * points[end, 0] - points[v, 0]
-    y = (1.0 - t) * points[start, 1] + t * points[end, 1] - points[v, 1]
-    z = (1.0 - t) * points[start, 2] + t * points[end, 2] - points[v, 2]
-    if x * x + y * y + z * z < SMALLEST_OPENING * SMALLEST_OPENING:
+    normals, corners, twins = surface.normals, surface.corners[face], surface.twins[face, k]
+    start, end = _edge(face, k, surface)
+    line = difference(combined(1.0 - t, start, t, end), surface.points[v])
+    if dot(line, line) < SMALLEST_OPENING * SMALLEST_OPENING:
         return -1.0
-    result = best_cosine(own.rows, own.size, x, y, z)
-    if twins[face, k, 0] == ANY_NORMAL:
+    result = best_cosine(own.rows, own.size, line)
+    if twins[0] == ANY_NORMAL:
         return result
-    _write_unit(normals, corners[face, a], normals, corners[face, b], t, rows, 0)
-    _write_unit(normals, twins[face, k, 0], normals, twins[face, k, 1], t, rows, 1)
+    one = combined(1.0 - t, normals[corners[k - 2]], t, normals[corners[k - 1]])
+    other = combined(1.0 - t, normals[twins[0]], t, normals[twins[1]])
+    copy(divided(one, max(norm(one), 1e-12)), rows[0])
+    copy(divided(other, max(norm(other), 1e-12)), rows[1])
     write_side(rows, 0, 1)
-    return min(result, best_cosine(rows, 2, -x, -y, -z))
+    return min(result, best_cosine(rows, 2, scaled(-1.0, line)))
 
 
 @part
 def _within_reach(face, k, v, surface, largest):
     """Ends of the part of an edge that is not farther from a vertex than the largest opening."""
-    points = surface.points
-    start, end = surface.faces[face, (k + 1) % 3], surface.faces[face, (k + 2) % 3]
-    square, along, near = 0.0, 0.0, 0.0
-    for i in range(3):
-        edge, line = points[end, i] - points[start, i], points[start, i] - points[v, i]
-        square, along, near = square + edge * edge, along + edge * line, near + line * line
+    start, end = _edge(face, k, surface)
+    edge, line = difference(end, start), difference(start, surface.points[v])
+    square, along, near = dot(edge, edge), dot(edge, line), dot(line, line)
     low, high = 2.0 * ON_EDGE, 1.0 - 2.0 * ON_EDGE  # farther out the contact is at a corner
     if largest < math.inf:
         root = along * along - square * (near - largest * largest)
@@ -257,20 +237,20 @@ def _is_useless(face, k, v, cosine, surface, own, rows):
     Half the edge turns the line by at most asin(half / distance). It turns the ends of the arc of
     normals by half their difference, and its middle by less than twice that.
     """
-    middle = _cosine_on_edge(0.5, face, k, v, surface, own, rows)
-    points, start, end = surface.points, surface.faces[face, k - 2], surface.faces[face, k - 1]
-    near, square = 0.0, 0.0
-    for i in range(3):
-        near += (0.5 * (points[start, i] + points[end, i]) - points[v, i]) ** 2
-        square += (0.5 * (points[start, i] - points[end, i])) ** 2
+    cosine_at_middle = _cosine_on_edge(0.5, face, k, v, surface, own, rows)
+    start, end = _edge(face, k, surface)
+    near = squared_distance(combined(0.5, start, 0.5, end), surface.points[v])
+    square = 0.25 * squared_distance(start, end)
     if square >= near:
         return False
     turn = math.asin(math.sqrt(square / near))
-    if surface.twins[face, k, 0] != ANY_NORMAL:
-        corners, twins = surface.corners, surface.twins
-        one = _difference(surface.normals, corners[face, k - 2], corners[face, k - 1])
-        turn += max(one, _difference(surface.normals, twins[face, k, 0], twins[face, k, 1]))
-    return math.acos(max(min(middle, 1.0), -1.0)) - turn > math.acos(cosine)
+    twins, normals = surface.twins[face, k], surface.normals
+    if twins[0] != ANY_NORMAL:
+        corners = surface.corners[face]
+        one = squared_distance(normals[corners[k - 2]], normals[corners[k - 1]])
+        other = squared_distance(normals[twins[0]], normals[twins[1]])
+        turn += math.sqrt(max(one, other))
+    return math.acos(max(min(cosine_at_middle, 1.0), -1.0)) - turn > math.acos(cosine)
 
 
 @part
@@ -303,16 +283,11 @@ def _best_on_edge(face, k, v, cosine, surface, own, largest, rows):
 @part
 def _cosine_at_corner(vertex, v, surface, sets, own, largest, rows):
     """Cosine of the critical angle of a contact at another vertex; -1: there is none."""
-    points = surface.points
-    x = points[vertex, 0] - points[v, 0]
-    y = points[vertex, 1] - points[v, 1]
-    z = points[vertex, 2] - points[v, 2]
-    opening = math.sqrt(x * x + y * y + z * z)
-    if opening < SMALLEST_OPENING or opening > largest:
+    line = difference(surface.points[vertex], surface.points[v])
+    if not SMALLEST_OPENING <= norm(line) <= largest:
         return -1.0
-    others = read_own(vertex, sets, rows)
-    there = best_cosine(rows, others, -x, -y, -z)
-    return min(best_cosine(own.rows, own.size, x, y, z), there)
+    there = best_cosine(rows, read_own(vertex, sets, rows), scaled(-1.0, line))
+    return min(best_cosine(own.rows, own.size, line), there)
 
 
 @part
@@ -336,9 +311,9 @@ def best_on_creases(face, v, cosine, owners, own, domain, rows, weights):
     for k in range(3):
         vertex = surface.faces[face, k]
         if owners[vertex] == face:
-            found = _cosine_at_corner(vertex, v, surface, sets, own, largest, rows)
-            if found > cosine:
-                cosine = found
+            better = _cosine_at_corner(vertex, v, surface, sets, own, largest, rows)
+            if better > cosine:
+                cosine = better
                 weights[0], weights[1], weights[2] = 0.0, 0.0, 0.0
                 weights[k] = 1.0
         ends = surface.faces[face, k - 2], surface.faces[face, k - 1]

@@ -55,7 +55,7 @@ from grasp3d._kernels.surface.face_tree import (
     walk,
 )
 from grasp3d._kernels.surface.polygons import REGION_CORNERS
-from grasp3d._kernels.surface.vectors import copy
+from grasp3d._kernels.surface.vectors import copy, difference, dot, scaled, triple
 
 MOST_FACES = 2000
 """Faces on which a contact is computed, per vertex, before the best one so far is taken: a bound on
@@ -87,8 +87,7 @@ def _visit(node, position, _stale, state):
         if not aim(face, v, domain.centres, surface, weights):
             continue
         read_face(face, v, surface, lines, normals)
-        w0, w1, w2 = weights[0], weights[1], weights[2]
-        cosine = cosine_at(w0, w1, w2, lines, normals, own, limits)
+        cosine = cosine_at(triple(weights, 0), lines, normals, own, limits)
         if cosine > NONE:
             turning = turning_speed(weights, lines, normals, tree.bounds[node, 7], limits.location)
             cosine = move_on_face(weights, cosine, turning, limit[0], lines, normals, own, limits)
@@ -116,7 +115,7 @@ def descend(vertices, worst, gain, cone, domain, grasps):
     surface, sets = domain.surface, domain.sets
     nodes, highs = np.empty(STACK, dtype=np.int64), np.empty(STACK)
     scratch = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
-    best, found = np.empty(3), np.empty((2, 3))
+    best, at_contact = np.empty(3), np.empty((2, 3))
     limit, best_face = np.empty(2), np.empty(2, dtype=np.int64)
     rows = np.empty((max(sets.counts.max(), 1), 12))
     for v in vertices:
@@ -129,7 +128,7 @@ def descend(vertices, worst, gain, cone, domain, grasps):
         own = OwnNormals(rows, read_own(v, sets, rows), worst)
         walk(_visit, (v, domain, own, highs, limit, best_face, scratch, best), nodes)
         if best_face[0] >= 0:
-            evaluate_on_face(v, 1, best_face[0], best, surface, sets, grasps, found)
+            evaluate_on_face(v, 1, best_face[0], best, surface, sets, grasps, at_contact)
 
 
 CREASE_GAIN = math.radians(0.25)
@@ -141,10 +140,10 @@ ones the angle is at most 0.2 degrees too large [rad]."""
 
 
 @merged
-def _outside(ax, ay, az, cosine, sine, x, y, z, square):
+def _outside(axis, cosine, sine, line):
     """Distance of a point from the inside of a cone about a unit vector, negative inside."""
-    along = ax * x + ay * y + az * z
-    return cosine * math.sqrt(max(square - along * along, 0.0)) - sine * along
+    along = dot(axis, line)
+    return cosine * math.sqrt(max(dot(line, line) - along * along, 0.0)) - sine * along
 
 
 @merged
@@ -159,28 +158,24 @@ def rank(node, v, own, domain, cosine, sine):
         cosine: Cosine of the limit of the critical angle, not below 0.
         sine: Its sine.
     """
-    bounds, points = domain.tree.bounds, domain.surface.points
-    if bounds[node, 3] < 0.0:  # nothing in it
+    bounds = domain.tree.bounds[node]
+    radius, cos_spread, sin_spread = bounds[3], bounds[7], bounds[8]
+    if radius < 0.0:  # nothing in it
         return math.inf
     if own.size != 1:
         return cosine - upper_bound(node, v, own, domain, cosine)
-    nx, ny, nz = own.rows[0, 0], own.rows[0, 1], own.rows[0, 2]
-    ax, ay, az = bounds[node, 4], bounds[node, 5], bounds[node, 6]
-    radius, cos_spread, sin_spread = bounds[node, 3], bounds[node, 7], bounds[node, 8]
+    normal, axis = triple(own.rows[0], 0), scaled(-1.0, triple(bounds, 4))
     wide_cosine = cosine * cos_spread - sine * sin_spread
     wide_sine = sine * cos_spread + cosine * sin_spread
     if cos_spread > 0.0:  # else any normal is possible
         # Both angles add up to the angle between one normal and the reversed other one.
         least = wide_cosine * cosine - wide_sine * sine
-        if wide_sine * cosine + wide_cosine * sine > 0.0 and -(ax * nx + ay * ny + az * nz) < least:
+        if wide_sine * cosine + wide_cosine * sine > 0.0 and dot(axis, normal) < least:
             return 0.0
-    x, y = bounds[node, 0] - points[v, 0], bounds[node, 1] - points[v, 1]
-    z = bounds[node, 2] - points[v, 2]
-    square = x * x + y * y + z * z
-    result = _outside(nx, ny, nz, cosine, sine, x, y, z, square) - radius
+    line = difference(bounds, domain.surface.points[v])
+    result = _outside(normal, cosine, sine, line) - radius
     if result < 0.0 and cos_spread > 0.0 and wide_sine > 0.0:
-        other = _outside(-ax, -ay, -az, wide_cosine, wide_sine, x, y, z, square)
-        result = max(result, other - radius)
+        result = max(result, _outside(axis, wide_cosine, wide_sine, line) - radius)
     if (
         result < 0.0
         and domain.limits.largest < math.inf
@@ -193,9 +188,7 @@ def rank(node, v, own, domain, cosine, sine):
 @merged
 def _apparent_size(lines):
     """Length of a face's longest edge relative to the distance of its nearest corner."""
-    nearest = math.inf
-    for i in range(3):
-        nearest = min(nearest, lines[i, 0] ** 2 + lines[i, 1] ** 2 + lines[i, 2] ** 2)
+    nearest = min(dot(lines[0], lines[0]), dot(lines[1], lines[1]), dot(lines[2], lines[2]))
     return longest_difference(lines) / max(math.sqrt(nearest), 1e-6)
 
 
@@ -219,21 +212,21 @@ def best_of_face(face, v, cosine, own, domain, scratch):
     if not aim(face, v, domain.centres, domain.surface, weights):
         return cosine
     read_face(face, v, domain.surface, lines, normals)
-    bend, found = longest_difference(normals), cosine
+    bend, best = longest_difference(normals), cosine
     # Directions near an arc or a polygon of normals form no convex region, either.
     several = own.size != 1 and not own.worst
     if several:
         bend = max(bend, _apparent_size(lines) * BENT / APPARENT)
     if bend <= BENT or not several:
         most = MOST_POINTS if bend <= BENT else 1
-        found, resolved = best_on_face(
+        best, resolved = best_on_face(
             weights, cosine, lines, normals, own, largest, most, polygon, nearest
         )
-        if bend <= BENT or (resolved and found == cosine):
-            return found
+        if bend <= BENT or (resolved and best == cosine):
+            return best
     parts = int(min(bend / BENT + 1.0, MOST_PARTS))
     return best_on_bent_face(
-        weights, found, lines, normals, own, largest, parts, polygon, nearest, part
+        weights, best, lines, normals, own, largest, parts, polygon, nearest, part
     )
 
 
@@ -282,9 +275,9 @@ def _visit_exactly(node, _position, stale, state):
         if face == skipped:
             continue
         best_face[1] += 1
-        found = _best_there(face, v, limit[0], owners, own, domain, scratch)
-        if found > limit[0]:
-            best_face[0], angle, event = face, math.acos(min(found, 1.0)) - gain, CHANGED
+        better = _best_there(face, v, limit[0], owners, own, domain, scratch)
+        if better > limit[0]:
+            best_face[0], angle, event = face, math.acos(min(better, 1.0)) - gain, CHANGED
             copy(scratch[0], best)
             if angle <= 0.0:
                 return NO_NODE, NO_NODE, STOP
@@ -295,7 +288,7 @@ def _visit_exactly(node, _position, stale, state):
 
 
 @part
-def _keep(v, face, weights, surface, sets, grasps, found):
+def _keep(v, face, weights, surface, sets, grasps, at_contact):
     """Evaluate a contact; one beside an edge or corner of its face on that first.
 
     Where the surface is smooth there the two are the same, but for rounding.
@@ -310,7 +303,7 @@ def _keep(v, face, weights, surface, sets, grasps, found):
         for k in range(3):
             weights[k] /= total
     for _ in range(2 if beside else 1):
-        evaluate_on_face(v, 1, face, weights, surface, sets, grasps, found)
+        evaluate_on_face(v, 1, face, weights, surface, sets, grasps, at_contact)
         weights[0], weights[1], weights[2] = inside
 
 
@@ -338,7 +331,7 @@ def descend_exactly(vertices, worst, owners, cone, domain, grasps):
     gain = CREASE_GAIN if owners.shape[0] > 0 else RESOLVED
     surface, sets, most = domain.surface, domain.sets, max(domain.sets.counts.max(), 1)
     scratch, nodes = make_scratch(most), np.empty(STACK, dtype=np.int64)
-    best, found, rows = np.empty(3), np.empty((2, 3)), np.empty((most, 12))
+    best, at_contact, rows = np.empty(3), np.empty((2, 3)), np.empty((most, 12))
     limit, best_face = np.empty(2), np.zeros(2, dtype=np.int64)
     last, tried = domain.tree.order[0], 0  # any face will do for the first vertex
     for v in vertices:
@@ -351,7 +344,7 @@ def descend_exactly(vertices, worst, owners, cone, domain, grasps):
         better = _best_there(last, v, cosine, owners, own, domain, scratch)
         tried += 1
         if better > cosine:
-            _keep(v, last, scratch[0], surface, sets, grasps, found)
+            _keep(v, last, scratch[0], surface, sets, grasps, at_contact)
             angle = math.acos(min(better, 1.0)) - gain
             if angle <= 0.0:
                 continue
@@ -363,5 +356,5 @@ def descend_exactly(vertices, worst, owners, cone, domain, grasps):
         tried += best_face[1]
         if best_face[0] >= 0:
             last = best_face[0]
-            _keep(v, last, best, surface, sets, grasps, found)
+            _keep(v, last, best, surface, sets, grasps, at_contact)
     return tried

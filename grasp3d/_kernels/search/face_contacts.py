@@ -14,7 +14,20 @@ from grasp3d._kernels.search.antipodal_candidates import PairLimits
 from grasp3d._kernels.surface.face_tree import FaceTree
 from grasp3d._kernels.surface.normal_sets import ContactNormals
 from grasp3d._kernels.surface.surface_contacts import Surface
-from grasp3d._kernels.surface.vectors import copy
+from grasp3d._kernels.surface.vectors import (
+    combined,
+    copy,
+    cross,
+    difference,
+    divided,
+    dot,
+    in_triangle,
+    norm,
+    scaled,
+    squared_distance,
+    triple,
+    weighted_sum,
+)
 
 INSIDE = 2e-9
 """Smallest barycentric coordinate of a candidate: off the edges, where other normals count too."""
@@ -54,16 +67,11 @@ class OwnNormals(NamedTuple):
 @merged
 def write_side(own, i, after):
     """Write the side of a polygon from one of its normals to another, as in `read_own`."""
+    axis = cross(own[i], own[after])
+    axis = divided(axis, max(norm(axis), 1e-300))
+    from_one, to_other = cross(axis, own[i]), cross(own[after], axis)
     for k in range(3):
-        p, q = (k + 1) % 3, (k + 2) % 3
-        own[i, 3 + k] = own[i, p] * own[after, q] - own[i, q] * own[after, p]
-    length = max(math.sqrt(own[i, 3] ** 2 + own[i, 4] ** 2 + own[i, 5] ** 2), 1e-300)
-    for k in range(3):
-        own[i, 3 + k] /= length
-    for k in range(3):
-        p, q = (k + 1) % 3, (k + 2) % 3
-        own[i, 6 + k] = own[i, 3 + p] * own[i, q] - own[i, 3 + q] * own[i, p]
-        own[i, 9 + k] = own[after, p] * own[i, 3 + q] - own[after, q] * own[i, 3 + p]
+        own[i, 3 + k], own[i, 6 + k], own[i, 9 + k] = axis[k], from_one[k], to_other[k]
 
 
 @part
@@ -81,48 +89,41 @@ def read_own(v, sets, own):
     return count
 
 
-@merged
-def _product(own, i, k, x, y, z):
-    return own[i, k] * x + own[i, k + 1] * y + own[i, k + 2] * z
-
-
 @part
-def _cosine_to_nearest(own, count, x, y, z):
+def _cosine_to_nearest(own, count, line):
     """Length of a vector times the cosine of its smallest angle to a polygon of normals."""
     if count == 0:
-        return math.sqrt(x * x + y * y + z * z)
-    square, greatest, inside = x * x + y * y + z * z, -math.inf, True
+        return norm(line)
+    square, greatest, inside = dot(line, line), -math.inf, True
     for i in range(1 if count == 2 else count):
-        height = _product(own, i, 3, x, y, z)
+        height = dot(triple(own[i], 3), line)
         if count > 2 and height >= 0.0:  # inside a polygon all its sides are passed on the left
             continue
         inside = False
-        if _product(own, i, 6, x, y, z) >= 0.0 and _product(own, i, 9, x, y, z) >= 0.0:
+        if dot(triple(own[i], 6), line) >= 0.0 and dot(triple(own[i], 9), line) >= 0.0:
             greatest = max(greatest, math.sqrt(max(square - height * height, 0.0)))
         else:
-            one, other = _product(own, i, 0, x, y, z), _product(own, (i + 1) % count, 0, x, y, z)
-            greatest = max(greatest, one, other)
+            greatest = max(greatest, dot(own[i], line), dot(own[(i + 1) % count], line))
     return math.sqrt(square) if inside else greatest
 
 
 @merged
-def best_cosine(own, count, x, y, z):
-    """Cosine of the angle between a direction and the vertex's best normal."""
-    length = math.sqrt(x * x + y * y + z * z)
+def best_cosine(own, count, line):
+    """Cosine of the angle between a vector and the vertex's best normal."""
     if count == 1:
-        return _product(own, 0, 0, x, y, z) / length
-    return _cosine_to_nearest(own, count, x, y, z) / length
+        return dot(own[0], line) / norm(line)
+    return _cosine_to_nearest(own, count, line) / norm(line)
 
 
 @merged
-def own_cosine(own, x, y, z):
-    """Cosine of the angle between a direction and the normal of `OwnNormals` that counts."""
+def own_cosine(own, line):
+    """Cosine of the angle between a vector and the normal of `OwnNormals` that counts."""
     if not own.worst:
-        return best_cosine(own.rows, own.size, x, y, z)
+        return best_cosine(own.rows, own.size, line)
     least = math.inf
     for i in range(own.size):
-        least = min(least, _product(own.rows, i, 0, x, y, z))
-    return least / math.sqrt(x * x + y * y + z * z)
+        least = min(least, dot(own.rows[i], line))
+    return least / norm(line)
 
 
 @merged
@@ -157,22 +158,21 @@ def upper_bound(node, v, own, domain, least):
     locations of contacts turn no line by less than one that is `reach` long.
     Below `least`, the bound is not made tighter.
     """
-    bounds, points, limits = domain.tree.bounds, domain.surface.points, domain.limits
-    radius, cos_spread, sin_spread = bounds[node, 3], bounds[node, 7], bounds[node, 8]
-    ax, ay, az = bounds[node, 4], bounds[node, 5], bounds[node, 6]
-    turn = own_cosine(own, -ax, -ay, -az)
+    bounds, point, limits = domain.tree.bounds[node], domain.surface.points[v], domain.limits
+    radius, cos_spread, sin_spread = bounds[3], bounds[7], bounds[8]
+    axis = triple(bounds, 4)
+    turn = own_cosine(own, scaled(-1.0, axis))
     both = _nearer(turn, cos_spread, sin_spread)
     bound = math.sqrt(max(0.5 + 0.5 * both, 0.0))
     if bound <= least:
         return bound
-    px, py, pz = points[v, 0], points[v, 1], points[v, 2]
-    x, y, z = bounds[node, 0] - px, bounds[node, 1] - py, bounds[node, 2] - pz
-    square = x * x + y * y + z * z
+    line = difference(bounds, point)
+    square = dot(line, line)
     distance = math.sqrt(square)
     if distance - radius > limits.largest or distance + radius < limits.smallest:
         return NONE
     reach = min(distance + radius, limits.largest)
-    beyond = (ax * px + ay * py + az * pz - bounds[node, 9]) / reach
+    beyond = (dot(axis, point) - bounds[9]) / reach
     if beyond > 1.0:
         return NONE
     if beyond > 0.0:
@@ -183,12 +183,11 @@ def upper_bound(node, v, own, domain, least):
         if tangent > limits.largest:  # the lines that touch the ball are too long
             cos_ball = (square + reach * reach - radius * radius) / (2.0 * distance * reach)
             sin_ball = _sine(cos_ball)
-        bound = min(bound, _nearer(own_cosine(own, x, y, z), cos_ball, sin_ball))
+        bound = min(bound, _nearer(own_cosine(own, line), cos_ball, sin_ball))
         cosine = cos_ball * cos_spread - sin_ball * sin_spread
         sine = sin_ball * cos_spread + cos_ball * sin_spread
         if bound > least and sine > 0.0:  # otherwise both angles add up to more than pi
-            opposite = -(ax * x + ay * y + az * z) / distance
-            bound = min(bound, _nearer(opposite, cosine, sine))
+            bound = min(bound, _nearer(-dot(axis, line) / distance, cosine, sine))
     if bound <= limits.cos_cone:
         return NONE
     if limits.location > 0.0:
@@ -200,10 +199,9 @@ def upper_bound(node, v, own, domain, least):
 def read_face(face, v, surface, lines, normals):
     """Write the lines from a vertex to the corners of a face, and the corners' normals."""
     for k in range(3):
-        vertex, row = surface.faces[face, k], surface.corners[face, k]
-        for j in range(3):
-            lines[k, j] = surface.points[vertex, j] - surface.points[v, j]
-            normals[k, j] = surface.normals[row, j]
+        corner = surface.points[surface.faces[face, k]]
+        copy(difference(corner, surface.points[v]), lines[k])
+        copy(surface.normals[surface.corners[face, k]], normals[k])
 
 
 @merged
@@ -211,31 +209,22 @@ def longest_difference(rows):
     """Largest distance between any two of three points."""
     square = 0.0
     for k in range(3):
-        other = (k + 1) % 3
-        x, y, z = rows[k, 0] - rows[other, 0], rows[k, 1] - rows[other, 1], rows[k, 2]
-        z -= rows[other, 2]
-        square = max(square, x * x + y * y + z * z)
+        square = max(square, squared_distance(rows[k], rows[(k + 1) % 3]))
     return math.sqrt(square)
 
 
 @merged
-def cosine_at(w0, w1, w2, lines, normals, own, limits):
+def cosine_at(weights, lines, normals, own, limits):
     """Cosine of the cost of the grasp of a vertex and a point inside a face.
 
     NONE outside the limits of openings, and of the critical angle.
     """
-    dx = w0 * lines[0, 0] + w1 * lines[1, 0] + w2 * lines[2, 0]
-    dy = w0 * lines[0, 1] + w1 * lines[1, 1] + w2 * lines[2, 1]
-    dz = w0 * lines[0, 2] + w1 * lines[1, 2] + w2 * lines[2, 2]
-    mx = w0 * normals[0, 0] + w1 * normals[1, 0] + w2 * normals[2, 0]
-    my = w0 * normals[0, 1] + w1 * normals[1, 1] + w2 * normals[2, 1]
-    mz = w0 * normals[0, 2] + w1 * normals[1, 2] + w2 * normals[2, 2]
-    opening = math.sqrt(dx * dx + dy * dy + dz * dz)
-    length = math.sqrt(mx * mx + my * my + mz * mz)
+    line = weighted_sum(weights, lines[0], lines[1], lines[2])
+    normal = weighted_sum(weights, normals[0], normals[1], normals[2])
+    opening, length = norm(line), norm(normal)
     if not limits.smallest <= opening <= limits.largest or length < 1e-12:
         return NONE
-    opposite = -(mx * dx + my * dy + mz * dz) / (opening * length)
-    cosine = min(opposite, own_cosine(own, dx, dy, dz))
+    cosine = min(-dot(normal, line) / (opening * length), own_cosine(own, line))
     if cosine <= limits.cos_cone:
         return NONE
     if limits.location > 0.0:
@@ -246,13 +235,8 @@ def cosine_at(w0, w1, w2, lines, normals, own, limits):
 @part
 def turning_speed(weights, lines, normals, cos_spread, location):
     """Upper bound of the change of the cost per unit of barycentric coordinates [rad]."""
-    square = 0.0
-    for k in range(3):
-        square += (
-            weights[0] * lines[0, k] + weights[1] * lines[1, k] + weights[2] * lines[2, k]
-        ) ** 2
     edge = longest_difference(lines)
-    nearest = math.sqrt(square) - TOTAL * edge
+    nearest = norm(weighted_sum(weights, lines[0], lines[1], lines[2])) - TOTAL * edge
     if nearest <= 0.0 or cos_spread <= 0.0:
         return math.inf
     speed = edge / nearest + longest_difference(normals) / cos_spread
@@ -294,8 +278,7 @@ def move_on_face(weights, cosine, turning, limit, lines, normals, own, limits):
                 continue
             weights[giving] -= moved
             weights[taking] += moved
-            w0, w1, w2 = weights[0], weights[1], weights[2]
-            changed = cosine_at(w0, w1, w2, lines, normals, own, limits)
+            changed = cosine_at(triple(weights, 0), lines, normals, own, limits)
             weights[giving] += moved
             weights[taking] -= moved
             if changed > cosine:
@@ -312,31 +295,22 @@ def aim(face, v, centres, surface, weights):
     The best line is along the bisector of the normals; where it misses the face, the nearest point
     in barycentric coordinates is taken.
     """
-    points, normals, corners = surface.points, surface.normals, surface.corners
-    f0, f1, f2 = surface.faces[face, 0], surface.faces[face, 1], surface.faces[face, 2]
-    ax, ay, az = points[f0, 0], points[f0, 1], points[f0, 2]
-    rx, ry, rz = ax - points[v, 0], ay - points[v, 1], az - points[v, 2]
-    ux, uy, uz = points[f1, 0] - ax, points[f1, 1] - ay, points[f1, 2] - az
-    wx, wy, wz = points[f2, 0] - ax, points[f2, 1] - ay, points[f2, 2] - az
-    ox, oy, oz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
-    height = rx * ox + ry * oy + rz * oz
+    points, normals = surface.points, surface.normals
+    vertices, rows = surface.faces[face], surface.corners[face]
+    corner = points[vertices[0]]
+    line = difference(corner, points[v])
+    u, w = difference(points[vertices[1]], corner), difference(points[vertices[2]], corner)
+    outward = cross(u, w)
+    height = dot(line, outward)
     if height <= 0.0:  # the line enters the object there
         return False
-    mx, my, mz = 0.0, 0.0, 0.0
-    for k in range(3):
-        row = corners[face, k]
-        mx, my, mz = mx + normals[row, 0], my + normals[row, 1], mz + normals[row, 2]
-    length = max(math.sqrt(mx * mx + my * my + mz * mz), 1e-12)
-    lx, ly, lz = centres[v, 0] - mx / length, centres[v, 1] - my / length, centres[v, 2]
-    lz -= mz / length
-    square, slope = ox * ox + oy * oy + oz * oz, lx * ox + ly * oy + lz * oz
+    normal = weighted_sum((1.0, 1.0, 1.0), normals[rows[0]], normals[rows[1]], normals[rows[2]])
+    bisector = difference(centres[v], divided(normal, max(norm(normal), 1e-12)))
+    square, slope = dot(outward, outward), dot(bisector, outward)
     if slope <= 1e-9 * math.sqrt(square):  # the bisector is parallel to the face
         weights[0], weights[1], weights[2] = 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0
         return True
-    t = height / slope
-    qx, qy, qz = t * lx - rx, t * ly - ry, t * lz - rz
-    b1 = (qy * wz - qz * wy) * ox + (qz * wx - qx * wz) * oy + (qx * wy - qy * wx) * oz
-    b2 = (uy * qz - uz * qy) * ox + (uz * qx - ux * qz) * oy + (ux * qy - uy * qx) * oz
+    b1, b2 = in_triangle(combined(height / slope, bisector, -1.0, line), u, w, outward)
     b1, b2 = max(b1 / square, 0.0), max(b2 / square, 0.0)
     b0 = max(1.0 - b1 - b2, 0.0)
     scale = (1.0 - 3.0 * INSIDE) / (b0 + b1 + b2)

@@ -16,69 +16,63 @@ import math
 from grasp3d._kernels.compiling.decorators import merged, part
 from grasp3d._kernels.search.face_contacts import INSIDE
 from grasp3d._kernels.surface.polygons import centroid, cut, stays_inside
-from grasp3d._kernels.surface.vectors import dot
+from grasp3d._kernels.surface.vectors import (
+    combined,
+    copy,
+    difference,
+    divided,
+    dot,
+    norm,
+    triple,
+    weighted_sum,
+)
 
 
 @part
-def _nearest_normal(own, count, x, y, z, nearest):
+def _nearest_normal(own, count, line, nearest):
     """Write the normal of a polygon that is nearest to a unit vector; returns their cosine."""
     greatest, inside = -2.0, True
     for i in range(1 if count == 2 else count):
-        height = own[i, 3] * x + own[i, 4] * y + own[i, 5] * z
+        axis = triple(own[i], 3)
+        height = dot(axis, line)
         if count > 2 and height >= 0.0:  # inside a polygon all its sides are passed on the left
             continue
         inside = False
-        after = own[i, 6] * x + own[i, 7] * y + own[i, 8] * z
-        before = own[i, 9] * x + own[i, 10] * y + own[i, 11] * z
-        if after >= 0.0 and before >= 0.0:
+        if dot(triple(own[i], 6), line) >= 0.0 and dot(triple(own[i], 9), line) >= 0.0:
             cosine = math.sqrt(max(1.0 - height * height, 1e-300))
             if cosine > greatest:
                 greatest = cosine
-                nearest[0] = (x - height * own[i, 3]) / cosine
-                nearest[1] = (y - height * own[i, 4]) / cosine
-                nearest[2] = (z - height * own[i, 5]) / cosine
+                copy(divided(combined(1.0, line, -height, axis), cosine), nearest)
             continue
         for j in (i, (i + 1) % count):
-            cosine = own[j, 0] * x + own[j, 1] * y + own[j, 2] * z
+            cosine = dot(own[j], line)
             if cosine > greatest:
                 greatest = cosine
-                nearest[0], nearest[1], nearest[2] = own[j, 0], own[j, 1], own[j, 2]
+                copy(own[j], nearest)
     return 1.0 if inside else greatest
 
 
 @part
-def decisive_normal(own, x, y, z, nearest):
+def decisive_normal(own, line, nearest):
     """Write the vertex's normal that decides about a unit vector; returns their cosine.
 
     Args:
         own: `OwnNormals`: the farthest one decides, or the nearest one.
-        x: The vector.
-        y: Its second coordinate.
-        z: Its third one.
+        line: The vector, three numbers.
         nearest: Written (3,), unless the vector is between the normals or there are none.
     """
     rows, count, worst = own
     if count == 0:
         return 1.0
     if not worst and count != 1:
-        return _nearest_normal(rows, count, x, y, z, nearest)
+        return _nearest_normal(rows, count, line, nearest)
     least, row = 2.0, 0
     for i in range(count):
-        cosine = rows[i, 0] * x + rows[i, 1] * y + rows[i, 2] * z
+        cosine = dot(rows[i], line)
         if cosine < least:
             least, row = cosine, i
-    nearest[0], nearest[1], nearest[2] = rows[row, 0], rows[row, 1], rows[row, 2]
+    copy(rows[row], nearest)
     return least
-
-
-@merged
-def moved(start, one, other, x, y):
-    """Start + x one + y other."""
-    return (
-        start[0] + x * one[0] + y * other[0],
-        start[1] + x * one[1] + y * other[1],
-        start[2] + x * one[2] + y * other[2],
-    )
 
 
 @merged
@@ -197,16 +191,6 @@ MOST_PARTS = 8
 
 
 @merged
-def _row(rows, k):
-    return rows[k, 0], rows[k, 1], rows[k, 2]
-
-
-@merged
-def _difference(rows, k):
-    return rows[k, 0] - rows[0, 0], rows[k, 1] - rows[0, 1], rows[k, 2] - rows[0, 2]
-
-
-@merged
 def _farthest(polygon, size, x, y):
     """Squared distance from a point to the farthest corner of a polygon."""
     square = 0.0
@@ -235,8 +219,9 @@ def best_on_face(weights, cosine, lines, normals, own, largest, most, polygon, n
         Cosine of the smallest critical angle found, or `cosine` where there is none below it; and
         whether it is resolved.
     """
-    start, u, w = _row(lines, 0), _difference(lines, 1), _difference(lines, 2)
-    n, p, q = _row(normals, 0), _difference(normals, 1), _difference(normals, 2)
+    start, n = triple(lines[0], 0), triple(normals[0], 0)
+    u, w = difference(lines[1], start), difference(lines[2], start)
+    p, q = difference(normals[1], n), difference(normals[2], n)
     bend = math.sqrt(max(dot(p, p), dot(q, q)) * max(dot(u, u), dot(w, w)))
     if most == 1:
         bend *= 2.0
@@ -247,15 +232,15 @@ def best_on_face(weights, cosine, lines, normals, own, largest, most, polygon, n
     x, y, previous = weights[1], weights[2], 1.0
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
     for _ in range(most):
-        line, normal = moved(start, u, w, x, y), moved(n, p, q, x, y)
-        opening, length = math.sqrt(dot(line, line)), math.sqrt(dot(normal, normal))
+        line = weighted_sum((1.0, x, y), start, u, w)
+        normal = weighted_sum((1.0, x, y), n, p, q)
+        opening, length = norm(line), norm(normal)
         if opening < 1e-6 or length < 1e-12:
             return cosine, opening < 1e-6
         product = dot(normal, line)
         other = -product / (opening * length)
-        unit = line[0] / opening, line[1] / opening, line[2] / opening
-        first = decisive_normal(own, unit[0], unit[1], unit[2], nearest)
-        own_normal = nearest[0], nearest[1], nearest[2]
+        unit = divided(line, opening)
+        first, own_normal = decisive_normal(own, unit, nearest), triple(nearest, 0)
         along_u, along_w = dot(unit, u), dot(unit, w)
         if opening > largest:
             constant = opening - largest - along_u * x - along_w * y
@@ -268,11 +253,11 @@ def best_on_face(weights, cosine, lines, normals, own, largest, most, polygon, n
                 return cosine, True
         reach = 1.0
         # From the vector across the normal: from the cosine, small sines would be rounding errors.
-        across = moved(unit, own_normal, own_normal, -first, 0.0)
-        first_sine = math.sqrt(dot(across, across))
+        across = combined(1.0, unit, -first, own_normal)
+        first_sine = norm(across)
         if size > 2 and first < 1.0 and first_sine > 1e-9:
             # The plane through the vertex that touches the cone about the normal below the point.
-            h = moved((0.0, 0.0, 0.0), across, own_normal, cosine / first_sine, -sine)
+            h = combined(cosine / first_sine, across, -sine, own_normal)
             size, least = cut(polygon, size, dot(h, u), dot(h, w), dot(h, start))
             turn = max(min(-LOOSE * least / opening, sine), -1.0)
             reach = cosine * math.sqrt(1.0 - turn * turn) + sine * turn
@@ -308,10 +293,7 @@ def best_on_face(weights, cosine, lines, normals, own, largest, most, polygon, n
 def _mix(rows, weights, mixed):
     """Write combinations of three rows, one for each row of weights (3, 3)."""
     for i in range(3):
-        for k in range(3):
-            mixed[i, k] = (
-                weights[i, 0] * rows[0, k] + weights[i, 1] * rows[1, k] + weights[i, 2] * rows[2, k]
-            )
+        copy(weighted_sum(weights[i], rows[0], rows[1], rows[2]), mixed[i])
 
 
 @part
@@ -348,11 +330,11 @@ def best_on_bent_face(weights, cosine, lines, normals, own, largest, parts, poly
             _mix(normals, corners, part_normals)
             inside[0], inside[1], inside[2] = 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0
             most = int(MOST_POINTS)  # for a literal Numba compiles another copy
-            found, _ = best_on_face(
+            better, _ = best_on_face(
                 inside, cosine, part_lines, part_normals, own, largest, most, polygon, nearest
             )
-            if found > cosine:
-                cosine = found
+            if better > cosine:
+                cosine = better
                 for k in range(3):
                     weights[k] = 0.0
                     for c in range(3):

@@ -15,6 +15,7 @@ from grasp3d._kernels.search.multifinger_grasps import (
     NO_CONTACT,
     STARTS,
     distances_allowed,
+    is_allowed,
     load_grasp,
     set_contact,
     set_finger,
@@ -23,7 +24,7 @@ from grasp3d._kernels.search.multifinger_grasps import (
     store_grasp,
 )
 from grasp3d._kernels.surface.surface_contacts import random_fraction, walk
-from grasp3d._kernels.surface.vectors import copy
+from grasp3d._kernels.surface.vectors import copy, cross, difference, dot, squared_distance
 
 MAX_PAIRINGS = 128
 """Points following a candidate point with which it is paired: any consecutive ones are well spread,
@@ -31,56 +32,36 @@ and the work grows linearly with the number of points."""
 
 
 @merged
-def _exceeds_elevation(candidate, i, sine, mx, my, mz):
-    """Whether a contact's only normal rises over the plane with normal m by an angle or more."""
-    if candidate.counts[i] != 1:
-        return False
-    normal = candidate.normals[i, 0]
-    along = normal[0] * mx + normal[1] * my + normal[2] * mz
-    return along * along >= sine * sine * (mx * mx + my * my + mz * mz)
-
-
-@merged
 def _any_exceeds_elevation(candidate, sine):
-    """Whether a normal of three contacts rises over their plane by an angle of this sine or more.
+    """Whether the only normal of one of three contacts rises over their plane by an angle or more.
 
     Balanced forces of three contacts lie in that plane, which such a friction cone does not reach.
     """
-    p, q, r = candidate.points[0], candidate.points[1], candidate.points[2]
-    ax, ay, az = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-    bx, by, bz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
-    mx, my, mz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    return (
-        _exceeds_elevation(candidate, 0, sine, mx, my, mz)
-        or _exceeds_elevation(candidate, 1, sine, mx, my, mz)
-        or _exceeds_elevation(candidate, 2, sine, mx, my, mz)
-    )
+    points = candidate.points
+    normal = cross(difference(points[1], points[0]), difference(points[2], points[0]))
+    for i in range(3):
+        if candidate.counts[i] == 1:
+            along = dot(candidate.normals[i, 0], normal)
+            if along * along >= sine * sine * dot(normal, normal):
+                return True
+    return False
 
 
 @merged
-def list_reachable(v, own, most, domain, candidate_points, limits, workspace):
+def list_reachable(v, most, domain, limits, workspace):
     """List candidate points at allowed distances from a vertex, its own point first.
 
     Returns:
         Their number, at most `most` + 1.
     """
-    count = 0
-    points = domain.surface.points
-    if own >= 0:
-        workspace.reachable[0] = own
+    candidates, count = domain.candidates, 0
+    if candidates.own[v] != NO_CONTACT:
+        workspace.reachable[0] = candidates.own[v]
         count = 1
-    for s in range(candidate_points.common_count):
+    for s in range(candidates.common_count):
         if count > most:
             break
-        square = 0.0
-        for c in range(3):
-            d = candidate_points.points[s, c] - points[v, c]
-            square += d * d
-        if (
-            limits.min_distance * limits.min_distance
-            <= square
-            <= limits.max_distance * limits.max_distance
-        ):
+        if is_allowed(candidates.points[s], domain.surface.points[v], limits):
             workspace.reachable[count] = s
             count += 1
     return count
@@ -113,21 +94,21 @@ def _keep_start(angle, one, two, workspace):
 
 
 @merged
-def seed_pairs(count, domain, candidate_points, limits, workspace, planar, hull):
+def seed_pairs(count, domain, limits, workspace, plane, hull):
     """Evaluate pairs of reachable candidate points as second and third contacts of a vertex."""
     candidate = workspace.candidate
     for k in range(STARTS):
         workspace.angles[k] = math.inf
     for a in range(count):
         one = workspace.reachable[a]
-        if not set_point_contact(1, one, domain, candidate_points, candidate):
+        if not set_point_contact(1, one, domain, candidate):
             continue
         # The vertex's own point, its opposing contact of two fingers, is paired with all others.
         last = count if a == 0 else min(count, a + 1 + MAX_PAIRINGS)
         for b in range(a + 1, last):
             two = workspace.reachable[b]
             if not (
-                set_point_contact(2, two, domain, candidate_points, candidate)
+                set_point_contact(2, two, domain, candidate)
                 and distances_allowed(candidate, 2, 2, limits)
             ):
                 continue
@@ -136,23 +117,21 @@ def seed_pairs(count, domain, candidate_points, limits, workspace, planar, hull)
             # which needs no projection.
             threshold = min(workspace.angles[STARTS - 1] - limits.margin, limits.max_angle)
             if threshold > 0.0 and not _any_exceeds_elevation(candidate, math.sin(threshold)):
-                angle = evaluate(
-                    candidate, planar, hull, 3, threshold, limits.tolerance, limits.best_normals
-                )
+                angle = evaluate(candidate, plane, hull, 3, threshold, limits)
                 if angle < math.inf:
                     _keep_start(angle, one, two, workspace)
 
 
 @merged
-def first_pair(count, domain, candidate_points, limits, workspace, plane):
+def first_pair(count, domain, limits, workspace, plane):
     """Take the first allowed pair of candidate points, where any critical angle is accepted."""
     candidate = workspace.candidate
     for a in range(count):
         for b in range(a + 1, count):
             one, two = workspace.reachable[a], workspace.reachable[b]
             if workspace.angles[0] == math.inf and (
-                set_point_contact(1, one, domain, candidate_points, candidate)
-                and set_point_contact(2, two, domain, candidate_points, candidate)
+                set_point_contact(1, one, domain, candidate)
+                and set_point_contact(2, two, domain, candidate)
                 and distances_allowed(candidate, 2, 2, limits)
                 and set_contact_plane(candidate.points, plane)
             ):
@@ -201,7 +180,7 @@ def _move_finger(j, step, domain, limits, workspace):
 
 
 @merged
-def refine(n, angle, step, rounds, domain, limits, workspace, planar, hull):
+def refine(n, angle, step, rounds, domain, limits, workspace, plane, hull):
     """Improve the current grasp by random steps of its fingers.
 
     An evolution strategy with success-based step lengths (Rechenberg 1973). The critical angle is a
@@ -233,16 +212,14 @@ def refine(n, angle, step, rounds, domain, limits, workspace, planar, hull):
             fits = fits and distances_allowed(candidate, j, j, limits)
         threshold = angle - limits.margin
         workspace.evaluated[0] += fits
-        found = math.inf
+        changed = math.inf
         if fits and threshold > 0.0:
-            found = evaluate(
-                candidate, planar, hull, n, threshold, limits.tolerance, limits.best_normals
-            )
+            changed = evaluate(candidate, plane, hull, n, threshold, limits)
         # The step grows after a success and shrinks after a failure, such that it stays constant
         # at a success rate of about 1/5, which is nearly optimal (Rechenberg 1973).
-        better = found < math.inf
+        better = changed < math.inf
         if better:
-            angle = found
+            angle = changed
         step *= STEP_GROWTH if better else STEP_SHRINKAGE
         for j in range(1, n):
             if moved in (0, j):
@@ -257,7 +234,7 @@ def refine(n, angle, step, rounds, domain, limits, workspace, planar, hull):
 
 
 @merged
-def _best_point(i, n, angle, count, domain, candidate_points, limits, workspace, planar, hull):
+def _best_point(i, n, angle, count, domain, limits, workspace, plane, hull):
     """The candidate point of finger i with the best grasp: (point or NO_CONTACT, angle)."""
     candidate, chosen = workspace.candidate, NO_CONTACT
     for s in range(count):
@@ -265,35 +242,30 @@ def _best_point(i, n, angle, count, domain, candidate_points, limits, workspace,
         if threshold <= 0.0:
             break
         if not (
-            set_point_contact(i, point, domain, candidate_points, candidate)
+            set_point_contact(i, point, domain, candidate)
             and distances_allowed(candidate, i, n, limits)
         ):
             continue
         workspace.evaluated[0] += 1
-        found = evaluate(
-            candidate, planar, hull, n, threshold, limits.tolerance, limits.best_normals
-        )
-        if found < math.inf:
-            chosen, angle = point, found
+        changed = evaluate(candidate, plane, hull, n, threshold, limits)
+        if changed < math.inf:
+            chosen, angle = point, changed
     return chosen, angle
 
 
 @merged
-def _most_distant_point(i, n, count, domain, candidate_points, limits, workspace):
+def _most_distant_point(i, n, count, domain, limits, workspace):
     """The reachable point farthest from the other contacts, for a finger that improves nothing."""
     candidate, chosen, widest = workspace.candidate, NO_CONTACT, 0.0
     for s in range(count):
         point = workspace.reachable[s]
-        fits = set_point_contact(i, point, domain, candidate_points, candidate)
+        fits = set_point_contact(i, point, domain, candidate)
         if not (candidate.counts[i] > 0 and distances_allowed(candidate, i, n, limits)):
             continue
         least = math.inf
         for j in range(n):
             if j != i:
-                x = candidate.points[i, 0] - candidate.points[j, 0]
-                y = candidate.points[i, 1] - candidate.points[j, 1]
-                z = candidate.points[i, 2] - candidate.points[j, 2]
-                least = min(least, x * x + y * y + z * z)
+                least = min(least, squared_distance(candidate.points[i], candidate.points[j]))
         least *= 1.0 if fits else CREASE_WEIGHT
         if least > widest:
             chosen, widest = point, least
@@ -301,9 +273,7 @@ def _most_distant_point(i, n, count, domain, candidate_points, limits, workspace
 
 
 @merged
-def exchange_fingers(
-    n, added, angle, count, domain, candidate_points, limits, workspace, planar, hull
-):
+def exchange_fingers(n, added, angle, count, domain, limits, workspace, plane, hull):
     """Move one finger after the other to the reachable candidate point with the best grasp.
 
     Args:
@@ -312,10 +282,9 @@ def exchange_fingers(
         angle: Critical angle of the current grasp, without the new finger [rad].
         count: Number of reachable candidate points.
         domain: `ContactDomain`.
-        candidate_points: `CandidatePoints`.
         limits: `SearchLimits`.
         workspace: `SearchWorkspace`.
-        planar: As for `evaluate`.
+        plane: As for `evaluate`.
         hull: As for `evaluate`.
 
     Returns:
@@ -327,23 +296,21 @@ def exchange_fingers(
             i = n - 1 if turn == 1 else turn - 1
         point, first = NO_CONTACT, added and turn == 1
         if angle > limits.target:
-            point, angle = _best_point(
-                i, n, angle, count, domain, candidate_points, limits, workspace, planar, hull
-            )
+            point, angle = _best_point(i, n, angle, count, domain, limits, workspace, plane, hull)
         # An added finger never hurts, even if it exerts no force.
         if first and point == NO_CONTACT:
-            point = _most_distant_point(i, n, count, domain, candidate_points, limits, workspace)
+            point = _most_distant_point(i, n, count, domain, limits, workspace)
             if point == NO_CONTACT:
                 return math.inf
         if point != NO_CONTACT:
-            set_finger(i, point, domain, candidate_points, workspace)
+            set_finger(i, point, domain, workspace)
         elif angle > limits.target:
             set_contact(i, workspace.elements[0, i], workspace.weights[0, i], domain, workspace)
     return angle
 
 
 @merged
-def _try_neighbours(v, n, domain, limits, previous, grasps, workspace, planar, hull):
+def _try_neighbours(v, n, domain, limits, previous, grasps, workspace, plane, hull):
     """Evaluate the other contacts of neighbouring vertices' grasps: (best neighbour, angle)."""
     candidate, angle, chosen = workspace.candidate, grasps.angles[v], NO_CONTACT
     if angle <= limits.target:
@@ -362,11 +329,9 @@ def _try_neighbours(v, n, domain, limits, previous, grasps, workspace, planar, h
         workspace.evaluated[0] += fits
         threshold = min(angle - limits.margin, limits.max_angle)
         if fits and threshold > 0.0:
-            found = evaluate(
-                candidate, planar, hull, n, threshold, limits.tolerance, limits.best_normals
-            )
-            if found < math.inf:
-                chosen, angle = other, found
+            changed = evaluate(candidate, plane, hull, n, threshold, limits)
+            if changed < math.inf:
+                chosen, angle = other, changed
     return chosen, angle
 
 
@@ -381,15 +346,13 @@ def _seed_random(seed, v, stage, random_state):
 
 
 @merged
-def _initial_grasps(v, own, n, domain, candidate_points, limits, previous, workspace, planar, hull):
+def _initial_grasps(v, n, domain, limits, previous, workspace, plane, hull):
     """Find starts of three fingers, or load the grasp of one finger less; returns their number."""
-    count = list_reachable(
-        v, own, limits.points_per_vertex, domain, candidate_points, limits, workspace
-    )
+    count = list_reachable(v, limits.points_per_vertex, domain, limits, workspace)
     if hull is None:  # three fingers, in a branch that is not compiled for more
-        seed_pairs(count, domain, candidate_points, limits, workspace, planar, hull)
+        seed_pairs(count, domain, limits, workspace, plane, hull)
         if workspace.angles[0] == math.inf and limits.max_angle >= RIGHT_ANGLE:
-            first_pair(count, domain, candidate_points, limits, workspace, planar.plane)
+            first_pair(count, domain, limits, workspace, plane)
         return STARTS
     workspace.angles[0] = math.inf
     if previous.angles[v] < math.inf:
@@ -399,8 +362,8 @@ def _initial_grasps(v, own, n, domain, candidate_points, limits, previous, works
 
 @scratch_kernel
 def search_fingers(
-    stage, vertices, own, fingers, domain, candidate_points, limits, seed, step, rounds, previous,
-    grasps, workspace, planar, hull,
+    stage, vertices, fingers, domain, limits, seed, step, rounds, previous, grasps, workspace,
+    plane, hull,
 ):  # fmt: skip
     """Search for grasps of several fingers with the first contact at given vertices.
 
@@ -414,10 +377,8 @@ def search_fingers(
     Args:
         stage: 0: start as above; from 1 on: evaluate and refine the grasps of neighbours.
         vertices: Vertices (m,).
-        own: Candidate point that belongs to each vertex; NO_CONTACT: none (V,).
         fingers: Their number, 3 or more.
         domain: `ContactDomain`.
-        candidate_points: `CandidatePoints`.
         limits: `SearchLimits`.
         seed: Seed of the random numbers.
         step: First step length of the refinement.
@@ -426,7 +387,7 @@ def search_fingers(
             are at least three.
         grasps: `BestGrasps`; written.
         workspace: `SearchWorkspace`.
-        planar: `PlaneScratch`.
+        plane: `Plane`.
         hull: `HullScratch`; None for three fingers, for which no hull is compiled.
     """
     n = fingers
@@ -443,7 +404,7 @@ def search_fingers(
         # Later stages start from the best neighbour's grasp only where it improves this vertex.
         if stage > 0:
             other, workspace.angles[0] = _try_neighbours(
-                v, n, domain, limits, previous, grasps, workspace, planar, hull
+                v, n, domain, limits, previous, grasps, workspace, plane, hull
             )
             if other == NO_CONTACT:
                 continue
@@ -452,9 +413,7 @@ def search_fingers(
             set_vertex_contact(0, v, domain, candidate)
             starts = 1
         else:
-            starts = _initial_grasps(
-                v, own[v], n, domain, candidate_points, limits, previous, workspace, planar, hull
-            )
+            starts = _initial_grasps(v, n, domain, limits, previous, workspace, plane, hull)
         # Three fingers: after all starts, exchange the fingers of the best grasp and refine again.
         has_exchange = stage == 0 and n == 3
         for k in range(starts + has_exchange):
@@ -468,16 +427,16 @@ def search_fingers(
                 if angle == math.inf:
                     continue
                 if has_exchange:  # a start is a pair of candidate points, else it is loaded already
-                    set_finger(1, workspace.start_points[k, 0], domain, candidate_points, workspace)
-                    set_finger(2, workspace.start_points[k, 1], domain, candidate_points, workspace)
+                    set_finger(1, workspace.start_points[k, 0], domain, workspace)
+                    set_finger(2, workspace.start_points[k, 1], domain, workspace)
             if exchanging or (stage == 0 and n > 3):
-                most = candidate_points.common_count if exchanging else limits.points_per_vertex
-                count = list_reachable(v, own[v], most, domain, candidate_points, limits, workspace)
+                most = domain.candidates.common_count if exchanging else limits.points_per_vertex
+                count = list_reachable(v, most, domain, limits, workspace)
+                added = not exchanging
                 angle = exchange_fingers(
-                    n, not exchanging, angle, count, domain, candidate_points, limits, workspace,
-                    planar, hull,
-                )  # fmt: skip
+                    n, added, angle, count, domain, limits, workspace, plane, hull
+                )
             if angle < math.inf:
-                angle = refine(n, angle, step, rounds, domain, limits, workspace, planar, hull)
+                angle = refine(n, angle, step, rounds, domain, limits, workspace, plane, hull)
             if angle < grasps.angles[v]:
                 store_grasp(v, n, angle, grasps, workspace)

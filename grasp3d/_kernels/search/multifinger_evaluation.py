@@ -20,20 +20,16 @@ from grasp3d._kernels.hull.polytope import Polytope, make_polytope
 from grasp3d._kernels.hull.support_functions import NO_TORSION, SIX, TOTAL, WrenchSpace
 from grasp3d._kernels.hull.wrench_problem import SIGN
 from grasp3d._kernels.search.coplanar_contacts import (
-    Fans,
-    Plane,
     cones_force_closed,
     critical_of_fans,
     critical_of_normals,
     fans_force_closed,
-    make_fans,
-    make_plane,
     set_cone,
     set_contact_plane,
     set_fan_normal,
     set_normal,
 )
-from grasp3d._kernels.surface.vectors import difference
+from grasp3d._kernels.surface.vectors import cross, difference, dot, norm, triple
 
 MAX_DIRECTIONS = 24
 """Separating directions that are remembered."""
@@ -57,13 +53,6 @@ class Candidate(NamedTuple):
     """Inward unit normals that each contact may have (n, k, 3)."""
     counts: npt.NDArray[np.int64]
     """How many those are (n,)."""
-
-
-class PlaneScratch(NamedTuple):
-    """Scratch arrays for the evaluation of three contacts."""
-
-    plane: Plane
-    fans: Fans
 
 
 class HullScratch(NamedTuple):
@@ -96,11 +85,6 @@ def make_candidate(contacts: int, normals: int) -> Candidate:
     )
 
 
-def make_plane_scratch(normals: int) -> PlaneScratch:
-    """Allocate the arrays for three contacts with so many normals each."""
-    return PlaneScratch(make_plane(), make_fans(normals))
-
-
 def make_hull_scratch(contacts: int) -> HullScratch:
     """Allocate the arrays for so many contacts."""
     return HullScratch(
@@ -116,13 +100,6 @@ def make_hull_scratch(contacts: int) -> HullScratch:
 
 
 @merged
-def _first_combination(chosen, n):
-    """Choose the first combination of normals."""
-    for i in range(n):
-        chosen[i] = 0
-
-
-@merged
 def _next_combination(chosen, counts, n):
     """Choose the next combination of normals; returns whether there is one."""
     for i in range(n - 1, -1, -1):
@@ -134,23 +111,8 @@ def _next_combination(chosen, counts, n):
 
 
 @merged
-def _set_fans(candidate, plane, fans):
-    """Project three contacts with all their normals; returns False where they are collinear."""
-    counts, normals = candidate.counts, candidate.normals
-    if not set_contact_plane(candidate.points, plane):
-        return False
-    for i in range(3):
-        fans.counts[i] = counts[i]
-        for k in range(counts[i]):
-            set_fan_normal(normals[i, k], i, k, plane, fans)
-    return True
-
-
-@merged
 def _evaluate_smooth(candidate, plane, threshold, tolerance):
     """Evaluate three contacts with one normal each; see `evaluate`."""
-    if not set_contact_plane(candidate.points, plane):
-        return math.inf
     steepest, cosine, reaching = 0.0, math.cos(threshold), True
     for i in range(3):
         steepest = max(steepest, set_normal(candidate.normals[i, 0], i, plane))
@@ -163,17 +125,20 @@ def _evaluate_smooth(candidate, plane, threshold, tolerance):
 
 
 @merged
-def _evaluate_three(candidate, scratch, threshold, tolerance, best_normals):
+def _evaluate_three(candidate, plane, threshold, tolerance, best_normals):
     """Evaluate three contacts; see `evaluate`."""
-    plane, fans, counts = scratch.plane, scratch.fans, candidate.counts
+    counts, normals = candidate.counts, candidate.normals
+    if not set_contact_plane(candidate.points, plane):
+        return math.inf
     if counts[0] == 1 and counts[1] == 1 and counts[2] == 1:
         return _evaluate_smooth(candidate, plane, threshold, tolerance)
-    if not (
-        _set_fans(candidate, plane, fans)
-        and fans_force_closed(threshold, best_normals, plane, fans)
-    ):
+    for i in range(3):
+        plane.counts[i] = counts[i]
+        for k in range(counts[i]):
+            set_fan_normal(normals[i, k], i, k, plane)
+    if not fans_force_closed(threshold, best_normals, plane):
         return math.inf
-    return critical_of_fans(0.0, threshold, tolerance, best_normals, plane, fans)
+    return critical_of_fans(0.0, threshold, tolerance, best_normals, plane)
 
 
 @merged
@@ -194,15 +159,13 @@ def _separation_sine(candidate, i, u, best_normals):
     The largest over the contact's normals, or with `best_normals` the smallest; 1 where the
     direction has no force part at the contact.
     """
-    gx, gy, gz = _force_part(candidate.points, i, u)
-    size = math.sqrt(gx * gx + gy * gy + gz * gz)
+    force = _force_part(candidate.points, i, u)
+    size = norm(force)
     if not size > 0.0:
         return 1.0
     most, least = -1.0, 1.0
-    normals = candidate.normals
     for k in range(candidate.counts[i]):
-        normal = normals[i, k]
-        opposing = -(normal[0] * gx + normal[1] * gy + normal[2] * gz) / size
+        opposing = -dot(candidate.normals[i, k], force) / size
         most, least = max(most, opposing), min(least, opposing)
     return least if best_normals else most
 
@@ -232,23 +195,20 @@ def _write_axes(candidate, chosen, n, all_axes):
     """Write the wrenches of the chosen normals and tangents, moments about the first contact."""
     points, normals = candidate.points, candidate.normals
     for i in range(n):
-        x, y, z = difference(points[i], points[0])
-        normal, axes = normals[i, chosen[i]], all_axes[i]
-        nx, ny, nz = normal[0], normal[1], normal[2]
+        arm, normal = difference(points[i], points[0]), triple(normals[i, chosen[i]], 0)
+        nx, ny, nz = normal
         # Tangents from the cross product with z, or with x where the normal is close to z.
         if abs(nz) < 0.9:
             size = 1.0 / math.sqrt(nx * nx + ny * ny)
-            tx, ty, tz = -ny * size, nx * size, 0.0
+            tangent = (-ny * size, nx * size, 0.0)
         else:
             size = 1.0 / math.sqrt(ny * ny + nz * nz)
-            tx, ty, tz = 0.0, -nz * size, ny * size
-        bx, by, bz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
-        axes[0, 0], axes[0, 1], axes[0, 2] = nx, ny, nz
-        axes[1, 0], axes[1, 1], axes[1, 2] = tx, ty, tz
-        axes[2, 0], axes[2, 1], axes[2, 2] = bx, by, bz
+            tangent = (0.0, -nz * size, ny * size)
+        forces = (normal, tangent, cross(normal, tangent))
         for j in range(3):
-            fx, fy, fz = axes[j, 0], axes[j, 1], axes[j, 2]
-            axes[j, 3], axes[j, 4], axes[j, 5] = y * fz - z * fy, z * fx - x * fz, x * fy - y * fx
+            torque = cross(arm, forces[j])
+            for k in range(3):
+                all_axes[i, j, k], all_axes[i, j, 3 + k] = forces[j][k], torque[k]
 
 
 @merged
@@ -283,13 +243,12 @@ def _hull_force_closed(candidate, hull, n, angle):
 @merged
 def _proven_angle(candidate, chosen, direction, n):
     """Lower bound of the chosen normals' critical angle, from the last separating direction."""
-    least, points, normals = 1.0, candidate.points, candidate.normals
+    least = 1.0
     for i in range(n):
-        gx, gy, gz = _force_part(points, i, direction)
-        size = math.sqrt(gx * gx + gy * gy + gz * gz)
-        normal = normals[i, chosen[i]]
+        force = _force_part(candidate.points, i, direction)
+        size = norm(force)
         if size > 0.0:
-            least = min(least, -(normal[0] * gx + normal[1] * gy + normal[2] * gz) / size)
+            least = min(least, -dot(candidate.normals[i, chosen[i]], force) / size)
     return math.asin(min(max(least, 0.0), 1.0))
 
 
@@ -321,49 +280,51 @@ def _evaluate_by_hulls(candidate, hull, n, threshold, tolerance, best_normals):
     sine, known = math.sin(threshold), hull.direction_use[0]
     if _is_separated(candidate, directions, known, n, sine, best_normals):
         return math.inf
-    found = math.inf if best_normals else 0.0
+    angle = math.inf if best_normals else 0.0
     # Over the worst normals: first test all combinations, then find the largest angle.
     testing = not best_normals
-    _first_combination(chosen, n)
+    for i in range(n):
+        chosen[i] = 0
     while True:
         # Over the worst normals only a combination that fails at the largest angle so far can
         # raise it; over the best ones only one that succeeds below the smallest can lower it.
         if testing:
             tested = threshold
         elif best_normals:
-            tested = min(threshold, found - tolerance)
+            tested = min(threshold, angle - tolerance)
         else:
-            tested = found
+            tested = angle
         closed = tested > 0.0 and _hull_force_closed(candidate, hull, n, tested)
         if testing and not closed:
             return math.inf
         if not testing and closed == best_normals:
             low, high = (0.0, tested) if best_normals else (tested, threshold)
-            found = _critical_of_chosen(candidate, hull, n, low, high, tolerance)
-        if not _next_combination(chosen, counts, n):
+            angle = _critical_of_chosen(candidate, hull, n, low, high, tolerance)
+        if not _next_combination(chosen, counts, n):  # all are 0 again
             if not testing:
-                return found
+                return angle
             testing = False
-            _first_combination(chosen, n)
 
 
 @part
-def evaluate(candidate, planar, hull, n, threshold, tolerance, best_normals):
+def evaluate(candidate, plane, hull, n, threshold, limits):
     """Critical friction angle of a grasp over its worst or best normals, if below a threshold.
 
     Args:
         candidate: `Candidate`; no two contacts coincide.
-        planar: `PlaneScratch`.
+        plane: `Plane`, for three contacts.
         hull: `HullScratch`; None: there are three contacts, for which no hull is compiled.
         n: Contacts, 3 or more.
         threshold: Friction angle at which the grasp must be force-closed [rad], at most pi / 2.
-        tolerance: Width of the bracket [rad] whose upper end is returned.
-        best_normals: The smallest over all combinations of the contacts' normals; else the largest.
+        limits: `SearchLimits`: the width of the bracket whose upper end is returned, and whether
+            the angle is the smallest over all combinations of the contacts' normals, or the
+            largest.
 
     Returns:
         The angle; inf where the grasp is not force-closed at the threshold, as three collinear
         contacts never are.
     """
+    tolerance, best_normals = limits.tolerance, limits.best_normals
     if hull is None:
-        return _evaluate_three(candidate, planar, threshold, tolerance, best_normals)
+        return _evaluate_three(candidate, plane, threshold, tolerance, best_normals)
     return _evaluate_by_hulls(candidate, hull, n, threshold, tolerance, best_normals)

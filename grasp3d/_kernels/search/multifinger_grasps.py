@@ -9,11 +9,32 @@ import numpy.typing as npt
 from grasp3d._kernels.compiling.decorators import merged
 from grasp3d._kernels.search.multifinger_evaluation import Candidate, make_candidate
 from grasp3d._kernels.surface.normal_sets import ContactNormals
-from grasp3d._kernels.surface.surface_contacts import Surface, write_normals
-from grasp3d._kernels.surface.vectors import copy
+from grasp3d._kernels.surface.surface_contacts import Surface, point_on_face, write_normals
+from grasp3d._kernels.surface.vectors import copy, squared_distance, triple
 
 NO_CONTACT = -1
 """Element or point of a finger without a contact."""
+
+
+class CandidatePoints(NamedTuple):
+    """Points that the other fingers are placed at.
+
+    First those spread over the surface, of which every beginning is evenly spread, for all
+    vertices; then points that belong to one vertex each.
+    """
+
+    common_count: int
+    """Number of points for all vertices."""
+    points: npt.NDArray[np.float64]
+    """Positions (P, 3)."""
+    elements: npt.NDArray[np.int64]
+    """Face or vertex of each point (P,)."""
+    weights: npt.NDArray[np.float64]
+    """Barycentric coordinates (P, 3)."""
+    normals: npt.NDArray[np.float64]
+    """Inward unit normals (P, 3); unused where contacts are vertices, which may have several."""
+    own: npt.NDArray[np.int64]
+    """The point that belongs to each vertex; NO_CONTACT: none (V,)."""
 
 
 class ContactDomain(NamedTuple):
@@ -35,25 +56,7 @@ class ContactDomain(NamedTuple):
     """Whether contacts are vertices; an element is then a vertex, otherwise a face."""
     max_normals: int
     """Most normals of a vertex where a finger may be placed, as all combinations are evaluated."""
-
-
-class CandidatePoints(NamedTuple):
-    """Points that the other fingers are placed at.
-
-    First those spread over the surface, of which every beginning is evenly spread, for all
-    vertices; then points that belong to one vertex each.
-    """
-
-    common_count: int
-    """Number of points for all vertices."""
-    points: npt.NDArray[np.float64]
-    """Positions (P, 3)."""
-    elements: npt.NDArray[np.int64]
-    """Face or vertex of each point (P,)."""
-    weights: npt.NDArray[np.float64]
-    """Barycentric coordinates (P, 3)."""
-    normals: npt.NDArray[np.float64]
-    """Inward unit normals (P, 3); unused where contacts are vertices, which may have several."""
+    candidates: CandidatePoints
 
 
 class SearchLimits(NamedTuple):
@@ -84,31 +87,25 @@ class SearchLimits(NamedTuple):
 @merged
 def set_vertex_contact(i, vertex, domain, candidate):
     """Place contact i of a candidate at a vertex; returns whether the vertex has a normal."""
-    normal_start, points = domain.normal_start[vertex], domain.surface.points
-    count = domain.normal_start[vertex + 1] - normal_start
+    first = domain.normal_start[vertex]
+    count = domain.normal_start[vertex + 1] - first
     candidate.counts[i] = count
-    for c in range(3):
-        candidate.points[i, c] = points[vertex, c]
-        for k in range(count):
-            candidate.normals[i, k, c] = domain.normals[normal_start + k, c]
+    copy(domain.surface.points[vertex], candidate.points[i])
+    for k in range(count):
+        copy(domain.normals[first + k], candidate.normals[i, k])
     return count > 0
 
 
 @merged
 def set_face_contact(i, face, weights, domain, candidate, face_normals):
     """Place contact i of a candidate on a face; returns whether the surface is smooth there."""
-    # On a crease only the first normal is used: the walk avoids edges, and the grasps found are
-    # evaluated exactly afterwards.
-    surface = domain.surface
-    b0, b1, b2 = weights[0], weights[1], weights[2]
-    count, vertex = write_normals(face, (b0, b1, b2), surface, domain.sets, face_normals)
-    v0, v1, v2 = surface.faces[face, 0], surface.faces[face, 1], surface.faces[face, 2]
+    # On a crease only the first normal is used: the walk avoids edges, and the grasps are evaluated
+    # exactly afterwards.
+    weights = triple(weights, 0)
+    count, vertex = write_normals(face, weights, domain.surface, domain.sets, face_normals)
     candidate.counts[i] = 1
-    for c in range(3):
-        candidate.normals[i, 0, c] = face_normals[0, c]
-        candidate.points[i, c] = (
-            b0 * surface.points[v0, c] + b1 * surface.points[v1, c] + b2 * surface.points[v2, c]
-        )
+    copy(face_normals[0], candidate.normals[i, 0])
+    copy(point_on_face(face, weights, domain.surface), candidate.points[i])
     return count == 1 and vertex < 0
 
 
@@ -124,35 +121,34 @@ def set_contact(i, element, weights, domain, workspace):
 
 
 @merged
-def set_point_contact(i, point, domain, candidate_points, candidate):
+def set_point_contact(i, point, domain, candidate):
     """Place contact i of a candidate at a candidate point; returns whether it may stay there."""
     if domain.on_vertices:
         return (
-            set_vertex_contact(i, candidate_points.elements[point], domain, candidate)
+            set_vertex_contact(i, domain.candidates.elements[point], domain, candidate)
             and candidate.counts[i] <= domain.max_normals
         )
     # Points are precomputed: neither interpolation nor crease tests in the innermost loops.
     candidate.counts[i] = 1
-    for c in range(3):
-        candidate.points[i, c] = candidate_points.points[point, c]
-        candidate.normals[i, 0, c] = candidate_points.normals[point, c]
+    copy(domain.candidates.points[point], candidate.points[i])
+    copy(domain.candidates.normals[point], candidate.normals[i, 0])
     return True
+
+
+@merged
+def is_allowed(one, other, limits):
+    """Whether the distance between two contacts is within the limits."""
+    square = squared_distance(one, other)
+    smallest, largest = limits.min_distance, limits.max_distance
+    return smallest * smallest <= square <= largest * largest
 
 
 @merged
 def distances_allowed(candidate, i, n, limits):
     """Whether the distances of contact i to the others of the first n are within the limits."""
     for j in range(n):
-        if j != i:
-            x = candidate.points[i, 0] - candidate.points[j, 0]
-            y = candidate.points[i, 1] - candidate.points[j, 1]
-            z = candidate.points[i, 2] - candidate.points[j, 2]
-            square = x * x + y * y + z * z
-            if (
-                square < limits.min_distance * limits.min_distance
-                or square > limits.max_distance * limits.max_distance
-            ):
-                return False
+        if j != i and not is_allowed(candidate.points[i], candidate.points[j], limits):
+            return False
     return True
 
 
@@ -243,8 +239,8 @@ def store_grasp(v, n, angle, grasps, workspace):
 
 
 @merged
-def set_finger(i, point, domain, candidate_points, workspace):
+def set_finger(i, point, domain, workspace):
     """Move finger i of the current grasp to a candidate point."""
-    workspace.elements[0, i] = candidate_points.elements[point]
-    copy(candidate_points.weights[point], workspace.weights[0, i])
-    set_point_contact(i, point, domain, candidate_points, workspace.candidate)
+    workspace.elements[0, i] = domain.candidates.elements[point]
+    copy(domain.candidates.weights[point], workspace.weights[0, i])
+    set_point_contact(i, point, domain, workspace.candidate)

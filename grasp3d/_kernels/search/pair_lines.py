@@ -10,7 +10,17 @@ import math
 from grasp3d._kernels.compiling.decorators import kernel, merged
 from grasp3d._kernels.search.antipodal_candidates import line_turn
 from grasp3d._kernels.surface.normal_sets import largest_angle, smallest_angle
-from grasp3d._kernels.surface.vectors import angle_between, combined, cross, difference, dot
+from grasp3d._kernels.surface.vectors import (
+    angle_between,
+    combined,
+    cross,
+    difference,
+    divided,
+    dot,
+    norm,
+    scaled,
+    triple,
+)
 
 
 @kernel
@@ -33,15 +43,15 @@ def scan(fixed_point, fixed_normals, points, sets, worst, best, signs):
     start, counts, normals = sets.start, sets.counts, sets.normals
     count = fixed_normals.shape[0]
     for v in range(points.shape[0]):
-        x, y, z = difference(points[v], fixed_point)
-        length = math.sqrt(x * x + y * y + z * z)
+        line = difference(points[v], fixed_point)
+        length = norm(line)
         worst[v] = best[v] = math.inf
         signs[v] = 0
         if length < 1e-12 or (counts[v] == 0 and start[v + 1] == start[v]):
             continue
         # Closed form: the critical angle is the larger of the angles between line and normals.
         for sign in (1, -1):
-            ex, ey, ez = sign * x / length, sign * y / length, sign * z / length
+            ex, ey, ez = divided(scaled(sign, line), length)
             high = max(
                 largest_angle(fixed_normals, 0, count, ex, ey, ez),
                 largest_angle(normals, start[v], counts[v], -ex, -ey, -ez),
@@ -81,13 +91,12 @@ def pair_angles(points, start, counts, normals, largest, smallest, lines, openin
         openings: Written, distances between the contacts (b,).
     """
     for g in range(points.shape[0]):
-        x, y, z = difference(points[g, 1], points[g, 0])
-        opening = math.sqrt(x * x + y * y + z * z)
-        openings[g] = opening
+        line = difference(points[g, 1], points[g, 0])
+        openings[g] = opening = norm(line)
         if not opening > 0.0:
             largest[g], smallest[g], lines[g] = math.inf, math.inf, 0.0
             continue
-        x, y, z = x / opening, y / opening, z / opening
+        x, y, z = divided(line, opening)
         lines[g, 0], lines[g, 1], lines[g, 2] = x, y, z
         for i in range(2):
             first, count, side = start[2 * g + i], counts[2 * g + i], 1.0 - 2.0 * i
@@ -99,11 +108,9 @@ def pair_angles(points, start, counts, normals, largest, smallest, lines, openin
 def _tangent(d, m):
     """Unit vector across a line d toward m; any one across d where m is parallel to it."""
     t = combined(1.0, m, -dot(d, m), d)
-    length = math.sqrt(dot(t, t))
-    if length < 1e-12:
+    if norm(t) < 1e-12:
         t = (0.0, d[2], -d[1]) if abs(d[0]) < 0.6 else (d[1], -d[0], 0.0)
-        length = math.sqrt(dot(t, t))
-    return t[0] / length, t[1] / length, t[2] / length
+    return divided(t, norm(t))
 
 
 @merged
@@ -120,8 +127,8 @@ def _crossing(d, m1, m2, sine, cosine):
     w = difference(m1, m2)
     along = dot(w, d)
     w = combined(1.0, w, -along, d)
-    length = max(math.sqrt(dot(w, w)), 1e-300)
-    w = w[0] / length, w[1] / length, w[2] / length
+    length = max(norm(w), 1e-300)
+    w = divided(w, length)
     p = cross(d, w)
     c = max(-1.0, min(1.0, -cosine * along / (sine * length)))
     s = math.sqrt((1.0 - c) * (1.0 + c))
@@ -140,7 +147,7 @@ def _equal(d, m1, m2, sine, cosine):
     if dot(m2, x) <= dot(m1, x):
         return angle_between(x, m2)
     middle = combined(1.0, m1, 1.0, m2)
-    length = math.sqrt(dot(middle, middle))
+    length = norm(middle)
     if length < OPPOSITE:  # every line across both is in balance, and one is in the cap
         return 0.5 * math.pi
     if cosine <= -1.0 or dot(middle, d) >= cosine * length:
@@ -163,10 +170,10 @@ def _unequal(d, m1, m2, sine, cosine, extra1, extra2):
     apart = angle_between(m1, m2)
     balanced = 0.5 * (apart + extra1 + extra2)
     middle = combined(1.0, m1, 1.0, m2)
-    if cosine <= -1.0 or math.sqrt(dot(middle, middle)) < OPPOSITE:
+    if cosine <= -1.0 or norm(middle) < OPPOSITE:
         return balanced
     x = combined(math.sin(apart - balanced + extra1), m1, math.sin(balanced - extra1), m2)
-    length = math.sqrt(dot(x, x))
+    length = norm(x)
     if length > 0.0 and dot(x, d) >= cosine * length:
         return balanced
     # Else they are balanced on the cap's border: from the line nearest to one normal to that
@@ -264,9 +271,7 @@ def locate_pairs(
             bound = max(max(first - turn, 0.0) + one, max(second - turn, 0.0) + two)
             if bound < value and single[g]:
                 bound = smallest_over_lines(
-                    (sign * lines[g, 0], sign * lines[g, 1], sign * lines[g, 2]),
-                    (normals[g, 0, 0], normals[g, 0, 1], normals[g, 0, 2]),
-                    (normals[g, 1, 0], normals[g, 1, 1], normals[g, 1, 2]),
+                    scaled(sign, lines[g]), triple(normals[g, 0], 0), triple(normals[g, 1], 0),
                     error / openings_best[g], one, two,
                 )  # fmt: skip
             value = min(value, bound)

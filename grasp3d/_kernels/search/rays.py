@@ -23,8 +23,20 @@ from grasp3d._kernels.search.antipodal_candidates import (
     evaluate_pair,
     line_turn,
 )
-from grasp3d._kernels.surface.normal_sets import smallest_angle
-from grasp3d._kernels.surface.vectors import copy, cross, dot
+from grasp3d._kernels.surface.normal_sets import ContactNormals, smallest_angle
+from grasp3d._kernels.surface.vectors import (
+    combined,
+    copy,
+    cross,
+    difference,
+    divided,
+    dot,
+    in_triangle,
+    norm,
+    scaled,
+    triple,
+    weighted_sum,
+)
 
 STEP = 3e-7
 """Distance behind a crossing at which the ray continues: a few 32-bit rounding errors."""
@@ -82,7 +94,7 @@ def append_ray(size, v, sign, direction, bound, sets, rays):
         return size
     owner, closing, signs = rays
     owner[size], signs[size] = v, sign
-    closing[size, 0], closing[size, 1], closing[size, 2] = x, y, z
+    copy(direction, closing[size])
     return size + 1
 
 
@@ -126,27 +138,24 @@ def evaluate_crossings(count, hit, far, rays, surface, sets, limits, grasps):
     """
     points, faces = surface.points, surface.faces
     owner, closing, signs, along, step, last = rays
-    found = np.empty((2, 3))
+    scratch = np.empty((2, 3))
     remaining = 0
     for i in range(count):
         face = np.int64(hit[i])  # types as in other calls, for which Numba would compile again
         if face < 0:
             continue
         v, sign = np.int64(owner[i]), np.int64(signs[i])
-        ox, oy, oz = points[v, 0], points[v, 1], points[v, 2]
-        dx, dy, dz = sign * closing[i, 0], sign * closing[i, 1], sign * closing[i, 2]
-        f0, f1, f2 = faces[face, 0], faces[face, 1], faces[face, 2]
-        ax, ay, az = points[f0, 0], points[f0, 1], points[f0, 2]
-        ux, uy, uz = points[f1, 0] - ax, points[f1, 1] - ay, points[f1, 2] - az
-        wx, wy, wz = points[f2, 0] - ax, points[f2, 1] - ay, points[f2, 2] - az
-        nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
-        square = nx * nx + ny * ny + nz * nz
-        slope = dx * nx + dy * ny + dz * nz
+        origin, direction = points[v], scaled(sign, closing[i])
+        corner = points[faces[face, 0]]
+        u = difference(points[faces[face, 1]], corner)
+        w = difference(points[faces[face, 2]], corner)
+        normal = cross(u, w)
+        square, slope = dot(normal, normal), dot(direction, normal)
         # The 32-bit distance is replaced by the exact one where the two agree.
         coarse = along[i] + far[i]
         t = coarse
         if abs(slope) > 1e-7 * math.sqrt(square):  # else the ray is nearly parallel to the face
-            exact = ((ax - ox) * nx + (ay - oy) * ny + (az - oz) * nz) / slope
+            exact = dot(difference(corner, origin), normal) / slope
             if abs(exact - coarse) < 1e-3:
                 t = exact
         if face == last[i] or t <= STEP:  # the face just left, or one at the vertex itself
@@ -158,22 +167,17 @@ def evaluate_crossings(count, hit, far, rays, surface, sets, limits, grasps):
             step[i], last[i] = STEP, face
             # A finger pushes into the object, so the second contact is an exit of the closing line.
             if sign * slope > 0.0:
-                rx, ry, rz = ox + t * dx - ax, oy + t * dy - ay, oz + t * dz - az
-                b1 = (ry * wz - rz * wy) * nx + (rz * wx - rx * wz) * ny + (rx * wy - ry * wx) * nz
-                b2 = (uy * rz - uz * ry) * nx + (uz * rx - ux * rz) * ny + (ux * ry - uy * rx) * nz
+                point = difference(combined(1.0, origin, t, direction), corner)
+                b1, b2 = in_triangle(point, u, w, normal)
                 # Barycentric coordinates, clipped to the face.
                 b1, b2 = max(b1 / square, 0.0), max(b2 / square, 0.0)
                 b0 = max(1.0 - b1 - b2, 0.0)
-                total = b0 + b1 + b2
-                b0, b1, b2 = b0 / total, b1 / total, b2 / total
-                qx, qy, qz = b1 * ux + b2 * wx, b1 * uy + b2 * wy, b1 * uz + b2 * wz
-                partner = (ax + qx, ay + qy, az + qz)
-                opening = math.sqrt(
-                    (partner[0] - ox) ** 2 + (partner[1] - oy) ** 2 + (partner[2] - oz) ** 2
-                )
+                weights = divided((b0, b1, b2), b0 + b1 + b2)
+                partner = combined(1.0, corner, 1.0, combined(weights[1], u, weights[2], w))
+                opening = norm(difference(partner, origin))
                 if limits[0] <= opening <= limits[1]:
                     evaluate_pair(
-                        v, sign, partner, opening, face, (b0, b1, b2), surface, sets, grasps, found
+                        v, sign, partner, opening, face, weights, surface, sets, grasps, scratch
                     )
                 elif opening >= SMALLEST_OPENING and grasps.reason[v] == NO_PARTNER:
                     grasps.reason[v] = OPENING
@@ -191,19 +195,26 @@ GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 """Turn between consecutive directions of a sunflower spiral [rad]."""
 
 
-class Frames(NamedTuple):
-    """Coordinate frames of the directions at each vertex."""
+class Origins(NamedTuple):
+    """The vertices from which rays start, with frames of their directions."""
 
+    points: npt.NDArray[np.float64]
+    """Positions of the vertices (V, 3)."""
+    sets: ContactNormals
     centres: npt.NDArray[np.float64]
-    """Centre of the vertex's set of normals (V, 3)."""
+    """Centre of each vertex's set of normals (V, 3)."""
     tangents: npt.NDArray[np.float64]
     """A unit vector orthogonal to the centre (V, 3)."""
     radii: npt.NDArray[np.float64]
     """Largest angle from the centre to a normal [rad] (V,)."""
+    neighbours: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
+    """First neighbour of each vertex (V + 1,), and the vertices around each vertex."""
+    cone: float
+    """Half-angle of the search cone [rad]."""
 
 
 @kernel
-def seed_rays(vertices, rays, batch, cone, sign, frames, sets, grasps):
+def seed_rays(vertices, rays, batch, sign, origins, grasps):
     """Rays in initial closing directions about each vertex's normals.
 
     A sunflower spiral over the cap of half-angle `cone` about the normal, the first ray along it.
@@ -216,64 +227,56 @@ def seed_rays(vertices, rays, batch, cone, sign, frames, sets, grasps):
         vertices: Vertices (n,).
         rays: Directions per vertex.
         batch: (first, last): range of the directions; last is excluded.
-        cone: Half-angle of the search cone [rad].
         sign: +1 squeeze, -1 expand.
-        frames: `Frames`.
-        sets: `ContactNormals`.
+        origins: `Origins`.
         grasps: `BestPairs`.
 
     Returns:
         The `Rays`.
     """
-    start, counts, normals = sets.start, sets.counts, sets.normals
+    sets, cone = origins.sets, origins.cone
     written, size = make_rays(vertices.shape[0] * (batch[1] - batch[0])), 0
     for v in vertices:
         # The critical angle is at least the angle between the direction and the vertex's normals.
         bound = min(cone, grasps.start_angles[v, -1])
-        c, t = frames.centres[v], frames.tangents[v]
-        bx, by, bz = cross(c, t)
-        cap = 1.0 - math.cos(min(cone + frames.radii[v], math.pi))
-        set_corners = 0 if counts[v] == 1 else min(counts[v], rays // 4)
+        c, t = origins.centres[v], origins.tangents[v]
+        b = cross(c, t)
+        cap = 1.0 - math.cos(min(cone + origins.radii[v], math.pi))
+        set_corners = 0 if sets.counts[v] == 1 else min(sets.counts[v], rays // 4)
         spiral_size = rays - set_corners
         for k in range(batch[0], batch[1]):
             if 0 < k <= set_corners:
-                n = normals[start[v] + k - 1]
-                x, y, z = n[0], n[1], n[2]
+                direction = triple(sets.normals[sets.start[v] + k - 1], 0)
             else:
                 step = 0 if k == 0 else k - set_corners
                 # Equal steps of height cover equal areas of the cap.
                 cosine = 1.0 - cap * step / spiral_size
                 sine = math.sqrt(max(0.0, 1.0 - cosine * cosine))
                 p, q = sine * math.cos(step * GOLDEN_ANGLE), sine * math.sin(step * GOLDEN_ANGLE)
-                x = cosine * c[0] + p * t[0] + q * bx
-                y = cosine * c[1] + p * t[1] + q * by
-                z = cosine * c[2] + p * t[2] + q * bz
-            size = append_ray(size, v, sign, (x, y, z), bound, sets, written)
+                direction = weighted_sum((cosine, p, q), c, t, b)
+            size = append_ray(size, v, sign, direction, bound, sets, written)
     return starting_rays(*written, size)
 
 
 @kernel
-def neighbour_rays(vertices, cone, points, neighbours, sets, grasps):
+def neighbour_rays(vertices, origins, grasps):
     """Rays from each vertex toward the opposing contacts that its neighbours found.
 
     Args:
         vertices: Vertices (n,).
-        cone: Half-angle of the search cone [rad].
-        points: Positions of the vertices (V, 3).
-        neighbours: (first, index): the vertices around each vertex.
-        sets: `ContactNormals`.
+        origins: `Origins`.
         grasps: `BestPairs`.
 
     Returns:
         The `Rays`.
     """
-    first, index = neighbours
+    first, index = origins.neighbours
     capacity = 0
     for v in vertices:
         capacity += first[v + 1] - first[v]
     rays, size = make_rays(capacity), 0
     for v in vertices:
-        bound = min(cone, grasps.worst[v])
+        bound = min(origins.cone, grasps.worst[v])
         for k in range(first[v], first[v + 1]):
             other = index[k]
             # An opposing contact of a neighbour is nearly one of this vertex: good grasps spread
@@ -281,14 +284,12 @@ def neighbour_rays(vertices, cone, points, neighbours, sets, grasps):
             if grasps.reason[other] != FOUND:
                 continue
             sign = grasps.signs[other]
-            x = grasps.partner[other, 0] - points[v, 0]
-            y = grasps.partner[other, 1] - points[v, 1]
-            z = grasps.partner[other, 2] - points[v, 2]
-            length = math.sqrt(x * x + y * y + z * z)
+            line = difference(grasps.partner[other], origins.points[v])
+            length = norm(line)
             if length < 1e-6:
                 continue
-            toward = sign * x / length, sign * y / length, sign * z / length
-            size = append_ray(size, v, sign, toward, bound, sets, rays)
+            toward = divided(scaled(sign, line), length)
+            size = append_ray(size, v, sign, toward, bound, origins.sets, rays)
     return starting_rays(*rays, size)
 
 
@@ -300,40 +301,28 @@ LONGER = 1.25
 
 
 @part
-def _across(axis, vector):
-    """The part of a vector orthogonal to a unit vector, and its length."""
-    along = dot(axis, vector)
-    x, y, z = vector[0] - along * axis[0], vector[1] - along * axis[1], vector[2] - along * axis[2]
-    return (x, y, z), math.sqrt(x * x + y * y + z * z)
-
-
-@part
 def _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, rays):
     """Append six directions at an angle of `radius` about `axis`; returns the new number of rays.
 
     Only those within `bound` of the normals, as others cannot have a smaller critical angle.
     """
     # The tangents turn with the object, so the same directions are tried in any orientation.
-    e1, length = _across(axis, (tangent[0], tangent[1], tangent[2]))
-    if length < 1e-6:  # the axis is parallel to the tangent: any other vector will do
+    e1 = combined(1.0, tangent, -dot(axis, tangent), axis)
+    if norm(e1) < 1e-6:  # the axis is parallel to the tangent: any other vector will do
         x, y, z = abs(axis[0]), abs(axis[1]), abs(axis[2])
+        other = (0.0, 0.0, 1.0)
         if x <= min(y, z):
-            e1, length = _across(axis, (1.0, 0.0, 0.0))
+            other = (1.0, 0.0, 0.0)
         elif y <= z:
-            e1, length = _across(axis, (0.0, 1.0, 0.0))
-        else:
-            e1, length = _across(axis, (0.0, 0.0, 1.0))
-    e1 = e1[0] / length, e1[1] / length, e1[2] / length
+            other = (0.0, 1.0, 0.0)
+        e1 = combined(1.0, other, -dot(axis, other), axis)
+    e1 = divided(e1, norm(e1))
     e2 = cross(axis, e1)
     along, aside = math.cos(radius), math.sin(radius)
     for k in range(6):
         azimuth = (k + turn) * math.pi / 3.0
-        p, q = aside * math.cos(azimuth), aside * math.sin(azimuth)
-        direction = (
-            along * axis[0] + p * e1[0] + q * e2[0],
-            along * axis[1] + p * e1[1] + q * e2[1],
-            along * axis[2] + p * e1[2] + q * e2[2],
-        )
+        parts = along, aside * math.cos(azimuth), aside * math.sin(azimuth)
+        direction = weighted_sum(parts, axis, e1, e2)
         size = append_ray(size, v, sign, direction, bound, sets, rays)
     return size
 
@@ -344,14 +333,12 @@ def _largest_angle(v, points, grasps):
     cost = grasps.worst[v]
     if grasps.location == 0.0 or cost == math.inf:
         return cost
-    square = 0.0
-    for k in range(3):
-        square += (grasps.partner[v, k] - points[v, k]) ** 2
-    return cost - line_turn(grasps.location, LONGER * math.sqrt(square))
+    opening = norm(difference(grasps.partner[v], points[v]))
+    return cost - line_turn(grasps.location, LONGER * opening)
 
 
 @kernel
-def refining_rays(vertices, radii, turn, cone, points, frames, sets, grasps):
+def refining_rays(vertices, radii, turn, origins, grasps):
     """Rays near each vertex's best grasp: a ring, and the bisector of the two normals.
 
     The bisector of n1 and -n2 has equal angles to both normals: it is the optimum wherever the
@@ -361,24 +348,20 @@ def refining_rays(vertices, radii, turn, cone, points, frames, sets, grasps):
         vertices: Vertices with a grasp (n,).
         radii: Angle of the ring about the grasp of each vertex [rad] (V,).
         turn: Rotation of the ring in sixths of a turn.
-        cone: Half-angle of the search cone [rad].
-        points: Positions of the vertices (V, 3).
-        frames: `Frames`.
-        sets: `ContactNormals`.
+        origins: `Origins`.
         grasps: `BestPairs`.
 
     Returns:
         The `Rays`.
     """
+    sets = origins.sets
     rays, size = make_rays(vertices.shape[0] * RAYS_PER_ROUND), 0
     for v in vertices:
-        sign, axis, tangent = grasps.signs[v], grasps.closing[v], frames.tangents[v]
-        radius, bound = radii[v], min(cone, _largest_angle(v, points, grasps))
-        one, two = frames.centres[v], grasps.partner_normal[v]
-        x, y, z = one[0] - two[0], one[1] - two[1], one[2] - two[2]
-        length = math.sqrt(x * x + y * y + z * z)
-        if length > 1e-9:
-            middle = x / length, y / length, z / length
+        sign, axis, tangent = grasps.signs[v], grasps.closing[v], origins.tangents[v]
+        radius, bound = radii[v], min(origins.cone, _largest_angle(v, origins.points, grasps))
+        bisector = difference(origins.centres[v], grasps.partner_normal[v])
+        if norm(bisector) > 1e-9:
+            middle = divided(bisector, norm(bisector))
             size = append_ray(size, v, sign, middle, bound, sets, rays)
         size = _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, rays)
         # On creases the best grasp over the best normals may be another one, with its own ring.
@@ -390,16 +373,14 @@ def refining_rays(vertices, radii, turn, cone, points, frames, sets, grasps):
 
 
 @kernel
-def exploring_rays(vertices, radius, turn, cone, frames, sets, grasps):
+def exploring_rays(vertices, radius, turn, origins, grasps):
     """Rays in rings about the cached closing directions of each vertex except the best one.
 
     Args:
         vertices: Vertices (n,).
         radius: Angle of the rings [rad].
         turn: Rotation of the rings in sixths of a turn.
-        cone: Half-angle of the search cone [rad].
-        frames: `Frames`.
-        sets: `ContactNormals`.
+        origins: `Origins`.
         grasps: `BestPairs`.
 
     Returns:
@@ -407,10 +388,10 @@ def exploring_rays(vertices, radius, turn, cone, frames, sets, grasps):
     """
     rays, size = make_rays(vertices.shape[0] * 6 * (grasps.starts.shape[1] - 1)), 0
     for v in vertices:
-        bound = min(cone, grasps.start_angles[v, -1])
+        bound = min(origins.cone, grasps.start_angles[v, -1])
         for k in range(1, grasps.starts.shape[1]):
             if grasps.start_angles[v, k] < math.inf:
                 axis, sign = grasps.starts[v, k], grasps.start_signs[v, k]
-                tangent = frames.tangents[v]
-                size = _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, rays)
+                tangent = origins.tangents[v]
+                size = _ring(size, v, sign, axis, radius, turn, tangent, bound, origins.sets, rays)
     return starting_rays(*rays, size)

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.compiling.decorators import kernel, merged, part
+from grasp3d._kernels.compiling.decorators import kernel, part
 from grasp3d._kernels.jaws.gripper_parts import BLOCKED, NONE, REACHED, RESULTS
 from grasp3d._kernels.jaws.reaching import reach_pair
 from grasp3d._kernels.search.antipodal_candidates import evaluate_on_face
@@ -25,8 +25,16 @@ from grasp3d._kernels.search.face_contacts import (
 )
 from grasp3d._kernels.surface.face_tree import NO_NODE, below, faces_of_leaf
 from grasp3d._kernels.surface.normal_sets import smallest_angle
-from grasp3d._kernels.surface.surface_contacts import write_normals
-from grasp3d._kernels.surface.vectors import copy, dot
+from grasp3d._kernels.surface.surface_contacts import point_on_face, write_normals
+from grasp3d._kernels.surface.vectors import (
+    copy,
+    difference,
+    divided,
+    norm,
+    scaled,
+    squared_distance,
+    triple,
+)
 
 MOST_WAITING = 2048
 """Nodes and contacts that wait at most; further ones are passed over."""
@@ -73,23 +81,11 @@ def _pop(keys, entries, size):
     return size
 
 
-@merged
-def _write_point(face, weights, surface, point):
-    """Write the position of a point on a face (3,)."""
-    for k in range(3):
-        point[k] = 0.0
-        for c in range(3):
-            point[k] += weights[c] * surface.points[surface.faces[face, c], k]
-
-
 @part
 def _is_near(point, radius, others, count, spacing):
     """Whether a ball is within a distance of one of the first `count` points."""
     for i in range(count):
-        square = 0.0
-        for k in range(3):
-            square += (point[k] - others[i, k]) ** 2
-        if math.sqrt(square) + radius < spacing:
+        if math.sqrt(squared_distance(point, others[i])) + radius < spacing:
             return True
     return False
 
@@ -102,9 +98,8 @@ def _test(v, sign, face, weights, explain, domain, reaching, scratch):
     surface, sets, centres = domain.surface, domain.sets, domain.centres
     copy(surface.points[v], points[0])
     copy(centres[v], normals[0])
-    _write_point(face, weights, surface, points[1])
-    three = (weights[0], weights[1], weights[2])
-    count, vertex = write_normals(face, three, surface, sets, set_normals)
+    copy(point_on_face(face, weights, surface), points[1])
+    count, vertex = write_normals(face, triple(weights, 0), surface, sets, set_normals)
     if vertex >= 0:
         copy(centres[vertex], normals[1])
     else:
@@ -113,11 +108,10 @@ def _test(v, sign, face, weights, explain, domain, reaching, scratch):
             for k in range(3):
                 normals[1, k] += set_normals[1, k]
     for i in range(2):
-        length = math.sqrt(dot(normals[i], normals[i]))
+        length = norm(normals[i])
         if length < 1e-12:
             return BLOCKED, NONE
-        for k in range(3):
-            normals[i, k] /= length
+        copy(divided(normals[i], length), normals[i])
     return reach_pair(points, normals, sign, shape, limits, explain, tree, workspace, result)
 
 
@@ -147,15 +141,14 @@ def keep_reached(vertices, signs, faces, weights, domain, reaching, grasps, resu
         v, sign, face, own = vertices[i], np.int64(signs[i]), faces[i], weights[i]
         if face < 0:
             continue
-        _write_point(face, own, surface, point)
-        x, y, z = (point[0] - surface.points[v, 0], point[1] - surface.points[v, 1],
-                   point[2] - surface.points[v, 2])  # fmt: skip
-        opening = math.sqrt(x * x + y * y + z * z)
+        copy(point_on_face(face, own, surface), point)
+        line = difference(point, surface.points[v])
+        opening = norm(line)
         if opening < 1e-9:
             continue
         # A lower bound of both angles: no grasp is tested that would not be kept.
-        s = sign / opening
-        low = smallest_angle(sets.normals, sets.start[v], sets.counts[v], s * x, s * y, s * z)
+        x, y, z = scaled(sign / opening, line)
+        low = smallest_angle(sets.normals, sets.start[v], sets.counts[v], x, y, z)
         if low >= grasps.worst[v] and low >= grasps.best[v]:
             continue
         code, free = _test(v, sign, face, own, not EXPLAIN, domain, reaching, scratch)
@@ -211,8 +204,8 @@ def search_reachable(vertices, worst, cone, spacing, wanted, most_failed, domain
     least = math.cos(cone)
     # The heap has the smallest key at the top: keys are cosines with the sign turned.
     keys, entries = np.empty(MOST_WAITING), np.empty(MOST_WAITING, dtype=np.int64)
-    found_faces = np.full((len(vertices), wanted), -1, dtype=np.int64)
-    found_weights = np.zeros((len(vertices), wanted, 3))
+    partner_faces = np.full((len(vertices), wanted), -1, dtype=np.int64)
+    partner_weights = np.zeros((len(vertices), wanted, 3))
     contact_faces = np.empty(MOST_STEPS, dtype=np.int64)
     contact_weights, weights = np.empty((MOST_STEPS, 3)), np.empty(3)
     tested = np.empty((most_failed + wanted, 3))
@@ -234,18 +227,18 @@ def search_reachable(vertices, worst, cone, spacing, wanted, most_failed, domain
             waiting = _pop(keys, entries, waiting)
             if entry < 0:
                 face, chosen = contact_faces[-1 - entry], contact_weights[-1 - entry]
-                _write_point(face, chosen, surface, point)
+                copy(point_on_face(face, chosen, surface), point)
                 if _is_near(point, 0.0, tested, failed + reached, spacing):
                     continue
                 if key > ACCURATE:
                     read_face(face, v, surface, lines, corner_normals)
                     move_on_face(chosen, -key, math.inf, 0.0, lines, corner_normals, own, limits)
-                    _write_point(face, chosen, surface, point)
+                    copy(point_on_face(face, chosen, surface), point)
                 copy(point, tested[failed + reached])
                 code, _ = _test(v, 1, face, chosen, not EXPLAIN, domain, reaching, scratch)
                 if code == REACHED:
-                    found_faces[row, reached] = face
-                    copy(chosen, found_weights[row, reached])
+                    partner_faces[row, reached] = face
+                    copy(chosen, partner_weights[row, reached])
                     reached += 1
                 else:
                     failed += 1
@@ -267,15 +260,14 @@ def search_reachable(vertices, worst, cone, spacing, wanted, most_failed, domain
                 face = tree.order[i]
                 if contacts == MOST_STEPS or not aim(face, v, domain.centres, surface, weights):
                     continue
-                _write_point(face, weights, surface, point)
+                copy(point_on_face(face, weights, surface), point)
                 if _is_near(point, 0.0, tested, failed + reached, spacing):
                     continue
                 read_face(face, v, surface, lines, corner_normals)
-                w0, w1, w2 = weights[0], weights[1], weights[2]
-                cosine = cosine_at(w0, w1, w2, lines, corner_normals, own, limits)
+                cosine = cosine_at(triple(weights, 0), lines, corner_normals, own, limits)
                 if cosine > least and waiting < MOST_WAITING:
                     contact_faces[contacts] = face
                     copy(weights, contact_weights[contacts])
                     contacts += 1
                     waiting = _push(keys, entries, waiting, -cosine, -contacts)
-    return found_faces, found_weights
+    return partner_faces, partner_weights

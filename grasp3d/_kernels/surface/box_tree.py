@@ -21,6 +21,17 @@ from grasp3d._kernels.surface.face_tree import (
     faces_of_leaf,
     walk,
 )
+from grasp3d._kernels.surface.vectors import (
+    combined,
+    cross,
+    difference,
+    divided,
+    dot,
+    in_triangle,
+    norm,
+    triple,
+    weighted_sum,
+)
 
 LEAF = 2
 """Most faces of a leaf."""
@@ -88,17 +99,16 @@ def _bound(triangles, box):
                 low, high = min(low, triangles[i, 3 * c + k]), max(high, triangles[i, 3 * c + k])
         box[k] = 0.5 * (low + high)
         box[3 + k] = 0.5 * (high - low) + 1e-12
-    nx, ny, nz = _mean_normal(triangles)
+    normal = _mean_normal(triangles)
     low, high, square = math.inf, -math.inf, 0.0
     for i in range(triangles.shape[0]):
         for c in range(3):
-            x, y = triangles[i, 3 * c] - box[0], triangles[i, 3 * c + 1] - box[1]
-            z = triangles[i, 3 * c + 2] - box[2]
-            height = nx * x + ny * y + nz * z
+            corner = difference(triple(triangles[i], 3 * c), box)
+            height = dot(normal, corner)
             low, high = min(low, height), max(high, height)
-            square = max(square, x * x + y * y + z * z)
+            square = max(square, dot(corner, corner))
     box[RADIUS] = math.sqrt(square) + 1e-12
-    box[NORMAL], box[NORMAL + 1], box[NORMAL + 2] = nx, ny, nz
+    box[NORMAL], box[NORMAL + 1], box[NORMAL + 2] = normal
     box[HEIGHT], box[THICKNESS] = 0.5 * (low + high), 0.5 * (high - low) + 1e-12
 
 
@@ -107,25 +117,18 @@ def _mean_normal(triangles):
     """Unit vector along the sum of some faces' areas, or any one where that is zero."""
     x, y, z = 0.0, 0.0, 0.0
     for i in range(triangles.shape[0]):
-        face = triangles[i]
-        ux, uy, uz = face[3] - face[0], face[4] - face[1], face[5] - face[2]
-        wx, wy, wz = face[6] - face[0], face[7] - face[1], face[8] - face[2]
-        x, y, z = x + uy * wz - uz * wy, y + uz * wx - ux * wz, z + ux * wy - uy * wx
-    length = math.sqrt(x * x + y * y + z * z)
-    if length < 1e-100:
-        return 1.0, 0.0, 0.0
-    return x / length, y / length, z / length
+        _, u, w = _corner_and_edges(triangles[i])
+        x = x + u[1] * w[2] - u[2] * w[1]
+        y = y + u[2] * w[0] - u[0] * w[2]
+        z = z + u[0] * w[1] - u[1] * w[0]
+    length = norm((x, y, z))
+    return divided((x, y, z), length) if length >= 1e-100 else (1.0, 0.0, 0.0)
 
 
 @merged
-def height_above(px, py, pz, box):
+def height_above(p, box):
     """Signed height of a point above the middle of a node's slab."""
-    return (
-        box[NORMAL] * (px - box[0])
-        + box[NORMAL + 1] * (py - box[1])
-        + box[NORMAL + 2] * (pz - box[2])
-        - box[HEIGHT]
-    )
+    return dot(triple(box, NORMAL), difference(p, box)) - box[HEIGHT]
 
 
 @merged
@@ -139,53 +142,57 @@ def _clamped(value):
     return min(max(value, 0.0), 1.0)
 
 
+@merged
+def _corner_and_edges(triangle):
+    """First corner of a triangle of nine numbers, and the edges from it to the other two."""
+    a = triple(triangle, 0)
+    return a, difference(triple(triangle, 3), a), difference(triple(triangle, 6), a)
+
+
+@merged
+def _distance_to_edge(r, u):
+    """Squared distance of the point r from the segment from 0 to u."""
+    uu = dot(u, u)
+    s = _clamped(dot(u, r) / uu) if uu > 0.0 else 0.0
+    between = combined(1.0, r, -s, u)
+    return dot(between, between)
+
+
+@merged
+def _distance_to_box(p, box):
+    """Squared distance of a point from the box of a node."""
+    x = max(abs(p[0] - box[0]) - box[3], 0.0)
+    y = max(abs(p[1] - box[1]) - box[4], 0.0)
+    z = max(abs(p[2] - box[2]) - box[5], 0.0)
+    return x * x + y * y + z * z
+
+
 @part
-def triangle_distance(px, py, pz, triangle):
+def triangle_distance(p, triangle):
     """Squared distance of a point from a triangle, nine numbers (Ericson 2005, Sec. 5.1.5)."""
-    ax, ay, az = triangle[0], triangle[1], triangle[2]
-    ux, uy, uz = triangle[3] - ax, triangle[4] - ay, triangle[5] - az
-    wx, wy, wz = triangle[6] - ax, triangle[7] - ay, triangle[8] - az
-    rx, ry, rz = px - ax, py - ay, pz - az
-    d1, d2 = ux * rx + uy * ry + uz * rz, wx * rx + wy * ry + wz * rz
-    uu, uw, ww = (
-        ux * ux + uy * uy + uz * uz, ux * wx + uy * wy + uz * wz, wx * wx + wy * wy + wz * wz
-    )  # fmt: skip
+    a, u, w = _corner_and_edges(triangle)
+    r = difference(p, a)
+    ur, wr, uu, uw, ww = dot(u, r), dot(w, r), dot(u, u), dot(u, w), dot(w, w)
     area = uu * ww - uw * uw
-    s, t = ww * d1 - uw * d2, uu * d2 - uw * d1
+    s, t = ww * ur - uw * wr, uu * wr - uw * ur
     if area > 0.0 and s >= 0.0 and t >= 0.0 and s + t <= area:
-        s, t = s / area, t / area
-        x, y, z = rx - s * ux - t * wx, ry - s * uy - t * wy, rz - s * uz - t * wz
-        return x * x + y * y + z * z
+        between = weighted_sum((1.0, -(s / area), -(t / area)), r, u, w)
+        return dot(between, between)
     # Else the nearest point lies on an edge.
-    s = _clamped(d1 / uu) if uu > 0.0 else 0.0
-    x, y, z = rx - s * ux, ry - s * uy, rz - s * uz
-    least = x * x + y * y + z * z
-    s = _clamped(d2 / ww) if ww > 0.0 else 0.0
-    x, y, z = rx - s * wx, ry - s * wy, rz - s * wz
-    least = min(least, x * x + y * y + z * z)
-    ex, ey, ez = wx - ux, wy - uy, wz - uz
-    ee = ex * ex + ey * ey + ez * ez
-    x, y, z = rx - ux, ry - uy, rz - uz
-    s = _clamped((ex * x + ey * y + ez * z) / ee) if ee > 0.0 else 0.0
-    x, y, z = x - s * ex, y - s * ey, z - s * ez
-    return min(least, x * x + y * y + z * z)
+    least = min(_distance_to_edge(r, u), _distance_to_edge(r, w))
+    return min(least, _distance_to_edge(difference(r, u), difference(w, u)))
 
 
 @merged
 def _visit_with_ball(node, _position, _stale, state):
     """Visit a node; the walk ends at a face that is nearer to a point than a radius."""
-    px, py, pz, radius, tree = state
+    p, radius, tree = state
     box, limit = tree.boxes[node], radius * radius
-    x = max(abs(px - box[0]) - box[3], 0.0)
-    y = max(abs(py - box[1]) - box[4], 0.0)
-    z = max(abs(pz - box[2]) - box[5], 0.0)
-    if x * x + y * y + z * z >= limit:
-        return NO_NODE, NO_NODE, GO_ON
-    if abs(height_above(px, py, pz, box)) - box[THICKNESS] >= radius:
+    if _distance_to_box(p, box) >= limit or abs(height_above(p, box)) - box[THICKNESS] >= radius:
         return NO_NODE, NO_NODE, GO_ON
     first, last = leaf_rows(node, tree)
     for i in range(first, last):
-        if triangle_distance(px, py, pz, tree.triangles[i]) < limit:
+        if triangle_distance(p, tree.triangles[i]) < limit:
             return NO_NODE, NO_NODE, STOP
     later, sooner = below(node, tree.depth)
     return later, sooner, GO_ON
@@ -203,42 +210,34 @@ def ball_is_free(px, py, pz, radius, tree, nodes):
         tree: `BoxTree`.
         nodes: Scratch (STACK,).
     """
-    state = px, py, pz, radius, tree
+    state = (px, py, pz), radius, tree
     return radius <= 0.0 or not walk(_visit_with_ball, state, nodes)
 
 
 @part
-def _segments_distance(rx, ry, rz, ux, uy, uz, vx, vy, vz):
+def _segments_distance(r, u, v):
     """Squared distance of the segment s u from the segment r + t v (Ericson 2005, Sec. 5.1.9)."""
-    uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
-    uv = ux * vx + uy * vy + uz * vz
-    ur, vr = ux * rx + uy * ry + uz * rz, vx * rx + vy * ry + vz * rz
+    uu, vv, uv = dot(u, u), dot(v, v), dot(u, v)
+    ur, vr = dot(u, r), dot(v, r)
     area = uu * vv - uv * uv
     s = _clamped((ur * vv - vr * uv) / area) if area > 1e-12 * uu * vv else 0.0
     t = _clamped((s * uv - vr) / vv) if vv > 0.0 else 0.0
     s = _clamped((ur + t * uv) / uu) if uu > 0.0 else 0.0
-    x, y, z = rx + t * vx - s * ux, ry + t * vy - s * uy, rz + t * vz - s * uz
-    return x * x + y * y + z * z
+    between = weighted_sum((1.0, t, -s), r, v, u)
+    return dot(between, between)
 
 
 @part
 def _crosses(start, end, triangle):
     """Whether a segment crosses a triangle."""
-    ax, ay, az = triangle[0], triangle[1], triangle[2]
-    ux, uy, uz = triangle[3] - ax, triangle[4] - ay, triangle[5] - az
-    wx, wy, wz = triangle[6] - ax, triangle[7] - ay, triangle[8] - az
-    nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
-    one = nx * (start[0] - ax) + ny * (start[1] - ay) + nz * (start[2] - az)
-    two = nx * (end[0] - ax) + ny * (end[1] - ay) + nz * (end[2] - az)
+    a, u, w = _corner_and_edges(triangle)
+    n = cross(u, w)
+    one, two = dot(n, difference(start, a)), dot(n, difference(end, a))
     if not ((one < 0.0 < two) or (two < 0.0 < one)):
         return False  # a segment in the plane of the face is near one of its edges or ends
-    t = one / (one - two)
-    rx = start[0] + t * (end[0] - start[0]) - ax
-    ry = start[1] + t * (end[1] - start[1]) - ay
-    rz = start[2] + t * (end[2] - start[2]) - az
-    b1 = (ry * wz - rz * wy) * nx + (rz * wx - rx * wz) * ny + (rx * wy - ry * wx) * nz
-    b2 = (uy * rz - uz * ry) * nx + (uz * rx - ux * rz) * ny + (ux * ry - uy * rx) * nz
-    return b1 >= 0.0 and b2 >= 0.0 and b1 + b2 <= nx * nx + ny * ny + nz * nz
+    point = combined(1.0, start, one / (one - two), difference(end, start))
+    b1, b2 = in_triangle(difference(point, a), u, w, n)
+    return b1 >= 0.0 and b2 >= 0.0 and b1 + b2 <= dot(n, n)
 
 
 @part
@@ -246,37 +245,23 @@ def segment_distance(start, end, triangle):
     """Squared distance of a segment from a triangle of nine numbers."""
     if _crosses(start, end, triangle):
         return 0.0
-    least = min(
-        triangle_distance(start[0], start[1], start[2], triangle),
-        triangle_distance(end[0], end[1], end[2], triangle),
-    )
-    ux, uy, uz = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+    least = min(triangle_distance(start, triangle), triangle_distance(end, triangle))
+    along = difference(end, start)
     for i in range(3):
-        j, k = 3 * i, (3 * i + 3) % 9
-        least = min(
-            least,
-            _segments_distance(
-                triangle[j] - start[0], triangle[j + 1] - start[1], triangle[j + 2] - start[2],
-                ux, uy, uz,
-                triangle[k] - triangle[j], triangle[k + 1] - triangle[j + 1],
-                triangle[k + 2] - triangle[j + 2],
-            ),
-        )  # fmt: skip
+        one, other = triple(triangle, 3 * i), triple(triangle, (3 * i + 3) % 9)
+        edge = difference(other, one)
+        least = min(least, _segments_distance(difference(one, start), along, edge))
     return least
 
 
 @merged
 def _visit_with_capsule(node, _position, _stale, state):
     """Visit a node; the walk ends at a face that is nearer to a segment than a radius."""
-    start, end, (px, py, pz), half, radius, tree = state
+    start, end, middle, half, radius, tree = state
     box = tree.boxes[node]
-    x = max(abs(px - box[0]) - box[3], 0.0)
-    y = max(abs(py - box[1]) - box[4], 0.0)
-    z = max(abs(pz - box[2]) - box[5], 0.0)
-    if x * x + y * y + z * z >= (radius + half) ** 2:
+    if _distance_to_box(middle, box) >= (radius + half) ** 2:
         return NO_NODE, NO_NODE, GO_ON
-    one = height_above(start[0], start[1], start[2], box)
-    two = height_above(end[0], end[1], end[2], box)
+    one, two = height_above(start, box), height_above(end, box)
     if one * two > 0.0 and min(abs(one), abs(two)) - box[THICKNESS] >= radius:
         return NO_NODE, NO_NODE, GO_ON
     first, last = leaf_rows(node, tree)
@@ -298,9 +283,7 @@ def capsule_is_free(start, end, radius, tree, nodes):
         tree: `BoxTree`.
         nodes: Scratch (STACK,).
     """
-    half = 0.5 * math.sqrt(
-        (end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2 + (end[2] - start[2]) ** 2
-    )
-    middle = 0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]), 0.5 * (start[2] + end[2])
-    state = start, end, middle, half, radius, tree
+    one, other = triple(start, 0), triple(end, 0)
+    middle, half = combined(0.5, one, 0.5, other), 0.5 * norm(difference(other, one))
+    state = one, other, middle, half, radius, tree
     return radius <= 0.0 or not walk(_visit_with_capsule, state, nodes)

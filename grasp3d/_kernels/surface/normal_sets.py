@@ -11,49 +11,51 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.compiling.decorators import kernel, part
-from grasp3d._kernels.surface.vectors import angle_between, copy, cross, dot
+from grasp3d._kernels.surface.vectors import (
+    angle_between,
+    combined,
+    copy,
+    cross,
+    divided,
+    dot,
+    norm,
+    triple,
+)
 
 
 @part
-def _arc_angle(a, b, x, y, z):
+def _arc_angle(a, b, d):
     """Smallest angle between a direction and the normals on the arc from a to b."""
-    wx, wy, wz = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-    # w: axis of the great circle through a and b. The projection of the direction to that circle is
-    # on the arc where it lies after a and before b; otherwise an end of the arc is nearest.
-    length = math.sqrt(wx * wx + wy * wy + wz * wz)
+    # Axis of the great circle through a and b. The projection of the direction to that circle is on
+    # the arc where it lies after a and before b; otherwise an end of the arc is nearest.
+    axis = cross(a, b)
+    length = norm(axis)
     if length > 1e-15:
-        wx, wy, wz = wx / length, wy / length, wz / length
-        after = x * (wy * a[2] - wz * a[1]) + y * (wz * a[0] - wx * a[2])
-        after += z * (wx * a[1] - wy * a[0])
-        before = x * (b[1] * wz - b[2] * wy) + y * (b[2] * wx - b[0] * wz)
-        before += z * (b[0] * wy - b[1] * wx)
-        if after >= 0.0 and before >= 0.0:
-            height = x * wx + y * wy + z * wz
-            px, py, pz = x - height * wx, y - height * wy, z - height * wz
-            return math.atan2(abs(height), math.sqrt(px * px + py * py + pz * pz))
-    return min(angle_between(a, (x, y, z)), angle_between(b, (x, y, z)))
+        axis = divided(axis, length)
+        if dot(d, cross(axis, a)) >= 0.0 and dot(d, cross(b, axis)) >= 0.0:
+            height = dot(d, axis)
+            return math.atan2(abs(height), norm(combined(1.0, d, -height, axis)))
+    return min(angle_between(a, d), angle_between(b, d))
 
 
 @kernel
 def smallest_angle(normals, first, count, x, y, z):
     """Smallest angle between a direction and a set of normals (see `order_normal_sets`)."""
+    d = x, y, z
     if count == 1:
-        one = normals[first, 0], normals[first, 1], normals[first, 2]
-        return angle_between(one, (x, y, z))
+        return angle_between(triple(normals[first], 0), d)
     if count == 0:
         return 0.0
     if count == 2:
-        return _arc_angle(normals[first], normals[first + 1], x, y, z)
+        return _arc_angle(normals[first], normals[first + 1], d)
     # Inside a convex spherical polygon all its sides are passed on the left.
     inside = True
     least = math.pi
     for i in range(count):
         a, b = normals[first + i], normals[first + (i + 1) % count]
-        side = (a[1] * b[2] - a[2] * b[1]) * x + (a[2] * b[0] - a[0] * b[2]) * y
-        side += (a[0] * b[1] - a[1] * b[0]) * z
-        if side < 0.0:
+        if dot(cross(a, b), d) < 0.0:
             inside = False
-            least = min(least, _arc_angle(a, b, x, y, z))
+            least = min(least, _arc_angle(a, b, d))
     return 0.0 if inside else least
 
 
@@ -95,12 +97,11 @@ def _write_centre(normals, first, count, centre):
         centre[k] = 0.0
         for i in range(first, first + count):
             centre[k] += normals[i, k]
-    length = math.sqrt(dot(centre, centre))
+    length = norm(centre)
     if length < 1e-9:
         copy(normals[first], centre)
         return _farthest(normals, first, count, centre)[1]
-    for k in range(3):
-        centre[k] /= length
+    copy(divided(centre, length), centre)
     _, nearest = _farthest(normals, first, count, centre)
     if nearest > HEMISPHERE:
         return nearest
@@ -108,9 +109,7 @@ def _write_centre(normals, first, count, centre):
         far, _ = _farthest(normals, first, count, centre)
         for k in range(3):
             centre[k] += (normals[far, k] - centre[k]) / step
-        length = max(math.sqrt(dot(centre, centre)), 1e-300)
-        for k in range(3):
-            centre[k] /= length
+        copy(divided(centre, max(norm(centre), 1e-300)), centre)
     return _farthest(normals, first, count, centre)[1]
 
 
@@ -175,8 +174,7 @@ def _tangents(centre):
         e1 = z, 0.0, -x
     else:
         e1 = -y, x, 0.0
-    length = math.sqrt(dot(e1, e1))
-    e1 = e1[0] / length, e1[1] / length, e1[2] / length
+    e1 = divided(e1, norm(e1))
     return e1, cross(centre, e1)
 
 

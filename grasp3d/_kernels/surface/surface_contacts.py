@@ -7,7 +7,15 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.compiling.decorators import kernel, merged, part
-from grasp3d._kernels.surface.vectors import copy
+from grasp3d._kernels.surface.vectors import (
+    combined,
+    copy,
+    difference,
+    divided,
+    dot,
+    norm,
+    weighted_sum,
+)
 
 ON_EDGE = 1e-9
 """Barycentric coordinate below which a contact lies on the opposite edge."""
@@ -33,7 +41,7 @@ class Surface(NamedTuple):
 
 
 @merged
-def write_normals(face, weights, surface, sets, found):
+def write_normals(face, weights, surface, sets, normals):
     """Write the normals that a contact inside or on the border of a face may have.
 
     Args:
@@ -41,45 +49,47 @@ def write_normals(face, weights, surface, sets, found):
         weights: Barycentric coordinates of the contact, three numbers.
         surface: `Surface`.
         sets: `ContactNormals`.
-        found: Written, up to two normals (2, 3).
+        normals: Written, up to two normals (2, 3).
 
     Returns:
-        (count, vertex): 1 normal or the 2 ends of an arc in `found`, or 0 for every direction, with
-        vertex -1; or the vertex whose set of normals applies, where the contact is that vertex.
+        (count, vertex): 1 normal or the 2 ends of an arc in `normals`, or 0 for every direction,
+        with vertex -1; or the vertex whose set of normals applies, where the contact is that
+        vertex.
     """
-    normals, corners, twins = surface.normals, surface.corners, surface.twins
-    b0, b1, b2 = weights
-    c0, c1, c2 = corners[face, 0], corners[face, 1], corners[face, 2]
-    for k in range(3):
-        found[0, k] = b0 * normals[c0, k] + b1 * normals[c1, k] + b2 * normals[c2, k]
+    rows, corners, twins = surface.normals, surface.corners[face], surface.twins[face]
+    copy(weighted_sum(weights, rows[corners[0]], rows[corners[1]], rows[corners[2]]), normals[0])
     count = 1
     # On an edge or vertex of the face other faces' normals are possible too.
-    if min(b0, b1, b2) <= ON_EDGE:
+    if min(weights[0], weights[1], weights[2]) <= ON_EDGE:
         for i in range(3):
             after, before = weights[(i + 1) % 3], weights[(i + 2) % 3]
             if after <= ON_EDGE and before <= ON_EDGE:
                 vertex = surface.faces[face, i]
                 if sets.counts[vertex] != 1:
                     return 0, vertex
-            if weights[i] <= ON_EDGE and twins[face, i, 0] == ANY_NORMAL:
+            if weights[i] <= ON_EDGE and twins[i, 0] == ANY_NORMAL:
                 return 0, -1
-            if weights[i] <= ON_EDGE and twins[face, i, 0] >= 0:
-                for k in range(3):
-                    found[1, k] = after * normals[twins[face, i, 0], k]
-                    found[1, k] += before * normals[twins[face, i, 1], k]
+            if weights[i] <= ON_EDGE and twins[i, 0] >= 0:
+                copy(combined(after, rows[twins[i, 0]], before, rows[twins[i, 1]]), normals[1])
                 count = 2
     for row in range(count):
-        x, y, z = found[row, 0], found[row, 1], found[row, 2]
-        length = math.sqrt(x * x + y * y + z * z)
+        length = norm(normals[row])
         if length > 1e-12:
-            found[row, 0], found[row, 1], found[row, 2] = x / length, y / length, z / length
+            copy(divided(normals[row], length), normals[row])
         else:
-            copy(normals[c0], found[row])
+            copy(rows[corners[0]], normals[row])
     return count, -1
 
 
+@merged
+def point_on_face(face, weights, surface):
+    """Position of a point on a face, from its barycentric coordinates."""
+    points, corners = surface.points, surface.faces[face]
+    return weighted_sum(weights, points[corners[0]], points[corners[1]], points[corners[2]])
+
+
 @kernel
-def write_normals_of_all(faces, weights, surface, sets, counts, vertices, found):
+def write_normals_of_all(faces, weights, surface, sets, counts, vertices, normals):
     """Write the normals at many contacts; a contact at a vertex has the vertex's set of normals.
 
     Args:
@@ -87,9 +97,9 @@ def write_normals_of_all(faces, weights, surface, sets, counts, vertices, found)
         weights: Barycentric coordinates on the face (m, 3).
         surface: `Surface`.
         sets: `ContactNormals`.
-        counts: Written, normals in `found`, 0 for every direction (m,).
+        counts: Written, normals in `normals`, 0 for every direction (m,).
         vertices: Written, vertex whose set of normals applies, or -1 (m,).
-        found: Written, one normal or the ends of an arc (m, 2, 3).
+        normals: Written, one normal or the ends of an arc (m, 2, 3).
     """
     for i in range(faces.shape[0]):
         face, w = faces[i], weights[i]
@@ -100,7 +110,7 @@ def write_normals_of_all(faces, weights, surface, sets, counts, vertices, found)
         if vertices[i] >= 0:
             counts[i] = sets.counts[vertices[i]]
         else:
-            counts[i], _ = write_normals(face, (w[0], w[1], w[2]), surface, sets, found[i])
+            counts[i], _ = write_normals(face, (w[0], w[1], w[2]), surface, sets, normals[i])
 
 
 MOST_FACES = 512
@@ -131,10 +141,10 @@ def random_fraction(state):
 
 
 @merged
-def _corner(points, faces, face, i):
-    """Coordinates of corner i of a face."""
-    v = faces[face, i]
-    return points[v, 0], points[v, 1], points[v, 2]
+def _edges(face, points, faces):
+    """The edges of a face from its first corner to the others."""
+    corner = points[faces[face, 0]]
+    return difference(points[faces[face, 1]], corner), difference(points[faces[face, 2]], corner)
 
 
 @part
@@ -153,30 +163,17 @@ def walk(face, weights, angle, length, points, faces, adjacent_faces):
     Returns:
         The face where the walk ends.
     """
-    ax, ay, az = _corner(points, faces, face, 0)
-    bx, by, bz = _corner(points, faces, face, 1)
-    cx, cy, cz = _corner(points, faces, face, 2)
-    # The direction from its components along the first edge (e) and orthogonal to it (g).
-    ex, ey, ez = bx - ax, by - ay, bz - az
-    gx, gy, gz = cx - ax, cy - ay, cz - az
-    size = math.sqrt(ex * ex + ey * ey + ez * ez)
-    ex, ey, ez = ex / size, ey / size, ez / size
-    component = ex * gx + ey * gy + ez * gz
-    gx, gy, gz = gx - component * ex, gy - component * ey, gz - component * ez
-    size = math.sqrt(gx * gx + gy * gy + gz * gz)
-    c, s = math.cos(angle), math.sin(angle) / size
-    dx, dy, dz = c * ex + s * gx, c * ey + s * gy, c * ez + s * gz
+    u, w = _edges(face, points, faces)
+    # The direction from its components along the first edge and across it.
+    u = divided(u, norm(u))
+    across = combined(1.0, w, -dot(u, w), u)
+    direction = combined(math.cos(angle), u, math.sin(angle) / norm(across), across)
     for _ in range(MOST_FACES):
-        ax, ay, az = _corner(points, faces, face, 0)
-        bx, by, bz = _corner(points, faces, face, 1)
-        cx, cy, cz = _corner(points, faces, face, 2)
-        ux, uy, uz = bx - ax, by - ay, bz - az
-        vx, vy, vz = cx - ax, cy - ay, cz - az
-        uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
-        uv = ux * vx + uy * vy + uz * vz
-        du, dv = ux * dx + uy * dy + uz * dz, vx * dx + vy * dy + vz * dz
-        area = uu * vv - uv * uv
-        r1, r2 = (vv * du - uv * dv) / area, (uu * dv - uv * du) / area
+        u, w = _edges(face, points, faces)
+        uu, ww, uw = dot(u, u), dot(w, w), dot(u, w)
+        du, dw = dot(u, direction), dot(w, direction)
+        area = uu * ww - uw * uw
+        r1, r2 = (ww * du - uw * dw) / area, (uu * dw - uw * du) / area
         # Rates of the barycentric coordinates along the direction: the first to reach 0 decides
         # the edge through which the walk leaves the face.
         rates = (-(r1 + r2), r1, r2)
@@ -194,11 +191,6 @@ def walk(face, weights, angle, length, points, faces, adjacent_faces):
         p, q = faces[face, (leaving + 1) % 3], faces[face, (leaving + 2) % 3]
         wp, wq = max(weights[(leaving + 1) % 3], 0.0), max(weights[(leaving + 2) % 3], 0.0)
         total = max(wp + wq, 1e-300)
-        px, py, pz = points[p, 0], points[p, 1], points[p, 2]
-        kx, ky, kz = points[q, 0] - px, points[q, 1] - py, points[q, 2] - pz
-        size = math.sqrt(kx * kx + ky * ky + kz * kz)
-        kx, ky, kz = kx / size, ky / size, kz / size
-        along = dx * kx + dy * ky + dz * kz
         opposite = 0
         for i in range(3):
             weights[i] = 0.0
@@ -208,13 +200,13 @@ def walk(face, weights, angle, length, points, faces, adjacent_faces):
                 weights[i] = wq / total
             else:
                 opposite = i
-        v = faces[other, opposite]
-        tx, ty, tz = points[v, 0] - px, points[v, 1] - py, points[v, 2] - pz
-        component = tx * kx + ty * ky + tz * kz
-        tx, ty, tz = tx - component * kx, ty - component * ky, tz - component * kz
-        size = math.sqrt(tx * tx + ty * ty + tz * tz)
-        side = math.sqrt(max(0.0, 1.0 - along * along)) / size
-        dx, dy, dz = along * kx + side * tx, along * ky + side * ty, along * kz + side * tz
+        edge = difference(points[q], points[p])
+        edge = divided(edge, norm(edge))
+        along = dot(direction, edge)
+        away = difference(points[faces[other, opposite]], points[p])
+        across = combined(1.0, away, -dot(away, edge), edge)
+        side = math.sqrt(max(0.0, 1.0 - along * along)) / norm(across)
+        direction = combined(along, edge, side, across)
         face = other
     # Away from the edges, where a contact would have two normals.
     total = 0.0

@@ -22,6 +22,46 @@ def cross(a, b):
 
 
 @merged
+def norm(a):
+    """Length of a vector of three numbers."""
+    return math.sqrt(dot(a, a))
+
+
+@merged
+def triple(row, k):
+    """Three numbers of a row, from column k on."""
+    return row[k], row[k + 1], row[k + 2]
+
+
+@merged
+def scaled(s, a):
+    """The vector s times a, a triple."""
+    return s * a[0], s * a[1], s * a[2]
+
+
+@merged
+def divided(a, s):
+    """The vector a divided by s, a triple."""
+    return a[0] / s, a[1] / s, a[2] / s
+
+
+@merged
+def weighted_sum(weights, a, b, c):
+    """Sum of three vectors with three weights, a triple."""
+    return (
+        weights[0] * a[0] + weights[1] * b[0] + weights[2] * c[0],
+        weights[0] * a[1] + weights[1] * b[1] + weights[2] * c[1],
+        weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2],
+    )
+
+
+@merged
+def in_triangle(r, u, w, n):
+    """Weights of the ends of u and w at a point r of their plane, times the square of n = u x w."""
+    return dot(cross(r, w), n), dot(cross(u, r), n)
+
+
+@merged
 def copy(source, target):
     """Copy a vector of three numbers; an assignment of arrays takes Numba far longer to compile."""
     for k in range(3):
@@ -66,6 +106,13 @@ def add6(vector, factor, other):
 def difference(a, b):
     """The vector a - b of three numbers, a triple."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@merged
+def squared_distance(a, b):
+    """Square of the distance between two points."""
+    d = difference(a, b)
+    return dot(d, d)
 
 
 @merged

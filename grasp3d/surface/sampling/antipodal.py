@@ -20,19 +20,20 @@ from typing import Any
 import numpy as np
 
 from grasp3d._kernels.search.antipodal_candidates import FOUND, no_pairs
-from grasp3d._kernels.search.descent import descend
+from grasp3d._kernels.search.crease_contacts import bound_creases, faces_of_corners
+from grasp3d._kernels.search.descent import descend, descend_exactly
 from grasp3d._kernels.search.face_contacts import PairDomain
 from grasp3d._kernels.search.rays import (
     RAYS_PER_ROUND,
     SMALLEST_OPENING,
-    Frames,
+    Origins,
     Rays,
     exploring_rays,
     neighbour_rays,
     refining_rays,
     seed_rays,
 )
-from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
+from grasp3d._kernels.surface.face_tree import face_tree
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, used_indices
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene
@@ -40,7 +41,6 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import SurfaceRays
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import Sampling
-from grasp3d.surface.sampling.exact_pairs import ExactSearch
 from grasp3d.surface.sampling.pair_limits import ALIKE, Ranking, largest_cost, pair_limits
 from grasp3d.surface.sampling.reachable import ReachSearch
 from grasp3d.surface.sampling.vertices import neighbours, tangents
@@ -52,6 +52,13 @@ CHUNK = 100_000
 DESCENDING = 1000
 """Vertices for which a thread runs branch and bound at once, so that progress is reported and a
 search can be cancelled."""
+
+IN_ORDER = 128
+"""Vertices for which it finds the exact best contacts one after the other; the first one starts
+without a neighbour's contact. Independent of the threads, as the results depend on it."""
+
+INSIDE_FACES = np.empty(0, dtype=np.int64)
+"""In place of the faces with which corners are searched: contacts are inside faces."""
 
 CHUNKS = 4
 """Chunks per thread, which balance the load."""
@@ -106,8 +113,6 @@ class AntipodalGrasps:
     """Smallest cost over the contacts' best normals, possibly of another grasp. (V,)"""
     partner: Floats
     """Second contact of the grasp of `worst`, nan where there is none. (V, 3)"""
-    partner_normal: Floats
-    """Inward unit normal there. (V, 3)"""
     partner_points: SurfacePoints
     """Second contacts of the grasps of `worst` and of `best`. (V, 2)"""
     grip: np.ndarray[Any, np.dtype[np.int8]]
@@ -177,17 +182,18 @@ class _Search:
     reach: Reach | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
-        mesh = self.mesh
-        count = len(mesh.vertices)
+        mesh, sets = self.mesh, self.mesh.normal_sets
         self.spacing = math.sqrt(2.0 * math.pi * (1.0 - math.cos(self.cone)) / self.sampling.rays)
         self.vertices = used_indices(mesh.faces)
         self.limits = pair_limits(mesh, self.sampling, self.cone, self.ranking)
         self.sets = mesh.contact_normals
         self.surface = mesh.contact_surface
-        self.frames = Frames(mesh.normal_sets.centres, tangents(mesh), mesh.normal_sets.radii)
-        self.neighbours = neighbours(mesh)
+        self.origins = Origins(
+            self.surface.points, self.sets, sets.centres, tangents(mesh), sets.radii,
+            neighbours(mesh), self.cone,
+        )  # fmt: skip
         self.grasps = no_pairs(
-            count,
+            len(mesh.vertices),
             STARTS,
             math.cos(self.spacing),
             self.limits.location,
@@ -200,6 +206,12 @@ class _Search:
         """Rays through the surface, made where they are needed, in the thread of the search."""
         return SurfaceRays(self.surface, self.sets)
 
+    @cached_property
+    def domain(self) -> PairDomain:
+        """The whole surface; `_run_exactly` ends with a tree over its creases and corners."""
+        tree = face_tree(self.surface)
+        return PairDomain(self.surface, self.sets, self.origins.centres, tree, self.limits)
+
     def run(self) -> AntipodalGrasps:
         """Find grasps over the whole surface, refine them, and try those of neighbours."""
         squeezing, by_rays = self.sampling.grip != "expand", self.sampling.grip != "squeeze"
@@ -208,7 +220,8 @@ class _Search:
         if by_rays:
             self._seed(self.vertices, self.sampling.rays, -1, (0.0, 0.4))
             for number in range(EXPLORING_ROUNDS):
-                self._explore(self.spacing / 2.0 ** (number + 1), turn=0.5 * (number % 2))
+                radius, turn = self.spacing / 2.0 ** (number + 1), 0.5 * (number % 2)
+                self._trace(self._unfinished(), exploring_rays, radius=radius, turn=turn)
         if squeezing:
             self._seed(self.vertices, max(self.sampling.rays // FEW, 1), 1, (0.4, 0.45))
             self._refine_near_limit()
@@ -241,21 +254,42 @@ class _Search:
 
     def _run_exactly(self) -> AntipodalGrasps:
         """Find the contact with the smallest critical angle of every vertex, or why it has none."""
-        exact = ExactSearch(
-            self.surface, self.sets, self.frames.centres, self.limits, self.grasps, self.executor,
-        )  # fmt: skip
-        ordered = exact.in_order(self.vertices)
-        exact.search(ordered, self.cone, (0.0, 0.6))
+        # In the order of the tree, neighbours follow one another.
+        _, first = np.unique(self.surface.faces[self.domain.tree.order], return_index=True)
+        ordered = self.vertices[np.argsort(first)]
+        self._descend_exactly(ordered, self.cone, (0.0, 0.6))
         useless = ordered[self.grasps.worst[ordered] >= self.cone]
         if self.limits.largest < math.inf:  # is anything opposite within the largest opening?
             self._seed(useless, self.sampling.rays, 1, (0.6, 0.65))
             useless = useless[self.grasps.reason[useless] == FOUND]
-        exact.search(useless, math.pi / 2.0, (0.65, 0.75))
-        exact.search_best_normals(ordered, self.cone, (0.75, 0.95))
-        self.evaluated = exact.evaluated
+        self._descend_exactly(useless, math.pi / 2.0, (0.65, 0.75))
+        # The best normals are others at creases: at those of the vertices, with contacts inside
+        # faces, and at those of the surface, with all vertices.
+        several = ordered[self.sets.counts[ordered] != 1]
+        if len(several):
+            self._descend_exactly(several, self.cone, (0.75, 0.85), worst=False)
+            owners = faces_of_corners(self.surface, self.sets)
+            bound_creases(self.domain.tree, owners, self.surface, self.sets)
+            self._descend_exactly(ordered, self.cone, (0.85, 0.95), worst=False, owners=owners)
         self._keep_reached(squeeze=True)
         report_progress(1.0)
         return self._result(0, 0.0)
+
+    def _descend_exactly(
+        self,
+        vertices: Ints,
+        cone: float,
+        progress: tuple[float, float],
+        *,
+        worst: bool = True,
+        owners: Ints = INSIDE_FACES,
+    ) -> None:
+        """Minimise the critical angles of vertices in the order of the tree; see the kernel."""
+        search = partial(
+            descend_exactly, worst=worst, owners=owners, cone=cone, domain=self.domain,
+            grasps=self.grasps,
+        )  # fmt: skip
+        self.evaluated += sum(self._in_chunks(search, vertices, IN_ORDER, progress))
 
     def _keep_reached(self, *, squeeze: bool) -> None:
         """With a gripper: replace the grasps by the best ones that it reaches."""
@@ -265,10 +299,8 @@ class _Search:
             self.mesh, self.scene, self.cone, self.limits, self.executor,
             largest_cost(self.cone, self.ranking),
         )  # fmt: skip
-        ideal, self.grasps = (
-            self.grasps,
-            reach.run(self.grasps, self.tracer, self.neighbours, squeeze=squeeze),
-        )
+        ideal = self.grasps
+        self.grasps = reach.run(ideal, self.tracer, self.origins, squeeze=squeeze)
         self.reach = reach.reach_of(ideal, self.grasps, self.tracer)
 
     def _descend(self) -> None:
@@ -276,22 +308,18 @@ class _Search:
 
         Over the best normals grasps are known from a search without a ranking.
         """
-        tree = face_tree(self.surface)
         vertices = self._unfinished(anywhere=True)
         creases = vertices[self.sets.counts[vertices] != 1]
         if self.ranking != ALIKE:
             creases = creases[:0]
-        for group, worst, start in ((vertices, True, 0.45), (creases, False, 0.65)):
-            number = max(-(-len(group) // DESCENDING), CHUNKS * thread_count())
-            chunks = np.array_split(group, number)
-            descents = self.executor.map(partial(self._descend_at, tree, worst), chunks)
-            for count, _ in enumerate(descents, start=1):
-                report_progress(start + 0.2 * count / number)
-
-    def _descend_at(self, tree: FaceTree, worst: bool, vertices: Ints) -> None:
-        domain = PairDomain(self.surface, self.sets, self.frames.centres, tree, self.limits)
-        gain, most = GAIN if worst else GAIN_BEST, largest_cost(self.cone, self.ranking)
-        descend(vertices, worst, gain, most, domain, self.grasps)
+        search = partial(
+            descend, cone=largest_cost(self.cone, self.ranking), domain=self.domain,
+            grasps=self.grasps,
+        )  # fmt: skip
+        for_worst = partial(search, worst=True, gain=GAIN)
+        self._in_chunks(for_worst, vertices, self._even(vertices, DESCENDING), (0.45, 0.65))
+        for_best = partial(search, worst=False, gain=GAIN_BEST)
+        self._in_chunks(for_best, creases, self._even(creases, DESCENDING), (0.65, 0.85))
 
     def _refine_near_limit(self) -> None:
         """Refine grasps whose openings are near the largest one."""
@@ -309,8 +337,9 @@ class _Search:
             ]
             if len(vertices) == 0:
                 return number
+            turn = 0.5 * (number % 2)
             improved = self._improved(
-                partial(self._refine, vertices, radii, turn=0.5 * (number % 2))
+                partial(self._trace, vertices, refining_rays, radii=radii, turn=turn)
             )
             radii[vertices[~improved[vertices]]] *= 0.5
         return most
@@ -333,64 +362,21 @@ class _Search:
         """
         ends = [round(count * fraction) for fraction in SEED_BATCHES]
         batches = [batch for batch in pairwise(ends) if batch[1] > batch[0]]
-        first, last = progress
-        step = (last - first) / len(batches)
-        for number, batch in enumerate(batches):
+        parts = pairwise(np.linspace(*progress, len(batches) + 1).tolist())
+        for batch, part in zip(batches, parts, strict=True):
             self._trace(
-                vertices,
-                partial(self._seed_rays, count, batch, sign),
-                batch[1] - batch[0],
-                (first + number * step, step),
-            )
-
-    def _seed_rays(self, count: int, batch: tuple[int, int], sign: int, vertices: Ints) -> Rays:
-        rays: Rays = seed_rays(
-            vertices,
-            count,
-            batch,
-            self.cone,
-            sign,
-            self.frames,
-            self.sets,
-            self.grasps,
-        )
-        return rays
+                vertices, seed_rays, batch[1] - batch[0], part,
+                rays=count, batch=batch, sign=sign,
+            )  # fmt: skip
 
     def _try_neighbours(self) -> None:
         """Evaluate the opposing contacts that the neighbours had at the beginning of the round."""
-        previous = self.grasps._replace(
+        before = self.grasps._replace(
             signs=self.grasps.signs.copy(),
             partner=self.grasps.partner.copy(),
             reason=self.grasps.reason.copy(),
         )
-        self._trace(
-            self._unfinished(),
-            lambda vertices: neighbour_rays(
-                vertices, self.cone, self.surface.points, self.neighbours, self.sets, previous
-            ),
-            RAYS_PER_ROUND,
-        )
-
-    def _explore(self, radius: float, turn: float) -> None:
-        """Trace rings about the cached closing directions except the best ones."""
-        self._trace(
-            self._unfinished(),
-            lambda chunk: exploring_rays(
-                chunk, radius, turn, self.cone, self.frames, self.sets, self.grasps
-            ),
-            RAYS_PER_ROUND,
-        )
-
-    def _refine(self, vertices: Ints, radii: Floats, turn: float) -> None:
-        """Trace rings about the best closing directions of some vertices."""
-        self._trace(
-            vertices,
-            lambda chunk: refining_rays(
-                chunk, radii, turn, self.cone, self.surface.points, self.frames, self.sets,
-                self.grasps,
-            ),
-            RAYS_PER_ROUND,
-        )  # fmt: skip
+        self._trace(self._unfinished(), neighbour_rays, grasps=before)
 
     def _unfinished(self, *, anywhere: bool = False) -> Ints:
         """Vertices whose critical angle is not within the tolerance of 0, its minimum.
@@ -419,40 +405,52 @@ class _Search:
     def _trace(
         self,
         vertices: Ints,
-        make_rays: Callable[[Ints], Rays],
-        rays_per_vertex: int,
+        make_rays: Callable[..., Rays],
+        rays_per_vertex: int = RAYS_PER_ROUND,
         progress: tuple[float, float] | None = None,
+        **settings: Any,
     ) -> None:
-        """Make and trace the rays of all vertices, in chunks distributed over the threads."""
-        evenly = -(-len(vertices) // (CHUNKS * thread_count()))
-        size = max(1, min(CHUNK // rays_per_vertex, evenly))
-        chunks = [vertices[i : i + size] for i in range(0, len(vertices), size)]
-
-        if not chunks:
+        """Make and trace the rays of vertices: those of a kernel with these settings."""
+        if len(vertices) == 0:
             return
-        tracer = self.tracer
+        tracer, settings = self.tracer, {"grasps": self.grasps, **settings}
 
         def evaluate(chunk: Ints) -> int:
-            return tracer.evaluate_all(make_rays(chunk), self.limits, self.grasps)
+            rays = make_rays(chunk, origins=self.origins, **settings)
+            return tracer.evaluate_all(rays, self.limits, self.grasps)
 
-        for count, traced in enumerate(self.executor.map(evaluate, chunks), start=1):
-            self.traced += traced
+        size = self._even(vertices, CHUNK // rays_per_vertex)
+        self.traced += sum(self._in_chunks(evaluate, vertices, size, progress))
+
+    def _even(self, vertices: Ints, most: int) -> int:
+        """Size of chunks, at most so large, that balance the load of the threads."""
+        return max(1, min(most, -(-len(vertices) // (CHUNKS * thread_count()))))
+
+    def _in_chunks(
+        self,
+        work: Callable[[Ints], Any],
+        vertices: Ints,
+        size: int,
+        progress: tuple[float, float] | None,
+    ) -> list[Any]:
+        """What work on chunks of vertices returns, in the threads; a search can be cancelled."""
+        chunks, results = [vertices[i : i + size] for i in range(0, len(vertices), size)], []
+        for result in self.executor.map(work, chunks):
+            results.append(result)
             if progress is not None:
-                start, fraction = progress
-                report_progress(start + fraction * count / len(chunks))
+                first, last = progress
+                report_progress(first + (last - first) * len(results) / len(chunks))
+        return results
 
     def _result(self, rounds: int, still_falling: float) -> AntipodalGrasps:
-        canonical = self.mesh.canonical
+        canonical, grasps = self.mesh.canonical, self.grasps
         return AntipodalGrasps(
-            worst=self.grasps.worst[canonical],
-            best=self.grasps.best[canonical],
-            partner=self.mesh.from_normalized(self.grasps.partner[canonical]),
-            partner_normal=self.grasps.partner_normal[canonical],
-            partner_points=SurfacePoints(
-                self.grasps.faces[canonical], self.grasps.weights[canonical]
-            ),
-            grip=self.grasps.signs[canonical],
-            reason=self.grasps.reason[canonical],
+            worst=grasps.worst[canonical],
+            best=grasps.best[canonical],
+            partner=self.mesh.from_normalized(grasps.partner[canonical]),
+            partner_points=SurfacePoints(grasps.faces[canonical], grasps.weights[canonical]),
+            grip=grasps.signs[canonical],
+            reason=grasps.reason[canonical],
             rays=self.traced,
             evaluated=self.evaluated,
             rounds=rounds,

@@ -26,7 +26,9 @@ STEP = math.radians(15.0)
 """Largest angle between samples along the border of a set of normals [rad]."""
 
 
-def contact_domain(mesh: ObjectMesh, scale: float, *, on_vertices: bool) -> ContactDomain:
+def contact_domain(
+    mesh: ObjectMesh, scale: float, candidates: CandidatePoints, *, on_vertices: bool
+) -> ContactDomain:
     """The arrays of a surface in the normalised frame, scaled by `scale`, for the kernels."""
     surface = mesh.contact_surface
     normal_start, normals = crease_samples(mesh)
@@ -44,52 +46,43 @@ def contact_domain(mesh: ObjectMesh, scale: float, *, on_vertices: bool) -> Cont
         neighbours=neighbour_index,
         on_vertices=on_vertices,
         max_normals=len(normals),
+        candidates=candidates,
     )
 
 
-def candidate_vertices(
-    mesh: ObjectMesh, count: int, seed: int, scale: float
-) -> tuple[CandidatePoints, Ints]:
-    """Sample vertices as candidate points; see `candidate_surface_points`."""
-    vertices = spread_vertices(mesh, count, seed=seed)
-    own = np.full(len(mesh.vertices), NO_CONTACT, dtype=np.int64)
-    return _candidate_points(
-        mesh, vertices, vertex_surface_points(mesh, vertices), len(vertices), scale
-    ), own
-
-
-def candidate_surface_points(
-    mesh: ObjectMesh, count: int, seed: int, scale: float, *, extra: tuple[SurfacePoints, Ints]
-) -> tuple[CandidatePoints, Ints]:
-    """Sample candidate points evenly over the surface.
+def candidate_points(
+    mesh: ObjectMesh,
+    count: int,
+    seed: int,
+    scale: float,
+    opposing: tuple[SurfacePoints, Ints] | None,
+) -> CandidatePoints:
+    """Sample candidate points evenly over a surface.
 
     Args:
         mesh: The surface.
         count: Number of points for all vertices.
         seed: Seed of the sample.
         scale: Scale of the normalised frame.
-        extra: Points that belong to one vertex each (m,), and these vertices (m,).
-
-    Returns:
-        The points, and the index of each vertex's own point, shape (V,); NO_CONTACT: none.
+        opposing: Points that belong to one vertex each (m,), and these vertices (m,); None:
+            candidate points are vertices.
     """
-    common, (single, owners) = spread_points(mesh, count, seed=seed), extra
     own = np.full(len(mesh.vertices), NO_CONTACT, dtype=np.int64)
-    own[owners] = len(common.faces) + np.arange(len(owners))
-    points = SurfacePoints(
-        np.concatenate([common.faces, single.faces]),
-        np.concatenate([common.weights, single.weights]),
-    )
-    return _candidate_points(mesh, points.faces, points, len(common.faces), scale), own
-
-
-def _candidate_points(
-    mesh: ObjectMesh, elements: Ints, points: SurfacePoints, common_count: int, scale: float
-) -> CandidatePoints:
+    if opposing is None:
+        elements = spread_vertices(mesh, count, seed=seed)
+        points, common_count = vertex_surface_points(mesh, elements), len(elements)
+    else:
+        common, (single, owners) = spread_points(mesh, count, seed=seed), opposing
+        points = SurfacePoints(
+            np.concatenate([common.faces, single.faces]),
+            np.concatenate([common.weights, single.weights]),
+        )
+        elements, common_count = points.faces, len(common.faces)
+        own[owners] = common_count + np.arange(len(owners))
     contacts = SurfaceContacts(mesh, SurfacePoints(points.faces[:, None], points.weights[:, None]))
     positions = (contacts.points[:, 0] - mesh.center) * (scale / mesh.size)
     return CandidatePoints(
-        common_count, positions, elements, points.weights, contacts.normals[:, 0]
+        common_count, positions, elements, points.weights, contacts.normals[:, 0], own
     )
 
 

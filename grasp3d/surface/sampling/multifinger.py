@@ -14,8 +14,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from grasp3d._kernels.search.antipodal_candidates import FOUND, NO_PARTNER
+from grasp3d._kernels.search.coplanar_contacts import make_plane
 from grasp3d._kernels.search.multifinger import search_fingers
-from grasp3d._kernels.search.multifinger_evaluation import make_hull_scratch, make_plane_scratch
+from grasp3d._kernels.search.multifinger_evaluation import make_hull_scratch
 from grasp3d._kernels.search.multifinger_grasps import (
     BestGrasps,
     CandidatePoints,
@@ -30,11 +31,7 @@ from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import MultifingerSampling, Sampling
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.sampling.antipodal import best_pairs
-from grasp3d.surface.sampling.candidate_points import (
-    candidate_surface_points,
-    candidate_vertices,
-    contact_domain,
-)
+from grasp3d.surface.sampling.candidate_points import candidate_points, contact_domain
 from grasp3d.system.context import report_progress, thread_count, unreported, within
 
 CHUNK = 256
@@ -149,8 +146,9 @@ class _Search:
         )
         self.points_per_vertex = len(self.vertices) if all_vertices else sampling.candidates
         self.scale = 1.0 / min(1.0, sampling.max_spread / mesh.size)
-        self.domain = contact_domain(mesh, self.scale, on_vertices=self.on_vertices)
-        self.candidate_points, self.own = self._candidate_points()
+        self.domain = contact_domain(
+            mesh, self.scale, self._candidate_points(), on_vertices=self.on_vertices
+        )
         edges = self.domain.surface.points[mesh.faces]
         self.edge_length = float(np.linalg.norm(edges - np.roll(edges, 1, axis=1), axis=2).mean())
         self.step_length = math.sqrt(float(self.mesh.vertex_areas.sum()) / self.sampling.candidates)
@@ -218,12 +216,12 @@ class _Search:
 
         def search_chunk(chunk: Ints) -> int:
             workspace = make_search_workspace(
-                self.fingers, max_normals, self.candidate_points.common_count
+                self.fingers, max_normals, domain.candidates.common_count
             )
             search_fingers(
-                stage, chunk, self.own, n, domain, self.candidate_points, limits,
-                int(self.sampling.seed), step_length, rounds, previous, grasps, workspace,
-                make_plane_scratch(max_normals), None if n == 3 else make_hull_scratch(n),
+                stage, chunk, n, domain, limits, int(self.sampling.seed), step_length, rounds,
+                previous, grasps, workspace, make_plane(max_normals),
+                None if n == 3 else make_hull_scratch(n),
             )  # fmt: skip
             return int(workspace.evaluated[0])
 
@@ -235,9 +233,7 @@ class _Search:
         sampling, unit = self.sampling, self.scale / self.mesh.size
         return SearchLimits(
             min_distance=max(self.min_separation * unit, MIN_SEPARATION),
-            max_distance=sampling.max_spread * unit
-            if math.isfinite(sampling.max_spread)
-            else math.inf,
+            max_distance=sampling.max_spread * unit,
             max_angle=self.cone,
             tolerance=MIN_GAIN * sampling.tolerance,
             margin=MIN_GAIN * sampling.tolerance,
@@ -248,15 +244,11 @@ class _Search:
             best_normals=best_normals,
         )
 
-    def _candidate_points(self) -> tuple[CandidatePoints, Ints]:
-        """Candidate points, and the index of each vertex's own point."""
+    def _candidate_points(self) -> CandidatePoints:
         count = max(self.points_per_vertex, min(SURPLUS * self.points_per_vertex, MAX_SURPLUS))
         count = max(count, min(math.ceil(self.points_per_vertex * self.scale**2), MAX_POINTS))
-        if self.on_vertices:
-            return candidate_vertices(self.mesh, count, self.sampling.seed, self.scale)
-        return candidate_surface_points(
-            self.mesh, count, self.sampling.seed, self.scale, extra=self._opposing_contacts()
-        )
+        opposing = None if self.on_vertices else self._opposing_contacts()
+        return candidate_points(self.mesh, count, self.sampling.seed, self.scale, opposing)
 
     def _opposing_contacts(self) -> tuple[SurfacePoints, Ints]:
         """(points, vertices): smooth second contacts of the best antipodal grasps."""
@@ -269,31 +261,23 @@ class _Search:
         )
         with unreported():
             pairs = best_pairs(mesh, sampling, self.cone)
-        faces, weights = (
-            pairs.partner_points.faces[self.vertices, 0],
-            pairs.partner_points.weights[self.vertices, 0],
+        owners = self.vertices[pairs.partner_points.faces[self.vertices, 0] >= 0]
+        points = SurfacePoints(
+            pairs.partner_points.faces[owners, :1], pairs.partner_points.weights[owners, :1]
         )
-        rows = np.flatnonzero(faces >= 0)
-        points = SurfacePoints(faces[rows], weights[rows])
-        single = SurfaceContacts(mesh, SurfacePoints(faces[rows, None], weights[rows, None]))
-        smooth = ~single.on_crease[:, 0]
-        return (
-            SurfacePoints(points.faces[smooth], points.weights[smooth]),
-            self.vertices[rows[smooth]],
-        )
+        smooth = ~SurfaceContacts(mesh, points).on_crease[:, 0]
+        return SurfacePoints(points.faces[smooth, 0], points.weights[smooth, 0]), owners[smooth]
 
     def _result(
         self, worst: BestGrasps, best: BestGrasps, still_falling: float
     ) -> MultifingerGrasps:
-        elements = np.stack([worst.elements, best.elements], axis=1)
+        faces = np.stack([worst.elements, best.elements], axis=1)
         weights = np.stack([worst.weights, best.weights], axis=1)
         if self.on_vertices:
-            has_contact = elements >= 0
-            points = vertex_surface_points(self.mesh, np.maximum(elements, 0))
+            has_contact = faces >= 0
+            points = vertex_surface_points(self.mesh, np.maximum(faces, 0))
             faces = np.where(has_contact, points.faces, -1)
             weights = np.where(has_contact[..., None], points.weights, 0.0)
-        else:
-            faces = elements
         canonical = self.mesh.canonical
         nothing = np.isinf(worst.angles) & np.isinf(best.angles)
         return MultifingerGrasps(

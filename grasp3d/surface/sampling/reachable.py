@@ -16,7 +16,7 @@ import numpy.typing as npt
 from grasp3d._kernels.jaws.gripper_parts import ReachResults, make_workspace, no_results
 from grasp3d._kernels.search.antipodal_candidates import FOUND, BestPairs, PairLimits, no_pairs
 from grasp3d._kernels.search.face_contacts import PairDomain
-from grasp3d._kernels.search.rays import neighbour_rays, starting_rays
+from grasp3d._kernels.search.rays import Origins, neighbour_rays, starting_rays
 from grasp3d._kernels.search.reachable_partners import explain_pairs, keep_reached, search_reachable
 from grasp3d._kernels.surface.face_tree import face_tree
 from grasp3d.arrays import Bools, Floats, Ints
@@ -90,14 +90,14 @@ class ReachSearch:
         self.spacing = min(SPACING * self.beside.shape.finger_width, LARGEST_SPACING)
 
     def run(
-        self, ideal: BestPairs, tracer: SurfaceRays, neighbours: tuple[Ints, Ints], *, squeeze: bool
+        self, ideal: BestPairs, tracer: SurfaceRays, origins: Origins, *, squeeze: bool
     ) -> BestPairs:
         """The best grasps that are reached; vertices with other grasps only are NOT_REACHED.
 
         Args:
             ideal: The best grasps for ideal points.
             tracer: Rays through the surface.
-            neighbours: (first, index): the adjacent vertices of each vertex.
+            origins: The vertices from which rays start.
             squeeze: Whether fingers may squeeze.
         """
         vertices = np.flatnonzero(ideal.reason == FOUND)
@@ -109,9 +109,9 @@ class ReachSearch:
             for pairs in self._other_starts(ideal, missing, tracer):
                 self._keep(pairs, reached)
         for _ in range(SWEEPS):
-            self._keep(_of_neighbours(reached, missing, neighbours), reached)
+            self._keep(_of_neighbours(reached, missing, *origins.neighbours), reached)
             if (reached.signs[missing] < 0).any():
-                self._keep(self._expanding(reached, missing, neighbours, tracer), reached)
+                self._keep(self._expanding(reached, missing, origins, tracer), reached)
         return reached
 
     def _ideal(self, ideal: BestPairs, vertices: Ints) -> BestPairs:
@@ -257,21 +257,14 @@ class ReachSearch:
         return traced
 
     def _expanding(
-        self,
-        reached: BestPairs,
-        vertices: Ints,
-        neighbours: tuple[Ints, Ints],
-        tracer: SurfaceRays,
+        self, reached: BestPairs, vertices: Ints, origins: Origins, tracer: SurfaceRays
     ) -> Pairs:
         """The best grasps toward neighbours' opposing contacts with nothing in between."""
         inside = reached._replace(
             reason=np.where(reached.signs < 0, reached.reason, NOT_REACHED).astype(np.uint8)
         )
-        rays = neighbour_rays(
-            vertices, self.cone, self.surface.points, neighbours, self.sets, inside
-        )
         one = _nothing_found(reached)
-        tracer.evaluate_all(rays, self.limits, one)
+        tracer.evaluate_all(neighbour_rays(vertices, origins, inside), self.limits, one)
         return _grasps_of(one, vertices[one.reason[vertices] == FOUND], 0)
 
 
@@ -319,9 +312,8 @@ def _still_better(ideal: BestPairs, reached: BestPairs, vertices: Ints) -> Ints:
     return vertices[worse | (reached.best[vertices] > ideal.best[vertices])]
 
 
-def _of_neighbours(reached: BestPairs, vertices: Ints, neighbours: tuple[Ints, Ints]) -> Pairs:
+def _of_neighbours(reached: BestPairs, vertices: Ints, first: Ints, index: Ints) -> Pairs:
     """The opposing contacts that the neighbours of vertices ended with, of fingers that squeeze."""
-    first, index = neighbours
     counts = np.diff(first)[vertices]
     owners = np.repeat(vertices, counts)
     ends = np.cumsum(counts)
