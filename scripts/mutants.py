@@ -139,7 +139,7 @@ MUTANTS = (
     ),
     Mutant(
         "search cone without the spread of normals",
-        "min(cone + frames.radii[v], math.pi)",
+        "min(cone + origins.radii[v], math.pi)",
         "min(cone, math.pi)",
         "test_kernels.py test_antipodal.py",
     ),
