@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from grasp3d import Contacts, epsilon
+from grasp3d.paper.convergence import random_grasps
 
 Floats = NDArray[np.float64]
 
@@ -21,6 +22,15 @@ def angles(a: Floats, b: Floats) -> Floats:
     """Angles between vectors (..., 3) [rad]."""
     across = np.linalg.norm(np.cross(a, b), axis=-1)
     return np.asarray(np.arctan2(across, (a * b).sum(axis=-1)))
+
+
+def mixed(fingers: int, size: int, seed: int) -> tuple[Contacts, Floats]:
+    """Random grasps and resolutions; friction and resolution differ among the contacts."""
+    contacts, _ = random_grasps(fingers, size, seed)
+    rng = np.random.default_rng(seed)
+    friction = rng.uniform(0.3, 1.2, size=(size, fingers))
+    fraction = rng.uniform(0.0, 1.2, size=(size, 1)) * rng.uniform(0.5, 1.0, size=(size, fingers))
+    return contacts.with_friction(friction), 2.0 * fraction * np.arctan(friction)
 
 
 def random_tilts(normals: Floats, largest: Any, rng: np.random.Generator) -> Floats:

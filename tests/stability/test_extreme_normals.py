@@ -180,11 +180,6 @@ def test_narrow_cones_need_too_many_and_the_error_names_the_remedy(
         extreme_normals(contacts, np.full((1, 2), 0.2), count=8, creases=faces if creases else None)
 
 
-def test_many_fingers_are_too_many_combinations() -> None:
-    with pytest.raises(SettingError, match=r"9 x 9 x 9 x 9 x 9 x 9 x 9 normals make 4\.78e"):
-        extreme_normals(batch(7, 1, 0), np.full((1, 7), 0.2), count=8)
-
-
 def test_fewer_than_three_normals_on_a_rim_are_refused() -> None:
     with pytest.raises(SettingError, match="at least 3"):
         extreme_normals(batch(2, 1, 0), np.full((1, 2), 0.2), count=2)

@@ -100,17 +100,6 @@ def test_angles_to_a_set_are_those_of_dense_samples(
     assert largest[0] == pytest.approx(math.pi - opposite, abs=1e-7)
 
 
-@pytest.mark.parametrize("corners", [2, 3])
-def test_angles_to_a_set_equal_a_search_along_its_sides(corners: int) -> None:
-    faces = batch_of(random_set(corners, 0.6, 1))
-    for direction in np.random.default_rng(0).normal(size=(3, 3)):
-        unit = direction / np.linalg.norm(direction)
-        smallest, largest = angles_to_set(faces, unit[None])
-        assert smallest[0] == pytest.approx(oracles.smallest_angle(faces[0], unit), abs=1e-3)
-        far = math.pi - oracles.smallest_angle(faces[0], -unit)
-        assert largest[0] == pytest.approx(far, abs=1e-3)
-
-
 @given(st.integers(3, 7), seeds)
 @few
 def test_corners_are_returned_in_order_whatever_their_order_and_length(
