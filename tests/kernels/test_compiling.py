@@ -155,30 +155,28 @@ def refuse_writing(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_change_in_one_file_recompiles_its_callers_in_others(package: Package) -> None:
-    assert package.run()["value"] == 1111
+def test_machine_code_is_compiled_once_for_each_version_of_the_sources(
+    package: Package, tmp_path: Path
+) -> None:
+    """Also in copies, such as an installed package; a change in one file recompiles its callers."""
+    first = package.run()
+    assert (first["value"], first["hits"]) == (1111, 0)
+    assert first["settings"] == ["", ""]  # other packages keep their own folder
+    # Parts are compiled into kernels only; a constant in a call has the type of a variable.
+    assert first["signatures"] == [1, 1, 1]
+    stored = files(package.home / "cache" / "grasp3d")
+    assert {path.name.split("-")[0] for path in stored} == {"caller.climb", "callee.called"}
+    copy = Package(tmp_path / "elsewhere")
+    shutil.copytree(package.folder, copy.folder)
+    for again in (package.run(), copy.run(XDG_CACHE_HOME=str(package.home / "cache"))):
+        assert (again["value"], again["hits"]) == (1111, 1)
+        assert files(package.home) == stored
+    (old,) = package.home.rglob("grasp3d-kernels-*")
+    os.utime(old, (0.0, 0.0))
     package.write(step=2)
     changed = package.run()
     assert (changed["value"], changed["hits"]) == (2222, 0)
-
-
-@pytest.mark.slow
-def test_machine_code_is_cached_while_no_file_changes(package: Package) -> None:
-    first = package.run()
-    stored = files(package.home / "cache" / "grasp3d")
-    assert stored
-    assert first["hits"] == 0
-    second = package.run()
-    assert (second["value"], second["hits"]) == (1111, 1)
-    assert files(package.home) == stored
-
-
-@pytest.mark.slow
-def test_kernels_are_compiled_once_and_parts_only_into_them(package: Package) -> None:
-    """A constant in a call has the type of a variable."""
-    assert package.run()["signatures"] == [1, 1, 1]
-    stored = {path.name.split("-")[0] for path in files(package.home)}
-    assert stored == {"caller.climb", "callee.called"}
+    assert not old.exists()
 
 
 @pytest.mark.slow
@@ -206,21 +204,16 @@ def test_a_part_is_a_kernel_where_python_calls_it() -> None:
 
 
 @pytest.mark.slow
-def test_copies_of_the_sources_share_their_machine_code(package: Package, tmp_path: Path) -> None:
-    """An installed package and its checkout."""
-    package.run()
-    copy = Package(tmp_path / "elsewhere")
-    shutil.copytree(package.folder, copy.folder)
-    report = copy.run(XDG_CACHE_HOME=str(package.home / "cache"))
-    assert (report["value"], report["hits"]) == (1111, 1)
-
-
-@pytest.mark.slow
 def test_the_package_keeps_the_machine_code_where_the_user_has_no_folder(package: Package) -> None:
+    """As an installation may bring it; it is copied to the user's folder where there is one."""
     unusable = str(package.folder / "caller.py" / "below")
     assert package.run(XDG_CACHE_HOME=unusable)["hits"] == 0
     assert package.run(XDG_CACHE_HOME=unusable)["hits"] == 1
     assert files(package.folder / "__pycache__")
+    report = package.run()
+    assert (report["value"], report["hits"]) == (1111, 1)
+    assert Path(report["folder"]).parent == package.home / "cache" / "grasp3d"
+    assert files(package.home / "cache")
 
 
 @pytest.mark.slow
@@ -252,15 +245,9 @@ def test_the_folder_set_for_numba_is_preferred(package: Package) -> None:
     chosen = package.home / "chosen"
     report = package.run(NUMBA_CACHE_DIR=str(chosen))
     assert Path(report["folder"]).parent == chosen
+    assert report["settings"] == [str(chosen), ""]
     assert files(chosen)
     assert files(chosen) == files(package.home)
-
-
-@pytest.mark.slow
-def test_other_packages_keep_their_own_folder(package: Package) -> None:
-    assert package.run()["settings"] == ["", ""]
-    chosen = str(package.home / "chosen")
-    assert package.run(NUMBA_CACHE_DIR=chosen)["settings"] == [chosen, ""]
 
 
 @pytest.mark.slow
@@ -272,26 +259,6 @@ def test_epsilon_is_the_same_without_compilation() -> None:
 @pytest.mark.slow
 def test_a_user_without_a_home_folder(package: Package) -> None:
     assert package.run(XDG_CACHE_HOME="", HOME="~")["value"] == 1111  # "~": no home folder
-
-
-@pytest.mark.slow
-def test_old_machine_code_is_removed(package: Package) -> None:
-    package.run()
-    (old,) = package.home.rglob("grasp3d-kernels-*")
-    os.utime(old, (0.0, 0.0))
-    package.write(step=2)
-    package.run()
-    assert not old.exists()
-
-
-@pytest.mark.slow
-def test_machine_code_that_an_installation_brings_is_copied(package: Package) -> None:
-    unusable = str(package.folder / "caller.py" / "below")
-    package.run(XDG_CACHE_HOME=unusable)  # into the package's folder
-    report = package.run()
-    assert (report["value"], report["hits"]) == (1111, 1)
-    assert Path(report["folder"]).parent == package.home / "cache" / "grasp3d"
-    assert files(package.home / "cache")
 
 
 def test_machine_code_that_can_only_be_read_is_used(
