@@ -24,7 +24,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, short_repr
 from grasp3d.physics.engine import mujoco_module, without_log
-from grasp3d.physics.scene import JOINTS, OBJECT, Tips, put_object
+from grasp3d.physics.scene import JOINTS, OBJECT, Stage, Tips, put_object
 from grasp3d.physics.simulation_settings import SimulationSettings
 
 RAMP, WAITING = 0.2, 0.3
@@ -101,19 +101,16 @@ class Outcome:
 
 
 @without_log()
-def simulate_attempt(
-    model: Any, data: Any, attempt: Attempt, tips: Tips, settings: SimulationSettings
-) -> Outcome:
+def simulate_attempt(model: Any, data: Any, attempt: Attempt, stage: Stage) -> Outcome:
     """Close the tips on the object, press, and pull.
 
     Args:
         model: From `grasp_model`; changed.
         data: Its data.
         attempt: The grasp.
-        tips: Those of the model.
-        settings: Forces, times and limits; lengths in metres.
+        stage: The tips of the model, and forces, times and limits.
     """
-    mujoco = mujoco_module()
+    mujoco, tips, settings = mujoco_module(), stage.tips, stage.settings
     put_object(model, data, attempt.pose, attempt.center, attempt.friction)
     data.qpos[7:9] = -(0.5 * attempt.opening + tips.depth)
     mujoco.mj_forward(model, data)

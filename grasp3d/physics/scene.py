@@ -5,12 +5,14 @@ those of parallel grippers do, and yield to nothing across the axis. Only the ti
 fingers and palm are left out.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from grasp3d.arrays import Floats, short_repr
+from grasp3d.hand.jaws import metres_per_unit
+from grasp3d.mesh import ObjectMesh
 from grasp3d.physics.engine import IMPEDANCE, STIFFNESS, contact_fields, mujoco_module, new_spec
 from grasp3d.physics.parts import ConvexParts
 from grasp3d.physics.simulation_settings import SimulationSettings
@@ -102,13 +104,7 @@ def add_tips(
             name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, gear=[1.0, 0, 0, 0, 0, 0]
         )
         motor.gainprm[0] = 1.0
-    _couple(spec)
-
-
-def _couple(spec: Any) -> None:
-    """Let both tips move by the same distance."""
-    mujoco = mujoco_module()
-    equality = spec.add_equality(
+    equality = spec.add_equality(  # both tips move by the same distance
         type=mujoco.mjtEq.mjEQ_JOINT, name1=JOINTS[0], name2=JOINTS[1],
         objtype=mujoco.mjtObj.mjOBJ_JOINT, solref=STIFFNESS, solimp=IMPEDANCE,
     )  # fmt: skip
@@ -116,36 +112,54 @@ def _couple(spec: Any) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class SimulatedObject:
-    """What is simulated of an object; lengths in metres, in the mesh's frame."""
+class Stage:
+    """What all grasps of an object have in common; lengths in metres, in the mesh's frame."""
 
     parts: ConvexParts
     center: Floats
     """Centre of mass, shape (3,)."""
     extents: Floats
     """Sides of its bounding box, whose moments of inertia it has, shape (3,)."""
+    tips: Tips
+    settings: SimulationSettings
 
     __repr__ = short_repr
 
-    def inertia(self, mass: float) -> Floats:
+    @classmethod
+    def of(
+        cls, mesh: ObjectMesh, parts: ConvexParts, tips: Tips, settings: SimulationSettings
+    ) -> "Stage":
+        """The object of a mesh whose unit is known, and of its convex parts in that unit.
+
+        Args:
+            mesh: The object.
+            parts: Its convex parts.
+            tips: The tips, in metres.
+            settings: Forces, times and limits; lengths in metres.
+        """
+        scale = metres_per_unit(mesh)
+        return cls(
+            replace(parts, vertices=tuple(scale * one for one in parts.vertices)),
+            scale * mesh.center_mass,
+            scale * np.ptp(mesh.vertices[mesh.faces].reshape(-1, 3), axis=0),
+            tips,
+            settings,
+        )
+
+    @property
+    def inertia(self) -> Floats:
         """Moments of inertia of the bounding box [kg m^2]: what is at rest depends on none."""
         square = self.extents**2
-        return np.asarray(mass / 12.0 * (square.sum() - square))
+        return np.asarray(self.settings.object_mass / 12.0 * (square.sum() - square))
 
 
-def grasp_model(
-    thing: SimulatedObject, tips: Tips, settings: SimulationSettings
-) -> "tuple[Any, Any]":
+def grasp_model(stage: Stage) -> tuple[Any, Any]:
     """MuJoCo's model and data of tips on the x axis, and of the object as a free body.
 
     The tips' middles are at the origin while their joints are 0: joints of -a put both a distance
     2 a apart.
-
-    Args:
-        thing: The object.
-        tips: The tips.
-        settings: Masses and forces.
     """
+    tips, settings = stage.tips, stage.settings
     mujoco = mujoco_module()
     spec = new_spec(settings.time_step)
     body = spec.worldbody.add_body(name=OBJECT)
@@ -153,10 +167,10 @@ def grasp_model(
     body.explicitinertial = True
     body.mass = settings.object_mass
     # Away from the origin: MuJoCo compiles bodies whose centre of mass is there for good.
-    body.ipos = thing.center + thing.extents
-    body.inertia = thing.inertia(settings.object_mass)
+    body.ipos = stage.center + stage.extents
+    body.inertia = stage.inertia
     touch = contact_fields(tips.friction, tips.torsion_radius)
-    for number, vertices in enumerate(thing.parts.vertices):
+    for number, vertices in enumerate(stage.parts.vertices):
         name = f"part {number}"
         mesh = spec.add_mesh(name=name, uservert=vertices.ravel().tolist())
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX

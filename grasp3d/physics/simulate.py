@@ -21,7 +21,7 @@ from grasp3d.physics.drawing import DrawnGrasps, TruePoints, draw_grasps, true_p
 from grasp3d.physics.engine import mujoco_module
 from grasp3d.physics.parts import ConvexParts, convex_parts
 from grasp3d.physics.pulling import Attempt, Fate, Outcome, simulate_attempt
-from grasp3d.physics.scene import SimulatedObject, Tips, grasp_model
+from grasp3d.physics.scene import Stage, Tips, grasp_model
 from grasp3d.physics.simulation import Simulation
 from grasp3d.physics.simulation_settings import SimulationSettings
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, with_fingers
@@ -36,15 +36,6 @@ ATTEMPTS = 6
 """Attempts of one job: some seconds, so that progress is seen and little is lost by a crash."""
 
 _NOT_SIMULATED = Outcome(Fate.BROKEN, 0, *(float("nan"),) * 6)
-
-
-@dataclass(frozen=True, eq=False)
-class Stage:
-    """What all attempts of an object have in common; lengths in metres."""
-
-    thing: SimulatedObject
-    tips: Tips
-    settings: SimulationSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +57,8 @@ class JobResult:
 
 def simulate_job(job: Job, stage: Stage) -> JobResult:
     """Simulate the attempts of a job."""
-    model, data = grasp_model(stage.thing, stage.tips, stage.settings)
-    outcomes = [
-        simulate_attempt(model, data, attempt, stage.tips, stage.settings)
-        for attempt in job.attempts
-    ]
+    model, data = grasp_model(stage)
+    outcomes = (simulate_attempt(model, data, attempt, stage) for attempt in job.attempts)
     return JobResult(job.number, tuple(outcomes))
 
 
@@ -99,10 +87,11 @@ def simulate_attempts(
     for result in run(simulate_job, jobs, stage, lost=_lost, cluster=cluster):
         results[result.number] = result
         report_progress(len(results) / len(jobs))
-    errors = tuple(dict.fromkeys(one.error for one in results.values() if one.error))
-    if len([one for one in results.values() if one.error]) == len(jobs):
+    errors = [one.error for one in results.values() if one.error]
+    if len(errors) == len(jobs):
         raise GraspError(f"no grasp could be simulated: {errors[0]}")
-    return tuple(one for job in jobs for one in results[job.number].outcomes), errors
+    outcomes = tuple(one for job in jobs for one in results[job.number].outcomes)
+    return outcomes, tuple(dict.fromkeys(errors))
 
 
 def divided(
@@ -157,8 +146,10 @@ GAP = 1e-4
 MUCH_LEFT_OUT = 0.5
 """Fraction of the surface that may be left out for its convex parts without a warning."""
 
-LENGTHS = ("slip", "shift")
-"""Numbers of an outcome that become columns, with an `_m` in their names: they are in metres."""
+COLUMNS = {
+    "pulls_held": "pulls_held", "slip_m": "slip", "shift_m": "shift", "turn": "turn", "spin": "spin"
+}  # fmt: skip
+"""Columns of given poses, and the numbers of an outcome that they have; lengths are in metres."""
 
 
 def simulate_grasps(
@@ -240,12 +231,22 @@ def simulate_grasps(
         grasps = draw_grasps(surface, reached, own_model, within, settings.count, random)
         poses, openings = _poses(grasps, radius, random)
     begin_step("simulating grasps")
-    stage = Stage(
-        simulated_object(surface, parts, scale),
-        Tips(radius * scale, own_model.friction, own_model.torsion_radius * scale),
-        *settings_in_unit("m", settings),
-    )
-    attempts = _attempts(grasps, poses, openings, surface, settings, scale)
+    tips = Tips(radius * scale, own_model.friction, own_model.torsion_radius * scale)
+    stage = Stage.of(surface, parts, tips, *settings_in_unit("m", settings))
+    centers = np.broadcast_to(surface.center_mass, (grasps.count, 3))
+    if settings.pulled == "line":
+        centers = grasps.points.mean(axis=1)
+    metric = poses.copy()
+    metric[:, :3, 3] *= scale
+    attempts = [
+        Attempt(
+            metric[row],
+            float(openings[row] * scale + 2.0 * GAP),
+            centers[row] * scale,
+            grasps.friction[row],
+        )
+        for row in range(grasps.count)
+    ]
     outcomes, errors = simulate_attempts(attempts, stage, processes)
     return Simulation(
         mesh=surface,
@@ -311,44 +312,6 @@ def _poses(drawn: DrawnGrasps, radius: float, random: np.random.Generator) -> tu
     poses[:, :3, :3] = np.stack([x, y, np.cross(x, y)], axis=2)
     poses[:, :3, 3] = centres.mean(axis=1)
     return poses, np.linalg.norm(line, axis=1) - 2.0 * radius
-
-
-def _attempts(
-    grasps: DrawnGrasps,
-    poses: Floats,
-    openings: Floats,
-    mesh: ObjectMesh,
-    settings: SimulationSettings,
-    scale: float,
-) -> list[Attempt]:
-    """The attempts, in metres."""
-    metric = poses.copy()
-    metric[:, :3, 3] *= scale
-    centers = np.broadcast_to(mesh.center_mass, (grasps.count, 3))
-    if settings.pulled == "line":
-        centers = grasps.points.mean(axis=1)
-    return [
-        Attempt(
-            metric[row],
-            float(openings[row] * scale + 2.0 * GAP),
-            centers[row] * scale,
-            grasps.friction[row],
-        )
-        for row in range(grasps.count)
-    ]
-
-
-def simulated_object(mesh: ObjectMesh, parts: ConvexParts, scale: float) -> SimulatedObject:
-    """The object in metres.
-
-    Args:
-        mesh: The object.
-        parts: Its convex parts, in the mesh's unit.
-        scale: Metres of that unit.
-    """
-    metric = replace(parts, vertices=tuple(scale * one for one in parts.vertices))
-    extents = scale * np.ptp(mesh.vertices[mesh.faces].reshape(-1, 3), axis=0)
-    return SimulatedObject(metric, scale * mesh.center_mass, extents)
 
 
 def _at(function: Callable[[Floats], Floats], points: Floats) -> Floats:
@@ -437,16 +400,15 @@ def simulate_poses(
     begin_step("dividing the object into convex parts")
     parts = divided(surface, settings, processes)
     begin_step("simulating grasps")
-    stage = Stage(
-        simulated_object(surface, parts, scale), _tips(hand, evaluated.model, scale), settings
-    )
+    stage = Stage.of(surface, parts, _tips(hand, evaluated.model, scale), settings)
     attempts = _posed_attempts(evaluated, stage.tips, scale)
     outcomes, _ = simulate_attempts(attempts, stage, processes)
     table = {
         "fate": np.array([str(one.fate) for one in outcomes]),
-        "pulls_held": np.array([one.pulls_held for one in outcomes]),
-        **{f"{name}_m": np.array([getattr(one, name) for one in outcomes]) for name in LENGTHS},
-        **{name: np.array([getattr(one, name) for one in outcomes]) for name in ("turn", "spin")},
+        **{
+            column: np.array([getattr(one, name) for one in outcomes])
+            for column, name in COLUMNS.items()
+        },
     }
     results = evaluated.to_poses()
     entries = {

@@ -1,7 +1,7 @@
 """Result of simulated grasps: outcomes, rates of success, and the table of all grasps."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -33,34 +33,6 @@ MARGINS = (-math.inf, -30.0, -20.0, -10.0, 0.0, 10.0, 20.0, math.inf)
 """Borders of the bins of the margin [degrees]."""
 
 Columns = dict[str, npt.NDArray[Any]]
-
-
-def _label_columns(grasps: DrawnGrasps) -> Columns:
-    """Labels, margins, critical friction angles [rad] and true friction."""
-    return {
-        "label": np.array([Label(code).name for code in grasps.label]),
-        "critical_angle": grasps.critical_angle,
-        "margin": grasps.margin,
-        "friction1": grasps.friction[:, 0],
-        "friction2": grasps.friction[:, 1],
-    }
-
-
-def _outcome_columns(outcomes: Sequence[Outcome], metres: float) -> Columns:
-    """How far objects moved; angles in radians.
-
-    Args:
-        outcomes: What became of each grasp.
-        metres: Metres of the unit of lengths.
-    """
-
-    def values(name: str) -> npt.NDArray[Any]:
-        return np.array([getattr(one, name) for one in outcomes], dtype=np.float64)
-
-    lengths = {name: values(name) / metres for name in ("slip", "shift", "squeeze_shift")}
-    angles = {name: values(name) for name in ("turn", "spin", "squeeze_turn")}
-    pulls = np.array([one.pulls_held for one in outcomes], dtype=np.int64)
-    return {**lengths, **angles, "pulls_held": pulls}
 
 
 def _contact_columns(grasps: DrawnGrasps) -> Columns:
@@ -129,14 +101,9 @@ def rates_by(values: Floats, success: Bools, edges: ArrayLike) -> Iterator[Succe
     """
     borders = np.asarray(edges, dtype=np.float64)
     for low, high in pairwise(borders.tolist()):
+        name = f"from {low:g}" if math.isinf(high) else f"{low:g} to {high:g}"
         inside = (values >= low) & (values < high)
-        yield success_rate(_name(low, high), success[inside])
-
-
-def _name(low: float, high: float) -> str:
-    if math.isinf(low):
-        return f"below {high:g}"
-    return f"from {low:g}" if math.isinf(high) else f"{low:g} to {high:g}"
+        yield success_rate(f"below {high:g}" if math.isinf(low) else name, success[inside])
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,12 +171,10 @@ class Simulation:
         Args:
             held: Whether an object that is held in another than the labelled grasp counts.
         """
-        success = self.held if held else self.success
+        success, labels = (self.held if held else self.success), self.grasps.label
         return {
-            label.name: success_rate(
-                label.name, success[(self.grasps.label == label) & self.simulated]
-            )
-            for label in (Label.S, Label.M, Label.U)
+            one.name: success_rate(one.name, success[(labels == one) & self.simulated])
+            for one in (Label.S, Label.M, Label.U)
         }
 
     def rates_by_margin(self, *, held: bool = False) -> tuple[SuccessRate, ...]:
@@ -218,10 +183,9 @@ class Simulation:
         Args:
             held: As in `rates`.
         """
-        success = self.held if held else self.success
-        simulated = self.simulated
-        margin = np.degrees(self.grasps.margin[simulated])
-        return tuple(rates_by(margin, success[simulated], MARGINS))
+        success = (self.held if held else self.success)[self.simulated]
+        margin = np.degrees(self.grasps.margin[self.simulated])
+        return tuple(rates_by(margin, success, MARGINS))
 
     def columns(self) -> Mapping[str, npt.NDArray[Any]]:
         """The columns of the table; angles in radians, lengths in the mesh's unit.
@@ -233,6 +197,13 @@ class Simulation:
         `part_depth1`, `part_angle1`, ...
         """
         assert self.mesh.unit is not None  # grasps of a mesh without a unit are not simulated
+        metres, grasps = METRES[self.mesh.unit], self.grasps
+        moved = {
+            name: np.array([getattr(one, name) for one in self.outcomes], dtype=np.float64)
+            for name in ("slip", "shift", "squeeze_shift", "turn", "spin", "squeeze_turn")
+        }
+        for name in ("slip", "shift", "squeeze_shift"):
+            moved[name] /= metres
         parts = {
             f"part_{name}{finger + 1}": values[:, finger]
             for finger in range(2)
@@ -243,11 +214,16 @@ class Simulation:
             "success": self.success,
             "held": self.held,
             "fate": np.array([str(one) for one in self.fates]),
-            **_label_columns(self.grasps),
+            "label": np.array([Label(code).name for code in grasps.label]),
+            "critical_angle": grasps.critical_angle,
+            "margin": grasps.margin,
+            "friction1": grasps.friction[:, 0],
+            "friction2": grasps.friction[:, 1],
             "true_critical_angle": self.true_critical_angle,
-            **_outcome_columns(self.outcomes, METRES[self.mesh.unit]),
+            **moved,
+            "pulls_held": np.array([one.pulls_held for one in self.outcomes], dtype=np.int64),
             "opening": self.openings,
-            **_contact_columns(self.grasps),
+            **_contact_columns(grasps),
             **parts,
         }
 

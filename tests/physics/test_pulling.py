@@ -12,7 +12,7 @@ import trimesh
 
 from grasp3d.physics import ConvexParts, Fate, Outcome, SimulationSettings
 from grasp3d.physics.pulling import PULLS, Attempt, simulate_attempt
-from grasp3d.physics.scene import SimulatedObject, Tips, grasp_model
+from grasp3d.physics.scene import Stage, Tips, grasp_model
 from grasp3d.settings.lengths import settings_in_unit
 
 (SETTINGS,) = settings_in_unit("m", SimulationSettings(pull_time=0.3))
@@ -20,15 +20,13 @@ SIZES = np.array([0.04, 0.06, 0.1])
 TIPS = Tips(0.003)
 
 
-@cache
-def box() -> SimulatedObject:
-    corners = np.array(trimesh.creation.box(SIZES).vertices)
-    return SimulatedObject(ConvexParts((corners,)), np.zeros(3), SIZES)
+CORNERS = np.array(trimesh.creation.box(SIZES).vertices)
+STAGE = Stage(ConvexParts((CORNERS,)), np.zeros(3), SIZES, TIPS, SETTINGS)
 
 
 @cache
-def stage(tips: Tips = TIPS) -> tuple[Any, Any]:
-    return grasp_model(box(), tips, SETTINGS)
+def model(tips: Tips = TIPS) -> tuple[Any, Any]:
+    return grasp_model(replace(STAGE, tips=tips))
 
 
 def attempt(
@@ -48,7 +46,7 @@ def attempt(
 
 
 def run(given: Attempt, settings: SimulationSettings = SETTINGS, tips: Tips = TIPS) -> Outcome:
-    return simulate_attempt(*stage(tips), given, tips, settings)
+    return simulate_attempt(*model(tips), given, replace(STAGE, tips=tips, settings=settings))
 
 
 def test_tips_across_a_box_hold_it_without_slipping() -> None:

@@ -26,9 +26,10 @@ from grasp3d.physics import (
     write_simulation,
 )
 from grasp3d.physics.drawing import tilt_at_random
-from grasp3d.physics.simulate import Job, Stage, simulate_attempts, simulate_job
+from grasp3d.physics.scene import Stage
+from grasp3d.physics.simulate import Job, simulate_attempts, simulate_job
 from grasp3d.system.tables import read_columns
-from tests.physics.test_pulling import SETTINGS, TIPS, attempt, box
+from tests.physics.test_pulling import STAGE, attempt
 
 HERE = ClusterSettings(workers=0)
 FEW = SimulationSettings(count=12, pull_time=0.1)
@@ -193,16 +194,15 @@ def _crash(job: Job, stage: Stage) -> None:
 def test_a_crash_is_an_error_of_its_grasps_only(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("grasp3d.physics.simulate.simulate_job", _crash)
     monkeypatch.setattr("grasp3d.physics.simulate.ATTEMPTS", 1)
-    stage, one = Stage(box(), TIPS, SETTINGS), ClusterSettings(workers=1)
-    outcomes, errors = simulate_attempts([attempt()] * 2, stage, one)
+    outcomes, errors = simulate_attempts([attempt()] * 2, STAGE, ClusterSettings(workers=1))
     assert [out.fate for out in outcomes] == [Fate.BROKEN, Fate.HELD]
     assert errors == ("the simulation ended its process without a result (exit code 7)",)
 
 
 def test_where_every_simulation_fails_the_reason_is_given() -> None:
-    broken = replace(box(), parts=ConvexParts((np.zeros((4, 3)),)))
+    broken = replace(STAGE, parts=ConvexParts((np.zeros((4, 3)),)))
     with pytest.raises(GraspError, match="no grasp could be simulated: the simulation unexpected"):
-        simulate_attempts([attempt()], Stage(broken, TIPS, SETTINGS), HERE)
+        simulate_attempts([attempt()], broken, HERE)
 
 
 def test_given_poses_are_tried() -> None:
