@@ -97,7 +97,7 @@ def _gripper(value: object) -> Hand | str | None:
         raise ContactError(f"its gripper {error}") from error
 
 
-NAMES = ("outcome", "success")
+OUTCOMES = ("outcome", "success")
 """Columns that state outcomes; grasp3d writes the first."""
 
 WORDS = {
@@ -118,7 +118,7 @@ def outcomes_of(columns: Mapping[str, npt.NDArray[Any]], count: int) -> Floats:
     Raises:
         ContactError: A value is no outcome, or the two columns contradict each other.
     """
-    outcomes = [_outcomes(columns[name], name) for name in NAMES if name in columns]
+    outcomes = [_outcomes(columns[name], name) for name in OUTCOMES if name in columns]
     if not outcomes:
         return np.full(count, math.nan)
     merged = outcomes[0]
@@ -127,7 +127,8 @@ def outcomes_of(columns: Mapping[str, npt.NDArray[Any]], count: int) -> Floats:
         differing = np.flatnonzero(both & (merged != other))
         if len(differing):
             raise ContactError(
-                f"grasp {differing[0] + 1}: its columns {' and '.join(NAMES)} contradict each other"
+                f"grasp {differing[0] + 1}: its columns {' and '.join(OUTCOMES)} contradict each "
+                "other"
             )
         merged = np.where(np.isnan(merged), other, merged)
     return merged

@@ -23,7 +23,7 @@ from grasp3d.grasps.pose_files.documents import (
     required,
 )
 from grasp3d.grasps.pose_files.frames import from_quaternions, quaternions
-from grasp3d.grasps.pose_files.header import fields_of, header_of, outcomes_of
+from grasp3d.grasps.pose_files.header import OUTCOMES, fields_of, header_of, outcomes_of
 from grasp3d.grasps.poses import OWN_NAMES, GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.settings.lengths import Unit
@@ -122,12 +122,16 @@ def _contacts(columns: Columns) -> list[list[dict[str, Any]]]:
     ]
 
 
+NUMBERS = ("opening", "pregrasp_opening", "score", *OUTCOMES)
+"""Columns of one number for each pose."""
+
+
 def _poses(table: Columns, **fields: Any) -> GraspPoses:
     """Poses with the numbers that files of every kind have in columns of the same names."""
     rows = len(fields["poses"])
     opening, pregrasp_opening, scores = (
         _numbers(table[name], name) if name in table else np.full(rows, np.nan)
-        for name in ("opening", "pregrasp_opening", "score")
+        for name in NUMBERS[:3]
     )
     return GraspPoses(
         opening=opening,
@@ -152,7 +156,7 @@ def parse_json(content: object, hand: Hand | None, unit: Unit | None) -> GraspPo
     listed = {key: [entry.get(key) for entry in entries] for key in keys}
     further = [key for key in keys if key not in OWN_NAMES | VECTORS.keys()]
     return _poses(
-        {key: np.array(values, dtype=object) for key, values in listed.items()},
+        {key: np.array(listed[key], dtype=object) for key in keys if key in NUMBERS},
         poses=numbers(each(entries, "pose"), (4, 4), "pose"),
         posture=_posture(entries),
         names=tuple(str(one.get("name", f"grasp_{k}")) for k, one in enumerate(entries, 1)),
