@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -66,6 +67,7 @@ MJCF = """<mujoco>
 
 
 def urdf(folder: Path, **changed: str) -> Path:
+    pytest.importorskip("yourdfpy")
     values = {"kind": "prismatic", "axis": "0 1 0", "right": BOX, "limit": LIMIT} | changed
     path = folder / "hand.urdf"
     path.write_text(URDF.format(**values), encoding="utf-8")
@@ -73,6 +75,7 @@ def urdf(folder: Path, **changed: str) -> Path:
 
 
 def mjcf(folder: Path, y: float = -0.001, ref: float = 0.0, more: str = "") -> Path:
+    pytest.importorskip("mujoco")
     path = folder / "hand.xml"
     path.write_text(MJCF.format(y=y, ref=ref, more=more), encoding="utf-8")
     return path
@@ -84,16 +87,6 @@ def with_palm(path: Path, old: str, new: str) -> Path:
     assert text.count(old) == 1
     path.write_text(text.replace(old, new), encoding="utf-8")
     return path
-
-
-@pytest.fixture
-def _yourdfpy() -> None:
-    pytest.importorskip("yourdfpy")
-
-
-@pytest.fixture
-def _mujoco() -> None:
-    pytest.importorskip("mujoco")
 
 
 def check_hand(gripper: ParallelGripper) -> None:
@@ -111,26 +104,24 @@ def check_hand(gripper: ParallelGripper) -> None:
     assert gripper.joint_closed == pytest.approx((-0.001, -0.001))
 
 
-@pytest.mark.usefixtures("_yourdfpy")
-def test_a_urdf_gives_boxes_stroke_and_frame(tmp_path: Path) -> None:
-    check_hand(read_hand(urdf(tmp_path), fingers=FINGERS))
+@pytest.mark.parametrize("limit", [LIMIT, '<mimic joint="slide_left"/>'])
+def test_a_urdf_gives_boxes_stroke_and_frame(tmp_path: Path, limit: str) -> None:
+    """A finger that follows the other has its limits."""
+    check_hand(read_hand(urdf(tmp_path, limit=limit), fingers=FINGERS))
 
 
-@pytest.mark.usefixtures("_mujoco")
 @pytest.mark.parametrize(("y", "ref"), [(-0.001, 0.0), (-0.011, 0.01)])
 def test_a_mujoco_model_gives_the_same(tmp_path: Path, y: float, ref: float) -> None:
     """Also where the file shows the finger at a reference value of its joint."""
     check_hand(read_hand(mjcf(tmp_path, y, ref), fingers=FINGERS))
 
 
-@pytest.mark.usefixtures("_yourdfpy")
 def test_fingers_in_the_other_order_turn_the_closing_axis(tmp_path: Path) -> None:
     gripper = read_hand(urdf(tmp_path), fingers=("right", "left"))
     assert gripper.base_axes == ("y", "z")
     assert gripper.joint_names == ("slide_right", "slide_left")
 
 
-@pytest.mark.usefixtures("_yourdfpy")
 def test_the_palm_and_the_tcp_can_be_named(tmp_path: Path) -> None:
     gripper = read_hand(urdf(tmp_path), fingers=FINGERS, palm="hand", tcp=0.09)
     assert gripper.base_to_tcp == 0.09
@@ -142,7 +133,6 @@ def test_the_palm_and_the_tcp_can_be_named(tmp_path: Path) -> None:
     assert camera.palm_thickness == camera.max_opening  # at least the stroke
 
 
-@pytest.mark.usefixtures("_yourdfpy")
 def test_meshes_are_read_from_packages_and_beside_the_file(tmp_path: Path) -> None:
     folder = tmp_path / "my_hand" / "urdf"
     (tmp_path / "my_hand" / "meshes").mkdir(parents=True)
@@ -153,7 +143,6 @@ def test_meshes_are_read_from_packages_and_beside_the_file(tmp_path: Path) -> No
         check_hand(read_hand(urdf(folder, right=mesh), fingers=FINGERS))
 
 
-@pytest.mark.usefixtures("_yourdfpy")
 @pytest.mark.parametrize(
     ("changed", "fingers", "words"),
     [
@@ -185,13 +174,6 @@ def test_descriptions_of_no_gripper_are_refused(
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.usefixtures("_yourdfpy")
-def test_a_finger_that_follows_the_other_has_its_limits(tmp_path: Path) -> None:
-    path = urdf(tmp_path, limit='<mimic joint="slide_left"/>')
-    check_hand(read_hand(path, fingers=FINGERS))
-
-
-@pytest.mark.usefixtures("_yourdfpy")
 def test_empty_geometry_and_damaged_meshes_are_refused(tmp_path: Path) -> None:
     path = urdf(tmp_path)
     text = path.read_text(encoding="utf-8")
@@ -205,14 +187,12 @@ def test_empty_geometry_and_damaged_meshes_are_refused(tmp_path: Path) -> None:
         read_hand(urdf(tmp_path, right='<mesh filename="f.stl"/>'), fingers=FINGERS)
 
 
-@pytest.mark.usefixtures("_yourdfpy")
 @pytest.mark.parametrize("tcp", [0.05, 0.079, 0.1, 0.2])
 def test_a_tcp_beside_the_pads_is_refused(tmp_path: Path, tcp: float) -> None:
     with pytest.raises(SettingError, match="the TCP must be in the outer half of the fingers"):
         read_hand(urdf(tmp_path), fingers=FINGERS, tcp=tcp)
 
 
-@pytest.mark.usefixtures("_yourdfpy", "_mujoco")
 @pytest.mark.parametrize("suffix", ["urdf", "xml"])
 def test_entities_and_damaged_xml_are_refused(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"hand.{suffix}"
@@ -228,7 +208,6 @@ def test_entities_and_damaged_xml_are_refused(tmp_path: Path, suffix: str) -> No
         assert "\n" not in str(refused.value)
 
 
-@pytest.mark.usefixtures("_mujoco")
 def test_mujoco_models_without_such_a_hand_are_refused(tmp_path: Path) -> None:
     path = mjcf(tmp_path)
     with pytest.raises(SettingError, match="no link is called 'nope'; known: world, hand, camera"):
@@ -244,51 +223,42 @@ def test_mujoco_models_without_such_a_hand_are_refused(tmp_path: Path) -> None:
         read_hand(mjcf(tmp_path, more=same), fingers=FINGERS)
 
 
-@pytest.mark.usefixtures("_mujoco")
+CAMERA = {urdf: '<box size="0.04 0.02 0.02"/>', mjcf: 'type="box" size="0.02 0.01 0.01"'}
+"""The shape of the camera in each kind of file."""
+
+
 @pytest.mark.parametrize(
-    ("shape", "sizes"),
+    ("file", "shape", "sizes"),
     [
-        ('type="sphere" size="0.01"', (20, 20, 20)),
-        ('type="ellipsoid" size="0.01 0.02 0.005"', (20, 40, 10)),
-        ('type="cylinder" size="0.01 0.02"', (20, 20, 40)),
-        ('type="cylinder" size="0.01 0.02" quat="1 1 0 0"', (20, 40, 20)),
-        ('type="capsule" size="0.01 0.02"', (20, 20, 60)),
+        (urdf, '<sphere radius="0.01"/>', (20, 20, 20)),
+        (urdf, '<cylinder radius="0.01" length="0.04"/>', (20, 20, 40)),
+        (mjcf, 'type="sphere" size="0.01"', (20, 20, 20)),
+        (mjcf, 'type="ellipsoid" size="0.01 0.02 0.005"', (20, 40, 10)),
+        (mjcf, 'type="cylinder" size="0.01 0.02"', (20, 20, 40)),
+        (mjcf, 'type="cylinder" size="0.01 0.02" quat="1 1 0 0"', (20, 40, 20)),
+        (mjcf, 'type="capsule" size="0.01 0.02"', (20, 20, 60)),
     ],
 )
-def test_all_shapes_of_mujoco_have_their_size(
-    tmp_path: Path, shape: str, sizes: tuple[float, float, float]
+def test_all_shapes_have_their_size(
+    tmp_path: Path, file: Any, shape: str, sizes: tuple[float, float, float]
 ) -> None:
-    palm = 'type="box" size="0.02 0.01 0.01" pos="0.02 0 0"'
-    path = with_palm(mjcf(tmp_path), palm, f'{shape} pos="-0.01 0 -0.02"')  # at x = 0
-    gripper = read_hand(path, fingers=FINGERS, palm="camera")
-    assert 1e3 * gripper.palm_width == pytest.approx(sizes[0], rel=0.01)
-    assert 1e3 * gripper.palm_length == pytest.approx(sizes[2], rel=0.01)
+    path = with_palm(file(tmp_path), CAMERA[file], shape)
     points = read_links(path).sliding_hand(FINGERS, "camera").palm
     assert 1e3 * np.ptp(points, axis=0) == pytest.approx(sizes, rel=0.01)
 
 
-@pytest.mark.usefixtures("_mujoco")
+def test_a_palm_of_another_shape_has_a_box_about_it(tmp_path: Path) -> None:
+    at_axis = 'type="ellipsoid" size="0.01 0.02 0.005" pos="-0.01 0 -0.02"'
+    path = with_palm(mjcf(tmp_path), f'{CAMERA[mjcf]} pos="0.02 0 0"', at_axis)
+    gripper = read_hand(path, fingers=FINGERS, palm="camera")
+    lengths = 1e3 * gripper.palm_width, 1e3 * gripper.palm_length
+    assert lengths == pytest.approx((20.0, 10.0), rel=0.01)
+
+
 def test_endless_shapes_are_refused(tmp_path: Path) -> None:
-    palm = 'type="box" size="0.02 0.01 0.01" pos="0.02 0 0"'
-    path = with_palm(mjcf(tmp_path), palm, 'type="plane" size="1 1 1"')
+    path = with_palm(mjcf(tmp_path), CAMERA[mjcf], 'type="plane" size="1 1 1"')
     with pytest.raises(SettingError, match="of camera is of no finite shape"):
         read_hand(path, fingers=FINGERS)
-
-
-@pytest.mark.usefixtures("_yourdfpy")
-@pytest.mark.parametrize(
-    ("shape", "sizes"),
-    [
-        ('<sphere radius="0.01"/>', (20, 20, 20)),
-        ('<cylinder radius="0.01" length="0.04"/>', (20, 20, 40)),
-    ],
-)
-def test_all_shapes_of_a_urdf_have_their_size(
-    tmp_path: Path, shape: str, sizes: tuple[float, float, float]
-) -> None:
-    path = with_palm(urdf(tmp_path), '<box size="0.04 0.02 0.02"/>', shape)
-    points = read_links(path).sliding_hand(FINGERS, "camera").palm
-    assert 1e3 * np.ptp(points, axis=0) == pytest.approx(sizes, rel=0.01)
 
 
 def hand_along(closing: str, approach: str, gap: float, shift: float = 0.0) -> SlidingHand:
