@@ -47,7 +47,7 @@ def test_a_grasp_is_force_closed_above_the_angle_and_not_below(count: int, seed:
         assert force_closure(grasps.at_angle(contacts, max(angle, 0.0) + 1e-3)).closed
 
 
-@given(st.integers(2, 5), seeds, st.floats(1e-3, 1e3))
+@given(st.integers(2, 5), seeds, st.floats(1e-9, 1e9))
 @few
 def test_neither_the_unit_nor_the_frame_matters(count: int, seed: int, unit: float) -> None:
     contacts = grasps.random_grasp(count, seed)
@@ -165,11 +165,6 @@ def test_the_error_is_within_the_tolerance(tolerance: float) -> None:
 # Known shapes
 
 
-def test_regular_grasps_have_a_critical_angle_of_zero() -> None:
-    for name in ("pair", "triangle", "tetrahedron", "octahedron"):
-        assert critical_friction_angle(grasps.regular_on_ball(name)) == pytest.approx(0.0, abs=1e-4)
-
-
 def test_one_contact_is_never_force_closed() -> None:
     assert critical_friction_angle(Contacts([[1.0, 2.0, 3.0]], [[0.0, 0.0, 1.0]])) == math.inf
     many = Contacts(np.zeros((4, 1, 3)), np.ones((4, 1, 3)))
@@ -231,28 +226,6 @@ def test_contacts_on_one_line() -> None:
 def test_a_known_negative_angle() -> None:
     angle = critical_friction_angle(grasps.frictionless_grasp(0))
     assert math.degrees(angle) == pytest.approx(-12.23, abs=0.01)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("seed", "count"), [(0, 16), (1, 14), (2, 16), (3, 20), (5, 12), (8, 30)])
-def test_negative_angles_against_brute_force(seed: int, count: int) -> None:
-    contacts = grasps.frictionless_grasp(seed, count)
-    angle = float(critical_friction_angle(contacts))
-    directions = random_directions(30_000, seed)
-    angles = oracles.smallest_angles_to_normals(contacts.points, contacts.normals, directions)
-    # Local searches with shrinking steps from many directions, as there are many local maxima.
-    rng = np.random.default_rng(seed)
-    worst = directions[np.argsort(angles)[-100:]]
-    for step in np.geomspace(0.3, 1e-3, 30):
-        worst = worst / np.linalg.norm(worst, axis=1, keepdims=True)
-        near = np.concatenate([worst[None], worst + step * rng.normal(size=(30, *worst.shape))])
-        angles = oracles.smallest_angles_to_normals(
-            contacts.points, contacts.normals, near.reshape(-1, 6)
-        ).reshape(near.shape[:2])
-        worst = np.take_along_axis(near, angles.argmax(axis=0)[None, :, None], axis=0)[0]
-    largest = angles.max()
-    assert largest - RIGHT_ANGLE <= angle <= largest - RIGHT_ANGLE + 0.01
-    assert (angle < 0.0) == force_closure(contacts).closed
 
 
 def test_a_cage_of_many_contacts() -> None:
@@ -331,7 +304,7 @@ def deepest_motion(contacts: Contacts, starts: int, seed: int) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", range(7, 13))
+@pytest.mark.parametrize("count", [7, 8, 9, 10, 12, 20, 30])
 def test_negative_angles_against_local_searches(count: int) -> None:
     rng = np.random.default_rng(count)
     found = 0
@@ -349,28 +322,19 @@ def test_negative_angles_against_local_searches(count: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("seed", "count"), [(0, 8), (1, 9), (2, 10)])
-def test_grasps_that_barely_close_without_friction_are_fast(seed: int, count: int) -> None:
-    """All contacts matter, and each excludes few directions by itself."""
-    contacts = barely_closed(seed, count)
-    angle = -math.asin(deepest_motion(contacts, 100, seed))
-    assert -0.01 < angle < 0.0
-    start = time.process_time()
-    found = critical_friction_angle(contacts)
-    assert time.process_time() - start < 0.2
-    assert angle <= found <= min(angle + 2.0 * TOLERANCE, 0.0)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("row", [13, 73, 279])
-def test_grasps_that_took_seconds(row: int) -> None:
-    with np.load(shapes.shared("reference", "slow_contacts.npz")) as file:
-        contacts = Contacts(file[f"points_{row}"], file[f"normals_{row}"], 0.0)
+@pytest.mark.parametrize("row", [0, 1, 2, 13, 73, 279])
+def test_grasps_that_barely_close_without_friction_are_fast(row: int) -> None:
+    """All contacts matter, and each excludes few directions by itself; some took seconds."""
+    if row < 3:
+        contacts = barely_closed(row, 8 + row)
+    else:
+        with np.load(shapes.shared("reference", "slow_contacts.npz")) as file:
+            contacts = Contacts(file[f"points_{row}"], file[f"normals_{row}"], 0.0)
     angle = -math.asin(deepest_motion(contacts, 100, row))
     start = time.process_time()
     found = critical_friction_angle(contacts)
     assert time.process_time() - start < 0.2
-    assert angle <= found <= angle + 2.0 * TOLERANCE
+    assert angle <= found <= min(angle + 2.0 * TOLERANCE, 0.0)
 
 
 def test_contacts_at_one_point_are_force_closed_without_friction() -> None:
@@ -441,15 +405,6 @@ def test_an_empty_batch_has_no_angles() -> None:
 # Degenerate cases
 
 
-@pytest.mark.parametrize("unit", [1e-9, 1e9])
-def test_the_size_of_the_object_does_not_matter(unit: float) -> None:
-    for count in (2, 3, 4):
-        contacts = grasps.random_grasp(count, 3)
-        scaled = grasps.changed(contacts, points=unit * contacts.points)
-        expected = critical_friction_angle(contacts)
-        assert critical_friction_angle(scaled) == pytest.approx(expected, abs=TOLERANCE)
-
-
 @pytest.mark.parametrize("shift", [1e2, 1e4])
 def test_far_from_the_origin_the_angle_is_the_same(shift: float) -> None:
     """The angle does not depend on the centre of mass, apart from rounding."""
@@ -471,7 +426,7 @@ def test_duplicated_contacts_do_not_change_the_angle() -> None:
 @pytest.mark.parametrize("noise", [0.0, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6])
 def test_nearly_regular_grasps_have_nearly_the_regular_angle(noise: float) -> None:
     rng = np.random.default_rng(0)
-    for name in ("triangle", "tetrahedron", "octahedron"):
+    for name in grasps.REGULAR_SHAPES:
         exact = grasps.REGULAR_SHAPES[name]
         points = exact + noise * rng.normal(size=exact.shape)
         contacts = Contacts(points, -exact + noise * rng.normal(size=exact.shape))

@@ -23,8 +23,11 @@ def hard_grasps(count: int, size: int, tilt: float, seed: int = 5) -> Contacts:
     return contacts.take(np.flatnonzero(closed))
 
 
-def with_normals(contacts: Contacts, normals: np.ndarray) -> Contacts:
-    return Contacts(contacts.points, normals, contacts.friction, contacts.torsion_radius)
+def leaning(degrees: float) -> Contacts:
+    """Two soft fingers whose normals are an angle off the line between them, toward z."""
+    contacts = opposed(friction=0.5)
+    up = np.array([0.0, 0.0, 1.0])
+    return contacts.with_normals(turned(contacts.normals, up, np.full(2, math.radians(degrees))))
 
 
 def random_tilts(contacts: Contacts, tilt: float, count: int, seed: int) -> np.ndarray:
@@ -47,7 +50,7 @@ def test_no_tilt_needs_more_than_smaller_cones(count: int) -> None:
     assert found.how == "exact"
     attacked = np.zeros(100)
     for normals in random_tilts(contacts, TILT, 300, 4):
-        force = grip_force(with_normals(contacts, normals), wrenches, bound="norm", rtol=1e-5)
+        force = grip_force(contacts.with_normals(normals), wrenches, bound="norm", rtol=1e-5)
         assert (force.lower <= found.largest * (1.0 + 1e-6)).all()
         assert (force.upper >= found.least * (1.0 - 1e-6)).all()
         attacked = np.maximum(attacked, force.lower)
@@ -55,7 +58,7 @@ def test_no_tilt_needs_more_than_smaller_cones(count: int) -> None:
     direction = grip_force(contacts, wrenches, bound="norm", rtol=1e-6).certificate.direction
     for _ in range(40):
         g = direction[:, None, :3] + np.cross(direction[:, None, 3:], contacts.points)
-        tilted = with_normals(contacts, turned(contacts.normals, -g, np.full(g.shape[:2], TILT)))
+        tilted = contacts.with_normals(turned(contacts.normals, -g, np.full(g.shape[:2], TILT)))
         force = grip_force(tilted, wrenches, bound="norm", rtol=1e-6)
         assert (force.lower <= found.largest * (1.0 + 1e-6)).all()
         attacked = np.maximum(attacked, force.lower)
@@ -71,7 +74,7 @@ def test_bounds_of_normal_forces_are_safe(bound: Any) -> None:
     assert (found.least <= found.nominal).all()
     assert (found.nominal <= found.largest).all()
     for normals in random_tilts(contacts, TILT, 12, 6):
-        force = grip_force(with_normals(contacts, normals), NEWTON, bound=bound)
+        force = grip_force(contacts.with_normals(normals), NEWTON, bound=bound)
         assert (force.lower <= found.largest).all()
         assert (force.upper >= found.least).all()
 
@@ -95,7 +98,7 @@ def test_soft_fingers_are_sampled_between_tilts_that_are_tried_at_random() -> No
     for i in range(6):
         for j in range(6):
             normals = np.stack([rims[:, 0, i], rims[:, 1, j]], axis=1)
-            force = grip_force(with_normals(contacts, normals), NEWTON, rtol=1e-2)
+            force = grip_force(contacts.with_normals(normals), NEWTON, rtol=1e-2)
             most, least = np.maximum(most, force.lower), np.minimum(least, force.upper)
     assert (most <= found.largest * 1.15).all()
     assert np.median(most / found.largest) < 1.01
@@ -103,11 +106,7 @@ def test_soft_fingers_are_sampled_between_tilts_that_are_tried_at_random() -> No
 
 
 def test_soft_fingers_that_some_tilt_opens_need_an_infinite_force() -> None:
-    tilted = turned(
-        np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]), np.array([0.0, 0.0, 1.0]),
-        np.full(2, math.radians(20.0)),
-    )  # fmt: skip
-    contacts = with_normals(opposed(friction=0.5), tilted)
+    contacts = leaning(20.0)
     # 20 degrees off the line, 26.6 of friction: a tilt of 8 degrees opens the grasp.
     found = force_range(contacts, NEWTON, TILT)
     assert math.isfinite(found.nominal)
@@ -116,11 +115,7 @@ def test_soft_fingers_that_some_tilt_opens_need_an_infinite_force() -> None:
 
 
 def test_tilts_can_close_soft_fingers_that_are_open() -> None:
-    tilted = turned(
-        np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]), np.array([0.0, 0.0, 1.0]),
-        np.full(2, math.radians(30.0)),
-    )  # fmt: skip
-    found = force_range(with_normals(opposed(friction=0.5), tilted), NEWTON, TILT)
+    found = force_range(leaning(30.0), NEWTON, TILT)
     assert found.nominal == math.inf
     assert math.isfinite(found.least)
 
@@ -152,7 +147,7 @@ def test_where_one_tilt_exceeds_friction_the_others_hold() -> None:
     assert found.how == "bound"
     assert found.largest == pytest.approx(force_range(three, down, 0.05, bound="norm").largest)
     for normals in random_tilts(contacts.reshape((1,)), 0.05, 20, 8):
-        force = grip_force(with_normals(contacts, normals[0]), down, bound="norm")
+        force = grip_force(contacts.with_normals(normals[0]), down, bound="norm")
         assert force.lower <= found.largest
 
 
@@ -175,20 +170,14 @@ def test_payload_is_the_force_over_that_of_a_kilogram() -> None:
 
 def test_payload_beside_a_push_that_has_no_mass() -> None:
     contacts = grasps.stacked([opposed(), moved(opposed(), [0.0, 0.01, 0.0])])
-    push = Wrenches([[0.0, 3.0, 0.0, 0.0, 0.0, 0.0], [0.0, -3.0, 0.0, 0.0, 0.0, 0.0]])
-    task = Weight() + push
+    task = Weight() + Wrenches([[0.0, 3.0, 0.0, 0.0, 0.0, 0.0], [0.0, -3.0, 0.0, 0.0, 0.0, 0.0]])
     carried = payload(contacts, task, 20.0)
     held = grip_force(contacts, task, masses=carried)
     assert held.value == pytest.approx([20.0, 20.0], rel=5e-3)
     assert (payload(contacts, task, 1.0) == 0.0).all()
-
-
-def test_payload_beside_a_push_at_tilted_normals() -> None:
-    contacts = grasps.stacked([opposed(), moved(opposed(), [0.0, 0.01, 0.0])])
-    task = Weight() + Wrenches([[0.0, 3.0, 0.0, 0.0, 0.0, 0.0], [0.0, -3.0, 0.0, 0.0, 0.0, 0.0]])
-    carried = payload(contacts, task, 20.0, tilt=TILT)
-    assert (carried < payload(contacts, task, 20.0)).all()
-    largest = force_range(contacts, task, TILT, masses=carried).largest
+    tilted = payload(contacts, task, 20.0, tilt=TILT)
+    assert (tilted < carried).all()
+    largest = force_range(contacts, task, TILT, masses=tilted).largest
     assert largest == pytest.approx([20.0, 20.0], rel=0.1)
 
 

@@ -160,13 +160,6 @@ def test_bounds_are_as_close_as_requested(rtol: float) -> None:
         assert found.status.tolist() == [Status.CONVERGED] * 40
 
 
-def test_bounds_are_nested() -> None:
-    contacts = drawn("random", 4, 200)
-    coarse, fine = (epsilon(contacts, rtol=rtol) for rtol in (3e-2, 1e-6))
-    assert (coarse.lower <= fine.upper).all()
-    assert (fine.lower <= coarse.upper).all()
-
-
 def test_closure_at_the_rim_of_a_cone() -> None:
     """The line is within rounding of the rim, or clearly inside or outside."""
     beta = math.atan(0.5)

@@ -86,15 +86,6 @@ def test_a_batch_equals_its_grasps_one_by_one() -> None:
         np.testing.assert_array_equal(rows[i], wrenches(grasps.one(many, i), edges=8))
 
 
-def test_every_wrench_is_linear_in_the_axes() -> None:
-    contacts = grasps.random_grasp(2, 3, soft=True)
-    axes = wrench_axes(contacts.points, contacts.normals, contacts.torsion_radius, 0.7)
-    beta = contacts.friction_angle[0]
-    edge = wrenches(contacts, edges=4, torque_scale=0.7)[1]  # at 90 degrees: the second tangent
-    mixed = math.cos(beta) * axes[0, 0] + math.sin(beta) * axes[0, 2]
-    np.testing.assert_allclose(edge, mixed, atol=1e-15)
-
-
 def test_axes_are_along_the_normal_and_the_tangents_of_friction_cones() -> None:
     rng = np.random.default_rng(0)
     normals = rng.normal(size=(200, 3))
