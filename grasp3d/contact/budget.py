@@ -9,6 +9,7 @@ encoders or friction given grasps require.
 """
 
 import math
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
@@ -480,19 +481,12 @@ class FingerDesign:
         if encoders is None:
             raise SettingError("the design has no encoders whose counts could be computed")
 
-        def with_counts(counts: int) -> FingerDesign:
-            return replace(self, encoders=replace(encoders, counts=float(counts)))
+        def with_counts(number: int) -> FingerDesign:
+            return replace(self, encoders=replace(encoders, counts=float(number)))
 
-        low, high = 0, 1
-        while not _holds(with_counts(high), grasps, fraction):
-            if high > MOST_COUNTS:
-                return None
-            low, high = high, 2 * high
-        while high - low > 1:
-            middle = (low + high) // 2
-            holds = _holds(with_counts(middle), grasps, fraction)
-            low, high = (low, middle) if holds else (middle, high)
-        return high
+        counts = range(1, MOST_COUNTS)
+        index = bisect_left(counts, x=True, key=lambda n: _holds(with_counts(n), grasps, fraction))
+        return counts[index] if index < len(counts) else None
 
 
 def _holds(design: FingerDesign, grasps: GraspSamples, fraction: float) -> bool:

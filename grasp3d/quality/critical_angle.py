@@ -13,7 +13,7 @@ import numpy as np
 from grasp3d._kernels.hull.frictionless_closure import frictionless_depth, make_cells
 from grasp3d._kernels.hull.wrench_problem import SIGN
 from grasp3d._kernels.search.coplanar_contacts import critical_of_three, make_plane
-from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, angles_between
+from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, angles_between, shaped
 from grasp3d.contact.contacts import Contacts, centred
 from grasp3d.errors import SettingError
 from grasp3d.quality.closure import Status
@@ -46,6 +46,9 @@ BARRIERS = 9.0
 
 NEAREST = 1e-4
 """Shortest line that counts, relative to the contacts' distance and their patches."""
+
+DISCS = np.stack([np.diag([-1.0, -1, 0, 0, 1, 0]), np.diag([0, 0, -1.0, -1, 1, 0])])
+"""Matrices of the constraints that keep the centres of pressure in the patches, (2, 6, 6)."""
 
 NOT_BELOW = 1e-5
 """Angle below 90 degrees within which no friction angle is found [rad]."""
@@ -100,14 +103,16 @@ def critical_friction_angle(contacts: Contacts, *, tolerance: float = 1e-4) -> F
         angles = _of_pairs(points, normals)
         if contacts.patch is not None:
             patch = contacts.patch.reshape(-1, 2, 2, 3)
-            angles = _of_patches(points, normals, patch, angles)
+            of_patches = patch.any(axis=(1, 2, 3))  # others are points
+            angles[of_patches] = least_friction_angles(
+                points[of_patches], normals[of_patches], patch[of_patches], angles[of_patches]
+            )
     elif contacts.count == 3:
         angles = _of_triples(points, normals, tolerance)
     else:
         angles = _bracketed(points, normals, tolerance)
-    angles = angles.reshape(contacts.batch)
-    angles.flags.writeable = False
-    return np.asarray(angles)[()]
+    critical: Floats = shaped(angles, contacts.batch)
+    return critical
 
 
 def _of_pairs(points: Floats, normals: Floats) -> Floats:
@@ -118,15 +123,6 @@ def _of_pairs(points: Floats, normals: Floats) -> Floats:
     # Contacts at the same point push along any line; the best one lies midway.
     coincident = angles_between(normals[:, 0], -normals[:, 1]) / 2.0
     return np.where((line == 0.0).all(axis=1), coincident, np.minimum(squeeze, expand))
-
-
-def _of_patches(points: Floats, normals: Floats, patch: Floats, angles: Floats) -> Floats:
-    """Two contacts; `angles` are those of points, also where both patches are points."""
-    having = patch.any(axis=(1, 2, 3))
-    angles[having] = least_friction_angles(
-        points[having], normals[having], patch[having], angles[having]
-    )
-    return angles
 
 
 def _of_triples(points: Floats, normals: Floats, tolerance: float) -> Floats:
@@ -306,7 +302,7 @@ class _Lines:
         """Values (b, 6), gradients (b, 6, 6) and matrices (b, 3, 6, 6) of the quadratic ones."""
         squares = np.empty((len(x), 3, 6, 6))
         squares[:, 0] = -np.swapaxes(self.matrix, 1, 2) @ self.matrix
-        squares[:, 1:] = np.array([_DISCS[0], _DISCS[1]])
+        squares[:, 1:] = DISCS
         products = (squares @ x[:, None, :, None])[..., 0]  # (b, 3, 6)
         linear = (self.linear @ x[..., None])[..., 0] + np.array([0.0, 0.0, 1.0 / NEAREST])
         quadratic = (products * x[:, None]).sum(axis=-1) + np.array([1.0, 0.0, 0.0])
@@ -332,9 +328,3 @@ class _Lines:
         unit += RIDGE * np.eye(6)
         step = -scale * np.linalg.solve(unit, (scale * gradient)[..., None])[..., 0]
         return step, -(gradient * step).sum(axis=-1)
-
-
-_DISCS = np.zeros((2, 6, 6))
-for _k in range(2):
-    _DISCS[_k, 2 * _k, 2 * _k] = _DISCS[_k, 2 * _k + 1, 2 * _k + 1] = -1.0
-    _DISCS[_k, 4, 4] = 1.0

@@ -228,7 +228,10 @@ def separating_direction(
     Returns:
         Direction (6,) along which the wrench has a positive component and no contact pushes.
     """
-    sections = _circumscribed_ball() if (torsion > 0.0).any() else _circumscribed_circle()
+    if (torsion > 0.0).any():
+        sections = _circumscribed_ball()
+    else:
+        sections = np.pad(_circumscribed_polygon(EDGES), ((0, 0), (0, 1)))
     forces = normals[:, None] + friction[:, None, None] * (
         sections[:, 0, None] * tangents(normals)[0][:, None]
         + sections[:, 1, None] * tangents(normals)[1][:, None]
@@ -236,7 +239,9 @@ def separating_direction(
     moments = np.cross(points[:, None], forces)
     moments += (torsion[:, None] * sections[:, 2])[..., None] * normals[:, None]
     if rolling is not None:
-        moments = moments[:, :, None] + (_circumscribed_patch() @ rolling)[:, None]  # (n, m, k, 3)
+        moments = (
+            moments[:, :, None] + (_circumscribed_polygon(PATCH_CORNERS) @ rolling)[:, None]
+        )  # (n, m, k, 3)
         forces = np.broadcast_to(forces[:, :, None], moments.shape)
     generators = np.concatenate([forces, moments], axis=-1).reshape(-1, 6)
     size = np.linalg.norm(wrench)
@@ -250,19 +255,11 @@ def separating_direction(
 
 
 @cache
-def _circumscribed_circle() -> Floats:
-    """Vertices of a polygon around the unit circle, (m, 3), the last coordinate 0."""
-    angles = edge_angles(EDGES)
-    corners = np.stack([np.cos(angles), np.sin(angles), np.zeros(EDGES)], axis=-1)
-    return np.asarray(corners / math.cos(math.pi / EDGES))
-
-
-@cache
-def _circumscribed_patch() -> Floats:
-    """Vertices of a polygon around the unit circle, (k, 2)."""
-    angles = edge_angles(PATCH_CORNERS)
-    corners = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    return np.asarray(corners / math.cos(math.pi / PATCH_CORNERS))
+def _circumscribed_polygon(corners: int) -> Floats:
+    """Vertices of a regular polygon around the unit circle, (corners, 2)."""
+    angles = edge_angles(corners)
+    vertices = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return np.asarray(vertices / math.cos(math.pi / corners))
 
 
 @cache

@@ -12,7 +12,6 @@ hull, with facets ranked by h / h_T; for one wrench by the simplex method along 
 import math
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 from scipy.optimize.elementwise import find_root
@@ -156,11 +155,6 @@ def _capacity(
     return np.asarray(e1 * np.sqrt(spare) + e2 * np.sqrt(other))
 
 
-def _missing(normal: Floats, *values: Any) -> Floats:
-    """`_capacity` less the torque, the last of the values."""
-    return np.asarray(_capacity(normal, *values[:-1]) - values[-1])
-
-
 def _pressing(twist: Floats, least: Floats, along: Floats, radius: Floats) -> Floats:
     """Smallest normal force of the second finger, shape (b,)."""
     first, second = least.T
@@ -176,7 +170,7 @@ def _pressing(twist: Floats, least: Floats, along: Floats, radius: Floats) -> Fl
         # Pressing by this much more, either finger resists the torque by itself.
         more = twist / np.maximum(e1, e2) + np.maximum(first, second) + np.abs(along)
         root = find_root(
-            _missing,
+            lambda normal, *values: _capacity(normal, *values[:-1]) - values[-1],
             (lowest[searched], (lowest + more)[searched]),
             args=rest,
             tolerances={"xrtol": 4e-16, "xatol": 0.0, "fatol": 0.0, "frtol": 0.0},

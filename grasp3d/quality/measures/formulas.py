@@ -431,8 +431,7 @@ def _plane(grasps: GraspGeometry) -> _Plane:
 def wrench_resistance(grasps: GraspGeometry) -> Measured:
     """Smallest normal force of every finger that resists the given wrench (Mahler et al. 2019)."""
     if grasps.wrench is None:
-        missing = np.ones(grasps.size, dtype=bool)
-        return Measured.of(np.full(grasps.size, np.nan), (missing, "no wrench is given"))
+        return Measured.undefined(grasps.size, "no wrench is given")
     force = grip_force(grasps.contacts, grasps.wrench, rtol=RTOL)
     return Measured.of(
         force.value,

@@ -170,6 +170,11 @@ class Measured:
             numbers[mask], reasons[mask] = np.nan, text
         return cls(numbers, reasons)
 
+    @classmethod
+    def undefined(cls, size: int, reason: str) -> "Measured":
+        """No values, for one reason."""
+        return cls(np.full(size, np.nan), np.full(size, reason, dtype=object))
+
 
 @dataclass(frozen=True)
 class Metric:

@@ -240,9 +240,8 @@ def metrics(
 def _measure(grasps: GraspGeometry, metric: Metric) -> Measured:
     """Values of a measure; undefined for too few fingers."""
     if grasps.count < metric.fingers:
-        few = np.ones(grasps.size, dtype=bool)
         reason = f"needs {metric.fingers} fingers, has {grasps.count}"
-        return Measured.of(np.full(grasps.size, np.nan), (few, reason))
+        return Measured.undefined(grasps.size, reason)
     if not grasps.size:
         return Measured.of(np.zeros(0))
     return metric.measure(grasps)
