@@ -91,16 +91,19 @@ def test_the_phase_starts_at_the_first_tangent(normal: np.ndarray, beta: float, 
     np.testing.assert_allclose(step, np.roll(forces, -1, axis=0), atol=1e-14)
 
 
-def test_each_contact_has_its_own_angle() -> None:
+def test_each_normal_has_its_own_angle() -> None:
     rng = np.random.default_rng(0)
     directions = rng.normal(size=(5, 4, 3))
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     betas = rng.uniform(0.0, 1.5, size=(5, 4))
     forces = cone_edges(directions, betas, edges=6)
-    assert forces.shape == (5, 4, 6, 3)
+    tilted = tilted_normals(directions, betas, count=6, rings=2)
+    assert (forces.shape, tilted.shape) == ((5, 4, 6, 3), (5, 4, 13, 3))
     for index in np.ndindex(5, 4):
         alone = cone_edges(directions[index], betas[index], edges=6)
         np.testing.assert_array_equal(forces[index], alone)
+        alone = tilted_normals(directions[index], betas[index], count=6, rings=2)
+        np.testing.assert_array_equal(tilted[index], alone)
 
 
 @given(any_normals, st.floats(0.0, math.pi / 2.0), st.integers(3, 20))
@@ -125,18 +128,6 @@ def test_rings_of_extreme_normals_are_at_even_steps(
     np.testing.assert_allclose(angles_to(normal, tilted[1:]), steps * tilt, atol=1e-14)
     rim = tilted_normals(normal, tilt, count=count)[1:]
     np.testing.assert_allclose(tilted[-count:], rim, atol=1e-15)
-
-
-def test_each_normal_has_its_own_tilt() -> None:
-    rng = np.random.default_rng(0)
-    directions = rng.normal(size=(5, 4, 3))
-    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
-    tilts = rng.uniform(0.0, 1.5, size=(5, 4))
-    tilted = tilted_normals(directions, tilts, count=6, rings=2)
-    assert tilted.shape == (5, 4, 13, 3)
-    for index in np.ndindex(5, 4):
-        alone = tilted_normals(directions[index], tilts[index], count=6, rings=2)
-        np.testing.assert_array_equal(tilted[index], alone)
 
 
 @given(any_normals, any_normals, st.floats(0.0, 3.2), st.floats(1e-3, 1e3))

@@ -167,8 +167,6 @@ def test_the_error_is_within_the_tolerance(tolerance: float) -> None:
 
 def test_one_contact_is_never_force_closed() -> None:
     assert critical_friction_angle(Contacts([[1.0, 2.0, 3.0]], [[0.0, 0.0, 1.0]])) == math.inf
-    many = Contacts(np.zeros((4, 1, 3)), np.ones((4, 1, 3)))
-    assert critical_friction_angle(many).tolist() == [math.inf] * 4
 
 
 def test_two_contacts_that_push_the_same_way_need_a_right_angle_or_more() -> None:
@@ -369,6 +367,7 @@ def test_a_batch_equals_its_grasps_one_by_one(count: int) -> None:
     assert angles.shape == (3, 4)
     for index in np.ndindex(3, 4):
         alone = critical_friction_angle(grasps.one(many, *index))
+        assert not isinstance(alone, np.ndarray)
         assert angles[index] == pytest.approx(alone, abs=1e-12)
     np.testing.assert_array_equal(angles, running(threads=2)(critical_friction_angle)(many))
     with pytest.raises(ValueError, match="read-only"):
@@ -387,13 +386,6 @@ def test_a_batch_may_mix_grasps_with_and_without_frictionless_closure() -> None:
         assert angles[i] == pytest.approx(critical_friction_angle(grasps.one(many, i)), abs=1e-12)
     assert angles[0] < 0.0
     assert angles[3] < 0.0
-
-
-def test_a_single_grasp_has_a_scalar() -> None:
-    for count in (2, 3):
-        angle = critical_friction_angle(grasps.random_grasp(count, 0))
-        assert not isinstance(angle, np.ndarray)
-        assert math.isfinite(float(angle))
 
 
 def test_an_empty_batch_has_no_angles() -> None:

@@ -799,6 +799,8 @@ def test_unit_normal_components_are_refused_at_extreme_friction() -> None:
 @pytest.mark.parametrize("name", DEGENERATE)
 def test_degenerate_grasps_have_valid_results(name: str) -> None:
     contacts = DEGENERATE[name]
+    for edges in (None, 3, 4, 8):
+        check_certificate(contacts, force_closure(contacts, edges=edges), edges=edges)
     for options in variants(contacts):
         bound = bound_on_epsilon(
             contacts, options["actuation"], options["bounded"], options["cone_offset"]
@@ -808,31 +810,8 @@ def test_degenerate_grasps_have_valid_results(name: str) -> None:
             case = f"{name}, edges={edges}, {options}: {result}"
             assert is_valid(result), case
             assert result.lower <= bound * (1.0 + ROUNDING) + 1e-11, case
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", DEGENERATE)
-def test_certificates_of_degenerate_grasps_are_valid(name: str) -> None:
-    contacts = DEGENERATE[name]
-    for edges in (None, 3, 4, 8):
-        check_certificate(contacts, force_closure(contacts, edges=edges), edges=edges)
-        for options in variants(contacts):
-            result = epsilon(contacts, edges=edges, **options)
             missing = np.isnan(result.certificate.equilibrium).any()
-            assert not (result.closed and missing), f"{name}, edges={edges}, {options}: {result}"
-
-
-@pytest.mark.parametrize("gap", [1e-11, 1e-9, 1e-8, 1e-7, 1e-6, 1e-4])
-def test_just_off_a_line_the_lower_bound_is_certified(gap: float) -> None:
-    """At rank 6 the torque about the line bounds epsilon."""
-    contacts = grasps.just_off_a_line(gap)
-    about_the_line = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
-    for edges in (3, 4, 8, 12, 16):
-        for bounded in ("force", "normal"):
-            result = epsilon(contacts, edges=edges, bounded=bounded)  # type: ignore[arg-type]
-            rows = wrenches(contacts, edges=edges, bounded=bounded)  # type: ignore[arg-type]
-            if result.rank == 6:
-                assert result.lower <= (rows @ about_the_line).max() + 1e-11, (edges, bounded)
+            assert not (result.closed and missing), case
 
 
 @pytest.mark.slow
@@ -947,17 +926,9 @@ def test_a_hull_that_exceeds_the_largest_capacity_is_exhausted_with_valid_bounds
     assert (result.lower <= usual.upper).all()
     assert (usual.lower <= result.upper).all()
     assert result.lower[0] == result.lower[1]
-
-
-def test_an_exhausted_result_that_is_closed_has_a_valid_certificate(
-    set_capacity: Callable[[int, int], None],
-) -> None:
-    set_capacity(32, 1024)
-    contacts = grasps.regular_on_ball("tetrahedron")
-    result = epsilon(contacts, rtol=1e-6)
-    assert result.status == Status.EXHAUSTED
-    assert result.closed
-    check_certificate(contacts, result)
+    if last == 1024:
+        assert result.closed.all()
+        check_certificate(contacts, epsilon(contacts, rtol=1e-6))
 
 
 # Errors

@@ -132,17 +132,23 @@ def test_opposed_fingers_with_the_weight_beside_their_line(
     check_proof(contacts, found, rtol=RTOL)
 
 
+def beside_the_middle(rng: np.random.Generator, arm: float = 0.01) -> tuple[Any, Any]:
+    """Points (2, 3) of two opposed fingers whose line is beside the centre of mass, and normals."""
+    line = rng.normal(size=3)
+    line /= np.linalg.norm(line)
+    points = np.outer([-0.03, 0.02], line) + arm * rng.normal(size=3)
+    return points, np.array([line, -line])
+
+
 @given(seeds, st.floats(0.2, 1.5), st.booleans())
 @few
 def test_opposed_fingers_press_no_harder_than_their_limit_surfaces_ask_for(
     seed: int, friction: float, hard: bool
 ) -> None:
     rng = np.random.default_rng(seed)
-    line = rng.normal(size=3)
-    line /= np.linalg.norm(line)
-    points = np.outer([-0.03, 0.02], line) + (0.0 if hard else 0.01) * rng.normal(size=3)
+    points, normals = beside_the_middle(rng, 0.0 if hard else 0.01)
     radius = np.zeros(2) if hard else rng.uniform(0.001, 0.02, size=2)
-    contacts = Contacts(points, [line, -line], friction, radius)
+    contacts = Contacts(points, normals, friction, radius)
     wrench = np.concatenate([rng.normal(size=3), np.zeros(3)])
     found = grip_force(contacts, wrench)
     check_proof(contacts, found, rtol=RTOL)
@@ -161,17 +167,15 @@ def test_opposed_fingers_press_no_harder_than_their_limit_surfaces_ask_for(
 def test_opposed_fingers_that_twist_have_exact_proofs(seed: int, bound: Any) -> None:
     """With different pads and weight along the line too, where one finger presses harder."""
     rng = np.random.default_rng(seed)
-    line = rng.normal(size=3)
-    line /= np.linalg.norm(line)
-    points = np.outer([-0.03, 0.02], line) + 0.01 * rng.normal(size=3)
+    points, normals = beside_the_middle(rng)
     friction, radius = rng.uniform(0.2, 1.5, size=2), rng.uniform(0.001, 0.02, size=2)
-    contacts = Contacts(points, [line, -line], friction, radius)
+    contacts = Contacts(points, normals, friction, radius)
     wrench = np.concatenate([rng.normal(size=3), 0.02 * rng.normal(size=3)])
     found = grip_force(contacts, wrench, bound=bound)
     assert found.lower == found.upper
     forces = found.certificate.forces
     spare = (forces[:, :3] * contacts.normals).sum(axis=1) ** 2 - (
-        np.linalg.norm(np.cross(forces[:, :3], line), axis=1) / friction
+        np.linalg.norm(np.cross(forces[:, :3], normals), axis=1) / friction
     ) ** 2
     exact = (spare > 1e-4 * np.abs(forces[:, :3]).max() ** 2).all()
     check_proof(contacts, found, rtol=1e-9 if exact else RTOL)

@@ -264,18 +264,13 @@ def test_one_patch_resists_no_torque_beyond_its_rim() -> None:
 
 def test_points_among_patches_resist_no_rolling() -> None:
     contacts = patches.random_patches(10, 3, 12)
-    some = replace_patch(contacts, contacts.patch * np.array([1.0, 0.0, 0.0])[:, None, None])
+    patch = contacts.patch * np.array([1.0, 0.0, 0.0])[:, None, None]
+    some = Contacts(contacts.points, contacts.normals, contacts.friction, 0.0, patch)
     values = [epsilon(one).upper for one in (contacts.without_patches(), some, contacts)]
     assert (values[0] <= values[1] * (1 + RTOL) + 1e-12).all()
     assert (values[1] <= values[2] * (1 + RTOL) + 1e-12).all()
     assert (values[0] < 0.99 * values[1]).any()
     assert (values[1] < 0.99 * values[2]).any()
-
-
-def replace_patch(contacts: Contacts, patch: np.ndarray) -> Contacts:
-    return Contacts(
-        contacts.points, contacts.normals, contacts.friction, contacts.torsion_radius, patch
-    )
 
 
 def test_what_is_known_of_points_only_is_refused() -> None:

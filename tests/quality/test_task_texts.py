@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from grasp3d.errors import SettingError
 from grasp3d.quality import Acceleration, Ellipsoid, Task, Weight, Wrenches, parse_task
-from grasp3d.quality.task_texts import COLUMNS, LARGEST_FILE, MAX_WRENCHES, TaskText, read_wrenches
+from grasp3d.quality.task_texts import LARGEST_FILE, MAX_WRENCHES, TaskText, read_wrenches
 
 DOWN = (0.0, 0.0, -1.0)
 NUMBERS = st.floats(-1e6, 1e6)
@@ -193,7 +193,3 @@ def test_a_folder_is_no_file_of_wrenches(tmp_path: Path) -> None:
     (tmp_path / "pushes.csv").mkdir()
     with pytest.raises(SettingError, match=r"pushes\.csv: cannot be read"):
         read_wrenches(tmp_path / "pushes.csv")
-
-
-def test_the_columns_are_force_and_torque() -> None:
-    assert COLUMNS == ("fx", "fy", "fz", "tx", "ty", "tz")

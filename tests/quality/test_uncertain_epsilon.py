@@ -68,7 +68,7 @@ def test_known_contacts_have_the_bounds_of_tilts_alone() -> None:
     contacts = grasps(10, 3, 1)
     options = EpsilonOptions(torque_scale=SCALE)
     errors = WrenchErrors((0.8, 0.8), (0.0, 0.0, 0.0))
-    plain, found = epsilon_range(contacts, 0.1, options), None
+    plain = epsilon_range(contacts, 0.1, options)
     found = uncertain_epsilon_range(contacts, 0.1, errors, options)
     for name in ("nominal", "minimum", "maximum"):
         assert getattr(found, name).tolist() == getattr(plain, name).tolist()

@@ -21,7 +21,7 @@ from grasp3d import (
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import settings_text
 from grasp3d.errors import SettingError
-from grasp3d.settings.lengths import METRES, Measure, parse_length, settings_in_unit
+from grasp3d.settings.lengths import Measure, parse_length, settings_in_unit
 from grasp3d.settings.parsing import plain_values
 from grasp3d.surface.sampling.pair_limits import OPENING_SLACK
 from tests.helpers import shapes
@@ -155,7 +155,3 @@ def test_labels_with_units_are_those_with_numbers() -> None:
     ):
         with pytest.raises(SettingError, match="but the unit of arrays is not known"):
             call()
-
-
-def test_units_are_those_of_the_meshes() -> None:
-    assert METRES == {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
