@@ -46,7 +46,6 @@ UPWARD = {
     ("grasp3d.surface.grasp_table", "grasp3d.viewer.show"),
     ("grasp3d.surface.labels", "grasp3d.viewer.show"),
     ("grasp3d.system.isolation.calls", "grasp3d.system.isolation.child"),
-    ("grasp3d.reading.mesh_files", "grasp3d.reading.child"),
 }
 """`labels.show()` finds the viewer when it is called, as pandas does with plotting; a child process
 is started by the name of its module."""

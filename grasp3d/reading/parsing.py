@@ -1,14 +1,19 @@
 """Parsing of mesh files with trimesh, and checks of the result."""
 
+import contextlib
 import io
 import logging
 import os
 import threading
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import trimesh
+
+with contextlib.suppress(ImportError):  # Windows has no resource limits
+    import resource
 
 from grasp3d.arrays import first_at_position
 from grasp3d.errors import MeshError
@@ -67,6 +72,23 @@ def parse(source: Source) -> RawMesh:
         raise source.unexpected(
             f"cannot be read as {source.kind.upper()} ({reason[:200]})"
         ) from error
+
+
+def parse_limited(source: Source) -> RawMesh:
+    """Read a file, as `parse` does, with a limit on the memory beyond that of this process.
+
+    Raises:
+        MeshError: It is damaged, or has no triangles.
+        MemoryError: It needs more memory than is allowed.
+    """
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(NameError, OSError, ValueError):  # elsewhere than on Linux
+            pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+            limit = pages * os.sysconf("SC_PAGE_SIZE") + int(source.max_memory * 1e9)
+            before = resource.getrlimit(resource.RLIMIT_AS)
+            resource.setrlimit(resource.RLIMIT_AS, (limit, before[1]))
+            stack.callback(resource.setrlimit, resource.RLIMIT_AS, before)
+        return parse(source)
 
 
 def _parsed(source: Source) -> trimesh.Scene:

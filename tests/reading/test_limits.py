@@ -55,7 +55,7 @@ def readers() -> list[psutil.Process]:
         process
         for process in psutil.Process().children()
         if process.status() != psutil.STATUS_ZOMBIE
-        and any("grasp3d.reading.child" in word for word in process.cmdline())
+        and any("grasp3d.system.isolation.child" in word for word in process.cmdline())
     ]
 
 

@@ -354,6 +354,6 @@ def test_a_call_fails_as_killed_if_no_process_can_be_started(
 
     end_idle()
     monkeypatch.setattr(subprocess, "Popen", full)
-    with pytest.raises(CallFailedError, match="could not start a process") as info:
+    with pytest.raises(CallFailedError, match="cannot be started") as info:
         call(process)
     assert info.value.kind is CallFailure.KILLED

@@ -96,7 +96,7 @@ def _child(*, fresh: bool = False) -> ChildProcess:
         return _pool.take(fresh=fresh)
     except OSError as error:  # the machine has too many processes: not an error of the call
         raise CallFailedError(
-            CallFailure.KILLED, f"could not start a process ({error.strerror})"
+            CallFailure.KILLED, f"cannot be started ({error.strerror})"
         ) from error
 
 
