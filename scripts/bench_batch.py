@@ -16,8 +16,13 @@ from scipy.spatial import ConvexHull
 
 from grasp3d import GraspModel, MeshOptions, Sampling
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
-from grasp3d.batch.library import LibraryLabels, label_library
-from grasp3d.batch.progress import BatchProgress, ProgressCallback, ignore_progress
+from grasp3d.batch.library import (
+    BatchProgress,
+    LibraryLabels,
+    ProgressCallback,
+    ignore_progress,
+    label_library,
+)
 
 SMALL = BatchSettings(
     GraspModel(), Sampling(rays=16), MeshOptions(max_edge=10.0, unit="cm"), best=3

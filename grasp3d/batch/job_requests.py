@@ -1,18 +1,39 @@
-"""Jobs as they are sent to the processes that run them, and how their attempts end."""
+"""Requests to run jobs, how they end, and the processes of this machine that answer them."""
 
 import platform
-from collections.abc import Callable
+import queue
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum, auto
 from functools import cache
 from importlib.metadata import version
+from itertools import count
 from typing import Any, Protocol
 
-from grasp3d.system.isolation import CallFailedError, NeedsMemory, call, describe_unexpected
+from grasp3d.batch.batch_settings import MIN_WORKER_MEMORY, ClusterSettings
+from grasp3d.system.context import available_processors
+from grasp3d.system.isolation import (
+    CallFailedError,
+    CallFailure,
+    NeedsMemory,
+    call,
+    describe_unexpected,
+    end_idle,
+)
+from grasp3d.system.isolation.limits import machine_memory
 from grasp3d.system.isolation.pickling import run_pickled_call
 
 USABLE_MEMORY = 0.9
 """Fraction of the memory that jobs may take; the rest is for the system and for this program."""
+
+REQUESTS_PER_PROCESS = 2
+"""Requests sent for each process, so that no process waits for the next one."""
+
+WAIT = 1.0
+"""Longest time of a wait for a result [s]."""
 
 
 @dataclass(frozen=True)
@@ -28,12 +49,12 @@ class Request:
     threads."""
     seconds: float | None
     """Time limit [s]; none: no limit."""
-    alone: bool
-    """Whether the job may take all memory of the worker, since no other job runs there."""
     versions: str
     """Versions of the sender."""
     preparation: bytes | None = None
     """A packed call that is made once per worker, outside the limits of jobs; none: none needed."""
+    alone: bool = False
+    """Whether the job may take all memory of the worker, since no other job runs there."""
 
     def memory_limit(self, usable: float, threads: int) -> float:
         """Memory limit of the job's process [GB].
@@ -53,9 +74,8 @@ class ResultKind(StrEnum):
     RETURNED = auto()
     """The value is what the task returned, packed."""
     LOST = auto()
-    """The value is the `CallFailedError` with which the child process ended."""
-    NEEDS_MEMORY = auto()
-    """Not begun: the value is the memory that the job needs [GB]."""
+    """The value is the `CallFailedError` with which the child process ended, or that tells that
+    the job was not begun for lack of memory."""
     FAILED = auto()
     """An unexpected exception; the value is a sentence."""
     WORKER_DIED = auto()
@@ -111,7 +131,8 @@ def result_of(request: Request, memory: float, cancelled: Callable[[], bool]) ->
     except CallFailedError as failure:
         return Result(ResultKind.LOST, failure, memory)
     except NeedsMemory as more:
-        return Result(ResultKind.NEEDS_MEMORY, more.gigabytes, memory)
+        too_little = CallFailedError(CallFailure.OUT_OF_MEMORY, str(more))
+        return Result(ResultKind.LOST, too_little, memory)
     except Exception as error:  # noqa: BLE001, a bug met by one mesh must not end the others
         return Result(ResultKind.FAILED, describe_unexpected(error))
     return Result(ResultKind.RETURNED, value)
@@ -123,3 +144,72 @@ def versions() -> str:
     python = ".".join(platform.python_version_tuple()[:2])
     packages = ", ".join(f"{name} {version(name)}" for name in ("grasp3d", "distributed"))
     return f"{packages} and Python {python}"
+
+
+class LocalClient:
+    """Runs requests on this machine: a thread for each child process, which watches it."""
+
+    def __init__(self, processes: int) -> None:
+        """Start nothing yet.
+
+        Args:
+            processes: How many requests run at once.
+        """
+        self.processes = processes
+        self._usable = USABLE_MEMORY * machine_memory()
+        self._numbers = count()
+        self._done: queue.SimpleQueue[tuple[int, Result]] = queue.SimpleQueue()
+        self._closed = threading.Event()
+        self._threads = ThreadPoolExecutor(processes, "grasp3d-batch")
+
+    @property
+    def window(self) -> int:
+        """How many requests should be pending at any time."""
+        return REQUESTS_PER_PROCESS * self.processes
+
+    def submit(self, request: Request) -> int:
+        """Run a request when a process is free; returns its number."""
+        number = next(self._numbers)
+        self._threads.submit(self._run, number, request)
+        return number
+
+    def wait(self) -> tuple[int, Result] | None:
+        """Wait for a result for a limited time; returns its number and value, or none."""
+        try:
+            return self._done.get(timeout=WAIT)
+        except queue.Empty:
+            return None
+
+    def largest_worker(self) -> tuple[str, float]:
+        """Name of this machine, and the memory that jobs may take [GB]."""
+        return "this machine", self._usable
+
+    def close(self) -> None:
+        """End the running requests, and forget the others."""
+        self._closed.set()
+        self._threads.shutdown(cancel_futures=True)
+
+    def _run(self, number: int, request: Request) -> None:
+        if request.alone:
+            end_idle()  # the memory of idle children is part of what the job may take
+        memory = request.memory_limit(self._usable, self.processes)
+        self._done.put((number, result_of(request, memory, self._closed.is_set)))
+
+
+@contextmanager
+def open_local(settings: ClusterSettings) -> Iterator[LocalClient]:
+    """Run requests on this machine for the duration of the context, then end all processes."""
+    client = LocalClient(local_workers(settings))
+    try:
+        yield client
+    finally:
+        client.close()
+        end_idle()
+
+
+def local_workers(settings: ClusterSettings) -> int:
+    """Jobs to run at once on this machine, limited by its processors and its memory."""
+    if settings.workers is not None:
+        return settings.workers
+    least = settings.worker_memory or MIN_WORKER_MEMORY
+    return max(1, min(available_processors(), int(USABLE_MEMORY * machine_memory() / least)))

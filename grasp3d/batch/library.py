@@ -1,30 +1,109 @@
 """Labelling a library of meshes: planned, labelled by many processes, stored, reported."""
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
-from grasp3d.batch.inputs import MeshFile, find_meshes
+from grasp3d.batch.inputs import MeshFile, find_meshes, use_stored_names
+from grasp3d.batch.job_requests import local_workers
 from grasp3d.batch.labelling import Unchanged, label_job, lost_row
-from grasp3d.batch.local_client import local_workers
 from grasp3d.batch.plan import Job, plan, use_all_processors
-from grasp3d.batch.progress import ProgressCallback, ProgressCounter, ignore_progress
 from grasp3d.batch.report import write_report
-from grasp3d.batch.row import Outcome, Row
+from grasp3d.batch.row import Outcome, Row, Summary
 from grasp3d.batch.run import run
 from grasp3d.batch.storage import Folder, local_path
 from grasp3d.batch.store import Store
-from grasp3d.batch.stored_names import use_stored_names
-from grasp3d.batch.summary import Summary
+from grasp3d.batch.warmup import Kernels
 from grasp3d.errors import OutputError
 
 REPORT = "report/index.html"
 
 SHARED_FOLDER_TIMEOUT = 10.0
 """Time until a shared folder shows a file that another machine has written [s]."""
+
+BYTES_PER_MESH = 100_000
+"""Bytes added to the size of each file: the work for a mesh is estimated by the bytes of its
+file."""
+
+
+@dataclass(frozen=True)
+class BatchProgress:
+    """Progress of a batch, reported whenever a mesh is started or finished."""
+
+    finished: int
+    """Meshes that an earlier batch had finished."""
+    stale: int
+    """Meshes of this batch whose labels of other settings are replaced."""
+    labelled: int
+    failed: int
+    """Refused or lost."""
+    left: int
+    """Meshes without a row yet, including the running ones."""
+    fraction: float
+    """Fraction of the work that is done, estimated by the size of the files, from 0 to 1."""
+    largest: MeshFile | None
+    """The largest running mesh."""
+    row: Row | None = None
+    """Row of the mesh that has just finished."""
+
+
+ProgressCallback = Callable[[BatchProgress], None]
+
+
+def ignore_progress(progress: BatchProgress) -> None:
+    """Do nothing with the progress of a batch."""
+
+
+@dataclass
+class _ProgressCounter:
+    """Counts what a batch has done, and reports it."""
+
+    meshes: Sequence[MeshFile]
+    """Meshes to label."""
+    finished: int
+    stale: int
+    report: ProgressCallback
+    _labelled: int = 0
+    _failed: int = 0
+    _work_done: int = 0
+    _running: dict[str, MeshFile] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._total_work = sum(mesh.size + BYTES_PER_MESH for mesh in self.meshes)
+        self._report(None)
+
+    def start(self, mesh: MeshFile) -> None:
+        """Count a mesh that is sent to a worker."""
+        self._running[mesh.name] = mesh
+        self._report(None)
+
+    def finish(self, row: Row) -> None:
+        """Count a mesh that has got a row."""
+        mesh = self._running.pop(row.mesh)
+        self._work_done += mesh.size + BYTES_PER_MESH
+        if row.outcome == Outcome.LABELLED:
+            self._labelled += 1
+        else:
+            self._failed += 1
+        self._report(row)
+
+    def _report(self, row: Row | None) -> None:
+        largest = max(self._running.values(), key=lambda mesh: mesh.size, default=None)
+        self.report(
+            BatchProgress(
+                finished=self.finished,
+                stale=self.stale,
+                labelled=self._labelled,
+                failed=self._failed,
+                left=len(self.meshes) - self._labelled - self._failed,
+                fraction=self._work_done / self._total_work if self._total_work else 1.0,
+                largest=largest,
+                row=row,
+            )
+        )
 
 
 @dataclass(frozen=True)
@@ -121,7 +200,7 @@ def label_library(
             jobs = use_all_processors(jobs, local_workers(cluster))
         store.begin(job.mesh.name for job in jobs)
         stale = sum(1 for job in jobs if store.is_stale(job.mesh.name))
-        counter = ProgressCounter([job.mesh for job in jobs], finished, stale, progress)
+        counter = _ProgressCounter([job.mesh for job in jobs], finished, stale, progress)
         for row in _rows(jobs, settings, cluster, store, counter, force=force):
             store.add(row)
             counter.finish(row)
@@ -163,7 +242,7 @@ def _rows(
     settings: BatchSettings,
     cluster: ClusterSettings,
     store: Store,
-    counter: ProgressCounter,
+    counter: _ProgressCounter,
     *,
     force: bool,
 ) -> Iterator[Row]:
@@ -176,9 +255,9 @@ def _rows(
         lost=lost_row,
         cluster=cluster,
         started=lambda job: counter.start(job.mesh),
-        kernels=settings.model.fingers,
-        gripper=settings.reach.hand is not None,
-        forces=settings.needs_forces,
+        kernels=Kernels(
+            settings.model.fingers, settings.reach.hand is not None, settings.needs_forces
+        ),
     ):
         row = _row_of(result, store.rows)
         if check_shared_folder and row.labels:

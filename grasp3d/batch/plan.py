@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import PurePosixPath
 
-from grasp3d.batch.folders import STORED
-from grasp3d.batch.inputs import MeshFile
+from grasp3d.batch.inputs import STORED, MeshFile
 from grasp3d.batch.storage import Folder, local_path
 from grasp3d.system.names import name_key, safe_stem, short_hash
 

@@ -1,10 +1,13 @@
-"""One row of the summary: the results of one mesh; and many of them, packed in memory."""
+"""Rows of the summary: the results of one mesh each; their list, and many packed in memory."""
 
 import pickle
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping
 from dataclasses import dataclass, fields
 from enum import StrEnum
+from typing import Any
+
+from grasp3d.system.tables import data_frame, table_of_records
 
 
 class Outcome(StrEnum):
@@ -252,3 +255,19 @@ class PackedRows(MutableMapping[str, Row]):
 
     def __len__(self) -> int:
         return len(self._packed)
+
+
+class Summary(list[Row]):
+    """Rows of a batch, one for each mesh, in the order of the meshes' names."""
+
+    def to_table(self) -> Any:
+        """Return a `pyarrow.Table` with the columns of the data set `summary/`."""
+        return table_of_records(self, Row, {})
+
+    def to_dataframe(self) -> Any:
+        """Return `to_table` as a `pandas.DataFrame`.
+
+        Raises:
+            OutputError: pandas is not installed; the extra `grasp3d[pandas]` installs it.
+        """
+        return data_frame(self.to_table())

@@ -1,21 +1,27 @@
 """Running jobs, each in a watched child process, so that a failing job affects no other."""
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from itertools import chain, islice
-from typing import TYPE_CHECKING, TypeVar
+from typing import Generic, TypeVar
 
 from grasp3d.batch.batch_settings import ClusterSettings
-from grasp3d.batch.local_client import open_local_client
-from grasp3d.batch.warmup import compile_first, compile_kernels
-from grasp3d.system.isolation import NeedsMemory, describe_unexpected
-
-if TYPE_CHECKING:
-    from grasp3d.batch.job_requests import JobClient
+from grasp3d.batch.job_requests import JobClient, Request, Result, ResultKind, open_local, versions
+from grasp3d.batch.warmup import Kernels, compile_first, compile_kernels
+from grasp3d.system.isolation import CallFailure, NeedsMemory, describe_unexpected, working_folder
+from grasp3d.system.isolation.pickling import pickle_call, unpickle_result
 
 JobT = TypeVar("JobT")
 SettingsT = TypeVar("SettingsT")
 RowT = TypeVar("RowT")
+
+MAX_WORKER_DEATHS = 3
+"""How many Dask workers may die while they run a job before it is given up."""
+
+MORE_MEMORY = 1.01
+"""Factor by which a second attempt must have more memory than the first."""
 
 
 def _ignore_start(job: object) -> None:
@@ -30,9 +36,7 @@ def run(
     lost: Callable[[JobT, str], RowT],
     cluster: ClusterSettings,
     started: Callable[[JobT], None] = _ignore_start,
-    kernels: int | None = None,
-    gripper: bool = False,
-    forces: bool = False,
+    kernels: Kernels | None = None,
 ) -> Iterator[RowT]:
     """Run a task for every job and yield each row when it is finished.
 
@@ -47,10 +51,8 @@ def run(
         lost: Makes the row of a job that failed without a row, from the reason.
         cluster: Which processes run the jobs, and the limits of a job.
         started: Called with each job that is taken.
-        kernels: Number of fingers for which kernels are compiled before the jobs, outside their
-            limits and times; 0: only meshes are prepared; None: no job needs kernels.
-        gripper: Whether those for grippers are compiled too.
-        forces: Whether those for grip forces are compiled too.
+        kernels: Kernels that are compiled before the jobs, outside their limits and times; None: no
+            job needs any.
 
     Raises:
         SettingError: No cluster runs at the given address.
@@ -62,30 +64,33 @@ def run(
         return
     if cluster.workers == 0:
         if kernels is not None:
-            compile_kernels(kernels, gripper, forces)
+            compile_kernels(*kernels)
         for job in chain(first, jobs):
             started(job)
             yield _run_here(task, job, settings, lost)
         return
-    from grasp3d.batch.attempts import Attempts
-
     with ExitStack() as stack:
         client: JobClient
+        preparation = None
         if cluster.scheduler is None:
-            client = local = stack.enter_context(open_local_client(cluster))
+            client = local = stack.enter_context(open_local(cluster))
             first += islice(jobs, local.processes - 1)
             if kernels is not None:
-                compile_first(kernels, gripper, forces, children=len(first))
-                kernels = None
+                compile_first(kernels, children=len(first))
         else:
             # Imported here: jobs on this machine need no Dask.
             from grasp3d.batch.cluster import open_cluster
 
             client = stack.enter_context(open_cluster(cluster.scheduler))
-        attempts = Attempts(
-            client, task, settings, lost, cluster, kernels, gripper=gripper, forces=forces
+            if kernels is not None:
+                preparation = pickle_call(compile_kernels, *kernels)
+        template = Request(
+            b"", working_folder(), cluster.worker_memory, cluster.timeout, versions(), preparation
         )
-        yield from attempts.rows(chain(first, jobs), started)
+        attempts = _Attempts(
+            client, lambda job: pickle_call(task, job, settings), template, lost, started
+        )
+        yield from attempts.rows(chain(first, jobs))
 
 
 def _run_here(
@@ -101,3 +106,97 @@ def _run_here(
         return lost(job, str(more))
     except Exception as error:  # noqa: BLE001, a bug met by one mesh must not end the others
         return lost(job, describe_unexpected(error))
+
+
+@dataclass(frozen=True)
+class _Attempt(Generic[JobT]):
+    """A job, and how its earlier attempts ended."""
+
+    job: JobT
+    alone: bool = False
+    crashed: bool = False
+    deaths: int = 0
+
+
+class _Attempts(Generic[JobT, RowT]):
+    """All jobs of a run: those that are running, and those that are postponed."""
+
+    def __init__(
+        self,
+        client: JobClient,
+        pack: Callable[[JobT], bytes],
+        template: Request,
+        lost: Callable[[JobT, str], RowT],
+        started: Callable[[JobT], None],
+    ) -> None:
+        """Start nothing yet; `pack` pickles the call of a job, `template` is a request without."""
+        self._client, self._pack, self._template = client, pack, template
+        self._lost, self._started = lost, started
+        self._running: dict[int, _Attempt[JobT]] = {}
+        self._postponed: deque[_Attempt[JobT]] = deque()
+
+    def rows(self, jobs: Iterator[JobT]) -> Iterator[RowT]:
+        """Run the jobs, taken while fewer are running than the workers hold; yields each row."""
+        while self._send_jobs(jobs):
+            message = self._client.wait()
+            if message is not None:
+                number, result = message
+                # Yield the row first: taking the next jobs can take a while.
+                yield from self._rows_of(self._running.pop(number), result)
+
+    def _send_jobs(self, queue: Iterator[JobT]) -> bool:
+        """Send as many jobs as the workers can hold; returns whether any is running."""
+        while len(self._running) < self._client.window:
+            try:
+                job = next(queue)
+            except StopIteration:
+                break
+            self._started(job)
+            self._send(_Attempt(job))
+        if not self._running and self._postponed:
+            self._send(self._postponed.popleft())
+        return bool(self._running)
+
+    def _send(self, attempt: _Attempt[JobT]) -> None:
+        request = replace(self._template, work=self._pack(attempt.job), alone=attempt.alone)
+        self._running[self._client.submit(request)] = attempt
+
+    def _rows_of(self, attempt: _Attempt[JobT], result: Result) -> list[RowT]:
+        """The row of a job, or none if the job is tried again."""
+        if result.kind is ResultKind.RETURNED:
+            return [unpickle_result(result.value)]
+        died = result.kind is ResultKind.WORKER_DIED
+        after = (self._after_death if died else self._after_loss)(attempt, result)
+        if isinstance(after, str):
+            return [self._lost(attempt.job, after)]
+        if after.alone and not attempt.alone:
+            self._postponed.append(after)
+        else:
+            self._send(after)
+        return []
+
+    def _after_death(self, attempt: _Attempt[JobT], result: Result) -> _Attempt[JobT] | str:
+        """The next attempt of a job whose worker died; after several deaths why it is given up."""
+        deaths = attempt.deaths + int(result.value)
+        if deaths > MAX_WORKER_DEATHS:
+            return f"{deaths} Dask workers died while they ran this mesh"
+        return replace(attempt, deaths=deaths)
+
+    def _after_loss(self, attempt: _Attempt[JobT], result: Result) -> _Attempt[JobT] | str:
+        """The next attempt of a job without a row where it may help; else why it is given up."""
+        if result.kind is not ResultKind.LOST:
+            return str(result.value)
+        failure = result.value.kind
+        if failure is CallFailure.CANCELLED:  # by the scheduler, which has assigned it again
+            return attempt
+        if failure is CallFailure.CRASHED and not attempt.crashed:
+            return replace(attempt, crashed=True)
+        memory = failure is CallFailure.OUT_OF_MEMORY and self._has_more_memory(result)
+        if not attempt.alone and (memory or failure is CallFailure.KILLED):
+            return replace(attempt, alone=True)
+        return str(result.value)
+
+    def _has_more_memory(self, result: Result) -> bool:
+        """Whether a job would have more memory alone than it had."""
+        limit = result.memory
+        return limit is None or self._client.largest_worker()[1] > MORE_MEMORY * limit

@@ -7,16 +7,23 @@ from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 
-from grasp3d.batch import journal
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.folders import MARKER, MeshFile
 from grasp3d.batch.identity import mesh_key
-from grasp3d.batch.journal import JournalEntry, pack_entry
-from grasp3d.batch.marker import marker_content, read_marker, set_aside
-from grasp3d.batch.row import Outcome, PackedRows, Row
-from grasp3d.batch.shards import Shards, read_journal, read_shards
+from grasp3d.batch.inputs import MARKER, MeshFile
+from grasp3d.batch.row import Outcome, PackedRows, Row, Summary
 from grasp3d.batch.storage import Folder, Lock
-from grasp3d.batch.summary import Summary
+from grasp3d.batch.store_files import (
+    JOURNAL,
+    JournalEntry,
+    Shards,
+    in_unicode,
+    marker_content,
+    pack_entry,
+    read_journal,
+    read_marker,
+    read_shards,
+    set_aside,
+)
 from grasp3d.errors import OutputError
 from grasp3d.system.names import as_unicode, printable
 
@@ -158,7 +165,7 @@ class Store:
         Raises:
             OutputError: The row cannot be written.
         """
-        row = journal.in_unicode(row)
+        row = in_unicode(row)
         before = self._rows.get(row.mesh)
         self._entry_files.append(self._write_entry(JournalEntry((row,))))
         self._rows[row.mesh] = row
@@ -240,7 +247,7 @@ class Store:
 
     def _write_entry(self, entry: JournalEntry) -> str:
         """Write a file of the journal; returns its name."""
-        name = f"{journal.FOLDER}/{self._run}-{self._entries_written:08d}.json"
+        name = f"{JOURNAL}/{self._run}-{self._entries_written:08d}.json"
         self._entries_written += 1
         self.output.write(name, pack_entry(entry))
         return name

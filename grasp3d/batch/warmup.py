@@ -11,7 +11,7 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -46,6 +46,14 @@ from grasp3d.system.context import running
 print(json.dumps(warmup(**settings)))
 """
 """Program of a process that compiles into another folder, which kernels choose when loaded."""
+
+
+class Kernels(NamedTuple):
+    """Which kernels jobs need, as `compile_kernels` takes them."""
+
+    fingers: int
+    gripper: bool = False
+    forces: bool = False
 
 
 def warmup(
@@ -118,24 +126,20 @@ def _warmup_into(folder: Path, **settings: int) -> tuple[str, ...]:
 
 
 @functools.cache
-def compile_first(
-    fingers: int, gripper: bool = False, forces: bool = False, *, children: int = 1
-) -> None:
+def compile_first(kernels: Kernels, *, children: int = 1) -> None:
     """Compile kernels in a child process, unless they are compiled; the line is logged here.
 
     This process needs none of them, and otherwise every worker would compile them with its first
     mesh, within its limits and time.
 
     Args:
-        fingers: As in `compile_kernels`.
-        gripper: As in `compile_kernels`.
-        forces: As in `compile_kernels`.
+        kernels: The kernels.
         children: Child processes that load the kernels at the same time, if they are compiled.
     """
     interrupted = threading.Event()
 
     def missing() -> str:
-        return call(missing_line, fingers, gripper, forces, cancelled=interrupted.is_set)
+        return call(missing_line, kernels, cancelled=interrupted.is_set)
 
     with suppress(GraspError):  # the jobs report the same failure
         with ThreadPoolExecutor(children) as threads:
@@ -148,23 +152,17 @@ def compile_first(
                 raise
         if lines[0]:
             logger.warning(lines[0])
-            call(compile_kernels, fingers, gripper, forces)
+            call(compile_kernels, *kernels)
             end_idle()  # the child has taken more memory than one that labels
 
 
-def missing_line(fingers: int, gripper: bool = False, forces: bool = False) -> str:
-    """Load the kernels of `compile_kernels`; returns the line to log where some are not compiled.
-
-    Args:
-        fingers: As in `compile_kernels`.
-        gripper: As in `compile_kernels`.
-        forces: As in `compile_kernels`.
-    """
+def missing_line(kernels: Kernels) -> str:
+    """Load kernels; returns the line to log where some are not compiled."""
     from grasp3d._kernels.compiling.machine_code import cache_folder
 
     try:
         with compilations.refused():
-            compile_kernels(fingers, gripper, forces)
+            compile_kernels(*kernels)
     except NotCompiledError:
         return announcement(stored=cache_folder() is not None)
     return ""

@@ -12,8 +12,7 @@ from rich.console import Console
 from rich.filesize import decimal
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from grasp3d.batch.library import REPORT, LibraryLabels
-from grasp3d.batch.progress import BatchProgress
+from grasp3d.batch.library import REPORT, BatchProgress, LibraryLabels
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.cli.margin_report import MARGIN, is_uncertain, margin_text
 from grasp3d.cli.report import (

@@ -15,7 +15,7 @@ import pytest
 import trimesh
 
 from grasp3d import GraspError
-from grasp3d.batch import attempts, cluster, cluster_client
+from grasp3d.batch import cluster
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.run import run
 from grasp3d.errors import SettingError
@@ -56,7 +56,7 @@ def test_killed_workers_do_not_lose_rows(tmp_path: Path, monkeypatch: pytest.Mon
                 nannies[1].kill()
         assert len(rows) == len(jobs)
         assert {row.name: row.reason for row in rows} == expected
-        monkeypatch.setattr(attempts, "MAX_WORKER_DEATHS", 1)
+        monkeypatch.setattr("grasp3d.batch.run.MAX_WORKER_DEATHS", 1)
         jobs = [Work("kills its worker"), Work("well")]
         deadly, *_ = sorted(rows_of(jobs, running), key=lambda row: row.name)
         assert deadly.reason == "2 Dask workers died while they ran this mesh"
@@ -101,8 +101,8 @@ def test_running_jobs_end_with_their_client(tmp_path: Path) -> None:
 def test_a_cluster_without_workers_is_waited_for_but_a_dead_scheduler_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(cluster_client, "NO_WORKER_WARNING", 0.2)
-    monkeypatch.setattr(cluster_client, "REFRESH", 0.1)
+    monkeypatch.setattr(cluster, "NO_WORKER_WARNING", 0.2)
+    monkeypatch.setattr(cluster, "REFRESH", 0.1)
     jobs = [Work(f"well-{number}") for number in range(5)] + [Work("hang")] * 9
     rows: list[Done] = []
     errors: list[GraspError] = []

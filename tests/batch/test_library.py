@@ -18,9 +18,8 @@ from grasp3d import GraspModel, MeshOptions, Sampling
 from grasp3d.batch import labelling, library, read_summary
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
 from grasp3d.batch.labelling import Unchanged, label_job
-from grasp3d.batch.library import LibraryLabels, label_library
+from grasp3d.batch.library import BatchProgress, LibraryLabels, label_library
 from grasp3d.batch.plan import Job
-from grasp3d.batch.progress import BatchProgress
 from grasp3d.batch.row import TIMINGS, Outcome, Row
 from grasp3d.batch.storage import Folder
 from grasp3d.errors import MeshError, MeshUnreadError, OutputError
@@ -301,7 +300,7 @@ def test_meshes_that_end_their_process_have_rows_and_affect_no_others(
 ) -> None:
     monkeypatch.setattr(library, "label_job", faulty_job)
     # A machine with little memory.
-    monkeypatch.setattr("grasp3d.batch.local_client.machine_memory", lambda: 1.3)
+    monkeypatch.setattr("grasp3d.batch.job_requests.machine_memory", lambda: 1.3)
     faults = ("segfault", "killed", "sleeps", "endless", "raises")
     for name in faults:
         mesh(tmp_path / "in" / f"{name}.ply")

@@ -15,7 +15,7 @@ from PIL import Image
 
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report import object_script, write_report
-from grasp3d.batch.report.gripper_data import drawn_openings, gripper_data
+from grasp3d.batch.report.objects import drawn_openings, gripper_data
 from grasp3d.batch.row import Row
 from grasp3d.hand.shapes import hand_triangles
 from grasp3d.hand.triangles import Part

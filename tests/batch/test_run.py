@@ -16,8 +16,7 @@ import grasp3d
 from grasp3d import GraspModel, Sampling
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
 from grasp3d.batch.checking import check_file, lost_check
-from grasp3d.batch.job_requests import USABLE_MEMORY
-from grasp3d.batch.local_client import local_workers
+from grasp3d.batch.job_requests import USABLE_MEMORY, local_workers
 from grasp3d.batch.plan import MeshFile
 from grasp3d.batch.run import run
 from tests.helpers import shapes
@@ -153,13 +152,13 @@ def test_jobs_on_this_machine_need_no_dask() -> None:
 
 
 def test_the_number_of_workers_is_limited_by_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("grasp3d.batch.local_client.machine_memory", lambda: 8.0)
-    monkeypatch.setattr("grasp3d.batch.local_client.available_processors", lambda: 64)
+    monkeypatch.setattr("grasp3d.batch.job_requests.machine_memory", lambda: 8.0)
+    monkeypatch.setattr("grasp3d.batch.job_requests.available_processors", lambda: 64)
     assert local_workers(ClusterSettings()) == int(USABLE_MEMORY * 8.0 / 0.5)
     assert local_workers(ClusterSettings(worker_memory=3.0)) == 2
     assert local_workers(ClusterSettings(worker_memory=30.0)) == 1
     assert local_workers(ClusterSettings(workers=5, worker_memory=3.0)) == 5
-    monkeypatch.setattr("grasp3d.batch.local_client.available_processors", lambda: 3)
+    monkeypatch.setattr("grasp3d.batch.job_requests.available_processors", lambda: 3)
     assert local_workers(ClusterSettings()) == 3
 
 

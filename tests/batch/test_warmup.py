@@ -17,11 +17,11 @@ import trimesh
 
 import grasp3d
 from grasp3d._kernels.compiling.machine_code import cache_folder
-from grasp3d.batch import warmup, worker_task
+from grasp3d.batch import cluster, warmup
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.job_requests import Request
 from grasp3d.batch.run import run
-from grasp3d.batch.warmup import compile_first, compile_kernels, missing_line
+from grasp3d.batch.warmup import Kernels, compile_first, compile_kernels, missing_line
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.system.compiling import NotCompiledError, announcement, compilations
 from grasp3d.system.isolation import CallFailedError, CallFailure
@@ -136,7 +136,7 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
 def test_what_a_load_needs_is_compiled_on_request(tmp_path: Path) -> None:
     grasp3d.warmup(forces=True)
     assert grasp3d.warmup(forces=True) == ()
-    assert missing_line(2, forces=True) == ""
+    assert missing_line(Kernels(2, forces=True)) == ""
     assert run_here("warmup", "--forces", cwd=tmp_path).stdout == "already compiled\n"
     with compilations.refused():
         label_under_loads(torsion_radius=0.0)
@@ -163,10 +163,10 @@ def test_what_is_missing_is_announced(monkeypatch: pytest.MonkeyPatch) -> None:
         raise NotCompiledError
 
     monkeypatch.setattr(warmup, "compile_kernels", uncompiled)
-    assert missing_line(2, forces=True) == announcement(stored=cache_folder() is not None)
+    assert missing_line(Kernels(2, forces=True)) == announcement(stored=cache_folder() is not None)
     assert calls == [(2, False, True)]
     monkeypatch.setattr(warmup, "compile_kernels", lambda *_: None)
-    assert missing_line(2) == ""
+    assert missing_line(Kernels(2)) == ""
 
 
 @pytest.mark.slow
@@ -241,9 +241,9 @@ def test_kernels_are_compiled_once_and_announced_before(
 ) -> None:
     calls = Calls("compiling takes a while")
     monkeypatch.setattr(warmup, "call", calls)
-    compile_first(2)
-    compile_first(2)
-    assert calls.made == [(missing_line, 2, False, False), (compile_kernels, 2, False, False)]
+    compile_first(Kernels(2))
+    compile_first(Kernels(2))
+    assert calls.made == [(missing_line, Kernels(2)), (compile_kernels, *Kernels(2))]
     assert [(one.name, one.getMessage()) for one in caplog.records] == [
         ("grasp3d.compiling", "compiling takes a while")
     ]
@@ -254,30 +254,30 @@ def test_compiled_kernels_are_not_announced(
 ) -> None:
     calls = Calls()
     monkeypatch.setattr(warmup, "call", calls)
-    compile_first(3)
-    assert (calls.made, caplog.messages) == ([(missing_line, 3, False, False)], [])
+    compile_first(Kernels(3))
+    assert (calls.made, caplog.messages) == ([(missing_line, Kernels(3))], [])
 
 
 def test_a_child_that_cannot_compile_is_left_to_the_jobs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warmup, "call", Calls(failing=True))
-    compile_first(2)
+    compile_first(Kernels(2))
 
 
 @pytest.mark.slow
 def test_a_run_compiles_before_its_first_job(monkeypatch: pytest.MonkeyPatch) -> None:
     order: list[object] = []
 
-    def noted(*arguments: object, children: int = 1) -> None:
+    def noted(kernels: Kernels, *, children: int) -> None:
         assert children == 1
-        order.append(arguments)
+        order.append(kernels)
 
     monkeypatch.setattr("grasp3d.batch.run.compile_first", noted)
-    monkeypatch.setattr("grasp3d.batch.run.compile_kernels", noted)
+    monkeypatch.setattr("grasp3d.batch.run.compile_kernels", lambda *kernels: order.append(kernels))
     jobs = [Work("well")]
     for workers in (1, 0):
-        cluster = ClusterSettings(workers=workers)
-        options: dict[str, Any] = {"started": order.append, "kernels": 4, "forces": True}
-        rows = run(work, jobs, 0.0, lost=lost, cluster=cluster, **options)
+        settings = ClusterSettings(workers=workers)
+        options: dict[str, Any] = {"started": order.append, "kernels": Kernels(4, forces=True)}
+        rows = run(work, jobs, 0.0, lost=lost, cluster=settings, **options)
         assert len(list(rows)) == 1
     assert order == [(4, False, True), jobs[0], (4, False, True), jobs[0]]
 
@@ -285,21 +285,21 @@ def test_a_run_compiles_before_its_first_job(monkeypatch: pytest.MonkeyPatch) ->
 def test_each_worker_of_a_cluster_prepares_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Several threads of a worker get their first requests at once."""
     calls = Calls()
-    monkeypatch.setattr(worker_task, "call", calls)
-    monkeypatch.setattr(worker_task, "_prepared", set())
-    plain = Request(b"job", "", memory=1.0, seconds=1.0, alone=False, versions="")
-    prepared = Request(b"job", "", 1.0, 1.0, alone=False, versions="", preparation=b"compile")
+    monkeypatch.setattr(cluster, "call", calls)
+    monkeypatch.setattr(cluster, "_prepared", set())
+    plain = Request(b"job", "", memory=1.0, seconds=1.0, versions="")
+    prepared = Request(b"job", "", 1.0, 1.0, versions="", preparation=b"compile")
     with ThreadPoolExecutor(4) as threads:
         for request in [prepared, plain] * 4:
-            threads.submit(worker_task.prepare, request, bool)
-    assert calls.made == [(worker_task.run_pickled_call, b"compile", "")]
+            threads.submit(cluster.prepare, request, bool)
+    assert calls.made == [(cluster.run_pickled_call, b"compile", "")]
 
 
 def test_a_cancelled_preparation_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
     calls = Calls(failing=True)
-    monkeypatch.setattr(worker_task, "call", calls)
-    monkeypatch.setattr(worker_task, "_prepared", set())
-    request = Request(b"job", "", 1.0, 1.0, alone=False, versions="", preparation=b"compile")
-    worker_task.prepare(request, bool)
-    worker_task.prepare(request, bool)
+    monkeypatch.setattr(cluster, "call", calls)
+    monkeypatch.setattr(cluster, "_prepared", set())
+    request = Request(b"job", "", 1.0, 1.0, versions="", preparation=b"compile")
+    cluster.prepare(request, bool)
+    cluster.prepare(request, bool)
     assert len(calls.made) == 2

@@ -21,8 +21,7 @@ from grasp3d import (
     write_npz,
     write_vtp,
 )
-from grasp3d.batch.row import AreaFractions, Row
-from grasp3d.batch.summary import Summary
+from grasp3d.batch.row import AreaFractions, Row, Summary
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.stability import COLORS, Label
 from grasp3d.surface import GraspTable

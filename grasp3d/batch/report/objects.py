@@ -1,4 +1,4 @@
-"""Data of the object page: surface, critical angles and grasps of one mesh."""
+"""Data of the object page: surface, critical angles, grasps, gripper and load of one mesh."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,10 +7,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from grasp3d.arrays import Floats
 from grasp3d.batch.report.packing import STEPS, json_text, pack_arrays, quantised
 from grasp3d.batch.row import BestGrasp
+from grasp3d.grasps.verdict import HoldingVerdict
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.shapes import hand_triangles, table_triangles
+from grasp3d.hand.triangles import Part, Triangles
 from grasp3d.settings import search_cone
+from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.settings.model_text import SAFE_LABELS, error_texts
+from grasp3d.surface.held_area import held_fractions
 
 if TYPE_CHECKING:
     from grasp3d.surface.labels import SurfaceLabels
@@ -22,6 +29,9 @@ CALL = "grasp3dObject"
 """Name of the page's function that the script calls."""
 
 _SMALL = 2**16
+
+DIGITS = 6
+"""Significant digits of coordinates, relative to the largest one."""
 
 
 def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp]) -> bytes:
@@ -41,9 +51,6 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
     Returns:
         JavaScript in ASCII; equal labels give equal scripts.
     """
-    # Imported here: the pages of a library need no meshes.
-    from grasp3d.batch.report.gripper_data import drawn_openings, gripper_data, load_data
-
     mesh, model = labels.mesh, labels.model
     vertices = np.unique(mesh.faces)
     low = mesh.vertices[vertices].min(axis=0)
@@ -76,7 +83,7 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
         "repairs": [str(step) for step in mesh.report.repairs],
         "warnings": list(mesh.report.warnings),
         "gripper": gripper_data(labels),
-        "load": load_data(labels),
+        "load": _load_data(labels),
         "grasps": [
             vars(grasp) | {"drawn_opening": opening}
             for grasp, opening in zip(grasps, drawn_openings(grasps, labels), strict=True)
@@ -125,3 +132,78 @@ def _arrays(
     if len(vertices) < count:
         arrays["numbers"] = vertices.astype(np.uint32)
     return arrays
+
+
+def gripper_data(labels: "SurfaceLabels") -> dict[str, Any] | None:
+    """The shape of the gripper in its own frame, and the table; None: no gripper.
+
+    Returns:
+        `vertices` at an opening of 0, in the mesh's unit, and `shifts`, by which openings are
+        multiplied and added to x: 0 for the palm, -0.5 and 0.5 for the fingers; `faces`, and
+        `parts`, a name for each face; `fingers`, their length; `table`, with vertices and faces in
+        the frame of the mesh, or None.
+    """
+    scene, unit = labels.scene, labels.mesh.unit
+    if scene is None or unit is None:
+        return None
+    hand, table = scene.hand, scene.table
+    closed = hand_triangles(hand, 0.0, unit=unit)
+    opened = hand_triangles(hand, 1.0, unit=unit)
+    names = [part.name.lower() for part in Part]
+    return {
+        "name": hand.name,
+        "shifts": np.round((opened.vertices - closed.vertices)[:, 0], DIGITS).tolist(),
+        "parts": [names[part] for part in closed.parts],
+        "fingers": hand.finger_length / METRES[unit],
+        "table": None if table is None else _shape(table_triangles(table, labels.mesh)),
+        **_shape(closed),
+    }
+
+
+def drawn_openings(grasps: Sequence[BestGrasp], labels: "SurfaceLabels") -> list[float | None]:
+    """Opening at which the gripper is drawn at each grasp [mesh unit]; None: it is not drawn."""
+    scene, unit = labels.scene, labels.mesh.unit
+    if scene is None or unit is None:
+        return [None] * len(grasps)
+    return [None if not grasp.pose else _drawn_opening(grasp, scene.hand, unit) for grasp in grasps]
+
+
+def _drawn_opening(grasp: BestGrasp, hand: Hand, unit: Unit) -> float:
+    """Opening at which the hand holds the contacts."""
+    points, outward = np.array(grasp.points), np.array(grasp.normals)
+    internal = np.array([float(outward[0] @ (points[1] - points[0])) > 0.0])
+    return float(hand.opening_at(points[None], outward[None], internal, METRES[unit])[0])
+
+
+def _shape(triangles: Triangles) -> dict[str, list[Any]]:
+    """Coordinates and corners, one after the other."""
+    return {
+        "vertices": _rounded(triangles.vertices).ravel().tolist(),
+        "faces": triangles.faces.ravel().tolist(),
+    }
+
+
+def _rounded(values: Floats) -> Floats:
+    largest = float(np.abs(values).max(initial=0.0)) or 1.0
+    return np.asarray(np.round(values, DIGITS - 1 - int(np.floor(np.log10(largest)))))
+
+
+def _load_data(labels: "SurfaceLabels") -> dict[str, Any] | None:
+    """The load of a labelled surface; None: there is none.
+
+    Returns:
+        `text`, the verdict as a sentence; `mass` [kg] and `available` [N], None where not known;
+        `held`, the area fractions of S, M and U with the force at hand, or None; `how` the forces
+        are known; `remedy`, what would help where most grasps hold nothing, or empty.
+    """
+    holding = labels.holding
+    if holding is None:
+        return None
+    return {
+        "text": str(HoldingVerdict.of(holding)),
+        "mass": holding.mass,
+        "available": holding.available,
+        "held": held_fractions(labels),
+        "how": holding.how,
+        "remedy": holding.remedy,
+    }

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from grasp3d.batch.folders import MARKER
+from grasp3d.batch.inputs import MARKER
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.store import read_summary
 from grasp3d.errors import GraspError, MeshError, SettingError
