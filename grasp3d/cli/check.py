@@ -54,8 +54,12 @@ def run(command: Check) -> int:
     if command.json:
         print(json_of(meshes, settings))  # noqa: T201
     elif not command.quiet:
-        names = {str(local_path(item) or item) for item in command.inputs}
-        print_checks(meshes, named=all(file.source in names for file in files))
+        report, names = Report(), {str(local_path(item) or item) for item in command.inputs}
+        if len(meshes) <= MAX_PAGES and all(file.source in names for file in files):
+            for mesh in meshes:  # each was named, instead of folders or lists
+                _print_page(report, mesh)
+        else:
+            _print_lines(report, meshes)
     accepted = {Trust.YES} if command.strict else {Trust.YES, Trust.CARE}
     return 0 if all(mesh.trust in accepted for mesh in meshes) else 1
 
@@ -70,21 +74,6 @@ def _checked(command: Check, files: list[MeshFile], settings: BatchSettings) -> 
     )
     rows = progress_bars.counted_results(checks, "checking", len(files), quiet=command.quiet)
     return sorted(rows, key=lambda row: row.name)
-
-
-def print_checks(meshes: Sequence[CheckedMesh], *, named: bool) -> None:
-    """Print a page for each of a few named meshes, otherwise a line for each mesh.
-
-    Args:
-        meshes: Checked meshes.
-        named: Whether the user named every mesh, instead of folders or lists.
-    """
-    report = Report()
-    if named and len(meshes) <= MAX_PAGES:
-        for mesh in meshes:
-            _print_page(report, mesh)
-        return
-    _print_lines(report, meshes)
 
 
 def _print_page(report: Report, mesh: CheckedMesh) -> None:
@@ -102,11 +91,12 @@ def _print_page(report: Report, mesh: CheckedMesh) -> None:
     report.table(_measures(diagnosis))
     for step in diagnosis.repairs:
         report.line(f"repaired: {step}")
+    sound, cost = diagnosis.manifold == "NoError", diagnosis.cost
+    manifold = "yes" if sound else f"no ({diagnosis.manifold})"
     report.paragraph(
         f"self-intersecting faces: {diagnosis.crossing_faces:,}; noise of normals: "
-        f"{math.degrees(diagnosis.noise):.1f}°; manifold: {_manifold(diagnosis)}"
+        f"{math.degrees(diagnosis.noise):.1f}°; manifold: {manifold}"
     )
-    cost = diagnosis.cost
     report.paragraph(
         f"labelling: {counted(diagnosis.label_vertices, 'vertices')}, "
         f"{'several times' if cost.more else 'about'} {_seconds(cost.seconds)} and "
@@ -131,10 +121,6 @@ def _unit(diagnosis: MeshDiagnosis) -> str:
     return f"{diagnosis.unit} as stated; {suggested}"
 
 
-def _manifold(diagnosis: MeshDiagnosis) -> str:
-    return "yes" if diagnosis.manifold == "NoError" else f"no ({diagnosis.manifold})"
-
-
 def _measures(diagnosis: MeshDiagnosis) -> Table:
     """Return a table of the measures before and after repair."""
     before, after = both = diagnosis.before, diagnosis.after
@@ -143,11 +129,12 @@ def _measures(diagnosis: MeshDiagnosis) -> Table:
     )
     shift = diagnosis.center_shift if before.closed and after.closed else 0.0
     cavities = f", cavities: {diagnosis.cavities}" if diagnosis.cavities else ""
+    volumes = ("open" if state.volume is None else f"{state.volume:.5g}" for state in both)
     rows = [
         ("vertices, faces", *(f"{state.vertices:,} {state.faces:,}" for state in both), ""),
         ("watertight", *map(_closed, both), ""),
         (f"area{area}", *(f"{state.area:.5g}" for state in both), _change(before.area, after.area)),
-        (f"volume{volume}", *map(_volume, both), _volume_change(before, after)),
+        (f"volume{volume}", *volumes, _change(before.volume, after.volume)),
         (
             f"centre of mass{length}",
             *(_center(state, diagnosis.size) for state in both),
@@ -179,18 +166,8 @@ def _center(measured: SurfaceMeasures, size: float) -> str:
     return " ".join(f"{round(x, digits) + 0.0:.{digits}f}" for x in measured.center_mass)
 
 
-def _volume(measured: SurfaceMeasures) -> str:
-    return "open" if measured.volume is None else f"{measured.volume:.5g}"
-
-
-def _volume_change(before: SurfaceMeasures, after: SurfaceMeasures) -> str:
-    if before.volume is None or after.volume is None:
-        return ""
-    return _change(before.volume, after.volume)
-
-
-def _change(before: float, after: float) -> str:
-    if abs(after - before) <= _MIN_CHANGE * abs(after):
+def _change(before: float | None, after: float | None) -> str:
+    if before is None or after is None or abs(after - before) <= _MIN_CHANGE * abs(after):
         return ""
     if before * after < 0.0:
         return "inverted"

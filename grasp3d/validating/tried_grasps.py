@@ -173,7 +173,7 @@ def check_grasps(
     """
     if not sources:
         raise ContactError("there are no grasps: name at least one file")
-    folder = MeshFolder(None if meshes is None else Path(meshes))
+    folder = MeshFolder(meshes)
     checked: list[TriedGrasps] = []
     for source in sources:
         room = KEPT - sum(tried.count for tried in checked if tried.kept is not None)
@@ -191,13 +191,14 @@ def _checked(
     hand: Hand | None,
     room: int,
 ) -> TriedGrasps:
-    path = None if isinstance(source, GraspPoses) else Path(source)
-    name = "poses" if path is None else str(path)
     if isinstance(source, GraspPoses):
-        poses = source
-        gripper, origin = _gripper(poses, hand, name, acronym=False)
+        path, poses, name, acronym = None, source, "poses", False
     else:
-        poses, gripper, origin = _read(Path(source), hand)
+        path, name = Path(source), str(source)
+        poses, acronym = read_poses(path, hand=hand), path.suffix.lower() in ACRONYM
+    gripper, origin = _gripper(poses, hand, name, acronym=acronym)
+    if path is not None and acronym and hand is None:  # it states the hand, not the TCP
+        poses = read_poses(path, hand=gripper)
     if mesh is None:
         if path is None:
             raise SettingError("poses in memory need the mesh of their object: mesh=...")
@@ -213,16 +214,6 @@ def _checked(
         mesh=mesh,
         kept=poses if path is None or poses.count <= room else None,
     )
-
-
-def _read(path: Path, hand: Hand | None) -> tuple[GraspPoses, Hand, str]:
-    """Poses of a file, their gripper, and where it is from."""
-    poses = read_poses(path, hand=hand)
-    acronym = path.suffix.lower() in ACRONYM
-    gripper, origin = _gripper(poses, hand, str(path), acronym=acronym)
-    if acronym and hand is None:  # it states the hand, not the TCP
-        poses = read_poses(path, hand=gripper)
-    return poses, gripper, origin
 
 
 def _gripper(poses: GraspPoses, hand: Hand | None, name: str, *, acronym: bool) -> tuple[Hand, str]:
