@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.helpers import shapes
-from tests.helpers.commands import export
+from tests.helpers.commands import export, printed
 from tests.helpers.commands import run_here as grasp3d
 from tests.helpers.commands import run_process as real_grasp3d
 
@@ -124,9 +124,8 @@ def test_a_surface_of_inconsistent_orientation_is_not_watertight(folder: Path) -
 
 
 def test_only_json_is_printed_to_standard_output(folder: Path) -> None:
-    run = grasp3d("check", "box.stl", "--json", cwd=folder)
-    assert run.returncode == 0
-    (mesh,) = json.loads(run.stdout)["meshes"]
+    text = printed("check", "box.stl", "--json", cwd=folder)
+    (mesh,) = json.loads(text)["meshes"]
     assert (mesh["mesh"], mesh["format"], mesh["repairs"]) == ("box.stl", "stl", [])
     assert mesh["guess"]["unit"] == "m"
 
@@ -141,8 +140,7 @@ def test_strict_accepts_no_warnings(folder: Path) -> None:
 
 
 def test_quiet_prints_nothing(folder: Path) -> None:
-    run = grasp3d("check", "box.stl", "-q", cwd=folder)
-    assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
+    assert printed("check", "box.stl", "-q", cwd=folder) == ""
 
 
 def test_lengths_that_cannot_be_meant_are_accepted_with_force(folder: Path) -> None:

@@ -14,7 +14,7 @@ from PIL import Image
 from grasp3d.plots import rendering
 from grasp3d.quality import METRICS, metric_names
 from tests.helpers import shapes
-from tests.helpers.commands import export
+from tests.helpers.commands import export, printed
 from tests.helpers.commands import run_here as grasp3d
 from tests.helpers.commands import run_process as real_grasp3d
 from tests.plots.test_rendering import needs_opengl
@@ -63,8 +63,7 @@ def test_labels_and_numbers_of_given_grasps(folder: Path) -> None:
 @pytest.mark.parametrize("name", ["out.csv", "out.parquet", "out.json"])
 def test_results_are_written_in_every_format_without_output(folder: Path, name: str) -> None:
     arguments = ("my box.stl", "pair.json", "-o", name, "--sensor-resolution", "30", "-q")
-    run = grasp3d("evaluate", *arguments, cwd=folder)
-    assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
+    assert printed("evaluate", *arguments, cwd=folder) == ""
     path = folder / name
     if path.suffix == ".json":
         found = json.loads(path.read_text(encoding="utf-8"))
@@ -80,14 +79,11 @@ def test_results_are_written_in_every_format_without_output(folder: Path, name: 
 def test_metrics_are_printed_and_written_with_reasons(folder: Path, name: str) -> None:
     names = "min_weight, centroid_distance,polygon_area"
     arguments = ("my box.stl", "pair.json", "-o", name, "--unit", "mm", "--metrics", names)
-    run = grasp3d("evaluate", *arguments, cwd=folder)
-    assert (run.returncode, run.stderr) == (0, "")
-    assert re.search(r"^min_weight +larger +0.0625 +0.0625 +0.0625", run.stdout, re.MULTILINE)
-    assert re.search(r"^centroid_distance \[mm\] +smaller +[^ ]+ +[^ ]+ ", run.stdout, re.MULTILINE)
-    assert re.search(
-        r"^polygon_area \[mm²\] +larger +none +none +none +1$", run.stdout, re.MULTILINE
-    )
-    assert "polygon_area undefined: needs 3 fingers, has 2 (1 of 1)" in run.stdout
+    text = printed("evaluate", *arguments, cwd=folder)
+    assert re.search(r"^min_weight +larger +0.0625 +0.0625 +0.0625", text, re.MULTILINE)
+    assert re.search(r"^centroid_distance \[mm\] +smaller +[^ ]+ +[^ ]+ ", text, re.MULTILINE)
+    assert re.search(r"^polygon_area \[mm²\] +larger +none +none +none +1$", text, re.MULTILINE)
+    assert "polygon_area undefined: needs 3 fingers, has 2 (1 of 1)" in text
     path = folder / name
     if path.suffix == ".json":
         row = json.loads(path.read_text(encoding="utf-8"))["grasps"][0]
@@ -102,8 +98,7 @@ def test_metrics_are_printed_and_written_with_reasons(folder: Path, name: str) -
 
 def test_all_metrics_of_three_fingers_are_written(folder: Path) -> None:
     arguments = ("my box.stl", "three.json", "-o", "out.parquet", "--metrics", "all", "-q")
-    run = grasp3d("evaluate", *arguments, cwd=folder)
-    assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
+    assert printed("evaluate", *arguments, cwd=folder) == ""
     first, beside, coincident = pq.read_table(folder / "out.parquet").to_pylist()
     assert set(metric_names("all")) < set(first)
     assert first["undefined_metrics"] == ""
@@ -115,10 +110,9 @@ def test_all_metrics_of_three_fingers_are_written(folder: Path) -> None:
 
 def test_of_many_grasps_only_the_first_are_printed(folder: Path) -> None:
     (folder / "many.json").write_text(json.dumps([PAIR] * 200), encoding="utf-8")
-    run = grasp3d("evaluate", "my box.stl", "many.json", "-o", "many.csv", cwd=folder)
-    assert run.returncode == 0
-    assert "the first 10 of 200" in run.stdout
-    assert len(run.stdout.splitlines()) < 30
+    text = printed("evaluate", "my box.stl", "many.json", "-o", "many.csv", cwd=folder)
+    assert "the first 10 of 200" in text
+    assert len(text.splitlines()) < 30
     assert pc.read_csv(folder / "many.csv").num_rows == 200
 
 
@@ -172,9 +166,8 @@ def test_contacts_of_poses_are_points_soft_or_patches(posed: Path) -> None:
     forces = {}
     for contact in ("point", "soft", "patch"):
         name = f"{contact}.json"
-        run = grasp3d("evaluate", *arguments, "--contact", contact, "-o", name, cwd=posed)
-        assert (run.returncode, run.stderr) == (0, "")
-        assert ("contacts resist torsion and rolling" in run.stdout) == (contact == "patch")
+        text = printed("evaluate", *arguments, "--contact", contact, "-o", name, cwd=posed)
+        assert ("contacts resist torsion and rolling" in text) == (contact == "patch")
         written = json.loads((posed / name).read_text(encoding="utf-8"))
         assert written["grasp3d"]["contact"] == contact
         forces[contact] = written["grasps"][0]["grip_force"]
@@ -183,11 +176,10 @@ def test_contacts_of_poses_are_points_soft_or_patches(posed: Path) -> None:
 
 def test_metrics_of_poses_are_written_and_replaced(posed: Path) -> None:
     arguments = ("poses.csv", "--unit", "mm", "--hand", "franka")
-    run = grasp3d(
+    text = printed(
         "evaluate", "small.stl", *arguments, "-o", "out.csv", "--metrics", "all", cwd=posed
     )
-    assert (run.returncode, run.stderr) == (0, "")
-    assert "undefined: the jaws do not close on the object (1 of 3)" in run.stdout
+    assert "undefined: the jaws do not close on the object (1 of 3)" in text
     rows = pc.read_csv(posed / "out.csv").to_pylist()
     assert rows[0]["friction_margin"] == pytest.approx(math.atan(0.5), abs=1e-6)
     assert rows[2]["friction_margin"] is None
@@ -204,10 +196,9 @@ def test_poses_on_a_table_collide_from_below(posed: Path) -> None:
     below = POSES.replace(",10,1,0,0,0", ",-10,0,0,0,1")
     (posed / "poses.csv").write_text(below, encoding="utf-8")
     arguments = ("small.stl", "poses.csv", "--unit", "mm", "--hand", "franka")
-    run = grasp3d("evaluate", *arguments, "--table", "as-is", cwd=posed)
-    assert run.returncode == 0
-    assert re.search("closed, but the gripper collides +2", run.stdout)
-    assert re.search("closed and reachable +0", run.stdout)
+    text = printed("evaluate", *arguments, "--table", "as-is", cwd=posed)
+    assert re.search("closed, but the gripper collides +2", text)
+    assert re.search("closed and reachable +0", text)
 
 
 def printed_rows(text: str) -> list[list[str]]:
@@ -226,11 +217,10 @@ def test_the_best_grasps_evaluated_again_are_the_same(
     monkeypatch.setattr(rendering, "can_render", lambda: False)
     (folder / "out").mkdir()
     output = ("-o", "out/labels.npz")
-    run = grasp3d("label", "my box.stl", *options, *output, "--best", "5", cwd=folder)
-    assert (run.returncode, run.stderr) == (0, "")
-    assert "the 5 best distinct grasps" in run.stdout
-    assert "no pictures: they need OpenGL" in run.stdout
-    assert f"written: {Path('out/labels_grasps.json')}" in run.stdout
+    text = printed("label", "my box.stl", *options, *output, "--best", "5", cwd=folder)
+    assert "the 5 best distinct grasps" in text
+    assert "no pictures: they need OpenGL" in text
+    assert f"written: {Path('out/labels_grasps.json')}" in text
     assert {path.name for path in (folder / "out").iterdir()} == {
         "labels.npz",
         "labels_grasps.json",
@@ -248,7 +238,7 @@ def test_the_best_grasps_evaluated_again_are_the_same(
         for name in ("critical_angle", "critical_angle_best", "max_resolution", "opening"):
             assert other[name] == pytest.approx(one[name], abs=1e-6), name
         assert other["epsilon"] == pytest.approx(one["epsilon"], rel=0.02)
-    assert [row[:7] for row in printed_rows(run.stdout)] == [
+    assert [row[:7] for row in printed_rows(text)] == [
         row[:7] for row in printed_rows(run_again.stdout)
     ]
 
@@ -257,25 +247,22 @@ def test_fewer_grasps_than_requested_are_reported(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(rendering, "can_render", lambda: False)
-    run = grasp3d("label", "my box.stl", *TWO_FINGERS, "--best", "5000", cwd=folder)
-    assert run.returncode == 0
+    text = printed("label", "my box.stl", *TWO_FINGERS, "--best", "5000", cwd=folder)
     count = len(json.loads((folder / "my box_grasps.json").read_text())["grasps"])
-    assert f"the {count} best distinct grasps" in run.stdout
-    assert "5000 were requested; all others are similar to one of these" in run.stdout
+    assert f"the {count} best distinct grasps" in text
+    assert "5000 were requested; all others are similar to one of these" in text
     few = ("--max-opening", "0.01", "--best", "3", "--overwrite")
-    run = grasp3d("label", "my box.stl", *TWO_FINGERS, *few, cwd=folder)
-    assert run.returncode == 0
-    assert "best grasps: none found" in run.stdout
-    assert "OpenGL" not in run.stdout
+    text = printed("label", "my box.stl", *TWO_FINGERS, *few, cwd=folder)
+    assert "best grasps: none found" in text
+    assert "OpenGL" not in text
     assert json.loads((folder / "my box_grasps.json").read_text())["grasps"] == []
 
 
 @pytest.mark.slow
 @needs_opengl
 def test_the_best_grasps_are_drawn(folder: Path) -> None:
-    run = grasp3d("label", "my box.stl", *TWO_FINGERS, "--best", "2", cwd=folder)
-    assert run.returncode == 0
-    assert "written: my box_grasps.json, my box_grasps.png" in run.stdout
+    text = printed("label", "my box.stl", *TWO_FINGERS, "--best", "2", cwd=folder)
+    assert "written: my box_grasps.json, my box_grasps.png" in text
     with Image.open(folder / "my box_grasps.png") as image:
         pixels = np.asarray(image.convert("RGB"))
     assert (pixels == 255).all(axis=2).mean() > 0.3

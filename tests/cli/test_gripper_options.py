@@ -15,7 +15,7 @@ from grasp3d.hand.hand_files import write_hand
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.plots.rendering import can_render
 from tests.helpers import shapes
-from tests.helpers.commands import run_here
+from tests.helpers.commands import printed, run_here
 from tests.helpers.grippers import HAND
 
 OPTIONS = ("--unit", "mm", "--max-edge", "10", "--rays", "8")
@@ -33,10 +33,9 @@ def box(tmp_path: Path) -> Path:
 def test_label_prints_the_verdict_and_writes_poses(
     box: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run = run_here("label", "box.stl", *OPTIONS, *FRANKA, "--best", "4", cwd=box)
-    assert (run.returncode, run.stderr) == (0, "")
-    assert "holdable: " in run.stdout
-    assert "franka" in run.stdout
+    text = printed("label", "box.stl", *OPTIONS, *FRANKA, "--best", "4", cwd=box)
+    assert "holdable: " in text
+    assert "franka" in text
     path = box / "box_grasps.json"
     assert holds_poses(path)
     poses = read_poses(path)
@@ -68,8 +67,7 @@ def test_label_prints_the_verdict_and_writes_poses(
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["npz", "vtp", "parquet", "glb"])
 def test_every_format_of_labels_is_written(box: Path, suffix: str) -> None:
-    run = run_here("label", "box.stl", *OPTIONS, *FRANKA, "-q", "-o", f"a.{suffix}", cwd=box)
-    assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
+    assert printed("label", "box.stl", *OPTIONS, *FRANKA, "-q", "-o", f"a.{suffix}", cwd=box) == ""
     if suffix == "npz":
         with np.load(box / "a.npz") as arrays:
             assert arrays["approach"].shape[1] == 3
@@ -83,20 +81,18 @@ def test_own_grippers_and_resting_poses(box: Path, monkeypatch: pytest.MonkeyPat
         "grasp3d.plots.rendering.can_render", lambda: False
     )  # pictures take seconds
     write_hand(box / "mine.json", HAND)
-    run = run_here(
+    printed(
         "label", "box.stl", *OPTIONS, "--hand", "mine.json", "--table", "stable",
         "--resting-pose", "3", "--approach-within", "40", "--approach-angles", "16", "--best", "2",
         cwd=box,
     )  # fmt: skip
-    assert (run.returncode, run.stderr) == (0, "")
     poses = read_poses(box / "box_grasps.json")
     table = Table.resting(load_mesh(box / "box.stl", unit="mm", max_edge=90.0), 3)
     downward = -(poses.poses[:, :3, 2] @ table.normal)
     assert (downward >= np.cos(np.radians(40.0)) - 1e-9).all()
-    up = run_here(
+    printed(
         "label", "box.stl", *OPTIONS, *FRANKA, "--up", "y", "-o", "up.ply", "--best", "2", cwd=box
     )
-    assert up.returncode == 0
     upright = read_poses(box / "up_grasps.json").poses
     assert (upright[:, 1, 2] < -0.7).all()
 
@@ -105,10 +101,9 @@ def test_own_grippers_and_resting_poses(box: Path, monkeypatch: pytest.MonkeyPat
 def test_nothing_reached_is_a_verdict_and_no_error(tmp_path: Path) -> None:
     plate = trimesh.Trimesh(*shapes.box((120.0, 80.0, 3.0)), process=False)
     plate.export(tmp_path / "plate.stl")
-    run = run_here("label", "plate.stl", *OPTIONS, *FRANKA, "--best", "3", cwd=tmp_path)
-    assert (run.returncode, run.stderr) == (0, "")
-    assert "out of reach (the table is in the way)" in run.stdout
-    assert "none found" in run.stdout
+    text = printed("label", "plate.stl", *OPTIONS, *FRANKA, "--best", "3", cwd=tmp_path)
+    assert "out of reach (the table is in the way)" in text
+    assert "none found" in text
     assert not (tmp_path / "plate_grasps.json").exists()
 
 
@@ -119,8 +114,7 @@ def test_batches_have_verdicts_and_poses_and_resume(box: Path) -> None:
     plate = trimesh.Trimesh(*shapes.box((120.0, 80.0, 3.0)), process=False)
     plate.export(box / "in" / "plate.stl")
     command = ("batch", "in", "-o", "out", "--workers", "0", "--best", "2", *OPTIONS)
-    first = run_here(*command, *FRANKA, cwd=box)
-    assert first.returncode == 0
+    assert run_here(*command, *FRANKA, cwd=box).returncode == 0
 
     def rows() -> dict[str, dict]:
         return {row["mesh"]: row for row in pq.read_table(box / "out" / "summary").to_pylist()}
@@ -149,11 +143,10 @@ def test_batches_have_verdicts_and_poses_and_resume(box: Path) -> None:
 def test_a_sweep_with_a_gripper_is_below_that_without(box: Path) -> None:
     fractions = {}
     for name, options in (("ideal", ()), ("held", FRANKA)):
-        run = run_here(
+        printed(
             "sweep", "box.stl", *OPTIONS, *options, "--friction", "0.4",
             "--sensor-resolution", "0:40:20", "-o", f"{name}.csv", cwd=box,
         )  # fmt: skip
-        assert (run.returncode, run.stderr) == (0, "")
         with (box / f"{name}.csv").open(encoding="utf-8") as stream:
             fractions[name] = list(csv.DictReader(stream))
     ideal, held = fractions["ideal"], fractions["held"]
@@ -171,10 +164,9 @@ def test_a_picture_has_the_gripper(box: Path) -> None:
 
     size = ("--width", "320", "--height", "240")
     for name, options in (("ideal", ()), ("held", FRANKA)):
-        run = run_here(
+        printed(
             "view", "box.stl", *OPTIONS, *options, "--screenshot", f"{name}.png", *size, cwd=box
         )
-        assert run.returncode == 0, run.stderr
     pictures = [np.array(Image.open(box / f"{name}.png")) for name in ("ideal", "held")]
     assert pictures[0].shape == pictures[1].shape
     assert (pictures[0] != pictures[1]).any()

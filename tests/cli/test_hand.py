@@ -9,24 +9,22 @@ import pytest
 from grasp3d.hand.hand_files import read_hand
 from grasp3d.hand.parallel_gripper import PRESETS, preset
 from tests.hand.test_robot_descriptions import mjcf, urdf
-from tests.helpers.commands import refusal
+from tests.helpers.commands import printed, refusal
 from tests.helpers.commands import run_here as grasp3d
 
 
 def test_without_a_gripper_the_presets_are_listed(tmp_path: Path) -> None:
-    run = grasp3d("hand", cwd=tmp_path, columns=80)
-    assert (run.returncode, run.stderr) == (0, "")
+    text = printed("hand", cwd=tmp_path, columns=80)
     for name in (*PRESETS, "(panda)"):
-        assert name in run.stdout
-    assert max(map(len, run.stdout.splitlines())) <= 82
+        assert name in text
+    assert max(map(len, text.splitlines())) <= 82
 
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_lengths_frame_force_and_touch_are_printed(tmp_path: Path, name: str) -> None:
     gripper = preset(name)
-    run = grasp3d("hand", name, cwd=tmp_path, columns=200)
-    assert (run.returncode, run.stderr) == (0, "")
-    lines = dict(re.findall(r"^(\w[\w ]*?)  +(\S.*?) *$", run.stdout, re.MULTILINE))
+    text = printed("hand", name, cwd=tmp_path, columns=200)
+    lines = dict(re.findall(r"^(\w[\w ]*?)  +(\S.*?) *$", text, re.MULTILINE))
     assert lines["opening"] == f"{1e3 * gripper.min_opening:g} to {1e3 * gripper.max_opening:g}"
     assert lines["fingers"] == f"{1e3 * gripper.finger_thickness:g} thick (x)"
     assert lines["greatest force"] == f"{gripper.max_force:g} N"
@@ -34,7 +32,7 @@ def test_lengths_frame_force_and_touch_are_printed(tmp_path: Path, name: str) ->
     assert lines["sensor resolution"] == ("22.92°" if gripper.round_tips else "not stated")
     assert ("torsion radius" in lines) != gripper.round_tips
     for joint in gripper.joint_names:
-        assert joint in run.stdout
+        assert joint in text
 
 
 def test_json_and_picture_are_written_and_read_again(tmp_path: Path) -> None:
@@ -44,8 +42,7 @@ def test_json_and_picture_are_written_and_read_again(tmp_path: Path) -> None:
     assert (tmp_path / "g.png").read_bytes().startswith(b"\x89PNG")
     # It may have been written by hand.
     assert "exists and is no result" in refusal("hand g.json -q -o g.json", tmp_path)
-    again = grasp3d("hand", "g.json", "-q", "-o", "g.json", "--overwrite", cwd=tmp_path)
-    assert (again.returncode, again.stdout, again.stderr) == (0, "", "")
+    assert printed("hand", "g.json", "-q", "-o", "g.json", "--overwrite", cwd=tmp_path) == ""
 
 
 @pytest.mark.parametrize(("kind", "library"), [(urdf, "yourdfpy"), (mjcf, "mujoco")])
@@ -55,8 +52,7 @@ def test_robots_are_read_by_their_finger_links(
     pytest.importorskip(library)
     path = kind(tmp_path)
     words = ("--fingers", "left", "right")
-    run = grasp3d("hand", path, *words, "--tcp", "9cm", "-o", "g.json", cwd=tmp_path)
-    assert (run.returncode, run.stderr) == (0, "")
+    printed("hand", path, *words, "--tcp", "9cm", "-o", "g.json", cwd=tmp_path)
     gripper = read_hand(tmp_path / "g.json")
     assert gripper == read_hand(path, fingers=("left", "right"), tcp=0.09)
     assert gripper.base_to_tcp == 0.09

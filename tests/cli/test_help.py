@@ -8,6 +8,7 @@ from unittest.mock import Mock
 import pytest
 
 from grasp3d.cli import KINDS, examples_of
+from tests.helpers.commands import printed
 from tests.helpers.commands import run_here as grasp3d
 
 MESHES = Path(__file__).parents[2] / "meshes"
@@ -23,9 +24,8 @@ EXAMPLES = [
 @pytest.mark.slow
 @pytest.mark.parametrize("command", KINDS)
 def test_every_command_has_at_least_two_examples(command: str) -> None:
-    run = grasp3d(command, "--help", cwd=Path(), columns=80)
-    assert run.returncode == 0
-    lines = run.stdout[run.stdout.index("\nexamples:\n") :].split("\n")[2:-1]
+    text = printed(command, "--help", cwd=Path(), columns=80)
+    lines = text[text.index("\nexamples:\n") :].split("\n")[2:-1]
     assert len(lines) >= 4
     assert [line[:4] for line in lines] == ["  # ", "  gr"] * (len(lines) // 2)
     assert all(f"{line} ".startswith(f"  grasp3d {command} ") for line in lines[1::2])
@@ -59,7 +59,6 @@ def test_the_examples_are_valid(
     """Those of `design` are run, the others parsed: they take longer."""
     if not words.startswith("design"):
         monkeypatch.setattr("grasp3d.cli.import_module", lambda _: Mock(run=lambda _: 0))
-    run = grasp3d(*shlex.split(words), cwd=tmp_path)
-    assert (run.returncode, run.stderr) == (0, "")
+    printed(*shlex.split(words), cwd=tmp_path)
     for path in re.findall(r"meshes/\w+\.\w+", words):
         assert (MESHES.parent / path).exists()

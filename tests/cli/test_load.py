@@ -10,7 +10,7 @@ import pytest
 
 from grasp3d.surface.holding import HARD_FINGERS
 from tests.helpers import shapes
-from tests.helpers.commands import export, run_here
+from tests.helpers.commands import export, printed
 
 BLOCK = shapes.box((0.08, 0.05, 0.03))
 SOFT = ("--unit", "m", "--max-edge", "0.02", "--torsion-radius", "3mm")
@@ -20,13 +20,12 @@ LOAD = ("--mass", "500 g", "--grip-force", "40N")
 @pytest.mark.slow
 def test_label_end_to_end(tmp_path: Path) -> None:
     export(tmp_path / "block.ply", BLOCK)
-    run = run_here("label", "block.ply", *SOFT, *LOAD, "--best", "2", cwd=tmp_path)
-    assert run.returncode == 0, run.stderr
-    assert "load: 0.5 kg, weight; force at hand: 40 N per finger" in run.stdout
-    assert "holds 0.5 kg at 40 N in any orientation" in run.stdout
-    assert re.search(r"held by \d+\.\d % of the surface \(S \d", run.stdout)
-    assert re.search(r"payload, 10/50/90 % of the area: [\d., ]+ kg", run.stdout)
-    assert re.search(r"opening +force +payload", run.stdout)
+    text = printed("label", "block.ply", *SOFT, *LOAD, "--best", "2", cwd=tmp_path)
+    assert "load: 0.5 kg, weight; force at hand: 40 N per finger" in text
+    assert "holds 0.5 kg at 40 N in any orientation" in text
+    assert re.search(r"held by \d+\.\d % of the surface \(S \d", text)
+    assert re.search(r"payload, 10/50/90 % of the area: [\d., ]+ kg", text)
+    assert re.search(r"opening +force +payload", text)
     written = json.loads((tmp_path / "block_grasps.json").read_text())
     assert written["grasp3d"]["object_mass"] == 0.5
     best = written["grasps"][0]
@@ -37,20 +36,18 @@ def test_label_end_to_end(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_remedy_for_hard_fingers_is_printed(tmp_path: Path) -> None:
     export(tmp_path / "block.ply", BLOCK)
-    run = run_here("label", "block.ply", *SOFT[:4], "--mass", "0.5", cwd=tmp_path)
-    assert run.returncode == 0, run.stderr
-    assert HARD_FINGERS in run.stdout
-    assert "force at hand: none given" in run.stdout
-    assert "none, none, none N" in run.stdout
+    text = printed("label", "block.ply", *SOFT[:4], "--mass", "0.5", cwd=tmp_path)
+    assert HARD_FINGERS in text
+    assert "force at hand: none given" in text
+    assert "none, none, none N" in text
 
 
 @pytest.mark.slow
 def test_label_writes_a_table_with_a_gripper(tmp_path: Path) -> None:
     export(tmp_path / "block.ply", BLOCK)
     density = ("--density", "1g/cm^3", "--hand", "franka")
-    run = run_here("label", "block.ply", *SOFT[:4], *density, "-o", "out.npz", cwd=tmp_path)
-    assert run.returncode == 0, run.stderr
-    assert "load: 0.12 kg, weight; force at hand: 70 N per finger" in run.stdout
+    text = printed("label", "block.ply", *SOFT[:4], *density, "-o", "out.npz", cwd=tmp_path)
+    assert "load: 0.12 kg, weight; force at hand: 70 N per finger" in text
     with np.load(tmp_path / "out.npz") as arrays:
         assert np.nanmax(arrays["payload"]) > 1.0
         assert set(arrays["label_with_force"]) <= {0, 1, 2}
@@ -62,10 +59,9 @@ def test_evaluate_contacts(tmp_path: Path) -> None:
     grasps = [[[0.0, 0.025, 0.0], [0.0, -0.025, 0.0]], [[0.0, 0.0, 0.015], [0.0, 0.0, -0.015]]]
     (tmp_path / "grasps.json").write_text(json.dumps(grasps))
     task = ("--task", "weight within 0 of -z", "--sensor-resolution", "0", "-o", "out.csv")
-    run = run_here("evaluate", "block.ply", "grasps.json", *SOFT, *LOAD, *task, cwd=tmp_path)
-    assert run.returncode == 0, run.stderr
-    assert "held by 2 of 2 grasps (S 2, M 0, U 0)" in run.stdout
-    assert re.search(r"distance +force +payload", run.stdout)
+    text = printed("evaluate", "block.ply", "grasps.json", *SOFT, *LOAD, *task, cwd=tmp_path)
+    assert "held by 2 of 2 grasps (S 2, M 0, U 0)" in text
+    assert re.search(r"distance +force +payload", text)
     table = pc.read_csv(tmp_path / "out.csv").to_pydict()
     side = 0.5 * 9.80665 / (2.0 * 0.5)  # friction 0.5
     assert table["grip_force"][0] == pytest.approx(side, rel=0.01)

@@ -10,6 +10,7 @@ import trimesh
 from grasp3d import label_surface, load_mesh
 from grasp3d.system.tables import read_columns
 from tests.helpers import shapes
+from tests.helpers.commands import printed
 from tests.helpers.commands import run_here as grasp3d
 
 QUICK = ("--copies", "3", "--max-edge", "9cm", "--unit", "cm", "--rays", "16")
@@ -26,18 +27,17 @@ def scan(tmp_path: Path) -> Path:
 
 
 def test_it_prints_what_to_enter_and_writes_the_results(scan: Path) -> None:
-    done = grasp3d("perturb", scan.name, "--noise", "0.2mm", *QUICK, cwd=scan.parent)
-    assert (done.returncode, done.stderr) == (0, "")
+    text = printed("perturb", scan.name, "--noise", "0.2mm", *QUICK, cwd=scan.parent)
     noise = "noise of each of the 3 copies: 0.2 mm along the normals (as given), independent at"
-    assert noise in done.stdout
-    assert re.search(r"over 95 % of the area and copies, normals turn by at most \d", done.stdout)
-    entered = re.search(r"enter: --normal-error (\S+) --location-error (\S+)mm", done.stdout)
+    assert noise in text
+    assert re.search(r"over 95 % of the area and copies, normals turn by at most \d", text)
+    entered = re.search(r"enter: --normal-error (\S+) --location-error (\S+)mm", text)
     assert entered
     assert 1.0 < float(entered[1]) < 30.0
     assert 0.0 < float(entered[2]) < 0.2
     assert (scan.parent / "scan_noise.ply").exists()
     again = grasp3d("perturb", scan.name, "--noise", "0.2mm", *QUICK, cwd=scan.parent)
-    assert again.stdout == done.stdout  # it replaces its own results
+    assert again.stdout == text  # it replaces its own results
 
 
 @pytest.mark.slow
@@ -46,14 +46,13 @@ def test_what_it_prints_can_be_entered(scan: Path) -> None:
     assert "estimated from the surface's roughness" in done.stdout
     words = re.search(r"enter: (.+)", done.stdout)
     assert words
-    label = grasp3d(
+    text = printed(
         "label", scan.name, "--unit", "cm", "--max-edge", "9cm", "--rays", "16",
         *words[1].split(), "-o", "b.ply", cwd=scan.parent,
     )  # fmt: skip
-    assert (label.returncode, label.stderr) == (0, "")
     fraction = re.search(r"with these errors (\S+) % of the area is S", done.stdout)
     assert fraction
-    stable = re.search(r"S    surely stable +(\S+) %", label.stdout)
+    stable = re.search(r"S    surely stable +(\S+) %", text)
     assert stable
     assert float(stable[1]) == pytest.approx(float(fraction[1]), abs=0.3)
     rows = read_columns(scan.parent / "a.csv")
@@ -94,11 +93,10 @@ def test_what_noisy_copies_do_not_take_is_no_option(tmp_path: Path, option: str)
 def test_the_figure_shows_the_surface(scan: Path) -> None:
     from PIL import Image
 
-    done = grasp3d(
+    text = printed(
         "perturb", scan.name, "--noise", "0.2mm", *QUICK, "--figure", "a.png", cwd=scan.parent
     )
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.rstrip().endswith("a.png")
+    assert text.rstrip().endswith("a.png")
     with Image.open(scan.parent / "a.png") as image:
         pixels = np.asarray(image.convert("RGB")).reshape(-1, 3)
     assert len(np.unique(pixels, axis=0)) > 500

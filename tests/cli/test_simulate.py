@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from grasp3d.system.tables import read_columns
-from tests.helpers.commands import refusal
+from tests.helpers.commands import printed, refusal
 from tests.helpers.commands import run_here as grasp3d
 
 QUICK = ("--unit", "cm", "--pull-time", "0.05", "--workers", "0")
@@ -27,29 +27,27 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.mark.slow
 def test_it_prints_success_by_label_and_margin(folder: Path) -> None:
-    done = grasp3d("simulate", "box.stl", "--count", "6", *QUICK, cwd=folder)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "6 grasps; grip force 49 N; 6 pulls of 0.981 N at the line between the" in done.stdout
-    assert "simulated as 1 convex part, whose surface is off by at most" in done.stdout
+    text = printed("simulate", "box.stl", "--count", "6", *QUICK, cwd=folder)
+    assert "6 grasps; grip force 49 N; 6 pulls of 0.981 N at the line between the" in text
+    assert "simulated as 1 convex part, whose surface is off by at most" in text
     for line in (
         "S    surely stable         2       100 %",
         "U    surely unstable       2         0 %",
     ):
-        assert line in done.stdout
-    assert "below -30°" in done.stdout
-    assert "held: " in done.stdout
+        assert line in text
+    assert "below -30°" in text
+    assert "held: " in text
     rows = read_columns(folder / "box_simulation.csv")
     assert rows["label"].tolist() == ["S", "S", "M", "M", "U", "U"]
     again = grasp3d("simulate", "box.stl", "--count", "6", *QUICK, cwd=folder)
-    assert again.stdout == done.stdout  # it replaces its own results
+    assert again.stdout == text  # it replaces its own results
 
 
 def test_given_poses_are_simulated(folder: Path) -> None:
     words = ("--grasps", "poses.csv", "--hand", "franka", "-o", "tried.csv")
-    done = grasp3d("simulate", "box.stl", *words, *QUICK, cwd=folder)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "S    surely stable        1        100 %" in done.stdout
-    assert "missed: 1 (the two tips never touched it at once)" in done.stdout
+    text = printed("simulate", "box.stl", *words, *QUICK, cwd=folder)
+    assert "S    surely stable        1        100 %" in text
+    assert "missed: 1 (the two tips never touched it at once)" in text
     assert read_columns(folder / "tried.csv")["outcome"].tolist() == [1, 0]
 
 

@@ -33,7 +33,7 @@ from grasp3d.errors import MeshError, SettingError
 from grasp3d.stability.angle_distributions import SphereAngles
 from grasp3d.surface.sweeps import sweep
 from tests.helpers import shapes
-from tests.helpers.commands import export
+from tests.helpers.commands import export, printed
 from tests.helpers.commands import run_here as grasp3d
 from tests.helpers.commands import run_process as real_grasp3d
 
@@ -120,9 +120,8 @@ def test_a_note_about_creases_that_decide_the_required_resolution(tmp_path: Path
     export(tmp_path / "box.stl", shapes.box())
     once = ("--friction", "0.5", "--sensor-resolution", "20", "--rays", "8")
     for edge, noted in (("0.1", True), ("0.02", False)):
-        done = grasp3d("sweep", "box.stl", *once, "--max-edge", edge, cwd=tmp_path)
-        assert (done.returncode, done.stderr) == (0, "")
-        assert ("area includes strips along creases, on box.stl" in done.stdout) == noted
+        text = printed("sweep", "box.stl", *once, "--max-edge", edge, cwd=tmp_path)
+        assert ("area includes strips along creases, on box.stl" in text) == noted
 
 
 @pytest.mark.slow
@@ -139,10 +138,9 @@ def test_a_folder_without_valid_meshes_has_a_table_of_errors(tmp_path: Path) -> 
 
 @pytest.mark.slow
 def test_shapes_have_fractions_in_closed_form(tmp_path: Path) -> None:
-    done = grasp3d("sweep", "circle", "square", "sphere", "--fraction", "0.1", cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "U surely unstable" in done.stdout
-    assert "no grasp found" not in done.stdout
+    text = printed("sweep", "circle", "square", "sphere", "--fraction", "0.1", cwd=tmp_path)
+    assert "U surely unstable" in text
+    assert "no grasp found" not in text
     rows = rows_of(tmp_path / "sweep.csv")
     assert list(dict.fromkeys(row["name"] for row in rows)) == ["circle", "square", "sphere"]
     assert {row["mode"] for row in rows} == {"scan"}
@@ -161,21 +159,18 @@ def test_shapes_have_fractions_in_closed_form(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_shape_and_a_folder_of_the_same_name(tmp_path: Path) -> None:
     export(tmp_path / "circle" / "ball.ply", shapes.sphere(2))
-    done = grasp3d("sweep", "circle", "-o", "shape.csv", cwd=tmp_path)
-    assert done.returncode == 0
-    assert "for the file or folder of that name write ./circle" in done.stdout
+    text = printed("sweep", "circle", "-o", "shape.csv", cwd=tmp_path)
+    assert "for the file or folder of that name write ./circle" in text
     assert {row["mode"] for row in rows_of(tmp_path / "shape.csv")} == {"scan"}
-    done = grasp3d("sweep", "./circle/ball.ply", "-q", *QUICK, cwd=tmp_path)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert printed("sweep", "./circle/ball.ply", "-q", *QUICK, cwd=tmp_path) == ""
     assert {row["mode"] for row in rows_of(tmp_path / "ball_sweep.csv")} == {"label"}
 
 
 @pytest.mark.slow
 def test_for_mesh_and_shape_together_the_meaning_of_u_is_printed_for_each(tmp_path: Path) -> None:
     export(tmp_path / "ball.ply", shapes.sphere(2))
-    done = grasp3d("sweep", "ball.ply", "sphere", *QUICK, cwd=tmp_path)
-    assert done.returncode == 0
-    assert "U no grasp found (on sphere: surely unstable)" in done.stdout
+    text = printed("sweep", "ball.ply", "sphere", *QUICK, cwd=tmp_path)
+    assert "U no grasp found (on sphere: surely unstable)" in text
 
 
 def test_help_names_the_shapes_and_the_format_of_ranges(tmp_path: Path) -> None:

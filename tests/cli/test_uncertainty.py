@@ -22,7 +22,7 @@ from grasp3d.settings.parsing import plain_values
 from grasp3d.surface.sweeps import sweep
 from grasp3d.system.context import report_progress, running, unreported
 from tests.helpers import shapes
-from tests.helpers.commands import export
+from tests.helpers.commands import export, printed
 from tests.helpers.commands import run_here as grasp3d
 
 COARSE = ("--max-edge", "inf", "--rays", "8", "--unit", "mm")
@@ -73,9 +73,8 @@ def test_ranges_of_lengths_and_numbers() -> None:
 @pytest.mark.slow
 def test_the_report_of_labels_has_the_uncertainties_and_the_mean_budget(tmp_path: Path) -> None:
     source = export(tmp_path / "box.stl", shapes.box((40.0, 60.0, 80.0)))
-    done = grasp3d("label", "box.stl", *ERRORS, *COARSE, "--best", "1", cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
-    lines = done.stdout.splitlines()
+    text = printed("label", "box.stl", *ERRORS, *COARSE, "--best", "1", cwd=tmp_path)
+    lines = text.splitlines()
     assert "friction 0.4 to 0.6, sensor resolution 10°" in lines[0]
     assert (
         "uncertain: friction 0.4 to 0.6; normals by a further 2°; contact locations by 1 mm"
@@ -99,39 +98,34 @@ def test_the_report_of_labels_has_the_uncertainties_and_the_mean_budget(tmp_path
 
 def test_without_further_uncertainties_the_report_has_no_margin(tmp_path: Path) -> None:
     export(tmp_path / "box.stl", shapes.box((40.0, 60.0, 80.0)))
-    done = grasp3d("label", "box.stl", *COARSE, "--best", "1", cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert not re.search("margin|uncertain|budget", done.stdout)
+    text = printed("label", "box.stl", *COARSE, "--best", "1", cwd=tmp_path)
+    assert not re.search("margin|uncertain|budget", text)
 
 
 def test_the_report_of_grasps_has_their_margins(tmp_path: Path) -> None:
     export(tmp_path / "box.stl", shapes.box((40.0, 60.0, 80.0)))
     pairs = [[[-20, 0, 0], [20, 0, 0]], [[-20, 0, 0], [0, 30, 0]]]
     (tmp_path / "pairs.json").write_text(json.dumps(pairs), encoding="utf-8")
-    done = grasp3d(
+    text = printed(
         "evaluate", "box.stl", "pairs.json", *ERRORS, "--unit", "mm", "-o", "out.csv", cwd=tmp_path
     )
-    assert (done.returncode, done.stderr) == (0, "")
     turn = math.degrees(math.asin(2.0 / 40.0))
     margin = math.degrees(math.atan(0.4)) - 7.0 - turn
-    first, second = (
-        line.split() for line in done.stdout.splitlines() if re.match(r" +[12] +■", line)
-    )
+    first, second = (line.split() for line in text.splitlines() if re.match(r" +[12] +■", line))
     assert f"{margin:.1f}°" in first
     assert [cell for cell in second if cell.startswith("-")]
-    assert "margin: friction angle to spare, S: above 0" in done.stdout
-    assert "uncertain: " in done.stdout
+    assert "margin: friction angle to spare, S: above 0" in text
+    assert "uncertain: " in text
 
 
 @pytest.mark.slow
 def test_a_sweep_over_location_errors(tmp_path: Path) -> None:
-    done = grasp3d(
+    text = printed(
         "sweep", "circle", "sphere", "--location-error", "0:0.2:0.1", "--fraction", "0.1",
         cwd=tmp_path,
     )  # fmt: skip
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("area fractions of S/M/U [%] by sensor resolution, friction 0.5:")
-    assert "location error" in done.stdout
+    assert text.startswith("area fractions of S/M/U [%] by sensor resolution, friction 0.5:")
+    assert "location error" in text
     rows = pc.read_csv(tmp_path / "sweep.csv").to_pylist()
     assert len(rows) == 2 * 3 * 62
     assert {row["location_error"] for row in rows} == {0.0, 0.1, 0.2}
@@ -164,9 +158,8 @@ def test_every_line_of_the_required_resolutions_has_its_name(tmp_path: Path) -> 
 def test_defaults_leave_two_axes(
     words: tuple[str, ...], fixed: str, rows: int, tmp_path: Path
 ) -> None:
-    done = grasp3d("sweep", "sphere", *words, cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert fixed in done.stdout.splitlines()[0]
+    text = printed("sweep", "sphere", *words, cwd=tmp_path)
+    assert fixed in text.splitlines()[0]
     assert len(pc.read_csv(tmp_path / "sphere_sweep.csv")) == rows
 
 
@@ -190,21 +183,19 @@ def test_reports_have_millimetres_and_the_meaning_of_safe_labels(tmp_path: Path)
     export(tmp_path / "box.stl", shapes.box((0.04, 0.06, 0.08)))
     fingers = "location_error=0.5mm; normal_error=2, friction=0.3..0.4"
     words = ("--unit", "m", "--max-edge", "inf", "--rays", "8", "--location-error", "1mm")
-    done = grasp3d("label", "box.stl", *words, "--per-finger", fingers, cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
-    (line,) = [line for line in done.stdout.splitlines() if line.startswith("uncertain: ")]
+    text = printed("label", "box.stl", *words, "--per-finger", fingers, cwd=tmp_path)
+    (line,) = [line for line in text.splitlines() if line.startswith("uncertain: ")]
     assert "contact locations by 1 mm" in line
     assert "finger 1: locations ± 0.5 mm more" in line
     assert "finger 2: normals ± 2° more, friction 0.3 to 0.4" in line
-    assert "safe labels" not in done.stdout  # those of two fingers are exact
+    assert "safe labels" not in text  # those of two fingers are exact
     triples = [[[-0.02, 0, 0], [0.02, 0.01, 0], [0.02, -0.01, 0]]]
     (tmp_path / "triples.json").write_text(json.dumps(triples), encoding="utf-8")
     given = ("evaluate", "box.stl", "triples.json", "--unit", "m", "-o", "out.csv")
     safe = "safe labels: every S and U is correct, an M may be one of them"
     for located in ((), ("--location-error", "1mm")):
-        done = grasp3d(*given, *located, "--overwrite", cwd=tmp_path)
-        assert (done.returncode, done.stderr) == (0, "")
-        assert done.stdout.count(safe) == len(located) // 2
+        text = printed(*given, *located, "--overwrite", cwd=tmp_path)
+        assert text.count(safe) == len(located) // 2
 
 
 def test_a_batch_refuses_a_location_error_that_cannot_be_meant(tmp_path: Path) -> None:
@@ -225,10 +216,9 @@ def test_a_sweep_states_the_unit_of_its_values(tmp_path: Path) -> None:
         ("mm", "location error, fr"),
     ):
         given = ("--location-error", "0", f"1{unit}", "--normal-error", "0", "5", "--unit", "mm")
-        done = grasp3d("sweep", "box.stl", *words, *given, "--overwrite", cwd=tmp_path)
-        assert (done.returncode, done.stderr) == (0, "")
-        assert done.stdout.startswith(f"area fractions of S/M/U [%] by {heading}")
-        assert ("1 mm" in done.stdout) == (unit == "mm")
+        text = printed("sweep", "box.stl", *words, *given, "--overwrite", cwd=tmp_path)
+        assert text.startswith(f"area fractions of S/M/U [%] by {heading}")
+        assert ("1 mm" in text) == (unit == "mm")
 
 
 def test_a_sweep_searches_at_each_location_error() -> None:

@@ -16,6 +16,7 @@ from grasp3d.grasps.poses import GraspPoses
 from grasp3d.plots.validation_page import FILES
 from grasp3d.system.tables import read_columns
 from tests.helpers import shapes
+from tests.helpers.commands import printed
 from tests.helpers.commands import run_here as grasp3d
 from tests.helpers.tried_grasps import chances, expected_roc_auc, poses_on
 
@@ -53,18 +54,17 @@ GIVEN = ("validate", "log.csv", "--mesh", "body.ply", "--hand", "franka", *QUICK
 
 @pytest.mark.slow
 def test_it_prints_how_well_scores_predict(folder: Path) -> None:
-    done = grasp3d(*GIVEN, cwd=folder)
-    assert (done.returncode, done.stderr) == (0, "")
+    text = printed(*GIVEN, cwd=folder)
     held = int((poses()[1] > HELD_FROM).sum())
-    assert f"120 grasps with an outcome on 1 object: {held} held" in done.stdout
-    assert "gripper franka, as given; mass not known" in done.stdout
-    assert "the jaws do not close on the mesh: labelled U, with the worst value" in done.stdout
-    assert re.search(r"margin +larger +1\.000 1\.000-1\.000 +1\.000 1\.000-1\.000", done.stdout)
-    assert "100 resamples (seed 0) of the grasps; they hold for this object" in done.stdout
-    assert re.search(r"0\.5 +22\.6° +100\.0 % \d+-100 +\d+ ", done.stdout)
-    assert "best threshold" in done.stdout
+    assert f"120 grasps with an outcome on 1 object: {held} held" in text
+    assert "gripper franka, as given; mass not known" in text
+    assert "the jaws do not close on the mesh: labelled U, with the worst value" in text
+    assert re.search(r"margin +larger +1\.000 1\.000-1\.000 +1\.000 1\.000-1\.000", text)
+    assert "100 resamples (seed 0) of the grasps; they hold for this object" in text
+    assert re.search(r"0\.5 +22\.6° +100\.0 % \d+-100 +\d+ ", text)
+    assert "best threshold" in text
     assert {path.name for path in folder.iterdir()} == {"body.ply", "log.csv"}
-    assert grasp3d(*GIVEN, cwd=folder).stdout == done.stdout
+    assert grasp3d(*GIVEN, cwd=folder).stdout == text
     narrow = grasp3d(*GIVEN, cwd=folder, columns=80).stdout
     assert "…" not in narrow
 
@@ -72,24 +72,22 @@ def test_it_prints_how_well_scores_predict(folder: Path) -> None:
 def test_options_choose_the_grid_the_seed_and_the_model(folder: Path) -> None:
     words = ("--frictions", "0.4", "--sensor-resolutions", "0:20:10", "--seed", "7", "--worst", "1",
              "--friction", "0.8", "--mass", "20g", "--bins", "4", "--target", "0.5")  # fmt: skip
-    done = grasp3d(*GIVEN, *words, cwd=folder)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "labels, margins and forces at μ 0.8, α 22.6°" in done.stdout
-    rows = re.findall(r"^0\.4 +(\S+)° ", done.stdout, re.MULTILINE)
+    text = printed(*GIVEN, *words, cwd=folder)
+    assert "labels, margins and forces at μ 0.8, α 22.6°" in text
+    rows = re.findall(r"^0\.4 +(\S+)° ", text, re.MULTILINE)
     assert rows == ["0", "10", "20"]
-    assert "seed 7" in done.stdout
-    assert "grip force" in done.stdout
-    assert "mass 20 g, as given" in done.stdout
-    assert len(re.findall(r"^-?\d+\.\d° to", done.stdout, re.MULTILINE)) == 4
-    assert "50 % of the accepted grasps held" in done.stdout
-    assert len(re.findall(r"^  grasp \d+:", done.stdout, re.MULTILINE)) <= 3
+    assert "seed 7" in text
+    assert "grip force" in text
+    assert "mass 20 g, as given" in text
+    assert len(re.findall(r"^-?\d+\.\d° to", text, re.MULTILINE)) == 4
+    assert "50 % of the accepted grasps held" in text
+    assert len(re.findall(r"^  grasp \d+:", text, re.MULTILINE)) <= 3
 
 
 @pytest.mark.slow
 def test_the_report_is_written_again_but_replaces_no_other_file(folder: Path) -> None:
     for _ in range(2):
-        done = grasp3d(*GIVEN, "-o", "out", "-q", "--worst", "0", cwd=folder)
-        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+        assert printed(*GIVEN, "-o", "out", "-q", "--worst", "0", cwd=folder) == ""
     assert {path.name for path in (folder / "out").iterdir()} == set(FILES)
     table = read_columns(folder / "out" / "grasps.csv")
     np.testing.assert_array_equal(table["success"], poses()[1] > HELD_FROM)
@@ -109,10 +107,9 @@ def test_the_mesh_is_looked_up_in_the_scale_that_is_stated(folder: Path) -> None
     stated = replace(tried(poses()[1] > HELD_FROM), object_file="any/body.ply", object_scale=0.001)
     write_poses(folder / "log.json", stated)
     given = ("validate", "log.json", "--resamples", "100", "--max-edge", "20")
-    done = grasp3d(*given, "--meshes", "meshes", cwd=folder)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "gripper franka, as the file states (panda)" in done.stdout
-    assert re.search(r"margin +larger +1\.000 ", done.stdout)
+    text = printed(*given, "--meshes", "meshes", cwd=folder)
+    assert "gripper franka, as the file states (panda)" in text
+    assert re.search(r"margin +larger +1\.000 ", text)
     done = grasp3d(*given, cwd=folder)
     assert done.returncode == 2
     assert "log.json: names the mesh 'any/body.ply', which is not beside it in" in done.stderr
@@ -132,11 +129,10 @@ def rewritten(folder: Path, change: dict[str, str]) -> None:
 
 def test_outcomes_that_say_nothing_are_reported(folder: Path) -> None:
     rewritten(folder, {"all": "yes", "3": ""})
-    done = grasp3d(*GIVEN, cwd=folder)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "119 held (100.0 %); 1 without an outcome are left out" in done.stdout
-    assert "warning: log.csv: all 119 grasps held, so no score can be ranked" in done.stdout
-    assert "undefined" in done.stdout
+    text = printed(*GIVEN, cwd=folder)
+    assert "119 held (100.0 %); 1 without an outcome are left out" in text
+    assert "warning: log.csv: all 119 grasps held, so no score can be ranked" in text
+    assert "undefined" in text
     rewritten(folder, {"all": ""})
     done = grasp3d(*GIVEN, cwd=folder)
     assert done.returncode == 2
@@ -198,10 +194,9 @@ def test_acronym_needs_no_options(tmp_path: Path) -> None:
         for field in ("grasps/transforms", "grasps/qualities/flex/object_in_gripper"):
             part[field] = file[field][:80]
     folder = ("--meshes", mug.parent)
-    done = grasp3d("validate", "mug.h5", *folder, "--resamples", "100", cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "80 grasps with an outcome on 1 object: " in done.stdout
+    text = printed("validate", "mug.h5", *folder, "--resamples", "100", cwd=tmp_path)
+    assert "80 grasps with an outcome on 1 object: " in text
     assert (
         "gripper franka, as the file states (panda); mass 13.1 g, as the file states; centre of "
         "mass as the file states"
-    ) in done.stdout
+    ) in text

@@ -50,6 +50,13 @@ def run_here(
     return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
 
 
+def printed(*arguments: str | Path, cwd: Path, columns: int = 160) -> str:
+    """Run a command that must succeed without any error, and return what it prints."""
+    run = run_here(*arguments, cwd=cwd, columns=columns)
+    assert (run.returncode, run.stderr) == (0, "")
+    return run.stdout
+
+
 def refusal(words: str, cwd: Path) -> str:
     """Run a command that must refuse its input, write nothing, and return its error, one line."""
     before = contents(cwd)
