@@ -4,7 +4,6 @@ import itertools
 import math
 from concurrent.futures import ThreadPoolExecutor
 from functools import reduce
-from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -222,14 +221,11 @@ def _alike(labels: SurfaceLabels, edges: Ints) -> Bools:
     gaps = np.linalg.norm(labels.partners[one] - labels.partners[two], axis=2).max(axis=1)
     alike = gaps <= np.maximum(STRETCH * lengths, NEAR * size)
     if labels.reach is not None:
-        alike &= _cosines(labels.reach.poses[:, :3, 2], one, two) >= math.cos(TURN)
+        directions = labels.reach.poses[:, :3, 2]
+        cosines = (directions[one] * directions[two]).sum(axis=1)
+        # For more than two fingers there are no directions.
+        alike &= np.nan_to_num(cosines, nan=1.0) >= math.cos(TURN)
     return np.asarray(alike)
-
-
-def _cosines(directions: Floats, one: Ints, two: Ints) -> Floats:
-    """Cosines between unit vectors; 1 where there is none, as for more than two fingers."""
-    cosines = (directions[one] * directions[two]).sum(axis=1)
-    return np.asarray(np.nan_to_num(cosines, nan=1.0))
 
 
 TESTS_PER_GRASP = 16
@@ -274,7 +270,6 @@ def alternatives_at(labels: SurfaceLabels, vertex: int, count: int) -> GraspTabl
     if count < 1:
         raise SettingError(f"the number of grasps must be at least 1; got {count}")
     own = int(mesh.canonical[vertex])
-    contact = _own_contact(labels, own)
     sampling = labels.sampling if isinstance(labels.sampling, Sampling) else Sampling()
     limited = scene.within_stroke(mesh, sampling)
     with ThreadPoolExecutor(1) as executor:
@@ -283,29 +278,14 @@ def alternatives_at(labels: SurfaceLabels, vertex: int, count: int) -> GraspTabl
         most = largest_cost(cone, ranking)
         search = ReachSearch(mesh, scene, cone, limits, executor, most)
         partners = search.partners_of(np.array([own]), count, TESTS_PER_GRASP * count)
-    signs = np.concatenate([contact.signs, np.ones(count, dtype=np.int64)])
-    faces = np.concatenate([contact.points.faces, partners.faces[0]])
-    weights = np.concatenate([contact.points.weights, partners.weights[0]])
+    first = slice(0, int(labels.likely_reason[own] == Reason.FOUND))  # of the vertex, if any
+    points, grip = labels.partner_points, labels.grip[own : own + 1][first].astype(np.int64)
+    signs = np.concatenate([grip, np.ones(count, dtype=np.int64)])
+    faces = np.concatenate([points.faces[own, 0][first], partners.faces[0]])
+    weights = np.concatenate([points.weights[own, 0][first], partners.weights[0]])
     positions = SurfacePoints(np.maximum(faces, 0), weights).positions(mesh)
     rows = _different(positions, faces >= 0, search.spacing * mesh.size)[:count]
     return _grasps(labels, own, SurfacePoints(faces[rows], weights[rows]), signs[rows])
-
-
-class _OwnContact(NamedTuple):
-    """The grasp that a vertex has, if any."""
-
-    points: SurfacePoints
-    signs: Ints
-
-
-def _own_contact(labels: SurfaceLabels, vertex: int) -> _OwnContact:
-    """The opposing contact of a vertex's grasp (0 or 1,)."""
-    rows = slice(0, int(labels.likely_reason[vertex] == Reason.FOUND))
-    points = labels.partner_points
-    return _OwnContact(
-        SurfacePoints(points.faces[vertex, 0][rows], points.weights[vertex, 0][rows]),
-        labels.grip[vertex : vertex + 1][rows].astype(np.int64),
-    )
 
 
 def _different(positions: Floats, exists: Bools, spacing: float) -> Ints:

@@ -208,9 +208,15 @@ def _verdict(labels: SurfaceLabels) -> Verdict:
     grasps, rows = labels.grasps, ranked_rows(labels.grasps)
     rows = rows[grasps.max_resolution[rows] > FINEST]
     if not len(rows):
-        if _is_out_of_reach(labels):
+        # Grasps that the gripper does not reach, or that exceed its stroke.
+        reasons = labels.likely_reason[labels.mesh.on_surface]
+        outside = Reason.OPENING if labels.scene is not None else Reason.NOT_REACHED
+        if np.isin(reasons, [Reason.NOT_REACHED, outside]).any():
             return Verdict("out of reach", 0, math.nan, math.nan, 0.0, _reason(labels))
-        return Verdict("no", 0, math.nan, math.nan, 0.0, _why_none(labels))
+        why = "at no sensor resolution is a grasp S"
+        if not (labels.likely_reason == Reason.FOUND).any():
+            why = "no grasp was found"
+        return Verdict("no", 0, math.nan, math.nan, 0.0, why)
     best = rows[0]
     resolution = float(grasps.max_resolution[best])
     stable = rows[grasps.label[rows] == Label.S]
@@ -224,20 +230,6 @@ def _verdict(labels: SurfaceLabels) -> Verdict:
         margin,
         resolution,
     )
-
-
-def _is_out_of_reach(labels: SurfaceLabels) -> bool:
-    """Whether there are grasps that the gripper does not reach, or that exceed its stroke."""
-    reasons = labels.likely_reason[labels.mesh.on_surface]
-    outside = Reason.OPENING if labels.scene is not None else Reason.NOT_REACHED
-    return bool(np.isin(reasons, [Reason.NOT_REACHED, outside]).any())
-
-
-def _why_none(labels: SurfaceLabels) -> str:
-    """Why no sensor makes any grasp S."""
-    if not (labels.likely_reason == Reason.FOUND).any():
-        return "no grasp was found"
-    return "at no sensor resolution is a grasp S"
 
 
 def _reason(labels: SurfaceLabels) -> str:

@@ -55,7 +55,8 @@ def read_hand(
     """
     links_given = fingers is not None or palm is not None or tcp is not None
     path, suffix = Path(source), Path(source).suffix.lower()
-    if str(source) in {*PRESETS, *ALIASES} or not _is_file_name(path):
+    is_file_name = suffix in SUFFIXES or len(path.parts) > 1 or path.is_file()
+    if str(source) in {*PRESETS, *ALIASES} or not is_file_name:
         if links_given:
             raise SettingError(
                 f"fingers, palm and tcp are for URDF and MuJoCo files; {str(source)!r} is no file"
@@ -71,7 +72,11 @@ def read_hand(
             raise SettingError(
                 printable(f"{path}: fingers, palm and tcp are for URDF and MuJoCo files only")
             )
-        return _from_json(path)
+        content = read_json(path)
+        try:
+            return hand_of(content)
+        except SettingError as error:
+            raise SettingError(printable(f"{path}: {error}")) from error
     if fingers is None:
         raise SettingError(
             printable(
@@ -79,7 +84,11 @@ def read_hand(
                 "LINK -o NAME.json makes a description of it, for all commands"
             )
         )
-    return _from_robot(path, fingers, palm, tcp)
+    if len(fingers) != 2 or fingers[0] == fingers[1]:
+        raise SettingError(printable(f"{path}: a gripper needs two different finger links"))
+    from grasp3d.hand.hand_geometry import gripper_of_hand
+
+    return gripper_of_hand(read_links(path).sliding_hand(fingers, palm), tcp=tcp)
 
 
 def write_hand(path: str | Path, hand: Hand) -> None:
@@ -129,27 +138,6 @@ def hand_of_line(line: str) -> Hand:
     if isinstance(content, dict) and "format" not in content:
         content = {"format": FORMAT, "version": VERSION, "unit": "m", **content}
     return hand_of(content)
-
-
-def _is_file_name(path: Path) -> bool:
-    """Whether a hand's name is that of a file: it has the suffix of one, a folder, or exists."""
-    return path.suffix.lower() in SUFFIXES or len(path.parts) > 1 or path.is_file()
-
-
-def _from_json(path: Path) -> Hand:
-    content = read_json(path)
-    try:
-        return hand_of(content)
-    except SettingError as error:
-        raise SettingError(printable(f"{path}: {error}")) from error
-
-
-def _from_robot(path: Path, fingers: tuple[str, str], palm: str | None, tcp: float | None) -> Hand:
-    from grasp3d.hand.hand_geometry import gripper_of_hand
-
-    if len(fingers) != 2 or fingers[0] == fingers[1]:
-        raise SettingError(printable(f"{path}: a gripper needs two different finger links"))
-    return gripper_of_hand(read_links(path).sliding_hand(fingers, palm), tcp=tcp)
 
 
 def read_links(path: Path) -> "LinkTree":

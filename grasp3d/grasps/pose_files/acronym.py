@@ -109,99 +109,91 @@ def read_acronym(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses
 
 def _read_file(path: Path, hand: Hand | None) -> GraspPoses:
     """Poses of a file, in a child process. Raises ContactError."""
-    h5py = _h5py()
-    with _plain_errors(), h5py.File(path, "r") as file:
-        return _read(h5py, file, hand)
+    with _plain_errors(), _h5py().File(path, "r") as file:
+        return _read(_DataSets(file), hand)
 
 
-def _read(h5py: Any, file: Any, hand: Hand | None) -> GraspPoses:
-    data = _dataset(h5py, file, TRANSFORMS)
-    if data is None:
+def _read(data: "_DataSets", hand: Hand | None) -> GraspPoses:
+    transforms = data.named(TRANSFORMS)
+    if transforms is None:
         raise ContactError(f"the data set {TRANSFORMS} is missing")
-    if len(data.shape) != 3 or data.shape[1:] != (4, 4) or data.shape[0] > MOST:
+    shape = transforms.shape
+    if len(shape) != 3 or shape[1:] != (4, 4) or shape[0] > MOST:
         raise ContactError(
-            f"{TRANSFORMS} must have the shape (k, 4, 4), k at most {MOST}; got {data.shape}"
+            f"{TRANSFORMS} must have the shape (k, 4, 4), k at most {MOST}; got {shape}"
         )
-    count = data.shape[0]
+    count = shape[0]
     if not count:
         raise ContactError("there are no grasps in it")
-    bases = _numbers(h5py, file, TRANSFORMS, (count, 4, 4))
-    outcome = _numbers(h5py, file, OUTCOME, (count,))
-    numbers: dict[str, Any] = {
-        field: value
-        for field, name in NUMBERS.items()
-        if (value := _numbers(h5py, file, name, (count,))) is not None
-    }
+    bases, outcome = data.numbers(TRANSFORMS, shape), data.numbers(OUTCOME, (count,))
+    further = {field: data.numbers(name, (count,)) for field, name in NUMBERS.items()}
+    stated = {name: data.numbers(f"object/{name}", shape) for name, shape in OBJECT.items()}
+    base_to_tcp, scale = data.numbers("gripper/base_to_tcp", ()), data.numbers("object/scale", ())
+    if hand is not None:
+        distance = needed_gripper(hand, None, WHAT).base_to_tcp
+    else:
+        distance = BASE_TO_TCP if base_to_tcp is None else float(base_to_tcp)
+    values: dict[str, Any] = {field: one for field, one in further.items() if one is not None}
     return GraspPoses(
-        poses=moved(np.asarray(bases), _base_to_tcp(h5py, file, hand)),
+        poses=moved(np.asarray(bases), distance),
         outcome=np.full(count, np.nan) if outcome is None else outcome,
-        names=_texts(h5py, file, NAMES, (count,)),
+        names=data.texts(NAMES, (count,)),
         unit="m",
-        hand=hand or next(iter(_texts(h5py, file, "gripper/type", ())), None),
-        object_file=next(iter(_texts(h5py, file, "object/file", ())), None) or None,
-        object_scale=_scale(h5py, file),
-        settings={
-            name: value.tolist()
-            for name, shape in OBJECT.items()
-            if (value := _numbers(h5py, file, f"object/{name}", shape)) is not None
-        },
-        **numbers,
+        hand=hand or next(iter(data.texts("gripper/type", ())), None),
+        object_file=next(iter(data.texts("object/file", ())), None) or None,
+        object_scale=None if scale is None else float(scale),
+        settings={name: one.tolist() for name, one in stated.items() if one is not None},
+        **values,
     )
 
 
-def _base_to_tcp(h5py: Any, file: Any, hand: Hand | None) -> float:
-    if hand is not None:
-        return needed_gripper(hand, None, WHAT).base_to_tcp
-    stated = _numbers(h5py, file, "gripper/base_to_tcp", ())
-    return BASE_TO_TCP if stated is None else float(stated)
+class _DataSets:
+    """Data sets of an HDF5 file, whose shapes and types are checked before anything is loaded."""
 
+    def __init__(self, file: Any) -> None:
+        self._file, self._h5py = file, _h5py()
 
-def _scale(h5py: Any, file: Any) -> float | None:
-    scale = _numbers(h5py, file, "object/scale", ())
-    return None if scale is None else float(scale)
+    def named(self, name: str) -> Any:
+        """A data set that is stored in the file itself; None: there is none."""
+        node, h5py = self._file, self._h5py
+        for part in name.split("/"):
+            link = node.get(part, getlink=True) if isinstance(node, h5py.Group) else None
+            if link is None:
+                return None
+            if not isinstance(link, h5py.HardLink):
+                raise ContactError(
+                    f"{name} is a link to another file or data set, which is not read"
+                )
+            node = node[part]
+        if not isinstance(node, h5py.Dataset):
+            raise ContactError(f"{name} must be a data set; got a group")
+        if node.external or node.is_virtual:
+            raise ContactError(f"{name} is stored in another file, which is not read")
+        return node
 
-
-def _dataset(h5py: Any, file: Any, name: str) -> Any:
-    """A data set that is stored in the file itself; None: there is none."""
-    node = file
-    for part in name.split("/"):
-        link = node.get(part, getlink=True) if isinstance(node, h5py.Group) else None
-        if link is None:
+    def numbers(self, name: str, shape: tuple[int, ...]) -> Floats | None:
+        """Numbers of a data set; None: it is missing."""
+        data = self.named(name)
+        if data is None:
             return None
-        if not isinstance(link, h5py.HardLink):
-            raise ContactError(f"{name} is a link to another file or data set, which is not read")
-        node = node[part]
-    if not isinstance(node, h5py.Dataset):
-        raise ContactError(f"{name} must be a data set; got a group")
-    if node.external or node.is_virtual:
-        raise ContactError(f"{name} is stored in another file, which is not read")
-    return node
+        if data.shape != shape or data.dtype.kind not in "fiub":
+            raise ContactError(
+                f"{name} must be numbers of shape {shape}; got {data.dtype} of shape {data.shape}"
+            )
+        if data.chunks is not None and np.prod(data.chunks, dtype=np.float64) > 16 * MOST:
+            raise ContactError(f"{name} is stored in chunks of {data.chunks}, too large to be read")
+        return np.asarray(data[()], dtype=np.float64)
 
-
-def _numbers(h5py: Any, file: Any, name: str, shape: tuple[int, ...]) -> Floats | None:
-    """Numbers of a data set whose shape and type are checked before anything is loaded."""
-    data = _dataset(h5py, file, name)
-    if data is None:
-        return None
-    if data.shape != shape or data.dtype.kind not in "fiub":
-        raise ContactError(
-            f"{name} must be numbers of shape {shape}; got {data.dtype} of shape {data.shape}"
-        )
-    if data.chunks is not None and np.prod(data.chunks, dtype=np.float64) > 16 * MOST:
-        raise ContactError(f"{name} is stored in chunks of {data.chunks}, too large to be read")
-    return np.asarray(data[()], dtype=np.float64)
-
-
-def _texts(h5py: Any, file: Any, name: str, shape: tuple[int, ...]) -> tuple[str, ...]:
-    """Texts of a data set; none if it is missing."""
-    data = _dataset(h5py, file, name)
-    if data is None:
-        return ()
-    info = h5py.check_string_dtype(data.dtype)
-    if data.shape != shape or info is None or (info.length or 0) > LONGEST:
-        raise ContactError(f"{name} must be text of shape {shape}; got shape {data.shape}")
-    texts = data.asstr(errors="replace")[()]
-    return tuple(map(str, np.ravel(texts).tolist()))
+    def texts(self, name: str, shape: tuple[int, ...]) -> tuple[str, ...]:
+        """Texts of a data set; none if it is missing."""
+        data = self.named(name)
+        if data is None:
+            return ()
+        info = self._h5py.check_string_dtype(data.dtype)
+        if data.shape != shape or info is None or (info.length or 0) > LONGEST:
+            raise ContactError(f"{name} must be text of shape {shape}; got shape {data.shape}")
+        texts = data.asstr(errors="replace")[()]
+        return tuple(map(str, np.ravel(texts).tolist()))
 
 
 @contextmanager

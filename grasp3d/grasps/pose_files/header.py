@@ -135,13 +135,11 @@ def outcomes_of(columns: Mapping[str, npt.NDArray[Any]], count: int) -> Floats:
 
 
 def _outcomes(values: npt.NDArray[Any], name: str) -> Floats:
-    if values.dtype.kind in "fiub":
-        return _checked(values.astype(np.float64), values, name)
-    return _checked(np.array([_outcome(value) for value in values.tolist()]), values, name)
-
-
-def _checked(numbers: Floats, values: npt.NDArray[Any], name: str) -> Floats:
-    """Refuse what is neither 0 nor 1 nor missing; -1 stands for what is no outcome."""
+    """Outcomes of a column, which are 0, 1 or missing; -1 stands for what is none."""
+    is_number = values.dtype.kind in "fiub"
+    numbers = (
+        values.astype(np.float64) if is_number else np.array(list(map(_outcome, values.tolist())))
+    )
     bad = np.flatnonzero(~(np.isnan(numbers) | (numbers == 0.0) | (numbers == 1.0)))
     if len(bad):
         raise ContactError(
