@@ -100,7 +100,6 @@ def keys_of(labels: SurfaceLabels, grasps: GraspTable) -> np.ndarray:
 
 
 def after(grasps: GraspTable) -> np.ndarray:
-    assert grasps.closed is not None
     return grasps.closed.label
 
 

@@ -57,18 +57,15 @@ def evaluated(
 
 def test_a_point_has_the_given_torsion_radius_alone() -> None:
     found = contacts_of(evaluated(BOX, at_heights(0.0), torsion_radius="2mm"))
-    assert found is not None
     assert found.patch is None
     assert found.torsion_radius.tolist() == [[0.002, 0.002]]
     plain = contacts_of(evaluated(BOX, at_heights(0.0)))
-    assert plain is not None
     assert not plain.torsion_radius.any()
 
 
 def test_soft_contacts_resist_torsion_by_what_they_touch() -> None:
     found = evaluated(BOX, at_heights(0.0, 0.013), contact="soft", friction=0.4)
     contacts, jaws = contacts_of(found), found.jaws
-    assert contacts is not None
     assert contacts.patch is None
     assert contacts.torsion_radius == pytest.approx(
         0.4 * evenly_pressed_radius(0.5 * jaws.extents, jaws.area)
@@ -77,14 +74,12 @@ def test_soft_contacts_resist_torsion_by_what_they_touch() -> None:
     assert contacts.torsion_radius[0] == pytest.approx(0.4 * 0.3826 * 0.0175, rel=0.03)
     assert (contacts.torsion_radius[1] < 0.8 * contacts.torsion_radius[0]).all()
     given = contacts_of(evaluated(BOX, at_heights(0.0), contact="soft", torsion_radius="1mm"))
-    assert given is not None
     assert given.torsion_radius.tolist() == [[0.001, 0.001]]
 
 
 def test_patches_extend_along_the_grippers_axes() -> None:
     found = evaluated(BOX, at_heights(0.0, 0.013), contact="patch")
     contacts, extents = contacts_of(found), found.jaws.extents
-    assert contacts is not None
     axes = FROM_ABOVE[:3, 1:3].T
     assert contacts.patch == pytest.approx(0.5 * extents[..., None] * axes, abs=1e-12)
 
@@ -92,8 +87,6 @@ def test_patches_extend_along_the_grippers_axes() -> None:
 def test_patches_on_inclined_faces_lie_in_their_planes() -> None:
     found = evaluated(WEDGE, at_heights(0.0), pads(compliance=0.002), contact="patch", friction=0.9)
     contacts = contacts_of(found)
-    assert contacts is not None
-    assert contacts.patch is not None
     inclined = np.abs(contacts.normals[0, :, 2])
     assert (inclined > 0.2).all()
     assert np.abs((contacts.patch * contacts.normals[..., None, :]).sum(axis=-1)).max() < 1e-15
@@ -125,22 +118,17 @@ def test_a_small_patch_needs_more_force_for_a_weight_beside_it() -> None:
     for contact in ("soft", "patch"):
         found = evaluated(BOX, at_heights(0.0, 0.018), contact=contact)
         assert found.jaws.area[1, 0] < 0.1 * found.jaws.area[0, 0]
-        assert found.holding is not None
         assert found.holding.grip_force[1] > 1.5 * found.holding.grip_force[0]
         assert found.holding.payload[1] < found.holding.payload[0] / 1.5
     soft, patch = (
         evaluated(BOX, at_heights(0.0), contact=name).holding for name in ("soft", "patch")
     )
-    assert soft is not None
-    assert patch is not None
     assert patch.grip_force[0] < soft.grip_force[0]
 
 
 def test_the_load_takes_the_torsion_of_the_contacts_at_each_friction() -> None:
     found = evaluated(BOX, at_heights(0.0), contact="patch", friction="0.4..0.6")
     case, contacts = found.load_case, contacts_of(found)
-    assert case is not None
-    assert contacts is not None
     assert case.own_torsion
     assert not case.hard
     low = case.at_friction(contacts, 0.25)
@@ -148,7 +136,6 @@ def test_the_load_takes_the_torsion_of_the_contacts_at_each_friction() -> None:
     assert np.array_equal(low.patch, contacts.patch)
     assert case.settings()["force_torsion_radius"] is None
     given = evaluated(BOX, at_heights(0.0), contact="soft", torsion_radius="1mm").load_case
-    assert given is not None
     assert (given.own_torsion, given.torsion_radius) == (False, 0.001)
 
 

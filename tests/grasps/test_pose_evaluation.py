@@ -157,10 +157,10 @@ def test_matrices_are_poses_in_the_meshs_unit(box: ObjectMesh) -> None:
 def test_what_was_found_is_evaluated_by_its_poses_or_contacts(box: ObjectMesh) -> None:
     labels = label_surface(box, MODEL, hand=pads())
     grasps = best_grasps(labels, 3)
-    assert grasps.poses is not None
     found = evaluate_grasps(box, grasps.poses, MODEL, hand=pads())
     assert found.reachable.all()
     assert np.array_equal(found.poses, grasps.poses)
+    assert found.opening == pytest.approx(grasps.reach.opening, abs=6e-4)
     for given in (grasps, labels, found):
         with pytest.raises(SettingError, match=rf"got {type(given).__name__}: .*poses"):
             evaluate_grasps(box, given, MODEL, hand=pads())
@@ -171,7 +171,6 @@ def test_forces_and_payloads_are_those_of_the_load(box: ObjectMesh) -> None:
     assert evaluated(box, matrices).grip_force is None
     assert evaluated(box, matrices).payload is None
     found = evaluated(box, matrices, load=Load(mass=0.1, grip_force=40.0))
-    assert found.holding is not None
     assert np.array_equal(found.grip_force, found.holding.grip_force, equal_nan=True)
     assert np.array_equal(found.payload, found.holding.payload, equal_nan=True)
     assert np.isnan(found.grip_force).tolist() == [False, True]

@@ -345,7 +345,6 @@ def test_a_published_file_of_acronym_is_read() -> None:
     found = read_poses(path)
     assert found.count == 2000
     assert found.outcome.mean() == pytest.approx(0.645, abs=5e-4)
-    assert found.object_scale is not None
     mesh = path.parent / "10f6e09036350e92b3f21f1137c3c347.obj"
     lines = [line.split() for line in mesh.read_text().splitlines() if line.startswith("v ")]
     vertices = np.array(lines)[:, 1:4].astype(float) * found.object_scale

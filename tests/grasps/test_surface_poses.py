@@ -1,6 +1,5 @@
 """Poses of grasps on a surface, and the files that contain them."""
 
-import json
 import math
 from functools import cache
 from pathlib import Path
@@ -18,7 +17,7 @@ from grasp3d import (
     write_grasps,
 )
 from grasp3d.errors import OutputError, SettingError
-from grasp3d.grasps import evaluate_grasps, poses_of
+from grasp3d.grasps import poses_of
 from grasp3d.grasps.pose_files import holds_poses, read_poses
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from tests.helpers import shapes
@@ -66,25 +65,8 @@ def test_files_of_grasps_have_their_poses(tmp_path: Path, suffix: str, form: str
     assert holds_poses(path)
     again = read_poses(path, hand=held().scene.hand).in_unit("mm")
     np.testing.assert_allclose(again.poses, best.reach.poses, atol=1e-4)
-
-
-def test_the_settings_are_in_the_file(tmp_path: Path) -> None:
-    path = tmp_path / "box.json"
-    write_grasps(path, best_grasps(held(), 2))
-    text = path.read_text()
-    assert json.loads(text)
-    for word in ('"friction"', '"source"', '"version"', "franka"):
-        assert word in text
-
-
-@pytest.mark.slow
-def test_evaluated_again_poses_are_reached_and_stable() -> None:
-    """Jaws closed on the mesh from the poses that were found."""
-    labels = held()
-    best = best_grasps(labels, 4)
-    hand, table = labels.scene.hand, labels.scene.table
-    found = evaluate_grasps(labels.mesh, poses_of(best), MODEL, hand=hand, table=table)
-    np.testing.assert_allclose(np.sort(found.opening), np.sort(best.reach.opening), atol=0.6)
+    if suffix in {"json", "parquet"} and form is None:
+        assert {"friction", "source"} <= set(again.settings)
 
 
 def test_grasps_without_poses_are_refused(tmp_path: Path) -> None:
