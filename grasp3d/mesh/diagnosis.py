@@ -227,11 +227,11 @@ def diagnose(
     model, sampling = mesh.in_own_unit(model, sampling)
     lengths = model.lengths() | sampling.lengths() | mesh.options.lengths()
     surface = Triangles((repaired.vertices - mesh.center) / mesh.size, repaired.faces)
-    given_points = (given.raw.vertices - mesh.center) / mesh.size
-    joined = first_at_position(given.raw.vertices)  # vertices at equal positions count once
-    given_surface = Triangles(given_points, joined[given.raw.faces])
-    crossing = crossings(surface.vertices, surface.faces)
-    fraction = float(surface.areas[crossing.faces].sum() / surface.areas.sum())
+    given_points = (given.vertices - mesh.center) / mesh.size
+    joined = first_at_position(given.vertices)  # vertices at equal positions count once
+    given_surface = Triangles(given_points, joined[given.faces])
+    crossing = np.unique(crossings(surface.vertices, surface.faces))
+    fraction = float(surface.areas[crossing].sum() / surface.areas.sum())
     noise, _ = normal_noise(surface)
     bodies, cavities = _count_parts(surface)
     impossible = impossible_size(mesh.size, mesh.unit)  # then it is not the object that is meant
@@ -241,7 +241,7 @@ def diagnose(
             for message in mesh.report.warnings
         ),
         *_hole_warnings(prepared, options),
-        *self_intersection_warnings(int(crossing.faces.sum()), fraction),
+        *self_intersection_warnings(len(crossing), fraction),
         *_body_warnings(surface, bodies),
         *_noise_warnings(surface, mesh, noise),
         *_length_warnings(mesh, lengths, force=force),
@@ -250,8 +250,8 @@ def diagnose(
     extents = np.ptp(corners, axis=0).tolist()
     return MeshDiagnosis(
         mesh=given.name,
-        format=given.raw.format,
-        file_bytes=given.file_bytes,
+        format=given.format,
+        file_bytes=given.path.stat().st_size if given.path else None,
         unit=mesh.unit,
         guess=guess_unit(max(extents)),
         size=mesh.size,
@@ -262,7 +262,7 @@ def diagnose(
         after=_measure(surface, mesh),
         repairs=repaired.steps,
         manifold=manifold_status(surface.vertices, surface.faces),
-        crossing_faces=int(crossing.faces.sum()),
+        crossing_faces=len(crossing),
         self_intersecting_fraction=fraction,
         noise=noise,
         label_vertices=len(mesh.vertices),

@@ -5,7 +5,7 @@ The other libraries are not imported: their objects are recognised by the names 
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
@@ -20,7 +20,6 @@ from grasp3d.reading.sources import flattens
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.costs import check_cost
 from grasp3d.system.context import begin_step
-from grasp3d.system.names import printable
 
 LARGEST = 1e60
 """Largest coordinate, and reciprocal of the smallest size, whose powers stay finite."""
@@ -81,51 +80,31 @@ _HINTS = {
 """What to do with other objects of a library, for error messages."""
 
 
-@dataclass(frozen=True, eq=False)
-class GivenMesh:
-    """The surface of a mesh source."""
+def check_surface(mesh: RawMesh, max_memory: float) -> None:
+    """Refuse what is not a surface, or too large to be labelled.
 
-    raw: RawMesh
-    """The surface as it was given."""
-    name: str
-    """Its name in reports: that of the file, the type, or 'arrays'."""
-    path: Path | None = None
-    """The file; None: it is not from a file."""
+    Args:
+        mesh: The mesh as it was read.
+        max_memory: Largest memory for labelling [GB].
 
-    @property
-    def where(self) -> str:
-        """Its name in errors."""
-        return printable(str(self.path or self.name))
-
-    @property
-    def file_bytes(self) -> int | None:
-        """Size of the file; None: it is not from a file."""
-        return self.path.stat().st_size if self.path else None
-
-    def check(self, max_memory: float) -> None:
-        """Refuse what is not a surface, or too large to be labelled.
-
-        Args:
-            max_memory: Largest memory for labelling [GB].
-
-        Raises:
-            MeshError: There are no faces, or vertices that do not exist; positions are not finite
-                or beyond what can be computed with; or labelling would exceed the memory.
-        """
-        vertices, faces = self.raw.vertices, self.raw.faces
-        check_finite(vertices, self.where)
-        if len(faces) == 0:
-            raise MeshError(f"{self.where}: holds no faces")
-        outside = (faces < 0) | (faces >= len(vertices))
-        if outside.any():
-            face = int(np.flatnonzero(outside.any(axis=1))[0])
-            raise MeshError(
-                f"{self.where}: face {face} uses vertex {faces[face][outside[face]][0]}, "
-                f"but there are {len(vertices)} vertices"
-            )
-        _check_magnitude(vertices[faces], self.where)
-        fewest = _fewest_vertices(vertices, used_indices(faces), len(faces))
-        check_cost(fewest, max_memory, self.where, "simplify the mesh")
+    Raises:
+        MeshError: There are no faces, or vertices that do not exist; positions are not finite or
+            beyond what can be computed with; or labelling would exceed the memory.
+    """
+    vertices, faces, where = mesh.vertices, mesh.faces, mesh.where
+    check_finite(vertices, where)
+    if len(faces) == 0:
+        raise MeshError(f"{where}: holds no faces")
+    outside = (faces < 0) | (faces >= len(vertices))
+    if outside.any():
+        face = int(np.flatnonzero(outside.any(axis=1))[0])
+        raise MeshError(
+            f"{where}: face {face} uses vertex {faces[face][outside[face]][0]}, but there are "
+            f"{len(vertices)} vertices"
+        )
+    _check_magnitude(vertices[faces], where)
+    fewest = _fewest_vertices(vertices, used_indices(faces), len(faces))
+    check_cost(fewest, max_memory, where, "simplify the mesh")
 
 
 def _check_magnitude(corners: Floats, where: str) -> None:
@@ -149,7 +128,7 @@ def _fewest_vertices(vertices: Floats, used: Ints, faces: int) -> int:
     return max(fewest, len(cell_counts(points, APART)))
 
 
-def read_source(source: MeshSource, *, max_memory: float = MeshOptions.max_memory) -> GivenMesh:
+def read_source(source: MeshSource, *, max_memory: float = MeshOptions.max_memory) -> RawMesh:
     """Read a mesh from any source.
 
     Args:
@@ -162,13 +141,14 @@ def read_source(source: MeshSource, *, max_memory: float = MeshOptions.max_memor
     if isinstance(source, str | os.PathLike):
         begin_step("reading the mesh")
         path = Path(os.fsdecode(source))
-        return GivenMesh(read_mesh(path, max_memory=max_memory), path.name, path)
+        return replace(read_mesh(path, max_memory=max_memory), name=path.name, path=path)
     if isinstance(source, ObjectMesh):
         report = source.report
-        raw = RawMesh(source.vertices, source.faces, report.format, source.unit)
-        return GivenMesh(raw, report.source)
+        return RawMesh(
+            source.vertices, source.faces, report.format, source.unit, name=report.source
+        )
     if isinstance(source, tuple | list):
-        return GivenMesh(_of_arrays(source), "arrays")
+        return _of_arrays(source)
     return _of_object(source)
 
 
@@ -209,7 +189,7 @@ def _array(name: str, values: Any) -> np.ndarray[Any, Any]:
         raise MeshError(f"{name} must be an array of numbers ({_reason(error)})") from error
 
 
-def _of_object(source: Any) -> GivenMesh:
+def _of_object(source: Any) -> RawMesh:
     name = _type_name(source)
     readers = (_LIBRARIES.get(_names(kind)) for kind in type(source).__mro__)
     reader = next(filter(None, readers), None)
@@ -228,7 +208,7 @@ def _of_object(source: Any) -> GivenMesh:
         raise MeshError(
             f"{name}: holds no triangles; a mesh needs faces, points and lines are not enough"
         )
-    return GivenMesh(raw, name)
+    return replace(raw, name=name)
 
 
 def _of_trimesh(source: Any) -> RawMesh:

@@ -10,7 +10,7 @@ import numpy as np
 from grasp3d.arrays import Floats, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import Triangles, rounding_of, surface_extent
-from grasp3d.mesh.mesh_sources import GivenMesh, MeshSource, read_source
+from grasp3d.mesh.mesh_sources import MeshSource, check_surface, read_source
 from grasp3d.mesh.normals import corner_normals, fingertip_normals
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.plausible_lengths import impossible_size, unit_warning
@@ -37,7 +37,7 @@ FLAT_VOLUME = 1e-9
 class PreparedMesh:
     """A mesh, and the surfaces that it was made of."""
 
-    given: GivenMesh
+    given: RawMesh
     """As it was read."""
     repaired: RepairedSurface
     """Repaired, before long edges are divided; in the mesh's frame and unit."""
@@ -109,7 +109,7 @@ def prepare(source: MeshSource, options: MeshOptions) -> PreparedMesh:
     return PreparedMesh(mesh, repaired, refined_mesh(mesh, repaired, options))
 
 
-def repair_given(mesh: GivenMesh, options: MeshOptions) -> RepairedSurface:
+def repair_given(mesh: RawMesh, options: MeshOptions) -> RepairedSurface:
     """Check and repair a surface.
 
     Args:
@@ -120,12 +120,12 @@ def repair_given(mesh: GivenMesh, options: MeshOptions) -> RepairedSurface:
         MeshError: It is not a surface, or too large.
     """
     begin_step("repairing the surface")
-    mesh.check(options.max_memory)
+    check_surface(mesh, options.max_memory)
     with bounds_of(mesh.where):
-        return repair_surface(mesh.raw.vertices, mesh.raw.faces, options.repair, mesh.where)
+        return repair_surface(mesh.vertices, mesh.faces, options.repair, mesh.where)
 
 
-def refined_mesh(source: GivenMesh, repaired: RepairedSurface, options: MeshOptions) -> ObjectMesh:
+def refined_mesh(source: RawMesh, repaired: RepairedSurface, options: MeshOptions) -> ObjectMesh:
     """Make the mesh of a repaired surface: contact normals, refinement, mass properties.
 
     Args:
@@ -139,9 +139,9 @@ def refined_mesh(source: GivenMesh, repaired: RepairedSurface, options: MeshOpti
             is far away.
     """
     begin_step("refining the mesh")
-    unit = options.unit or source.raw.unit
+    unit = options.unit or source.unit
     (options,) = settings_in_unit(unit, options, source=source.name)
-    error = rounding_of(source.raw.vertices)
+    error = rounding_of(source.vertices)
     center, size = surface_extent(repaired.vertices, repaired.faces)
     surface = Triangles((repaired.vertices - center) / size, repaired.faces)
     normals = corner_normals(surface, options.crease_angle)
@@ -155,7 +155,7 @@ def refined_mesh(source: GivenMesh, repaired: RepairedSurface, options: MeshOpti
     center_mass, volume = center_and_volume(surface, closed=repaired.closed)
     warnings = [
         *_surface_warnings(repaired, volume, given=options.center_of_mass is not None),
-        *_size_warnings(source.raw, size, unit),
+        *_size_warnings(source, size, unit),
     ]
     if options.center_of_mass is not None:
         center_mass = (np.array(options.center_of_mass) - center) / size
@@ -167,7 +167,7 @@ def refined_mesh(source: GivenMesh, repaired: RepairedSurface, options: MeshOpti
         ),
         faces=locked(refined.faces),
         canonical=locked(np.concatenate([repaired.canonical, added])),
-        file_vertices=len(source.raw.vertices),
+        file_vertices=len(source.vertices),
         corner_normals=normals.locked(),
         center=locked(center),
         size=size,
@@ -176,10 +176,10 @@ def refined_mesh(source: GivenMesh, repaired: RepairedSurface, options: MeshOpti
         options=options,
         report=MeshReport(
             source=source.name,
-            format=source.raw.format,
+            format=source.format,
             unit=unit,
-            file_vertices=len(source.raw.vertices),
-            file_faces=len(source.raw.faces),
+            file_vertices=len(source.vertices),
+            file_faces=len(source.faces),
             vertices=len(refined.vertices),
             faces=len(refined.faces),
             bodies=repaired.bodies,

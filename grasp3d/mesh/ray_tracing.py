@@ -1,6 +1,5 @@
 """Crossings of rays, and of edges, with a surface: Embree finds the faces, 64 bits the rest."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -89,22 +88,7 @@ class SurfaceRays(FaceRays):
         return traced
 
 
-@dataclass(frozen=True, eq=False)
-class Crossings:
-    """Faces of a surface that cross one another."""
-
-    faces: Bools
-    """Mask of the faces that cross another one, shape (F,)."""
-    pairs: Ints
-    """Faces that cross, the smaller index first, each pair once, shape (P, 2)."""
-
-    @property
-    def count(self) -> int:
-        """Number of pairs of faces that cross."""
-        return len(self.pairs)
-
-
-def crossings(points: Floats, faces: Ints) -> Crossings:
+def crossings(points: Floats, faces: Ints) -> Ints:
     """Find faces that cross one another, also on open and non-manifold surfaces.
 
     Two triangles in general position cross where an edge of one passes through the other. A ray in
@@ -115,6 +99,9 @@ def crossings(points: Floats, faces: Ints) -> Crossings:
     Args:
         points: Positions (V, 3) in the normalised frame: near the origin, size 1.
         faces: Faces (F, 3).
+
+    Returns:
+        The faces that cross, the smaller index first, each pair once, shape (P, 2).
     """
     corners = first_at_position(points)[faces]
     ends, counts, _, of_corner = edges_of(corners)
@@ -125,12 +112,8 @@ def crossings(points: Floats, faces: Ints) -> Crossings:
     met_edges, met_faces = met_edges[apart], met_faces[apart]
     through = _passes(points[ends[met_edges]], points[corners[met_faces]])
     pairs = _pairs(met_edges[through], met_faces[through], owners, first)
-    pairs = pairs[
-        (corners[pairs[:, 0]][:, :, None] != corners[pairs[:, 1]][:, None, :]).all((1, 2))
-    ]
-    marked = np.zeros(len(faces), dtype=bool)
-    marked[pairs] = True
-    return Crossings(marked, pairs)
+    first, second = corners[pairs[:, 0]], corners[pairs[:, 1]]
+    return np.asarray(pairs[(first[:, :, None] != second[:, None, :]).all(axis=(1, 2))])
 
 
 def _met(points: Floats, corners: Ints, edges: Ints) -> tuple[Ints, Ints]:

@@ -67,8 +67,17 @@ class RawMesh:
     """Unit that the file declares; None: it declares none."""
     unknown_unit: str = ""
     """Name of the declared unit if it is none of `Unit`."""
+    name: str = "arrays"
+    """Its name in reports: that of the file, the type, or 'arrays'."""
+    path: Path | None = None
+    """The file; None: it is not from a file."""
 
     __repr__ = short_repr
+
+    @property
+    def where(self) -> str:
+        """Its name in errors."""
+        return printable(str(self.path or self.name))
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import load_mesh
-from grasp3d.mesh.ray_tracing import Crossings, crossings
+from grasp3d.mesh.ray_tracing import crossings
 from grasp3d.mesh.repair import repair_surface
 from grasp3d.reading import read_mesh
 from tests.helpers import shapes
@@ -53,14 +53,13 @@ def slow_crossings(shape: Surface) -> dict[tuple[int, int], float]:
     return found
 
 
-def check(found: Crossings, shape: Surface) -> set[tuple[int, int]]:
+def check(found: np.ndarray, shape: Surface) -> set[tuple[int, int]]:
     """Check that all sure crossings are found and no false ones; return the pairs found."""
-    pairs = {(int(a), int(b)) for a, b in found.pairs}
-    assert len(pairs) == found.count
+    pairs = {(int(a), int(b)) for a, b in found}
+    assert len(pairs) == len(found)
     known = slow_crossings(shape)
     assert min((known.get(pair, 0.0) for pair in pairs), default=1.0) > 0.9 * ROUNDED
     assert {pair for pair, depth in known.items() if depth > SURE} <= pairs
-    assert np.array_equal(np.flatnonzero(found.faces), np.unique(found.pairs))
     return pairs
 
 
@@ -76,7 +75,7 @@ def test_crossings_of_random_triangles_are_true_and_no_sure_one_is_missed(
     pairs = check(crossings(*shape), shape)
     order = rng.permutation(count)
     turned = shape[1][order][:, ::-1]
-    again = {tuple(sorted(order[pair])) for pair in crossings(points, turned).pairs}
+    again = {tuple(sorted(order[pair])) for pair in crossings(points, turned)}
     assert {tuple(pair) for pair in again} == pairs
 
 
@@ -143,7 +142,7 @@ def test_the_faces_found_are_those_that_meshlab_selects() -> None:
     meshes.add_mesh(pymeshlab.Mesh(points, faces.astype(np.int32)))
     meshes.compute_selection_by_self_intersections_per_face()
     selected = np.asarray(meshes.current_mesh().face_selection_array()).astype(bool)
-    found = crossings(points, faces).faces
+    found = np.isin(np.arange(len(faces)), crossings(points, faces))
     assert not (found & ~selected).any()
     assert found.sum() >= 0.99 * selected.sum()
 
@@ -170,7 +169,7 @@ def test_clean_surfaces_cross_nowhere_refined_or_rounded(name: str) -> None:
     turned = points @ shapes.rotation(3).T
     rounded = (turned + 0.3).astype(np.float32).astype(np.float64) - 0.3
     for shape in ((points, faces), (mesh.normalized, mesh.faces), (rounded, faces)):
-        assert crossings(*shape).count == 0
+        assert len(crossings(*shape)) == 0
 
 
 @pytest.mark.slow
@@ -179,32 +178,32 @@ def test_shipped_meshes_cross_nowhere() -> None:
         if path.suffix not in {".md", ".png"}:
             raw = read_mesh(path)
             surface = repair_surface(raw.vertices, raw.faces, "safe", path.name)
-            assert crossings(*normalised((surface.vertices, surface.faces))).count == 0
+            assert len(crossings(*normalised((surface.vertices, surface.faces)))) == 0
 
 
 def test_vertices_are_identified_by_position() -> None:
     """Triangles with separate vertices do not cross at their common corners."""
     points, faces = normalised(shapes.sphere(3))
     soup = points[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)
-    assert crossings(*soup).count == 0
+    assert len(crossings(*soup)) == 0
     shape = two_spheres()
     soup = shape[0][shape[1]].reshape(-1, 3), np.arange(shape[1].size).reshape(-1, 3)
-    assert np.array_equal(crossings(*soup).pairs, crossings(*shape).pairs)
+    assert np.array_equal(crossings(*soup), crossings(*shape))
 
 
 def test_faces_with_a_common_vertex_do_not_count() -> None:
     """The far side of the second face passes through the first."""
     points = np.array([[0, 0, 0], [0.4, -0.2, 0], [0.4, 0.2, 0], [0.2, 0, -0.1], [0.3, 0, 0.1]])
     faces = np.array([[0, 1, 2], [0, 3, 4]])
-    assert crossings(points, faces).count == 0
-    assert crossings(points[faces].reshape(-1, 3), np.arange(6).reshape(-1, 3)).count == 0
+    assert len(crossings(points, faces)) == 0
+    assert len(crossings(points[faces].reshape(-1, 3), np.arange(6).reshape(-1, 3))) == 0
     points = np.concatenate([points, [[0.0, 0.0, 0.01]]])
-    assert crossings(points, np.array([[0, 1, 2], [5, 3, 4]])).count == 1
+    assert len(crossings(points, np.array([[0, 1, 2], [5, 3, 4]]))) == 1
 
 
 def test_faces_too_small_for_32_bits_are_ignored() -> None:
     points = np.concatenate([1e-8 * np.eye(3), 1e-8 * (1.0 - np.eye(3))])
-    assert crossings(points, np.array([[0, 1, 2], [3, 4, 5]])).count == 0
+    assert len(crossings(points, np.array([[0, 1, 2], [3, 4, 5]]))) == 0
 
 
 def test_an_edge_of_three_faces_crosses_with_all_three() -> None:
@@ -215,7 +214,7 @@ def test_an_edge_of_three_faces_crosses_with_all_three() -> None:
         ]
     )  # fmt: skip
     faces = np.array([[0, 1, 2], [3, 4, 5], [3, 4, 6], [4, 3, 7]])
-    assert crossings(points, faces).pairs.tolist() == [[0, 1], [0, 2], [0, 3]]
+    assert crossings(points, faces).tolist() == [[0, 1], [0, 2], [0, 3]]
 
 
 def test_an_edge_through_many_leaves_crosses_each_of_them() -> None:
@@ -224,7 +223,7 @@ def test_an_edge_through_many_leaves_crosses_each_of_them() -> None:
     needle = np.array([[[0.01, 0.0, -0.4], [0.0, 0.01, 0.4], [0.5, 0.5, 0.45]]])
     points = np.concatenate([leaves, needle]).reshape(-1, 3)
     found = crossings(points, np.arange(len(points)).reshape(-1, 3))
-    assert {(leaf, 50) for leaf in range(50)} <= {(int(a), int(b)) for a, b in found.pairs}
+    assert {(leaf, 50) for leaf in range(50)} <= {(int(a), int(b)) for a, b in found}
 
 
 @pytest.mark.slow

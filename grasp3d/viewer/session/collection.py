@@ -231,7 +231,7 @@ def open_collection(
         return _single(target.name, opened, *settings)
     settings = _chosen(model, sampling)
     if any(isinstance(length, Measure) for one in settings for length in one.lengths().values()):
-        unit = options.unit or read_source(target, max_memory=options.max_memory).raw.unit
+        unit = options.unit or read_source(target, max_memory=options.max_memory).unit
         settings = settings_in_unit(unit, *settings, source=target.name)
     _check(*settings, scan=False)
     reader = partial(_open_mesh, target, (reach, *settings), options, load, force)
