@@ -17,7 +17,7 @@ from grasp3d.batch.storage import (
     read_text,
 )
 from grasp3d.errors import MeshError
-from grasp3d.reading import mesh_suffixes
+from grasp3d.reading.sources import mesh_suffixes
 from grasp3d.system.names import as_unicode, printable, short_hash
 
 RESULT = "_labeled.ply"

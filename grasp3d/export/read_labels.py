@@ -22,7 +22,8 @@ from grasp3d.mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.measures import Triangles, is_closed, surface_extent
 from grasp3d.mesh.normals import CornerNormals, corner_normals
 from grasp3d.mesh.preparing import center_and_volume, center_mass_from
-from grasp3d.mesh.repair import RepairStep, Solids
+from grasp3d.mesh.repair.bodies import Solids
+from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.force_ranges import Certainty
 from grasp3d.quality.tilting import EpsilonRange

@@ -11,7 +11,7 @@ import trimesh
 from grasp3d.arrays import Floats
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.hand.link_tree import Joint, LinkTree, check_xml
-from grasp3d.reading import read_mesh
+from grasp3d.reading.mesh_files import read_mesh
 from grasp3d.system.names import printable
 
 if TYPE_CHECKING:

@@ -31,10 +31,10 @@ from grasp3d.mesh.plausible_lengths import (
 )
 from grasp3d.mesh.preparing import PreparedMesh, prepare, repair_given
 from grasp3d.mesh.ray_tracing import crossings
-from grasp3d.mesh.repair import RepairStep
 from grasp3d.mesh.repair.cleaning import is_face
 from grasp3d.mesh.repair.holes import close_holes, fan_area, holes_of
 from grasp3d.mesh.repair.solids import manifold_status
+from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.work_bounds import WorkBoundError
 from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling
 from grasp3d.settings.costs import Cost, labelling_cost

@@ -15,8 +15,15 @@ from grasp3d.arrays import Floats, Ints, used_indices
 from grasp3d.errors import MeshError
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.work_bounds import cell_counts
-from grasp3d.reading import RawMesh, check_finite, flattened, read_mesh, stated_unit
-from grasp3d.reading.sources import flattens
+from grasp3d.reading.mesh_files import read_mesh
+from grasp3d.reading.sources import (
+    RawMesh,
+    check_corners,
+    check_finite,
+    flattened,
+    flattens,
+    stated_unit,
+)
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.costs import check_cost
 from grasp3d.system.context import begin_step
@@ -95,13 +102,7 @@ def check_surface(mesh: RawMesh, max_memory: float) -> None:
     check_finite(vertices, where)
     if len(faces) == 0:
         raise MeshError(f"{where}: holds no faces")
-    outside = (faces < 0) | (faces >= len(vertices))
-    if outside.any():
-        face = int(np.flatnonzero(outside.any(axis=1))[0])
-        raise MeshError(
-            f"{where}: face {face} uses vertex {faces[face][outside[face]][0]}, but there are "
-            f"{len(vertices)} vertices"
-        )
+    check_corners(faces, len(vertices), where)
     _check_magnitude(vertices[faces], where)
     fewest = _fewest_vertices(vertices, used_indices(faces), len(faces))
     check_cost(fewest, max_memory, where, "simplify the mesh")

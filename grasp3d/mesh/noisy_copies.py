@@ -15,7 +15,7 @@ from grasp3d.mesh.normals import CornerNormals, corner_normals, fingertip_normal
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.preparing import prepare
 from grasp3d.mesh.refinement import longest_edge, refined_corners
-from grasp3d.mesh.repair import RepairedSurface
+from grasp3d.mesh.repair.work import RepairedSurface
 from grasp3d.settings import MeshOptions
 
 FIRST = 0.05

@@ -12,7 +12,8 @@ from grasp3d._kernels.surface.surface_contacts import Surface
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows, used_indices
 from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins, normal_sets
-from grasp3d.mesh.repair import RepairStep, Solids
+from grasp3d.mesh.repair.bodies import Solids
+from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.lengths import GivenLength, SettingsTs, Unit, length_in_unit, settings_in_unit
 

@@ -15,9 +15,10 @@ from grasp3d.mesh.normals import corner_normals, fingertip_normals
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.plausible_lengths import impossible_size, unit_warning
 from grasp3d.mesh.refinement import check_refinement, longest_edge, refine
-from grasp3d.mesh.repair import MOST_ROUNDING, RepairedSurface, Solids, repair_surface
+from grasp3d.mesh.repair.bodies import Solids
+from grasp3d.mesh.repair.work import MOST_ROUNDING, RepairedSurface, repair_surface
 from grasp3d.mesh.work_bounds import bounds_of
-from grasp3d.reading import RawMesh
+from grasp3d.reading.sources import RawMesh
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.lengths import Unit, settings_in_unit
 from grasp3d.system.context import begin_step

@@ -1,19 +1,54 @@
 """Reading of mesh files: checks of the declared sizes, then of the content.
 
-Some formats are read in a child process with limits on memory and time.
+Some formats are read in a child process with limits on memory and time. trimesh parses what passed
+the checks.
 """
 
+import contextlib
+import io
+import logging
 import os
 import threading
+import warnings
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+import trimesh
+
+with contextlib.suppress(ImportError):  # Windows has no resource limits
+    import resource
+
+from grasp3d.arrays import first_at_position
 from grasp3d.errors import MeshError, MeshUnreadError
-from grasp3d.reading.archives import check_archive, check_declarations
-from grasp3d.reading.obj_off_stl import check_declared_size
-from grasp3d.reading.sources import DIRECT_FORMATS, RawMesh, Source, find_source
+from grasp3d.reading.archives import check_archive, check_declarations, count_parts
+from grasp3d.reading.gltf import stripped_gltf
+from grasp3d.reading.obj_off_stl import (
+    STL_FACE,
+    STL_HEADER,
+    binary_stl_faces,
+    check_declared_size,
+    off_counts,
+    plain_obj,
+    plain_off,
+    plain_stl,
+)
+from grasp3d.reading.ply import plain_ply, read_ply_header
+from grasp3d.reading.sources import (
+    DIRECT_FORMATS,
+    RawMesh,
+    Source,
+    check_finite,
+    find_source,
+    flattened,
+    stated_unit,
+)
 from grasp3d.settings import MeshOptions
 from grasp3d.system.isolation import CallFailedError, CallFailure, call
+
+# Without a handler, Python prints the messages of trimesh's logger to the terminal.
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 _ARCHIVES = ("3mf", "3dxml")
 
@@ -23,8 +58,21 @@ SECONDS = 15.0
 BYTES_PER_SECOND = 1e6
 """Speed of the slowest reader in unpacked bytes, with a safety factor of five [bytes/s]."""
 
+_child_lock = threading.Lock()
+"""One file at a time in a child process, since each may take all the memory that is allowed."""
+
 _lock = threading.Lock()
-"""One file at a time, since each may take all the memory that is allowed."""
+"""One file at a time in this process, since warning filters apply to all threads."""
+
+
+def _reset_locks() -> None:
+    """Create new locks after a fork, since a thread of the parent may have held an old one."""
+    global _child_lock, _lock
+    _child_lock, _lock = threading.Lock(), threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_reset_locks)
 
 
 def read_mesh(path: Path, *, max_memory: float = MeshOptions.max_memory) -> RawMesh:
@@ -59,19 +107,7 @@ def _read(source: Source) -> RawMesh:
             check_declarations(source, stream)
     if source.kind not in DIRECT_FORMATS:
         return _read_in_child(source, source.size)
-    from grasp3d.reading.parsing import parse
-
     return parse(source)
-
-
-def _reset_lock() -> None:
-    """Create a new lock after a fork, since a thread of the parent may have held the old one."""
-    global _lock  # noqa: PLW0603
-    _lock = threading.Lock()
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_reset_lock)
 
 
 def _read_in_child(source: Source, unpacked: int) -> RawMesh:
@@ -84,14 +120,12 @@ def _read_in_child(source: Source, unpacked: int) -> RawMesh:
     Raises:
         MeshError: It is damaged, or reading it exceeded a limit.
     """
-    from grasp3d.reading.parsing import parse_limited
-
     seconds = SECONDS + unpacked / BYTES_PER_SECOND
     absolute = replace(source, path=source.path.absolute())
     too_much = f"took more memory than max_memory, {source.max_memory:g} GB (--max-memory)"
     kind, reason = MeshError, f"{too_much}, or crashed the reader"
     try:
-        with _lock:
+        with _child_lock:
             return call(parse_limited, absolute, seconds=seconds)
     except RecursionError as error:
         raise source.damaged("its parts are nested in a cycle or too deeply") from error
@@ -108,3 +142,142 @@ def _read_in_child(source: Source, unpacked: int) -> RawMesh:
         raise kind(
             f"{source.where}: reading it {reason}; export the mesh again, as STL or PLY"
         ) from failure
+
+
+def parse(source: Source) -> RawMesh:
+    """Read a file of a known format; a scene becomes one mesh, with transforms applied.
+
+    Raises:
+        MeshError: It is damaged, or has no triangles.
+    """
+    try:
+        with _lock, warnings.catch_warnings():
+            # These warnings mean damaged files: incomplete or invalid numbers. Other warnings are
+            # about trimesh itself.
+            warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
+            warnings.filterwarnings("error", category=RuntimeWarning, module="trimesh")
+            return _flattened(source, _READERS.get(source.kind, _parsed)(source))
+    except (MeshError, MemoryError, RecursionError):
+        raise
+    except Exception as error:  # each reader raises its own classes of errors
+        if source.kind in {"glb", "gltf"}:
+            raise source.damaged("its nodes, meshes and buffers do not fit together") from error
+        reason = " ".join(str(error).split()) or "its content is not as expected"
+        if isinstance(error, KeyError):
+            reason += " is missing"
+        raise source.unexpected(
+            f"cannot be read as {source.kind.upper()} ({reason[:200]})"
+        ) from error
+
+
+def parse_limited(source: Source) -> RawMesh:
+    """Read a file, as `parse` does, with a limit on the memory beyond that of this process.
+
+    Raises:
+        MeshError: It is damaged, or has no triangles.
+        MemoryError: It needs more memory than is allowed.
+    """
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(NameError, OSError, ValueError):  # elsewhere than on Linux
+            pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+            limit = pages * os.sysconf("SC_PAGE_SIZE") + int(source.max_memory * 1e9)
+            before = resource.getrlimit(resource.RLIMIT_AS)
+            resource.setrlimit(resource.RLIMIT_AS, (limit, before[1]))
+            stack.callback(resource.setrlimit, resource.RLIMIT_AS, before)
+        return parse(source)
+
+
+def _parsed(source: Source) -> trimesh.Scene:
+    return _scene(source, source.path.read_bytes())
+
+
+def _scene(source: Source, data: bytes, **options: Any) -> trimesh.Scene:
+    return trimesh.load_scene(io.BytesIO(data), file_type=source.kind, process=False, **options)
+
+
+def _parsed_gltf(source: Source) -> trimesh.Scene:
+    data, side_files = stripped_gltf(source)
+    return _scene(source, data, resolver=side_files, skip_materials=True)
+
+
+def _parsed_3mf(source: Source) -> trimesh.Scene:
+    declared = count_parts(source)
+    if not declared:
+        return trimesh.Scene()
+    scene = _scene(source, source.path.read_bytes(), postprocess=False)
+    count = len(scene.graph.nodes_geometry)
+    if count != declared:
+        raise source.error(
+            f"contains {declared:,} copies of its parts, of which {count:,} can be "
+            "read; export it without nested parts, or as STL"
+        )
+    return scene
+
+
+def _parsed_obj(source: Source) -> trimesh.Scene:
+    plain, *declared = plain_obj(source, source.path.read_bytes())
+    scene = _scene(source, plain, maintain_order=True, skip_materials=True)
+    return _complete(source, scene, *declared)
+
+
+def _parsed_off(source: Source) -> trimesh.Scene:
+    scene = _scene(source, plain_off(source, source.path.read_bytes()))
+    return _complete(source, scene, *off_counts(source))
+
+
+def _parsed_ply(source: Source) -> trimesh.Scene:
+    header = read_ply_header(source)
+    if not header.count("face"):
+        return trimesh.Scene()
+    data = plain_ply(source, header, source.path.read_bytes())
+    scene = _scene(source, data, fix_texture=False, skip_materials=True)
+    return _complete(source, scene, header.count("vertex"), header.count("face"))
+
+
+def _parsed_stl(source: Source) -> trimesh.Scene:
+    data, faces = source.path.read_bytes(), binary_stl_faces(source)
+    if faces is None:
+        data, facets = plain_stl(source, data)
+        return _complete(source, _scene(source, data), 3 * facets, facets)
+    # Some exporters write a few bytes after the last face.
+    data = data[: STL_HEADER + STL_FACE * faces]
+    rows = np.frombuffer(data, dtype="V12, (9,)<f4, V2", offset=STL_HEADER)["f1"]
+    check_finite(rows.reshape(-1, 3), source.where)  # trimesh would leave out such faces
+    return _scene(source, data)
+
+
+def _complete(source: Source, scene: trimesh.Scene, vertices: int, faces: int) -> trimesh.Scene:
+    """The scene, after rejecting one with fewer vertices or faces than the file declares."""
+    parts = list(scene.geometry.values())
+    counts = [sum(len(getattr(part, name, ())) for part in parts) for name in ("vertices", "faces")]
+    if counts[0] < vertices or counts[1] < faces:
+        raise source.incomplete(
+            f"declares {vertices:,} vertices and {faces:,} faces, but contains {counts[0]:,} and "
+            f"{counts[1]:,}"
+        )
+    return scene
+
+
+_READERS = {
+    "stl": _parsed_stl,
+    "ply": _parsed_ply,
+    "obj": _parsed_obj,
+    "off": _parsed_off,
+    "gltf": _parsed_gltf,
+    "glb": _parsed_gltf,
+    "3mf": _parsed_3mf,
+}
+
+
+def _flattened(source: Source, scene: trimesh.Scene) -> RawMesh:
+    vertices, faces = flattened(scene, source.where)
+    if len(faces) == 0:
+        raise source.error(
+            f"holds no triangles; is it a complete {source.kind.upper()} file "
+            "with a surface (not a point cloud, a drawing or another format renamed)?"
+        )
+    if source.kind == "stl":  # each face has its own vertices: merge those at equal positions
+        first, faces = np.unique(first_at_position(vertices)[faces], return_inverse=True)
+        vertices, faces = vertices[first], faces.reshape(-1, 3)
+    declared = "m" if source.kind in {"glb", "gltf"} else scene.units
+    return RawMesh(vertices, faces, source.kind, *stated_unit(declared))

@@ -8,10 +8,12 @@ import struct
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import chain
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+import trimesh
 
-from grasp3d.arrays import Ints
 from grasp3d.reading.obj_off_stl import MOST_CORNERS
 from grasp3d.reading.sources import LONGEST_HEADER, Source, check_count
 
@@ -246,7 +248,8 @@ def _with_triangles(source: Source, header: PlyHeader, data: bytes) -> bytes:
     start, parts, before = header.start, list[bytes](), list[Element]()
     for element in header.elements:
         if element.name == "face":
-            faces = _fans(*_corners(source, header.order, element, data, start))
+            polygons = _polygons(source, header.order, element, data, start)
+            faces = trimesh.util.triangle_fans_to_faces(polygons)
             break
         if element.lists:
             raise source.error(
@@ -262,10 +265,10 @@ def _with_triangles(source: Source, header: PlyHeader, data: bytes) -> bytes:
     return _header_text(header.order, before, *face) + b"".join(parts) + rows.tobytes()
 
 
-def _corners(
+def _polygons(
     source: Source, order: str, element: Element, data: bytes, start: int
-) -> tuple[Ints, Ints]:
-    """Return (number of corners of each face, vertex numbers of all corners)."""
+) -> list[npt.NDArray[Any]]:
+    """Return the vertex numbers of the corners of each face."""
     if element.lists != 1:
         raise source.error(
             f"its faces have {element.lists} lists of differing lengths, one is "
@@ -277,7 +280,7 @@ def _corners(
     after = sum(other.min_bytes for other in element.properties[index + 1 :])
     length = struct.Struct(order + np.dtype(entry.length).char)
     size = int(entry.type[1])
-    counts, rows = [], []
+    polygons = []
     for face in range(element.count):
         first = start + before + length.size
         count = length.unpack_from(data, first - length.size)[0] if first <= len(data) else 0
@@ -288,15 +291,5 @@ def _corners(
             raise source.error(
                 f"face {face} has {count} corners; 3 to {MOST_CORNERS:,} are allowed"
             )
-        counts.append(count)
-        rows.append(data[first : first + count * size])
-    corners = np.frombuffer(b"".join(rows), dtype=order + entry.type).astype(np.int64)
-    return np.array(counts, dtype=np.int64), corners
-
-
-def _fans(counts: Ints, corners: Ints) -> Ints:
-    """Divide polygons into triangles that share the first corner, shape (F, 3)."""
-    first = np.repeat(np.cumsum(counts) - counts, counts - 2)
-    step = np.arange(len(first)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2)
-    fans: Ints = corners[np.stack([first, first + step + 1, first + step + 2], axis=1)]
-    return fans
+        polygons.append(np.frombuffer(data, order + entry.type, count, first))
+    return polygons

@@ -177,6 +177,27 @@ def check_finite(vertices: Floats, where: str) -> None:
         )
 
 
+def check_corners(faces: Ints, count: int, where: str, remedy: str = "") -> None:
+    """Reject faces with vertices that do not exist.
+
+    Args:
+        faces: Vertex numbers of the corners, shape (F, 3).
+        count: Number of vertices.
+        where: Name of the mesh in errors.
+        remedy: Last part of the message.
+
+    Raises:
+        MeshError: There is such a face.
+    """
+    outside = (faces < 0) | (faces >= count)
+    if outside.any():
+        face = int(np.flatnonzero(outside.any(axis=1))[0])
+        raise MeshError(
+            f"{where}: face {face} uses vertex {faces[face][outside[face]][0]}, but there are "
+            f"{count} vertices{remedy}"
+        )
+
+
 def mesh_suffixes() -> frozenset[str]:
     """Return the file suffixes that can be read, such as `.stl`."""
     return frozenset(f".{name}" for name in (*DIRECT_FORMATS, *ISOLATED_FORMATS))
@@ -234,8 +255,11 @@ def flattened(scene: "trimesh.Scene", where: str) -> tuple[Floats, Ints]:
     Raises:
         MeshError: A position is not finite, or a face uses a vertex that is not there.
     """
-    for part in scene.geometry.values():
-        _check_part(part, where)
+    for part in scene.geometry.values():  # before they are concatenated
+        positions = np.asarray(part.vertices, dtype=np.float64)
+        check_finite(positions, where)
+        corners = np.asarray(getattr(part, "faces", ()), dtype=np.int64).reshape(-1, 3)
+        check_corners(corners, len(positions), where, "; export the mesh again")
     mesh = scene.to_mesh()
     vertices = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
     faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
@@ -257,17 +281,3 @@ def stated_unit(name: str | None) -> tuple[Unit | None, str]:
     """
     unit = _UNIT_NAMES.get(str(name or "").strip().lower())
     return unit, "" if unit or not name else str(name)
-
-
-def _check_part(part: "trimesh.Trimesh | trimesh.PointCloud", where: str) -> None:
-    """Reject invalid positions and vertex numbers, before parts are concatenated."""
-    vertices = np.asarray(part.vertices, dtype=np.float64)
-    check_finite(vertices, where)
-    faces = np.asarray(getattr(part, "faces", ()), dtype=np.int64).reshape(-1, 3)
-    bad = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
-    if len(bad):
-        corner = faces[bad[0]][(faces[bad[0]] < 0) | (faces[bad[0]] >= len(vertices))][0]
-        raise MeshError(
-            f"{where}: face {bad[0]} uses vertex {corner}, but there are {len(vertices)} "
-            "vertices; export the mesh again"
-        )

@@ -34,7 +34,7 @@ from grasp3d.export import write_fields, write_glb, write_npz, write_ply, write_
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.grasp_files import write_grasps
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.mesh.repair import RepairStep
+from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.physics import SimulationSettings, simulate_grasps, write_simulation
 from grasp3d.plots.validation_page import FILES
 from grasp3d.quality.loads import Load

@@ -10,11 +10,12 @@ from grasp3d import ObjectMesh, Sampling, label_surface, load_mesh
 from grasp3d.arrays import first_at_position
 from grasp3d.errors import MeshError
 from grasp3d.mesh.measures import Triangles, edge_counts, face_areas, is_closed
-from grasp3d.mesh.repair import RepairedSurface, union
+from grasp3d.mesh.repair import union
 from grasp3d.mesh.repair.bodies import Bodies
 from grasp3d.mesh.repair.cleaning import disagreeing, is_first, without_mirrored
 from grasp3d.mesh.repair.holes import LONG, close_hole, holes_of
 from grasp3d.mesh.repair.union import put_on_surface, without_slivers
+from grasp3d.mesh.repair.work import RepairedSurface
 from grasp3d.settings.mesh_options import Repair
 from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes

@@ -10,9 +10,10 @@ import trimesh
 from grasp3d import load_mesh
 from grasp3d.arrays import Floats
 from grasp3d.errors import MeshError
-from grasp3d.mesh.repair import bodies, repair_surface
+from grasp3d.mesh.repair import bodies
 from grasp3d.mesh.repair.holes import close_hole, close_holes, fan_area
 from grasp3d.mesh.repair.solids import estimated_overlaps, overlapping
+from grasp3d.mesh.repair.work import repair_surface
 from grasp3d.mesh.work_bounds import BOUNDS, cell_counts, close_pairs, pairs_in_cells
 from tests.helpers import shapes
 from tests.helpers.shapes import Surface

@@ -19,7 +19,8 @@ import pytest
 
 import grasp3d
 from grasp3d.errors import MeshError
-from grasp3d.reading import archives, read_mesh
+from grasp3d.reading import archives
+from grasp3d.reading.mesh_files import read_mesh
 from tests.helpers import mesh_files
 from tests.helpers.mesh_files import DATA, VERTICES, written
 
@@ -198,7 +199,7 @@ def run(
 READ = """
 import sys; sys.path.insert(0, sys.argv.pop(1)) if sys.flags.isolated else None
 from pathlib import Path
-from grasp3d.reading import read_mesh
+from grasp3d.reading.mesh_files import read_mesh
 print(len(read_mesh(Path(sys.argv[1])).faces))
 """
 
@@ -217,7 +218,8 @@ ENDED = """
 import os, sys, signal, threading, time
 from pathlib import Path
 import psutil
-from grasp3d.reading import mesh_files, read_mesh
+from grasp3d.reading import mesh_files
+from grasp3d.reading.mesh_files import read_mesh
 read_mesh(Path(sys.argv[1]))
 mesh_files.SECONDS = 0.5
 threading.Thread(target=lambda: read_mesh(Path(sys.argv[2])), daemon=True).start()
@@ -249,7 +251,8 @@ def test_the_process_ends_when_its_parent_is_killed(tmp_path: Path, case: str) -
 FORKED = """
 import os, sys, threading, time
 from pathlib import Path
-from grasp3d.reading import parsing, read_mesh
+from grasp3d.reading import mesh_files
+from grasp3d.reading.mesh_files import read_mesh
 good, slow, text = map(Path, sys.argv[1:])
 read_mesh(good)
 thread = threading.Thread(target=read_mesh, args=(slow,))
@@ -257,10 +260,10 @@ for _ in range(2):  # first while the reader is busy, then while it is idle
     if not thread.ident:
         thread.start()
         time.sleep(0.3)
-    parsing._lock.acquire()  # as if another thread were reading
+    mesh_files._lock.acquire()  # as if another thread were reading
     pid = os.fork()
     if pid:
-        parsing._lock.release()
+        mesh_files._lock.release()
     if not pid:
         read_mesh(text)
         print(len(read_mesh(good).faces), flush=True)
@@ -465,7 +468,7 @@ READ_ALL = """
 import sys
 from pathlib import Path
 from grasp3d import GraspError
-from grasp3d.reading import read_mesh
+from grasp3d.reading.mesh_files import read_mesh
 for name in sys.argv[1:]:
     try:
         print(len(read_mesh(Path(name)).faces))

@@ -8,7 +8,8 @@ import pytest
 import trimesh
 
 from grasp3d.errors import MeshError
-from grasp3d.reading import mesh_suffixes, read_mesh
+from grasp3d.reading.mesh_files import read_mesh
+from grasp3d.reading.sources import mesh_suffixes
 from tests.helpers import mesh_files, shapes
 from tests.helpers.mesh_files import FACES, SIX, VERTICES, written
 
