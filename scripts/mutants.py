@@ -68,7 +68,7 @@ MUTANTS = (
         "rolling without torque scale",
         "axes[..., 4:, 3:] = rolling / torque_scale",
         "axes[..., 4:, 3:] = rolling",
-        "test_patches.py",
+        "test_invariances.py",
     ),
     Mutant(
         "cone edges with the tangent",

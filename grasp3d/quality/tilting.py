@@ -436,8 +436,8 @@ def location_tolerance(
             "the location tolerance is that of point contacts; give contacts.without_patches()"
         )
     relative = per_contact("relative errors", relative_errors, contacts)
-    largest = relative.max(initial=0.0)
-    if not ((relative >= 0.0).all() and abs(largest - 1.0) <= 1e-9):
+    valid = (relative >= 0.0).all() and abs(relative.max(initial=0.0) - 1.0) <= 1e-9
+    if relative.size and not valid:
         raise SettingError("relative errors must be at least 0, and the largest of them 1")
     if contacts.count == 2:
         return _tolerance_of_pairs(contacts, relative, cone_offset)

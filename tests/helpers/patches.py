@@ -47,6 +47,30 @@ def scaled(contacts: Contacts, unit: float) -> Contacts:
     )  # fmt: skip
 
 
+def shifted(contacts: Contacts, shift: Floats) -> Contacts:
+    """The same grasps about another centre of mass."""
+    return Contacts(
+        contacts.points + shift, contacts.normals, contacts.friction, contacts.torsion_radius,
+        contacts.patch,
+    )  # fmt: skip
+
+
+def reordered(contacts: Contacts, order: Floats) -> Contacts:
+    """One grasp with its contacts in another order."""
+    patch = None if contacts.patch is None else contacts.patch[order]
+    return Contacts(
+        contacts.points[order], contacts.normals[order], contacts.friction[order],
+        contacts.torsion_radius[order], patch,
+    )  # fmt: skip
+
+
+def stacked(single: list[Contacts]) -> Contacts:
+    """A batch of single grasps, all with patches or none."""
+    names = ("points", "normals", "friction", "torsion_radius", "patch")
+    columns = ([getattr(one, name) for one in single] for name in names)
+    return Contacts(*(None if column[0] is None else np.stack(column) for column in columns))
+
+
 def resized(contacts: Contacts, factor: float) -> Contacts:
     """The same grasps with larger or smaller patches."""
     assert contacts.patch is not None

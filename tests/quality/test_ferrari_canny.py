@@ -62,72 +62,6 @@ def assert_equal(one: Epsilon, other: Epsilon) -> None:
 # Laws
 
 
-@given(fingers, seeds, kinds, st.booleans(), st.randoms(use_true_random=False))
-@few
-def test_the_order_of_contacts_does_not_matter(
-    count: int, seed: int, kind: Any, polygonal: bool, random: Any
-) -> None:
-    contacts = grasps.random_grasp(count, seed, soft=count == 2)
-    order = list(range(count))
-    random.shuffle(order)
-    shuffled = grasps.one(contacts, np.array(order))
-    edges = 6 if polygonal else None
-    one = epsilon(contacts, edges=edges, actuation=kind)
-    other = epsilon(shuffled, edges=edges, actuation=kind)
-    assert overlap(one, other)
-    assert one.closed == other.closed
-    if polygonal:
-        assert one.value == pytest.approx(other.value, abs=ROUNDING)
-
-
-@given(fingers, seeds, kinds, st.sampled_from([None, 6]), st.floats(1e-6, 1e6))
-@few
-def test_only_points_relative_to_the_torque_scale_matter(
-    count: int, seed: int, kind: Any, edges: int | None, unit: float
-) -> None:
-    contacts = grasps.random_grasp(count, seed, soft=count == 2)
-    scaled = grasps.changed(
-        contacts, points=unit * contacts.points, torsion_radius=unit * contacts.torsion_radius
-    )
-    one = epsilon(contacts, edges=edges, actuation=kind)
-    other = epsilon(scaled, edges=edges, actuation=kind, torque_scale=unit)
-    assert one.rank == other.rank
-    assert overlap(one, other)
-    if edges:
-        assert one.value == pytest.approx(other.value, abs=ROUNDING)
-
-
-@given(fingers, seeds, kinds)
-@few
-def test_rotation_does_not_change_epsilon_of_circular_cones(
-    count: int, seed: int, kind: Any
-) -> None:
-    contacts = grasps.random_grasp(count, seed, soft=count == 2)
-    turn = shapes.rotation(seed)
-    turned = grasps.changed(
-        contacts, points=contacts.points @ turn.T, normals=contacts.normals @ turn.T
-    )
-    one = epsilon(contacts, actuation=kind, rtol=1e-4)
-    assert overlap(one, epsilon(turned, actuation=kind, rtol=1e-4))
-
-
-@given(fingers, seeds, st.sampled_from([1e-6, 1e-3, 1.0, 1e6]), st.sampled_from([1.0, 200.0]))
-@few
-def test_closure_depends_on_neither_centre_of_mass_nor_unit(
-    count: int, seed: int, unit: float, far: float
-) -> None:
-    contacts = grasps.random_grasp(count, seed)
-    shift = far * np.array([5.0, -3.0, 1.0])
-    moved = grasps.changed(contacts, points=unit * (contacts.points + shift))
-    closure = force_closure(moved)
-    assert closure.closed == force_closure(contacts).closed == epsilon(contacts).closed
-    assert closure.rank == force_closure(contacts).rank
-    if closure.closed:
-        check_certificate(moved, closure)
-    if far == 1.0:
-        assert epsilon(moved, torque_scale=unit).closed == closure.closed
-
-
 @given(st.integers(3, 4), seeds, kinds, st.sampled_from([None, 5]))
 @few
 def test_another_contact_never_lowers_epsilon(
@@ -384,6 +318,17 @@ def test_certificates_are_valid_for_other_cones(count: int, seed: int, cone_offs
     check_certificate(
         contacts, force_closure(contacts, cone_offset=cone_offset), cone_offset=cone_offset
     )
+
+
+@given(fingers, seeds, st.sampled_from([1e-6, 1e-3, 1.0, 1e6]))
+@few
+def test_certificates_are_valid_far_from_the_origin(count: int, seed: int, unit: float) -> None:
+    contacts = grasps.random_grasp(count, seed)
+    far = grasps.changed(contacts, points=unit * (contacts.points + 1e3))
+    closure = force_closure(far)
+    assert closure.closed == force_closure(contacts).closed
+    if closure.closed:
+        check_certificate(far, closure)
 
 
 @pytest.mark.parametrize("name", grasps.REGULAR_SHAPES)
@@ -661,15 +606,6 @@ def test_copies_hold_the_forces_that_are_computed_when_read() -> None:
         np.testing.assert_array_equal(copied.equilibrium, certificate.equilibrium)
         missing = np.isnan(certificate.equilibrium).reshape(20, -1).any(axis=1)
         np.testing.assert_array_equal(missing, ~result.closed)
-
-
-def test_a_single_grasp_has_scalars() -> None:
-    result = epsilon(grasps.random_grasp(3, 0))
-    assert isinstance(float(result.value), float)
-    for values in (result.lower, result.upper, result.rank, result.closed, result.status):
-        assert not isinstance(values, np.ndarray)
-    assert result.certificate.direction.shape == (6,)
-    assert result.certificate.equilibrium.shape == (3, 4)
 
 
 def test_an_empty_batch_has_empty_results() -> None:

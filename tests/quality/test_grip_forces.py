@@ -250,17 +250,6 @@ def test_more_friction_torsion_and_fingers_never_need_more(
     assert not grip_force(third, wrench, bound=bound).lower > least * (1.0 + 1e-3)
 
 
-@given(fingers, seeds, bounds, st.floats(1e-4, 1e4))
-@few
-def test_newtons_do_not_depend_on_the_unit(count: int, seed: int, bound: Any, unit: float) -> None:
-    contacts = grasps.random_grasp(count, seed, soft=True)
-    scaled = Contacts(
-        unit * contacts.points, contacts.normals, contacts.friction, unit * contacts.torsion_radius
-    )
-    in_unit = grip_force(scaled, NEWTON, bound=bound)
-    assert in_unit.upper == pytest.approx(grip_force(contacts, NEWTON, bound=bound).upper, rel=2e-3)
-
-
 @pytest.mark.parametrize(("bound", "actuation", "bounded"), [
     ("normal", "per_finger", "normal"), ("norm", "per_finger", "force"),
     ("total", "total", "normal"),

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from random_grasps import Shape, random_contacts
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
 
 from grasp3d import Contacts, critical_friction_angle, epsilon, force_closure, grip_force
 from grasp3d.contact.friction_cones import cone_edges
@@ -24,8 +23,6 @@ Floats = NDArray[np.float64]
 
 PAGE = Path(__file__).parents[2] / "docs" / "theory" / "metrics.md"
 AXIS = np.array([0.3, -0.5, 0.8])
-POLYGONAL = {"wrench_space_volume", "min_weight", "internal_force_margin"}
-"""They depend on where the edges of the cones lie about the normals."""
 OF_CLOSURE = {"min_weight", "internal_force_margin", "friction_margin"}
 """They depend neither on the centre of mass nor on the torque scale."""
 
@@ -187,57 +184,6 @@ def test_the_friction_margin_is_that_of_the_critical_angle(kind: Shape, seed: in
 
 
 # --- laws ----------------------------------------------------------------------------------------
-
-
-@few
-@given(kinds, seeds)
-def test_rotations_change_nothing(kind: Shape, seed: int) -> None:
-    """Nothing of polygons but where their edges lie, which matters less the more there are."""
-    contacts = grasp(kind, seed)
-    turn = Rotation.random(random_state=seed).as_matrix()
-    rotated = changed(contacts, points=contacts.points @ turn.T, normals=contacts.normals @ turn.T)
-    exact = ",".join(name for name in METRICS if name not in POLYGONAL)
-    before = metrics(contacts, exact, principal_axis=AXIS)
-    after = metrics(rotated, exact, principal_axis=turn @ AXIS)
-    assert_same(before, after)
-    fine = {"edges": 64}
-    margin = measured(contacts, "internal_force_margin", **fine)["internal_force_margin"]
-    again = measured(rotated, "internal_force_margin", **fine)["internal_force_margin"]
-    assert again == pytest.approx(margin, rel=5e-3, abs=5e-4, nan_ok=True)
-
-
-@pytest.mark.slow
-@few
-@given(kinds, seeds, st.sampled_from([1e-4, 25.4, 1000.0]))
-def test_the_unit_changes_lengths_only(kind: Shape, seed: int, unit: float) -> None:
-    contacts = grasp(kind, seed)
-    scaled = changed(
-        contacts, points=unit * contacts.points, torsion_radius=unit * contacts.torsion_radius
-    )
-    before, after = measured(contacts), measured(scaled, torque_scale=unit)
-    powers = {"length": 1, "length²": 2}
-    for metric in before.descriptions:
-        factor = unit ** powers.get(metric.unit, 0)
-        expected = factor * before[metric.name]
-        rounding = TOLERANCE if metric.name == "friction_margin" else 1e-6 * factor
-        assert after[metric.name] == pytest.approx(expected, rel=1e-5, abs=rounding, nan_ok=True), (
-            metric.name
-        )
-
-
-@pytest.mark.slow
-@few
-@given(kinds, seeds)
-def test_the_order_of_the_fingers_changes_nothing(kind: Shape, seed: int) -> None:
-    contacts = grasp(kind, seed)
-    order = np.random.default_rng(seed).permutation(contacts.count)
-    moved = Contacts(
-        contacts.points[order],
-        contacts.normals[order],
-        contacts.friction[order],
-        contacts.torsion_radius[order],
-    )
-    assert_same(measured(contacts), measured(moved), rel=1e-5)
 
 
 @few
@@ -537,12 +483,6 @@ def test_fingers_that_only_push_one_way_have_no_internal_forces() -> None:
 def test_fingers_of_different_friction_have_no_one_margin() -> None:
     found = measured(Contacts([[-1, 0, 0], [1, 0, 0]], [[1, 0, 0], [-1, 0, 0]], [0.3, 0.5]))
     assert found.reasons["friction_margin"] == "the fingers' friction differs"
-
-
-def test_an_empty_batch_has_empty_values() -> None:
-    found = metrics(regular_on_ball("pair").reshape((1,)).take(slice(0, 0)))
-    assert all(found[name].shape == (0,) for name in found)
-    assert len(found.columns()["undefined_metrics"]) == 0
 
 
 # --- names, settings, documentation --------------------------------------------------------------

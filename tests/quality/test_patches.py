@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from grasp3d import Contacts, epsilon, force_closure, grip_force
 from grasp3d.contact import disc
@@ -144,19 +143,6 @@ def test_larger_patches_never_lower_epsilon_or_raise_the_force(seed: int) -> Non
     assert (epsilon(small).lower <= epsilon(large).upper).all()
     forces = [grip_force(one, Weight(1.0)) for one in (small, large)]
     assert (forces[1].lower <= forces[0].upper).all()
-
-
-def test_nothing_depends_on_frame_and_unit() -> None:
-    contacts = patches.random_patches(10, 3, 7, torsion=0.1)
-    turn = Rotation.random(rng=np.random.default_rng(0)).as_matrix()
-    in_mm = patches.scaled(contacts, 1000.0)
-    plain = epsilon(contacts, **FINE)
-    elsewhere = epsilon(patches.rotated(contacts, turn), **FINE)
-    assert elsewhere.upper == pytest.approx(plain.upper, abs=2e-5)
-    assert epsilon(in_mm, torque_scale=1000.0, **FINE).upper == pytest.approx(plain.upper, rel=1e-6)
-    force = grip_force(contacts, Weight(1.0)).value
-    assert grip_force(in_mm, Weight(1.0)).value == pytest.approx(force, rel=2 * RTOL)
-    assert force_closure(in_mm).closed.tolist() == plain.closed.tolist()
 
 
 def test_the_worst_tilt_of_hard_patches_is_a_smaller_cone() -> None:

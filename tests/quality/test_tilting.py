@@ -10,7 +10,7 @@ from grasp3d import Contacts, epsilon
 from grasp3d.contact.friction_cones import tilted_normals
 from grasp3d.errors import SettingError
 from grasp3d.quality import smallest_epsilon, tilting
-from grasp3d.quality.tilting import EpsilonRange, epsilon_range
+from grasp3d.quality.tilting import epsilon_range
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.system.context import running
 from tests.helpers import oracles
@@ -213,19 +213,6 @@ def test_polygons_approach_their_cones_from_below() -> None:
     assert found.minimum == pytest.approx(circular.minimum, abs=5e-3)
 
 
-@pytest.mark.parametrize("factor", [1e-3, 1e3])
-@pytest.mark.parametrize("torsion", [0.0, 0.1])
-def test_the_unit_of_length_does_not_matter(factor: float, torsion: float) -> None:
-    contacts = grasps(20, torsion_radius=torsion)
-    scaled = Contacts(factor * contacts.points, contacts.normals, 0.5, factor * torsion)
-    own = epsilon_range(contacts, 0.2, options=EpsilonOptions(torque_scale=1.3, rtol=FINE_RTOL))
-    other = epsilon_range(
-        scaled, 0.2, options=EpsilonOptions(torque_scale=1.3 * factor, rtol=FINE_RTOL)
-    )
-    for name in ("nominal", "minimum", "maximum"):
-        assert getattr(other, name) == pytest.approx(getattr(own, name), rel=2.0 * FINE_RTOL)
-
-
 @pytest.mark.parametrize("torsion", [0.0, 0.1])
 def test_chunks_threads_and_batch_axes_do_not_change_results(
     torsion: float, monkeypatch: pytest.MonkeyPatch
@@ -244,14 +231,6 @@ def test_chunks_threads_and_batch_axes_do_not_change_results(
     for name in ("nominal", "minimum", "maximum"):
         np.testing.assert_allclose(getattr(chunked, name).ravel(), getattr(whole, name), rtol=1e-9)
         assert getattr(chunked, name).shape == (3, 4)
-
-
-def test_a_single_grasp_and_an_empty_batch() -> None:
-    one = epsilon_range(opposite_poles(), 0.1)
-    assert isinstance(one, EpsilonRange)
-    assert one.nominal.shape == ()
-    none = epsilon_range(Contacts(np.zeros((0, 2, 3)), np.zeros((0, 2, 3))), 0.1)
-    assert none.maximum.shape == (0,)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,138 @@
+"""Neither the unit, the frame, the order of the contacts nor the batch matters to any quality."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_grasps import Shape, random_contacts
+
+from grasp3d import Contacts, critical_friction_angle, epsilon, force_closure, grip_force
+from grasp3d.quality import (
+    METRICS,
+    EpsilonOptions,
+    Weight,
+    epsilon_range,
+    location_tolerance,
+    metrics,
+)
+from tests.helpers import patches, shapes
+
+AXIS = np.array([0.3, -0.5, 0.8])
+FINE = 1e-5
+POLYGONAL = {"wrench_space_volume", "min_weight", "internal_force_margin"}
+"""They depend on where the edges of the cones lie about the normals."""
+
+
+class Quality(NamedTuple):
+    """A number of a grasp, and what it does not depend on."""
+
+    value: Callable[[Contacts, float, Any], Any]
+    """Of contacts, a unit that torques are divided by, and the object's axis."""
+    rel: float = 3.0 * FINE
+    rounding: float = 1e-6
+    power: int = 0
+    """Of the unit of length."""
+    turns: bool = True
+    """Whether a rotation changes nothing."""
+    shifts: bool = False
+    """Whether the centre of mass does not matter."""
+    kinds: tuple[str, ...] = ("2", "2 soft", "3", "4 soft", "5", "2 patches", "3 patches")
+
+
+POINTS = ("2", "2 soft", "3", "4 soft", "5")
+
+
+def bounds(contacts: Contacts, unit: float, **options: Any) -> Any:
+    return epsilon(contacts, torque_scale=unit, rtol=FINE, **options).upper
+
+
+def of_range(contacts: Contacts, unit: float, _: Any) -> Any:
+    found = epsilon_range(contacts, 0.2, EpsilonOptions(torque_scale=unit, rtol=FINE))
+    return [found.nominal, found.minimum, found.maximum]
+
+
+def of_metric(name: str) -> Quality:
+    def value(contacts: Contacts, unit: float, axis: Any) -> Any:
+        return metrics(contacts, name, torque_scale=unit, principal_axis=axis)[name]
+
+    return Quality(
+        value,
+        rounding=1.1e-4 if name == "friction_margin" else 2e-6,
+        power={"length": 1, "length²": 2}.get(METRICS[name].unit, 0),
+        turns=name not in POLYGONAL,
+        shifts=name in {"min_weight", "internal_force_margin", "friction_margin"},
+        kinds=POINTS,
+    )
+
+
+QUALITIES = {
+    "epsilon": Quality(lambda c, unit, _: bounds(c, unit)),
+    "epsilon per finger": Quality(lambda c, unit, _: bounds(c, unit, actuation="per_finger")),
+    "epsilon of polygons": Quality(lambda c, unit, _: bounds(c, unit, edges=6), turns=False),
+    "closure": Quality(lambda c, *_: force_closure(c).closed, shifts=True),
+    "rank": Quality(lambda c, *_: force_closure(c).rank, shifts=True),
+    "critical angle": Quality(
+        lambda c, *_: critical_friction_angle(c),
+        rounding=2e-4, shifts=True, kinds=(*POINTS, "2 patches"),
+    ),
+    "range over tilts": Quality(of_range, kinds=("2", "3")),
+    "range over sampled tilts": Quality(of_range, turns=False, kinds=("2 soft", "2 patches")),
+    "grip force": Quality(lambda c, *_: grip_force(c, Weight(1.0)).upper, rel=2e-3),
+    "location tolerance": Quality(
+        lambda c, *_: location_tolerance(c, rtol=1e-6), power=1, shifts=True, kinds=POINTS
+    ),
+    **{name: of_metric(name) for name in METRICS if name != "wrench_resistance"},
+}  # fmt: skip
+
+
+def random_grasp(kind: str, seed: int) -> Contacts:
+    """A random grasp off the centre of mass."""
+    count, _, detail = kind.partition(" ")
+    if detail == "patches":
+        contacts = patches.random_patches(1, int(count), seed, torsion=0.05)
+    else:
+        contacts = random_contacts(Shape(int(count), 8, soft=detail == "soft"), 1, seed)
+    return patches.shifted(contacts.reshape(()), np.array([0.2, -0.1, 0.3]))
+
+
+@pytest.mark.parametrize("name", QUALITIES)
+@given(st.data(), st.integers(0, 10_000), st.sampled_from([1e-6, 1e-3, 1.0, 25.4, 1e6]))
+@settings(max_examples=40, deadline=None)
+def test_another_unit_frame_and_order_change_nothing(
+    name: str, data: st.DataObject, seed: int, unit: float
+) -> None:
+    quality = QUALITIES[name]
+    contacts = random_grasp(data.draw(st.sampled_from(quality.kinds)), seed)
+    rng = np.random.default_rng(seed)
+    turn = shapes.rotation(seed) if quality.turns else np.eye(3)
+    shift = 300.0 * rng.normal(size=3) if quality.shifts else np.zeros(3)
+    order = rng.permutation(contacts.count)
+    other = patches.shifted(patches.rotated(contacts, turn), shift)
+    other = patches.reordered(patches.scaled(other, unit), order)
+    expected = quality.value(contacts, 1.0, AXIS)
+    value = quality.value(other, unit, turn @ AXIS)
+    np.testing.assert_allclose(
+        np.asarray(value) / unit**quality.power, expected, rtol=quality.rel, atol=quality.rounding
+    )
+
+
+@pytest.mark.parametrize("name", QUALITIES)
+def test_a_batch_has_the_values_of_its_grasps(name: str) -> None:
+    quality = QUALITIES[name]
+    for kind in quality.kinds:
+        single = [random_grasp(kind, seed) for seed in range(6)]
+        batch = patches.stacked(single)
+        together = np.asarray(quality.value(batch.reshape((2, 3)), 1.0, AXIS))
+        assert together.shape[-2:] == (2, 3)
+        for k, contacts in enumerate(single):
+            alone = quality.value(contacts, 1.0, AXIS)
+            parts = alone if isinstance(alone, list) else [alone]
+            assert not any(isinstance(part, np.ndarray) for part in parts)
+            np.testing.assert_allclose(
+                together[..., k // 3, k % 3], alone, rtol=quality.rel, atol=1e-8
+            )
+        none = quality.value(batch.take(slice(0, 0)), 1.0, AXIS)
+        assert np.asarray(none).shape[-1] == 0
