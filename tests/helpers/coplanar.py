@@ -20,6 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp3d import ObjectMesh
+from grasp3d.arrays import angles_between, unit_rows
+from grasp3d.contact.friction_cones import on_arcs
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -158,34 +160,34 @@ def sampled_normals(corners: Floats) -> Floats:
     """
     if len(corners) == 1:
         return corners
-    middle = _unit(corners.sum(axis=0))
-    sides = [(corners[i], corners[(i + 1) % len(corners)]) for i in range(len(corners))]
-    border = np.concatenate([_arc(*side) for side in sides[: 1 if len(corners) == 2 else None]])
+    middle = unit_rows(corners.sum(axis=0))
+    border = []
+    for i in range(1 if len(corners) == 2 else len(corners)):
+        start, end = corners[i], corners[(i + 1) % len(corners)]
+        steps = max(1, math.ceil(float(angles_between(start, end)) / STEP))
+        border.append(on_arcs(start, end, np.linspace(0.0, 1.0, steps + 1)))
+    border = np.concatenate(border)
     if len(corners) == 2:
         return np.vstack([middle, border])
-    inside = [_unit(fraction * border + (1.0 - fraction) * middle) for fraction in (0.4, 0.75)]
+    inside = [unit_rows(part * border + (1.0 - part) * middle) for part in (0.4, 0.75)]
     return np.vstack([middle, border, *inside])
-
-
-def _arc(start: Floats, end: Floats) -> Floats:
-    angle = math.atan2(float(np.linalg.norm(np.cross(start, end))), float(start @ end))
-    fractions = np.linspace(0.0, 1.0, max(1, math.ceil(angle / STEP)) + 1)[:, None] * angle
-    return np.asarray(
-        (np.sin(angle - fractions) * start + np.sin(fractions) * end) / math.sin(angle)
-    )
-
-
-def _unit(rows: Floats) -> Floats:
-    return np.asarray(rows / np.linalg.norm(rows, axis=-1, keepdims=True))
 
 
 @dataclass(eq=False)
 class Exhaustive:
-    """The best grasp of three fingers through each vertex, from all triples of vertices."""
+    """The best grasp of three fingers through each vertex, from all triples of vertices.
+
+    The contacts are three different, not collinear vertices. The critical angle over their worst
+    normals is exact up to `tolerance` where the surface is smooth; on creases it may be too small
+    by tan(angle) (1 / cos(STEP / 2) - 1).
+    """
 
     mesh: ObjectMesh
+    """The surface, of a few hundred vertices at most."""
     limit: float
+    """Largest critical angle of interest [rad]."""
     tolerance: float
+    """Largest amount by which the angles may be too large [rad]."""
 
     def __post_init__(self) -> None:
         sets = self.mesh.normal_sets
@@ -242,24 +244,3 @@ class Exhaustive:
         middles = np.concatenate(self.central_normals)[which]
         elevation = np.abs((middles @ up[..., None])[..., 0]).max(axis=1)
         return np.asarray(elevation < np.sin(self._thresholds(which)) * np.linalg.norm(up, axis=1))
-
-
-def exhaustive(
-    mesh: ObjectMesh, *, limit: float = math.radians(80.0), tolerance: float = 2e-4
-) -> tuple[Ints, Floats]:
-    """Best grasp of three fingers through each vertex, over all triples of vertices.
-
-    The contacts are three different, not collinear vertices. The critical angle over their worst
-    normals is exact up to `tolerance` where the surface is smooth; on creases it may be too small
-    by tan(angle) (1 / cos(STEP / 2) - 1).
-
-    Args:
-        mesh: The surface, of a few hundred vertices at most.
-        limit: Largest critical angle of interest [rad].
-        tolerance: Largest amount by which the angles may be too large [rad].
-
-    Returns:
-        The vertices (P,) and their critical angles (P,), inf where all exceed the limit.
-    """
-    search = Exhaustive(mesh, limit, tolerance)
-    return search.vertices, search.run()

@@ -59,27 +59,6 @@ print(json.dumps({
 }))
 """
 
-PURE = """
-import numpy as np
-from scipy.spatial import ConvexHull
-from grasp3d._kernels.hull import growing_hull
-from grasp3d.quality.ferrari_canny import epsilon_of_wrenches
-
-assert not hasattr(growing_hull.grow, "py_func"), "expected to run uncompiled"
-cross = epsilon_of_wrenches(np.vstack([np.eye(6), -np.eye(6)]))
-assert abs(cross.lower - 6.0**-0.5) < 1e-12 and cross.closed
-assert not epsilon_of_wrenches(np.eye(6)).closed
-closed = 0
-for seed in range(8):
-    wrenches = np.random.default_rng(seed).normal(size=(10 + 2 * seed, 6))
-    inside = max(0.0, -ConvexHull(wrenches).equations[:, -1].max())
-    found = epsilon_of_wrenches(wrenches)
-    assert abs(found.lower - inside) < 1e-12 and abs(found.upper - inside) < 1e-12
-    assert found.closed == (inside > 0.0)
-    closed += inside > 0.0
-assert closed > 2
-"""
-
 
 @dataclass
 class Package:
@@ -248,12 +227,6 @@ def test_the_folder_set_for_numba_is_preferred(package: Package) -> None:
     assert report["settings"] == [str(chosen), ""]
     assert files(chosen)
     assert files(chosen) == files(package.home)
-
-
-@pytest.mark.slow
-def test_epsilon_is_the_same_without_compilation() -> None:
-    env = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
-    subprocess.run([sys.executable, "-W", "error", "-c", PURE], check=True, env=env)
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@ import math
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -159,11 +160,11 @@ def test_initial_directions_at_a_crease_cover_both_cones() -> None:
 
 
 @pytest.mark.slow
-def test_the_kernels_compute_the_same_without_compilation() -> None:
-    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
-        return
-    subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", __file__, "-p", "no:cacheprovider"],
-        check=True,
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
-    )
+@pytest.mark.parametrize(
+    ("name", "chosen"),
+    [("test_kernels", "not compilation"), ("test_growing_hull", "nearest or cubes")],
+)
+def test_kernels_compute_the_same_without_compilation(name: str, chosen: str) -> None:
+    path = Path(__file__).with_name(f"{name}.py")
+    command = [sys.executable, "-m", "pytest", "-q", path, "-k", chosen, "-p", "no:cacheprovider"]
+    subprocess.run(command, check=True, env={**os.environ, "NUMBA_DISABLE_JIT": "1"})

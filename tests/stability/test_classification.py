@@ -377,6 +377,9 @@ PAIR = Contacts([[-1, 0, 0], [1, 0, 0]], [[1, 0, 0], [-1, 0, 0]])
         ({"sensor_resolution": [0.1, 4.0]}, r"below pi radians"),
         ({"sensor_resolution": [0.1] * 3}, r"one number or have shape \(2,\); got \(3,\)"),
         ({"sensor_resolution": "wide"}, r"sensor resolution must be a number"),
+        ({"normal_error": -0.1}, r"normal error must be at least 0 and below 1\.571"),
+        ({"normal_error": 2.0}, r"normal error must be at least 0 and below"),
+        ({"location_error": -1.0}, r"location error must be at least 0; got -1"),
         ({"friction_interval": (0.5, 0.4)}, r"friction_interval must be \(smallest, largest\)"),
         ({"friction_interval": (0.0, 0.4)}, r"above 0, with the contacts' friction between"),
         ({"friction_interval": ([0.5, 0.1], [0.5, 0.05])}, r"with the contacts' friction between"),
@@ -403,9 +406,11 @@ def test_settings_out_of_range_are_refused_immediately(
         classify(PAIR, **with_options(**arguments))
 
 
-def test_unknown_methods_are_refused() -> None:
+def test_unknown_methods_and_extreme_normals_with_locations_are_refused() -> None:
     with pytest.raises(SettingError, match="no method is called 'guess'; known: exact, extremes"):
         classify(PAIR, 0.2, method="guess")  # type: ignore[arg-type]
+    with pytest.raises(SettingError, match="tests normals only; a location_error needs exact"):
+        classify(PAIR, 0.2, method="extremes", location_error=0.1)
 
 
 @pytest.mark.parametrize("method", ["exact", "extremes"])

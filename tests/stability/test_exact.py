@@ -280,14 +280,6 @@ def test_three_fingers_are_never_u_from_90_degrees_on(fingers: int) -> None:
     assert (classify(one_rough, 0.01).label == Label.U).all()
 
 
-def test_two_fingers_on_one_face_are_ambiguous_beyond_90_degrees() -> None:
-    contacts = Contacts([[-1, 0, 1], [1, 0, 1]], [[0, 0, -1]] * 2, math.tan(degrees(50.0)))
-    assert classify(contacts, degrees(79.9)).label == Label.U
-    assert classify(contacts, degrees(80.1)).label == Label.M
-    inward = [[math.sin(0.7), 0, -math.cos(0.7)], [-math.sin(0.7), 0, -math.cos(0.7)]]
-    assert force_closure(grasps.changed(contacts, normals=inward)).closed
-
-
 # Contacts at one point, and single contacts
 
 
@@ -441,21 +433,6 @@ ON_EDGE = Contacts(
     [[0.339, -0.881, -0.330], [-0.707, -0.429, -0.562], [0.945, 0.284, -0.186]],
     [EDGE.sum(axis=0), [0.654, 0.448, 0.610], [-0.970, -0.098, -0.223]],
 )
-
-
-def test_face_normals_alone_miss_the_worst_normal_of_three_fingers() -> None:
-    assert oracles.angle(*EDGE) == pytest.approx(degrees(60.0), abs=1e-4)
-    for normal, required in ((EDGE[0], 27.6), (EDGE[1], 27.6), (EDGE.sum(axis=0), 32.0)):
-        at = grasps.changed(ON_EDGE, normals=[normal, *ON_EDGE.normals[1:]])
-        assert critical_friction_angle(at) == pytest.approx(degrees(required), abs=degrees(0.05))
-    for beta, label in ((29.8, Label.M), (31.5, Label.M), (33.0, Label.S)):
-        contacts = grasps.at_angle(ON_EDGE, degrees(beta))
-        assert classify(contacts, 0.0, creases={0: EDGE}).label == label
-        sampled = classify(contacts, 0.0, creases={0: EDGE}, method="extremes")
-        assert sampled.label == label
-    contacts = grasps.at_angle(ON_EDGE, degrees(29.8))
-    faces_only = all_combinations(contacts, [EDGE, contacts.normals[1:2], contacts.normals[2:]])
-    assert force_closure(faces_only).closed.all()
 
 
 def test_labels_on_an_edge_are_within_one_degree_of_exact() -> None:

@@ -11,18 +11,13 @@ from scipy.optimize import minimize_scalar
 
 from grasp3d import Contacts, Label, classify, force_closure
 from grasp3d._kernels.search.pair_lines import smallest_over_lines
-from grasp3d.errors import SettingError
+from grasp3d.arrays import unit_rows
 from grasp3d.quality import location_tolerance
 from grasp3d.settings import GraspModel
 from grasp3d.stability.located_angles import ContactLimits, PairLines, located_pairs
 from tests.helpers.tilts import angles, random_tilts
 
 Floats = NDArray[np.float64]
-
-
-def unit(vectors: Floats) -> Floats:
-    """Vectors (..., 3) scaled to length 1."""
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300))
 
 
 class Case(NamedTuple):
@@ -54,7 +49,7 @@ def random_pairs(count: int, seed: int) -> Case:
     opening = np.linalg.norm(lines, axis=1, keepdims=True)
     inward = np.stack([lines, -lines], axis=1) / opening[..., None]
     spread = rng.uniform(0.0, 1.0, size=(count, 1, 1))
-    normals = unit(inward + spread * rng.normal(size=inward.shape))
+    normals = unit_rows(inward + spread * rng.normal(size=inward.shape))
     friction = rng.uniform(0.2, 1.5, size=(count, 2))
     part = rng.uniform(0.0, 0.4, size=(count, 2)) * (rng.random((count, 1)) < 0.7)
     return Case(
@@ -77,7 +72,7 @@ def holds(points: Floats, normals: Floats, friction: Floats) -> NDArray[np.bool_
 
 def shifted(case: Case, rng: np.random.Generator, *, rim: bool) -> Floats:
     """Points within the location errors, on the sphere of each or in its ball."""
-    direction = unit(rng.normal(size=case.contacts.points.shape))
+    direction = unit_rows(rng.normal(size=case.contacts.points.shape))
     part = 1.0 if rim else rng.random((*case.location.shape, 1)) ** (1.0 / 3.0)
     return np.asarray(case.contacts.points + part * case.location[..., None] * direction)
 
@@ -89,7 +84,7 @@ def toward(vectors: Floats, goals: Floats, angle: Floats) -> Floats:
     length = np.linalg.norm(side, axis=-1, keepdims=True)
     side = np.where(length > 1e-12, side / np.maximum(length, 1e-300), 0.0)
     turn = np.where(angle >= 0.0, np.minimum(angle, between), angle)[..., None]
-    return unit(np.cos(turn) * vectors + np.sin(turn) * side)
+    return unit_rows(np.cos(turn) * vectors + np.sin(turn) * side)
 
 
 def smallest_in_cap(line: Floats, normals: Floats, turn: float) -> float:
@@ -98,8 +93,9 @@ def smallest_in_cap(line: Floats, normals: Floats, turn: float) -> float:
     def value(tried: Floats) -> float:
         return float(angles(normals, tried).max())
 
-    within = [one for one in (*normals, unit(normals.sum(axis=0))) if angles(line, one) <= turn]
-    across = unit(np.cross(line, [1.0, 0.0, 0.0] if abs(line[0]) < 0.6 else [0.0, 1.0, 0.0]))
+    bisector = unit_rows(normals.sum(axis=0))
+    within = [one for one in (*normals, bisector) if angles(line, one) <= turn]
+    across = unit_rows(np.cross(line, [1.0, 0.0, 0.0] if abs(line[0]) < 0.6 else [0.0, 1.0, 0.0]))
     third = np.cross(line, across)
 
     def on_border(azimuth: float) -> float:
@@ -184,7 +180,7 @@ class TestTwoContacts:
         # Contacts move across the turned line: it is tangent to both balls.
         across = turned - (turned * lines.lines).sum(axis=1, keepdims=True) * lines.lines
         across -= (across * turned).sum(axis=1, keepdims=True) * turned
-        across = unit(across)
+        across = unit_rows(across)
         part = (case.location / np.maximum(total, 1e-300)[:, None])[..., None]
         move = np.stack([-across, across], axis=1) * part * total[:, None, None]
         friction = np.tan(np.clip(angle, 1e-9, 1.57))[:, None] * np.ones(2)
@@ -257,11 +253,11 @@ class TestMoreContacts:
     @staticmethod
     def _random(count: int, fingers: int, seed: int) -> tuple[Contacts, Floats]:
         rng = np.random.default_rng(seed)
-        points = unit(rng.normal(size=(count, fingers, 3)))
+        points = unit_rows(rng.normal(size=(count, fingers, 3)))
         if fingers == 3:  # near a great circle, else few are force-closed
             points[..., 2] *= 0.3
-            points = unit(points)
-        normals = unit(-points + 0.3 * rng.normal(size=points.shape))
+            points = unit_rows(points)
+        normals = unit_rows(-points + 0.3 * rng.normal(size=points.shape))
         friction = rng.uniform(0.3, 1.2, size=(count, 1)) * np.ones(fingers)
         return Contacts(points, normals, friction), rng.uniform(0.0, 0.08, size=(count, fingers))
 
@@ -277,7 +273,7 @@ class TestMoreContacts:
         assert unstable.sum() > 50
         decided = np.flatnonzero(stable | unstable)
         for number in range(12):
-            direction = unit(rng.normal(size=contacts.points.shape))
+            direction = unit_rows(rng.normal(size=contacts.points.shape))
             points = contacts.points + location[..., None] * direction
             normals = random_tilts(contacts.normals, alpha / 2.0, rng)
             if number % 2:  # the worst direction of the perceived grasp, followed by each contact
@@ -287,7 +283,7 @@ class TestMoreContacts:
                 side = 1.0 if number % 4 == 1 else -1.0
                 normals = toward(contacts.normals, velocity, -side * alpha / 2.0 * np.ones(1))
                 push = np.cross(normals, turning)
-                push = unit(push)
+                push = unit_rows(push)
                 points = contacts.points - side * location[..., None] * push
             tried = Contacts(points[decided], normals[decided], contacts.friction[decided])
             closed = force_closure(tried).closed
@@ -327,29 +323,15 @@ class TestMoreContacts:
             assert (classify(picked, 0.1, location_error=error).label == expected).all()
 
 
-class TestErrors:
-    CONTACTS = Contacts([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[1, 0, 0], [-1, 0, 0]])
-
-    @pytest.mark.parametrize(
-        "values", [{"normal_error": -0.1}, {"normal_error": 2.0}, {"location_error": -1.0}]
-    )
-    def test_values_outside_their_range(self, values: dict[str, float]) -> None:
-        with pytest.raises(SettingError, match="must be at least 0"):
-            classify(self.CONTACTS, 0.1, **values)  # type: ignore[arg-type]
-
-    def test_extreme_normals_have_no_locations(self) -> None:
-        with pytest.raises(SettingError, match="needs exact"):
-            classify(self.CONTACTS, 0.1, method="extremes", location_error=0.1)
-
-    def test_limits_of_a_model(self) -> None:
-        """A model's thresholds are those of its worst and its best finger."""
-        model = GraspModel(per_finger="normal_error=5; friction=0.3..0.4, location_error=1")
-        limits = ContactLimits.of(model.fingertips)
-        first, second = model.fingertips
-        narrowest = [tip.least_friction_angle - tip.tilt for tip in (first, second)]
-        assert model.effective_friction_angle == pytest.approx(min(narrowest))
-        assert limits.inner[0] == pytest.approx(np.array(narrowest) - min(narrowest))
-        assert limits.location.tolist() == [[0.0, 1.0]]
+def test_limits_of_a_model() -> None:
+    """A model's thresholds are those of its worst and its best finger."""
+    model = GraspModel(per_finger="normal_error=5; friction=0.3..0.4, location_error=1")
+    limits = ContactLimits.of(model.fingertips)
+    first, second = model.fingertips
+    narrowest = [tip.least_friction_angle - tip.tilt for tip in (first, second)]
+    assert model.effective_friction_angle == pytest.approx(min(narrowest))
+    assert limits.inner[0] == pytest.approx(np.array(narrowest) - min(narrowest))
+    assert limits.location.tolist() == [[0.0, 1.0]]
 
 
 @pytest.mark.parametrize("added", [(0.0, 0.0), (0.3, 0.0), (0.2, 0.5)])
@@ -358,8 +340,8 @@ def test_lines_between_opposite_normals(sine: float, added: tuple[float, float])
     """Every line across two opposite normals has equal angles to both."""
     rng = np.random.default_rng(4)
     for number in range(40):
-        axis, normal = unit(rng.normal(size=(2, 3)))
-        other = -normal if number % 2 else unit(-normal + 1e-16 * rng.normal(size=3))
+        axis, normal = unit_rows(rng.normal(size=(2, 3)))
+        other = -normal if number % 2 else unit_rows(-normal + 1e-16 * rng.normal(size=3))
         found = smallest_over_lines(tuple(axis), tuple(normal), tuple(other), sine, *added)
         angle = float(np.arccos(np.clip(axis @ normal, -1.0, 1.0)))
         turn = math.pi if sine > 1.0 else math.asin(sine)
@@ -375,6 +357,6 @@ def test_a_crease_at_the_point_of_the_other_contact_may_hold() -> None:
     faces = np.array([[1.0, 0.0, 0.0], [math.cos(slope), math.sin(slope), 0.0]])
     for gap in (0.0, 1e-6):
         points = [[0.0, 0.0, 0.0], [gap, 0.0, 0.0]]
-        contacts = Contacts(points, [unit(faces.sum(axis=0)), [-1.0, 0.0, 0.0]], 0.5)
+        contacts = Contacts(points, [unit_rows(faces.sum(axis=0)), [-1.0, 0.0, 0.0]], 0.5)
         found = classify(contacts, 0.1, location_error=0.01, creases={0: faces})
         assert Label(int(found.label)) is Label.M

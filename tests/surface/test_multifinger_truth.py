@@ -66,9 +66,10 @@ def truth(name: str) -> tuple[ObjectMesh, Ints, Floats]:
     """A mesh, its vertices, and the best critical angle of three vertices through each."""
     mesh = SHAPES[name]()
     assert 100 < len(np.unique(mesh.faces)) <= 200
-    vertices, angles = coplanar.exhaustive(mesh, limit=LIMIT, tolerance=TOLERANCE)
+    search = coplanar.Exhaustive(mesh, LIMIT, TOLERANCE)
+    angles = search.run()
     assert np.isfinite(angles).mean() > 0.95  # nearly all vertices can be compared
-    return mesh, vertices, angles
+    return mesh, search.vertices, angles
 
 
 def searched(mesh: ObjectMesh, candidate_points: CandidatePoints, seed: int = 0) -> Floats:

@@ -83,14 +83,7 @@ class BestPairs(NamedTuple):
     """The same of the other finger; one of the two is 0 [rad]."""
 
 
-def no_pairs(
-    count: int,
-    starts: int,
-    distinct_cosine: float,
-    location: float = 0.0,
-    first_extra: float = 0.0,
-    second_extra: float = 0.0,
-) -> BestPairs:
+def no_pairs(count: int, starts: int, distinct_cosine: float, **uncertainties: float) -> BestPairs:
     """Grasps of a number of vertices before any was found, with so many cached directions."""
     return BestPairs(
         worst=np.full(count, math.inf),
@@ -108,9 +101,7 @@ def no_pairs(
         start_angles=np.full((count, starts), math.inf),
         start_signs=np.zeros((count, starts), dtype=np.int8),
         distinct_cosine=distinct_cosine,
-        location=location,
-        first_extra=first_extra,
-        second_extra=second_extra,
+        **uncertainties,
     )
 
 

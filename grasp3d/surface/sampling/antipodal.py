@@ -193,13 +193,9 @@ class _Search:
             neighbours(mesh), self.cone,
         )  # fmt: skip
         self.grasps = no_pairs(
-            len(mesh.vertices),
-            STARTS,
-            math.cos(self.spacing),
-            self.limits.location,
-            self.ranking.first_extra,
-            self.ranking.second_extra,
-        )
+            len(mesh.vertices), STARTS, math.cos(self.spacing), location=self.limits.location,
+            first_extra=self.ranking.first_extra, second_extra=self.ranking.second_extra,
+        )  # fmt: skip
 
     @cached_property
     def tracer(self) -> SurfaceRays:

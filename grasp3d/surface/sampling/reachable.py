@@ -48,7 +48,9 @@ sizes."""
 OF_WORST = ("worst", "closing", "partner", "partner_normal", "signs", "reason")
 OF_BEST = ("best", "closing_best", "signs_best")
 CACHED = ("starts", "start_angles", "start_signs")
-"""Fields of `BestPairs` of the grasp of `worst`, of that of `best`, and of the cache."""
+UNCERTAINTIES = ("location", "first_extra", "second_extra")
+"""Fields of `BestPairs` of the grasp of `worst`, of that of `best`, of the cache, and of what is
+not known about the contacts."""
 
 
 class Pairs(NamedTuple):
@@ -276,14 +278,8 @@ def _copy(source: BestPairs, target: BestPairs, mask: Bools, names: tuple[str, .
 
 def _nothing_found(grasps: BestPairs) -> BestPairs:
     """Grasps of as many vertices, none found yet; the reasons are those known."""
-    nothing = no_pairs(
-        len(grasps.worst),
-        1,
-        grasps.distinct_cosine,
-        grasps.location,
-        grasps.first_extra,
-        grasps.second_extra,
-    )
+    uncertainties = {name: getattr(grasps, name) for name in UNCERTAINTIES}
+    nothing = no_pairs(len(grasps.worst), 1, grasps.distinct_cosine, **uncertainties)
     unreached = np.where(grasps.reason == FOUND, NOT_REACHED, grasps.reason)
     return nothing._replace(reason=unreached.astype(np.uint8))
 
