@@ -22,10 +22,13 @@ REAL = sorted(
 )
 
 
+@pytest.fixture(params=REAL or [""])
+def path(request: pytest.FixtureRequest) -> Path:
+    return shapes.shared("meshes", request.param)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", REAL or ["meshes"])
-def test_a_real_mesh_is_labelled(name: str) -> None:
-    path = shapes.shared("meshes", name) if REAL else shapes.shared("meshes")
+def test_a_real_mesh_is_labelled(path: Path) -> None:
     mesh = load_mesh(path)
     labels = label_surface(mesh, GraspModel(friction=0.5), sampling=Sampling(rays=16))
     assert len(labels.label) == len(mesh.vertices) >= mesh.file_vertices
@@ -65,15 +68,13 @@ def solid_of(points: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", REAL or ["meshes"])
-def test_volume_and_centre_of_mass_agree_with_manifold_and_trimesh(name: str) -> None:
+def test_volume_and_centre_of_mass_agree_with_manifold_and_trimesh(path: Path) -> None:
     """Manifold makes a solid of the unrepaired file, and trimesh computes its mass properties."""
-    path = shapes.shared("meshes", name) if REAL else shapes.shared("meshes")
-    mesh = load_mesh(path, max_edge=1e9, repair="full" if name in OPEN else "safe")
+    mesh = load_mesh(path, max_edge=1e9, repair="full" if path.name in OPEN else "safe")
     assert mesh.report.closed
     raw = read_mesh(path)
     points = (raw.vertices - mesh.center) / mesh.size
-    if name in REFUSED:
+    if path.name in REFUSED:
         solid = solid_of(mesh.normalized, mesh.faces)
     else:
         inward = trimesh.Trimesh(points, raw.faces, process=False).volume < 0.0
@@ -88,15 +89,13 @@ def test_volume_and_centre_of_mass_agree_with_manifold_and_trimesh(name: str) ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", REAL or ["meshes"])
-def test_edge_counts_and_watertightness_agree_with_trimesh(name: str) -> None:
+def test_edge_counts_and_watertightness_agree_with_trimesh(path: Path) -> None:
     """Against the manifest, whose counts are those of trimesh after merging by position."""
-    path = shapes.shared("meshes", name) if REAL else shapes.shared("meshes")
     with (shapes.SHARED / "meshes" / "manifest.csv").open(encoding="utf-8") as stream:
-        row = next(row for row in csv.DictReader(stream) if row["file"] == name)
+        row = next(row for row in csv.DictReader(stream) if row["file"] == path.name)
     found = check_mesh(path, max_edge=1e9)
     boundary, nonmanifold = found.before.boundary_edges, found.before.crowded_edges
-    if name in GAPS:
+    if path.name in GAPS:
         assert boundary > 0
         assert found.after.boundary_edges == int(row["boundary_edges_merged"]) == 0
     else:
@@ -107,7 +106,7 @@ def test_edge_counts_and_watertightness_agree_with_trimesh(name: str) -> None:
             assert nonmanifold == int(row["nonmanifold_edges_merged"])
             assert (boundary == nonmanifold == 0) == (row["watertight_merged"] == "True")
         assert found.before.closed == (boundary == 0 and row["winding_merged"] == "True")
-    assert found.after.closed == (name not in OPEN)
+    assert found.after.closed == (path.name not in OPEN)
     assert (found.manifold == "NoError") == found.after.closed
 
 

@@ -1,8 +1,7 @@
 """The files of the object library agree with their README and are clean."""
 
-from __future__ import annotations
-
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -79,32 +78,19 @@ def test_longest_side_fits_metres(mesh: trimesh.Trimesh) -> None:
     assert 0.02 <= mesh.extents.max() <= 0.5
 
 
-def test_sphere_lies_on_its_surface() -> None:
-    distance = np.linalg.norm(load("sphere.stl").vertices, axis=1) - 0.0335
-    assert abs(distance).max() < 1e-8
+DISTANCES: dict[str, Callable[..., np.ndarray]] = {
+    "sphere.stl": lambda x, y, z: np.hypot(np.hypot(x, y), z) - 0.0335,
+    "box.obj": lambda *xyz: (np.abs(xyz).T - (0.020, 0.030, 0.050)).max(axis=1),
+    "cylinder.ply": lambda x, y, z: np.maximum(np.hypot(x, y) - 0.033, abs(z - 0.055) - 0.055),
+    "cone.off": lambda x, y, z: np.maximum(np.hypot(x, y) - 0.030 * (1 - z / 0.080), -z),
+    "torus.glb": lambda x, y, z: np.hypot(np.hypot(x, y) - 0.035, z) - 0.010,
+}
+"""Distance from the surface of a solid, below 0 inside."""
 
 
-def test_box_lies_on_its_faces() -> None:
-    distance = abs(load("box.obj").vertices) - np.array((0.020, 0.030, 0.050))
-    assert abs(distance.max(axis=1)).max() < 1e-8
-
-
-def test_cylinder_lies_on_wall_and_ends() -> None:
-    x, y, z = load("cylinder.ply").vertices.T
-    distance = np.maximum(np.hypot(x, y) - 0.033, abs(z - 0.055) - 0.055)
-    assert abs(distance).max() < 1e-8
-
-
-def test_cone_lies_on_flank_and_base() -> None:
-    x, y, z = load("cone.off").vertices.T
-    flank = np.hypot(x, y) - 0.030 * (1 - z / 0.080)
-    assert abs(np.maximum(flank, -z)).max() < 1e-8
-
-
-def test_torus_lies_on_its_tube() -> None:
-    x, y, z = load("torus.glb").vertices.T
-    distance = np.hypot(np.hypot(x, y) - 0.035, z) - 0.010
-    assert abs(distance).max() < 1e-8
+@pytest.mark.parametrize("name", DISTANCES)
+def test_a_solid_lies_on_its_surface(name: str) -> None:
+    assert abs(DISTANCES[name](*load(name).vertices.T)).max() < 1e-8
 
 
 @pytest.mark.parametrize(

@@ -34,16 +34,6 @@ STEPS = 6000
 """Most cuts of an ellipsoid."""
 
 
-@dataclass(frozen=True, eq=False)
-class Family:
-    """Motions of many grasps: velocities of the contacts are `maps @ u`."""
-
-    grasps: NDArray[np.int64]
-    """Grasp of each row (r,)."""
-    maps: Floats
-    """Shape (r, n, 3, d); 0 at contacts that every motion of the family leaves at rest."""
-
-
 # --- motions -------------------------------------------------------------------------------------
 
 

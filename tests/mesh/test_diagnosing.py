@@ -11,6 +11,7 @@ from grasp3d import GraspModel, Sampling, check_mesh
 from grasp3d.errors import MeshError
 from grasp3d.mesh.diagnosis import MeshDiagnosis, Trust, length_warnings, self_intersection_warnings
 from tests.helpers import shapes
+from tests.helpers.repairs import inward, joined, moved
 from tests.helpers.shapes import Surface
 
 
@@ -145,15 +146,11 @@ def test_a_surface_too_rough_for_a_patch_has_another_warning(tmp_path: Path) -> 
 
 
 def test_separate_bodies_have_a_warning_and_cavities_have_none(tmp_path: Path) -> None:
-    vertices, faces = shapes.sphere(2, 0.05)
-    two = np.concatenate([vertices, vertices + 0.2]), np.concatenate([faces, faces + len(vertices)])
-    found = check_mesh(written(tmp_path, two))
+    ball = shapes.sphere(2, 0.05)
+    found = check_mesh(written(tmp_path, joined(ball, moved(ball, (0.2, 0.2, 0.2)))))
     assert (found.bodies, found.cavities, found.trust) == (2, 0, Trust.CARE)
     assert any("separate bodies: 2," in warning.message for warning in found.warnings)
-    hollow = (
-        np.concatenate([vertices, 0.5 * vertices]),
-        np.concatenate([faces, faces[:, ::-1] + len(vertices)]),
-    )
+    hollow = joined(ball, inward(shapes.sphere(2, 0.025)))
     found = check_mesh(written(tmp_path, hollow))
     assert (found.bodies, found.cavities, found.trust) == (1, 1, Trust.YES)
 
@@ -162,10 +159,9 @@ def test_separate_bodies_have_a_warning_and_cavities_have_none(tmp_path: Path) -
 def test_stray_parts_that_enlarge_the_object_have_a_warning(
     tmp_path: Path, distance: float, trust: Trust
 ) -> None:
-    vertices, faces = shapes.sphere(3, 0.05)
-    small = 0.01 * vertices + distance
-    both = np.concatenate([vertices, small]), np.concatenate([faces, faces + len(vertices)])
-    found = check_mesh(written(tmp_path, both))
+    ball = shapes.sphere(3, 0.05)
+    small = moved(ball, (distance, distance, distance), 0.01)
+    found = check_mesh(written(tmp_path, joined(ball, small)))
     assert found.trust is trust
     assert any("stray parts: 1," in warning.message for warning in found.warnings)
 

@@ -6,16 +6,14 @@ from grasp3d._kernels.search.antipodal_candidates import TIE
 from grasp3d._kernels.search.face_minimum import RESOLVED
 from grasp3d.mesh.noisy_copies import movable_surface
 from tests.helpers import shapes
+from tests.helpers.repairs import joined, moved
 
 SOLIDS = {
     "box": shapes.box(),  # creases, and all edges are divided
     "cone": shapes.cone(0.3, sections=12),  # long thin triangles
     "ball": shapes.sphere(2),
     "tube": shapes.tube(),
-    "two boxes": (
-        np.concatenate([shapes.box()[0], shapes.box()[0] + 3.0]),
-        np.concatenate([shapes.box()[1], shapes.box()[1] + len(shapes.box()[0])]),
-    ),
+    "two boxes": joined(shapes.box(), moved(shapes.box(), (3.0, 3.0, 3.0))),
     "open": (shapes.box()[0], shapes.box()[1][2:]),
 }
 

@@ -9,7 +9,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp3d import GraspModel, ObjectMesh, Sampling, SurfaceLabels, label_surface, load_mesh
+from grasp3d import ObjectMesh, SurfaceLabels, label_surface, load_mesh
 from grasp3d._kernels.surface.patches import make_front, measure_distances, reset_front
 from grasp3d.arrays import unit_rows
 from grasp3d.errors import SettingError
@@ -301,17 +301,6 @@ def test_the_two_sides_of_a_plate_are_not_mixed() -> None:
     assert areas == pytest.approx(math.pi * 0.3**2, rel=1e-6)
 
 
-@pytest.mark.slow
-def test_the_inside_and_the_outside_of_a_wall_are_not_mixed() -> None:
-    tube = trimesh.creation.annulus(0.45, 0.5, 1.0, sections=48)
-    mesh = load_mesh((tube.vertices, tube.faces), max_edge=0.1, patch_radius=0.15)
-    wall = np.abs(mesh.vertices[:, 2]) < 0.33
-    radial = mesh.vertices[wall] * (1.0, 1.0, 0.0)
-    outside = np.linalg.norm(radial, axis=1) > 0.47
-    expected = unit_rows(np.where(outside, -1.0, 1.0)[:, None] * radial)
-    assert turns(mesh.normals[wall], expected).max() < math.radians(1.5)
-
-
 def test_where_normals_cancel_a_vertex_keeps_its_normals() -> None:
     """The rim of a plate and the tip of a needle; a blunter tip is rounded."""
     plate = shapes.box((2.0, 2.0, 0.01))
@@ -437,11 +426,8 @@ def agreement(one: SurfaceLabels, two: SurfaceLabels) -> float:
     return float(areas[one.label == two.label].sum() / areas.sum())
 
 
-def labels_of(
-    surface: Surface, radius: float = 0.0, sampling: Sampling | None = None
-) -> SurfaceLabels:
-    mesh = load_mesh(surface, max_edge=COARSE, patch_radius=radius)
-    return label_surface(mesh, GraspModel(), sampling=sampling)
+def labels_of(surface: Surface, radius: float = 0.0) -> SurfaceLabels:
+    return label_surface(load_mesh(surface, max_edge=COARSE, patch_radius=radius))
 
 
 def mean_edge(mesh: ObjectMesh) -> float:
@@ -461,20 +447,6 @@ def test_noise_of_a_scan_changes_labels_and_a_patch_restores_them() -> None:
     for level, before, after in ((0.5, 2.0, 0.5), (0.9, 10.0, 1.0)):
         assert np.degrees(spoilt.angle_quantiles(level)) > before
         assert np.degrees(smoothed.angle_quantiles(level)) < after
-
-
-@pytest.mark.slow
-def test_a_patch_restores_labels_of_every_kind() -> None:
-    """An ellipsoid that is longer than the gripper's largest opening."""
-    vertices, faces = shapes.sphere(4)
-    egg = vertices * (1.4, 0.9, 0.8), faces
-    short = Sampling(max_opening=1.75)
-    clean, scan = labels_of(egg, sampling=short), noisy(egg, 0.012)
-    assert min(clean.fractions().values()) > 0.05
-    spoilt = labels_of(scan, sampling=short)
-    smoothed = labels_of(scan, 4.0 * mean_edge(clean.mesh), sampling=short)
-    assert agreement(clean, spoilt) < 0.85
-    assert agreement(clean, smoothed) > 0.97
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import trimesh
 
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import MeshError
-from grasp3d.mesh.measures import Triangles, has_area, is_closed, paired_edges, rounding_of
+from grasp3d.mesh.measures import Triangles, has_area, paired_edges, rounding_of
 from grasp3d.mesh.normals import corner_normals, crease_twins
 from tests.helpers import oracles, shapes
 from tests.helpers.repairs import joined
@@ -24,13 +24,8 @@ def test_a_box_is_closed_with_a_volume_and_refined() -> None:
     assert mesh.size == pytest.approx(math.sqrt(14.0))
     assert mesh.vertex_areas.sum() == pytest.approx(22.0)
     assert np.array_equal(mesh.vertices[:8], vertices + 10.0)
-    assert edges(mesh.vertices, mesh.faces).max() <= mesh.size / 32.0 * (1.0 + 1e-6)
+    assert Triangles(mesh.vertices, mesh.faces).sides.max() <= mesh.size / 32.0 * (1.0 + 1e-6)
     assert trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).is_watertight
-
-
-def edges(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    corners = vertices[faces]
-    return np.linalg.norm(np.roll(corners, 1, axis=1) - corners, axis=2)
 
 
 def test_the_volume_and_centre_of_mass_of_a_cone() -> None:
@@ -109,14 +104,9 @@ def test_twins_are_across_each_crease() -> None:
     assert along > 20
 
 
-def duplicated() -> Surface:
-    vertices, faces = shapes.box()
-    return np.vstack([vertices, vertices]), np.vstack([faces[:6], faces[6:] + 8])
-
-
 def test_vertices_at_one_position_are_joined_and_keep_their_rows() -> None:
-    vertices, faces = duplicated()
-    mesh = load_mesh((vertices, faces))
+    vertices, faces = joined(shapes.box(), shapes.box())
+    mesh = load_mesh((vertices, np.vstack([faces[:6], faces[18:]])))
     assert mesh.report.closed
     assert mesh.file_vertices == 16
     assert np.array_equal(mesh.vertices[:16], vertices)
@@ -179,8 +169,7 @@ def test_mixed_winding_is_made_consistent() -> None:
 
 def test_one_inside_out_body_beside_another_is_turned() -> None:
     vertices, faces = shapes.sphere(2)
-    both = np.vstack([vertices, vertices + [5.0, 0.0, 0.0]])
-    mesh = load_mesh((both, np.vstack([faces, faces[:, ::-1] + len(vertices)])))
+    mesh = load_mesh(joined((vertices, faces), (vertices + [5.0, 0.0, 0.0], faces[:, ::-1])))
     assert mesh.report.bodies == 2
     assert mesh.volume == pytest.approx(2.0 * load_mesh((vertices, faces)).volume)
 
@@ -213,13 +202,6 @@ def test_a_closed_body_beside_an_open_one_is_oriented_by_itself() -> None:
     mesh = load_mesh(joined((bowl, rim), (vertices, faces[:, ::-1])))
     assert not mesh.report.closed
     assert outward_fraction(mesh, len(bowl), [5.0, 0.0, 0.0]) == 1.0
-
-
-@pytest.mark.slow
-def test_a_body_within_another_and_wound_alike_gives_a_warning() -> None:
-    mesh = load_mesh(joined(shapes.sphere(3), ball_at([0.1, 0.0, 0.0], 0.5)))
-    assert "1 body within others" in mesh.report.warnings[0]
-    assert mesh.volume == pytest.approx(load_mesh(shapes.sphere(3)).volume)
 
 
 def test_a_tray_is_not_closed_to_a_box() -> None:
@@ -268,8 +250,7 @@ def test_sizes_out_of_range_are_refused(scale: float) -> None:
 
 def test_a_cavity_stays_a_cavity() -> None:
     vertices, faces = shapes.sphere(3)
-    both = np.vstack([vertices, 0.5 * vertices])
-    wound = np.vstack([faces, faces[:, ::-1] + len(vertices)])
+    both, wound = joined((vertices, faces), (0.5 * vertices, faces[:, ::-1]))
     full = load_mesh((vertices, faces)).volume
     for winding in (wound, wound[:, ::-1]):
         mesh = load_mesh((both, winding))
@@ -299,27 +280,6 @@ def test_an_open_mesh_inside_out_is_turned_by_its_outermost_faces() -> None:
         mesh = load_mesh((vertices, winding))
         used = mesh.on_surface
         assert (np.einsum("ij,ij->i", mesh.normals[used], mesh.vertices[used]) < 0.0).all()
-
-
-def test_two_boxes_that_share_an_edge_are_closed() -> None:
-    vertices, faces = shapes.box()
-    both = np.vstack([vertices, vertices + [1.0, 1.0, 0.0]])
-    mesh = load_mesh((both, np.vstack([faces, faces + 8])))
-    assert mesh.report.closed
-    assert mesh.volume == pytest.approx(2.0)
-
-
-def test_closedness_counts_directions() -> None:
-    _, faces = shapes.box()
-    assert is_closed(faces)
-    assert not is_closed(faces[1:])
-    assert not is_closed(np.vstack([faces[1:], faces[:1, ::-1]]))
-
-
-def test_signed_volumes_do_not_depend_on_the_origin() -> None:
-    vertices, faces = shapes.torus()
-    moved = Triangles(vertices + [3.0, -1.0, 2.0], faces).volumes.sum()
-    assert moved == pytest.approx(Triangles(vertices, faces).volumes.sum())
 
 
 def test_edges_with_more_than_two_faces_are_not_paired() -> None:
@@ -378,15 +338,6 @@ def test_results_cannot_be_written_to() -> None:
     mesh = load_mesh(shapes.box())
     with pytest.raises(ValueError, match="read-only"):
         mesh.vertices[0] = 0.0
-
-
-def test_load_mesh_reads_what_the_file_has(tmp_path) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
-    vertices, faces = shapes.box()
-    path = tmp_path / "a box.ply"
-    trimesh.Trimesh(vertices, faces, process=False).export(path)
-    mesh = load_mesh(str(path), unit="mm")
-    assert (mesh.report.source, mesh.report.format, mesh.unit) == ("a box.ply", "ply", "mm")
-    assert np.array_equal(mesh.vertices[:8], vertices)
 
 
 def test_creases_take_less_area_on_a_finer_mesh() -> None:

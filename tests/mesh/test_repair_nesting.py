@@ -139,19 +139,6 @@ def test_a_solid_without_a_volume_is_not_united() -> None:
     )
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1])
-def test_a_long_chain_of_cubes_is_one_bar(seed: int) -> None:
-    cubes = [moved(shapes.box(), (0.5 * k, 0.0, 0.0)) for k in range(300)]
-    chain = moved(joined(*cubes), (0.0, 0.0, 0.0), FINE)
-    repaired_surface = repaired(in_order(chain, seed))
-    assert volume_of(repaired_surface) == pytest.approx(150.5 * FINE**3, rel=1e-7)
-    assert repaired_surface.closed
-    assert repaired_surface.bodies == 1
-    assert counts(repaired_surface)["united"] == 300
-    assert repaired_surface.warnings == ()
-
-
 def test_many_pairs_are_each_united() -> None:
     """Vertices of distant groups are not confused."""
     pair = joined(shapes.box(), moved(shapes.box(), (0.5, 0.2, 0.1)))

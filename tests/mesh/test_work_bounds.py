@@ -16,6 +16,7 @@ from grasp3d.mesh.repair.solids import estimated_overlaps, overlapping
 from grasp3d.mesh.repair.work import repair_surface
 from grasp3d.mesh.work_bounds import BOUNDS, cell_counts, close_pairs, pairs_in_cells
 from tests.helpers import shapes
+from tests.helpers.repairs import joined
 from tests.helpers.shapes import Surface
 
 COARSE = 1e9
@@ -41,19 +42,13 @@ def separate(triangles: int) -> Surface:
 
 def boxes(sides: Floats) -> Surface:
     """Boxes around the origin."""
-    vertices, faces = shapes.box()
-    count = len(vertices)
-    return (
-        np.vstack([side * vertices for side in sides]),
-        np.vstack([faces + k * count for k in range(len(sides))]),
-    )
+    return joined(*(shapes.box((side, side, side)) for side in sides.tolist()))
 
 
 def rods(count: int) -> Surface:
     """Long boxes in random directions, most of which cross."""
     rod, faces = shapes.box((1.0, 0.01, 0.01))
-    vertices = [rod @ shapes.rotation(seed).T for seed in range(count)]
-    return np.vstack(vertices), np.vstack([faces + k * len(rod) for k in range(count)])
+    return joined(*((rod @ shapes.rotation(seed).T, faces) for seed in range(count)))
 
 
 def seconds(work: Callable[[], object]) -> float:

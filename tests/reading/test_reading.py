@@ -9,7 +9,6 @@ import trimesh
 
 from grasp3d.errors import MeshError
 from grasp3d.reading.mesh_files import read_mesh
-from grasp3d.reading.sources import mesh_suffixes
 from tests.helpers import mesh_files, shapes
 from tests.helpers.mesh_files import FACES, SIX, VERTICES, written
 
@@ -68,28 +67,6 @@ def test_relative_indices_count_from_their_line(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     assert read_mesh(tmp_path / "r.obj").faces.tolist() == [[0, 1, 2], [3, 4, 5]]
-
-
-def test_a_scene_becomes_one_mesh_with_transformed_parts(tmp_path: Path) -> None:
-    box = trimesh.creation.box()
-    scene = trimesh.Scene()
-    scene.add_geometry(box)
-    moved = trimesh.transformations.translation_matrix([3.0, 0.0, 0.0])
-    scene.add_geometry(box, transform=moved)
-    scene.export(tmp_path / "two.glb")
-    raw = read_mesh(tmp_path / "two.glb")
-    assert len(raw.faces) == 24
-    assert np.ptp(raw.vertices, axis=0) == pytest.approx([4.0, 1.0, 1.0])
-    assert raw.unit == "m"
-
-
-def test_quads_become_triangles(tmp_path: Path) -> None:
-    (tmp_path / "q.off").write_text("OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n")
-    assert len(read_mesh(tmp_path / "q.off").faces) == 2
-
-
-def test_common_formats_are_read() -> None:
-    assert {".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf"} <= mesh_suffixes()
 
 
 def face_corners(path: Path) -> np.ndarray:
