@@ -65,8 +65,11 @@ class LinkTree:
         Raises:
             SettingError: There are no such links, no geometry, or fingers that do not slide.
         """
-        for link in (*fingers, *([] if palm is None else [palm])):
-            self._check_link(link)
+        for name in (*fingers, *([] if palm is None else [palm])):
+            if name not in self.links:
+                more = " ..." if len(self.links) > MAX_LISTED else ""
+                listed = ", ".join(self.links[:MAX_LISTED]) + more
+                raise self._error(f"no link is called {name!r}; known: {listed}")
         movers = [self._mover(link) for link in fingers]
         carrier = self.joints[movers[0]].parent
         if movers[0] == movers[1]:
@@ -76,7 +79,7 @@ class LinkTree:
             self._finger(name, mover, around) for name, mover in zip(fingers, movers, strict=True)
         ]
         # Without `palm` only links below the carrier count: above it the robot's arm may be.
-        links = self._below(carrier) if palm is None else self._below(palm)
+        links = self._below(carrier if palm is None else palm)
         if palm is not None and palm not in around:
             raise self._error(f"{palm} is not fixed to {carrier}, which carries the fingers")
         points = self._triangles({link: around[link] for link in links}).reshape(-1, 3)
@@ -88,12 +91,6 @@ class LinkTree:
 
     def _error(self, problem: str) -> SettingError:
         return SettingError(printable(f"{self.source}: {problem}"))
-
-    def _check_link(self, name: str) -> None:
-        if name not in self.links:
-            more = " ..." if len(self.links) > MAX_LISTED else ""
-            listed = ", ".join(self.links[:MAX_LISTED]) + more
-            raise self._error(f"no link is called {name!r}; known: {listed}")
 
     def _mover(self, link: str) -> str:
         """The link, of a finger or above it, that the finger's joint moves."""
@@ -115,7 +112,7 @@ class LinkTree:
         if joint.parent not in around:
             raise self._error(f"the fingers' joints must be on one link; that of {name} is not")
         pose = around[joint.parent] @ joint.origin
-        poses = {link: pose @ relative for link, relative in self._below_poses(mover).items()}
+        poses = {link: pose @ relative for link, relative in self._below(mover).items()}
         triangles = self._triangles(poses)
         if not len(triangles):
             raise self._error(f"{name} has no collision geometry")
@@ -133,7 +130,7 @@ class LinkTree:
             raise self._error(f"joint {joint.name} has no limits, from which the stroke follows")
         return joint.limits
 
-    def _below_poses(self, link: str) -> dict[str, Floats]:
+    def _below(self, link: str) -> dict[str, Floats]:
         """Poses of a link and all that is fixed below it, in its frame."""
         poses = {link: np.eye(4)}
         for name in self.links:  # parents come before children
@@ -142,9 +139,6 @@ class LinkTree:
                 poses[name] = poses[joint.parent] @ joint.origin
         return poses
 
-    def _below(self, link: str) -> list[str]:
-        return list(self._below_poses(link))
-
     def _rigid(self, link: str) -> dict[str, Floats]:
         """Poses of all links that are fixed to one, in its frame."""
         root, pose = link, np.eye(4)
@@ -152,7 +146,7 @@ class LinkTree:
             pose = self.joints[root].origin @ pose
             root = self.joints[root].parent
         to_link = np.linalg.inv(pose)
-        return {name: to_link @ relative for name, relative in self._below_poses(root).items()}
+        return {name: to_link @ relative for name, relative in self._below(root).items()}
 
     def _triangles(self, poses: Mapping[str, Floats]) -> Floats:
         parts = [self.geometry(link) @ pose[:3, :3].T + pose[:3, 3] for link, pose in poses.items()]

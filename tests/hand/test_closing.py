@@ -55,24 +55,32 @@ def arrays(found: ClosedJaws) -> dict[str, Floats]:
     return {name: getattr(found, name) for name in ("points", "normals", "area", "extents")}
 
 
+AHEAD = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]
+"""Normals of contacts on opposite sides across x."""
+
+
+def check(found: ClosedJaws, rtol: float = 0.0, atol: float = 1e-9, **expected: Any) -> None:
+    """Check what both jaws touch: fields of `ClosedJaws`, points also as columns x, y and z."""
+    assert states(found) == ["CLOSED"]
+    columns = dict(zip("xyz", found.points[0].T, strict=True))
+    for name, values in expected.items():
+        own = columns[name] if name in columns else getattr(found, name)[0]
+        np.testing.assert_allclose(own, values, rtol, atol, err_msg=name)
+
+
 def test_pads_on_the_faces_of_a_box(box: ObjectMesh) -> None:
     found = close_jaws(box, pose((0.004, 0.001, -0.002)), pads())
-    assert states(found) == ["CLOSED"]
-    assert found.opening[0] == pytest.approx(0.06, abs=1e-12)
-    np.testing.assert_allclose(found.points[0], [[-0.03, 0.001, -0.002], [0.03, 0.001, -0.002]])
-    np.testing.assert_allclose(found.normals[0], [[1, 0, 0], [-1, 0, 0]], atol=1e-12)
-    np.testing.assert_allclose(found.area[0], 0.02 * 0.01, rtol=1e-6)
-    np.testing.assert_allclose(found.extents[0], [[0.02, 0.01]] * 2, rtol=1e-6)
-    assert found.offset[0] == pytest.approx(-0.004)
+    points = [[-0.03, 0.001, -0.002], [0.03, 0.001, -0.002]]
+    check(found, points=points, normals=AHEAD, extents=[[0.02, 0.01]] * 2, offset=-0.004)
+    check(found, opening=0.06, atol=1e-12)
+    check(found, area=0.02 * 0.01, rtol=1e-6, atol=0.0)
 
 
 def test_a_pad_edge_over_the_edge_of_a_box_touches_the_part_on_the_box(box: ObjectMesh) -> None:
     """Of each pad 4 mm in y and 3 mm in z lie on the face, at its corner."""
     found = close_jaws(box, pose((0.0, 0.031, 0.017)), pads())
-    assert states(found) == ["CLOSED"]
-    np.testing.assert_allclose(found.points[0, :, 1:], [[0.023, 0.0135]] * 2, atol=1e-9)
-    np.testing.assert_allclose(found.extents[0], [[0.004, 0.003]] * 2, atol=1e-9)
-    np.testing.assert_allclose(found.area[0], 12e-6, rtol=1e-5)
+    check(found, y=0.023, z=0.0135, extents=[[0.004, 0.003]] * 2)
+    check(found, area=12e-6, rtol=1e-5, atol=0.0)
 
 
 @pytest.mark.parametrize("hand", [pads(), tips()])
@@ -86,13 +94,12 @@ def test_pads_on_a_ball_touch_caps_of_the_depth_of_the_compliance() -> None:
     ball = mesh_of(trimesh.creation.icosphere(5, radius))
     found = close_jaws(ball, pose(), pads(compliance=DEPTH, pad_height=0.02))
     cap = math.pi * (radius**2 - (radius - DEPTH) ** 2)
-    np.testing.assert_allclose(found.area, cap, rtol=0.01)
-    np.testing.assert_allclose(found.extents, 2.0 * math.sqrt(cap / math.pi), rtol=0.01)
-    np.testing.assert_allclose(found.points[0, :, 1:], 0.0, atol=1e-6)
+    check(found, area=cap, extents=2.0 * math.sqrt(cap / math.pi), rtol=0.01, atol=0.0)
     # On average over its area seen along x, a shallow cap is half as deep.
-    np.testing.assert_allclose(found.points[0, :, 0], [0.5e-3 - radius, radius - 0.5e-3], atol=2e-5)
-    np.testing.assert_allclose(found.normals[0], [[1, 0, 0], [-1, 0, 0]], atol=1e-4)
-    assert found.opening[0] == pytest.approx(2.0 * radius, rel=1e-3)
+    check(found, x=[0.5e-3 - radius, radius - 0.5e-3], atol=2e-5)
+    check(found, y=0.0, z=0.0, atol=1e-6)
+    check(found, normals=AHEAD, atol=1e-4)
+    check(found, opening=2.0 * radius, rtol=1e-3, atol=0.0)
 
 
 def test_pads_across_a_cylinder_touch_strips() -> None:
@@ -100,9 +107,8 @@ def test_pads_across_a_cylinder_touch_strips() -> None:
     cylinder = mesh_of(trimesh.creation.cylinder(radius, 0.2, sections=720))
     found = close_jaws(cylinder, pose(), pads(compliance=0.0005))
     half = math.sqrt(radius**2 - (radius - 0.0005) ** 2)
-    np.testing.assert_allclose(found.extents[0, :, 0], 2.0 * half, rtol=2e-3)
+    check(found, extents=[[2.0 * half, 0.01]] * 2, area=2.0 * half * 0.01, rtol=2e-3, atol=0.0)
     np.testing.assert_allclose(found.extents[0, :, 1], 0.01, rtol=1e-6)
-    np.testing.assert_allclose(found.area, 2.0 * half * 0.01, rtol=2e-3)
 
 
 def wedge(half_angle: float, height: float = 0.06) -> ObjectMesh:
@@ -117,20 +123,17 @@ def test_rigid_pads_on_a_wedge_touch_at_their_edge() -> None:
     """The pads' edges nearest to the base; the normals are those of the wedge's faces."""
     angle = math.radians(10.0)
     found = close_jaws(wedge(angle), pose(), pads(compliance=0.0))
-    width = 2.0 * (0.03 + 0.01) * math.tan(angle)
-    assert states(found) == ["CLOSED"]
-    assert found.opening[0] == pytest.approx(width, abs=1e-8)
-    np.testing.assert_allclose(found.points[0, :, 1], -0.01, atol=1e-6)
-    expected = [[math.cos(angle), -math.sin(angle), 0.0], [-math.cos(angle), -math.sin(angle), 0.0]]
-    np.testing.assert_allclose(found.normals[0], expected, atol=1e-6)
+    check(found, opening=2.0 * (0.03 + 0.01) * math.tan(angle), atol=1e-8)
+    x, y = math.cos(angle), -math.sin(angle)
+    check(found, y=-0.01, normals=[[x, y, 0.0], [-x, y, 0.0]], atol=1e-6)
 
 
 def test_compliant_pads_on_a_wedge_touch_a_strip() -> None:
     angle = math.radians(10.0)
-    found = close_jaws(wedge(angle), pose(), pads(compliance=0.0005))
     strip = 0.0005 / math.tan(angle)
-    np.testing.assert_allclose(found.extents[0, :, 0], strip, rtol=1e-6)
-    np.testing.assert_allclose(found.points[0, :, 1], -0.01 + strip / 2.0, atol=1e-8)
+    found = close_jaws(wedge(angle), pose(), pads(compliance=0.0005))
+    check(found, y=-0.01 + strip / 2.0, atol=1e-8)
+    check(found, extents=[[strip, 0.01]] * 2, rtol=1e-6, atol=0.0)
 
 
 @pytest.mark.parametrize(("step", "middle"), [(0.0004, 0.0), (0.0006, 0.005)])
@@ -140,10 +143,9 @@ def test_a_step_within_the_compliance_is_touched_on_both_levels(step: float, mid
     low = trimesh.creation.box(bounds=[[-0.02 + step, -0.03, -0.02], [0.02, 0.0, 0.02]])
     solid = trimesh.boolean.union([high, low])
     found = close_jaws(mesh_of(solid), pose(), pads(compliance=0.0005))
-    assert found.opening[0] == pytest.approx(0.04)
-    np.testing.assert_allclose(found.points[0, :, 1], [middle, 0.0], atol=1e-8)
-    np.testing.assert_allclose(found.area[0], [2e-4 if middle == 0.0 else 1e-4, 2e-4], rtol=1e-5)
-    np.testing.assert_allclose(found.normals[0], [[1, 0, 0], [-1, 0, 0]], atol=1e-9)
+    check(found, opening=0.04, y=[middle, 0.0], atol=1e-8)
+    check(found, normals=AHEAD)
+    check(found, area=[2e-4 if middle == 0.0 else 1e-4, 2e-4], rtol=1e-5, atol=0.0)
 
 
 @pytest.mark.parametrize("compliance", [0.0, 0.0005])
@@ -166,28 +168,25 @@ def test_a_pad_on_a_vertex_has_the_mean_of_its_normals(compliance: float) -> Non
 def test_a_round_tip_on_a_face_touches_a_disc(box: ObjectMesh) -> None:
     found = close_jaws(box, pose(), tips(compliance=DEPTH))
     square = 0.01**2 - (0.01 - DEPTH) ** 2
-    np.testing.assert_allclose(found.area, math.pi * square, rtol=1e-9)
-    np.testing.assert_allclose(found.extents, 2.0 * math.sqrt(square), rtol=1e-9)
-    np.testing.assert_allclose(found.points[0], [[-0.03, 0.0, 0.0], [0.03, 0.0, 0.0]], atol=1e-12)
-    assert found.opening[0] == pytest.approx(0.06)
+    check(found, area=math.pi * square, extents=2.0 * math.sqrt(square), rtol=1e-9, atol=0.0)
+    check(found, points=[[-0.03, 0.0, 0.0], [0.03, 0.0, 0.0]], opening=0.06, atol=1e-12)
 
 
 def test_round_tips_on_a_wedge_touch_with_their_sides() -> None:
     """A tip touches a face with the point of its surface that faces it."""
     angle = math.radians(20.0)
     found = close_jaws(wedge(angle, 0.04), pose(), tips(compliance=0.0))
-    expected_y = -0.01 * math.sin(angle)
-    np.testing.assert_allclose(found.points[0, :, 1], expected_y, atol=1e-6)
-    np.testing.assert_allclose(abs(found.normals[0, :, 0]), math.cos(angle), atol=1e-9)
-    apex_distance = 2.0 * ((0.02 - expected_y) * math.tan(angle) - 0.01 * (1.0 - math.cos(angle)))
-    assert found.opening[0] == pytest.approx(apex_distance, abs=1e-8)
+    y, x = -0.01 * math.sin(angle), math.cos(angle)
+    check(found, y=y, atol=1e-6)
+    check(found, normals=[[x, -math.sin(angle), 0.0], [-x, -math.sin(angle), 0.0]])
+    check(found, opening=2.0 * ((0.02 - y) * math.tan(angle) - 0.01 * (1.0 - x)), atol=1e-8)
 
 
 def test_a_round_tip_beside_an_edge_touches_the_edge(box: ObjectMesh) -> None:
     """6 mm beyond the edge, a ball of 10 mm has advanced 2 mm more when it touches it."""
     found = close_jaws(box, pose((0.0, 0.031, 0.0)), tips(compliance=0.0))
-    assert found.opening[0] == pytest.approx(0.06 - 2.0 * 0.002, abs=1e-9)
-    np.testing.assert_allclose(found.points[0], [[-0.03, 0.025, 0], [0.03, 0.025, 0]], atol=1e-5)
+    check(found, opening=0.06 - 2.0 * 0.002)
+    check(found, points=[[-0.03, 0.025, 0], [0.03, 0.025, 0]], atol=1e-5)
 
 
 def test_where_jaws_touch_nothing_or_start_inside(box: ObjectMesh) -> None:
@@ -219,11 +218,9 @@ def test_the_wall_of_a_cup_is_between_the_jaws() -> None:
     """One jaw inside, one outside: the far wall is not touched."""
     cup = mesh_of(trimesh.creation.annulus(0.035, 0.04, 0.1, sections=256))
     found = close_jaws(cup, pose((0.0375, 0.0, 0.045)), pads(compliance=0.0), opening=0.03)
-    assert states(found) == ["CLOSED"]
     # The inner pad is stopped by its corners.
-    inner = math.sqrt(0.035**2 - 0.01**2)
-    assert found.opening[0] == pytest.approx(0.04 - inner, abs=1e-5)
-    np.testing.assert_allclose(found.points[0, :, 1], 0.0, atol=1e-4)
+    check(found, opening=0.04 - math.sqrt(0.035**2 - 0.01**2), atol=1e-5)
+    check(found, y=0.0, atol=1e-4)
 
 
 def test_an_object_thinner_than_the_smallest_opening_is_not_held() -> None:
