@@ -15,7 +15,13 @@ from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.pose_files import holds_poses, read_poses, write_poses
-from grasp3d.grasps.pose_files.documents import load_json
+from grasp3d.grasps.pose_files.documents import (
+    check_file,
+    json_numbers,
+    json_text,
+    load_json,
+    write_rows,
+)
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.quality.measures.measuring import MetricValues
@@ -23,7 +29,7 @@ from grasp3d.settings import MAX_FINGERS, PoseFormat
 from grasp3d.settings.lengths import Unit
 from grasp3d.surface.fields import FOUND_POSES, columns_of
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.system.files import atomic_write, check_suffix
+from grasp3d.system.files import check_suffix
 from grasp3d.system.names import unsupported
 
 SUFFIXES = (".csv", ".parquet", ".json")
@@ -107,9 +113,7 @@ def read_contacts(path: str | Path) -> Floats:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise ContactError(unsupported(path, SUFFIXES, "contacts"))
-    if not path.is_file():
-        problem = "is a folder; name a file" if path.is_dir() else "there is no such file"
-        raise ContactError(f"{path}: {problem}")
+    check_file(path)
     try:
         return _from_json(path) if suffix == ".json" else _from_table(path)
     except OSError as error:
@@ -307,28 +311,21 @@ def write_grasps(
 
 
 def _write_json(path: Path, grasps: GraspTable, metrics: MetricValues | None) -> None:
-    """Write the settings, then one line for each grasp."""
-    columns = {name: values.tolist() for name, values in grasps.columns(metrics).items()}
-    contacts = {field.name: values.tolist() for field, values in grasps.contact_values()}
-    with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
-        stream.write(f'{{"grasp3d": {_json(grasps.settings())},\n"grasps": [')
-        for row in range(grasps.size):
-            entry = {name: values[row] for name, values in columns.items()}
-            entry["contacts"] = [
-                {name: values[row][number] for name, values in contacts.items()}
-                for number in range(grasps.contacts.count)
-            ]
-            stream.write(("," if row else "") + "\n" + _json(entry))
-        stream.write("\n]}\n")
-
-
-def _json(values: dict[str, Any]) -> str:
-    """JSON text; numbers that are not finite are null, since JSON cannot represent them."""
-    finite = {
+    """Write the settings, then one line for each grasp; what is not finite is null."""
+    columns = {name: json_numbers(values) for name, values in grasps.columns(metrics).items()}
+    contacts = {field.name: json_numbers(values) for field, values in grasps.contact_values()}
+    columns["contacts"] = [
+        [
+            {name: values[row][number] for name, values in contacts.items()}
+            for number in range(grasps.contacts.count)
+        ]
+        for row in range(grasps.size)
+    ]
+    settings = {
         name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in values.items()
+        for name, value in grasps.settings().items()
     }
-    return json.dumps(finite, allow_nan=False)
+    write_rows(path, json_text(settings), columns, grasps.size)
 
 
 def poses_of(grasps: GraspTable) -> GraspPoses:

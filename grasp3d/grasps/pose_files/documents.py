@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError
+from grasp3d.system.files import atomic_write
 
 DEEPEST = 32
 """Deepest nesting that is read: libyaml's constructor overflows the stack at some thousands."""
@@ -23,6 +24,13 @@ DEEPEST = 32
 _PYTHON = "tag:yaml.org,2002:python"
 
 Entries = Sequence[Mapping[str, Any]]
+
+
+def check_file(path: Path) -> None:
+    """Raise ContactError unless there is such a file."""
+    if not path.is_file():
+        problem = "is a folder; name a file" if path.is_dir() else "there is no such file"
+        raise ContactError(f"{path}: {problem}")
 
 
 def load_json(path: Path) -> Any:
@@ -179,6 +187,23 @@ def json_numbers(values: npt.NDArray[Any]) -> Any:
 def json_text(values: object) -> str:
     """JSON text of a value without nan."""
     return json.dumps(values, allow_nan=False)
+
+
+def write_rows(path: Path, header: str, columns: Mapping[str, Sequence[Any]], count: int) -> None:
+    """Write what applies to all grasps, then one line for each grasp.
+
+    Args:
+        path: JSON file to make or replace.
+        header: JSON text of what applies to all.
+        columns: Values of each grasp, as JSON has them.
+        count: Number of grasps.
+    """
+    with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
+        stream.write(f'{{"grasp3d": {header},\n"grasps": [')
+        for row in range(count):
+            entry = {name: values[row] for name, values in columns.items()}
+            stream.write(("," if row else "") + "\n" + json_text(entry))
+        stream.write("\n]}\n")
 
 
 def _flattened(value: object, shape: tuple[int, ...]) -> list[float]:

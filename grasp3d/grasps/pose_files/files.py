@@ -14,7 +14,7 @@ from grasp3d.grasps.pose_files.data_sets import (
     write_graspgen,
     write_graspnet,
 )
-from grasp3d.grasps.pose_files.documents import load_json
+from grasp3d.grasps.pose_files.documents import check_file, load_json
 from grasp3d.grasps.pose_files.frames import missing_of_hand
 from grasp3d.grasps.pose_files.own_files import (
     are_poses,
@@ -152,9 +152,7 @@ def read_poses(
         check_choice("format", format, PoseFormat)
     elif path.suffix.lower() not in SUFFIXES:
         raise ContactError(unsupported(path, SUFFIXES, "pose"))
-    if not path.is_file():
-        problem = "is a folder; name a file" if path.is_dir() else "there is no such file"
-        raise ContactError(f"{path}: {problem}")
+    check_file(path)
     try:
         return _read(path, format, hand, unit)
     except OSError as error:

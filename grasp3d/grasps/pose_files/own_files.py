@@ -21,13 +21,13 @@ from grasp3d.grasps.pose_files.documents import (
     mapping,
     numbers,
     required,
+    write_rows,
 )
 from grasp3d.grasps.pose_files.frames import from_quaternions, quaternions
 from grasp3d.grasps.pose_files.header import OUTCOMES, fields_of, header_of, outcomes_of
 from grasp3d.grasps.poses import OWN_NAMES, GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.settings.lengths import Unit
-from grasp3d.system.files import atomic_write
 
 Columns = Mapping[str, npt.NDArray[Any]]
 
@@ -65,12 +65,7 @@ def write_json(path: Path, poses: GraspPoses) -> None:
         header = json_text(header_of(poses))
     except (TypeError, ValueError) as error:
         raise OutputError(f"{path}: the settings of the poses are no JSON: {error}") from error
-    with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
-        stream.write(f'{{"grasp3d": {header},\n"grasps": [')
-        for row in range(poses.count):
-            entry = {name: values[row] for name, values in columns.items()}
-            stream.write(("," if row else "") + "\n" + json_text(entry))
-        stream.write("\n]}\n")
+    write_rows(path, header, columns, poses.count)
 
 
 def write_table(path: Path, poses: GraspPoses) -> None:
