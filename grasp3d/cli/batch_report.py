@@ -193,7 +193,7 @@ def print_library(library: LibraryLabels, model: GraspModel, *, report: bool) ->
     output, rows = Report(), library.rows.values()
     if len(rows) <= MAX_ROWS:
         _print_table(output, rows, model)
-    output.lines(library.warnings, WARNING)
+    output.warnings(library.warnings)
     failed = [row.error for row in library.failed]
     _print_some(output, FAILED, failed, "failures")
     warned = [

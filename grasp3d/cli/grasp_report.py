@@ -75,20 +75,18 @@ def print_evaluated(grasps: GraspTable, output: Path) -> None:
     """
     report, mesh = Report(), grasps.mesh
     count = f"{counted(grasps.size, 'grasps')} of {grasps.model.fingers} fingers"
-    report.line(f"[bold]{escaped(mesh.report.source)}[/]: {count}; {model_words(grasps.model)}")
+    report.heading(mesh.report.source, f"{count}; {model_words(grasps.model)}")
     counts = np.bincount(grasps.label, minlength=len(Label))
-    rows = [
-        (label_name(label), MEANING["scan"][label], *_number_of(int(counts[label]), grasps.size))
-        for label in sorted(Label, reverse=True)
-    ]
-    report.table(table_of(("label", "", "grasps", "fraction"), rows, texts=2))
+    report.labels(
+        "scan", ("grasps", "fraction"), lambda label: _number_of(int(counts[label]), grasps.size)
+    )
     angles = quantiles(grasps.critical_angle, LEVELS, np.ones(grasps.size))
     texts = ", ".join(map(angle_text, angles))
     report.paragraph(f"critical friction angle, {PERCENTS} of the grasps: {texts}")
     report.lines(uncertainty_lines(grasps, None, of="grasps", unit=mesh.unit))
     report.paragraph(_distance_text(grasps))
     print_load(report, grasps.holding)
-    report.lines(mesh.report.warnings, WARNING)
+    report.warnings(mesh.report.warnings)
     _print_first(report, [*_columns(grasps), *_conditional_columns(grasps, distances=True)], grasps)
     report.line(_legend(grasps))
     report.written(output)
@@ -136,9 +134,10 @@ def print_poses(poses: EvaluatedPoses, output: Path) -> None:
         output: The file that they were written to.
     """
     report, mesh, model = Report(), poses.mesh, poses.model
-    report.line(
-        f"[bold]{escaped(mesh.report.source)}[/]: {counted(poses.size, 'poses')} of gripper "
-        f"{escaped(poses.hand.name)}; {model_words(model)}{_CONTACTS[model.contact]}"
+    report.heading(
+        mesh.report.source,
+        f"{counted(poses.size, 'poses')} of gripper {escaped(poses.hand.name)}; "
+        f"{model_words(model)}{_CONTACTS[model.contact]}",
     )
     rows = [(*names, *_number_of(count, poses.size)) for names, count in _pose_counts(poses)]
     report.table(table_of(("", "", "poses", "fraction"), rows, texts=2))
@@ -146,7 +145,7 @@ def print_poses(poses: EvaluatedPoses, output: Path) -> None:
     if not np.isnan(poses.outcome).all():
         report.line(_outcomes(poses))
     print_load(report, poses.holding)
-    report.lines(poses.warnings, WARNING)
+    report.warnings(poses.warnings)
     _print_first(report, _pose_columns(poses), poses)
     report.line(f"{_added_legend(poses)}{_POSES_LEGEND}{mesh.unit}")
     report.written(output)

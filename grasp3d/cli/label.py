@@ -14,15 +14,12 @@ from grasp3d.cli.report import (
     CHECK_HINT,
     LEVELS,
     PERCENTS,
-    WARNING,
     Report,
     angle_text,
     escaped,
-    label_name,
     length_with_unit,
     model_words,
     percent_text,
-    table_of,
 )
 from grasp3d.cli.time_limit import time_limit
 from grasp3d.export.writers import writer_for
@@ -36,8 +33,6 @@ from grasp3d.settings import AnySampling
 from grasp3d.settings.lengths import Unit
 from grasp3d.settings.model_text import MINIMUM
 from grasp3d.settings.parsing import plain_values
-from grasp3d.stability.label import MEANING
-from grasp3d.stability.label import Label as Code
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.labelling import Labelling
 from grasp3d.surface.labels import SurfaceLabels
@@ -134,11 +129,10 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
     """
     report, mesh = Report(), labels.mesh
     _print_settings(report, labels)
-    rows = (
-        (label_name(Code[name]), MEANING["label"][Code[name]], percent_text(fraction))
-        for name, fraction in labels.fractions().items()
+    fractions = labels.fractions()
+    report.labels(
+        "label", ["area fraction"], lambda code: [percent_text(fractions[code.name])], texts=3
     )
-    report.table(table_of(("label", "", "area fraction"), rows, texts=3))
     if labels.sampling is not None:
         report.line(f"[bold]{escaped(str(verdict_of(labels).text))}[/]")
     angles = ", ".join(map(angle_text, labels.angle_quantiles(LEVELS)))
@@ -153,7 +147,7 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
             report.paragraph(f"{counted(int(counts[reason]), 'vertices')}: {explanation}")
     for step in mesh.report.repairs:
         report.paragraph(f"repaired: {escaped(str(step))}")
-    report.lines(labels.warnings, WARNING)
+    report.warnings(labels.warnings)
     if mesh.report.warnings:
         report.paragraph(CHECK_HINT)
     report.written(output)
@@ -162,11 +156,8 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
 def _print_settings(report: Report, labels: SurfaceLabels) -> None:
     """Print the mesh, the model, the gripper, and settings of the search that are not default."""
     mesh, model = labels.mesh, labels.model
-    report.line(
-        f"[bold]{escaped(mesh.report.source)}[/]: {counted(len(mesh.vertices), 'vertices')}, "
-        f"size {length_with_unit(mesh.size, mesh.unit)}; {model_words(model)}"
-        + ("" if model.fingers == 2 else f", {model.fingers} fingers")
-    )
+    fingers = "" if model.fingers == 2 else f", {model.fingers} fingers"
+    report.mesh(mesh, f"{model_words(model)}{fingers}")
     if model.method == "extremes":
         report.paragraph(
             f"labels from wrench hulls at {model.extreme_normals} extreme normals per contact, "

@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
-
 from grasp3d.cli import progress_bars
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.mesh_commands import Perturb
@@ -15,15 +13,10 @@ from grasp3d.cli.options import (
 )
 from grasp3d.cli.report import (
     CHECK_HINT,
-    WARNING,
     Report,
     angle_text,
-    escaped,
-    label_name,
-    length_with_unit,
     model_words,
     percent_text,
-    table_of,
 )
 from grasp3d.mesh.noisy_copies import movable_surface
 from grasp3d.mesh.plausible_lengths import refuse_lengths
@@ -32,7 +25,6 @@ from grasp3d.plots.perturbations import perturbation_figure
 from grasp3d.plots.rendering import check_rendering
 from grasp3d.settings.lengths import Unit, small_length
 from grasp3d.settings.model_text import error_texts
-from grasp3d.stability.label import MEANING, Label
 from grasp3d.system.counts import counted
 from grasp3d.system.names import safe_stem
 from grasp3d.validating.perturbing.perturb import perturb_surface
@@ -93,22 +85,8 @@ def print_perturbation(perturbation: Perturbation, paths: Sequence[Path]) -> Non
     mesh, model = perturbation.mesh, perturbation.labels.model
     words = [model_words(model), *error_texts(model, mesh.unit)]
     words += [] if model.fingers == 2 else [f"{model.fingers} fingers"]
-    report.line(
-        f"[bold]{escaped(mesh.report.source)}[/]: {counted(len(mesh.vertices), 'vertices')}, "
-        f"size {length_with_unit(mesh.size, mesh.unit)}; {', '.join(words)}"
-    )
-    report.line(_noise(perturbation))
-    report.table(_fractions(perturbation))
-    for line in (*_measured(perturbation), *_advised(perturbation)):
-        report.line(line)
-    report.lines(perturbation.labels.warnings, WARNING)
-    if mesh.report.warnings:
-        report.paragraph(CHECK_HINT)
-    report.written(*paths)
-
-
-def _noise(perturbation: Perturbation) -> str:
-    settings, unit = perturbation.settings, perturbation.mesh.unit
+    report.mesh(mesh, ", ".join(words))
+    settings, unit = perturbation.settings, mesh.unit
     assert settings.noise is not None  # it is a number in results
     origin = "estimated from the surface's roughness" if perturbation.estimated else "as given"
     kind = (
@@ -116,31 +94,26 @@ def _noise(perturbation: Perturbation) -> str:
         if settings.correlation
         else "independent at every vertex"
     )
-    return (
+    report.line(
         f"noise of each of the {counted(settings.copies, 'copies')}: "
         f"{_length(settings.noise, unit)} along the normals ({origin}), {kind}"
     )
-
-
-def _fractions(perturbation: Perturbation) -> Table:
-    """Area fractions of the labels of the surface itself, and of the copies."""
-    areas = perturbation.mesh.vertex_areas / perturbation.mesh.vertex_areas.sum()
-    copies = {
-        Label.S: perturbation.stable,
-        Label.M: perturbation.ambiguous,
-        Label.U: perturbation.unstable,
-    }
-    own = perturbation.labels.fractions()
-    rows = (
-        (
-            label_name(label),
-            MEANING["label"][label],
+    areas = mesh.vertex_areas / mesh.vertex_areas.sum()
+    own, copies = perturbation.labels.fractions(), perturbation.fractions
+    report.labels(
+        "label",
+        ("scan", "noisy copies"),
+        lambda label: [
             percent_text(own[label.name]),
-            percent_text(float((areas * fraction).sum())),
-        )
-        for label, fraction in copies.items()
+            percent_text(float((areas * copies[label]).sum())),
+        ],
     )
-    return table_of(("label", "", "scan", "noisy copies"), rows, texts=2)
+    for line in (*_measured(perturbation), *_advised(perturbation)):
+        report.line(line)
+    report.warnings(perturbation.labels.warnings)
+    if mesh.report.warnings:
+        report.paragraph(CHECK_HINT)
+    report.written(*paths)
 
 
 def _measured(perturbation: Perturbation) -> list[str]:

@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import Unit
 from grasp3d.settings.model_text import friction_text
-from grasp3d.stability.label import COLORS, Label
+from grasp3d.stability.label import COLORS, MEANING, Label, Mode
+from grasp3d.system.counts import counted
 from grasp3d.system.names import printable
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+    from grasp3d.mesh import ObjectMesh
 
 WARNING, NOTE, FAILED = "[yellow]warning:[/]", "[yellow]note:[/]", "[red]failed:[/]"
 """Marks at the beginning of a message."""
@@ -77,6 +80,41 @@ class Report:
             unlimited = self.console.options.update(max_width=UNLIMITED)
             table.width = self.console.measure(table, options=unlimited).maximum
         self.console.print(table, crop=not whole)
+
+    def heading(self, name: str, text: str) -> None:
+        """Print a line on what has a name, which has no markup."""
+        self.line(f"[bold]{escaped(name)}[/]: {text}")
+
+    def mesh(self, mesh: "ObjectMesh", text: str) -> None:
+        """Print the name and the size of a mesh, and a text with markup."""
+        count, size = len(mesh.vertices), length_with_unit(mesh.size, mesh.unit)
+        self.heading(mesh.report.source, f"{counted(count, 'vertices')}, size {size}; {text}")
+
+    def warnings(self, texts: Iterable[str]) -> None:
+        """Print warnings without markup, a line each."""
+        self.lines(texts, WARNING)
+
+    def labels(
+        self,
+        mode: Mode,
+        headings: Sequence[str],
+        cells: Callable[[Label], Sequence[str]],
+        *,
+        texts: int = 2,
+    ) -> None:
+        """Print a table with a line for each label.
+
+        Args:
+            mode: What labels are of, which gives their meaning.
+            headings: Of the columns after label and meaning.
+            cells: What a label has in them.
+            texts: Number of columns of texts, see `table_of`.
+        """
+        rows = (
+            (label_name(label), MEANING[mode][label], *cells(label))
+            for label in sorted(Label)[::-1]
+        )
+        self.table(table_of(("label", "", *headings), rows, texts=texts))
 
     def fields(self, rows: Iterable[tuple[str, str]]) -> None:
         """Print names and their values, which have no markup."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from grasp3d.cli import progress_bars
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.grasp_commands import Simulate
-from grasp3d.cli.report import WARNING, Report, escaped, label_name, length_with_unit, table_of
+from grasp3d.cli.report import Report, escaped, length_with_unit, table_of
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.grasps.pose_files import read_poses, write_poses
 from grasp3d.grasps.poses import GraspPoses
@@ -21,7 +21,7 @@ from grasp3d.physics.simulation import Simulation, SuccessRate, success_rate, wr
 from grasp3d.settings import Sampling
 from grasp3d.settings.lengths import small_length
 from grasp3d.settings.model_text import model_line
-from grasp3d.stability.label import MEANING, Label
+from grasp3d.stability.label import Label
 from grasp3d.system.counts import counted
 from grasp3d.system.names import safe_stem
 from grasp3d.system.tables import SUFFIXES
@@ -111,15 +111,18 @@ def print_simulation(simulation: Simulation, output: Path) -> None:
     for line in _head(simulation):
         report.line(line)
     holding = simulation.rates(held=True)
-    rows = [(*_named(rate), _percent(holding[rate.name])) for rate in simulation.rates().values()]
-    headings = ("label", "", "grasps", "grasp held", "95 %", "object held")
-    report.table(table_of(headings, rows, texts=2))
+    rates = simulation.rates()
+    report.labels(
+        "scan",
+        ("grasps", "grasp held", "95 %", "object held"),
+        lambda label: (*_cells(rates[label.name]), _percent(holding[label.name])),
+    )
     margins = [
         (f"{rate.name}°", *_cells(rate)) for rate in simulation.rates_by_margin() if rate.count
     ]
     report.table(table_of(("margin", "grasps", "grasp held", "95 %"), margins))
     _print_fates(report, simulation.fates)
-    report.lines(simulation.warnings, WARNING)
+    report.warnings(simulation.warnings)
     report.written(output)
 
 
@@ -130,12 +133,14 @@ def print_poses(poses: GraspPoses, output: Path) -> None:
         poses: The simulated poses.
         output: The file that they were written to.
     """
-    report, rows = Report(), []
-    for label in sorted(Label, reverse=True):
+
+    def cells(label: Label) -> tuple[str, str, str]:
         outcome = poses.outcome[poses.columns["label"] == label.name]
         tried = outcome[abs(outcome) < math.inf]
-        rows.append(_named(success_rate(label.name, tried == 1.0)))
-    report.table(table_of(("label", "", "poses", "object held", "95 %"), rows, texts=2))
+        return _cells(success_rate(label.name, tried == 1.0))
+
+    report = Report()
+    report.labels("scan", ("poses", "object held", "95 %"), cells)
     _print_fates(report, poses.columns["fate"].tolist())
     report.written(output)
 
@@ -162,12 +167,6 @@ def _head(simulation: Simulation) -> list[str]:
         f"{grasps}; grip force {force}; 6 pulls of {weight} at the {where}",
         f"simulated as {parts}, whose surface is off by at most {depth}, {angle:.1f}° at contacts",
     ]
-
-
-def _named(rate: SuccessRate) -> tuple[str, ...]:
-    """Cells of the success of a label."""
-    label = Label[rate.name]
-    return label_name(label), MEANING["scan"][label], *_cells(rate)
 
 
 def _cells(rate: SuccessRate) -> tuple[str, str, str]:

@@ -9,7 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from grasp3d.batch.sweeping import SweptMesh, SweptTarget, Target
-from grasp3d.cli.report import FAILED, NOTE, WARNING, Report, escaped, table_of
+from grasp3d.cli.report import FAILED, NOTE, Report, escaped, table_of
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.sweeps import Sweep
@@ -86,7 +86,7 @@ def print_notes(
             )
     for mesh in meshes:
         report.lines([mesh.error] if mesh.error else [], FAILED)
-        report.lines((f"{mesh.name}: {line}" for line in mesh.warnings), WARNING)
+        report.warnings(f"{mesh.name}: {line}" for line in mesh.warnings)
     _print_crease_note(report, meshes, fractions)
     failed = sum(1 for mesh in meshes if mesh.error)
     if failed:

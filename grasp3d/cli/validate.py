@@ -11,7 +11,7 @@ from grasp3d.cli import progress_bars
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.grasp_commands import Validate
 from grasp3d.cli.ranges import parse_angles, parse_frictions
-from grasp3d.cli.report import WARNING, Report, escaped, label_name, table_of
+from grasp3d.cli.report import Report, escaped, label_name, table_of
 from grasp3d.errors import OutputError
 from grasp3d.plots.validation_page import FILES, write_report
 from grasp3d.stability.label import Label
@@ -90,7 +90,7 @@ def print_validation(validation: Validation, output: Path | None) -> None:
     report = Report()
     report.lines([sentences.counts_of(validation), sentences.model_of(validation)])
     report.lines([*sentences.sources_of(validation), sentences.closing_of(validation)])
-    report.lines(validation.warnings[:MOST_WARNINGS], WARNING)
+    report.warnings(validation.warnings[:MOST_WARNINGS])
     if len(validation.warnings) > MOST_WARNINGS:
         more = counted(len(validation.warnings) - MOST_WARNINGS, "warnings")
         report.paragraph(f"and {more} more")

@@ -14,16 +14,7 @@ from tests.helpers import shapes
 from tests.helpers.commands import printed, run_here
 from tests.helpers.grippers import HAND
 
-OPTIONS = (
-    "--unit",
-    "mm",
-    "--max-edge",
-    "12",
-    "--sensor-resolution",
-    "15",
-    "--hand",
-    "hand.json",
-)
+OPTIONS = ["--unit", "mm", "--max-edge", "12", "--sensor-resolution", "15", "--hand", "hand.json"]
 """Those of label and evaluate."""
 
 

@@ -3,7 +3,6 @@
 import math
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -197,16 +196,3 @@ def test_nothing_is_truncated_in_a_narrow_terminal(
     assert max(map(len, narrow.splitlines())) <= columns
     assert "…" not in narrow
     assert sorted("".join(narrow.split())) == sorted("".join(wide.split()))
-
-
-def test_help_names_the_options_and_loads_nothing_heavy() -> None:
-    code = (
-        "import sys, grasp3d.cli\n"
-        "try: grasp3d.cli.main(['design', '--help'])\n"
-        "except SystemExit: print(*sys.modules, file=sys.stderr)"
-    )
-    run = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    assert not {"numpy", "rich", "trimesh", "numba", "pyvista"} & set(run.stderr.split())
-    for option in ("--friction", "--receptive-field", "--curvature", "--object-size", "DEGREES"):
-        assert option in run.stdout
-    assert "None" not in run.stdout

@@ -70,28 +70,6 @@ def test_labels_of_another_mesh_of_the_same_name_are_not_replaced(tmp_path: Path
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["label", "box.stl", *COARSE, "-o", "notes.ply"],
-        ["label", "box.stl", *COARSE, "-o", "notes.npz"],
-        ["sweep", "circle", "-o", "notes.csv"],
-        ["sweep", "circle", "-o", "new.csv", "--figure", "notes.svg"],
-        ["check", "box.stl", "-o", "notes.json"],
-        ["view", "box.stl", *COARSE, "--screenshot", "notes.png"],
-    ],
-)
-def test_files_of_other_programs_are_not_replaced(folder: Path, words: list[str]) -> None:
-    notes = next(folder / word for word in words if word.startswith("notes"))
-    notes.write_text("name,price\n", encoding="utf-8")
-    done = grasp3d(*words, cwd=folder)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert f"{notes.name}: exists and is no result of grasp3d" in done.stderr
-    assert notes.read_text(encoding="utf-8") == "name,price\n"
-    assert not (folder / "new.csv").exists()
-
-
-@pytest.mark.slow
 def test_results_replace_earlier_results_and_others_if_that_is_wanted(folder: Path) -> None:
     for suffix, figure in (("csv", "svg"), ("parquet", "png"), ("csv", "pdf")):
         words = ("sweep", "circle", "-o", f"out.{suffix}", "--figure", f"out.{figure}")

@@ -65,17 +65,6 @@ def test_label_prints_the_verdict_and_writes_poses(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", ["npz", "vtp", "parquet", "glb"])
-def test_every_format_of_labels_is_written(box: Path, suffix: str) -> None:
-    assert printed("label", "box.stl", *OPTIONS, *FRANKA, "-q", "-o", f"a.{suffix}", cwd=box) == ""
-    if suffix == "npz":
-        with np.load(box / "a.npz") as arrays:
-            assert arrays["approach"].shape[1] == 3
-    if suffix == "parquet":
-        assert "approach_margin" in pq.read_table(box / "a.parquet").column_names
-
-
-@pytest.mark.slow
 def test_own_grippers_and_resting_poses(box: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "grasp3d.plots.rendering.can_render", lambda: False

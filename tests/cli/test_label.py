@@ -78,22 +78,6 @@ def test_epsilon_is_written_and_printed_as_the_options_define(tmp_path: Path, na
         assert float(shown[5]) < float(shown[2])
 
 
-@pytest.mark.slow
-def test_every_output_format_is_written(tmp_path: Path) -> None:
-    source = export(tmp_path / "ball.ply", shapes.sphere(2))
-    for suffix in ("ply", "glb", "npz", "vtp"):
-        words = ("-o", f"out.{suffix}", "--edges", "8", "--max-edge", "9", "-q")
-        assert printed("label", source, *words, cwd=tmp_path) == ""
-        assert (tmp_path / f"out.{suffix}").stat().st_size > 1000
-
-
-@pytest.mark.slow
-def test_bad_input_of_a_process_is_one_line_as_well(tmp_path: Path) -> None:
-    run = grasp3d("label", "nothing.stl", cwd=tmp_path)
-    assert (run.returncode, run.stdout) == (2, "")
-    assert re.fullmatch(r"grasp3d: .*nothing.stl.*there is no such file.*\n", run.stderr)
-
-
 def test_a_closed_output_pipe_is_not_an_error(tmp_path: Path) -> None:
     run = subprocess.run(  # noqa: S602
         f"'{COMMAND}' batch --help | head -n 1",
@@ -112,16 +96,7 @@ def test_help_is_printed_quickly_and_names_the_settings(tmp_path: Path) -> None:
     used += after.children_system - before.children_system
     assert used < 5.0  # of computing, as others may be busy; test_layers checks the loaded modules
     assert "INT|none" in run.stdout
-    for option in (
-        "--edges",
-        "--actuation",
-        "--torsion-radius",
-        "--friction",
-        "--sensor-resolution",
-        "--grip",
-        "--max-opening",
-        "--unit",
-    ):
+    for option in ("--edges", "--friction", "--sensor-resolution", "--max-opening", "--unit"):
         assert option in run.stdout
     assert "22.6" in run.stdout
     assert "type: ignore" not in run.stdout

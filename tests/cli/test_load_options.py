@@ -35,39 +35,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("evaluate", "box.stl", "contacts.csv", "-o", "task.csv"),
-        ("evaluate", "box.stl", "contacts.csv", "-o", "task.csv", "--mass", "0.5"),
-        ("evaluate", "box.stl", "contacts.csv", "-o", "link.csv"),
-        ("label", "box.stl", "-o", "b.ply", "--best", "2", "--grasps", "task.csv"),
-        ("batch", "box.stl", "-o", "task.csv"),
-        ("batch", "box.stl", "-o", "results", "--log", "task.csv"),
-    ],
-)
-@pytest.mark.parametrize(
-    "task", ["task.csv", "weight + ellipsoid task.csv", "pushes.csv + ./task.csv", "{}/task.csv"]
-)
-def test_no_output_replaces_the_file_of_the_task(
-    tmp_path: Path, folder: Path, words: tuple[str, ...], task: str
-) -> None:
-    for name in ("box.stl", "pushes.csv"):
-        (tmp_path / name).write_bytes((folder / name).read_bytes())
-    (tmp_path / "task.csv").write_text("5,0,0,0,0,0\n")
-    (tmp_path / "link.csv").symlink_to("task.csv")
-    (tmp_path / "contacts.csv").write_text("x1,y1,z1,x2,y2,z2\n0,15,0,0,-15,0\n")
-    before = sorted(tmp_path.iterdir())
-    given = ("--task", task.format(tmp_path), "--unit", "mm", "--overwrite")
-    found = run_here(*words, *given, cwd=tmp_path)
-    assert (found.returncode, found.stdout) == (2, "")
-    assert found.stderr.endswith(".csv: is the file of the task; name another file\n")
-    assert found.stderr.count("\n") == 1
-    assert (tmp_path / "task.csv").read_text() == "5,0,0,0,0,0\n"
-    assert sorted(tmp_path.iterdir()) == before
-
-
 @pytest.mark.parametrize("command", COMMANDS)
 def test_each_command_that_evaluates_grasps_takes_a_load(command: str, folder: Path) -> None:
     text = run_here(command, "--help", cwd=folder, columns=80).stdout

@@ -67,6 +67,9 @@ label box.stl --task 'acceleration 0' | 'acceleration 0': a task needs a force o
 label box.stl --task wieght | no task is called 'wieght'; known: weight
 label box.stl --task pushes.csv | torques of the task are in N m, but the unit of box
 label box.stl --center-of-mass 1,2 | center_of_mass must be three finite lengths
+label box.stl -o notes.ply | notes.ply: exists and is no result of grasp3d
+label box.stl -o notes.npz | notes.npz: exists and is no result of grasp3d
+label box.stl --best 2 --grasps task.csv --task task.csv --overwrite | is the file of the task
 label open.stl --mass 0.5kg | is open, so its centre of mass is not known
 label open.stl --unit mm --density 1000 | is open, so a density gives no mass
 evaluate box.stl no.csv | no.csv: there is no such file
@@ -91,6 +94,14 @@ evaluate box.stl poses.csv --hand franka | unit
 evaluate box.stl poses.csv --unit mm --hand franka -o poses.csv | is the file of poses; name another
 evaluate box.stl poses.csv --unit mm --hand franka --contact patch --metrics all | --contact soft
 evaluate box.stl poses.csv --unit mm --hand franka --max-distance 1 | max_distance applies to
+evaluate box.stl pair.json -o task.csv --task task.csv --overwrite | is the file of the task; name
+evaluate box.stl pair.json -o task.csv --task task.csv --mass 0.5 --overwrite | is the file of the
+evaluate box.stl pair.json -o task.csv --task 'weight + ellipsoid task.csv' --overwrite | of the
+evaluate box.stl pair.json -o task.csv --task 'pushes.csv + ./task.csv' --overwrite | of the task
+evaluate box.stl pair.json -o task_link.csv --task task.csv --overwrite | is the file of the task
+validate untried.csv --mesh box.stl --hand franka | no outcome is known of any grasp; a table needs
+validate perhaps.csv --mesh box.stl --hand franka | grasp 2: outcome must be 1, true or yes
+validate grasps.csv --mesh box.stl --hand franka -o . --overwrite | grasps.csv: is a file of grasps
 validate poses.csv --mesh box.stl --hand franka --frictions 0 | friction
 validate poses.csv --mesh box.stl --hand franka --sensor-resolutions x | must be a number of degrees
 validate poses.csv --mesh box.stl --hand franka --bins 1 | bins must be from 2 to 50
@@ -113,6 +124,8 @@ sweep circle -o x.xlsx | unsupported table format .xlsx
 sweep circle --figure x.docx | unsupported figure format .docx
 sweep circle -o no/where.csv | cannot be written
 sweep circle --figure no/where.svg | cannot be written
+sweep circle -o notes.csv | notes.csv: exists and is no result of grasp3d
+sweep circle -o new.csv --figure notes.svg | notes.svg: exists and is no result of grasp3d
 sweep ball.ply -o link.csv | is the mesh itself
 sweep circle --friction 0.5 0 | friction must be
 sweep circle --friction | at least one friction
@@ -140,6 +153,7 @@ check nothing.stl | there is no such file or folder
 check void | no mesh in it
 check ball.ply -o report.txt | unsupported report format .txt
 check ball.ply -o missing/report.json | cannot be written
+check ball.ply -o notes.json | notes.json: exists and is no result of grasp3d
 check ball.ply -o link.json | is the mesh itself
 check ball.ply --workers -1 | workers must be at least 0
 check ball.ply --max-memory 0.1 | max memory must be at least 0.5 GB
@@ -170,6 +184,8 @@ batch nothing://lib -o out | nothing
 batch 'void/**x/[a' -o out | is not a valid file name pattern
 batch ball.ply -o ball.ply | its folder is a file
 batch ball.ply -o '' | no folder for the results
+batch box.stl -o task.csv --task task.csv --overwrite | is the file of the task
+batch box.stl -o out --log task.csv --task task.csv --overwrite | is the file of the task
 batch ball.ply -o out --workers -1 | workers must be
 batch ball.ply -o out --worker-memory 0.01 | worker memory must be
 batch ball.ply -o out --timeout 0 | timeout must be
@@ -185,6 +201,7 @@ view ball.ply --screenshot a.jpg | a.jpg: unsupported picture format .jpg: suppo
 view ball.ply --turntable a.avi | a.avi: | .gif
 view ball.ply --screenshot none/a.png | none/a.png: cannot be written
 view ball.ply --screenshot ball.ply | ball.ply:
+view ball.ply --screenshot notes.png | notes.png: exists and is no result of grasp3d
 view ball.ply --screenshot a.png --fingers 9 | fingers must be from 2 to 5
 view ball.ply --web --port 70000 | port
 view ball.ply --web --host no.such.host.invalid | no.such.host.invalid
@@ -242,6 +259,9 @@ design --object-size 50mm --location-error 1m | 20 times the size of the object 
 """
 """Words of a command line, and what its error contains."""
 
+NOTES = ("ply", "npz", "csv", "svg", "json", "png")
+"""Suffixes of files of other programs."""
+
 UNKNOWN = """
 label
 bake
@@ -278,6 +298,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     header = "ply\nformat ascii 1.0\nelement vertex {}\n" + "".join(
         f"property float {axis}\n" for axis in "xyz"
     )
+    (folder / "task_link.csv").symlink_to("task.csv")
+    columns = "px,py,pz,qx,qy,qz,qw,unit,outcome\n"
     texts = {
         "empty.stl": "",
         "prose.stl": "Not a mesh at all.\n" * 9,
@@ -294,7 +316,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "pair.json": json.dumps([pair]),
         "far.json": json.dumps([[pair[0], [-5000, 0, 0]]]),
         "three.json": json.dumps([[*pair, [0, 30, 0]]]),
-        "poses.csv": "px,py,pz,qx,qy,qz,qw,unit,outcome\n0,0,40,1,0,0,0,mm,1\n",
+        **dict.fromkeys(("poses.csv", "grasps.csv"), f"{columns}0,0,40,1,0,0,0,mm,1\n"),
+        "untried.csv": f"{columns}0,0,40,1,0,0,0,mm,\n",
+        "perhaps.csv": f"{columns}0,0,40,1,0,0,0,mm,no\n0,0,40,1,0,0,0,mm,perhaps\n",
+        "task.csv": "5,0,0,0,0,0\n",
+        **{f"notes.{suffix}": "name,price\n" for suffix in NOTES},
         "pushes.csv": "fx,fy,fz,tx,ty,tz\n5,0,0,0,0,0.1\n",
         "five.csv": "5,0,0,0,0\n",
     }

@@ -18,7 +18,7 @@ from grasp3d.system.tables import read_columns
 from tests.helpers import shapes
 from tests.helpers.commands import printed
 from tests.helpers.commands import run_here as grasp3d
-from tests.helpers.tried_grasps import chances, expected_roc_auc, poses_on
+from tests.helpers.tried_grasps import poses_on
 
 FRANKA = ParallelGripper.preset("franka")
 COUNT, HELD_FROM = 120, -0.1
@@ -114,72 +114,6 @@ def test_the_mesh_is_looked_up_in_the_scale_that_is_stated(folder: Path) -> None
     assert done.returncode == 2
     assert "log.json: names the mesh 'any/body.ply', which is not beside it in" in done.stderr
     assert "--meshes FOLDER" in done.stderr
-
-
-def rewritten(folder: Path, change: dict[str, str]) -> None:
-    """Change cells of the log's column outcome, by row."""
-    lines = (folder / "log.csv").read_text().splitlines()
-    column = lines[0].replace('"', "").split(",").index("outcome")
-    for number in range(1, len(lines)):
-        cells = lines[number].split(",")
-        cells[column] = change.get(str(number), change.get("all", cells[column]))
-        lines[number] = ",".join(cells)
-    (folder / "log.csv").write_text("\n".join(lines) + "\n")
-
-
-def test_outcomes_that_say_nothing_are_reported(folder: Path) -> None:
-    rewritten(folder, {"all": "yes", "3": ""})
-    text = printed(*GIVEN, cwd=folder)
-    assert "119 held (100.0 %); 1 without an outcome are left out" in text
-    assert "warning: log.csv: all 119 grasps held, so no score can be ranked" in text
-    assert "undefined" in text
-    rewritten(folder, {"all": ""})
-    done = grasp3d(*GIVEN, cwd=folder)
-    assert done.returncode == 2
-    assert (
-        "log.csv: no outcome is known of any grasp; a table needs a column success" in done.stderr
-    )
-    rewritten(folder, {"all": "no", "5": "perhaps"})
-    done = grasp3d(*GIVEN, cwd=folder)
-    assert "log.csv: grasp 5: outcome must be 1, true or yes" in done.stderr
-    assert done.stderr.count("\n") == 1
-
-
-def test_poses_in_millimetres_are_suspected(folder: Path) -> None:
-    far = poses()[0].poses.copy()
-    far[:, :3, 3] *= 1000.0
-    write_poses(folder / "log.csv", GraspPoses(poses=far, outcome=np.arange(COUNT) % 2))
-    done = grasp3d(*GIVEN, cwd=folder)
-    assert done.returncode == 2
-    assert "at none of the 120 poses the jaws close on the mesh" in done.stderr
-    assert "if their lengths are millimetres" in done.stderr
-
-
-def test_the_report_does_not_replace_a_log(folder: Path) -> None:
-    (folder / "log.csv").rename(folder / "grasps.csv")
-    words = ["grasps.csv" if word == "log.csv" else word for word in GIVEN]
-    before = (folder / "grasps.csv").read_bytes()
-    done = grasp3d(*words, "-o", ".", "--overwrite", cwd=folder)
-    assert done.returncode == 2
-    assert "grasps.csv: is a file of grasps; name another folder with -o" in done.stderr
-    assert (folder / "grasps.csv").read_bytes() == before
-
-
-@pytest.mark.slow
-def test_end_to_end_with_outcomes_drawn_from_the_margin(folder: Path) -> None:
-    margins = poses(400)[1]
-    likely = chances(margins)
-    held = np.random.default_rng(4).random(400) < likely
-    write_poses(folder / "log.csv", tried(held))
-    assert grasp3d(*GIVEN, "-o", "out", "--worst", "1", cwd=folder).returncode == 0
-    scores = read_columns(folder / "out" / "scores.csv")
-    values = {name: column[0] for name, column in scores.items()}
-    assert values["score"] == "margin"
-    expected = expected_roc_auc(margins, likely)
-    assert values["roc_auc"] == pytest.approx(expected, abs=0.08)
-    # One of twenty intervals at 95 % misses it, but none by much.
-    assert values["roc_auc_low"] - 0.02 < expected < values["roc_auc_high"] + 0.02
-    assert "<h2>Calibration of the margin</h2>" in (folder / "out" / "report.html").read_text()
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from grasp3d.arrays import Floats, short_repr
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.settings import GraspModel
 from grasp3d.settings.parsing import plain_values
+from grasp3d.stability.label import Label
 from grasp3d.surface.label_settings import chosen_settings
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.files import check_suffix
@@ -80,6 +81,11 @@ class Perturbation:
             normal_error=advice.normal_error,
             location_error=advice.location_error,
         )
+
+    @property
+    def fractions(self) -> dict[Label, Floats]:
+        """Fraction of the copies that have each label, (V,) each."""
+        return {Label.S: self.stable, Label.M: self.ambiguous, Label.U: self.unstable}
 
     def columns(self) -> dict[str, Any]:
         """Arrays over the vertices by the names that they have in files, (V,) each."""
