@@ -45,10 +45,8 @@ UPWARD = {
     ("grasp3d.mesh.object_mesh", "grasp3d.viewer.show"),
     ("grasp3d.surface.grasp_table", "grasp3d.viewer.show"),
     ("grasp3d.surface.labels", "grasp3d.viewer.show"),
-    ("grasp3d.system.isolation.calls", "grasp3d.system.isolation.child"),
 }
-"""`labels.show()` finds the viewer when it is called, as pandas does with plotting; a child process
-is started by the name of its module."""
+"""`labels.show()` finds the viewer when it is called, as pandas does with plotting."""
 
 ENGINES = {
     "manifold3d": {"mesh"},

@@ -28,8 +28,7 @@ from grasp3d.batch.job_requests import (
     versions,
 )
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.system.isolation import CallFailedError, call, describe_unexpected, end_idle
-from grasp3d.system.isolation.pickling import run_pickled_call
+from grasp3d.system.isolation import CallFailedError, call_pickled, describe_unexpected, end_idle
 
 logger = logging.getLogger(__name__)
 
@@ -315,7 +314,7 @@ def prepare(request: Request, cancelled: Callable[[], bool]) -> None:
         if request.preparation is None or request.preparation in _prepared:
             return
         with suppress(CallFailedError):  # jobs report the same failure
-            call(run_pickled_call, request.preparation, request.folder, cancelled=cancelled)
+            call_pickled(request.preparation, request.folder, cancelled=cancelled)
             _prepared.add(request.preparation)
 
 

@@ -19,12 +19,11 @@ from grasp3d.system.isolation import (
     CallFailedError,
     CallFailure,
     NeedsMemory,
-    call,
+    call_pickled,
     describe_unexpected,
     end_idle,
 )
 from grasp3d.system.isolation.limits import machine_memory
-from grasp3d.system.isolation.pickling import run_pickled_call
 
 USABLE_MEMORY = 0.9
 """Fraction of the memory that jobs may take; the rest is for the system and for this program."""
@@ -120,8 +119,7 @@ def result_of(request: Request, memory: float, cancelled: Callable[[], bool]) ->
         cancelled: Whether the result is no longer needed.
     """
     try:
-        value = call(
-            run_pickled_call,
+        value = call_pickled(
             request.work,
             request.folder,
             memory=memory,

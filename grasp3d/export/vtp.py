@@ -13,8 +13,7 @@ from grasp3d.surface.label_settings import SETTING
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import CORNER_NORMALS, CORNERS, VERTICES
 from grasp3d.system.files import atomic_write
-from grasp3d.system.isolation.calls import call
-from grasp3d.system.isolation.failures import CallFailedError
+from grasp3d.system.isolation import CallFailedError, call
 
 
 def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:

@@ -220,7 +220,7 @@ class Calls:
     failing: bool = False
     made: list[tuple[Any, ...]] = field(default_factory=list)
 
-    def __call__(self, function: Callable[..., Any], *arguments: Any, **limits: Any) -> str:
+    def __call__(self, function: Callable[..., Any] | bytes, *arguments: Any, **limits: Any) -> str:
         time.sleep(0.01)
         self.made.append((function, *arguments))
         assert not {"memory", "seconds"} & set(limits)
@@ -285,19 +285,19 @@ def test_a_run_compiles_before_its_first_job(monkeypatch: pytest.MonkeyPatch) ->
 def test_each_worker_of_a_cluster_prepares_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Several threads of a worker get their first requests at once."""
     calls = Calls()
-    monkeypatch.setattr(cluster, "call", calls)
+    monkeypatch.setattr(cluster, "call_pickled", calls)
     monkeypatch.setattr(cluster, "_prepared", set())
     plain = Request(b"job", "", memory=1.0, seconds=1.0, versions="")
     prepared = Request(b"job", "", 1.0, 1.0, versions="", preparation=b"compile")
     with ThreadPoolExecutor(4) as threads:
         for request in [prepared, plain] * 4:
             threads.submit(cluster.prepare, request, bool)
-    assert calls.made == [(cluster.run_pickled_call, b"compile", "")]
+    assert calls.made == [(b"compile", "")]
 
 
 def test_a_cancelled_preparation_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
     calls = Calls(failing=True)
-    monkeypatch.setattr(cluster, "call", calls)
+    monkeypatch.setattr(cluster, "call_pickled", calls)
     monkeypatch.setattr(cluster, "_prepared", set())
     request = Request(b"job", "", 1.0, 1.0, versions="", preparation=b"compile")
     cluster.prepare(request, bool)

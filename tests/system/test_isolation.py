@@ -22,11 +22,9 @@ from grasp3d.system.isolation import (
     NeedsMemory,
     allowed_memory,
     call,
-    calls,
     describe_unexpected,
     end_idle,
 )
-from grasp3d.system.isolation.process import ProcessPool
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 
@@ -338,12 +336,12 @@ def test_ctrl_c_reaches_the_parent_only() -> None:
 
 @pytest.mark.slow
 def test_idle_children_end_after_their_idle_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    pool = ProcessPool("grasp3d.system.isolation.child", {}, idle_time=0.2)
-    monkeypatch.setattr(calls, "_pool", pool)
+    end_idle()
+    monkeypatch.setattr("grasp3d.system.isolation.process.IDLE", 0.2)
     first = call(process)
     assert has_ended(first)
     assert call(process) != first
-    pool.end_idle()
+    end_idle()
 
 
 def test_a_call_fails_as_killed_if_no_process_can_be_started(

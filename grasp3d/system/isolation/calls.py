@@ -2,32 +2,16 @@
 
 import os
 import pickle
-import struct
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
-from grasp3d.system.isolation.failures import CallFailedError, CallFailure
-from grasp3d.system.isolation.limits import Limits, never
-from grasp3d.system.isolation.monitoring import send_request
-from grasp3d.system.isolation.process import ChildProcess, ProcessPool
+from grasp3d.system.isolation.limits import CallFailedError, CallFailure, Limits, never
+from grasp3d.system.isolation.monitoring import RAISED, answer_of
+from grasp3d.system.isolation.process import ChildProcess, pool
 
 ResultT = TypeVar("ResultT")
-
-LENGTH = struct.Struct("<Q")
-"""Format of the length that precedes each request and each answer."""
-
-IDLE = 30.0
-"""Time after which an idle child process is ended [s]."""
-
-_ONE_THREAD = {
-    f"{library}_NUM_THREADS": "1"
-    for library in ("NUMBA", "OMP", "OPENBLAS", "MKL", "NUMEXPR", "VECLIB_MAXIMUM")
-}
-"""Environment for one thread per child process, since each processor has a child already."""
-
-_pool = ProcessPool("grasp3d.system.isolation.child", _ONE_THREAD, IDLE)
 
 
 def call(
@@ -58,23 +42,58 @@ def call(
         CallFailedError: The child crashed, was killed, exceeded a limit, or the call was cancelled.
         Exception: The exception that the function raised, with its traceback as a note.
     """
+    limits = {"memory": memory, "seconds": seconds, "cancelled": cancelled}
+    data = call_pickled(pickle_call(function, *arguments), **limits)  # type: ignore[arg-type]
+    result: ResultT = pickle.loads(data)  # noqa: S301, from a child process of ours
+    return result
+
+
+def pickle_call(function: Callable[..., object], *arguments: object) -> bytes:
+    """Pickle a function call; functions and classes of a script are pickled by value."""
     import cloudpickle
 
-    request = cloudpickle.dumps((_environment(), memory, cloudpickle.dumps((function, arguments))))
+    data: bytes = cloudpickle.dumps((function, arguments))
+    return data
+
+
+def call_pickled(
+    work: bytes,
+    folder: str = "",
+    *,
+    memory: float | None = None,
+    seconds: float | None = None,
+    cancelled: Callable[[], bool] = never,
+) -> bytes:
+    """As `call`, with a call from `pickle_call`: this process need not import what it needs.
+
+    Args:
+        work: The call.
+        folder: Working folder, if it exists, so that relative paths mean the same as where the
+            call was pickled; else that of this process.
+        memory: As in `call`.
+        seconds: As in `call`.
+        cancelled: As in `call`.
+
+    Returns:
+        The pickled return value of the function.
+    """
+    here = working_folder()
+    paths = [str(Path(here, path)) for path in sys.path]
+    existing = folder if folder and Path(folder).is_dir() else here
+    request = pickle.dumps((existing, paths, memory, work))
     limits = Limits(memory, seconds, cancelled)
     try:
-        kind, value = _answer(_child(), request, limits)
+        answer = _answer(_child(), request, limits)
     except _ReusedChildError:
-        kind, value = _answer(_child(fresh=True), request, limits)
-    if kind == "raised":
-        raise value
-    result: ResultT = value
-    return result
+        answer = _answer(_child(fresh=True), request, limits)
+    if answer[0] == RAISED:
+        raise pickle.loads(memoryview(answer)[1:])  # noqa: S301, as above
+    return bytes(answer[1:])
 
 
 def end_idle() -> None:
     """End the idle child processes."""
-    _pool.end_idle()
+    pool.end_idle()
 
 
 def working_folder() -> str:
@@ -85,15 +104,9 @@ def working_folder() -> str:
         return os.sep
 
 
-def _environment() -> tuple[str, list[str]]:
-    """Return the working folder and the module search path of this process."""
-    folder = working_folder()
-    return folder, [str(Path(folder, path)) for path in sys.path]
-
-
 def _child(*, fresh: bool = False) -> ChildProcess:
     try:
-        return _pool.take(fresh=fresh)
+        return pool.take(fresh=fresh)
     except OSError as error:  # the machine has too many processes: not an error of the call
         raise CallFailedError(
             CallFailure.KILLED, f"cannot be started ({error.strerror})"
@@ -104,37 +117,17 @@ class _ReusedChildError(Exception):
     """A call ran out of memory in a child process that may still hold memory of earlier calls."""
 
 
-def _answer(child: ChildProcess, request: bytes, limits: Limits) -> tuple[str, Any]:
+def _answer(child: ChildProcess, request: bytes, limits: Limits) -> bytearray:
     """Send a request to a child process, and return the child to the pool if it is alive."""
     try:
-        answer = send_request(child, LENGTH.pack(len(request)) + request, _read, limits)
-        kind, value = _unpickled(child, answer)
+        answer = answer_of(child, request, limits)
     except CallFailedError as failure:
         if failure.kind is CallFailure.OUT_OF_MEMORY and child.used:
             raise _ReusedChildError from failure
         raise
     child.used = True
     if child.alive:
-        _pool.give_back(child)
+        pool.give_back(child)
     else:
         child.close()
-    return kind, value
-
-
-def _read(child: ChildProcess) -> bytearray:
-    (length,) = LENGTH.unpack(child.receive(LENGTH.size))
-    return child.receive(length)
-
-
-def _unpickled(child: ChildProcess, answer: bytearray) -> tuple[str, Any]:
-    try:
-        kind, value = pickle.loads(answer)  # noqa: S301, from a child process of ours
-    except BaseException:
-        child.close()
-        raise
-    if kind == "memory":
-        child.close()
-        raise CallFailedError(
-            CallFailure.OUT_OF_MEMORY, "requested more memory than is available and was ended"
-        )
-    return kind, value
+    return answer

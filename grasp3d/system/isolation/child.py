@@ -1,7 +1,7 @@
 """Main loop of a child process that runs function calls for its parent.
 
-A request is its length and a pickle: the working folder and the module search path, the memory
-limit, and the pickled call. An answer is its length and a pickle: a kind and a value.
+A request is its length and a pickle: the working folder, the module search path, the memory limit,
+and the pickled call. An answer is its length, a code, and the pickled result or exception.
 """
 
 import contextlib
@@ -21,9 +21,9 @@ import psutil
 with contextlib.suppress(ImportError):  # Windows has no resource limits
     import resource
 
-from grasp3d.system.isolation.calls import LENGTH
 from grasp3d.system.isolation.limits import set_allowed_memory
-from grasp3d.system.isolation.pickling import pickle_result
+from grasp3d.system.isolation.monitoring import NO_MEMORY, RAISED, VALUE
+from grasp3d.system.isolation.process import LENGTH
 
 VIRTUAL_FACTOR = 1.5
 """Limit of virtual memory as a multiple of the memory limit, since not all of it is used."""
@@ -39,8 +39,8 @@ def main() -> None:
     _raise_kill_priority()
     threading.Thread(target=_receive, args=(requests, inbox), daemon=True).start()
     while True:
-        answer = _answer(inbox.get())
-        answers.writelines([LENGTH.pack(len(answer)), answer])
+        code, answer = _answer(inbox.get())
+        answers.writelines([LENGTH.pack(1 + len(answer)), bytes([code]), answer])
         answers.flush()
         del answer
         gc.collect()
@@ -72,25 +72,34 @@ def _receive(requests: BinaryIO, inbox: "queue.SimpleQueue[bytes]") -> None:
     os._exit(0)
 
 
-def _answer(request: bytes) -> bytes:
+def _answer(request: bytes) -> tuple[int, bytes]:
+    """The code of the answer, and what follows it."""
     try:
-        return pickle_result(("value", _result(request)))
+        return VALUE, _result(request)
     except MemoryError:
-        return pickle.dumps(("memory", None))
+        return NO_MEMORY, b""
     except Exception as error:  # noqa: BLE001, the parent raises it
-        return _failure(error)
+        return RAISED, _failure(error)
     except BaseException as error:  # noqa: BLE001, sys.exit must not end the child process
-        return _failure(RuntimeError(f"{type(error).__name__}: {error}"))
+        return RAISED, _failure(RuntimeError(f"{type(error).__name__}: {error}"))
 
 
-def _result(request: bytes) -> object:
-    (folder, paths), memory, call = pickle.loads(request)  # noqa: S301, from the parent
+def _result(request: bytes) -> bytes:
+    """Make a call; returns the pickled result."""
+    folder, paths, memory, call = pickle.loads(request)  # noqa: S301, from the parent
     sys.path.extend(path for path in paths if path not in sys.path)
     if folder != os.getcwd():  # noqa: PTH109, compared as text
         os.chdir(folder)
     _limit(memory)
     function, arguments = pickle.loads(call)  # noqa: S301
-    return function(*arguments)
+    result = function(*arguments)
+    try:
+        data: bytes = cloudpickle.dumps(result)
+    except MemoryError:
+        raise
+    except Exception as error:
+        raise TypeError(f"its result cannot be pickled: {error}") from error
+    return data
 
 
 def _failure(error: Exception) -> bytes:
@@ -98,12 +107,12 @@ def _failure(error: Exception) -> bytes:
     trace = "".join(traceback.format_exception(error))
     try:
         error.add_note(trace)
-        data: bytes = cloudpickle.dumps(("raised", error))
+        data: bytes = cloudpickle.dumps(error)
         pickle.loads(data)  # noqa: S301, some exceptions pickle but do not unpickle
     except Exception:  # noqa: BLE001, as above
         plain = RuntimeError(f"{type(error).__name__}: {error}")
         plain.add_note(trace)
-        return pickle.dumps(("raised", plain))
+        return pickle.dumps(plain)
     return data
 
 

@@ -1,28 +1,104 @@
 """Requests to a child process, with a thread that enforces the limits meanwhile."""
 
+import contextlib
 import threading
 import time
-from collections.abc import Callable
+from collections import defaultdict
 from types import TracebackType
-from typing import TYPE_CHECKING, Self, TypeVar
+from typing import Self
 
-from grasp3d.system.isolation.failures import CallFailedError, CallFailure, failure_from_exit_code
-from grasp3d.system.isolation.limits import Limits
+import psutil
+
+from grasp3d.system.isolation.limits import (
+    CallFailedError,
+    CallFailure,
+    Limits,
+    failure_from_exit_code,
+)
 from grasp3d.system.isolation.process import ChildProcess
 
-if TYPE_CHECKING:
-    from grasp3d.system.isolation.process_tree import ProcessTree
-
-AnswerT = TypeVar("AnswerT")
+VALUE, RAISED, NO_MEMORY = b"vrm"
+"""Codes that begin an answer: before the pickled result or exception, or without more memory."""
 
 PERIOD = 0.1
 """Time between two checks of the limits [s]."""
+
+REFRESH = 1.0
+"""Largest age of the list of all processes [s]; reading it takes tens of milliseconds."""
+
+
+class _ProcessTable:
+    """All processes of the machine by their parent, shared by the threads of this process."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._read_at = float("-inf")
+        self._children: dict[int, list[psutil.Process]] = {}
+
+    def descendants(self, pid: int, since: float) -> list[psutil.Process]:
+        """Return the descendants of a process, from a table read after the time `since`."""
+        with self._lock:
+            if self._read_at < since:
+                self._children = _read_children()
+                self._read_at = time.monotonic()
+            processes, queue = [], [pid]
+            while queue:
+                children = self._children.get(queue.pop(), [])
+                processes += children
+                queue += [process.pid for process in children]
+        return processes
+
+
+def _read_children() -> dict[int, list[psutil.Process]]:
+    """Return the child processes of each process, by its id."""
+    children = defaultdict(list)
+    for process in psutil.process_iter():
+        with contextlib.suppress(psutil.Error):
+            children[process.ppid()].append(process)
+    return dict(children)
+
+
+_table = _ProcessTable()
+
+
+class _ProcessTree:
+    """A process and its descendants."""
+
+    def __init__(self, pid: int) -> None:
+        self._root = psutil.Process(pid)
+        self._descendants: list[psutil.Process] = []
+        self._updated = time.monotonic()
+
+    def memory(self) -> float:
+        """Return the resident memory of all processes together [GB]."""
+        if time.monotonic() - self._updated > REFRESH:
+            self._update(self._updated)
+        total = 0
+        for process in (self._root, *self._descendants):
+            with contextlib.suppress(psutil.Error):
+                total += process.memory_info().rss
+        return total / 1e9
+
+    def kill(self) -> None:
+        """End all processes, the root first, since it could start more."""
+        with contextlib.suppress(psutil.Error):
+            self._root.suspend()
+            self._update(time.monotonic())
+        for process in (self._root, *self._descendants):
+            with contextlib.suppress(psutil.Error):
+                process.kill()
+
+    def _update(self, since: float) -> None:
+        """Update the descendants; known ones stay in the list after their parent has ended."""
+        processes = _table.descendants(self._root.pid, since)
+        self._descendants = list({*self._descendants, *processes})
+        self._updated = time.monotonic()
 
 
 class _LimitMonitor:
     """A thread that ends a process tree when it exceeds a limit."""
 
-    def __init__(self, tree: "ProcessTree", limits: Limits) -> None:
+    def __init__(self, tree: _ProcessTree, limits: Limits) -> None:
         self.failure: CallFailedError | None = None
         self._tree, self._limits = tree, limits
         self._done = threading.Event()
@@ -71,28 +147,23 @@ class _LimitMonitor:
         return None
 
 
-def send_request(
-    child: ChildProcess, request: bytes, reader: Callable[[ChildProcess], AnswerT], limits: Limits
-) -> AnswerT:
+def answer_of(child: ChildProcess, request: bytes, limits: Limits) -> bytearray:
     """Send a request and read the answer; after any error the child process is closed.
 
     Args:
         child: The child process.
         request: Bytes to send.
-        reader: Reads the whole answer.
         limits: Limits of the request.
 
     Raises:
         CallFailedError: The child exceeded a limit and was ended, or it ended by itself.
     """
-    from grasp3d.system.isolation.process_tree import ProcessTree
-
-    tree, monitor = ProcessTree(child.process.pid), None
+    tree, monitor = _ProcessTree(child.process.pid), None
     child.kill_descendants = tree.kill
     try:
         with _LimitMonitor(tree, limits) as monitor:
             child.send(request)
-            answer = reader(child)
+            answer = child.receive()
     except (OSError, ValueError, EOFError) as error:
         code = child.close()
         raise (monitor and monitor.failure) or failure_from_exit_code(code) from error
@@ -100,4 +171,9 @@ def send_request(
         child.close()
         raise
     child.kill_descendants = None
+    if answer[0] == NO_MEMORY:
+        child.close()
+        raise CallFailedError(
+            CallFailure.OUT_OF_MEMORY, "requested more memory than is available and was ended"
+        )
     return answer

@@ -1,4 +1,4 @@
-"""Reusable child processes that run modules of this package.
+"""Reusable child processes, each of which runs the main loop of `child`.
 
 They are spawned, not forked, since locks of threads and compilers do not survive a fork.
 """
@@ -7,12 +7,12 @@ import atexit
 import contextlib
 import os
 import signal
+import struct
 import subprocess
 import sys
 import threading
 import time
 import weakref
-from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -20,14 +20,28 @@ import grasp3d
 
 if TYPE_CHECKING:
     import io
+    from collections.abc import Callable
+
+LENGTH = struct.Struct("<Q")
+"""Format of the length that precedes each request and each answer."""
+
+IDLE = 30.0
+"""Time after which an idle child process is ended [s]."""
+
+_ONE_THREAD = {
+    f"{library}_NUM_THREADS": "1"
+    for library in ("NUMBA", "OMP", "OPENBLAS", "MKL", "NUMEXPR", "VECLIB_MAXIMUM")
+}
+"""Environment for one thread per child process, since each processor has a child already."""
 
 _START = """
-import importlib, sys, typing
-package, module, *paths = sys.argv[1:]
+import sys, typing
+package, *paths = sys.argv[1:]
 sys.path.insert(0, package)
 import grasp3d
 sys.path[:] = sys.path[1:] + [path for path in paths if path not in sys.path[1:]]
-importlib.import_module(module).main()
+from grasp3d.system.isolation.child import main
+main()
 """
 """Start code of a child: imports this process's own copy of the package. Modules in the package's
 parent folder or in the working folder must not shadow those of Python."""
@@ -36,17 +50,17 @@ parent folder or in the working folder must not shadow those of Python."""
 class ChildProcess:
     """A child process, and the pipes to it."""
 
-    def __init__(self, module: str, environment: Mapping[str, str]) -> None:
+    def __init__(self) -> None:
         package = str(Path(grasp3d.__file__).parents[1])
         self.process = subprocess.Popen(  # noqa: S603, the command contains no user input
-            [sys.executable, *_flags(), "-c", _START, package, module, *_paths()],
+            [sys.executable, *_flags(), "-c", _START, package, *_paths()],
             bufsize=0,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             start_new_session=True,  # Ctrl-C must reach this process only
             cwd=package,
-            env={**os.environ, **environment},
+            env={**os.environ, **_ONE_THREAD},
         )
         self.requests = cast("io.RawIOBase", self.process.stdin)
         self.answers = cast("io.RawIOBase", self.process.stdout)
@@ -64,16 +78,20 @@ class ChildProcess:
 
     def send(self, data: bytes) -> None:
         """Write a request completely."""
-        rest = memoryview(data)
+        rest = memoryview(LENGTH.pack(len(data)) + data)
         while rest:
             rest = rest[self.requests.write(rest) :]
 
-    def receive(self, count: int) -> bytearray:
-        """Read a number of bytes of an answer.
+    def receive(self) -> bytearray:
+        """Read an answer.
 
         Raises:
-            EOFError: The process ended before they were complete.
+            EOFError: The process ended before it was complete.
         """
+        return self._read(*LENGTH.unpack(self._read(LENGTH.size)))
+
+    def _read(self, count: int) -> bytearray:
+        """Read a number of bytes."""
         data = bytearray(count)
         rest = memoryview(data)
         while rest:
@@ -110,24 +128,10 @@ class ChildProcess:
 
 
 class ProcessPool:
-    """Child processes that run one module; idle processes are reused before others start."""
+    """Child processes, of which idle ones are reused before others start."""
 
-    def __init__(
-        self,
-        module: str,
-        environment: Mapping[str, str] | None = None,
-        idle_time: float | None = None,
-    ) -> None:
-        """Create an empty pool.
-
-        Args:
-            module: Module whose `main` answers requests until its input ends.
-            environment: Environment variables to set.
-            idle_time: Time after which an idle child is ended [s]; none: with this process.
-        """
-        self._module, self._environment, self._idle_time = module, environment or {}, idle_time
+    def __init__(self) -> None:
         self.reset()
-        _pools.add(self)
 
     def reset(self) -> None:
         """Forget all children, after a fork."""
@@ -148,7 +152,7 @@ class ProcessPool:
             with self._lock:
                 child = self._idle.pop() if self._idle and not fresh else None
             if child is None:
-                return ChildProcess(self._module, self._environment)
+                return ChildProcess()
             if child.alive:
                 return child
             child.close()
@@ -166,13 +170,13 @@ class ProcessPool:
 
     def _schedule_end(self) -> None:
         """Start the timer that ends idle children; the caller holds the lock."""
-        if self._idle_time is not None and self._timer is None and self._idle:
-            self._timer = threading.Timer(self._idle_time, self._end_old)
+        if self._timer is None and self._idle:
+            self._timer = threading.Timer(IDLE, self._end_old)
             self._timer.daemon = True
             self._timer.start()
 
     def _end_old(self) -> None:
-        self._end(time.monotonic() - (self._idle_time or 0.0))
+        self._end(time.monotonic() - IDLE)
         with self._lock:
             self._timer = None
             self._schedule_end()
@@ -186,7 +190,8 @@ class ProcessPool:
 
 
 _children: "weakref.WeakSet[ChildProcess]" = weakref.WeakSet()
-_pools: "weakref.WeakSet[ProcessPool]" = weakref.WeakSet()
+pool = ProcessPool()
+"""The children of this process."""
 
 
 def _flags() -> list[str]:
@@ -212,8 +217,7 @@ def _detach_all() -> None:
     for child in list(_children):
         child.detach()
     _children.clear()
-    for pool in list(_pools):
-        pool.reset()
+    pool.reset()
 
 
 atexit.register(end_all)
