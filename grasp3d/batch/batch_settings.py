@@ -25,6 +25,11 @@ from grasp3d.settings.parsing import Settings
 DEFAULT_RESOLUTIONS = tuple(5.0 * step * DEGREE for step in range(13))
 """Default sensor resolutions of the grid: 0 to 60 degrees in steps of 5 [rad]."""
 
+UNCERTAINTIES = (
+    "friction", "friction_error", "normal_error", "location_error", "sensor_resolution",
+)  # fmt: skip
+"""Fields of a grid and of a model, the one that varies fastest last."""
+
 MIN_WORKER_MEMORY = 0.5
 """Least memory of a worker process [GB]."""
 
@@ -53,14 +58,9 @@ class FractionGrid(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for friction in self.friction:
-            GraspModel(friction=friction)
-        for resolution in self.sensor_resolution:
-            GraspModel(sensor_resolution=resolution)
-        for error in self.normal_error:
-            GraspModel(normal_error=error)
-        for length in self.location_error:
-            GraspModel(location_error=length)
+        for name in UNCERTAINTIES:  # how large a friction error may be depends on the friction
+            for value in getattr(self, name) if name != "friction_error" else ():
+                GraspModel(**{name: value})
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,8 @@ class BatchSettings:
         if self.best < 0:
             raise SettingError(f"the number of best grasps must be at least 0; got {self.best}")
         object.__setattr__(self, "sampling", self.sampling.fitted(self.model.fingers))
-        for friction, error in product(self.frictions, self.errors_of("friction_error")):
+        values = self.grid_values
+        for friction, error in product(values["friction"], values["friction_error"]):
             GraspModel(friction=friction, friction_error=error)
         angle, needed = self.sampling.search_angle, self._needed_search_angle
         if self.grid != FractionGrid() and angle is not None and angle < needed - ANGLE_ROUNDING:
@@ -98,26 +99,18 @@ class BatchSettings:
             )
 
     @property
-    def frictions(self) -> tuple[float, ...]:
-        """Coulomb coefficients of the grid, in increasing order."""
-        return tuple(sorted(set(self.grid.friction))) or (self.model.friction,)
+    def grid_values(self) -> dict[str, tuple[Any, ...]]:
+        """Values of each uncertainty at which fractions are computed, by its name in `GraspModel`.
 
-    @property
-    def resolutions(self) -> tuple[float, ...]:
-        """Sensor resolutions of the grid, in increasing order [rad]."""
-        values = self.grid.sensor_resolution or (*DEFAULT_RESOLUTIONS, self.model.sensor_resolution)
-        return tuple(sorted(set(values)))
-
-    def errors_of(self, name: str) -> tuple[Any, ...]:
-        """Errors of the grid, in increasing order, or the model's.
-
-        Args:
-            name: `friction_error`, `normal_error` or `location_error`.
+        Numbers are in increasing order; locations, which may have units, in that of the grid.
         """
-        errors = getattr(self.grid, name) or (getattr(self.model, name),)
-        if name == "location_error":
-            return tuple(dict.fromkeys(errors))
-        return tuple(sorted(set(errors)))
+        model, values = self.model, {}
+        for name in UNCERTAINTIES:
+            others = DEFAULT_RESOLUTIONS if name == "sensor_resolution" else ()
+            entries = getattr(self.grid, name) or (*others, getattr(model, name))
+            once = dict.fromkeys(entries)
+            values[name] = tuple(once) if name == "location_error" else tuple(sorted(once))
+        return values
 
     def grid_models(self, model: GraspModel, unit: Any = None) -> tuple[GraspModel, ...]:
         """The model at every combination of the grid, all resolutions of each one by one.
@@ -134,7 +127,7 @@ class BatchSettings:
     @property
     def needs_forces(self) -> bool:
         """Whether forces are computed: for a load, and for location errors of three fingers."""
-        located = self.model.certainty == "safe" or self.errors_of("location_error") != (0.0,)
+        located = self.model.certainty == "safe" or self.grid_values["location_error"] != (0.0,)
         return self.load is not None or (self.model.fingers > 2 and located)
 
     @property
@@ -147,14 +140,12 @@ class BatchSettings:
     @property
     def _needed_search_angle(self) -> float:
         """Search angle that separates M from U for the model and over the whole grid [rad]."""
-        widest = replace(
-            self.model,
-            friction=max(self.model.friction, *self.frictions),
-            sensor_resolution=max(self.model.sensor_resolution, *self.resolutions),
-            friction_error=max(self.model.friction_error, *self.errors_of("friction_error")),
-            normal_error=max(self.model.normal_error, *self.errors_of("normal_error")),
-        )
-        return search_cone(widest)
+        widest = {
+            name: max(getattr(self.model, name), *values)
+            for name, values in self.grid_values.items()
+            if name != "location_error"
+        }
+        return search_cone(replace(self.model, **widest))
 
 
 @lru_cache(maxsize=16)  # most meshes of a library have the same unit
@@ -162,23 +153,11 @@ def _grid_models(settings: BatchSettings, model: GraspModel, unit: Any) -> tuple
     """See `BatchSettings.grid_models`."""
     (grid,) = settings_in_unit(unit, settings.grid)
     locations = grid.location_error or (model.location_error,)
+    values = settings.grid_values | {"location_error": tuple(dict.fromkeys(locations))}
     return tuple(
-        replace(
-            model,
-            friction=friction,
-            friction_error=error,
-            normal_error=normals,
-            location_error=location,
-            sensor_resolution=resolution,
-            method="exact",  # thresholds on critical angles, whatever the labels are from
-        )
-        for friction, error, normals, location, resolution in product(
-            settings.frictions,
-            settings.errors_of("friction_error"),
-            settings.errors_of("normal_error"),
-            dict.fromkeys(locations),
-            settings.resolutions,
-        )
+        # Thresholds on critical angles, whatever the labels are from.
+        replace(model, method="exact", **dict(zip(values, one, strict=True)))
+        for one in product(*values.values())
     )
 
 

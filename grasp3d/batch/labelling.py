@@ -127,7 +127,7 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
         force=force,
     )  # fmt: skip
     if not force:
-        for location in settings.errors_of("location_error"):
+        for location in settings.grid_values["location_error"]:
             refuse_lengths(task.mesh, location_error=location)
     reading = next(clock)
     cost = labelling_cost(len(task.mesh.vertices), task.model, task.sampling)

@@ -17,7 +17,7 @@ from grasp3d.surface.fields import DECIDED, EPSILONS, Field, present
 from grasp3d.surface.label_settings import settings_of
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import VERTICES
-from grasp3d.system.tables.ply_files import write_ply_columns
+from grasp3d.system.ply_files import write_ply_columns
 
 
 def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -> None:

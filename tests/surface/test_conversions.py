@@ -27,7 +27,6 @@ from grasp3d.stability import COLORS, Label
 from grasp3d.surface import GraspTable
 from grasp3d.surface.sweeps import write_sweeps
 from grasp3d.surface.vertex_fields import VERTICES
-from grasp3d.system.tables import columns
 from grasp3d.viewer import show
 from grasp3d.viewer.session.collection import collection_of_grasps, collection_of_mesh
 from grasp3d.viewer.session.inspection import inspect_last_contact
@@ -147,7 +146,7 @@ def test_the_rows_of_a_batch_become_a_table() -> None:
 def test_without_pandas_a_sentence_names_the_extra(
     labels: SurfaceLabels, grasps: GraspTable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(columns, "find_spec", lambda _: None)
+    monkeypatch.setattr("grasp3d.system.tables.find_spec", lambda _: None)
     found = sweep(labels.angle_distribution(), friction=0.5, sensor_resolution=0.1)
     for one in (labels, grasps, found, Summary()):
         with pytest.raises(OutputError, match=r"pip install 'grasp3d\[pandas\]'"):

@@ -12,9 +12,9 @@ from grasp3d.stability.label import Label
 from grasp3d.surface.label_settings import chosen_settings
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.files import check_suffix
+from grasp3d.system.ply_files import write_ply_columns
 from grasp3d.system.tables import SUFFIXES as TABLES
 from grasp3d.system.tables import write_columns
-from grasp3d.system.tables.ply_files import write_ply_columns
 from grasp3d.system.versions import package_version
 from grasp3d.validating.perturbing.advice import Advice
 from grasp3d.validating.perturbing.noise_settings import NoiseSettings
