@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import asdict, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import trimesh
 
 from grasp3d import GraspModel, MeshOptions, Sampling, Table, best_grasps, label_surface, load_mesh
 from grasp3d.batch import labelling
-from grasp3d.batch.batch_settings import BatchSettings, FractionGrid
+from grasp3d.batch.batch_settings import UNCERTAINTIES, BatchSettings, FractionGrid
 from grasp3d.batch.identity import mesh_key
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.labelling import Unchanged, label_job, lost_row
@@ -103,76 +104,53 @@ def test_the_files_contain_the_labels(tmp_path: Path) -> None:
     assert np.allclose(angles, labels.critical_angle, rtol=1e-6, equal_nan=True)
 
 
-@pytest.mark.slow
-def test_fractions_over_the_grid_are_those_of_relabelling(tmp_path: Path) -> None:
-    source = egg(tmp_path)
-    grid = FractionGrid((0.2, 0.6), (0.0, math.radians(10.0), math.radians(50.0)))
-    settings = replace(SETTINGS, grid=grid)
-    row, labels = row_of(job_of(source, tmp_path / "out"), settings), labels_of(source, settings)
-    assert [(one.friction, one.sensor_resolution) for one in row.fractions] == [
-        (friction, resolution)
-        for friction in grid.friction
-        for resolution in grid.sensor_resolution
-    ]
-    for one in row.fractions:
-        again = labels.relabel(friction=one.friction, sensor_resolution=one.sensor_resolution)
-        found = (one.stable, one.ambiguous, one.no_grasp_found)
-        assert found == pytest.approx(tuple(again.fractions().values()), abs=1e-12)
-
-
-@pytest.mark.slow
-def test_the_grid_has_every_combination_of_the_uncertainties(tmp_path: Path) -> None:
-    source = egg(tmp_path)
-    grid = FractionGrid(
+GRIDS = {
+    "": FractionGrid((0.2, 0.6), (0.0, math.radians(10.0), math.radians(50.0))),
+    "location_error": FractionGrid(
         (0.3,), (0.0, 0.2), friction_error=(0.0, 0.1), normal_error=(0.05,),
         location_error=(0.0, "1 mm"),
-    )  # fmt: skip
-    model = replace(SETTINGS.model, location_error="0.5mm")
-    settings = replace(
-        SETTINGS, model=model, grid=grid, mesh=replace(SETTINGS.mesh, unit="cm"), best=0
-    )
+    ),
+    "per_finger": FractionGrid((0.3, 0.6), (0.0, 0.2), normal_error=(0.0, 0.05)),
+}  # fmt: skip
+"""Grids by what else is uncertain."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("", ""),
+        ("location_error", "0.5mm"),
+        ("per_finger", "; normal_error=5"),
+        ("per_finger", "location_error=0.5mm; friction=0.3..0.5"),
+    ],
+)
+def test_fractions_over_the_grid_are_those_of_relabelling(
+    tmp_path: Path, name: str, value: str
+) -> None:
+    source, grid = egg(tmp_path), GRIDS[name]
+    model = replace(SETTINGS.model, **({name: value} if name else {}))
+    settings = replace(SETTINGS, model=model, grid=grid, best=0)
     row, labels = row_of(job_of(source, tmp_path / "out"), settings), labels_of(source, settings)
-    assert (row.friction_error, row.normal_error, row.location_error) == (0.0, 0.0, 0.05)
-    found = [(one.friction_error, one.location_error) for one in row.fractions]
-    assert found == [(error, delta) for error in (0.0, 0.1) for delta in (0.0, 0.1) for _ in "ab"]
-    for one in row.fractions:
-        again = labels.relabel(
-            friction=one.friction,
-            sensor_resolution=one.sensor_resolution,
-            friction_error=one.friction_error,
-            normal_error=one.normal_error,
-            location_error=one.location_error,
-        )
-        values = (one.stable, one.ambiguous, one.no_grasp_found)
-        assert values == pytest.approx(tuple(again.fractions().values()), abs=1e-12)
+    combinations = product(
+        grid.friction,
+        grid.friction_error or (0.0,),
+        grid.normal_error or (0.0,),
+        (0.0, 0.1) if grid.location_error else (0.0,),  # in centimetres
+        grid.sensor_resolution,
+    )
+    found = [[getattr(one, field) for field in UNCERTAINTIES] for one in row.fractions]
+    assert found == list(map(list, combinations))
+    for one, combination in zip(row.fractions, found, strict=True):
+        again = labels.relabel(**dict(zip(UNCERTAINTIES, combination, strict=True)))
+        fractions = (one.stable, one.ambiguous, one.no_grasp_found)
+        assert fractions == pytest.approx(tuple(again.fractions().values()), abs=1e-12)
+    assert len({one.stable for one in row.fractions}) > (4 if name == "per_finger" else 2)
+    assert (row.friction_error, row.normal_error) == (0.0, 0.0)
+    assert row.location_error == (0.05 if name == "location_error" else 0.0)
     margins = (row.margin_p10, row.margin_p50, row.margin_p90)
     assert None not in margins
     assert sorted(margins) == list(margins)
-    assert (row.margin_p50 > 0.0) == (row.stable > 0.5)
-    alone = labels.angle_distribution().worst_quantile(0.5)
-    assert row.required_resolution_50 == pytest.approx(
-        max(0.0, 2.0 * (labels.model.friction_angle - alone))
-    )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("fingers", ["; normal_error=5", "location_error=0.5mm; friction=0.3..0.5"])
-def test_fractions_over_the_grid_are_those_of_differing_fingers(
-    tmp_path: Path, fingers: str
-) -> None:
-    source, grid = egg(tmp_path), FractionGrid((0.3, 0.6), (0.0, 0.2), normal_error=(0.0, 0.05))
-    model = replace(SETTINGS.model, per_finger=fingers)
-    settings = replace(SETTINGS, model=model, grid=grid, best=0)
-    row, labels = row_of(job_of(source, tmp_path / "out"), settings), labels_of(source, settings)
-    assert len({one.stable for one in row.fractions}) > 4
-    for one in row.fractions:
-        again = labels.relabel(
-            friction=one.friction,
-            sensor_resolution=one.sensor_resolution,
-            normal_error=one.normal_error,
-        )
-        found = (one.stable, one.ambiguous, one.no_grasp_found)
-        assert found == pytest.approx(tuple(again.fractions().values()), abs=1e-12)
     weights = labels.mesh.vertex_areas / labels.mesh.vertex_areas.sum()
     for values, median in (
         (labels.max_resolution, row.required_resolution_50),

@@ -27,7 +27,7 @@ from grasp3d.surface.held_area import held_fractions, payload_quantiles
 from tests.batch.test_report_gripper import header_of
 from tests.batch.test_report_page import BROWSER, OPTIONS, opened
 from tests.helpers import shapes
-from tests.helpers.reports import LocalFolder, put_object, row_of
+from tests.helpers.reports import put_object, row_of
 
 LOAD = Load(mass=0.5, grip_force=40.0)
 SETTINGS = BatchSettings(
@@ -153,7 +153,7 @@ def test_the_pages_show_payloads_and_the_table_still_fits(tmp_path: Path) -> Non
         holds_text=made.holds_text, held=made.held, payload_best=made.payload_best,
         grip_force_needed=made.grip_force_needed, verdict="holdable", verdict_text="holdable",
     )  # fmt: skip
-    output = LocalFolder(tmp_path)
+    output = Folder(str(tmp_path))
     row = replace(put_object(output, labels(), row), grasps=made.grasps)
     output.write(row.view, object_script(labels(), row.mesh, made.grasps))
     failed = Row("bad.ply", outcome=Outcome.REFUSED, error="bad.ply: has no faces")

@@ -37,11 +37,12 @@ from grasp3d.batch.report.library import (
 )
 from grasp3d.batch.report.thumbnails import ELEVATIONS, HEIGHT, WIDTH
 from grasp3d.batch.row import AreaFractions, Outcome, Row
+from grasp3d.batch.storage import Folder
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS
 from grasp3d.stability.thresholds import label_angles
-from tests.helpers.reports import LocalFolder, best_of, row_of, with_critical_angles
+from tests.helpers.reports import best_of, row_of, with_critical_angles
 from tests.helpers.shapes import LIBRARY
 
 WEB = Path(__file__).parents[2] / "web"
@@ -412,7 +413,7 @@ def test_the_header_has_the_limits_of_the_search() -> None:
 
 
 def test_report_is_a_folder_of_four_files(tmp_path: Path, box: SurfaceLabels) -> None:
-    write_report(LocalFolder(tmp_path), [row_of(box, "box.ply", "box")], BatchSettings(MODEL))
+    write_report(Folder(str(tmp_path)), [row_of(box, "box.ply", "box")], BatchSettings(MODEL))
     names = {path.name for path in (tmp_path / "report").iterdir()}
     assert names == {"index.html", "object.html", "viewer.js", "viewer.css"}
     page = (tmp_path / "report" / "index.html").read_text(encoding="utf-8")
@@ -427,7 +428,7 @@ def test_names_and_errors_of_meshes_are_not_markup(tmp_path: Path, box: SurfaceL
         Row(EVIL, outcome=Outcome.REFUSED, error=EVIL),
         Row("a\udcff.ply", error="\x1b[0m"),
     ]
-    write_report(LocalFolder(tmp_path), rows, BatchSettings(MODEL))
+    write_report(Folder(str(tmp_path)), rows, BatchSettings(MODEL))
     for name, element in (("index.html", "data"), ("object.html", "library")):
         page = (tmp_path / "report" / name).read_text(encoding="utf-8")
         start = page.index(f'<script type="application/json" id="{element}">')
@@ -442,7 +443,7 @@ def test_names_and_errors_of_meshes_are_not_markup(tmp_path: Path, box: SurfaceL
 
 @pytest.mark.parametrize("rows", [[], [Row("a.ply", outcome=Outcome.LOST, error="missing")]])
 def test_a_report_without_labelled_meshes_is_written(tmp_path: Path, rows: list[Row]) -> None:
-    write_report(LocalFolder(tmp_path), rows, BatchSettings())
+    write_report(Folder(str(tmp_path)), rows, BatchSettings())
     assert "missing" in (tmp_path / "report" / "index.html").read_text("utf-8") or not rows
 
 

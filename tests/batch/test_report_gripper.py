@@ -17,12 +17,12 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report import object_script, write_report
 from grasp3d.batch.report.objects import drawn_openings, gripper_data
 from grasp3d.batch.row import Row
+from grasp3d.batch.storage import Folder
 from grasp3d.hand.shapes import hand_triangles
 from grasp3d.hand.triangles import Part
 from tests.batch.test_report_page import BROWSER, OPTIONS
 from tests.helpers import viewing
 from tests.helpers.held_grasps import JAWS, best_grasps_of, held_box, with_reach
-from tests.helpers.reports import LocalFolder
 
 ROUND = replace(JAWS, name="round", pad_width=0.0, pad_height=0.0, tip_radius=0.01)
 
@@ -87,13 +87,14 @@ def test_openings_of_round_tips_and_of_grasps_from_inside() -> None:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = LocalFolder(tmp_path_factory.mktemp("library"))
+    path = tmp_path_factory.mktemp("library")
+    made = Folder(str(path))
     labels = held_box()
     grasps = best_grasps_of(labels, 2)
     row = Row("box.stl", view="report/objects/box.js", vertices=len(labels.mesh.vertices))
     made.write(row.view, object_script(labels, row.mesh, grasps))
     write_report(made, [replace(row, grasps=grasps)], BatchSettings())
-    return made.path
+    return path
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ from urllib.parse import quote
 
 import numpy as np
 import pytest
+import trimesh
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -26,11 +27,12 @@ from grasp3d import (
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report import object_script, write_report
 from grasp3d.batch.row import AreaFractions, Outcome, Row
+from grasp3d.batch.storage import Folder
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS
 from grasp3d.surface.grasp_table import GraspTable
-from tests.helpers.reports import LocalFolder, put_object, ray_at, row_of, with_critical_angles
+from tests.helpers.reports import put_object, ray_at, row_of, with_critical_angles
 from tests.helpers.shapes import LIBRARY
 
 playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
@@ -70,7 +72,7 @@ class Report:
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Report:
     made = Report(tmp_path_factory.mktemp("library"))
-    output = LocalFolder(made.folder)
+    output = Folder(str(made.folder))
     coarse = Sampling(rays=8)
     meshes = {
         "spray": load_mesh(LIBRARY / "spray.glb"),
@@ -136,6 +138,14 @@ def opened(page: Any, address: str) -> Any:
     page.goto(address)
     page.wait_for_selector("html[data-ready]")
     return page
+
+
+def written(
+    page: Any, folder: Path, rows: list[Row], settings: BatchSettings, part: str = "index.html"
+) -> Any:
+    """A page of a report that is written to a folder first."""
+    write_report(Folder(str(folder)), rows, settings)
+    return opened(page, Report(folder).address(part))
 
 
 def opened_object(page: Any, report: Report, name: str) -> Any:
@@ -297,9 +307,7 @@ def test_each_varying_axis_of_the_grid_has_its_own_list(
     ]
     model = GraspModel(friction=(0.4, 0.6), location_error=0.001, fingers=3)
     row = replace(report.rows[0], fractions=tuple(grid), unit="m", thumbnail="", view="")
-    settings = BatchSettings(replace(model, location_error="1mm"))
-    write_report(LocalFolder(tmp_path), [row], settings)
-    opened(page, Report(tmp_path).address())
+    written(page, tmp_path, [row], BatchSettings(replace(model, location_error="1mm")))
     lists = page.locator("#axes select")
     ids = ["friction", "frictionError", "locationError"]
     assert lists.evaluate_all("all => all.map(one => one.id)") == ids
@@ -319,8 +327,7 @@ def test_each_varying_axis_of_the_grid_has_its_own_list(
 
 
 def test_page_without_any_label_opens(page: Any, report: Report, tmp_path: Path) -> None:
-    write_report(LocalFolder(tmp_path), report.rows[4:], BatchSettings(MODEL))
-    opened(page, Report(tmp_path).address())
+    written(page, tmp_path, report.rows[4:], BatchSettings(MODEL))
     assert "No mesh was labelled" in page.locator("#curves").inner_text()
     page.goto(Report(tmp_path).address("object.html"))
     page.wait_for_selector("html[data-ready=failed]")
@@ -333,8 +340,7 @@ def test_ten_thousand_rows_sort_and_scroll(page: Any, report: Report, tmp_path: 
         replace(report.rows[0], mesh=f"{k}.ply", thumbnail="", vertices=(k * 7919) % 10_007)
         for k in range(10_000)
     ]
-    write_report(LocalFolder(tmp_path), rows, BatchSettings(MODEL))
-    opened(page, Report(tmp_path).address())
+    written(page, tmp_path, rows, BatchSettings(MODEL))
     page.get_by_role("button", name="Vertices").click()
     most = max(rows, key=lambda row: row.vertices or 0)
     assert names(page)[0] == most.mesh
@@ -370,10 +376,9 @@ def test_fractions_follow_the_sliders_of_further_uncertainties(
         friction=(0.4, 0.6), normal_error=2.0 * DEGREE, location_error=0.002, per_finger=per_finger
     )
     mesh, wide = load_mesh(LIBRARY / "spray.glb"), Sampling(rays=8, search_angle=60.0 * DEGREE)
-    labels, output = label_surface(mesh, model, sampling=wide), LocalFolder(tmp_path)
+    labels, output = label_surface(mesh, model, sampling=wide), Folder(str(tmp_path))
     row = put_object(output, labels, row_of(labels, "spray", "spray"))
-    write_report(output, [row], BatchSettings(model))
-    opened(page, Report(tmp_path).address("object.html#spray"))
+    written(page, tmp_path, [row], BatchSettings(model), "object.html#spray")
     assert fractions(page) == pytest.approx(labels.fractions(), abs=1e-3)
     located = page.locator("#located").inner_text()
     assert "within 2 mm, as labelled" in located
@@ -408,13 +413,12 @@ def test_fractions_follow_the_sliders_of_further_uncertainties(
 def test_uncertain_labels_show_their_margin_in_a_table_that_fits(
     browser: Any, report: Report, tmp_path: Path
 ) -> None:
-    model, output = replace(MODEL, friction_error=0.1), LocalFolder(tmp_path)
+    model = replace(MODEL, friction_error=0.1)
     for folder in ("objects", "thumbnails"):
         shutil.copytree(report.folder / "report" / folder, tmp_path / "report" / folder)
     rows = [replace(row, margin_p50=-0.1) for row in report.rows[:4]] + report.rows[4:]
-    write_report(output, rows, BatchSettings(model))
     context = browser.new_context(viewport={"width": 1280, "height": 800})
-    page = opened(context.new_page(), Report(tmp_path).address())
+    page = written(context.new_page(), tmp_path, rows, BatchSettings(model))
     holder = page.locator(".tabulator-tableholder")
     assert holder.evaluate("one => one.scrollWidth <= one.clientWidth + 1")
     assert page.get_by_role("button", name="Margin median").count() == 1
@@ -428,12 +432,12 @@ def test_uncertain_labels_show_their_margin_in_a_table_that_fits(
 def test_three_fingers_are_never_surely_unstable_from_90_degrees_on(
     page: Any, report: Report, tmp_path: Path
 ) -> None:
-    labels, output = report.labels["cylinder"], LocalFolder(tmp_path)
+    labels, output = report.labels["cylinder"], Folder(str(tmp_path))
     wide = np.full_like(labels.critical_angle, 100.0 * DEGREE)
     unstable = with_critical_angles(labels, wide)
     output.write("report/objects/cylinder.js", object_script(unstable, "cylinder", ()))
-    write_report(output, report.rows[3:4], BatchSettings(unstable.model))
-    opened(page, Report(tmp_path).address("object.html#cylinder"))
+    settings = BatchSettings(unstable.model)
+    written(page, tmp_path, report.rows[3:4], settings, "object.html#cylinder")
     for friction, degrees, letter in ((0.02, 150.0, "U"), (0.1, 179.0, "M")):
         page.locator("#friction-number").fill(str(friction))
         page.locator("#resolution-number").fill(str(degrees))
@@ -477,25 +481,15 @@ def test_picture_has_the_colours_of_the_labels(page: Any, report: Report) -> Non
 def first_hit(
     labels: SurfaceLabels, camera: dict[str, list[float]], x: float, y: float
 ) -> int | None:
-    """Vertex nearest to the first intersection of a ray, found by testing every face."""
-    start, direction = map(np.array, ray_at(camera, x, y))
-    corners = labels.mesh.vertices[labels.mesh.faces]
-    a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    across = np.cross(direction, v)
-    scale = np.einsum("ij,ij->i", u, across)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        from_a = start - a
-        p = np.einsum("ij,ij->i", from_a, across) / scale
-        turned = np.cross(from_a, u)
-        q = turned @ direction / scale
-        depth = np.einsum("ij,ij->i", v, turned) / scale
-        hit = (p >= 0.0) & (q >= 0.0) & (p + q <= 1.0) & (depth > 0.0)
-    if not hit.any():
+    """Vertex nearest to the first intersection of a ray."""
+    mesh = trimesh.Trimesh(labels.mesh.vertices, labels.mesh.faces, process=False)
+    start, direction = ray_at(camera, x, y)
+    points, _, faces = mesh.ray.intersects_location([start], [direction], multiple_hits=False)
+    if not len(faces):
         return None
-    face = np.flatnonzero(hit)[depth[hit].argmin()]
-    point = start + depth[face] * direction
-    distances = np.linalg.norm(corners[face] - point, axis=1)
-    return int(labels.mesh.faces[face, distances.argmin()])
+    corners = mesh.faces[faces[0]]
+    distances = np.linalg.norm(mesh.vertices[corners] - points[0], axis=1)
+    return int(corners[distances.argmin()])
 
 
 @pytest.mark.slow
@@ -589,12 +583,11 @@ def test_previous_and_next_step_through_the_library(page: Any, report: Report) -
 def test_a_note_distinguishes_sampled_labels_from_exact_ones(
     page: Any, report: Report, tmp_path: Path
 ) -> None:
-    labels, output = report.labels["box"], LocalFolder(tmp_path)
+    labels, output = report.labels["box"], Folder(str(tmp_path))
     sampled = labels.using(model=replace(MODEL, method="extremes"))
     GraspTable.epsilon_range.know(sampled.grasps, labels.grasps.epsilon_range)  # it takes long
     output.write("report/objects/box.js", object_script(sampled, "box", ()))
-    write_report(output, report.rows[1:2], BatchSettings(sampled.model))
-    opened(page, Report(tmp_path).address("object.html#box"))
+    written(page, tmp_path, report.rows[1:2], BatchSettings(sampled.model), "object.html#box")
     assert "thresholds on the exact critical angle" in page.locator("#method").inner_text()
     assert "None stored" in page.locator("#grasps").inner_text()
     assert fractions(page) == pytest.approx(labels.fractions(), abs=1e-3)
@@ -604,9 +597,8 @@ def test_a_note_distinguishes_sampled_labels_from_exact_ones(
 def test_a_missing_file_of_an_object_is_reported(
     browser: Any, report: Report, tmp_path: Path
 ) -> None:
-    write_report(LocalFolder(tmp_path), report.rows[:1], BatchSettings(MODEL))
     with browser.new_page() as seen:
-        opened(seen, Report(tmp_path).address("object.html"))
+        written(seen, tmp_path, report.rows[:1], BatchSettings(MODEL), "object.html")
         assert "missing" in seen.locator("#name").inner_text()
 
 

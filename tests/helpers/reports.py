@@ -1,31 +1,20 @@
 """Files of a small report, as a batch writes them."""
 
-import math
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
+
+import numpy as np
 
 from grasp3d import SurfaceLabels, best_grasps
 from grasp3d.arrays import Floats
 from grasp3d.batch.report import object_script, thumbnail
 from grasp3d.batch.row import AreaFractions, BestGrasp, Row
+from grasp3d.batch.storage import Folder
 from grasp3d.settings import DEGREE, GraspModel
 from grasp3d.surface.grasp_table import GraspTable
 from tests.helpers.vertex_labels import with_arrays
 
 FRICTIONS = (0.3, 0.5)
 RESOLUTIONS = tuple(10.0 * step * DEGREE for step in range(8))
-
-
-@dataclass(frozen=True)
-class LocalFolder:
-    """A folder on this machine."""
-
-    path: Path
-
-    def write(self, name: str, data: bytes) -> None:
-        path = self.path / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)
 
 
 def with_critical_angles(labels: SurfaceLabels, angles: Floats) -> SurfaceLabels:
@@ -93,7 +82,7 @@ def _fractions(labels: SurfaceLabels, friction: float, resolution: float) -> Are
     return AreaFractions(friction, resolution, stable, found["M"], found["U"])
 
 
-def put_object(output: LocalFolder, labels: SurfaceLabels, row: Row) -> Row:
+def put_object(output: Folder, labels: SurfaceLabels, row: Row) -> Row:
     """Write the script and thumbnail of one mesh; returns its row with the best grasps."""
     grasps = best_of(labels)
     output.write(row.view, object_script(labels, row.mesh, grasps))
@@ -101,14 +90,8 @@ def put_object(output: LocalFolder, labels: SurfaceLabels, row: Row) -> Row:
     return replace(row, grasps=grasps)
 
 
-def ray_at(camera: dict[str, list[float]], x: float, y: float) -> tuple[list[float], list[float]]:
+def ray_at(camera: dict[str, list[float]], x: float, y: float) -> tuple[Floats, Floats]:
     """Origin and direction of the ray of a click; x to the right, y up, from -1 to 1."""
-
-    def unprojected(depth: float) -> list[float]:
-        matrix = camera["unproject"]
-        at = [sum(matrix[4 * k + i] * (x, y, depth, 1.0)[k] for k in range(4)) for i in range(4)]
-        return [at[i] / at[3] + camera["centre"][i] for i in range(3)]
-
-    start, end = unprojected(-1.0), unprojected(1.0)
-    along = [b - a for a, b in zip(start, end, strict=True)]
-    return start, [part / math.hypot(*along) for part in along]
+    ends = np.array([[x, y, -1.0, 1.0], [x, y, 1.0, 1.0]]) @ np.reshape(camera["unproject"], (4, 4))
+    start, end = ends[:, :3] / ends[:, 3:] + camera["centre"]
+    return start, (end - start) / np.linalg.norm(end - start)

@@ -21,6 +21,7 @@ VIEWS, VIEW_SUFFIX = "report/objects/", ".js"
 """Path of the objects' scripts below the output folder, and their suffix."""
 
 REPORT = "report/"
+"""Folder of the report, below the output folder."""
 
 DIGITS = 6
 """Significant digits of the numbers in the page."""

@@ -4,16 +4,13 @@ import re
 from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 from importlib.resources import files
-from typing import Protocol
 
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.report.library import library_data, object_list
+from grasp3d.batch.report.library import REPORT, library_data, object_list
 from grasp3d.batch.report.packing import json_text
 from grasp3d.batch.row import Row
+from grasp3d.batch.storage import Folder
 from grasp3d.system.versions import package_version
-
-FOLDER = "report/"
-"""Folder of the report, below the output folder."""
 
 COPIED = ("viewer.js", "viewer.css")
 """Files of the object page; the library page contains its scripts and styles."""
@@ -21,19 +18,7 @@ COPIED = ("viewer.js", "viewer.css")
 _PLACEHOLDER = re.compile(r"<!--(STYLE|SCRIPT|DATA)-->")
 
 
-class WritableFolder(Protocol):
-    """A folder in which files can be written."""
-
-    def write(self, name: str, data: bytes) -> None:
-        """Write a file atomically.
-
-        Args:
-            name: Path below the folder.
-            data: Content of the file.
-        """
-
-
-def write_report(output: WritableFolder, rows: Collection[Row], settings: BatchSettings) -> None:
+def write_report(output: Folder, rows: Collection[Row], settings: BatchSettings) -> None:
     """Write the pages of a library, whose objects' scripts and thumbnails are written already.
 
     Args:
@@ -50,11 +35,13 @@ def write_report(output: WritableFolder, rows: Collection[Row], settings: BatchS
         **library_data(rows, settings),
     }
     parts = {"STYLE": _static("library.css"), "SCRIPT": _static("library.js")}
-    _write(output, "index.html", _filled(_static("index.html"), {**parts, "DATA": json_text(data)}))
-    objects = json_text(object_list(rows))
-    _write(output, "object.html", _filled(_static("object.html"), {"DATA": objects}))
-    for name in COPIED:
-        _write(output, name, _static(name))
+    pages = {
+        "index.html": _filled(_static("index.html"), {**parts, "DATA": json_text(data)}),
+        "object.html": _filled(_static("object.html"), {"DATA": json_text(object_list(rows))}),
+        **{name: _static(name) for name in COPIED},
+    }
+    for name, text in pages.items():
+        output.write(f"{REPORT}{name}", text.encode("utf-8"))
 
 
 def _static(name: str) -> str:
@@ -64,7 +51,3 @@ def _static(name: str) -> str:
 def _filled(page: str, parts: Mapping[str, str]) -> str:
     """Replace the placeholders of a page in one pass, so that none in a part is replaced."""
     return _PLACEHOLDER.sub(lambda match: parts[match[1]], page)
-
-
-def _write(output: WritableFolder, name: str, text: str) -> None:
-    output.write(f"{FOLDER}{name}", text.encode("utf-8"))
