@@ -1,7 +1,6 @@
 """`--hand`, `--table` and approach limits of label, batch, sweep and view."""
 
 import csv
-import json
 from pathlib import Path
 
 import numpy as np
@@ -159,39 +158,6 @@ def test_a_picture_has_the_gripper(box: Path) -> None:
     pictures = [np.array(Image.open(box / f"{name}.png")) for name in ("ideal", "held")]
     assert pictures[0].shape == pictures[1].shape
     assert (pictures[0] != pictures[1]).any()
-
-
-def own(folder: Path, **changes: float) -> str:
-    """A gripper file with changed lengths."""
-    write_hand(folder / "own.json", HAND)
-    content = json.loads((folder / "own.json").read_text())
-    fields = content if "max_opening" in content else content["gripper"]
-    fields.update(changes)
-    (folder / "own.json").write_text(json.dumps(content))
-    return "own.json"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("command", ["label", "sweep", "view"])
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"max_opening": 0.0}, "max_opening must be above 0"),
-        ({"min_opening": 0.079}, "the stroke of"),
-        ({"pad_width": 0.03}, "pad_width"),
-        ({"pad_height": 0.05}, "pad_height"),
-        ({"palm_thickness": 0.05}, "palm_thickness"),
-        ({"finger_length": 45.0}, "millimetres"),
-    ],
-)
-def test_a_bad_gripper_is_one_sentence(
-    box: Path, command: str, changes: dict[str, float], message: str
-) -> None:
-    run = run_here(command, "box.stl", "--hand", own(box, **changes), cwd=box, columns=400)
-    assert run.returncode == 2
-    assert message in run.stderr
-    assert "Traceback" not in run.stderr
-    assert sorted(path.name for path in box.iterdir()) == ["box.stl", "own.json"]
 
 
 def test_a_batch_without_units_has_a_row_with_the_reason(box: Path) -> None:

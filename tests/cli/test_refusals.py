@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from grasp3d.hand.hand_files import write_hand
 from tests.helpers import shapes
 from tests.helpers.commands import export, refusal, run_here
+from tests.helpers.grippers import HAND
 
 REFUSED = """
 label nothing.stl | there is no such file
@@ -259,6 +261,12 @@ design --object-size 50mm --location-error 1m | 20 times the size of the object 
 """
 """Words of a command line, and what its error contains."""
 
+BAD_LENGTHS = {
+    "max_opening": 0.0, "min_opening": 0.079, "pad_width": 0.03, "pad_height": 0.05,
+    "palm_thickness": 0.05, "finger_length": 45.0,
+}  # fmt: skip
+"""What is wrong with the gripper in the file of that name [m]."""
+
 NOTES = ("ply", "npz", "csv", "svg", "json", "png")
 """Suffixes of files of other programs."""
 
@@ -268,19 +276,26 @@ bake
 label x --frict 1
 label x --edges some
 label x --actuation both
-label ball.ply --best all
-label ball.ply --hand gripe
-label ball.ply --hand none.json
-check ball.ply --repair all
-validate poses.csv --mesh box.stl --hand nope
+label ball.ply --best all | invalid
+label ball.ply --hand gripe | no gripper is called | franka
+label ball.ply --hand none.json | none.json
+label box.stl --hand max_opening.json | max_opening must be above 0
+label box.stl --hand min_opening.json | the stroke of
+label box.stl --hand pad_width.json | pad_width
+label box.stl --hand pad_height.json | pad_height
+label box.stl --hand palm_thickness.json | palm_thickness
+sweep box.stl --hand finger_length.json | millimetres
+view box.stl --hand finger_length.json | millimetres
+check ball.ply --repair all | invalid
+validate poses.csv --mesh box.stl --hand nope | no gripper is called | nope
 design --fraction 1
 design --mass 1
 design mug.stl
-perturb missing.ply --location-error 1mm
-perturb missing.ply --per-finger 'location_error=1mm; normal_error=2'
-perturb missing.ply --method extremes
+perturb missing.ply --location-error 1mm | Unrecognized
+perturb missing.ply --per-finger 'location_error=1mm; normal_error=2' | Unrecognized
+perturb missing.ply --method extremes | Unrecognized
 """
-"""Words that are no command, option or choice, which the parser refuses in a frame."""
+"""Words that are no command, option, choice or gripper, which the parser refuses in a frame."""
 
 
 @pytest.fixture(scope="module")
@@ -324,6 +339,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "pushes.csv": "fx,fy,fz,tx,ty,tz\n5,0,0,0,0,0.1\n",
         "five.csv": "5,0,0,0,0\n",
     }
+    write_hand(folder / "hand.json", HAND)
+    hand = json.loads((folder / "hand.json").read_text(encoding="utf-8"))
+    for name, value in BAD_LENGTHS.items():
+        texts[f"{name}.json"] = json.dumps(hand | {name: value})
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
     return folder
@@ -336,10 +355,12 @@ def test_bad_input_is_one_line_and_writes_nothing(folder: Path, case: str) -> No
     assert all(message in error for message in messages), error
 
 
-@pytest.mark.parametrize("words", UNKNOWN.strip().splitlines())
-def test_bad_usage_is_refused_before_anything_is_read(folder: Path, words: str) -> None:
-    run = run_here(*shlex.split(words), cwd=folder)
+@pytest.mark.parametrize("case", UNKNOWN.strip().splitlines())
+def test_bad_usage_is_refused_before_anything_is_read(folder: Path, case: str) -> None:
+    words, *messages = case.split(" | ")
+    run = run_here(*shlex.split(words), cwd=folder, columns=400)
     assert (run.returncode, run.stdout) == (2, "")
     assert "--help" in run.stderr
     assert "Traceback" not in run.stderr
     assert "missing.ply" not in run.stderr
+    assert all(message in run.stderr for message in messages), run.stderr

@@ -25,9 +25,8 @@ from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.context import begin_step, report_progress, unreported
-from grasp3d.validating.perturbing.advice import advise
 from grasp3d.validating.perturbing.noise_settings import NoiseSettings
-from grasp3d.validating.perturbing.perturbation import Perturbation
+from grasp3d.validating.perturbing.perturbation import Perturbation, advise
 
 MOST_NOISE = 0.1
 """Largest noise, in object sizes: more leaves nothing of the shape."""
