@@ -124,12 +124,3 @@ def test_the_touch_of_a_gripper_is_that_of_the_model_unless_it_is_given() -> Non
     assert ReachSettings(tactile).touching(given) is given
     assert ReachSettings(HAND).touching(own) == own
     assert ReachSettings().touching(own) is own
-
-
-def test_approach_directions_are_unit_vectors() -> None:
-    from grasp3d.hand.table import Approach
-
-    assert np.linalg.norm(Approach(np.array([0.0, 3.0, 4.0])).direction) == pytest.approx(1.0)
-    for direction in ((0.0, 0.0, 0.0), (1.0, 0.0), (math.nan, 0.0, 1.0)):
-        with pytest.raises(SettingError, match="approach direction"):
-            Approach(np.array(direction))

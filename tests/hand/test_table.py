@@ -7,7 +7,7 @@ import pytest
 
 from grasp3d import ObjectMesh, Table, load_mesh
 from grasp3d.errors import SettingError
-from grasp3d.hand.table import axis_vector
+from grasp3d.hand.table import Approach, axis_vector
 from tests.helpers import shapes
 
 
@@ -72,18 +72,22 @@ def test_axes() -> None:
         axis_vector("up")
 
 
-@pytest.mark.parametrize(
-    ("normal", "offset", "text"),
-    [((0.0, 0.0, 0.0), 0.0, "normal"), ((0.0, math.nan, 1.0), 0.0, "normal"),
-     ((0.0, 1.0), 0.0, "normal"), ((0.0, 0.0, 1.0), math.inf, "offset")],
-)  # fmt: skip
-def test_what_is_no_plane_is_refused(normal: tuple, offset: float, text: str) -> None:
-    with pytest.raises(SettingError, match=text):
-        Table(np.array(normal), offset)
+@pytest.mark.parametrize("vector", [(0.0, 0.0, 0.0), (0.0, math.nan, 1.0), (0.0, 1.0)])
+def test_what_is_no_direction_is_refused(vector: tuple) -> None:
+    with pytest.raises(SettingError, match="normal"):
+        Table(np.array(vector), 0.0)
+    with pytest.raises(SettingError, match="approach direction"):
+        Approach(np.array(vector))
 
 
-def test_normals_have_unit_length_and_are_locked() -> None:
-    table = Table(np.array([0.0, 3.0, 4.0]), 1.0)
-    assert table.normal.tolist() == pytest.approx([0.0, 0.6, 0.8])
-    with pytest.raises(ValueError, match="read-only"):
-        table.normal[0] = 1.0
+def test_an_infinite_offset_is_refused() -> None:
+    with pytest.raises(SettingError, match="offset"):
+        Table(np.array([0.0, 0.0, 1.0]), math.inf)
+
+
+def test_directions_have_unit_length_and_are_locked() -> None:
+    vector = np.array([0.0, 3.0, 4.0])
+    for direction in (Table(vector, 1.0).normal, Approach(vector).direction):
+        assert direction.tolist() == pytest.approx([0.0, 0.6, 0.8])
+        with pytest.raises(ValueError, match="read-only"):
+            direction[0] = 1.0
