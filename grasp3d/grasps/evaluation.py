@@ -10,6 +10,7 @@ from grasp3d.arrays import ArrayLike, Bools, Floats, locked
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.pose_checks import numbers_text
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.hand import Hand, touching
@@ -253,7 +254,7 @@ def _checked(points: ArrayLike) -> Floats:
         raise ContactError(f"a grasp has 2 to {MAX_FINGERS} contacts; got {count}")
     if not np.isfinite(array).all():
         grasp, contact, _ = np.argwhere(~np.isfinite(array))[0]
-        point = _format_point(array[grasp, contact])
+        point = numbers_text(array[grasp, contact])
         raise ContactError(f"{_name(grasp, contact)} must be three finite numbers; got {point}")
     if (np.abs(array) > LARGEST).any():
         raise ContactError(f"contacts must not exceed {LARGEST:g}; got {np.abs(array).max():g}")
@@ -271,7 +272,7 @@ def _check_near(mesh: ObjectMesh, array: Floats, distances: Floats, limit: float
     distance = float(np.linalg.norm(nearest - point)) * mesh.size
     unit = mesh.unit or "(unit not stated)"
     raise ContactError(
-        f"{_name(grasp, contact)} at {_format_point(array[grasp, contact])} is {distance:.4g} from "
+        f"{_name(grasp, contact)} at {numbers_text(array[grasp, contact])} is {distance:.4g} from "
         f"the surface, more than the allowed {limit:.4g}, as are {len(off)} of {distances.size} "
         f"contacts; are they in the frame and unit of {mesh.report.source}, which is "
         f"{mesh.size:.4g} {unit} in size? max_distance (--max-distance) allows more"
@@ -281,10 +282,6 @@ def _check_near(mesh: ObjectMesh, array: Floats, distances: Floats, limit: float
 def _name(grasp: int, contact: int) -> str:
     """Name of a contact, numbered from 1."""
     return f"grasp {grasp + 1}, contact {contact + 1}"
-
-
-def _format_point(point: Floats) -> str:
-    return "(" + ", ".join(f"{number:.6g}" for number in point) + ")"
 
 
 JAWS_CLOSED = 0.7

@@ -69,7 +69,7 @@ def checked_quaternions(values: Floats, where: str = "") -> Floats:
     if len(bad):
         raise ContactError(
             f"{where}grasp {bad[0] + 1}: a quaternion must have length 1; got "
-            f"{_numbers(values[bad[0]])} of length {lengths[bad[0]]:.4g}"
+            f"{numbers_text(values[bad[0]])} of length {lengths[bad[0]]:.4g}"
         )
     return np.asarray(values / lengths[:, None])
 
@@ -84,7 +84,7 @@ def _check_last_row(poses: Floats) -> None:
     transposed = np.abs(pose[:, 3] - expected).max() <= TOLERANCE
     cause = "; is it transposed, with the translation in the last row?" if transposed else ""
     raise ContactError(
-        f"pose {bad[0] + 1}: the last row must be 0 0 0 1; got {_numbers(pose[3])}{cause}"
+        f"pose {bad[0] + 1}: the last row must be 0 0 0 1; got {numbers_text(pose[3])}{cause}"
     )
 
 
@@ -116,8 +116,8 @@ def _why_no_rotation(product: Floats) -> str:
     cosines = product / np.outer(lengths, lengths)
     if np.abs(cosines - np.eye(3)).max() <= 2.0 * TOLERANCE:
         return (
-            f"its axes have the lengths {_numbers(lengths)} instead of 1: is a scale contained in "
-            "the matrix? scale translations only"
+            f"its axes have the lengths {numbers_text(lengths)} instead of 1: is a scale contained "
+            "in the matrix? scale translations only"
         )
     return "its first three rows and columns are no rotation: the axes are not perpendicular"
 
@@ -183,5 +183,6 @@ def _suspected(unit: Unit | None, *, smaller: bool) -> str:
     return "metres" if metres < METRES["m"] else "in a larger unit"
 
 
-def _numbers(values: Floats) -> str:
+def numbers_text(values: Floats) -> str:
+    """Numbers in brackets, for messages."""
     return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"

@@ -11,7 +11,7 @@ from grasp3d._kernels.jaws import gripper_parts
 from grasp3d._kernels.jaws.gripper_parts import ApproachLimits, GripperShape, make_workspace
 from grasp3d._kernels.jaws.reaching import collide_poses, reach_pairs, reach_tips
 from grasp3d._kernels.surface.box_tree import BoxTree, box_tree
-from grasp3d.arrays import ArrayLike, Bools, Floats, locked, unit_rows
+from grasp3d.arrays import ArrayLike, Bools, Floats, unit_rows
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.jaws import Jaws, metres_per_unit
@@ -49,27 +49,22 @@ class NormalizedScene(NamedTuple):
         lengths = {name: getattr(hand, name) * scale for name in GripperShape._fields}
         if hand.round_tips:
             lengths["pad_height"] = 0.0
-        return cls(
-            GripperShape(**lengths),
-            normalized_limits(mesh, table, approach),
-            box_tree(surface.points, surface.faces),
+        direction = approach.direction
+        if direction is None and table is not None:
+            direction = -table.normal
+        limited = direction is not None and approach.within < math.pi
+        normal, offset = np.zeros(3), -math.inf
+        if table is not None:
+            normal = np.array(table.normal)
+            offset = float((table.offset - mesh.center @ table.normal) / mesh.size)
+        limits = ApproachLimits(
+            direction=np.zeros(3) if direction is None else np.array(direction),
+            least_cosine=math.cos(approach.within) if limited else -2.0,
+            table_normal=normal,
+            table_offset=offset,
         )
-
-
-def normalized_limits(mesh: ObjectMesh, table: Table | None, approach: Approach) -> ApproachLimits:
-    """Table and approach directions in the mesh's normalised frame, as the kernels take them."""
-    direction = approach.direction
-    if direction is None and table is not None:
-        direction = -table.normal
-    limited = direction is not None and approach.within < math.pi
-    return ApproachLimits(
-        direction=np.zeros(3) if direction is None else np.array(direction),
-        least_cosine=math.cos(approach.within) if limited else -2.0,
-        table_normal=np.zeros(3) if table is None else np.array(table.normal),
-        table_offset=-math.inf
-        if table is None
-        else float((table.offset - mesh.center @ table.normal) / mesh.size),
-    )
+        tree = box_tree(surface.points, surface.faces)
+        return cls(GripperShape(**lengths), limits, tree)
 
 
 def in_chunks(work: Callable[[slice, Any], None], count: int, angles: int) -> None:
@@ -160,21 +155,29 @@ def reach_grasps(
     points, normals, signs = _checked(points, normals, grip)
     approach = approach or Approach()
     scene = NormalizedScene.of(mesh, hand, table, approach)
+    tips, angles = points.shape[1] > 2, approach.angles
+    if tips and not hand.round_tips:
+        raise SettingError(
+            f"grasps of {points.shape[1]} fingers need a gripper with round tips (tip_radius); "
+            "flat pads are for two"
+        )
     inner = np.ascontiguousarray((points - mesh.center) / mesh.size)
-    if points.shape[1] > 2:
-        return _reach_tips(scene, inner, normals)
-    count, angles = len(points), approach.angles
-    explain = True
-    results = gripper_parts.no_results(count)
+    results, explain = gripper_parts.no_results(len(points)), True
 
     def work(rows: slice, workspace: Any) -> None:
-        reach_pairs(
-            inner[rows], normals[rows], signs[rows], scene.shape, scene.limits, explain,
-            scene.tree, workspace, *(array[rows] for array in results),
-        )  # fmt: skip
+        if tips:
+            reach_tips(
+                inner[rows], normals[rows], scene.shape, scene.limits, scene.tree, workspace,
+                results.codes[rows],
+            )  # fmt: skip
+        else:
+            reach_pairs(
+                inner[rows], normals[rows], signs[rows], scene.shape, scene.limits, explain,
+                scene.tree, workspace, *(array[rows] for array in results),
+            )  # fmt: skip
 
-    in_chunks(work, count, angles)
-    return Reach.of(mesh, results, angles)
+    in_chunks(work, len(points), 1 if tips else angles)
+    return Reach.of(mesh, results, 0 if tips else angles)
 
 
 def _checked(points: ArrayLike, normals: ArrayLike, grip: ArrayLike) -> tuple[Floats, Floats, Any]:
@@ -190,35 +193,6 @@ def _checked(points: ArrayLike, normals: ArrayLike, grip: ArrayLike) -> tuple[Fl
     if (np.linalg.norm(n, axis=2) == 0.0).any():
         raise ContactError("normals of grasps must not be zero")
     return p, np.ascontiguousarray(unit_rows(n)), checked_grip(grip, len(p))
-
-
-def _reach_tips(scene: NormalizedScene, points: Floats, normals: Floats) -> Reach:
-    """Reach of grasps of three fingers and more: their tips alone."""
-    if scene.shape.tip_radius == 0.0:
-        raise SettingError(
-            f"grasps of {points.shape[1]} fingers need a gripper with round tips (tip_radius); "
-            "flat pads are for two"
-        )
-    codes = np.zeros(len(points), dtype=np.uint8)
-
-    def work(rows: slice, workspace: Any) -> None:
-        reach_tips(
-            points[rows], normals[rows], scene.shape, scene.limits, scene.tree, workspace,
-            codes[rows],
-        )  # fmt: skip
-
-    in_chunks(work, len(points), 1)
-    nan = locked(np.full(len(points), math.nan))
-    return Reach(
-        state=locked(codes),
-        poses=locked(np.full((len(points), 4, 4), math.nan)),
-        approach_margin=nan,
-        opening=nan,
-        pregrasp_opening=nan,
-        depth=nan,
-        posture=locked(np.zeros((len(points), 0))),
-        free=locked(np.zeros((len(points), 0), dtype=np.bool_)),
-    )
 
 
 RIGID = 1e-6

@@ -166,13 +166,17 @@ class _Watch:
         self._soft = tips.torsion_radius > 0.0 or not tips.radius
         self._body = model.body(OBJECT).id
         self._tips = [model.body(name).id for name in JOINTS]
-        self._start = np.array(data.xipos[self._body])
-        self._turned = np.array(data.qpos[3:7])
-        self._touched: Floats | None = None
         self._from_tips = np.zeros((2, 3))
-        self.shift, self.turn, self.slip, self.finite = 0.0, 0.0, 0.0, True
-        self.largest = (0.0, 0.0, 0.0)
-        """Largest shift [m], turn and spin [rad] so far."""
+        self.shift, self.turn, self.finite = 0.0, 0.0, True
+        self._begin()
+
+    def _begin(self) -> None:
+        """Forget what was touched, and measure motions from the current state on."""
+        self._start = np.array(self._data.xipos[self._body])
+        self._turned = np.array(self._data.qpos[3:7])
+        self._touched: Floats | None = None
+        self.slip, self.largest = 0.0, (0.0, 0.0, 0.0)
+        """Farthest slip [m]; largest shift [m], turn and spin [rad] so far."""
 
     @property
     def touched(self) -> bool:
@@ -189,9 +193,7 @@ class _Watch:
 
     def restart(self) -> bool:
         """Watch from the current state on; returns whether both tips touch the object in it."""
-        self._start = np.array(self._data.xipos[self._body])
-        self._turned = np.array(self._data.qpos[3:7])
-        self._touched, self.slip, self.largest = None, 0.0, (0.0, 0.0, 0.0)
+        self._begin()
         self._touch()
         return self.touched
 
