@@ -289,8 +289,8 @@ class SphereAngles(AngleDistribution):
     Example:
         >>> from grasp3d.stability import SphereAngles
         >>> sphere = SphereAngles(location_error=2.0, radius=30.0)
-        >>> found = sphere.fractions(friction=0.5, sensor_resolution=0.2)
-        >>> {name: round(fraction, 3) for name, fraction in found.items()}
+        >>> fractions = sphere.fractions(friction=0.5, sensor_resolution=0.2)
+        >>> {name: round(fraction, 3) for name, fraction in fractions.items()}
         {'S': 0.084, 'M': 0.202, 'U': 0.715}
     """
 

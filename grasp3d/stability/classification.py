@@ -299,8 +299,8 @@ def classify(
         >>> import grasp3d
         >>> points = [[[-1, 0, 0], [1, y, 0]] for y in (0.0, 0.6, 1.5)]
         >>> contacts = grasp3d.Contacts(points, [[[1, 0, 0], [-1, 0, 0]]] * 3, friction=0.5)
-        >>> found = grasp3d.classify(contacts, math.radians(20.0))
-        >>> [grasp3d.Label(code).name for code in found.label]
+        >>> stability = grasp3d.classify(contacts, math.radians(20.0))
+        >>> [grasp3d.Label(code).name for code in stability.label]
         ['S', 'M', 'U']
     """
     check_choice("method", method, Method)
