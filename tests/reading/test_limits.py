@@ -5,12 +5,9 @@ import signal
 import struct
 import subprocess
 import sys
-import threading
 import time
 import zipfile
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +15,10 @@ import psutil
 import pytest
 
 import grasp3d
-from grasp3d.errors import MeshError
+from grasp3d.errors import MeshError, MeshUnreadError
 from grasp3d.reading import archives
 from grasp3d.reading.mesh_files import read_mesh
+from grasp3d.system.isolation import CallFailedError, CallFailure
 from tests.helpers import mesh_files
 from tests.helpers.mesh_files import DATA, VERTICES, written
 
@@ -51,24 +49,8 @@ def large(folder: Path, parts: int) -> Path:
     return written(folder, "large.glb", mesh_files.glb(tree, bytes(count + 12)))
 
 
-def readers() -> list[psutil.Process]:
-    return [
-        process
-        for process in psutil.Process().children()
-        if process.status() != psutil.STATUS_ZOMBIE
-        and any("grasp3d.system.isolation.child" in word for word in process.cmdline())
-    ]
-
-
 def is_read(path: Path) -> bool:
     return np.array_equal(read_mesh(path).vertices, VERTICES)
-
-
-def test_one_process_reads_many_files(tmp_path: Path) -> None:
-    assert is_read(good(tmp_path))
-    (first,) = readers()
-    assert is_read(good(tmp_path))
-    assert [process.pid for process in readers()] == [first.pid]
 
 
 @pytest.mark.slow
@@ -97,40 +79,6 @@ def test_a_file_that_takes_too_long_is_rejected(
         read_mesh(path)
     monkeypatch.undo()
     assert is_read(good(tmp_path))
-    assert len(readers()) == 1
-
-
-@contextmanager
-def reading(path: Path, errors: list[str]) -> Iterator[None]:
-    """Read a file in a thread that was started before the body of the context."""
-
-    def read() -> None:
-        try:
-            read_mesh(path)
-        except MeshError as error:
-            errors.append(str(error))
-
-    thread = threading.Thread(target=read)
-    thread.start()
-    time.sleep(0.3)
-    yield
-    thread.join()
-
-
-@pytest.mark.slow
-@posix
-def test_a_process_that_is_killed_is_replaced(tmp_path: Path) -> None:
-    assert is_read(good(tmp_path))
-    errors: list[str] = []
-    with reading(slow(tmp_path), errors):
-        (process,) = readers()
-        process.send_signal(signal.SIGKILL)
-    assert "the process that reads it was killed from outside" in errors[0]
-    assert is_read(good(tmp_path))
-    (process,) = readers()
-    process.kill()
-    process.wait()
-    assert is_read(good(tmp_path))
 
 
 @pytest.mark.slow
@@ -154,18 +102,33 @@ def test_after_an_interrupt_the_next_file_gets_its_own_answer(tmp_path: Path) ->
     assert np.array_equal(read_mesh(path).vertices, 3 * VERTICES)
 
 
-@pytest.mark.slow
-def test_a_process_that_cannot_be_started_is_reported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+TRY_AGAIN = "; try again, or export the mesh as STL or PLY"
+EXPORT = "; export the mesh again, as STL or PLY"
+
+
+@pytest.mark.parametrize(
+    ("kind", "error", "message"),
+    [
+        (CallFailure.KILLED, MeshUnreadError, "the process that reads it was ended" + TRY_AGAIN),
+        (CallFailure.OUT_OF_TIME, MeshUnreadError, "reading it took more than 15 s" + EXPORT),
+        (CallFailure.OUT_OF_MEMORY, MeshError, r"than max_memory, 2 GB \(--max-memory\)" + EXPORT),
+        (CallFailure.CRASHED, MeshError, r"\(--max-memory\), or crashed the reader" + EXPORT),
+    ],
+)
+def test_each_failure_of_the_process_that_reads_has_its_message(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    kind: CallFailure,
+    error: type[MeshError],
+    message: str,
 ) -> None:
-    for process in readers():
-        process.kill()
-        process.wait()
-    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
-    with pytest.raises(MeshError, match=r"cannot be started \(No such file"):
-        read_mesh(good(tmp_path))
-    monkeypatch.undo()
-    assert is_read(good(tmp_path))
+    def fail(*_: object, **__: object) -> None:
+        raise CallFailedError(kind, "was ended")
+
+    monkeypatch.setattr("grasp3d.reading.mesh_files.call", fail)
+    with pytest.raises(MeshError, match=message + "$") as caught:
+        read_mesh(good(tmp_path), max_memory=2.0)
+    assert type(caught.value) is error
 
 
 def test_threads_can_read_at_the_same_time(tmp_path: Path) -> None:
@@ -215,17 +178,13 @@ def test_no_process_and_no_warning_remains(tmp_path: Path) -> None:
 
 
 ENDED = """
-import os, sys, signal, threading, time
+import os, sys, signal, time
 from pathlib import Path
 import psutil
-from grasp3d.reading import mesh_files
 from grasp3d.reading.mesh_files import read_mesh
 read_mesh(Path(sys.argv[1]))
-mesh_files.SECONDS = 0.5
-threading.Thread(target=lambda: read_mesh(Path(sys.argv[2])), daemon=True).start()
-time.sleep(0.2)
 print(psutil.Process().children()[0].pid, flush=True)
-if len(sys.argv) > 3 and not os.fork():  # a process that lives on without pipes of its parent
+if not os.fork():  # a process that lives on without pipes of its parent
     os.close(1)
     os.close(2)
     time.sleep(15.0)
@@ -236,11 +195,8 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 @pytest.mark.slow
 @posix
-@pytest.mark.parametrize("case", ["idle", "busy", "forked"])
-def test_the_process_ends_when_its_parent_is_killed(tmp_path: Path, case: str) -> None:
-    path = good(tmp_path)
-    other = slow(tmp_path, 100_000) if case == "busy" else path
-    done = run(ENDED, path, other, *(["fork"] if case == "forked" else []))
+def test_the_process_ends_when_its_parent_is_killed_though_a_fork_lives_on(tmp_path: Path) -> None:
+    done = run(ENDED, good(tmp_path))
     assert done.returncode == -signal.SIGKILL
     pid, end = int(done.stdout), time.monotonic() + 8.0
     while psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE:
