@@ -2,9 +2,10 @@
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
 from grasp3d.batch.inputs import MeshFile, find_meshes, use_stored_names
@@ -57,53 +58,41 @@ def ignore_progress(progress: BatchProgress) -> None:
     """Do nothing with the progress of a batch."""
 
 
-@dataclass
 class _ProgressCounter:
     """Counts what a batch has done, and reports it."""
 
-    meshes: Sequence[MeshFile]
-    """Meshes to label."""
-    finished: int
-    stale: int
-    report: ProgressCallback
-    _labelled: int = 0
-    _failed: int = 0
-    _work_done: int = 0
-    _running: dict[str, MeshFile] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self._total_work = sum(mesh.size + BYTES_PER_MESH for mesh in self.meshes)
-        self._report(None)
+    def __init__(
+        self, meshes: Sequence[MeshFile], finished: int, stale: int, report: ProgressCallback
+    ) -> None:
+        """Count the meshes to label; the other arguments are those of `BatchProgress`."""
+        self._total_work = sum(mesh.size + BYTES_PER_MESH for mesh in meshes)
+        self._work_done, self._report_to = 0, report
+        self._running: dict[str, MeshFile] = {}
+        fraction = 0.0 if meshes else 1.0
+        self._progress = BatchProgress(finished, stale, 0, 0, len(meshes), fraction, None)
+        report(self._progress)
 
     def start(self, mesh: MeshFile) -> None:
         """Count a mesh that is sent to a worker."""
         self._running[mesh.name] = mesh
-        self._report(None)
+        self._report(row=None)
 
     def finish(self, row: Row) -> None:
         """Count a mesh that has got a row."""
-        mesh = self._running.pop(row.mesh)
-        self._work_done += mesh.size + BYTES_PER_MESH
-        if row.outcome == Outcome.LABELLED:
-            self._labelled += 1
-        else:
-            self._failed += 1
-        self._report(row)
-
-    def _report(self, row: Row | None) -> None:
-        largest = max(self._running.values(), key=lambda mesh: mesh.size, default=None)
-        self.report(
-            BatchProgress(
-                finished=self.finished,
-                stale=self.stale,
-                labelled=self._labelled,
-                failed=self._failed,
-                left=len(self.meshes) - self._labelled - self._failed,
-                fraction=self._work_done / self._total_work if self._total_work else 1.0,
-                largest=largest,
-                row=row,
-            )
+        before, labelled = self._progress, row.outcome == Outcome.LABELLED
+        self._work_done += self._running.pop(row.mesh).size + BYTES_PER_MESH
+        self._report(
+            labelled=before.labelled + labelled,
+            failed=before.failed + (not labelled),
+            left=before.left - 1,
+            fraction=self._work_done / self._total_work,
+            row=row,
         )
+
+    def _report(self, **changes: Any) -> None:
+        largest = max(self._running.values(), key=lambda mesh: mesh.size, default=None)
+        self._progress = replace(self._progress, largest=largest, **changes)
+        self._report_to(self._progress)
 
 
 @dataclass(frozen=True)

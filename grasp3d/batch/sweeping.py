@@ -5,11 +5,12 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from grasp3d.batch.inputs import MeshFile, find_meshes, real_path
 from grasp3d.batch.storage import local_copy, local_path
-from grasp3d.batch.sweep_grasps import search_at_each
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.planar import Circle, square
@@ -23,11 +24,14 @@ from grasp3d.settings import (
     search_cone,
 )
 from grasp3d.settings.lengths import AnyLength
-from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
+from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles, SphereAngles
 from grasp3d.stability.label import Mode
 from grasp3d.surface.sweeps import AxisValues, LocatedGrasps, Sweep, mean_sweep, sweep
 from grasp3d.surface.sweeps.axes import NAMES, axis_values
-from grasp3d.system.context import running
+from grasp3d.system.context import running, within
+
+if TYPE_CHECKING:
+    from grasp3d.surface.labels import SurfaceLabels
 
 SHAPES: dict[str, Callable[[], AngleDistribution]] = {
     "circle": Circle,
@@ -35,6 +39,9 @@ SHAPES: dict[str, Callable[[], AngleDistribution]] = {
     "sphere": SphereAngles,
 }
 """Shapes in closed form, with one finger fixed (on the square in the middle of a side)."""
+
+MAX_SEARCHES = 5
+"""Most searches for the grasps of one mesh."""
 
 MAX_SHOWN_MEMBERS = 6
 """Meshes of a folder up to which each of them is shown."""
@@ -224,6 +231,49 @@ def check_fingers(targets: Iterable[Target], settings: SweepSettings) -> None:
 def meshes_of(targets: Iterable[Target]) -> list[MeshFile]:
     """Every mesh of the targets, each once."""
     return list(dict.fromkeys(mesh for target in targets for mesh in target.files))
+
+
+@dataclass(frozen=True, eq=False)
+class BestOfSeveral:
+    """Labels of one surface from several searches, of which each vertex has the best grasp.
+
+    Locations that are known less well cost a wide grasp less than a narrow one, so that at another
+    location error other grasps are best.
+    """
+
+    searches: Sequence["SurfaceLabels"]
+
+    def angle_distribution(self, *, location_error: Any) -> SampledAngles:
+        """Distribution of critical angles at a location error; see `SurfaceLabels`."""
+        angles = [one.angle_distribution(location_error=location_error) for one in self.searches]
+        return replace(
+            angles[0],
+            worst=np.minimum.reduce([one.worst for one in angles]),
+            best=np.minimum.reduce([one.best for one in angles]),
+            limit=min(one.limit for one in angles),
+        )
+
+
+def search_at_each(
+    label: Callable[[GraspModel], "SurfaceLabels"],
+    model: GraspModel,
+    location_errors: Sequence[AnyLength],
+) -> BestOfSeveral:
+    """Search for the grasps of a mesh at several location errors.
+
+    Args:
+        label: Labels the mesh with a model.
+        model: The model of every search, but for its location error.
+        location_errors: In increasing order; of more than `MAX_SEARCHES` some, from the smallest to
+            the largest.
+    """
+    last = len(location_errors) - 1
+    indices = {round(index) for index in np.linspace(0, last, min(last + 1, MAX_SEARCHES))}
+    searches = []
+    for number, index in enumerate(sorted(indices)):
+        with within(number / len(indices), (number + 1) / len(indices)):
+            searches.append(label(replace(model, location_error=location_errors[index])))
+    return BestOfSeveral(searches)
 
 
 def sweep_mesh(mesh: MeshFile, settings: SweepSettings, *, force: bool = False) -> SweptMesh:

@@ -17,16 +17,13 @@ import numpy as np
 
 from grasp3d.errors import GraspError, OutputError, SettingError
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel, Sampling, whole_number
-from grasp3d.stability.label import Label
 from grasp3d.system.compiling import NotCompiledError, announcement, compilations, logger
 from grasp3d.system.context import running, unreported
 from grasp3d.system.isolation import call, end_idle
 from grasp3d.system.names import printable
 
 if TYPE_CHECKING:
-    from grasp3d.hand.parallel_gripper import ParallelGripper
     from grasp3d.mesh import ObjectMesh
-    from grasp3d.surface.labels import SurfaceLabels
 
 PAIR = 2
 
@@ -36,6 +33,8 @@ _FACES = np.array(
 )  # fmt: skip
 """Faces of a cube with its corners in lexicographic order; those of the solid are distorted."""
 
+_FACING = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+"""Inward normals of two opposite contacts, which are at the opposite points."""
 
 _CHILD = """
 import json, logging, sys
@@ -182,6 +181,7 @@ def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -
     solid = _solid()
     if not fingers:
         return
+    from grasp3d.batch.report import thumbnail
     from grasp3d.grasps.distinct import best_grasps
     from grasp3d.grasps.evaluation import evaluate_grasps
     from grasp3d.surface.labelling import label_surface
@@ -197,7 +197,7 @@ def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -
     if gripper:
         _reach(solid, model, sampling)
     labels.compute("epsilon_range")
-    _draw(labels)
+    thumbnail(labels)
     _grow_hulls()
     contacts = best_grasps(labels, 1).contacts.points[0]  # (n, 3)
     evaluate_grasps(solid, contacts, model)
@@ -212,20 +212,7 @@ def _locate() -> None:
     from grasp3d.contact.contacts import Contacts
     from grasp3d.stability.classification import classify
 
-    facing = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
-    classify(Contacts([-facing] * 2, [facing] * 2), 0.1, location_error=[0.1, 0.2])
-
-
-def _draw(labels: "SurfaceLabels") -> None:
-    """Draw a labelled surface, in colours and light that count for nothing."""
-    from grasp3d._kernels.surface.visible_faces import draw_surface
-
-    mesh, normals = labels.mesh, labels.mesh.corner_normals
-    draw_surface(
-        mesh.vertices.T.copy(), mesh.faces, labels.label, normals.corners,
-        normals.normals[:, :2].copy(), not mesh.report.closed, np.ones((len(Label), 3)), 0.5,
-        np.zeros((8, 8, 4)),
-    )  # fmt: skip
+    classify(Contacts([-_FACING] * 2, [_FACING] * 2), 0.1, location_error=[0.1, 0.2])
 
 
 def _grow_hulls() -> None:
@@ -236,13 +223,14 @@ def _grow_hulls() -> None:
     from grasp3d.contact.contacts import Contacts
     from grasp3d.quality.ferrari_canny import epsilon
 
-    facing = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
     for torsion_radius in (0.0, 0.2):
-        epsilon(Contacts(-facing, facing, 0.5, torsion_radius), edges=8)
+        epsilon(Contacts(-_FACING, _FACING, 0.5, torsion_radius), edges=8)
 
 
 def _reach(mesh: "ObjectMesh", model: GraspModel, sampling: Sampling | None) -> None:
-    """Label grasps that a gripper reaches, and those that it closes on."""
+    """Label grasps that a gripper reaches, and those that it closes on, reached or not."""
+    from grasp3d.grasps.evaluation import evaluate_grasps
+    from grasp3d.grasps.poses import GraspPoses
     from grasp3d.hand.jaw_reach import reach_grasps
     from grasp3d.hand.parallel_gripper import ParallelGripper
     from grasp3d.hand.table import Approach
@@ -256,16 +244,8 @@ def _reach(mesh: "ObjectMesh", model: GraspModel, sampling: Sampling | None) -> 
     if pairs:
         corners = labels.mesh.vertices[None, :PAIR], labels.mesh.normals[None, :PAIR]
         reach_grasps(labels.mesh, *corners, tactile)
-        _close_jaws(labels, tactile)
-
-
-def _close_jaws(labels: "SurfaceLabels", gripper: "ParallelGripper") -> None:
-    """Close jaws at two poses, whether they are reached or not."""
-    from grasp3d.grasps.evaluation import evaluate_grasps
-    from grasp3d.grasps.poses import GraspPoses
-
-    poses = GraspPoses(poses=np.stack([np.eye(4)] * 2), unit=labels.mesh.unit)
-    evaluate_grasps(labels.mesh, poses, labels.model, hand=gripper)
+        poses = GraspPoses(poses=np.stack([np.eye(4)] * 2), unit=mesh.unit)
+        evaluate_grasps(labels.mesh, poses, labels.model, hand=tactile)
 
 
 def compile_forces() -> None:
@@ -274,10 +254,9 @@ def compile_forces() -> None:
     from grasp3d.quality.force_ranges import force_range
     from grasp3d.quality.tasks import Weight
 
-    facing = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
     tasks = (Weight(1.0, direction=(0.0, 0.0, -1.0), within=0.1), Weight(1.0, center_radius=0.1))
     for torsion_radius in (0.0, 0.2):
-        contacts = Contacts(-facing, facing, 0.5, torsion_radius)
+        contacts = Contacts(-_FACING, _FACING, 0.5, torsion_radius)
         for task in (*tasks, [0.0, 0.0, -1.0, 0.0, 0.0, 0.0]):
             force_range(contacts, task, 0.1)
 

@@ -11,7 +11,7 @@ import pytest
 import tyro
 
 from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
-from grasp3d.batch.sweep_grasps import MAX_SEARCHES, search_at_each
+from grasp3d.batch.sweeping import MAX_SEARCHES, search_at_each
 from grasp3d.cli.options import REGISTRY
 from grasp3d.cli.ranges import parse_angles, parse_lengths, parse_numbers
 from grasp3d.errors import SettingError
