@@ -9,7 +9,7 @@ import numpy as np
 from grasp3d._kernels.jaws.closing import ClosedOn, close_on
 from grasp3d._kernels.jaws.jaws import ROUNDING, Jaw
 from grasp3d._kernels.surface.face_tree import face_tree
-from grasp3d.arrays import ArrayLike, Bools, Floats
+from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws, closed_jaws
@@ -173,18 +173,25 @@ def close_jaws(
     matrices = _normalized(mesh, poses)
     start = _openings(mesh, opening, hand, len(matrices))
     jaw = jaw_of(hand, scale)
-    result = _empty(len(matrices))
     coefficient = friction if free else FIXED
-    _run(mesh, matrices, start, coefficient, jaw, result)
-    return closed_jaws(
-        mesh,
-        result,
-        matrices,
-        jaw,
-        least=hand.min_opening * scale,
-        at_rest=_at_rest(result, start, jaw) if moving == "one" else None,
-        free=free,
-    )
+    count, result = len(matrices), _empty(len(matrices))
+    surface = mesh.contact_surface
+    tree = face_tree(surface)
+    firsts = range(0, count, CHUNK)
+
+    def work(first: int) -> None:
+        last = min(first + CHUNK, count)
+        close_on(surface, tree, matrices, start, coefficient, jaw, first, last, result)
+
+    with ThreadPoolExecutor(thread_count()) as executor:
+        for done, _ in enumerate(executor.map(work, firsts), start=1):
+            report_progress(done / len(firsts))
+    at_rest = None
+    if moving == "one":  # finger 1 where it would touch only if it moved
+        ahead = result.position[:, 0] + 0.5 * start > jaw.compliance + ROUNDING
+        at_rest = np.stack([ahead, np.zeros_like(ahead)], axis=1)
+    least = hand.min_opening * scale
+    return closed_jaws(mesh, result, matrices, jaw, least=least, at_rest=at_rest, free=free)
 
 
 def _normalized(mesh: ObjectMesh, poses: ArrayLike) -> Floats:
@@ -238,31 +245,3 @@ def _empty(count: int) -> ClosedOn:
         area=np.zeros((count, 2)),
         bounds=np.zeros((count, 2, 4)),
     )
-
-
-def _run(
-    mesh: ObjectMesh,
-    matrices: Floats,
-    start: Floats,
-    friction: float,
-    jaw: Jaw,
-    result: ClosedOn,
-) -> None:
-    """Close the jaws from every pose, in chunks; `result` is written."""
-    surface = mesh.contact_surface
-    tree = face_tree(surface)
-    firsts = range(0, len(matrices), CHUNK)
-
-    def work(first: int) -> None:
-        last = min(first + CHUNK, len(matrices))
-        close_on(surface, tree, matrices, start, friction, jaw, first, last, result)
-
-    with ThreadPoolExecutor(thread_count()) as executor:
-        for count, _ in enumerate(executor.map(work, firsts), start=1):
-            report_progress(count / len(firsts))
-
-
-def _at_rest(result: ClosedOn, start: Floats, jaw: Jaw) -> Bools:
-    """Finger 1 where it would touch only if it moved, shape (k, 2)."""
-    ahead = result.position[:, 0] + 0.5 * start > jaw.compliance + ROUNDING
-    return np.stack([ahead, np.zeros_like(ahead)], axis=1)

@@ -27,13 +27,10 @@ class Table:
     """Probability that the object, dropped, comes to rest like this; None: not computed."""
 
     def __post_init__(self) -> None:
-        normal = np.asarray(self.normal, dtype=np.float64)
-        length = float(np.linalg.norm(normal)) if normal.shape == (3,) else math.nan
-        if not (math.isfinite(length) and length > 0.0):
-            raise SettingError(f"a table's normal must be three finite numbers; got {self.normal}")
+        normal = _unit_vector(self.normal, "a table's normal")
         if not math.isfinite(self.offset):
             raise SettingError(f"a table's offset must be a finite length; got {self.offset:g}")
-        object.__setattr__(self, "normal", locked(normal / length))
+        object.__setattr__(self, "normal", normal)
         object.__setattr__(self, "offset", float(self.offset))
 
     @classmethod
@@ -93,6 +90,15 @@ def axis_vector(name: str) -> Floats:
     return vector
 
 
+def _unit_vector(value: Floats, what: str) -> Floats:
+    """The unit vector of a direction. Raises SettingError."""
+    vector = np.asarray(value, dtype=np.float64)
+    length = float(np.linalg.norm(vector)) if vector.shape == (3,) else math.nan
+    if not (math.isfinite(length) and length > 0.0):
+        raise SettingError(f"{what} must be three finite numbers; got {value}")
+    return locked(vector / length)
+
+
 @dataclass(frozen=True, eq=False)
 class Approach:
     """Approach directions: a cone about one direction, in the frame of the mesh."""
@@ -107,11 +113,6 @@ class Approach:
 
     def __post_init__(self) -> None:
         if self.direction is not None:
-            direction = np.asarray(self.direction, dtype=np.float64)
-            length = float(np.linalg.norm(direction)) if direction.shape == (3,) else math.nan
-            if not (math.isfinite(length) and length > 0.0):
-                raise SettingError(
-                    f"an approach direction must be three finite numbers; got {self.direction}"
-                )
-            object.__setattr__(self, "direction", locked(direction / length))
+            direction = _unit_vector(self.direction, "an approach direction")
+            object.__setattr__(self, "direction", direction)
         check_approach(self.within, self.angles)

@@ -15,6 +15,7 @@ from grasp3d.grasps.evaluation import evaluate_grasps, in_stated_scale
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand, touching
 from grasp3d.hand.jaws import Jaws, metres_per_unit
+from grasp3d.hand.scene import Scene
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.noise import noise_stream
 from grasp3d.physics.drawing import DrawnGrasps, TruePoints, draw_grasps, true_points
@@ -277,8 +278,6 @@ def _within(sampling: Sampling, mesh: ObjectMesh, hand: Hand | None) -> Sampling
         raise SettingError("simulated tips close from outside; grip must be squeeze")
     if hand is None:
         return sampling
-    from grasp3d.hand.scene import Scene
-
     return Scene(hand).within_stroke(mesh, sampling)
 
 
