@@ -189,8 +189,8 @@ MUTANTS = (
     ),
     Mutant(
         "torque of the third force component",
-        "missing[c] = -wrench[c] if c < 3 else",
-        "missing[c] = -wrench[c] if c < 4 else",
+        "remainder[c] = -wrench[c] if c < 3 else",
+        "remainder[c] = -wrench[c] if c < 4 else",
         "test_grip_forces.py",
     ),
     # Jaws.

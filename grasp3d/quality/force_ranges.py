@@ -454,9 +454,9 @@ def _search(worst: WorstCase, force: float, rtol: float) -> Floats:
         with np.errstate(invalid="ignore"):
             secant = low + (high - low) * at_low / (at_low - at_high)
         # A secant comes from below; a point just above the lower end may end the search.
-        tried = (secant, low * (1.0 + 0.9 * rtol), 0.5 * (low + high))[step % 3]
-        inside = (tried > low) & (tried < high)
+        candidate = (secant, low * (1.0 + 0.9 * rtol), 0.5 * (low + high))[step % 3]
+        inside = (candidate > low) & (candidate < high)
         with np.errstate(invalid="ignore"):
-            guess = np.where(inside, tried, 0.5 * (low + high))
+            guess = np.where(inside, candidate, 0.5 * (low + high))
         guess = np.where(np.isinf(high), 2.0 * np.maximum(low, 0.5), guess)
     return low

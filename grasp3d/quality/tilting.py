@@ -457,13 +457,13 @@ def _tolerance_of_pairs(contacts: Contacts, relative: Floats, cone_offset: Array
     """Two contacts: opening x sin(the angle by which their line may turn), exact."""
     half_angles = contacts.friction_angle + per_contact("cone offset", cone_offset, contacts)
     line = contacts.points[..., 1, :] - contacts.points[..., 0, :]
-    left = [
+    spare = [
         np.minimum(
             half_angles[..., 0] - angles_between(contacts.normals[..., 0, :], side * line),
             half_angles[..., 1] - angles_between(contacts.normals[..., 1, :], -side * line),
         )
         for side in (1.0, -1.0)
     ]
-    turn = np.clip(np.maximum(*left), 0.0, np.pi / 2.0)
+    turn = np.clip(np.maximum(*spare), 0.0, np.pi / 2.0)
     opening = np.linalg.norm(line, axis=-1)
     return np.asarray(opening * np.sin(turn) / relative.sum(axis=-1))[()]

@@ -336,8 +336,8 @@ class WrenchProblem:
         closed = self._clearly_placed(grasps)
         doubtful = np.flatnonzero(~closed)
         if doubtful.size:
-            chosen = replace(self.take(grasps[doubtful]), points=None, rank_tolerance=NO_TOLERANCE)
-            in_full = chosen.solve(SIGN)
+            problem = replace(self.take(grasps[doubtful]), points=None, rank_tolerance=NO_TOLERANCE)
+            in_full = problem.solve(SIGN)
             closed[doubtful] = in_full.closed & (in_full.rank == 6)
             results.forces[grasps[doubtful]] = in_full.forces
             results.slack[grasps[doubtful]] = in_full.slack
@@ -370,8 +370,8 @@ class WrenchProblem:
                 components = _in_patches(components, angles)
         rows = components @ axes  # (n, m, 6)
         size = np.abs(rows).max(axis=(0, 1), initial=TINIEST)
-        missing = -axes[:, 0].sum(axis=0)
-        weights, _ = nnls((rows.reshape(-1, 6) / size).T, missing / size)
+        balance = -axes[:, 0].sum(axis=0)
+        weights, _ = nnls((rows.reshape(-1, 6) / size).T, balance / size)
         forces = np.ascontiguousarray(
             (weights.reshape(len(axes), -1, 1) * components).sum(axis=1), dtype=np.float64
         )

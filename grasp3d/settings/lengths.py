@@ -202,8 +202,8 @@ def parse_position(name: str, value: Any) -> Any:
         >>> parse_position("center_of_mass", "10mm,0,-2.5mm")
         ('10 mm', 0.0, '-2.5 mm')
     """
-    if value is None or _is_position(value):
-        return value
+    if value is None:
+        return None
     parts = value.split(",") if isinstance(value, str) else value
     try:
         lengths = tuple(parse_length(name, one) for one in parts)
@@ -285,13 +285,6 @@ def small_length(length: AnyLength, unit: Unit | None = None, digits: int = 4) -
     if unit is None or unit == "in":
         return f"{length:.{digits}g}" + (f" {unit}" if unit else "")
     return f"{1000.0 * METRES[unit] * length:.{digits}g} mm"
-
-
-def _is_position(value: object) -> bool:
-    """Whether it is a parsed position without units: three finite numbers."""
-    if type(value) is not tuple or tuple(map(type, value)) != (float, float, float):
-        return False
-    return all(map(math.isfinite, value))
 
 
 def is_number(value: object) -> bool:

@@ -305,19 +305,19 @@ def task_forces(
 
 
 @merged
-def _write_goal(wrench, rank, torque_scale, workspace, missing, goal):
+def _write_goal(wrench, rank, torque_scale, workspace, remainder, goal):
     """Write the opposite of a wrench in balanced coordinates; returns (size, part outside)."""
     size = outside = 0.0
     for c in range(6):
-        missing[c] = -wrench[c] if c < 3 else -wrench[c] / torque_scale
-        size += missing[c] * missing[c]
+        remainder[c] = -wrench[c] if c < 3 else -wrench[c] / torque_scale
+        size += remainder[c] * remainder[c]
         goal[c] = 0.0
     for k in range(rank):
-        value = dot6(workspace.basis[k], missing)
+        value = dot6(workspace.basis[k], remainder)
         goal[k] = value / workspace.extents[k]
-        add6(missing, -value, workspace.basis[k])
+        add6(remainder, -value, workspace.basis[k])
     for c in range(6):
-        outside += missing[c] * missing[c]
+        outside += remainder[c] * remainder[c]
     return math.sqrt(size), math.sqrt(outside)
 
 

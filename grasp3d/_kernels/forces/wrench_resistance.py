@@ -87,7 +87,7 @@ def _search(space, dims, goal, rtol, length, vectors):
     """Replace basis vectors until the bounds meet; returns (status, lower, upper)."""
     dim = len(dims)
     inverse, directions, best = vectors[0:6], vectors[6:12], vectors[16]
-    x, y, u, point, asked = vectors[12], vectors[13], vectors[14], vectors[15], vectors[18]
+    x, y, u, point, query = vectors[12], vectors[13], vectors[14], vectors[15], vectors[18]
     _start(dims, goal, length, inverse, directions, x)
     lower, upper, status = 0.0, 0.0, UNFINISHED
     square = dot6(goal, goal)
@@ -95,14 +95,14 @@ def _search(space, dims, goal, rtol, length, vectors):
         upper += x[i]
     for k in range(6):
         u[k] = inverse[k, k] if k < dim else 0.0
-        asked[k] = goal[k] * upper / square
+        query[k] = goal[k] * upper / square
     between = True
     for _ in range(STEPS):
-        height, _, _ = farthest(space, asked, point, y)
-        # asked . goal is the upper bound, as u . goal is: so that their mixtures have it as well.
+        height, _, _ = farthest(space, query, point, y)
+        # query . goal is the upper bound, as u . goal is: so that their mixtures have it as well.
         if height > 0.0 and upper > lower * height:
             lower = upper / height
-            copy6(asked, best)
+            copy6(query, best)
         if upper - lower <= rtol * upper:
             status = RESISTED
             break
@@ -110,7 +110,7 @@ def _search(space, dims, goal, rtol, length, vectors):
             leaving, least = _leaving(dims, inverse, point, x, y)
             if leaving < 0:
                 break
-            copy6(asked, directions[leaving])
+            copy6(query, directions[leaving])
             upper = _replace(dims, inverse, x, y, leaving, least, u)
             between = lower > 0.0
         elif not between:
@@ -121,9 +121,9 @@ def _search(space, dims, goal, rtol, length, vectors):
         if between:
             factor = TOWARD_BEST * upper / dot6(best, goal)
             for k in range(6):
-                asked[k] = (1.0 - TOWARD_BEST) * u[k] + factor * best[k]
+                query[k] = (1.0 - TOWARD_BEST) * u[k] + factor * best[k]
         else:
-            copy6(u, asked)
+            copy6(u, query)
     return status, min(lower, upper), upper
 
 

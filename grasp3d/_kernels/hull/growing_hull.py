@@ -120,14 +120,6 @@ def _set_facets(basis, triangle, dim, metric, task, polytope, g, x, total):
                 polytope.neighbours[i, position] = j
 
 
-@merged
-def _set_origin(polytope):
-    """Make the origin, no force at any contact, the first vertex."""
-    polytope.identifiers[0], polytope.owners[0] = -1, 0
-    clear6(polytope.points[0])
-    clear6(polytope.vertex_forces[0])
-
-
 @part_for_constants
 def first_simplex(space, dims, metric, task, start, polytope):
     """Choose affinely independent support wrenches whose simplex contains the origin if possible.
@@ -155,8 +147,10 @@ def first_simplex(space, dims, metric, task, start, polytope):
     radius = ORIGIN_TOLERANCE * TOLERANCE
     clear6(nearest)
     pointed = start == AT_ORIGIN
-    if pointed:
-        _set_origin(polytope)
+    if pointed:  # the origin, no force at any contact, is the first vertex
+        polytope.identifiers[0], polytope.owners[0] = -1, 0
+        clear6(points[0])
+        clear6(vertex_forces[0])
     for size in range(1 if pointed else 0, dim + 1):
         point = points[size]
         both_ways = False

@@ -103,15 +103,15 @@ def _is_clearly_full(scratch, basis):
 def _orthonormalise(scratch, basis, max_rank, tolerance):
     """Gram-Schmidt, the longest remainder first; returns the number of basis rows written."""
     for size in range(max_rank):
-        longest, chosen = tolerance * tolerance, -1
+        longest, row = tolerance * tolerance, -1
         for i in range(scratch.shape[0]):
             square = dot6(scratch[i], scratch[i])
             if square > longest:
-                longest, chosen = square, i
-        if chosen < 0:
+                longest, row = square, i
+        if row < 0:
             return size
         b = basis[size]
-        copy6(scratch[chosen], b)
+        copy6(scratch[row], b)
         for j in range(size):
             component = dot6(basis[j], b)
             add6(b, -component, basis[j])

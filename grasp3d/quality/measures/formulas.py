@@ -188,7 +188,7 @@ def _weights_of(rows: Floats) -> Program:
     total = np.concatenate([[float(len(rows))], np.ones(len(rows))])
     return Program(
         equal=np.vstack([balance, total]),
-        given=np.concatenate([np.zeros(len(balance)), [1.0]]),
+        constants=np.concatenate([np.zeros(len(balance)), [1.0]]),
         below=np.zeros((0, 1 + len(rows))),
         least=np.concatenate([[-np.inf], np.zeros(len(rows))]),
         most=np.full(1 + len(rows), np.inf),
@@ -233,7 +233,7 @@ def _forces_of(grasps: GraspGeometry, row: int) -> Program:
     least[1 : 1 + 4 * count : 4] = 0.0  # fingers press
     return Program(
         equal=equal,
-        given=np.concatenate([np.zeros(len(balance)), [1.0]]),
+        constants=np.concatenate([np.zeros(len(balance)), [1.0]]),
         below=np.vstack([_cone_faces(grasps, row), _moment_limits(count)]),
         least=least,
         most=most,

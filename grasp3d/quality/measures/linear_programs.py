@@ -22,11 +22,11 @@ NUMERICAL_DIFFICULTIES = 4
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Maximise the first unknown x[0], with `equal @ x = given` and `below @ x <= 0`."""
+    """Maximise the first unknown x[0], with `equal @ x = constants` and `below @ x <= 0`."""
 
     equal: Floats
     """Shape (e, v)."""
-    given: Floats
+    constants: Floats
     """Shape (e,)."""
     below: Floats
     """Shape (k, v); k may be 0."""
@@ -62,7 +62,7 @@ def _solve_together(programs: Sequence[Program], *, presolve: bool = True) -> Fl
     result = linprog(
         cost,
         A_eq=_blocks([program.equal for program in programs]),
-        b_eq=np.concatenate([program.given for program in programs]),
+        b_eq=np.concatenate([program.constants for program in programs]),
         A_ub=below if below.shape[0] else None,
         b_ub=np.zeros(below.shape[0]) if below.shape[0] else None,
         bounds=bounds,

@@ -46,17 +46,17 @@ def metric_names(names: str | Sequence[str], *, of_wrench: bool = False) -> tupl
     words = names.split(",") if isinstance(names, str) else list(names)
     parts = [str(name).strip() for name in words]
     everything = [name for name, one in METRICS.items() if of_wrench or not one.of_wrench]
-    wanted = [name for part in parts for name in (everything if part == ALL else [part])]
-    if not any(wanted):
+    keys = [name for part in parts for name in (everything if part == ALL else [part])]
+    if not any(keys):
         raise SettingError(f"no metric is named; known: {ALL}, {', '.join(METRICS)}")
-    for name in wanted:
+    for name in keys:
         if name not in METRICS:
             near = difflib.get_close_matches(name, METRICS, 1)
             hint = f"did you mean {near[0]}? " if near else ""
             raise SettingError(
                 f"no metric is called {name!r}; {hint}known: {ALL}, {', '.join(METRICS)}"
             )
-    return tuple(dict.fromkeys(wanted))
+    return tuple(dict.fromkeys(keys))
 
 
 @dataclass(frozen=True, eq=False)
