@@ -1,6 +1,6 @@
 """The command line: parses the arguments, runs one command, prints, and returns an exit code.
 
-Heavy modules are imported by the commands when they run, so that `grasp3d --help` is fast.
+The modules of options import nothing heavy, so that `grasp3d --help` is fast.
 """
 
 import logging
@@ -46,8 +46,7 @@ Command = (
     | Paper
     | Warmup
 )
-"""The options of a command; the module of its name runs it, which imports what the help needs not.
-"""
+"""The options of a command, which the module of its name runs."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +148,7 @@ def _run(arguments: list[str]) -> int:
     if getattr(program.command, "quiet", False):
         compiling.logger.setLevel(logging.ERROR)
     try:
-        command = import_module(f"{__name__}.{type(program.command).__name__.lower()}")
-        return int(command.run(program.command))
+        module = import_module(f"{__name__}.{type(program.command).__name__.lower()}")
+        return int(module.run(program.command))
     finally:
         compiling.logger.setLevel(level)

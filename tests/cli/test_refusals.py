@@ -106,6 +106,12 @@ validate perhaps.csv --mesh box.stl --hand franka | grasp 2: outcome must be 1, 
 validate grasps.csv --mesh box.stl --hand franka -o . --overwrite | grasps.csv: is a file of grasps
 validate poses.csv --mesh box.stl --hand franka --frictions 0 | friction
 validate poses.csv --mesh box.stl --hand franka --sensor-resolutions x | must be a number of degrees
+validate poses.csv --mesh box.stl --hand franka --frictions | need at least one value each
+validate poses.csv --mesh box.stl --hand franka --worst 51 | worst must be from 0 to 50
+validate poses.csv --mesh box.stl --hand franka --resamples 10 | resamples must be a whole number of
+validate poses.csv --mesh box.stl --hand franka --seed -1 | seed must be a whole number of at least
+validate poses.csv --mesh box.stl --hand franka --target 1 | target must be above 0 and below 1
+validate poses.csv --mesh box.stl --hand franka --sensor-resolutions 230 | sensor resolution must be
 validate poses.csv --mesh box.stl --hand franka --bins 1 | bins must be from 2 to 50
 validate poses.csv --mesh box.stl --hand franka -o poses.csv | poses.csv: is a file; name a folder
 validate poses.csv --mesh box.stl --hand franka -o missing/out | missing/out: cannot be written
@@ -163,6 +169,16 @@ check ball.ply --patch-radius -1 | patch radius must be
 check | no input
 perturb ball.ply --noise 0 | noise must be a finite length above 0
 perturb ball.ply --noise 9 | noise is 9, but the size of ball.ply
+perturb ball.ply --noise -1 | noise must be a finite length above 0
+perturb ball.ply --noise nan | noise must be a finite length above 0
+perturb ball.ply --noise two | noise must be a length
+perturb ball.ply --noise 1mm | unit of ball.ply is not known
+perturb ball.ply --noise 0.01 --correlation 5 | correlation is 5
+perturb ball.ply --correlation -1 | correlation must be a finite length at least 0
+perturb ball.ply --noise-seed 9223372036854775808 | noise seed must be below
+perturb ball.ply --level 0.5 | level must be above 0.5 and below 1
+perturb ball.ply --level 1 | level must be above 0.5 and below 1
+perturb ball.ply --copies 1000000 | copies must be at most 10,000
 perturb ball.ply --copies 1 | copies must be a whole number of at least 2
 perturb ball.ply --level 2 | level must be above 0.5 and below 1
 perturb ball.ply -o a.txt | supported are .ply .csv .parquet

@@ -236,24 +236,6 @@ def test_a_table_below_the_object_is_reached_by_fewer() -> None:
     assert reached.sum() < free.sum()
 
 
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"bins": 1}, "bins must be from 2 to 50; got 1"),
-        ({"worst": 51}, "worst must be from 0 to 50"),
-        ({"resamples": 10}, "resamples must be a whole number of at least 100"),
-        ({"seed": -1}, "seed must be a whole number of at least 0"),
-        ({"target": 1.0}, "target must be above 0 and below 1"),
-        ({"frictions": ()}, "need at least one value each"),
-        ({"frictions": (0.0,)}, "friction"),
-        ({"sensor_resolutions": (4.0,)}, "sensor resolution"),
-    ],
-)
-def test_settings_outside_their_range_are_refused(fields: dict[str, object], message: str) -> None:
-    with pytest.raises(SettingError, match=message):
-        ValidationSettings(**fields)  # type: ignore[arg-type]
-
-
 def test_the_tables_have_what_was_found(tmp_path: Path) -> None:
     found, _ = drawn()
     write_validation(tmp_path / "new" / "out", found)
