@@ -292,6 +292,21 @@ def test_errors_of_friction_and_normals(seen: Visitor, labels: SurfaceLabels) ->
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("field", ["#friction-number", "#opening"])
+def test_a_number_that_is_being_typed_is_kept_when_the_page_changes(
+    seen: Visitor, field: str
+) -> None:
+    before = seen.page.input_value(field)
+    seen.page.locator(field).fill("0.6")
+    seen.page.evaluate("window.trame.state.set('facts', 'new facts')")
+    seen.until(lambda: "new facts" in seen.page.locator("#facts").inner_text())
+    assert seen.page.input_value(field) == "0.6"
+    seen.page.locator(field).fill(before)
+    seen.page.locator(field).blur()
+    assert not seen.errors
+
+
+@pytest.mark.slow
 def test_invalid_values_are_refused_with_a_message(seen: Visitor) -> None:
     values = (
         ("friction", "-1"), ("resolution", "200"), ("friction", "1e9"), ("resolution", ""),

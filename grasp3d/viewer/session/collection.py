@@ -224,7 +224,8 @@ def open_collection(
     if stored is not None:
         unit = stored.unit or options.unit
         settings = settings_in_unit(unit, *_merged(stored, model, sampling), source=target.name)
-        _check(*settings, scan=stored.mode == "scan")
+        if stored.mode != "scan":
+            check_search_settings(*settings)
         lengths = {} if force else _given_lengths(model, sampling, unit, target.name)
         reader = partial(read_subject, target, options.max_memory, unit=options.unit)
         opened = partial(_open_stored, reader, lengths, (reach, *settings))
@@ -233,7 +234,7 @@ def open_collection(
     if any(isinstance(length, Measure) for one in settings for length in one.lengths().values()):
         unit = options.unit or read_source(target, max_memory=options.max_memory).unit
         settings = settings_in_unit(unit, *settings, source=target.name)
-    _check(*settings, scan=False)
+    check_search_settings(*settings)
     reader = partial(_open_mesh, target, (reach, *settings), options, load, force)
     return _single(target.name, reader, *settings)
 
@@ -264,7 +265,7 @@ def _batch_collection(
     source = f"all meshes of {printable(str(folder))}"
     settings = settings_in_unit(unit, *settings, source=source)
     lengths = {} if force else _given_lengths(model, sampling, unit, source)
-    _check(*settings, scan=False)
+    check_search_settings(*settings)
     cache, items = SubjectCache(), []
     for row in rows:
         reader = partial(read_result, folder, row, options.max_memory, unit=options.unit)
@@ -432,9 +433,3 @@ def _overridden(stored: SettingsT, options: SettingsT | None) -> SettingsT:
         if getattr(options, name) != getattr(default, name)
     }
     return replace(stored, **changed)  # type: ignore[type-var]
-
-
-def _check(model: GraspModel, sampling: AnySampling, *, scan: bool) -> None:
-    """Check that a search accepts the settings, before anything is opened."""
-    if not scan:
-        check_search_settings(model, sampling)

@@ -160,9 +160,7 @@ def compute_epsilon(subject: Subject, model: GraspModel) -> Subject:
         subject: With labels, or from a file with partners.
         model: Grasp model; fingers as the subject has them.
     """
-    model = replace(model, fingers=subject.labels.model.fingers)
-    labels = subject.labels.using(model=model)
-    return replace(subject, epsilons=labels)
+    return replace(subject, epsilons=subject.labels.using(model=model))
 
 
 def compute_forces(subject: Subject, model: GraspModel) -> Subject:
@@ -172,7 +170,6 @@ def compute_forces(subject: Subject, model: GraspModel) -> Subject:
         subject: With a load, and labels or partners.
         model: Grasp model; fingers as the subject has them.
     """
-    model = replace(model, fingers=subject.labels.model.fingers)
     labels = subject.labels.using(model=model)
     assert labels.holding is not None
     return replace(subject, forces=Forces.of(labels.holding, model))

@@ -67,89 +67,70 @@ def inspect(subject: Subject, vertex: int, model: GraspModel, alternative: int =
         alternative: Which of its grasps, 0: the best one; as far as there are so many.
     """
     pose, count = GripperPose.of(subject.labels.reach, vertex), 1
-    if pose is None:
-        return _inspect_best(subject, vertex, model)
-    others = alternatives_of(subject, vertex)
-    if others is None:
-        return replace(_inspect_best(subject, vertex, model), held=pose, count=None)
-    count += others.size
+    others = None if pose is None else alternatives_of(subject, vertex)
+    if others is not None:
+        count += others.size
     row = min(alternative, count - 1)
-    if row == 0:
-        return replace(_inspect_best(subject, vertex, model), held=pose, count=count)
-    inspection = _inspect_alternative(subject, vertex, others, row - 1, model)
-    return replace(inspection, number=row + 1, count=count)
+    if others is None or row == 0:
+        inspection = _inspect_best(subject, vertex, model, pose)
+    else:
+        inspection = _inspect_alternative(subject, vertex, others, row - 1, model)
+    known = pose is None or others is not None
+    return replace(inspection, number=row + 1, count=count if known else None)
 
 
-def _inspect_best(subject: Subject, vertex: int, model: GraspModel) -> Inspection:
+def _inspect_best(
+    subject: Subject, vertex: int, model: GraspModel, pose: GripperPose | None
+) -> Inspection:
     """Inspect the best grasp of a vertex, or say why there is none."""
+    labels, openings = subject.labels, subject.labels.opening
     worst, best = (angles[vertex] for angles in subject.angles(model))
-    code = int(label_codes(subject, worst[None], best[None], model)[0])
-    perceived = subject.labels.critical_angle[vertex], subject.labels.critical_angle_best[vertex]
     points, normals = _contacts(subject, vertex)
-    off = _off_line(points, normals) if len(points) == PAIR else None
     case = Case(
         model=model,
-        mode=subject.labels.mode,
-        code=code,
+        mode=labels.mode,
+        code=int(label_codes(subject, worst[None], best[None], model)[0]),
         worst=float(worst),
         best=float(best),
         cone=subject.cone,
         reason=_reason(subject, vertex),
-        off_line=off,
-        hand=None if subject.labels.scene is None else subject.labels.scene.hand.name,
+        off_line=_off_line(points, normals),
+        hand=None if labels.scene is None else labels.scene.hand.name,
         unreached=_unreached(subject, vertex),
-        perceived=_perceived(model, *perceived),
+        perceived=_perceived(
+            model, labels.critical_angle[vertex], labels.critical_angle_best[vertex]
+        ),
     )
     if not case.smooth:
         case = replace(case, creases=_creases(subject, vertex, several=len(points) > 1))
-    force = _force_of(subject, vertex, model)
-    numbers, reason = _numbers(subject, vertex, case, force), _reason_text(case, force)
-    return Inspection(
-        vertex, code, points, normals, model, numbers, reason, budget=budget_text(case)
-    )
+    return _inspection(
+        subject, case, points, normals,
+        vertex=vertex,
+        epsilons=_epsilons(subject, vertex, model),
+        opening=math.nan if openings is None else openings[vertex],
+        force=_force_of(subject, vertex, model),
+        pose=pose,
+    )  # fmt: skip
 
 
 def _inspect_alternative(
     subject: Subject, vertex: int, grasps: GraspTable, row: int, model: GraspModel
 ) -> Inspection:
-    """Inspect one of the other grasps of a vertex."""
+    """Inspect one of the other grasps of a vertex, whose label does not depend on the search."""
     perceived = grasps.critical_angle[row], grasps.critical_angle_best[row]
     contacts = grasps.contacts.take(slice(row, row + 1))
-    worst, best = located_grasp(contacts, *perceived, model)
-    code = int(label_angles(np.array([worst]), np.array([best]), model)[0])
+    angles = located_grasp(contacts, *perceived, model)
     points, normals = contacts.points[0], contacts.normals[0]
-    case = Case(
-        model=model,
-        mode="scan",  # another grasp than the best one, whatever its label is
-        code=code,
-        worst=float(worst),
-        best=float(best),
-        cone=subject.cone,
-        reason=Reason.FOUND,
-        off_line=_off_line(points, normals) if len(points) == PAIR else None,
-        creases=tuple(int(finger) for finger in np.flatnonzero(contacts.on_crease[0])),
-        perceived=_perceived(model, *perceived),
-    )
-    unit = f" {subject.mesh.unit}" if subject.mesh.unit else ""
-    pose = GripperPose.of(grasps.reach, row)
-    position = _position(subject.mesh.vertices[vertex], subject.mesh.size, unit)
-    numbers = [("vertex", f"{vertex}"), ("position", position)]
-    numbers += angle_numbers(case)
-    values = _epsilons_of(contacts, model)
-    numbers += zip(EPSILONS, map(_epsilon_text, values), strict=True)
-    numbers.append(("opening", f"{grasps.opening[row]:.4g}{unit}"))
-    force = _held_by(subject, contacts, model)
-    numbers += [*_force_numbers(force), *_gripper_numbers(pose, unit), *_off_line_text(case)]
-    reason = _reason_text(case, force)
-    budget = budget_text(case)
-    return Inspection(
-        vertex, code, points, normals, model, tuple(numbers), reason, pose, budget=budget
-    )
-
-
-def _perceived(model: GraspModel, worst: float, best: float) -> tuple[float, float] | None:
-    """Critical angles at the perceived contact points, if others decide the labels."""
-    return None if model.is_uniform else (float(worst), float(best))
+    on_crease = tuple(int(finger) for finger in np.flatnonzero(contacts.on_crease[0]))
+    return _inspection(
+        subject, _case_of_grasp(subject, model, points, normals, angles, perceived, on_crease),
+        points, normals,
+        vertex=vertex,
+        epsilons=_epsilons_of(contacts, model),
+        opening=grasps.opening[row],
+        force=_held_by(subject, contacts, model),
+        pose=GripperPose.of(grasps.reach, row),
+    )  # fmt: skip
 
 
 def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | None:
@@ -162,32 +143,83 @@ def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | No
     contact = subject.last_contact
     if contact is None:
         return None
-    worst, best = contact.angles(model)
-    code = int(label_codes(subject, np.array([worst]), np.array([best]), model)[0])
-    off = _off_line(contact.points, contact.normals) if len(contact.points) == PAIR else None
-    case = Case(
+    points, normals, perceived = contact.points, contact.normals, (contact.worst, contact.best)
+    case = _case_of_grasp(
+        subject, model, points, normals, contact.angles(model), perceived, contact.creases
+    )
+    gaps = np.linalg.norm(points[:, None] - points, axis=2)
+    return _inspection(
+        subject, case, points, normals,
+        between=contact.between, opening=gaps.max(), pose=contact.held,
+    )  # fmt: skip
+
+
+def _case_of_grasp(
+    subject: Subject,
+    model: GraspModel,
+    points: Floats,
+    normals: Floats,
+    angles: tuple[float, float],
+    perceived: tuple[float, float],
+    creases: tuple[int, ...],
+) -> Case:
+    """What decides the label of a given grasp, which is labelled as those of a scan are."""
+    worst, best = angles
+    return Case(
         model=model,
-        mode=subject.labels.mode,
-        code=code,
-        worst=worst,
-        best=best,
+        mode="scan",
+        code=int(label_angles(np.array([worst]), np.array([best]), model)[0]),
+        worst=float(worst),
+        best=float(best),
         cone=subject.cone,
         reason=Reason.FOUND,
-        off_line=off,
-        creases=contact.creases,
-        perceived=_perceived(model, contact.worst, contact.best),
+        off_line=_off_line(points, normals),
+        creases=creases,
+        perceived=_perceived(model, *perceived),
     )
+
+
+def _perceived(model: GraspModel, worst: float, best: float) -> tuple[float, float] | None:
+    """Critical angles at the perceived contact points, if others decide the labels."""
+    return None if model.is_uniform else (float(worst), float(best))
+
+
+def _inspection(
+    subject: Subject,
+    case: Case,
+    points: Floats,
+    normals: Floats,
+    *,
+    vertex: int | None = None,
+    between: bool = False,
+    epsilons: tuple[float, ...] = (),
+    opening: float,
+    force: HeldGrasp | None = None,
+    pose: GripperPose | None,
+) -> Inspection:
+    """List the numbers of a grasp; those that are not known are left out."""
     unit = f" {subject.mesh.unit}" if subject.mesh.unit else ""
-    numbers = [("position", _position(contact.points[0], subject.mesh.size, unit))]
-    if contact.between:
+    numbers = [] if vertex is None else [("vertex", f"{vertex}")]
+    numbers.append(("position", _position(points[0], subject.mesh.size, unit)))
+    if between:
         numbers.append(("location", "between vertices"))
-    numbers += angle_numbers(case)
-    gaps = np.linalg.norm(contact.points[:, None] - contact.points, axis=2)
-    numbers.append(("opening", f"{gaps.max():.4g}{unit}"))
-    numbers += [*_gripper_numbers(contact.held, unit), *_off_line_text(case)]
+    if vertex is not None and math.isinf(case.best):
+        numbers.append(("β*", "no grasp"))
+    else:
+        numbers += angle_numbers(case)
+        for name, epsilon in zip(EPSILONS, epsilons, strict=False):
+            numbers.append((name, f"{epsilon:.3g}" if math.isfinite(epsilon) else UNKNOWN))
+        if math.isfinite(opening):
+            numbers.append(("opening", f"{opening:.4g}{unit}"))
+        numbers += [] if force is None else force.numbers()
+        numbers += _gripper_numbers(pose, unit)
+        if case.off_line is not None:
+            first, second = (math.degrees(angle) for angle in case.off_line)
+            numbers.append(("normals off the line", f"{first:.1f}° and {second:.1f}°"))
+    held = "" if force is None else force.sentence()
     return Inspection(
-        None, code, contact.points, contact.normals, model, tuple(numbers), explain(case),
-        contact.held, budget=budget_text(case),
+        vertex, case.code, points, normals, case.model, tuple(numbers),
+        f"{explain(case)} {held}".rstrip(), pose, budget=budget_text(case),
     )  # fmt: skip
 
 
@@ -218,7 +250,9 @@ def _contacts(subject: Subject, vertex: int) -> tuple[Floats, Floats]:
 
 
 def _off_line(points: Floats, normals: Floats) -> tuple[float, float] | None:
-    """Angles of two normals to the line through the contacts [rad], for the better grip."""
+    """Angles of two normals to the line through two contacts [rad], for the better grip."""
+    if len(points) != PAIR:
+        return None
     line = points[1] - points[0]
     length = np.linalg.norm(line)
     if not (length > 0.0 and (normals != 0.0).any(axis=1).all()):
@@ -277,34 +311,6 @@ def _held_by(subject: Subject, grasp: GraspContacts, model: GraspModel) -> HeldG
     return held_grasp(grasp, model, case)
 
 
-def _force_numbers(force: HeldGrasp | None) -> list[tuple[str, str]]:
-    return [] if force is None else force.numbers()
-
-
-def _reason_text(case: Case, force: HeldGrasp | None) -> str:
-    """Why it is S, M or U, and whether the load is held."""
-    sentence = "" if force is None else force.sentence()
-    return f"{explain(case)} {sentence}".rstrip()
-
-
-def _numbers(
-    subject: Subject, vertex: int, case: Case, force: HeldGrasp | None
-) -> tuple[tuple[str, str], ...]:
-    unit = f" {subject.mesh.unit}" if subject.mesh.unit else ""
-    position = _position(subject.mesh.vertices[vertex], subject.mesh.size, unit)
-    numbers = [("vertex", f"{vertex}"), ("position", position)]
-    if math.isinf(case.best):
-        return (*numbers, ("β*", "no grasp"))
-    numbers += angle_numbers(case)
-    numbers += zip(EPSILONS, _epsilon_texts(subject, vertex, case.model), strict=True)
-    openings = subject.labels.opening
-    if openings is not None and math.isfinite(opening := openings[vertex]):
-        numbers.append(("opening", f"{opening:.4g}{unit}"))
-    pose = GripperPose.of(subject.labels.reach, vertex)
-    numbers += _force_numbers(force)
-    return (*numbers, *_gripper_numbers(pose, unit), *_off_line_text(case))
-
-
 def _gripper_numbers(pose: GripperPose | None, unit: str) -> list[tuple[str, str]]:
     """Names and values that a gripper adds; those that are unknown are left out."""
     if pose is None:
@@ -324,25 +330,14 @@ def _position(point: Floats, size: float, unit: str) -> str:
     return f"({coordinates}){unit}"
 
 
-def _off_line_text(case: Case) -> list[tuple[str, str]]:
-    if case.off_line is None:
-        return []
-    first, second = (math.degrees(angle) for angle in case.off_line)
-    return [("normals off the line", f"{first:.1f}° and {second:.1f}°")]
-
-
-def _epsilon_texts(subject: Subject, vertex: int, model: GraspModel) -> list[str]:
-    """Nominal, smallest and largest epsilon of a vertex's grasp; a dash where unknown."""
-    ranges, values = subject.epsilons, (math.nan,) * 3
+def _epsilons(subject: Subject, vertex: int, model: GraspModel) -> tuple[float, float, float]:
+    """Nominal, smallest and largest epsilon of a vertex's grasp; nan where unknown."""
+    ranges = subject.epsilons
     if ranges is not None and same_settings(ranges.model, model):
-        values = (ranges.epsilon[vertex], ranges.epsilon_min[vertex], ranges.epsilon_max[vertex])
-    elif subject.prepared and subject.labels.likely_reason[vertex] == Reason.FOUND:
-        values = _epsilons_of(_grasp(subject.labels, vertex), model)
-    return [_epsilon_text(value) for value in values]
-
-
-def _epsilon_text(value: float) -> str:
-    return f"{value:.3g}" if math.isfinite(value) else UNKNOWN
+        return ranges.epsilon[vertex], ranges.epsilon_min[vertex], ranges.epsilon_max[vertex]
+    if subject.prepared and subject.labels.likely_reason[vertex] == Reason.FOUND:
+        return _epsilons_of(_grasp(subject.labels, vertex), model)
+    return math.nan, math.nan, math.nan
 
 
 def _creases(subject: Subject, vertex: int, *, several: bool) -> tuple[int, ...]:

@@ -90,14 +90,13 @@ def next_job(
         if viewed.scan is None or viewed.fixed != state.fixed:
             run = partial(scan_with_fixed, subject, state.model, state.fixed)
             return Job(("scan", number, state.fixed), "scanning", run)
-        return _located_job(viewed.scan, state, number) or _epsilon_job(viewed.scan, state, number)
+        return _located_job(viewed.scan, state, number) or _numbers_job(viewed.scan, state, number)
     return (
         _search_job(subject, state, sampling, number)
         or _grasps_job(subject, state, number)
         or _located_job(subject, state, number)
         or _alternatives_job(subject, state, number)
-        or _epsilon_job(subject, state, number)
-        or _forces_job(subject, state, number)
+        or _numbers_job(subject, state, number)
     )
 
 
@@ -152,8 +151,13 @@ def is_stale(viewed: ViewedItem, state: ViewState, sampling: AnySampling) -> boo
 
 def _locates(subject: Subject, state: ViewState) -> bool:
     """Whether the labels for the chosen errors of contact locations are known."""
+    return subject.locates(_model_for(subject, state))
+
+
+def _model_for(subject: Subject, state: ViewState) -> GraspModel:
+    """The chosen model, with a surface's number of fingers."""
     model, fingers = state.model, subject.labels.model.fingers
-    return subject.locates(model if model.fingers == fingers else replace(model, fingers=fingers))
+    return model if model.fingers == fingers else replace(model, fingers=fingers)
 
 
 def missing_result(subject: Subject, state: ViewState) -> str:
@@ -219,12 +223,7 @@ def _grasps_job(subject: Subject, state: ViewState, number: int) -> SubjectJob |
     """Find the grasps of a file, if a vertex is inspected, or what is shown needs them."""
     if subject.prepared or not subject.measurable:
         return None
-    other_epsilon = _shows_epsilon(state) and not _is_known(subject.epsilons, state)
-    other_forces = _shows_force(state) and not _is_known(subject.forces, state)
-    if subject.labels.load is None:
-        other_forces = False
-    located = _locates(subject, state)
-    if state.vertex is None and located and not (other_epsilon or other_forces):
+    if state.vertex is None and _locates(subject, state) and not _lacks_numbers(subject, state):
         return None
     return Job(("grasps", number), "searching grasps", partial(with_grasps, subject))
 
@@ -233,58 +232,42 @@ def _located_job(subject: Subject, state: ViewState, number: int) -> SubjectJob 
     """Compute how far uncertain contact locations affect three fingers and more."""
     if not subject.prepared or _locates(subject, state):
         return None
-    model = replace(state.model, fingers=subject.labels.model.fingers)
+    model = _model_for(subject, state)
     key = ("located", number, dependence(model), model.fingers, state.fixed, state.max_opening)
     return Job(key, "computing labels with errors", partial(locate_contacts, subject, model), DELAY)
 
 
-def _wants_alternatives(subject: Subject, state: ViewState) -> bool:
-    """Whether other grasps of the inspected vertex are needed, and not known."""
-    vertex = state.vertex
-    if vertex is None or not is_reached(subject, vertex):
-        return False
-    return alternatives_of(subject, vertex) is None
-
-
 def _alternatives_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
     """Search for other grasps of the inspected vertex that the gripper reaches."""
-    if not subject.prepared or state.vertex is None or not _wants_alternatives(subject, state):
+    vertex = state.vertex
+    if not subject.prepared or vertex is None or not is_reached(subject, vertex):
         return None
-    key = ("alternatives", number, state.vertex, state.model.fingers, state.max_opening)
-    run = partial(find_alternatives, subject, state.vertex)
-    return Job(key, "searching other grasps", run)
+    if alternatives_of(subject, vertex) is not None:
+        return None
+    key = ("alternatives", number, vertex, state.model.fingers, state.max_opening)
+    return Job(key, "searching other grasps", partial(find_alternatives, subject, vertex))
 
 
-def _epsilon_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
-    """Compute epsilon, if it is shown and not known for the chosen model."""
-    if not _shows_epsilon(state) or not subject.measurable:
+def _numbers_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
+    """Compute epsilon or grip forces, if they are shown and not known for the chosen model."""
+    if not subject.measurable or not _lacks_numbers(subject, state):
         return None
-    if _is_known(subject.epsilons, state):
-        return None
-    model = replace(state.model, fingers=subject.labels.model.fingers)
-    key = ("epsilon", number, model, state.fixed, state.max_opening)
-    return Job(key, "computing ε", partial(compute_epsilon, subject, model), DELAY)
+    kind, text, compute = "epsilon", "computing ε", compute_epsilon
+    if state.paint in FORCE_PAINTS:
+        kind, text, compute = "forces", "computing grip forces", compute_forces
+    model = _model_for(subject, state)
+    key = (kind, number, model, state.fixed, state.max_opening)
+    return Job(key, text, partial(compute, subject, model), DELAY)
 
 
-def _forces_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
-    """Compute grip forces, if they are shown and not known for the chosen model."""
-    if not _shows_force(state) or not subject.measurable or subject.labels.load is None:
-        return None
-    if _is_known(subject.forces, state):
-        return None
-    model = replace(state.model, fingers=subject.labels.model.fingers)
-    key = ("forces", number, model, state.max_opening)
-    return Job(key, "computing grip forces", partial(compute_forces, subject, model), DELAY)
+def _lacks_numbers(subject: Subject, state: ViewState) -> bool:
+    """Whether epsilon or forces are shown and were not computed for the chosen model."""
+    if state.paint in {"epsilon", "epsilon_min"}:
+        return not _is_known(subject.epsilons, state)
+    needs_force = state.paint in FORCE_PAINTS and subject.labels.load is not None
+    return needs_force and not _is_known(subject.forces, state)
 
 
 def _is_known(values: SurfaceLabels | Forces | None, state: ViewState) -> bool:
     """Whether numbers were computed for the chosen model."""
     return values is not None and same_settings(values.model, state.model)
-
-
-def _shows_epsilon(state: ViewState) -> bool:
-    return state.paint in {"epsilon", "epsilon_min"}
-
-
-def _shows_force(state: ViewState) -> bool:
-    return state.paint in FORCE_PAINTS

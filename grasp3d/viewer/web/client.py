@@ -189,7 +189,8 @@ class Client:
         """Make the page and connect its events."""
         state, controller = self._server.state, self._server.controller
         state.update({**constant_state(self.session), **page_state(self.session)})
-        state.update({"help": False, "held": False})
+        # A number that is being typed is kept when the page is drawn again.
+        state.update({"help": False, "held": False, "typed": {}})
         state.update(progress_state(self.session))
         with VAppLayout(self._server):
             html.Div(_template("help.html"))
