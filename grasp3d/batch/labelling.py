@@ -242,7 +242,7 @@ def _load_values(labels: "SurfaceLabels") -> dict[str, Any]:
     """What the grasps hold; nothing without a load."""
     from grasp3d.grasps.verdict import HoldingVerdict
     from grasp3d.quality.loads import load_settings
-    from grasp3d.surface.held_area import held_fractions, payload_quantiles
+    from grasp3d.surface.area_statistics import held_fractions, payload_quantiles
 
     holding = labels.holding
     if holding is None:

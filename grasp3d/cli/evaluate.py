@@ -18,7 +18,7 @@ from grasp3d.mesh import load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.quality.measures.measuring import metric_names
 from grasp3d.settings import with_fingers
-from grasp3d.surface.masses import loaded_mesh
+from grasp3d.surface.load_case import loaded_mesh
 from grasp3d.system.names import safe_stem
 
 

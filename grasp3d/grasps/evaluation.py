@@ -27,8 +27,7 @@ from grasp3d.surface.contacts import JawContacts, SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelled_grasps import LabelledGrasps
-from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.masses import loaded_mesh
+from grasp3d.surface.load_case import LoadCase, loaded_mesh
 from grasp3d.surface.rows import rows_where
 from grasp3d.system.context import report_progress, within
 

@@ -19,7 +19,7 @@ from grasp3d.planar import Circle, scan, square
 from grasp3d.plots.cones import combinations_figure, cone_figure, tips_figure
 from grasp3d.plots.curves import curves_figure
 from grasp3d.plots.figures import Drawing
-from grasp3d.plots.fraction_figures import (
+from grasp3d.plots.fractions import (
     ErrorPanel,
     ceiling_figure,
     error_fractions_figure,

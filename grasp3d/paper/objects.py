@@ -16,7 +16,7 @@ from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.plots.figures import Drawing
-from grasp3d.plots.fraction_figures import fixed_fingers, surface_figure
+from grasp3d.plots.fractions import fixed_fingers, surface_figure
 from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.rendering import View
 from grasp3d.settings import DEGREE, GraspModel

@@ -1,13 +1,17 @@
-"""Weights of vertices by area, and quantiles over a surface."""
+"""Weights of vertices by area; fractions and quantiles over a surface, also of what it holds."""
 
+import math
 from typing import Literal
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Floats
+from grasp3d.arrays import ArrayLike, Bytes, Floats
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import check_choice
+from grasp3d.stability.label import Label
+from grasp3d.surface.holding import Holding
+from grasp3d.surface.vertex_grasps import VertexGrasps
 
 Weights = Literal["area", "vertex"]
 """area: each vertex is weighted by the area around it; vertex: all on the surface equally."""
@@ -45,3 +49,94 @@ def quantiles(values: Floats, levels: ArrayLike, weights: Floats) -> Floats:
     cumulative = np.cumsum(weights[order])
     index = np.searchsorted(cumulative, fractions * cumulative[-1])
     return np.asarray(values[order][np.minimum(index, len(order) - 1)])
+
+
+def label_fractions(codes: Bytes, weights: Floats) -> dict[str, float]:
+    """Fractions S, M and U of weighted vertices.
+
+    Args:
+        codes: `Label` codes, shape (V,).
+        weights: As `vertex_weights` returns them, shape (V,).
+    """
+    return {
+        label.name: float(weights[codes == label].sum()) for label in sorted(Label, reverse=True)
+    }
+
+
+def held_fractions(labels: VertexGrasps, *, weights: Weights = "area") -> dict[str, float] | None:
+    """Fractions S, M and U of the surface by the labels with force.
+
+    Args:
+        labels: The labelled surface, with a load.
+        weights: 'area': each vertex is weighted by the area around it; 'vertex': all equally.
+
+    Returns:
+        None: the mass or the force at hand is not known.
+
+    Raises:
+        SettingError: There is no load.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> from grasp3d.surface.area_statistics import held_fractions
+        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
+        >>> mesh = grasp3d.load_mesh(box, unit="m", max_edge=0.02)
+        >>> model = grasp3d.GraspModel(torsion_radius="3mm")
+        >>> load = grasp3d.Load(mass=0.5, grip_force=40.0)
+        >>> labels = grasp3d.label_surface(mesh, model, load=load)
+        >>> {name: round(part, 1) for name, part in held_fractions(labels).items()}
+        {'S': 0.7, 'M': 0.3, 'U': 0.0}
+    """
+    codes = _holding(labels).label
+    if codes is None:
+        return None
+    return label_fractions(codes, vertex_weights(labels.mesh, weights))
+
+
+def force_quantiles(
+    labels: VertexGrasps, levels: ArrayLike, *, weights: Weights = "area"
+) -> Floats:
+    """Quantiles over the surface of the largest grip force that the sensor cannot rule out [N].
+
+    inf where no grasp was found or no force suffices.
+
+    Args:
+        labels: The labelled surface, with a load.
+        levels: From 0 to 1, shape (k,).
+        weights: As in `held_fractions`.
+
+    Raises:
+        SettingError: There is no load, or a level is outside its range.
+    """
+    forces = np.nan_to_num(_holding(labels).grip_force_largest, nan=math.inf, posinf=math.inf)
+    return quantiles(forces, levels, vertex_weights(labels.mesh, weights))
+
+
+def payload_quantiles(
+    labels: VertexGrasps, levels: ArrayLike, *, weights: Weights = "area"
+) -> Floats | None:
+    """Quantiles over the surface of the payload [kg]; it is 0 where no grasp was found.
+
+    Args:
+        labels: The labelled surface, with a load.
+        levels: From 0 to 1, shape (k,).
+        weights: As in `held_fractions`.
+
+    Returns:
+        None: no force is at hand, or the task does not depend on the mass.
+
+    Raises:
+        SettingError: There is no load, or a level is outside its range.
+    """
+    holding = _holding(labels)
+    if not holding.has_payload:
+        return None
+    payloads = np.nan_to_num(holding.payload, nan=0.0, posinf=math.inf)
+    return quantiles(payloads, levels, vertex_weights(labels.mesh, weights))
+
+
+def _holding(labels: VertexGrasps) -> Holding:
+    if labels.holding is None:
+        raise SettingError("the labels have no load; label the surface with load=Load(...)")
+    return labels.holding

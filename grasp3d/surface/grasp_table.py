@@ -1,11 +1,13 @@
 """Tables of grasps: one grasp in each row, with its label, epsilon and forces."""
 
 import math
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +31,6 @@ from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.closed_grasps import ClosedGrasps, close_on
 from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.critical_angles import critical_angles
-from grasp3d.surface.deferred import Deferred
 from grasp3d.surface.extreme_normals import hull_labels
 from grasp3d.surface.fields import CONTACTS, GRASPS, Field, columns_of, present
 from grasp3d.surface.grasp_numbers import (
@@ -46,7 +47,34 @@ from grasp3d.surface.rows import if_known, rows_of
 from grasp3d.system.context import report_progress, unreported
 from grasp3d.system.versions import package_version
 
+T = TypeVar("T")
 Columns = dict[str, npt.NDArray[Any]]
+
+
+class Deferred(cached_property[T]):
+    """An attribute that is computed when it is first read.
+
+    Several threads that read the attribute of one instance compute it once. The value is in the
+    instance's dictionary, under the name of the attribute: it is read as fast as any attribute, and
+    pickled with the instance.
+    """
+
+    def __init__(self, function: Callable[[Any], T]) -> None:
+        super().__init__(function)
+        self._locks: WeakKeyDictionary[Any, threading.Lock] = WeakKeyDictionary()
+        self._making = threading.Lock()
+
+    def __get__(self, instance: Any, owner: type[Any] | None = None) -> Any:
+        """The value, computed if it is not known; of a class the descriptor itself."""
+        if instance is None:
+            return self
+        values, name = vars(instance), self.attrname or ""
+        with self._making:
+            lock = self._locks.setdefault(instance, threading.Lock())
+        with lock:
+            if name not in values:
+                values[name] = self.func(instance)
+        return values[name]
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,7 +339,7 @@ class GraspTable(LabelledGrasps):
             self, critical_angle=worst, critical_angle_best=best, best_normals=None, points=None
         )
         if "closed" in vars(self):
-            GraspTable.closed.know(table, self.closed)
+            vars(table)["closed"] = self.closed
         return table
 
     def using(self, **changed: Any) -> "GraspTable":
@@ -330,9 +358,9 @@ class GraspTable(LabelledGrasps):
                 "with the other one (in Python label_surface(..., scene=...))"
             )
         table = replace(self, **changed)
-        angles = GraspTable.located_angles.computed(self)
+        angles = self.computed("located_angles")
         if angles is not None and _limits(table.model) == _limits(self.model):
-            GraspTable.located_angles.know(table, angles)
+            vars(table)["located_angles"] = angles
         return table
 
     def computed(self, name: str) -> Any:

@@ -31,8 +31,7 @@ from grasp3d.settings.costs import check_cost
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.masses import loaded_mesh
+from grasp3d.surface.load_case import LoadCase, loaded_mesh
 from grasp3d.surface.merged_grasps import with_more_margin
 from grasp3d.surface.sampling.antipodal import AntipodalGrasps, best_pairs
 from grasp3d.surface.sampling.multifinger import search

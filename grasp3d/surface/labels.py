@@ -18,7 +18,12 @@ from grasp3d.settings.model_text import model_line
 from grasp3d.settings.uncertainty import Uncertainty, friction_interval
 from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
-from grasp3d.surface.area_statistics import Weights, quantiles, vertex_weights
+from grasp3d.surface.area_statistics import (
+    Weights,
+    label_fractions,
+    quantiles,
+    vertex_weights,
+)
 from grasp3d.surface.conversions import labels_to_polydata, labels_to_table, labels_to_trimesh
 from grasp3d.surface.vertex_grasps import VertexGrasps
 
@@ -162,10 +167,7 @@ class SurfaceLabels(VertexGrasps):
             >>> {name: round(fraction, 2) for name, fraction in labels.fractions().items()}
             {'S': 0.67, 'M': 0.33, 'U': 0.0}
         """
-        return {
-            label.name: float(self._weights(weights)[self.label == label].sum())
-            for label in sorted(Label, reverse=True)
-        }
+        return label_fractions(self.label, self._weights(weights))
 
     def angle_distribution(
         self, *, weights: Weights = "area", location_error: GivenLength | None = None

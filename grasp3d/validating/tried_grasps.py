@@ -19,7 +19,7 @@ from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, preset
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.quality.loads import Load
 from grasp3d.settings import MeshOptions
-from grasp3d.surface.masses import loaded_mesh, mass_of
+from grasp3d.surface.load_case import loaded_mesh, mass_of
 
 ACRONYM = (".h5", ".hdf5")
 """Endings of files whose grasps are of a Franka hand where they state no gripper."""

@@ -23,7 +23,7 @@ from grasp3d.batch.report.library import describe_settings, summarise_settings
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.storage import Folder
 from grasp3d.quality.loads import Load
-from grasp3d.surface.held_area import held_fractions, payload_quantiles
+from grasp3d.surface.area_statistics import held_fractions, payload_quantiles
 from tests.batch.test_report_gripper import header_of
 from tests.batch.test_report_page import BROWSER, OPTIONS, opened
 from tests.helpers import shapes

@@ -10,7 +10,6 @@ from grasp3d.batch.report import object_script, thumbnail
 from grasp3d.batch.row import AreaFractions, BestGrasp, Row
 from grasp3d.batch.storage import Folder
 from grasp3d.settings import DEGREE, GraspModel
-from grasp3d.surface.grasp_table import GraspTable
 from tests.helpers.vertex_labels import with_arrays
 
 FRICTIONS = (0.3, 0.5)
@@ -20,7 +19,7 @@ RESOLUTIONS = tuple(10.0 * step * DEGREE for step in range(8))
 def with_critical_angles(labels: SurfaceLabels, angles: Floats) -> SurfaceLabels:
     """The same surface with other critical angles, shape (V,), and the same epsilon."""
     changed = with_arrays(labels, angles=(angles, angles))
-    GraspTable.epsilon_range.know(changed.grasps, labels.grasps.epsilon_range)
+    vars(changed.grasps)["epsilon_range"] = labels.grasps.epsilon_range
     return changed
 
 

@@ -33,7 +33,7 @@ from grasp3d.paper.objects import (
 )
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.planar import circle_fractions
-from grasp3d.plots.fraction_figures import surface_figure
+from grasp3d.plots.fractions import surface_figure
 from grasp3d.plots.rendering import WINDOW, can_render
 from tests.helpers import shapes
 from tests.helpers.figures import check_texts

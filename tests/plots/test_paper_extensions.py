@@ -9,7 +9,7 @@ from matplotlib.patches import FancyArrowPatch
 from grasp3d import Sensor
 from grasp3d.planar import Circle
 from grasp3d.plots.cones import field_ends, tips_figure
-from grasp3d.plots.fraction_figures import ErrorPanel, error_fractions_figure
+from grasp3d.plots.fractions import ErrorPanel, error_fractions_figure
 from grasp3d.surface.sweeps import sweep
 from tests.helpers.figures import check_texts
 

@@ -30,7 +30,7 @@ from grasp3d.plots.figures import (
     save,
     styled,
 )
-from grasp3d.plots.fraction_figures import ceiling_figure, fractions_figure
+from grasp3d.plots.fractions import ceiling_figure, fractions_figure
 from grasp3d.stability import COLORS
 from grasp3d.surface.sweeps import sweep
 from tests.helpers.figures import check_texts

@@ -27,9 +27,9 @@ from grasp3d.quality.task_texts import TaskText
 from grasp3d.quality.tasks import STANDARD_GRAVITY, Weight, Wrenches
 from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.stability.label import Label
+from grasp3d.surface.area_statistics import force_quantiles, held_fractions, payload_quantiles
 from grasp3d.surface.fields import FORCES, columns_of
 from grasp3d.surface.grasp_numbers import surface_holding
-from grasp3d.surface.held_area import force_quantiles, held_fractions, payload_quantiles
 from grasp3d.surface.holding import FORCE_RTOL, HARD_FINGERS, Holding
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.vertex_grasps import Reason

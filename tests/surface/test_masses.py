@@ -15,7 +15,7 @@ from grasp3d.mesh.repair.bodies import Bodies
 from grasp3d.mesh.work_bounds import NESTED_BODIES
 from grasp3d.settings.lengths import METRES, Measure
 from grasp3d.surface import mass_of, with_load
-from grasp3d.surface.masses import loaded_mesh
+from grasp3d.surface.load_case import loaded_mesh
 from tests.helpers import shapes
 
 DENSITY = st.floats(100.0, 20_000.0)

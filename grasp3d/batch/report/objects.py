@@ -17,7 +17,7 @@ from grasp3d.hand.triangles import Part, Triangles
 from grasp3d.settings import search_cone
 from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.settings.model_text import SAFE_LABELS, error_texts
-from grasp3d.surface.held_area import held_fractions
+from grasp3d.surface.area_statistics import held_fractions
 
 if TYPE_CHECKING:
     from grasp3d.surface.labels import SurfaceLabels
