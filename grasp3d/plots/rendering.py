@@ -113,7 +113,7 @@ def check_rendering() -> None:
 def draws_a_triangle() -> bool:
     """Render a triangle and return whether it is visible; without OpenGL this ends the process."""
     points = np.array([[0.0, -1.0, -1.0], [0.0, 1.0, -1.0], [0.0, 0.0, 1.0]])
-    black = _Surface(points, np.array([[0, 1, 2]]), np.zeros((3, 3), np.uint8), None)
+    black = _surface(points, np.array([[0, 1, 2]]), np.zeros((3, 3), np.uint8), None)
     image = _rendered(black, View(0.0, 0.0), (32, 32), ())
     return bool(image.min() < image.max())
 
@@ -161,7 +161,7 @@ def picture(
                 f"got {rows.shape}"
             )
     check_rendering()
-    surface = _Surface(points, np.asarray(faces, np.int64), paint, shading)
+    surface = _surface(points, np.asarray(faces, np.int64), paint, shading)
     return _rendered(surface, view or View(), size, fingers, span)
 
 
@@ -192,23 +192,17 @@ def choose_window() -> None:
         os.environ.setdefault(WINDOW, "vtkEGLRenderWindow")
 
 
-@dataclass(frozen=True, eq=False)
-class _Surface:
-    points: Floats
-    faces: Ints
-    colors: Bytes
-    normals: Floats | None
+def _surface(
+    points: Floats, faces: Ints, colors: Bytes, normals: Floats | None
+) -> "pyvista.PolyData":
+    """The surface with the colours `rgb`, and normals if they are given."""
+    import pyvista
 
-    def poly_data(self) -> "pyvista.PolyData":
-        import pyvista
-
-        surface: pyvista.PolyData = pyvista.PolyData.from_regular_faces(
-            self.points, self.faces.astype(int)
-        )
-        surface.point_data["rgb"] = self.colors
-        if self.normals is not None:
-            surface.point_data.active_normals = self.normals
-        return surface
+    surface: pyvista.PolyData = pyvista.PolyData.from_regular_faces(points, faces.astype(int))
+    surface.point_data["rgb"] = colors
+    if normals is not None:
+        surface.point_data.active_normals = normals
+    return surface
 
 
 def _drawing_points(points: Floats, fingers: Sequence[Finger]) -> Floats:
@@ -219,7 +213,7 @@ def _drawing_points(points: Floats, fingers: Sequence[Finger]) -> Floats:
 
 
 def _rendered(
-    surface: _Surface,
+    surface: "pyvista.PolyData",
     view: View,
     size: tuple[int, int],
     fingers: Sequence[Finger],
@@ -233,20 +227,21 @@ def _rendered(
     try:
         plotter.add_light(pyvista.Light(position=LIGHT, light_type="camera light", intensity=1.0))
         colored = plotter.add_mesh(
-            surface.poly_data(),
+            surface,
             scalars="rgb",
             rgb=True,
             smooth_shading=True,
-            split_sharp_edges=surface.normals is None,
+            split_sharp_edges=surface.point_data.active_normals is None,
             ambient=AMBIENT,
             diffuse=1.0 - AMBIENT,
         )
-        extent = extent_of(surface.points)
+        points = np.array(surface.points)
+        extent = extent_of(points)
         for finger in fingers:
             _mark(plotter, finger, extent)
         if span is None:
-            span = span_of(surface.points, view, size, fingers)
-        _aim_camera(plotter, _drawing_points(surface.points, fingers), view, span)
+            span = span_of(points, view, size, fingers)
+        _aim_camera(plotter, _drawing_points(points, fingers), view, span)
         image = _screenshot(plotter)
         if fingers:
             colored.visibility = False

@@ -44,7 +44,7 @@ from grasp3d.surface.holding import Holding
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.rows import if_known, rows_of
-from grasp3d.system.context import report_progress, unreported
+from grasp3d.system.context import unreported
 from grasp3d.system.versions import package_version
 
 T = TypeVar("T")
@@ -362,32 +362,6 @@ class GraspTable(LabelledGrasps):
         if angles is not None and _limits(table.model) == _limits(self.model):
             vars(table)["located_angles"] = angles
         return table
-
-    def computed(self, name: str) -> Any:
-        """What has been computed already: `label`, `epsilon_range`, ...; None: it has not been.
-
-        Args:
-            name: An attribute that is computed when it is first read.
-        """
-        return vars(self).get(name)
-
-    def compute_labels(self) -> None:
-        """Compute `label` now, which takes time with method extremes only.
-
-        Raises:
-            SettingError: A grasp has too many combinations of extreme normals.
-        """
-        if self.model.method == "extremes" and self.computed("label") is None:
-            self.compute("label")
-            report_progress(1.0)
-
-    def compute(self, name: str) -> None:
-        """Compute an attribute now that is otherwise computed when it is first read.
-
-        Args:
-            name: `epsilon_range`, `holding` or another one.
-        """
-        getattr(self, name)
 
     def columns(self, metrics: MetricValues | None = None) -> Columns:
         """What files have of each grasp as a whole by name, shape (b,) each.

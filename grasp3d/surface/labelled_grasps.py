@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from grasp3d.arrays import Floats, locked
 from grasp3d.stability.thresholds import margins, max_resolution
 from grasp3d.surface.rows import if_known
+from grasp3d.system.context import report_progress
 
 if TYPE_CHECKING:
     from grasp3d.quality.tilting import EpsilonRange
@@ -29,6 +30,32 @@ class LabelledGrasps:
         def to_table(self) -> Any: ...  # noqa: D102
         @property
         def holding(self) -> Holding | None: ...  # noqa: D102
+
+    def computed(self, name: str) -> Any:
+        """What has been computed already: `label`, `epsilon_range`, ...; None: it has not been.
+
+        Args:
+            name: An attribute that is computed when it is first read.
+        """
+        return vars(self).get(name)
+
+    def compute(self, name: str) -> None:
+        """Compute an attribute now that is otherwise computed when it is first read.
+
+        Args:
+            name: `epsilon_range`, `holding` or another one.
+        """
+        getattr(self, name)
+
+    def compute_labels(self) -> None:
+        """Compute `label` now, which takes time with method extremes only.
+
+        Raises:
+            SettingError: A grasp has too many combinations of extreme normals.
+        """
+        if self.model.method == "extremes" and self.computed("label") is None:
+            self.compute("label")
+            report_progress(1.0)
 
     @cached_property
     def margin(self) -> Floats:

@@ -141,14 +141,6 @@ class SpreadGrasps(LabelledGrasps):
         is_known = name in vars(self) or self.grasps.computed(name) is not None
         return getattr(self, name) if is_known else None
 
-    def compute_labels(self) -> None:
-        """Compute `label` now; see `GraspTable.compute_labels`."""
-        self.grasps.compute_labels()
-
-    def compute(self, name: str) -> None:
-        """Compute an attribute of the grasps now; see `GraspTable.compute`."""
-        self.grasps.compute(name)
-
     def _spread(self, values: npt.NDArray[Any], missing: float) -> npt.NDArray[Any]:
         """Values of the table's rows at each place, shape (k, ...)."""
         return spread(values, self.row, missing)

@@ -173,14 +173,8 @@ class VertexGrasps(SpreadGrasps):
         cls,
         mesh: ObjectMesh,
         model: GraspModel,
-        *,
-        sampling: AnySampling | None,
-        mode: Mode,
-        search: SearchReport,
-        scene: Scene | None = None,
-        load: Load | None = None,
         values: Mapping[str, Any],
-        file: str | None = None,
+        **settings: Any,
     ) -> Self:
         """Labels whose values are known, from a file, instead of computed.
 
@@ -190,23 +184,18 @@ class VertexGrasps(SpreadGrasps):
 
         Args:
             mesh: The surface.
-            model: As in `of_vertices`, as what follows but `values`.
-            sampling: How grasps were searched for.
-            mode: Labels or a scan.
-            search: Extent of the search.
-            scene: The gripper and the table.
-            load: What each grasp must hold.
+            model: As in `of_vertices`.
             values: Attributes by name, with a row for each vertex: `critical_angle` and
                 `critical_angle_best` [rad] at least, and others such as `label`, `located_angles`,
                 `epsilon_range`, `holding`, `partners`, `partner_points`, `reason` or `reach`.
-            file: Name of the file, for errors; None: that of the mesh.
+            settings: `sampling`, `mode`, `search`, `scene`, `load` and `file`, as in
+                `of_vertices`.
         """
         worst, best = values["critical_angle"], values["critical_angle_best"]
         labels = cls.of_vertices(
             mesh, model, angles=(worst, best), partners=values.get("partners"),
             partner_points=values.get("partner_points"), grip=values.get("grip"),
-            reason=values.get("reason"), reach=values.get("reach"), sampling=sampling, mode=mode,
-            search=search, scene=scene, load=load, file=file,
+            reason=values.get("reason"), reach=values.get("reach"), **settings,
         )  # fmt: skip
         fields = {name: one for name, one in values.items() if one is not None}
         vars(labels).update(fields)
