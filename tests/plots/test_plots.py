@@ -11,14 +11,20 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-from matplotlib.patches import Wedge
+from matplotlib.patches import FancyArrowPatch, Wedge
 from numpy.typing import NDArray
 from PIL import Image
 
-from grasp3d import GraspModel, Label
+from grasp3d import GraspModel, Label, Sensor
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.planar import Circle, PlanarScan, Polyline, scan, square
-from grasp3d.plots.cones import combinations_figure, cone_figure, cones_with_line
+from grasp3d.plots.cones import (
+    combinations_figure,
+    cone_figure,
+    cones_with_line,
+    field_ends,
+    tips_figure,
+)
 from grasp3d.plots.curves import Over, axis_positions, curves_figure, label_runs
 from grasp3d.plots.figures import (
     DPI,
@@ -30,7 +36,12 @@ from grasp3d.plots.figures import (
     save,
     styled,
 )
-from grasp3d.plots.fractions import ceiling_figure, fractions_figure
+from grasp3d.plots.fractions import (
+    ErrorPanel,
+    ceiling_figure,
+    error_fractions_figure,
+    fractions_figure,
+)
 from grasp3d.stability import COLORS
 from grasp3d.surface.sweeps import sweep
 from tests.helpers.figures import check_texts
@@ -319,3 +330,53 @@ def test_colours_of_labels_are_unlike_those_of_curves() -> None:
     assert [patch.get_label()[0] for patch in label_patches()] == ["S", "M", "U"]
     assert len({str(line["linestyle"]) for line in LINES}) == len(LINES)
     assert not {line["color"] for line in LINES} & set(LABEL_COLORS.values())
+
+
+@pytest.mark.parametrize("radius", [math.inf, 3.0, 10.0, 1e6])
+def test_ends_of_a_receptive_field_lie_on_the_tip(radius: float) -> None:
+    sensor = Sensor(4.0, radius)
+    points, normals = field_ends(sensor, 1.0)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0)
+    between = math.acos(min(1.0, float(normals[0] @ normals[1])))
+    assert between == pytest.approx(sensor.resolution, abs=1e-6)
+    if math.isinf(radius):
+        np.testing.assert_allclose(points, [[-2.0, 0.0], [2.0, 0.0]])
+    else:
+        centre = np.array([0.0, -radius])
+        np.testing.assert_allclose(points, centre + radius * normals, atol=1e-6)
+    assert points[0, 0] == pytest.approx(-points[1, 0])
+
+
+def test_tips_are_drawn_with_their_normals_and_numbers() -> None:
+    figure = tips_figure(Sensor(4.0, 10.0))
+    check_texts(figure)
+    flat, round_ = figure.axes
+    for axes, alpha in ((flat, 0.0), (round_, math.degrees(0.4))):
+        assert "location ± 2 mm" in axes.get_title()
+        assert f"= {alpha:.3g}°" in axes.get_title()
+        assert len(axes.findobj(FancyArrowPatch)) == 3
+
+
+def test_fractions_are_stacked_over_each_error_with_their_samples() -> None:
+    errors = np.linspace(0.0, 0.2, 11)
+    located = sweep(Circle(), friction=1.0, sensor_resolution=0.3, location_error=errors)
+    normals = sweep(Circle(), friction=1.0, sensor_resolution=0.3, normal_error=errors)
+    figure = error_fractions_figure(
+        [
+            ErrorPanel(located, "location error", sampled=[(0.1, 0.3, 0.4)]),
+            ErrorPanel(normals, "normals [°]"),
+        ],
+        title="circle",
+        label="fraction",
+    )
+    check_texts(figure)
+    first, second = figure.axes
+    assert first.get_xlim() == (0.0, pytest.approx(0.2))
+    assert second.get_xlim() == (0.0, pytest.approx(math.degrees(0.2)))
+    (marks,) = first.lines
+    np.testing.assert_allclose(np.asarray(marks.get_data()), [[0.1, 0.1], [30.0, 60.0]])
+    assert not second.lines
+    stable = np.asarray(first.collections[0].get_paths()[0].vertices)
+    assert stable[np.isclose(stable[:, 0], 0.2), 1].max() == pytest.approx(
+        100.0 * located.stable[0, -1]
+    )
