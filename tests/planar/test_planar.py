@@ -206,14 +206,6 @@ def test_quantiles_invert_the_distribution(seed: int, fraction: float) -> None:
         assert float(outline.worst_below(angle - 1e-6)) <= fraction + 1e-9
 
 
-def test_required_resolution_makes_that_fraction_stable() -> None:
-    for outline in (Circle(), square()):
-        alpha = outline.required_resolution(0.2, friction=1.0)
-        assert 0.0 < alpha < math.pi / 2.0
-        found = outline.fractions(friction=1.0, sensor_resolution=alpha)
-        assert found["S"] == pytest.approx(0.2, abs=1e-8)
-
-
 # The definition, sampled
 
 
@@ -292,21 +284,6 @@ def test_polygons_of_many_sides_approach_the_circle(friction: float, resolution:
     parameters = {"friction": friction, "sensor_resolution": resolution}
     found = regular_polygon(400, radius=2.0).fractions(**parameters)
     assert found == pytest.approx(circle_fractions(**parameters), abs=6e-3)
-
-
-@given(frictions, resolutions, st.floats(-20.0, 20.0))
-@few
-def test_all_forms_of_a_square_have_the_same_fractions(
-    friction: float, resolution: float, fixed: float
-) -> None:
-    parameters = {"friction": friction, "sensor_resolution": resolution}
-    own = square_fractions(**parameters)
-    assert Polyline(SQUARE, fixed=1.0).fractions(**parameters) == pytest.approx(own, abs=1e-9)
-    assert regular_polygon(4).fractions(**parameters) == pytest.approx(own, abs=1e-9)
-    fine = [*SQUARE[:2], (1.0, 0.3), (1.0, 0.3), *SQUARE[2:], SQUARE[0]]
-    assert Polyline(fine, fixed=fixed).fractions(**parameters) == pytest.approx(
-        Polyline(SQUARE, fixed=fixed).fractions(**parameters), abs=1e-9
-    )
 
 
 # Outlines
