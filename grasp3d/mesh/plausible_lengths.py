@@ -100,14 +100,11 @@ def impossible_size(size: float, unit: Unit | None) -> str:
 
 def length_text(metres: float) -> str:
     """Write a length to two digits, in metres, centimetres or millimetres."""
-    for name in ("m", "cm"):
-        if (rounded := _two_digits(metres / METRES[name])) >= 1.0:
-            return f"{rounded:g} {name}"
-    return f"{_two_digits(metres / METRES['mm']):g} mm"
-
-
-def _two_digits(value: float) -> float:
-    return float(f"{value:.2g}")
+    for unit in ("m", "cm", "mm"):
+        rounded = float(f"{metres / METRES[unit]:.2g}")
+        if rounded >= 1.0:
+            break
+    return f"{rounded:g} {unit}"
 
 
 def _fitting(size: float, limits: tuple[float, float]) -> tuple[Unit, ...]:

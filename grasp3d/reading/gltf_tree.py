@@ -81,7 +81,15 @@ class GltfReduction:
                 )
         used = [self._accessor(number) for number in rows]
         accessors = [accessor | {"bufferView": row} for row, (accessor, _) in enumerate(used)]
-        self._check_corners(meshes, accessors)
+        for number, mesh in enumerate(meshes):
+            for part in mesh["primitives"]:
+                corners = part.get("indices", part["attributes"]["POSITION"])
+                count = accessors[corners]["count"]
+                if part["mode"] == _TRIANGLES[0] and count % 3:
+                    raise source.incomplete(
+                        f"mesh {number} has triangles with {count:,} corners, which is no multiple "
+                        "of three"
+                    )
         parts = {
             "asset": {"version": "2.0"},
             "nodes": nodes,
@@ -149,18 +157,6 @@ class GltfReduction:
                 f"there is no scene {tree['scene']}, which it names as the one to show"
             )
         check_transforms(source, nodes, list(roots))
-
-    def _check_corners(self, meshes: list[Tree], accessors: list[Tree]) -> None:
-        """Refuse triangles whose corners are not a multiple of three."""
-        for number, mesh in enumerate(meshes):
-            for part in mesh["primitives"]:
-                corners = part.get("indices", part["attributes"]["POSITION"])
-                count = accessors[corners]["count"]
-                if part["mode"] == _TRIANGLES[0] and count % 3:
-                    raise self.source.incomplete(
-                        f"mesh {number} has triangles with {count:,} corners, which is no multiple "
-                        "of three"
-                    )
 
     def _primitives(self, where: str, mesh: Tree, rows: dict[int, int]) -> list[Tree]:
         """Return the triangles of a mesh, with accessors renumbered in the order of their use."""

@@ -334,7 +334,9 @@ def _back_to_back(points: Floats, faces: Ints, rounding: float) -> Bools:
     borders = _borders(faces, sheet)
     flat = np.abs(volumes) <= _volume_rounding(areas, rounding)
     flat[list(borders)] = False
-    MATCHED_WALLS.check(_alike(borders))
+    times = Counter(borders.values())
+    opposite = ((count, tuple(-edge for edge in border)) for border, count in times.items())
+    MATCHED_WALLS.check(sum(count * times[border] for count, border in opposite) // 2)
     faces_of = np.split(faces[np.argsort(sheet, kind="stable")], np.cumsum(np.bincount(sheet))[:-1])
     unmatched: dict[tuple[int, ...], list[int]] = {}
     for number, border in borders.items():
@@ -349,17 +351,6 @@ def _back_to_back(points: Floats, faces: Ints, rounding: float) -> Bools:
         else:
             unmatched.setdefault(border, []).append(number)
     return np.asarray(flat[sheet])
-
-
-def _alike(borders: dict[int, tuple[int, ...]]) -> int:
-    """Number of pairs of sheets whose borders are the same in opposite directions."""
-    times = Counter(borders.values())
-    return (
-        sum(
-            count * times.get(tuple(-edge for edge in border), 0) for border, count in times.items()
-        )
-        // 2
-    )
 
 
 def _volume_rounding(areas: Floats, rounding: float) -> Floats:

@@ -303,18 +303,13 @@ def without_slivers(points: Floats, faces: Ints, rounding: float) -> Ints:
         fewest = len(flat)
         sides = np.roll(points[faces[flat]], -1, axis=1) - points[faces[flat]]
         longest = np.argmax(np.linalg.norm(sides, axis=2), axis=1)
-        twins = _twins(faces)[3 * flat + (longest + 2) % 3]
-        _flip_edges(faces, 3 * flat + (longest + 2) % 3, twins)
+        one, two = paired_edges(faces)
+        twins = np.full(faces.size, -1)  # where an edge does not have exactly two faces
+        twins[one], twins[two] = two, one
+        half_edges = 3 * flat + (longest + 2) % 3
+        _flip_edges(faces, half_edges, twins[half_edges])
         faces = faces[is_face(faces)]
     return faces
-
-
-def _twins(faces: Ints) -> Ints:
-    """Twin of each half-edge, shape (3 F,); -1 if its edge does not have exactly two faces."""
-    twins = np.full(faces.size, -1, dtype=np.int64)
-    one, two = paired_edges(faces)
-    twins[one], twins[two] = two, one
-    return twins
 
 
 def _flip_edges(faces: Ints, half_edges: Ints, twins: Ints) -> None:
