@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from grasp3d.batch.batch_settings import BatchSettings
+from grasp3d.batch.batch_settings import UNCERTAINTIES, BatchSettings
 from grasp3d.batch.identity import METHOD, content_hash, mesh_key
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.plan import Job
@@ -305,16 +305,8 @@ def _fractions_of(model: GraspModel, angles: AngleDistribution) -> AreaFractions
     if search_cone(model) <= angles.limit + ANGLE_ROUNDING:
         unstable = 1.0 - float(angles.best_below(model.unstable_from))
         ambiguous = max(0.0, 1.0 - stable - unstable)
-    return AreaFractions(
-        model.friction,
-        model.sensor_resolution,
-        stable,
-        ambiguous,
-        unstable,
-        model.friction_error,
-        model.normal_error,
-        model.location_error,
-    )
+    at = {name: getattr(model, name) for name in UNCERTAINTIES}
+    return AreaFractions(stable=stable, ambiguous=ambiguous, no_grasp_found=unstable, **at)
 
 
 def _best_grasps(labels: "SurfaceLabels", count: int) -> tuple[BestGrasp, ...]:

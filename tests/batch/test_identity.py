@@ -11,7 +11,9 @@ from grasp3d.batch import identity
 from grasp3d.batch.batch_settings import BatchSettings, FractionGrid
 from grasp3d.batch.identity import content_hash, mesh_key, settings_key, settings_text
 from grasp3d.errors import MeshError
+from grasp3d.hand.reach_settings import ReachSettings
 from tests.helpers import shapes
+from tests.helpers.grippers import HAND
 
 GOLDEN = "39e09fe387d15c4e"
 
@@ -42,14 +44,24 @@ def test_a_key_depends_on_the_content_and_all_settings(monkeypatch: pytest.Monke
     settings = BatchSettings()
     key = mesh_key("c", settings)
     assert key == mesh_key("c", BatchSettings(GraspModel(), Sampling(), MeshOptions()))
+    reach = ReachSettings(HAND, "as-is")
     others = (
+        replace(settings, reach=reach),
+        replace(settings, reach=ReachSettings(HAND)),
+        replace(settings, reach=ReachSettings(HAND, "as-is", "y")),
+        replace(settings, reach=ReachSettings(HAND, "stable")),
+        replace(settings, reach=ReachSettings(HAND, "as-is", approach_within=1.0)),
+        replace(settings, reach=ReachSettings(HAND, "as-is", approach_angles=16)),
+        replace(settings, reach=ReachSettings(replace(HAND, clearance=0.001), "as-is")),
         replace(settings, best=4),
         replace(settings, model=GraspModel(friction=0.25)),
         replace(settings, sampling=Sampling(max_opening=0.1)),
         replace(settings, mesh=MeshOptions(unit="mm")),
         replace(settings, grid=FractionGrid((0.5,))),
     )
-    assert len({mesh_key("c", other) for other in others} | {key, mesh_key("d", settings)}) == 7
+    assert len({mesh_key("c", other) for other in others} | {key, mesh_key("d", settings)}) == 14
+    same = replace(settings, reach=ReachSettings(replace(HAND), "as-is"))
+    assert mesh_key("c", same) == mesh_key("c", others[0])
     monkeypatch.setattr(identity, "METHOD", 99)
     assert mesh_key("c", settings) != key
 

@@ -13,7 +13,6 @@ import trimesh
 from grasp3d import GraspModel, MeshOptions, Sampling, Table, best_grasps, label_surface, load_mesh
 from grasp3d.batch import labelling
 from grasp3d.batch.batch_settings import UNCERTAINTIES, BatchSettings, FractionGrid
-from grasp3d.batch.identity import mesh_key
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.labelling import Unchanged, label_job, lost_row
 from grasp3d.batch.plan import Job
@@ -237,26 +236,6 @@ def test_what_is_out_of_reach_has_a_row_that_says_why(tmp_path: Path) -> None:
     assert row.grasps == ()
     assert row.spare_resolution is None
     assert row.approach_margin is None
-
-
-@pytest.mark.parametrize(
-    "other",
-    [
-        ReachSettings(),
-        ReachSettings(HAND),
-        ReachSettings(HAND, "as-is", "y"),
-        ReachSettings(HAND, "stable"),
-        ReachSettings(HAND, "as-is", approach_within=1.0),
-        ReachSettings(HAND, "as-is", approach_angles=16),
-        ReachSettings(replace(HAND, clearance=0.001), "as-is"),
-    ],
-)
-def test_another_gripper_or_table_is_another_key(other: ReachSettings) -> None:
-    settings = replace(SETTINGS, reach=ReachSettings(HAND, "as-is"))
-    same = replace(SETTINGS, reach=ReachSettings(replace(HAND), "as-is"))
-    key = mesh_key("content", settings)
-    assert mesh_key("content", same) == key
-    assert mesh_key("content", replace(SETTINGS, reach=other)) != key
 
 
 def test_a_surface_without_any_grasp_has_a_row_without_grasps(tmp_path: Path) -> None:

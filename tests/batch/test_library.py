@@ -85,12 +85,17 @@ def test_every_mesh_has_a_row_and_its_files(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_finished_meshes_are_not_labelled_again_but_changed_ones_are(tmp_path: Path) -> None:
+def test_only_new_changed_and_missing_meshes_are_labelled_again(
+    tmp_path: Path,
+) -> None:
     source, out = small_library(tmp_path / "in"), tmp_path / "out"
     first, _ = label(source, out)
     again, labelled = label(source, out)
     assert (labelled, again.finished) == ([], 5)  # refused meshes are finished as well
     assert values(again.rows.values()) == values(first.rows.values())
+    (out / "labels" / "d.ply").unlink()
+    assert label(source, out)[1] == ["d.ply"]
+    assert (out / "labels" / "d.ply").is_file()
     mesh(source / "a.ply", 1.2)
     mesh(source / "new.ply", 1.3)
     more, labelled = label(source, out)
@@ -131,19 +136,13 @@ def test_other_settings_and_force_label_again(tmp_path: Path) -> None:
     label(source, out)
     assert len(label(source, out, overwrite=True)[1]) == 5
     other = replace(QUICK, model=GraspModel(friction=0.8))
-    done, labelled = label(source, out, other)
-    assert len(labelled) == 5
+    states: list[BatchProgress] = []
+    done, _ = label(source, out, other, progress=states.append)
+    assert sum(state.row is not None for state in states) == 5
+    assert states[0].stale == 4  # the fifth was refused
     fresh, _ = label(source, tmp_path / "fresh", other)
     assert values(done.rows.values()) == values(fresh.rows.values())
     assert values(read_summary(out)) == values(fresh.rows.values())
-
-
-def test_a_missing_result_is_made_again(tmp_path: Path) -> None:
-    source, out = small_library(tmp_path / "in"), tmp_path / "out"
-    label(source, out)
-    (out / "labels" / "a.ply").unlink()
-    assert label(source, out)[1] == ["a.ply"]
-    assert (out / "labels" / "a.ply").is_file()
 
 
 def test_libraries_with_the_same_settings_grow_together_others_are_refused(tmp_path: Path) -> None:
@@ -375,11 +374,3 @@ def test_results_that_a_worker_writes_elsewhere_are_an_error(
     assert read_summary(tmp_path / "out") == []
     monkeypatch.setattr(library, "run", run_at(str(tmp_path / "out")))
     assert not label(source, tmp_path / "out", cluster=cluster)[0].failed
-
-
-def test_labels_of_other_settings_are_counted(tmp_path: Path) -> None:
-    states: list[BatchProgress] = []
-    source, out = small_library(tmp_path / "in"), tmp_path / "out"
-    label(source, out)
-    label(source, out, replace(QUICK, model=GraspModel(friction=0.8)), progress=states.append)
-    assert states[0].stale == 4  # the fifth was refused

@@ -24,10 +24,9 @@ from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.storage import Folder
 from grasp3d.quality.loads import Load
 from grasp3d.surface.area_statistics import held_fractions, payload_quantiles
-from tests.batch.test_report_gripper import header_of
-from tests.batch.test_report_page import BROWSER, OPTIONS, opened
+from tests.batch.test_report_page import BROWSER, OPTIONS, check_columns, opened
 from tests.helpers import shapes
-from tests.helpers.reports import put_object, row_of
+from tests.helpers.reports import decoded, put_object, row_of
 
 LOAD = Load(mass=0.5, grip_force=40.0)
 SETTINGS = BatchSettings(
@@ -133,11 +132,11 @@ def test_the_report_names_the_load() -> None:
 
 @pytest.mark.slow
 def test_the_script_of_an_object_has_forces_and_payloads() -> None:
-    header = header_of(object_script(labels(), "block", ()))
+    header = decoded(object_script(labels(), "block", ()))[0]
     assert {"force", "payload"} <= {name for name, *_ in header["arrays"]}
     assert header["load"]["text"] == "holds 0.5 kg at 40 N in any orientation"
     assert header["load"]["held"] == pytest.approx(held_fractions(labels()))
-    plain = header_of(object_script(labels().using(load=None), "block", ()))
+    plain = decoded(object_script(labels().using(load=None), "block", ()))[0]
     assert plain["load"] is None
     assert not {"force", "payload"} & {name for name, *_ in plain["arrays"]}
     json.dumps(header, allow_nan=False)
@@ -162,11 +161,7 @@ def test_the_pages_show_payloads_and_the_table_still_fits(tmp_path: Path) -> Non
     with api.sync_playwright() as started:
         browser = started.chromium.launch(executable_path=BROWSER, args=OPTIONS)
         page = opened(browser.new_page(viewport={"width": 1280, "height": 900}), address)
-        holder = page.locator(".tabulator-tableholder")
-        assert holder.evaluate("one => one.scrollWidth <= one.clientWidth + 1")
-        column = page.locator("[role=columnheader]", has_text="Warnings").bounding_box()
-        assert column["width"] >= 120
-        assert column["x"] + column["width"] <= 1280 - 24
+        check_columns(page)
         cell = page.locator(".tabulator-row").first.locator("[tabulator-field=payload]")
         assert cell.inner_text().split() == [
             f"{row.payload_best:.2f}", "kg", f"{100.0 * (row.held or 0.0):.0f}", "%", "held",

@@ -1,5 +1,3 @@
-import base64
-import gzip
 import hashlib
 import io
 import json
@@ -9,7 +7,6 @@ import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -42,12 +39,11 @@ from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS
 from grasp3d.stability.thresholds import label_angles
-from tests.helpers.reports import best_of, row_of, with_critical_angles
+from tests.helpers.reports import best_of, decoded, row_of, with_critical_angles
 from tests.helpers.shapes import LIBRARY
 
 WEB = Path(__file__).parents[2] / "web"
 STATIC = Path(__file__).parents[2] / "grasp3d" / "batch" / "report" / "static"
-TYPES = {"u1": "<u1", "u2": "<u2", "u4": "<u4", "f4": "<f4"}
 EVIL = (
     "a/</script><script>alert(1)</script><img src=x onerror=alert(2)>"
     "<!--SCRIPT-->\u202e&amp;'\".ply"
@@ -66,22 +62,6 @@ def spray() -> SurfaceLabels:
 def box() -> SurfaceLabels:
     mesh = box_mesh((0.1, 0.2, 0.3), max_edge=0.05)
     return label_surface(mesh, MODEL, sampling=COARSE)
-
-
-def decoded(script: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Header and arrays of a script, as the page reads them."""
-    found = re.fullmatch(
-        r'grasp3dObject\((\{.*\}),"([A-Za-z0-9+/=]*)"\);\n', script.decode("ascii")
-    )
-    assert found
-    header = json.loads(found[1])
-    data = gzip.decompress(base64.b64decode(found[2]))
-    arrays, start = {}, 0
-    for name, kind, count in header["arrays"]:
-        arrays[name] = np.frombuffer(data, TYPES[kind], count, start)
-        start += arrays[name].nbytes
-    assert start == len(data)
-    return header, arrays
 
 
 def painted(mesh: ObjectMesh, stable: NDArray[np.bool_]) -> SurfaceLabels:

@@ -23,14 +23,9 @@ from grasp3d.hand.triangles import Part
 from tests.batch.test_report_page import BROWSER, OPTIONS
 from tests.helpers import viewing
 from tests.helpers.held_grasps import JAWS, best_grasps_of, held_box, with_reach
+from tests.helpers.reports import decoded
 
 ROUND = replace(JAWS, name="round", pad_width=0.0, pad_height=0.0, tip_radius=0.01)
-
-
-def header_of(script: bytes) -> dict[str, Any]:
-    text = script.decode("ascii")
-    found, _ = json.JSONDecoder().raw_decode(text[text.index("(") + 1 :])
-    return dict(found)
 
 
 @pytest.mark.parametrize("hand", [JAWS, ROUND])
@@ -53,7 +48,7 @@ def test_the_page_moves_the_fingers_as_python_draws_them(hand: Any, opening: flo
 def test_the_script_has_the_pose_of_each_best_grasp() -> None:
     labels = held_box()
     grasps = best_grasps_of(labels, 3)
-    header = header_of(object_script(labels, "box", (*grasps, replace(grasps[0], pose=()))))
+    header = decoded(object_script(labels, "box", (*grasps, replace(grasps[0], pose=()))))[0]
     for stored, grasp in zip(header["grasps"], grasps, strict=False):
         assert stored["pose"] == list(grasp.pose or ())
         assert stored["drawn_opening"] == pytest.approx(grasp.opening)
@@ -64,7 +59,7 @@ def test_the_script_has_the_pose_of_each_best_grasp() -> None:
 
 
 def test_without_a_gripper_the_script_has_none() -> None:
-    header = header_of(object_script(viewing.labels(), "cone", ()))
+    header = decoded(object_script(viewing.labels(), "cone", ()))[0]
     assert header["gripper"] is None
     assert "margin" not in [array[0] for array in header["arrays"]]
 

@@ -147,6 +147,15 @@ def written(
     return opened(page, Report(folder).address(part))
 
 
+def check_columns(page: Any) -> None:
+    """In a window of 1280 pixels all columns are visible, the last one with its text."""
+    holder = page.locator(".tabulator-tableholder")
+    assert holder.evaluate("one => one.scrollWidth <= one.clientWidth + 1")
+    column = page.locator("[role=columnheader]", has_text="Warnings").bounding_box()
+    assert column["width"] >= 120
+    assert column["x"] + column["width"] <= 1280 - 24
+
+
 def opened_object(page: Any, report: Report, name: str) -> Any:
     opened(page, report.address(f"object.html#{quote(STEMS[name])}"))
     page.locator("canvas").wait_for()
@@ -214,11 +223,7 @@ def test_objects_come_first_and_every_column_is_visible(browser: Any, report: Re
         name: page.locator(name).bounding_box()["y"] for name in ("#table", "#curves", "#lists")
     }
     assert tops["#table"] < min(tops["#curves"], tops["#lists"])
-    holder = page.locator(".tabulator-tableholder")
-    assert holder.evaluate("one => one.scrollWidth <= one.clientWidth + 1")
-    column = page.locator("[role=columnheader]", has_text="Warnings").bounding_box()
-    assert column["width"] >= 120
-    assert column["x"] + column["width"] <= 1280 - 24
+    check_columns(page)
     cut = page.locator(".head").evaluate_all(
         """all => all.filter((one) => {
           const arrow = one.closest(".tabulator-col").querySelector(".tabulator-arrow");
@@ -418,8 +423,7 @@ def test_uncertain_labels_show_their_margin_in_a_table_that_fits(
     rows = [replace(row, margin_p50=-0.1) for row in report.rows[:4]] + report.rows[4:]
     context = browser.new_context(viewport={"width": 1280, "height": 800})
     page = written(context.new_page(), tmp_path, rows, BatchSettings(model))
-    holder = page.locator(".tabulator-tableholder")
-    assert holder.evaluate("one => one.scrollWidth <= one.clientWidth + 1")
+    check_columns(page)
     assert page.get_by_role("button", name="Margin median").count() == 1
     assert page.get_by_role("button", name="Vertices").count() == 0
     assert "-5.7°" in page.locator(".tabulator-row").first.inner_text()

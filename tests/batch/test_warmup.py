@@ -236,31 +236,26 @@ def _nothing_compiled() -> Iterator[None]:
     compile_first.cache_clear()
 
 
-def test_kernels_are_compiled_once_and_announced_before(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize(
+    ("calls", "then"),
+    [
+        (Calls("compiling takes a while"), [(compile_kernels, *Kernels(2))]),
+        (Calls(), []),  # all are compiled
+        (Calls(failing=True), []),  # left to the jobs
+    ],
+)
+def test_missing_kernels_are_compiled_once_and_announced_before(
+    calls: Calls,
+    then: list[object],
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
-    calls = Calls("compiling takes a while")
     monkeypatch.setattr(warmup, "call", calls)
     compile_first(Kernels(2))
     compile_first(Kernels(2))
-    assert calls.made == [(missing_line, Kernels(2)), (compile_kernels, *Kernels(2))]
-    assert [(one.name, one.getMessage()) for one in caplog.records] == [
-        ("grasp3d.compiling", "compiling takes a while")
-    ]
-
-
-def test_compiled_kernels_are_not_announced(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    calls = Calls()
-    monkeypatch.setattr(warmup, "call", calls)
-    compile_first(Kernels(3))
-    assert (calls.made, caplog.messages) == ([(missing_line, Kernels(3))], [])
-
-
-def test_a_child_that_cannot_compile_is_left_to_the_jobs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(warmup, "call", Calls(failing=True))
-    compile_first(Kernels(2))
+    assert calls.made == [(missing_line, Kernels(2)), *then]
+    announced = [(one.name, one.getMessage()) for one in caplog.records]
+    assert announced == [("grasp3d.compiling", calls.line)] * len(then)
 
 
 @pytest.mark.slow

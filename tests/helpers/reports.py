@@ -1,8 +1,14 @@
 """Files of a small report, as a batch writes them."""
 
+import base64
+import gzip
+import json
+import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from grasp3d import SurfaceLabels, best_grasps
 from grasp3d.arrays import Floats
@@ -87,6 +93,22 @@ def put_object(output: Folder, labels: SurfaceLabels, row: Row) -> Row:
     output.write(row.view, object_script(labels, row.mesh, grasps))
     output.write(row.thumbnail, thumbnail(labels))
     return replace(row, grasps=grasps)
+
+
+def decoded(script: bytes) -> tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]:
+    """Header and arrays of a script, as the page reads them."""
+    found = re.fullmatch(
+        r'grasp3dObject\((\{.*\}),"([A-Za-z0-9+/=]*)"\);\n', script.decode("ascii")
+    )
+    assert found
+    header = json.loads(found[1])
+    data = gzip.decompress(base64.b64decode(found[2]))
+    arrays, start = {}, 0
+    for name, kind, count in header["arrays"]:
+        arrays[name] = np.frombuffer(data, f"<{kind}", count, start)
+        start += arrays[name].nbytes
+    assert start == len(data)
+    return header, arrays
 
 
 def ray_at(camera: dict[str, list[float]], x: float, y: float) -> tuple[Floats, Floats]:

@@ -264,14 +264,25 @@ def read_text(source: str) -> str:
     Raises:
         MeshError: It cannot be read.
     """
-    with convert_errors(source, MeshError, "read"):
+    return read_bytes(source, MeshError).decode("utf-8-sig", "surrogateescape")
+
+
+def read_bytes(source: str, kind: type[GraspError]) -> bytes:
+    """Read a file.
+
+    Args:
+        source: Path or address.
+        kind: Class of the error where it cannot be read.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+    """
+    with convert_errors(source, kind, "read"):
         local = local_path(source)
         if local is not None:
-            data = local.read_bytes()
-        else:
-            system, path = file_system_of(source)
-            data = bytes(system.cat_file(path))
-    return data.decode("utf-8-sig", "surrogateescape")
+            return local.read_bytes()
+        system, path = file_system_of(source)
+        return bytes(system.cat_file(path))
 
 
 def _download(source: str, target: Path) -> None:

@@ -9,7 +9,13 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from grasp3d.batch.storage.files import convert_errors, file_system_of, list_entries, local_path
+from grasp3d.batch.storage.files import (
+    convert_errors,
+    file_system_of,
+    list_entries,
+    local_path,
+    read_bytes,
+)
 from grasp3d.errors import MeshError, OutputError
 from grasp3d.system.files import TEMPORARY_PREFIX, atomic_write
 from grasp3d.system.names import printable
@@ -71,12 +77,7 @@ class Folder:
             FileNotFoundError: There is no such file.
             OutputError: It cannot be read.
         """
-        with convert_errors(self.path(name), OutputError, "read"):
-            local = local_path(self.path(name))
-            if local is not None:
-                return local.read_bytes()
-            system, path = file_system_of(self.path(name))
-            return bytes(system.cat_file(path))
+        return read_bytes(self.path(name), OutputError)
 
     def read_all(self, names: Iterable[str]) -> dict[str, bytes]:
         """Return the contents of several files in one request; missing files are left out.
