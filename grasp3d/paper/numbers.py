@@ -12,7 +12,6 @@ from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.planar import (
     Circle,
     Outline,
-    PlanarScan,
     circle_fractions,
     scan,
     square,
@@ -109,15 +108,7 @@ def _distributions(
     yield "sphere, by area", SphereAngles
     for scanned in objects:
         if scanned.closed_form is None:
-            yield f"{scanned.name}, by area", _angles_of(scanned)
-
-
-def _angles_of(scanned: ScannedObject) -> Callable[[float], AngleDistribution]:
-    def angles_at(location: float) -> AngleDistribution:
-        labels = scanned.scans[0]
-        return labels.angle_distribution(location_error=location * scanned.length)
-
-    return angles_at
+            yield f"{scanned.name}, by area", scanned.angles_at
 
 
 def _cases(friction: float) -> Iterator[tuple[str, float, float, float]]:
@@ -256,7 +247,10 @@ def _over(outline: Outline, friction: float) -> str:
     for degrees in DEGREES:
         model = GraspModel(friction=friction, sensor_resolution=math.radians(degrees))
         exact, scanned = _fractions(outline, model), scan(outline, model)
-        four, rings = _differing(scanned)
+        four, rings = (
+            float(scanned.weights[labels != scanned.label].sum())
+            for labels in (scanned.label_four, scanned.label_extremes)
+        )
         rows.append(
             [f"{degrees:g}°", *fraction_cells(exact), percent(accuracy_ceiling(exact)),
              *fraction_cells(scanned.fractions(of="four")), percent(four), percent(rings)]
@@ -274,15 +268,6 @@ def _over(outline: Outline, friction: float) -> str:
         "correct that (last column). Fractions from points differ from the closed form by at most "
         "a few spacings of the points.\n\n" + table(head, rows, left=0)
     )
-
-
-def _differing(scanned: PlanarScan) -> tuple[float, float]:
-    """Fractions of the perimeter where the four, and all tested normals, differ from the labels."""
-    four, rings = (
-        float(scanned.weights[labels != scanned.label].sum())
-        for labels in (scanned.label_four, scanned.label_extremes)
-    )
-    return four, rings
 
 
 def _in_space(objects: Sequence[ScannedObject], settings: PaperSettings) -> str:

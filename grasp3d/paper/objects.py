@@ -59,6 +59,10 @@ class ScannedObject:
     length: float = 1.0
     """Radius or half a side of a solid, half the size of a real object [mesh unit]."""
 
+    def angles_at(self, location: float) -> AngleDistribution:
+        """Critical angles at a location error, as a fraction of `length`."""
+        return self.scans[0].angle_distribution(location_error=location * self.length)
+
     def sweep(self, settings: PaperSettings) -> Sweep:
         """Area fractions over the resolution."""
         return swept(self.scans[0].angle_distribution(), self.name, settings)

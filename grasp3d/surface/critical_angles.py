@@ -116,7 +116,8 @@ def _evaluated(
     """Chunks of grasps, smooth ones first, and their angles (b,) or (2, b)."""
     on_crease = contacts.on_crease.any(axis=1)
     for rows in _chunks(np.flatnonzero(separate & ~on_crease)):
-        smooth = _contacts(contacts, rows, contacts.normals[rows])
+        points, _, _ = centred(contacts.points[rows])
+        smooth = Contacts(points, contacts.normals[rows], friction=0.0)
         yield rows, critical_friction_angle(smooth, tolerance=tolerance)
     yield from _on_creases(contacts, np.flatnonzero(separate & on_crease), tolerance)
 
@@ -124,12 +125,6 @@ def _evaluated(
 def _chunks(rows: Ints) -> Iterator[Ints]:
     for start in range(0, len(rows), CHUNK):
         yield rows[start : start + CHUNK]
-
-
-def _contacts(contacts: GraspContacts, rows: Ints, normals: Floats) -> Contacts:
-    """Chosen grasps with given normals, scaled, without friction."""
-    points, _, _ = centred(contacts.points[rows])
-    return Contacts(points, normals, friction=0.0)
 
 
 def _on_creases(
@@ -146,8 +141,11 @@ def _on_creases(
     if contacts.count == 3:
         on_line = []
         for chunk in _chunks(pending):
-            triples = _of_triples(contacts.take(chunk), tolerance)
-            planar = ~np.isnan(triples[0])
+            grasps = contacts.take(chunk)
+            samples = NormalSamples.of_sets(grasps.set_start, grasps.set_normals, 3, STEP)
+            points, _, _ = centred(grasps.points)
+            triples = np.stack(planar_bounds(points, samples, tolerance=tolerance))
+            planar = ~np.isnan(triples[0])  # the contacts are not on one line
             yield chunk[planar], triples[:, planar]
             on_line.append(chunk[~planar])
         pending = np.concatenate([pending[:0], *on_line])
@@ -162,14 +160,6 @@ def _on_creases(
             yield pending[chunk], np.stack(angles)
         pending = pending[too_many]
     yield pending, np.transpose([AMBIGUOUS] * len(pending))
-
-
-def _of_triples(contacts: GraspContacts, tolerance: float) -> Floats:
-    """Three contacts with sets of normals, in the plane through them, (2, b); nan on one line."""
-    start, normals = contacts.set_start, contacts.set_normals
-    samples = NormalSamples.of_sets(start, normals, contacts.count, STEP)
-    points, _, _ = centred(contacts.points)
-    return np.stack(planar_bounds(points, samples, tolerance=tolerance))
 
 
 def _chunks_of_sizes(sizes: Floats, rows: Ints) -> Iterator[Ints]:

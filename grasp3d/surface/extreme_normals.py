@@ -63,8 +63,7 @@ def hull_labels(grasps: GraspContacts, model: GraspModel) -> Bytes:
     labels = np.full(grasps.size, Label.M, dtype=np.uint8)
     options = EpsilonOptions(edges=model.edges)
     done = 0
-    for rows, contacts, tested in _groups(grasps, model):
-        low, high = _over_friction(contacts, model)
+    for rows, (low, high), tested in _groups(grasps, model):
         worst = closure_at(low, tested, options)
         best = worst if high is low else closure_at(high, tested, options)
         labels[rows[~best.closing]] = Label.U
@@ -107,8 +106,7 @@ def hull_epsilons(
         SettingError: A grasp has too many combinations.
     """
     epsilons, done = np.zeros((2, grasps.size)), 0
-    for rows, contacts, tested in _groups(grasps, model):
-        low, high = _over_friction(contacts, model)
+    for rows, (low, high), tested in _groups(grasps, model):
         worst = extremes(low, tested, options)
         best = worst if high is low else extremes(high, tested, options)
         epsilons[:, rows] = worst.minimum, best.maximum
@@ -117,8 +115,13 @@ def hull_epsilons(
     return epsilons[0], epsilons[1]
 
 
-def _groups(grasps: GraspContacts, model: GraspModel) -> Iterator[tuple[Ints, Contacts, Tested]]:
-    """Chunks (rows, contacts, tested) of grasps with equal numbers of normals at each contact."""
+def _groups(
+    grasps: GraspContacts, model: GraspModel
+) -> Iterator[tuple[Ints, tuple[Contacts, Contacts], Tested]]:
+    """Chunks of grasps with equal numbers of normals at each contact.
+
+    Their rows, the contacts at the smallest and at the largest friction, and the tested normals.
+    """
     normals = _normals(grasps)
     points = grasps.points - grasps.mesh.center_mass
     sizes = np.array([len(faces) for faces in normals], dtype=np.int64)
@@ -136,15 +139,11 @@ def _groups(grasps: GraspContacts, model: GraspModel) -> Iterator[tuple[Ints, Co
             creases = {i: faces for i, faces in enumerate(sets) if faces.shape[1] > 1}
             tilt = np.full((len(rows), grasps.count), model.tilt)
             count = model.extreme_normals
-            yield rows, contacts, extreme_normals(contacts, tilt, count=count, creases=creases)
-
-
-def _over_friction(contacts: Contacts, model: GraspModel) -> tuple[Contacts, Contacts]:
-    """The contacts with their smallest and with their largest friction."""
-    if model.friction_error == 0.0:
-        return contacts, contacts
-    low, high = model.friction_interval
-    return contacts.with_friction(low), contacts.with_friction(high)
+            ends = contacts, contacts
+            if model.friction_error != 0.0:
+                low, high = model.friction_interval
+                ends = contacts.with_friction(low), contacts.with_friction(high)
+            yield rows, ends, extreme_normals(contacts, tilt, count=count, creases=creases)
 
 
 def _normals(grasps: GraspContacts) -> list[Floats]:

@@ -1,6 +1,5 @@
 """Grip forces and payloads of grasps under a load."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -17,6 +16,7 @@ from grasp3d.quality.tasks import Task
 from grasp3d.quality.tilting import FrictionCases, over_friction
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.rows import NO_ROW, spread
 
 HARD_FINGERS = (
     "two hard fingers cannot resist a torque about the line through them: give a torsion radius "
@@ -139,23 +139,19 @@ class Holding:
 
     def placed(self, rows: Ints, size: int) -> "Holding":
         """The same in a table of `size` rows, of which these are `rows`; others are no grasps."""
-        arrays = {}
-        for name, values in self._arrays().items():
-            empty = np.nan if values.dtype.kind == "f" else 0
-            arrays[name] = np.full(size, empty, dtype=values.dtype)
-            arrays[name][rows] = values
-        return self._with(arrays)
+        row = np.full(size, NO_ROW)
+        row[rows] = np.arange(len(rows))
+        return self.spread(row)
 
-    def spread(self, spread: Callable[[npt.NDArray[Any], float], npt.NDArray[Any]]) -> "Holding":
+    def spread(self, row: Ints) -> "Holding":
         """The rows at the places that have them.
 
         Args:
-            spread: Makes an array over the places from one over the rows, and a value for places
-                without a row.
+            row: Row of each place, -1: none, shape (k,).
         """
         return self._with(
             {
-                name: spread(values, np.nan if values.dtype.kind == "f" else 0)
+                name: spread(values, row, np.nan if values.dtype.kind == "f" else 0)
                 for name, values in self._arrays().items()
             }
         )

@@ -114,7 +114,7 @@ class SpreadGrasps(LabelledGrasps):
         Computed when first read; see `GraspTable.holding`.
         """
         holding = self.grasps.holding
-        return None if holding is None else holding.spread(self._spread)
+        return None if holding is None else holding.spread(self.row)
 
     def metrics(self, names: str | Sequence[str] = "all") -> MetricValues:
         """Quality measures of each place's grasp, shape (k,) each; computed when called.

@@ -279,13 +279,3 @@ def test_margins_decide_the_labels_of_every_file(tmp_path: Path, location_error:
         "0.7",
         "0.05",
     )
-
-
-def test_infinite_angles_stay_infinite_in_ply(tmp_path: Path) -> None:
-    plyfile = shapes.reader("plyfile")
-    write_ply(tmp_path / "out.ply", labels())
-    vertex = plyfile.PlyData.read(tmp_path / "out.ply")["vertex"].data
-    none = np.isinf(labels().critical_angle)
-    assert (vertex["critical_angle"][none] == math.inf).all()
-    assert (vertex["max_resolution"][none] == 0.0).all()
-    assert (vertex["margin"][none] == -math.inf).all()

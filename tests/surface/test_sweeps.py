@@ -15,8 +15,7 @@ from grasp3d.errors import OutputError, SearchCoverageError, SettingError
 from grasp3d.planar import Circle, square
 from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles, SphereAngles
 from grasp3d.surface.sweeps import Sweep, mean_sweep, sweep, write_sweeps
-from tests.helpers import shapes
-from tests.stability.test_angle_distributions import labelled, sampled
+from tests.stability.test_angle_distributions import sampled
 
 frictions = st.lists(st.floats(0.05, 3.0), min_size=1, max_size=4)
 resolutions = st.lists(st.floats(0.0, 3.0), min_size=1, max_size=6)
@@ -69,21 +68,6 @@ def test_each_entry_of_the_grid_agrees_with_the_distribution(
             assert found == pytest.approx(list(alone.values()), abs=1e-12)  # arctan of arrays
 
 
-@pytest.mark.parametrize(("name", "shape"), [("circle", Circle), ("square", square)])
-def test_the_circle_and_the_square_have_the_reference_fractions(name: str, shape: Any) -> None:
-    cases = json.loads(shapes.shared("reference", "planar.json").read_text("ascii"))[name]
-    assert len(cases) > 20
-    for case in cases:
-        swept = sweep(
-            shape(), friction=case["mu"], sensor_resolution=math.radians(case["alpha_deg"])
-        )
-        found = (swept.stable, swept.ambiguous, swept.unstable, swept.accuracy_ceiling)
-        ceiling = case["S"] + case["U"] + case["M"] / 2.0
-        assert [values.item() for values in found] == pytest.approx(
-            [case["S"], case["M"], case["U"], ceiling], abs=2e-6
-        )
-
-
 def test_the_required_resolution_of_the_circle_agrees_with_its_formula() -> None:
     """Twice (beta - alpha/2) / pi is S."""
     swept = sweep(Circle(), friction=[0.2, 0.5, 1.0], sensor_resolution=0.0)
@@ -122,21 +106,6 @@ def test_the_mean_needs_the_same_grid() -> None:
         mean_sweep([SPHERE, other])
     with pytest.raises(SettingError, match="at least one"):
         mean_sweep([])
-
-
-@pytest.mark.slow
-def test_a_swept_surface_has_the_fractions_of_its_labels() -> None:
-    labels = labelled("bowl.ply")
-    swept = sweep(
-        labels.angle_distribution(),
-        friction=(0.2, 1.0),
-        sensor_resolution=np.radians([0.0, 22.6, 60.0]),
-    )
-    for row, friction in enumerate(swept.friction):
-        for column, resolution in enumerate(swept.sensor_resolution):
-            again = labels.relabel(friction=friction, sensor_resolution=resolution).fractions()
-            assert swept.stable[row, column] == pytest.approx(again["S"], abs=1e-12)
-            assert swept.unstable[row, column] == pytest.approx(again["U"], abs=1e-12)
 
 
 def test_settings_out_of_range_are_refused() -> None:
