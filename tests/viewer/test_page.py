@@ -393,25 +393,6 @@ def test_nothing_moves_while_a_slider_is_dragged(browser: Any, server: Served) -
 
 
 @pytest.mark.slow
-def test_a_click_inspects_and_a_drag_rotates(seen: Visitor) -> None:
-    rows, columns = np.nonzero(coloured(seen.picture()))
-    middle = int(np.argmin(np.hypot(rows - rows.mean(), columns - columns.mean())))
-    x, y = float(columns[middle]), float(rows[middle])
-    before = seen.picture()
-    seen.page.mouse.move(x, y)
-    seen.page.mouse.down()
-    seen.page.mouse.move(x + 60.0, y, steps=6)
-    seen.page.mouse.up()
-    seen.until(lambda: bool(np.abs(seen.picture() - before).mean() > 2.0))
-    assert seen.page.locator("#numbers").count() == 0
-    seen.page.mouse.click(x, y)
-    seen.page.wait_for_selector("#numbers")
-    assert seen.page.locator("#reason").inner_text()[0] in "SMU"
-    seen.page.mouse.click(3.0, 3.0)
-    seen.page.wait_for_selector("#numbers", state="detached")
-
-
-@pytest.mark.slow
 def test_keys_work_except_while_typing(seen: Visitor) -> None:
     page = seen.page
     page.keyboard.press("2")
@@ -475,17 +456,6 @@ def test_visitors_have_separate_sessions(
     assert float(seen.page.input_value("#friction-number")) == 0.5
     assert not other.errors
     other.page.context.close()
-
-
-@pytest.mark.slow
-def test_next_and_previous_object(seen: Visitor) -> None:
-    seen.page.locator("#next").click()
-    seen.page.wait_for_function("document.querySelector('#title').textContent.includes('2 of 2')")
-    seen.page.wait_for_selector("#fractions li[data-fraction]")
-    assert NAME not in seen.page.title()
-    seen.page.locator("#object").select_option("0")
-    seen.page.wait_for_function("document.querySelector('#title').textContent.includes('1 of 2')")
-    seen.page.wait_for_function("name => document.title === `${name} · grasp3d`", arg=NAME)
 
 
 @pytest.mark.slow

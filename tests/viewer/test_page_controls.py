@@ -20,6 +20,7 @@ from grasp3d.viewer.session.state import ViewState
 from grasp3d.viewer.web.page import background_server
 from tests.helpers import shapes
 from tests.helpers.held_grasps import JAWS
+from tests.viewer.test_gripper_shown import greys
 from tests.viewer.test_page import LONG, Visitor, browser, coloured
 
 __all__ = ["browser"]  # a fixture
@@ -147,7 +148,7 @@ def seen(opened: Viewed) -> Viewed:
     session.change(**{name: getattr(initial, name) for name in initial.__dataclass_fields__})
     opened.waits(lambda state: state == initial)
     opened.page.keyboard.press("r")
-    opened.page.wait_for_timeout(300)  # nothing is drawn again while the test types
+    opened.page.wait_for_timeout(300)  # the picture is that of the initial view
     return opened
 
 
@@ -279,7 +280,6 @@ def test_a_limited_opening_is_searched_with_progress(seen: Viewed) -> None:
     seen.waits(lambda state: math.isinf(state.max_opening))
     for value, opening in (("0.05", 0.05), ("-1", 0.05)):
         page.wait_for_selector("#progress", state="detached")
-        page.wait_for_timeout(500)  # nothing is drawn again while the test types
         seen.enter("opening", value)
         seen.waits(lambda state, opening=opening: state.max_opening == opening)
     page.wait_for_selector("#message")
@@ -288,15 +288,29 @@ def test_a_limited_opening_is_searched_with_progress(seen: Viewed) -> None:
 
 def test_choices_by_lists_and_buttons(seen: Viewed) -> None:
     page = seen.page
-    for paint in ("critical_angle", "epsilon", "approach_margin", "payload", "margin"):
+    paints = {
+        "critical_angle": "β*",
+        "epsilon": "ε",
+        "approach_margin": "not reached",
+        "grip_force": "for 0.5 kg",
+        "payload": "payload with 20 N",
+        "margin": "margin: S above 0°",
+    }
+    for paint, text in paints.items():
         page.select_option("#paint", paint)
         seen.waits(lambda state, paint=paint: state.paint == paint)
         page.wait_for_selector("#ramp .strip")
+        seen.until(lambda text=text: text in page.locator("#ramp").inner_text())
     page.select_option("#paint", "label")
     page.wait_for_selector("#ramp", state="detached")
+    before = greys(seen.picture())
+    page.locator("#best-next").click()
+    seen.until(lambda: greys(seen.picture()) > before)
+    shown = greys(seen.picture())
     for name in ("show-gripper", "show-table"):
         page.locator(f"#{name}").click()
     seen.waits(lambda state: not (state.show_gripper or state.show_table))
+    seen.until(lambda: greys(seen.picture()) < 0.5 * shown)
     assert "a note for the reader" in page.locator("#notes").inner_text()
     assert "load 0.5 kg" in page.locator("#facts").inner_text()
 
@@ -325,6 +339,9 @@ def test_a_vertex_is_explained_and_grasps_are_stepped_through(seen: Viewed) -> N
     seen.waits(lambda state: state.vertex != best)
     page.locator("#best-previous").click()
     seen.waits(lambda state: state.vertex == best)
+    left, top, _, _ = seen.box("#stage")
+    page.mouse.click(left + 3.0, top + 3.0)
+    page.wait_for_selector("#numbers", state="detached")
 
 
 def test_fingers_are_fixed_and_released(seen: Viewed) -> None:
@@ -394,6 +411,7 @@ def test_objects_are_stepped_through(seen: Viewed) -> None:
         act()
         part = "1 of 2" if number % 2 else "2 of 2"
         seen.until(lambda part=part: part in title.inner_text())
+        seen.until(lambda: page.title() == f"{seen.session.name} · grasp3d")
     seen.until(lambda: page.locator("#show").count() == 0)
     seen.waits(lambda _: seen.session.subject is not None)
     title.click()  # keys belong to a list while it has the focus
