@@ -20,12 +20,12 @@ from grasp3d.viewer.scene.overlays import (
     text_width,
     wrapped,
 )
-from grasp3d.viewer.session.painting import PALETTE, RAMP, UNSEARCHED
+from grasp3d.viewer.session.painting import HEX_PALETTE, RAMP, UNSEARCHED
 from grasp3d.viewer.session.panel_text import LabelFraction, PanelText, panel_text
 from grasp3d.viewer.session.session import Session
 
 FINGERS = {1: "one finger", 2: "two fingers", 3: "three fingers", 4: "four fingers"}
-GREY = "#{:02X}{:02X}{:02X}".format(*PALETTE[UNSEARCHED])
+GREY = HEX_PALETTE[UNSEARCHED]
 
 BANDS = 64
 """Rectangles that draw a ramp."""

@@ -1,16 +1,13 @@
 """Numbers of one grasp as they are listed: angles, margin and budget; force and payload."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from grasp3d.quality.grip_forces import Resistance
-from grasp3d.settings import GraspModel
 from grasp3d.stability.thresholds import margin_budget
-from grasp3d.surface.contacts import GraspContacts
-from grasp3d.surface.grasp_numbers import surface_holding
-from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.holding import Holding
 from grasp3d.viewer.session.explanations import PAIR, Case
-from grasp3d.viewer.subjects.forces import LoadNumbers
+from grasp3d.viewer.subjects.forces import Forces, LoadNumbers
 
 SYMBOLS = {"critical angle": "β*", "sensor resolution": "α/2"}
 """Parts of a budget that have a symbol in the viewer."""
@@ -83,6 +80,19 @@ class HeldGrasp:
     resistance: Resistance | None
     """Why no force suffices; None: unknown."""
 
+    @classmethod
+    def of(
+        cls, load: LoadNumbers, forces: Forces | Holding, row: int, fingers: int, *, hard: bool
+    ) -> "HeldGrasp":
+        """Force and payload of one of several grasps."""
+        numbers = (
+            forces.grip_force, forces.grip_force_least, forces.grip_force_largest, forces.payload
+        )  # fmt: skip
+        force, least, largest, payload = (float(values[row]) for values in numbers)
+        codes = forces.resistance
+        resistance = None if codes is None else Resistance(int(codes[row]))
+        return cls(load, force, least, largest, payload, fingers, hard, resistance)
+
     def numbers(self) -> list[tuple[str, str]]:
         """Names and values that a load adds."""
         if math.isnan(self.grip_force):
@@ -126,15 +136,3 @@ class HeldGrasp:
                 )
             return "these contacts resist no torque about one axis"
         return "the fingers can only push, and the contacts cannot push against all of the load"
-
-
-def held_grasp(contacts: GraspContacts, model: GraspModel, case: LoadCase) -> HeldGrasp:
-    """Force and payload of one grasp, shape (1, n)."""
-    load = surface_holding(contacts, replace(model, fingers=contacts.count), case)
-    numbers = (load.grip_force, load.grip_force_least, load.grip_force_largest, load.payload)
-    force, least, largest, payload = (float(values[0]) for values in numbers)
-    assert load.resistance is not None
-    return HeldGrasp(
-        LoadNumbers.of(case), force, least, largest, payload, contacts.count,
-        hard=case.hard, resistance=Resistance(int(load.resistance[0])),
-    )  # fmt: skip

@@ -8,19 +8,19 @@ import numpy as np
 from grasp3d.arrays import Floats
 from grasp3d.hand.reach import Reachability
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.quality.grip_forces import Resistance
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import EPSILON_MIN
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.contacts import GraspContacts, SurfaceContacts
-from grasp3d.surface.grasp_numbers import surface_epsilons
+from grasp3d.surface.grasp_numbers import surface_epsilons, surface_holding
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.viewer.session.explanations import PAIR, Case, explain
-from grasp3d.viewer.session.grasp_texts import HeldGrasp, angle_numbers, budget_text, held_grasp
+from grasp3d.viewer.session.grasp_texts import HeldGrasp, angle_numbers, budget_text
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
 from grasp3d.viewer.session.reached_grasps import alternatives_of
+from grasp3d.viewer.subjects.forces import LoadNumbers
 from grasp3d.viewer.subjects.gripper_pose import GripperPose
 from grasp3d.viewer.subjects.subject import Subject, located_grasp
 
@@ -293,14 +293,8 @@ def _force_of(subject: Subject, vertex: int, model: GraspModel) -> HeldGrasp | N
         return _held_by(subject, _grasp(subject.labels, vertex), model)
     if forces is None or not same_settings(forces.model, model):
         return None
-    numbers = forces.grip_force, forces.grip_force_least, forces.grip_force_largest, forces.payload
-    force, least, largest, payload = (float(values[vertex]) for values in numbers)
     hard = subject.labels.scene is None and subject.labels.model.torsion_radius == 0.0
-    codes = forces.resistance
-    resistance = None if codes is None else Resistance(int(codes[vertex]))
-    return HeldGrasp(
-        load, force, least, largest, payload, subject.labels.model.fingers, hard, resistance
-    )
+    return HeldGrasp.of(load, forces, vertex, subject.labels.model.fingers, hard=hard)
 
 
 def _held_by(subject: Subject, grasp: GraspContacts, model: GraspModel) -> HeldGrasp | None:
@@ -308,7 +302,8 @@ def _held_by(subject: Subject, grasp: GraspContacts, model: GraspModel) -> HeldG
     case = subject.labels.load_case if subject.prepared else None
     if case is None:
         return None
-    return held_grasp(grasp, model, case)
+    holding = surface_holding(grasp, replace(model, fingers=grasp.count), case)
+    return HeldGrasp.of(LoadNumbers.of(case), holding, 0, grasp.count, hard=case.hard)
 
 
 def _gripper_numbers(pose: GripperPose | None, unit: str) -> list[tuple[str, str]]:

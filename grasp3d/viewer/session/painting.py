@@ -34,6 +34,7 @@ GREY = (0x9A, 0xA0, 0xA6)
 """Colour of unknown values: no grasp, or not searched."""
 
 PALETTE = np.array([*(COLORS[label] for label in sorted(Label)), GREY], dtype=np.uint8)
+HEX_PALETTE = ["#{:02X}{:02X}{:02X}".format(*color) for color in PALETTE]
 
 WIDE = 4096
 """Width of the texture image of a ramp [pixels], for −180 to 180 degrees or the largest epsilon."""

@@ -11,7 +11,7 @@ from grasp3d.settings.model_text import SAFE_LABELS
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.painting import (
-    PALETTE,
+    HEX_PALETTE,
     UNSEARCHED,
     Ramp,
     area_fractions,
@@ -203,7 +203,7 @@ def _fractions(subject: Subject, model: GraspModel) -> tuple[LabelFraction, ...]
         labels.append(("–", "not searched", UNSEARCHED))
     return tuple(
         LabelFraction(
-            letter, text, "#{:02X}{:02X}{:02X}".format(*PALETTE[code]), float(fractions[code]),
+            letter, text, HEX_PALETTE[code], float(fractions[code]),
             occurs=between == code, alone=between in {None, code},
         )
         for letter, text, code in labels

@@ -7,7 +7,7 @@ from typing import Any
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.session.controls import CONTROLS, DRAWING, KEYS, MOUSE, PAINTS, control_values
 from grasp3d.viewer.session.inspection import Inspection
-from grasp3d.viewer.session.painting import PALETTE, Ramp
+from grasp3d.viewer.session.painting import HEX_PALETTE, Ramp
 from grasp3d.viewer.session.panel_text import (
     NOTHING,
     LabelFraction,
@@ -155,7 +155,7 @@ def _pending_labels(session: Session) -> dict[str, tuple[str, str]]:
     """Meanings and colours of the labels whose fractions are being computed."""
     meaning = MEANING["scan" if session.state.fixed else "label"]
     return {
-        label.name: (meaning[label], _hex(PALETTE[label])) for label in sorted(Label, reverse=True)
+        label.name: (meaning[label], HEX_PALETTE[label]) for label in sorted(Label, reverse=True)
     }
 
 
@@ -194,7 +194,7 @@ def _ramp(ramp: Ramp, *, stale: bool) -> dict[str, Any]:
 def _inspection(inspection: Inspection) -> dict[str, Any]:
     return {
         "vertex": inspection.vertex,
-        "color": _hex(PALETTE[inspection.code]),
+        "color": HEX_PALETTE[inspection.code],
         "reason": inspection.reason,
         "budget": inspection.budget,
         "grasp": grasp_number(inspection),
@@ -204,7 +204,3 @@ def _inspection(inspection: Inspection) -> dict[str, Any]:
             for name, value in inspection.numbers
         ],
     }
-
-
-def _hex(color: Sequence[int]) -> str:
-    return "#{:02X}{:02X}{:02X}".format(*color)

@@ -17,7 +17,7 @@ from grasp3d.viewer.scene.picking import ClickDetector
 from grasp3d.viewer.scene.pictures import file_name, render_copy
 from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session.background import Job, Worker
-from grasp3d.viewer.session.controls import handle_key
+from grasp3d.viewer.session.controls import CONTROLS, handle_key
 from grasp3d.viewer.session.history import History
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.web.page import open_page
@@ -200,8 +200,8 @@ class Window:
         self._run(lambda: session.click(self._scene.pick(session, x, y), inspect=shift))
 
     def _change(self, name: str, value: float) -> None:
-        """Change a setting that a slider has."""
-        self._run(lambda: self._session.change(**{name: value}))
+        """Change a control that has a slider."""
+        self._run(lambda: CONTROLS[name].change(self._session, value))
 
     def _on_key(self) -> bool:
         interactor = self._interactor

@@ -2,13 +2,11 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import pyvista
 from vtkmodules.vtkInteractionWidgets import vtkSliderRepresentation2D, vtkSliderWidget
 
-from grasp3d.settings import DEGREE, GraspModel
 from grasp3d.stability.label import Label
 from grasp3d.viewer.scene.overlays import (
     INK,
@@ -23,9 +21,9 @@ from grasp3d.viewer.scene.overlays import (
     text_width,
     wrapped,
 )
-from grasp3d.viewer.session.controls import LEAST_FRICTION
+from grasp3d.viewer.session.controls import CONTROLS
 from grasp3d.viewer.session.inspection import Inspection
-from grasp3d.viewer.session.painting import PALETTE, UNSEARCHED
+from grasp3d.viewer.session.painting import HEX_PALETTE, UNSEARCHED
 from grasp3d.viewer.session.panel_text import grasp_number
 from grasp3d.viewer.session.session import Session
 
@@ -65,58 +63,30 @@ HINTS = {
 """What a click does, by `ViewState.click`."""
 
 
-@dataclass(frozen=True)
-class Setting:
-    """A number that a slider changes."""
-
-    name: str
-    """Field of the model."""
-    text: str
-    highest: float
-    """Value at the right end, unless the current one is larger."""
-    factor: float
-    """Value in the model for each unit of the slider."""
-    decimals: int
-    unit: str
-
-    def lowest(self, model: GraspModel) -> float:
-        """Value at the left end."""
-        return model.friction_error + LEAST_FRICTION if self.name == "friction" else 0.0
-
-    def value(self, model: GraspModel) -> float:
-        """Current value, in the slider's unit."""
-        return float(getattr(model, self.name)) / self.factor
-
-    def value_text(self, model: GraspModel) -> str:
-        """Current value as text, with more digits than usual if it needs them."""
-        value = self.value(model)
-        usual = f"{value:.{self.decimals}f}"
-        exact = math.isclose(float(usual), value, abs_tol=1e-6)
-        return f"{usual if exact else format(value, '.4g')}{self.unit}"
+SLIDERS = ("friction", "resolution")
+"""Names of the controls that have a slider."""
 
 
-SETTINGS = (
-    Setting("friction", "friction μ", 1.5, 1.0, 2, ""),
-    Setting("sensor_resolution", "sensor resolution α", 90.0, DEGREE, 1, "°"),
-)
-
-
-class SettingSlider:
-    """A slider widget of VTK for one setting, without texts."""
+class ControlSlider:
+    """A slider widget of VTK for one control, without texts."""
 
     def __init__(
-        self, setting: Setting, renderer: pyvista.Renderer, interactor: Any,
+        self, name: str, renderer: pyvista.Renderer, interactor: Any,
         change: Callable[[str, float], None],
     ) -> None:  # fmt: skip
         """Add the widget to a renderer.
 
         Args:
-            setting: The setting.
+            name: Name of the control.
             renderer: Renderer that draws it.
             interactor: VTK's interactor of the window.
-            change: Called with the setting's name and its new value in the model.
+            change: Called with the control's name and its new value.
         """
-        self.setting, self._renderer, self._change = setting, renderer, change
+        self._name, self._renderer, self._change = name, renderer, change
+        field = CONTROLS[name].page
+        assert field is not None
+        self.field = field
+        self._decimals = -round(math.log10(field.step))
         self.dragged = False
         """Whether the thumb is held with the mouse."""
         self._look = look = vtkSliderRepresentation2D()
@@ -140,16 +110,23 @@ class SettingSlider:
         widget.AddObserver("EndInteractionEvent", lambda *_: self._hold(held=False))
         widget.EnabledOn()
 
-    def show(self, model: GraspModel, ends: tuple[float, float], y: float, size: int) -> None:
+    def value_text(self, session: Session) -> str:
+        """Current value as text, with more digits than usual if it needs them."""
+        value = CONTROLS[self._name].read(session)
+        usual = f"{value:.{self._decimals}f}"
+        exact = math.isclose(float(usual), value, abs_tol=1e-6)
+        return f"{usual if exact else format(value, '.4g')}{self.field.unit}"
+
+    def show(self, session: Session, ends: tuple[float, float], y: float, size: int) -> None:
         """Draw the slider.
 
         Args:
-            model: Grasp model with the current value.
+            session: The session with the current value.
             ends: Left and right end in the renderer [pixels].
             y: Middle of its height, from below [pixels].
             size: Text size, to which it is fitted [pixels].
         """
-        look, value = self._look, self.setting.value(model)
+        look, value = self._look, CONTROLS[self._name].read(session)
         width, height = self._renderer.GetSize()
         points = (look.GetPoint1Coordinate(), look.GetPoint2Coordinate())
         for point, x in zip(points, ends, strict=True):
@@ -159,17 +136,16 @@ class SettingSlider:
         look.SetEndCapWidth(TRACK_HEIGHT * size / height)
         look.SetSliderWidth(THUMB_HEIGHT * size / height)
         look.SetSliderLength(THUMB_WIDTH * size / width)
-        look.SetMinimumValue(self.setting.lowest(model))
-        look.SetMaximumValue(max(self.setting.highest, value))
+        look.SetMinimumValue(self.field.limits(session)[0])
+        look.SetMaximumValue(max(self.field.most or 0.0, value))
         look.SetValue(value)
 
     def _hold(self, *, held: bool) -> None:
         self.dragged = held
 
     def _moved(self, *_: object) -> None:
-        value = round(self._look.GetValue(), self.setting.decimals)
-        least = self._look.GetMinimumValue()
-        self._change(self.setting.name, max(least, value) * self.setting.factor)
+        value = round(self._look.GetValue(), self._decimals)
+        self._change(self._name, max(self._look.GetMinimumValue(), value))
 
 
 class SidePanel:
@@ -183,12 +159,12 @@ class SidePanel:
         Args:
             renderer: Renderer for the panel alone.
             interactor: VTK's interactor of the window.
-            change: Called with the name of a setting and its new value in the model.
+            change: Called with the name of a control and its new value.
         """
         renderer.background_color = pyvista.Color(BACKGROUND)
         renderer.InteractiveOff()
         self._renderer, self._overlay = renderer, Overlay(renderer)
-        self._sliders = [SettingSlider(one, renderer, interactor, change) for one in SETTINGS]
+        self._sliders = [ControlSlider(one, renderer, interactor, change) for one in SLIDERS]
 
     @property
     def dragged(self) -> bool:
@@ -206,11 +182,12 @@ class SidePanel:
         """
         width, height = self._renderer.GetSize()
         lines = _Lines(TextArea(width, height, size))
-        model, margin = session.state.model, lines.area.margin
+        margin = lines.area.margin
         for slider in self._sliders:
-            lines.pair(slider.setting.text, slider.setting.value_text(model), name_color=INK)
+            lines.pair(slider.field.text, slider.value_text(session), name_color=INK)
             lines.gap(THUMB_HEIGHT)
-            slider.show(model, (margin, width - margin), lines.y + 0.5 * THUMB_HEIGHT * size, size)
+            middle = lines.y + 0.5 * THUMB_HEIGHT * size
+            slider.show(session, (margin, width - margin), middle, size)
             lines.gap(0.4)
         lines.gap(0.6)
         if keys:
@@ -297,7 +274,7 @@ def _add_vertex(lines: _Lines, session: Session) -> None:
     if inspection is None:
         lines.paragraph(HINTS[session.state.click], QUIET)
         return
-    lines.square("#{:02X}{:02X}{:02X}".format(*PALETTE[inspection.code]))
+    lines.square(HEX_PALETTE[inspection.code])
     lines.paragraph(_heading(inspection), bold=True, indent=1.4 * lines.area.size)
     lines.gap(0.2)
     lines.paragraph(inspection.reason)
