@@ -23,6 +23,12 @@ from grasp3d.viewer.session.planning import ranked_otherwise
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.subjects.subject import Subject
 
+HINTS = {
+    "inspect": "Click the surface to see the best grasp there, and why it is S, M or U.",
+    "fix": "Click the surface to fix a finger there.",
+}
+"""What a click does, by `ViewState.click`."""
+
 NOTHING, EVERYTHING = "0.0 %", "100.0 %"
 ROUNDING = 1e-9
 """Rounding error of sums of area fractions."""

@@ -9,6 +9,7 @@ from grasp3d.viewer.session.controls import CONTROLS, DRAWING, KEYS, MOUSE, PAIN
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.painting import HEX_PALETTE, Ramp
 from grasp3d.viewer.session.panel_text import (
+    HINTS,
     NOTHING,
     LabelFraction,
     PanelText,
@@ -114,13 +115,10 @@ def click_hint(session: Session) -> str:
         then = " Then the grasp of the clicked vertex is shown."
         return f"{session.working[0]} …{then if session.state.vertex is not None else ''}"
     count, missing = len(session.state.fixed), session.state.model.fingers - 1
-    fixes = session.state.click == "fix"
     if not count:
-        if fixes:
-            return "Click the surface to fix a finger there."
-        return "Click the surface to see the best grasp there, and why it is S, M or U."
+        return HINTS[session.state.click]
     fixed = "One finger is fixed" if count == 1 else f"{count} fingers are fixed"
-    if not fixes:
+    if session.state.click != "fix":
         action = "A click shows the best grasp there."
     elif count < missing:
         action = "A click fixes another one."

@@ -24,7 +24,7 @@ from grasp3d.viewer.scene.overlays import (
 from grasp3d.viewer.session.controls import CONTROLS
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.painting import HEX_PALETTE, UNSEARCHED
-from grasp3d.viewer.session.panel_text import grasp_number
+from grasp3d.viewer.session.panel_text import HINTS, grasp_number
 from grasp3d.viewer.session.session import Session
 
 BACKGROUND, WARNING = "#F6F7F9", "#9A4A00"
@@ -55,13 +55,6 @@ KEYS = (
     ("q", "quit"),
 )
 """Keys and mouse of a window, and what they do."""
-
-HINTS = {
-    "inspect": "Click the surface to see the best grasp there, and why it is S, M or U.",
-    "fix": "Click the surface to fix a finger there.",
-}
-"""What a click does, by `ViewState.click`."""
-
 
 SLIDERS = ("friction", "resolution")
 """Names of the controls that have a slider."""
