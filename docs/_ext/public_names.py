@@ -22,6 +22,8 @@ def defining_module(name: str) -> str:
     """
     package, _, short = name.rpartition(".")
     folder = Path(grasp3d.__file__).parents[1].joinpath(*package.split("."))
+    if not folder.is_dir():
+        return package
     stub = folder / "__init__.pyi"
     tree = ast.parse((stub if stub.exists() else folder / "__init__.py").read_text("utf-8"))
     for node in tree.body:

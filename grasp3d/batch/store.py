@@ -188,7 +188,7 @@ class Store:
             self._remove(self._changed(self._to_replace))
             self.output.remove_all(self._replacement_files)
             self._replacement_files, self._to_replace = [], {}
-            self.output.remove_temporary_files(TEMPORARY_FILE_AGE)
+            self.output.remove_temporary_files(TEMPORARY_FILE_AGE, wait=True)
             self._lock.close()
             self._lock = None
 

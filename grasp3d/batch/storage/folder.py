@@ -220,19 +220,26 @@ class Folder:
                     system, path = file_system_of(self.path(name))
                     system.put_file(str(temporary), path)
 
-    def remove_temporary_files(self, older: float) -> None:
+    def remove_temporary_files(self, older: float, *, wait: bool = False) -> None:
         """Remove temporary files that killed processes left behind.
 
         Args:
             older: Least age [s]; younger files may still be written to.
+            wait: Wait until the younger files are so old, unless they are written to meanwhile.
         """
         root = local_path(self.url)
-        if root is not None:
-            now = time.time()
-            for path in list(root.glob(f"{TEMPORARY_PREFIX}*")):
-                with suppress(OSError):
-                    if now - path.stat().st_mtime > older:
-                        path.unlink()
+        if root is None:
+            return
+        younger = False
+        for path in list(root.glob(f"{TEMPORARY_PREFIX}*")):
+            with suppress(OSError):
+                if time.time() - path.stat().st_mtime > older:
+                    path.unlink()
+                else:
+                    younger = True
+        if younger and wait:
+            time.sleep(older)
+            self.remove_temporary_files(older)
 
     def _temporary_folder(self, target: Path) -> Path | None:
         """Create the folder of a file, and return the folder for its temporary file.

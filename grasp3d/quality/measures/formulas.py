@@ -7,7 +7,6 @@ friction cones. Of a given wrench: the force per finger that it needs.
 
 import math
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,7 +48,7 @@ _PRIMITIVES = "a soft finger adds its normal force with the moments +e and -e as
 
 _METRICS: dict[str, Metric] = {}
 
-METRICS: Mapping[str, Metric] = MappingProxyType(_METRICS)
+METRICS: Mapping[str, Metric] = _METRICS
 """Known quality measures by name, in the order of tables."""
 
 Measure = Callable[[GraspGeometry], Measured]
