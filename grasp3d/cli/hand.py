@@ -10,8 +10,6 @@ from grasp3d.cli.tool_commands import Hand
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand_files import read_hand, write_hand
 from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper, preset_names
-from grasp3d.plots.figures import METADATA, save_as
-from grasp3d.plots.grippers import gripper_figure
 from grasp3d.settings.lengths import length_in_unit
 
 HEADINGS = ("name", "opening,\nmm", "fingers,\nmm", "pads,\nmm", "force,\nN", "sensor\nresolution")
@@ -24,6 +22,8 @@ def run(command: Hand) -> int:
         if not command.quiet:
             print_presets()
         return 0
+    from grasp3d.plots.figures import METADATA, save_as
+
     # The description that was read is replaced only with --overwrite.
     check_output(command.output, [".json"], "gripper", overwrite=command.overwrite)
     check_output(command.picture, METADATA, "figure", overwrite=command.overwrite)
@@ -34,6 +34,8 @@ def run(command: Hand) -> int:
     if command.output is not None:
         write_hand(command.output, gripper)
     if command.picture is not None:
+        from grasp3d.plots.grippers import gripper_figure
+
         save_as(gripper_figure(gripper), command.picture)
     if not command.quiet:
         print_gripper(gripper, filter(None, (command.output, command.picture)))

@@ -484,7 +484,7 @@ class FingerDesign:
         def with_counts(number: int) -> FingerDesign:
             return replace(self, encoders=replace(encoders, counts=float(number)))
 
-        counts = range(1, MOST_COUNTS)
+        counts = range(1, MOST_COUNTS + 1)  # more of them never hold less
         index = bisect_left(counts, x=True, key=lambda n: _holds(with_counts(n), grasps, fraction))
         return counts[index] if index < len(counts) else None
 

@@ -115,11 +115,17 @@ class MovableSurface:
             corner_normals=normals.locked(),
         )
 
+    @cached_property
+    def _first_corner(self) -> tuple[Ints, Ints]:
+        """The vertices that belong to faces, and one corner (3 f + i) of each."""
+        used, first = np.unique(self.mesh.faces, return_index=True)
+        return used, first
+
     def _all(self, vertices: Floats) -> Floats:
         """Positions of all vertices, from those of the repaired surface."""
         positions = np.zeros((len(self.mesh.vertices), 3))
         positions[: len(vertices)] = vertices
-        used, corner = np.unique(self.mesh.faces, return_index=True)  # corner 3 f + i of each
+        used, corner = self._first_corner
         corners = vertices[self.repaired.faces[self.parents[corner // 3]]]  # (n, 3, 3)
         weights = self.weights.reshape(-1, 3)[corner]
         new = used >= len(vertices)

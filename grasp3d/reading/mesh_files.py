@@ -113,6 +113,8 @@ def _read(source: Source) -> RawMesh:
 def _read_in_child(source: Source, unpacked: int) -> RawMesh:
     """Read a file in a child process with limits on memory and time.
 
+    The process is no boundary of security: what it answers is unpickled.
+
     Args:
         source: The file.
         unpacked: Its unpacked size [bytes].
@@ -129,6 +131,8 @@ def _read_in_child(source: Source, unpacked: int) -> RawMesh:
             return call(parse_limited, absolute, seconds=seconds)
     except RecursionError as error:
         raise source.damaged("its parts are nested in a cycle or too deeply") from error
+    except MeshError as error:
+        raise type(error)(str(error)) from None  # without the traceback of the child
     except CallFailedError as failure:
         if failure.kind is CallFailure.KILLED:
             raise MeshUnreadError(

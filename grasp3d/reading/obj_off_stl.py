@@ -99,7 +99,7 @@ def plain_obj(source: Source, data: bytes) -> tuple[bytes, int, int]:
             valid vertex number.
     """
     lines = re.sub(rb"\\\r?\n", b" ", data).splitlines()
-    total, count = sum(line.split()[:1] == [b"v"] for line in lines), 0
+    total, count = sum(line.split(None, 1)[:1] == [b"v"] for line in lines), 0
     plain: list[bytes] = []
     for number, line in enumerate(lines, 1):
         kind, *words = line.split() or [b""]

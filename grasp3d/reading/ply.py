@@ -5,15 +5,15 @@ The reduced file is one that trimesh reads correctly: positions, and faces with 
 
 import re
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import trimesh
 
+from grasp3d.arrays import Ints
 from grasp3d.reading.obj_off_stl import MOST_CORNERS
 from grasp3d.reading.sources import LONGEST_HEADER, Source, check_count
 
@@ -248,8 +248,7 @@ def _with_triangles(source: Source, header: PlyHeader, data: bytes) -> bytes:
     start, parts, before = header.start, list[bytes](), list[Element]()
     for element in header.elements:
         if element.name == "face":
-            polygons = _polygons(source, header.order, element, data, start)
-            faces = trimesh.util.triangle_fans_to_faces(polygons)
+            faces = _fans(_polygons(source, header.order, element, data, start))
             break
         if element.lists:
             raise source.error(
@@ -263,6 +262,15 @@ def _with_triangles(source: Source, header: PlyHeader, data: bytes) -> bytes:
     rows = np.zeros(len(faces), dtype=[("n", "u1"), ("corners", f"{header.order}i8", 3)])
     rows["n"], rows["corners"] = 3, faces
     return _header_text(header.order, before, *face) + b"".join(parts) + rows.tobytes()
+
+
+def _fans(polygons: Sequence[Ints]) -> Ints:
+    """Divide polygons into triangles that share the first corner, shape (F, 3)."""
+    counts, corners = np.array([len(polygon) for polygon in polygons]), np.concatenate(polygons)
+    first = np.repeat(np.cumsum(counts) - counts, counts - 2)
+    step = np.arange(len(first)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2)
+    fans: Ints = corners[np.stack([first, first + step + 1, first + step + 2], axis=1)]
+    return fans
 
 
 def _polygons(

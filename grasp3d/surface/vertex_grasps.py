@@ -174,7 +174,13 @@ class VertexGrasps(SpreadGrasps):
         mesh: ObjectMesh,
         model: GraspModel,
         values: Mapping[str, Any],
-        **settings: Any,
+        *,
+        sampling: AnySampling | None,
+        mode: Mode,
+        search: SearchReport,
+        scene: Scene | None = None,
+        load: Load | None = None,
+        file: str | None = None,
     ) -> Self:
         """Labels whose values are known, from a file, instead of computed.
 
@@ -188,14 +194,19 @@ class VertexGrasps(SpreadGrasps):
             values: Attributes by name, with a row for each vertex: `critical_angle` and
                 `critical_angle_best` [rad] at least, and others such as `label`, `located_angles`,
                 `epsilon_range`, `holding`, `partners`, `partner_points`, `reason` or `reach`.
-            settings: `sampling`, `mode`, `search`, `scene`, `load` and `file`, as in
-                `of_vertices`.
+            sampling: As in `of_vertices`, as what follows.
+            mode: Labels or a scan.
+            search: Extent of the search.
+            scene: The gripper and the table.
+            load: What each grasp must hold.
+            file: Name of the file, for errors; None: that of the mesh.
         """
         worst, best = values["critical_angle"], values["critical_angle_best"]
         labels = cls.of_vertices(
             mesh, model, angles=(worst, best), partners=values.get("partners"),
             partner_points=values.get("partner_points"), grip=values.get("grip"),
-            reason=values.get("reason"), reach=values.get("reach"), **settings,
+            reason=values.get("reason"), reach=values.get("reach"), sampling=sampling, mode=mode,
+            search=search, scene=scene, load=load, file=file,
         )  # fmt: skip
         fields = {name: one for name, one in values.items() if one is not None}
         vars(labels).update(fields)

@@ -132,10 +132,15 @@ def calibrate(held: Bools, margins: Floats, *, bins: int, target: float) -> Cali
     # Of the grasps with at least each margin, how many there are and how many held, (m,) each.
     accepted, successes = (np.cumsum(each[::-1])[::-1] for each in (total, success))
     sums = successes / max(held.sum(), 1) - (accepted - successes) / max((~held).sum(), 1)
-    best = distinct[np.argmax(sums)] if 0 < held.sum() < len(held) and len(sums) else math.nan
-    least = next(iter(distinct[successes >= target * accepted]), math.nan)
+    # The best threshold, the smallest of several.
+    both = 0 < held.sum() < len(held) and len(sums) > 0
+    best = distinct[np.argmax(sums)] if both else math.nan
+    # The smallest threshold from which on the target is reached: all grasps, or those of a margin.
+    reaching = distinct[successes >= target * accepted]
     if len(held) and held.mean() >= target:
         least = -math.inf
+    else:
+        least = reaching[0] if len(reaching) else math.nan
     fitted = success / total
     if len(distinct):
         fitted = isotonic_regression(fitted, weights=total).x

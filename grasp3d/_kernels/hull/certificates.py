@@ -125,8 +125,10 @@ def _may_change(space, i, j):
     """Whether a contact's force may change along one of its axes."""
     if j == 0:
         return True
-    if space.kind == ROWS or j > 3:
-        return space.kind != ROWS
+    if space.kind == ROWS:
+        return False
+    if j > 3:  # rolling
+        return True
     return space.cones[i, 1] > 0.0 and (j < 3 or space.torsion != NO_TORSION)
 
 

@@ -83,7 +83,15 @@ class BestPairs(NamedTuple):
     """The same of the other finger; one of the two is 0 [rad]."""
 
 
-def no_pairs(count: int, starts: int, distinct_cosine: float, **uncertainties: float) -> BestPairs:
+def no_pairs(
+    count: int,
+    starts: int,
+    distinct_cosine: float,
+    *,
+    location: float = 0.0,
+    first_extra: float = 0.0,
+    second_extra: float = 0.0,
+) -> BestPairs:
     """Grasps of a number of vertices before any was found, with so many cached directions."""
     return BestPairs(
         worst=np.full(count, math.inf),
@@ -101,7 +109,9 @@ def no_pairs(count: int, starts: int, distinct_cosine: float, **uncertainties: f
         start_angles=np.full((count, starts), math.inf),
         start_signs=np.zeros((count, starts), dtype=np.int8),
         distinct_cosine=distinct_cosine,
-        **uncertainties,
+        location=location,
+        first_extra=first_extra,
+        second_extra=second_extra,
     )
 
 

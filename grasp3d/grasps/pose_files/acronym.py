@@ -128,10 +128,11 @@ def _read(data: "_DataSets", hand: Hand | None) -> GraspPoses:
     bases, outcome = data.numbers(TRANSFORMS, shape), data.numbers(OUTCOME, (count,))
     further = {field: data.numbers(name, (count,)) for field, name in NUMBERS.items()}
     stated = {name: data.numbers(f"object/{name}", shape) for name, shape in OBJECT.items()}
-    base_to_tcp, scale = data.numbers("gripper/base_to_tcp", ()), data.numbers("object/scale", ())
+    scale = data.numbers("object/scale", ())
     if hand is not None:
         distance = needed_gripper(hand, None, WHAT).base_to_tcp
     else:
+        base_to_tcp = data.numbers("gripper/base_to_tcp", ())
         distance = BASE_TO_TCP if base_to_tcp is None else float(base_to_tcp)
     values: dict[str, Any] = {field: one for field, one in further.items() if one is not None}
     return GraspPoses(

@@ -88,7 +88,7 @@ def call_pickled(
         answer = _answer(_child(fresh=True), request, limits)
     if answer[0] == RAISED:
         raise pickle.loads(memoryview(answer)[1:])  # noqa: S301, as above
-    return bytes(answer[1:])
+    return bytes(memoryview(answer)[1:])
 
 
 def end_idle() -> None:

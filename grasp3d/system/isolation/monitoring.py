@@ -17,7 +17,7 @@ from grasp3d.system.isolation.limits import (
 )
 from grasp3d.system.isolation.process import ChildProcess
 
-VALUE, RAISED, NO_MEMORY = b"vrm"
+VALUE, RAISED, NO_MEMORY = range(3)
 """Codes that begin an answer: before the pickled result or exception, or without more memory."""
 
 PERIOD = 0.1

@@ -207,7 +207,7 @@ def _inspection(
         numbers.append(("β*", "no grasp"))
     else:
         numbers += angle_numbers(case)
-        for name, epsilon in zip(EPSILONS, epsilons, strict=False):
+        for name, epsilon in zip(EPSILONS, epsilons, strict=bool(epsilons)):
             numbers.append((name, f"{epsilon:.3g}" if math.isfinite(epsilon) else UNKNOWN))
         if math.isfinite(opening):
             numbers.append(("opening", f"{opening:.4g}{unit}"))
