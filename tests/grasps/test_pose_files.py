@@ -316,6 +316,11 @@ def test_acronym_is_read_from_its_documented_layout(tmp_path: Path) -> None:
         read_poses(tmp_path / "mug.h5", hand=HAND).poses[:, :3, 3],
         bases[:, :3, 3] + 0.1034 * bases[:, :3, 2],
     )
+    with h5py.File(tmp_path / "mug.h5", "a") as file:
+        file["gripper/base_to_tcp"] = [0.1, 0.2]
+    assert read_poses(tmp_path / "mug.h5", hand=HAND).count == 3  # where it is not needed
+    with pytest.raises(ContactError, match=r"gripper/base_to_tcp must be numbers of shape \(\)"):
+        read_poses(tmp_path / "mug.h5")
 
 
 def test_acronym_is_written_as_documented(tmp_path: Path) -> None:

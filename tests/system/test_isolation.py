@@ -25,6 +25,7 @@ from grasp3d.system.isolation import (
     describe_unexpected,
     end_idle,
 )
+from grasp3d.system.isolation.process import ProcessPool
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 
@@ -336,8 +337,8 @@ def test_ctrl_c_reaches_the_parent_only() -> None:
 
 @pytest.mark.slow
 def test_idle_children_end_after_their_idle_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    end_idle()
     monkeypatch.setattr("grasp3d.system.isolation.process.IDLE", 0.2)
+    monkeypatch.setattr("grasp3d.system.isolation.calls.pool", ProcessPool())
     first = call(process)
     assert has_ended(first)
     assert call(process) != first
