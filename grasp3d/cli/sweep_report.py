@@ -13,7 +13,7 @@ from grasp3d.cli.report import FAILED, NOTE, Report, escaped, table_of
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.sweeps import Sweep
-from grasp3d.surface.sweeps.axes import AXES, COLUMN, ROW, AxisName, describe_value
+from grasp3d.surface.sweeps.axes import AXES, FRICTION, RESOLUTION, AxisName, describe_value
 
 MIN_RESOLUTION = 0.05
 """Resolution below which no sensor is fine enough [degrees]."""
@@ -55,7 +55,7 @@ def print_sweeps(targets: Sequence[SweptTarget], fractions: Sequence[float]) -> 
         "(none: at no resolution)"
     )
     every = list(dict.fromkeys(sweep for target in targets for sweep in target.sweeps))
-    if sweeps[0].columns == COLUMN:
+    if sweeps[0].columns == RESOLUTION:
         report.table(_required_table(every, fractions))
         return
     for fraction in fractions:
@@ -170,7 +170,7 @@ def _shown_columns(sweep: Sweep) -> list[int]:
         return list(range(len(values)))
     resolutions = np.linspace(values[0], values[-1], MAX_COLUMNS)
     default = GraspModel().sensor_resolution
-    if sweep.columns == COLUMN and np.isclose(values[1:-1], default).any():
+    if sweep.columns == RESOLUTION and np.isclose(values[1:-1], default).any():
         inner = resolutions[1:-1]
         inner[np.argmin(np.abs(inner - default))] = default
     return sorted({int(np.argmin(np.abs(values - value))) for value in resolutions})
@@ -204,7 +204,7 @@ def _required_table(sweeps: Sequence[Sweep], fractions: Sequence[float]) -> Tabl
         for sweep in sweeps
     ]
     texts = _row_texts(sweeps[0])
-    if sweeps[0].rows != ROW or len(texts) * len(fractions) > MAX_ANGLES:
+    if sweeps[0].rows != FRICTION or len(texts) * len(fractions) > MAX_ANGLES:
         return _named_table(sweeps, percents, cells)
     columns = [f"μ {text}\n{percent}" for text in texts.values() for percent in percents]
     lines = (

@@ -35,8 +35,7 @@ from grasp3d.stability.angle_distributions import SphereAngles
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.sweeps import Sweep
-from grasp3d.surface.sweeps.axes import AXES, AxisName, describe_value
-from grasp3d.surface.sweeps.axes import COLUMN as RESOLUTION
+from grasp3d.surface.sweeps.axes import AXES, RESOLUTION, AxisName, describe_value
 
 PANEL = 1.7
 """Least width of a panel [inch]."""

@@ -18,7 +18,7 @@ from grasp3d.plots.figures import LABEL_COLORS, LINES, PAGE, as_text, new_figure
 from grasp3d.plots.fractions import axis_numbers, axis_title
 from grasp3d.stability.label import Label
 from grasp3d.surface.sweeps import Sweep
-from grasp3d.surface.sweeps.axes import COLUMN
+from grasp3d.surface.sweeps.axes import RESOLUTION
 
 HEIGHT, MARGINS = 2.1, 0.75
 """Height of a row of maps, and of what is above and below them [inch]."""
@@ -45,7 +45,7 @@ def heat_map_figure(sweeps: Sequence[Sweep], *, fractions: Sequence[float] = ())
         sweeps: Sweeps of the same axes with several values each; at least one.
         fractions: Area fractions of S that are drawn as lines, each above 0 and at most 1.
     """
-    needed = list(fractions[:1]) if sweeps[0].columns != COLUMN else []
+    needed = list(fractions[:1]) if sweeps[0].columns != RESOLUTION else []
     figure = new_figure(PAGE, HEIGHT * len(sweeps) + MARGINS)
     grid = figure.subplots(len(sweeps), 2 + len(needed), squeeze=False, sharex=True, sharey=True)
     tens = _tens(sweep.stable for sweep in sweeps), _tens(sweep.ambiguous for sweep in sweeps)

@@ -28,8 +28,8 @@ AxisName = Literal[
 
 NAMES: tuple[AxisName, ...] = get_args(AxisName)
 
-ROW: AxisName = "friction"
-COLUMN: AxisName = "sensor_resolution"
+FRICTION: AxisName = "friction"
+RESOLUTION: AxisName = "sensor_resolution"
 """Axes of a sweep that varies nothing else."""
 
 
@@ -83,9 +83,9 @@ class AxisValues:
             )
         if len(several) == 2:
             return several[0], several[1]
-        if several and several[0] != ROW:
-            return ROW, several[0]
-        return ROW, COLUMN
+        if several and several[0] != FRICTION:
+            return FRICTION, several[0]
+        return FRICTION, RESOLUTION
 
     def grid(self, name: AxisName) -> Floats:
         """Values of an axis over the rows and columns: shape (m, 1), (1, k) or (1, 1)."""
@@ -120,14 +120,14 @@ class AxisValues:
         return ", ".join(
             f"{AXES[name].words} {describe_value(name, value, self.unit)}"
             for name, value in values.items()
-            if value != 0.0 or name in {ROW, COLUMN}
+            if value != 0.0 or name in {FRICTION, RESOLUTION}
         )
 
     @property
     def is_default(self) -> bool:
         """Whether friction and sensor resolution are the axes, and nothing else is uncertain."""
-        others = [self.values[name] for name in NAMES if name not in {ROW, COLUMN}]
-        return self.rows_and_columns == (ROW, COLUMN) and not any(map(np.any, others))
+        others = [self.values[name] for name in NAMES if name not in {FRICTION, RESOLUTION}]
+        return self.rows_and_columns == (FRICTION, RESOLUTION) and not any(map(np.any, others))
 
     def location_errors(self) -> list[AnyLength]:
         """Location errors as lengths: numbers, or with the unit."""

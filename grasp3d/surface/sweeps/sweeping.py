@@ -13,7 +13,7 @@ from grasp3d.settings import check_choice
 from grasp3d.settings.lengths import AnyLength, GivenLength, Unit
 from grasp3d.stability.angle_distributions import AngleDistribution
 from grasp3d.stability.label import Mode
-from grasp3d.surface.sweeps.axes import COLUMN, NAMES, AxisName, AxisValues, axis_values
+from grasp3d.surface.sweeps.axes import NAMES, RESOLUTION, AxisName, AxisValues, axis_values
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ class Sweep:
         least, _ = self.axes.friction_angles()
         resolution = np.maximum(0.0, 2.0 * (least - worst - self.axes.grid("normal_error")))
         shape = len(self.axes.values[row]), len(self.axes.values[column])
-        if column == COLUMN:
+        if column == RESOLUTION:
             return locked(np.broadcast_to(resolution, (shape[0], 1))[:, 0])
         return locked(np.broadcast_to(resolution, shape))
 
