@@ -172,7 +172,7 @@ MUTANTS = (
         "facets combined beyond the horizon",
         "s, t = heights[v], -min(heights[other], 0.0)",
         "s, t = heights[v], min(heights[other], 0.0)",
-        "test_growing_hull.py test_horizon.py",
+        "test_growing_hull.py test_polytope.py",
     ),
     Mutant(
         "slack without the share of torsion",

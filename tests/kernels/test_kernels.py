@@ -168,3 +168,36 @@ def test_kernels_compute_the_same_without_compilation(name: str, chosen: str) ->
     path = Path(__file__).with_name(f"{name}.py")
     command = [sys.executable, "-m", "pytest", "-q", path, "-k", chosen, "-p", "no:cacheprovider"]
     subprocess.run(command, check=True, env={**os.environ, "NUMBA_DISABLE_JIT": "1"})
+
+
+EPSILONS = """
+import json
+from grasp3d import epsilon
+from grasp3d._kernels.hull import growing_hull
+from tests.helpers.grasps import at_angle, random_grasp
+
+found = [
+    epsilon(at_angle(grasp, 0.9), edges=edges, actuation=actuation)
+    for grasp in (random_grasp(2, 1, soft=True), random_grasp(3, 1), random_grasp(4, 1))
+    for edges in (None, 6) for actuation in ("total", "per_finger")
+]
+numbers = [[float(one.lower), float(one.upper), bool(one.closed)] for one in found]
+print(json.dumps([hasattr(growing_hull.grow, "py_func"), numbers]))
+"""
+"""Prints whether kernels are compiled, and bounds of hard and soft grasps, force-closed or not."""
+
+
+@pytest.mark.slow
+def test_epsilon_is_the_same_without_compilation() -> None:
+    root = Path(__file__).parents[2]
+    path = os.pathsep.join([str(root), str(root / "scripts")])
+    (compiled, expected), (same, found) = (
+        json.loads(subprocess.check_output(
+            [sys.executable, "-c", EPSILONS],
+            env={**os.environ, "PYTHONPATH": path, "NUMBA_DISABLE_JIT": disabled},
+        ))
+        for disabled in ("0", "1")
+    )  # fmt: skip
+    assert (compiled, same) == (True, False)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+    assert {closed for *_, closed in expected} == {True, False}
