@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from grasp3d import GraspModel, Sampling, label_surface, load_mesh, read_labels
 from tests.helpers import shapes
 from tests.helpers.commands import COMMAND, export, printed
 from tests.helpers.commands import run_process as grasp3d
@@ -76,6 +77,23 @@ def test_epsilon_is_written_and_printed_as_the_options_define(tmp_path: Path, na
         assert (data["epsilon_min"] > 0.0).all()
         assert data["epsilon"].min() - 1e-3 <= float(shown[2]) <= data["epsilon"].max() + 1e-3
         assert float(shown[5]) < float(shown[2])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", ["ply", "glb", "npz", "vtp", "parquet"])
+def test_every_format_is_read_again(tmp_path: Path, suffix: str) -> None:
+    source, output = export(tmp_path / "cone.ply", shapes.cone(0.35)), tmp_path / f"out.{suffix}"
+    words = ("--friction", "0.75", "--max-edge", "0.2", "--max-opening", "0.3", "-q")
+    assert printed("label", source, "-o", output, *words, cwd=tmp_path) == ""
+    mesh, model = load_mesh(source, max_edge=0.2), GraspModel(friction=0.75)
+    expected = label_surface(mesh, model, sampling=Sampling(max_opening=0.3)).label
+    assert set(expected) == {0, 1, 2}
+    if suffix == "glb":  # the colours of the legend, linear
+        colors = trimesh.load_scene(output, process=False).to_mesh().visual.vertex_colors
+        shown = {(label, *color) for label, color in zip(expected, colors.tolist(), strict=True)}
+        assert len(shown) == len({color[1:] for color in shown}) == 3
+    else:
+        assert np.array_equal(read_labels(output).label, expected)
 
 
 def test_a_closed_output_pipe_is_not_an_error(tmp_path: Path) -> None:

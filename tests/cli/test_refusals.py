@@ -54,7 +54,7 @@ label box.stl --unit mm --hand franka --table stable --resting-pose 99 | pose mu
 label box.stl --unit mm --hand franka --resting-pose 2 | table stable only
 label box.stl --unit mm --hand franka --table stable --up y | up does not
 label box.stl --unit mm --table as-is | applies to grippers only
-label box.stl --unit mm --hand franka --approach-within 0 | approach_within
+label box.stl --unit mm --hand franka --approach-within 0 | must be above 0 and at most 180
 label box.stl --unit mm --hand franka --approach-angles 7 | from 8 to 64
 label box.stl --unit mm --hand franka --fingers 3 | flat pads
 label box.stl --unit mm --hand franka --min-opening 100 --force | contradicts
@@ -64,7 +64,7 @@ label box.stl --mass 1 --density 9 | mass and density exclude each other
 label box.stl --unit mm --density 1,2 | density has 2 values
 label box.stl --density 1000 | density is in kg/m^3, but the unit of box.stl
 label box.stl --task five.csv | five.csv: line 1 has 5 columns; a wrench has six
-label box.stl --task missing.csv | missing.csv
+label box.stl --task missing.csv | missing.csv: cannot be read (No such file or directory)
 label box.stl --task 'acceleration 0' | 'acceleration 0': a task needs a force or a torque
 label box.stl --task wieght | no task is called 'wieght'; known: weight
 label box.stl --task pushes.csv | torques of the task are in N m, but the unit of box
@@ -92,7 +92,7 @@ evaluate box.stl pair.json --metrics '' | no metric is named
 evaluate box.stl pair.json --unit mm --hand franka | contains no poses
 evaluate box.stl pair.json --unit mm --contact patch | contact='patch' (--contact patch) applies to
 evaluate box.stl poses.csv --unit mm | give their gripper with --hand NAME
-evaluate box.stl poses.csv --hand franka | unit
+evaluate box.stl poses.csv --hand franka | but the unit of box.stl is not known: give the unit
 evaluate box.stl poses.csv --unit mm --hand franka -o poses.csv | is the file of poses; name another
 evaluate box.stl poses.csv --unit mm --hand franka --contact patch --metrics all | --contact soft
 evaluate box.stl poses.csv --unit mm --hand franka --max-distance 1 | max_distance applies to
@@ -104,7 +104,7 @@ evaluate box.stl pair.json -o task_link.csv --task task.csv --overwrite | is the
 validate untried.csv --mesh box.stl --hand franka | no outcome is known of any grasp; a table needs
 validate perhaps.csv --mesh box.stl --hand franka | grasp 2: outcome must be 1, true or yes
 validate grasps.csv --mesh box.stl --hand franka -o . --overwrite | grasps.csv: is a file of grasps
-validate poses.csv --mesh box.stl --hand franka --frictions 0 | friction
+validate poses.csv --mesh box.stl --hand franka --frictions 0 | must be a finite number above 0
 validate poses.csv --mesh box.stl --hand franka --sensor-resolutions x | must be a number of degrees
 validate poses.csv --mesh box.stl --hand franka --frictions | need at least one value each
 validate poses.csv --mesh box.stl --hand franka --worst 51 | worst must be from 0 to 50
@@ -122,7 +122,8 @@ simulate box.stl --unit mm -o out.ply | out.ply: unsupported table format .ply
 simulate box.stl --unit mm -o mine.csv | exists and is no result of grasp3d
 simulate box.stl --unit mm --count 2 | count must be a whole number of at least 3; got 2
 simulate box.stl --unit mm --tip-radius 4m | must be below the size of the object, 107.7
-simulate box.stl --unit mm -o box.stl | box.stl
+simulate box.stl --unit mm -o box.stl | box.stl: unsupported table format .stl
+simulate ball.ply --unit mm -o link.csv | link.csv: is the mesh itself
 simulate box.stl --unit mm --grasps poses.csv --hand franka -o poses.csv | is the file of poses
 sweep | nothing to sweep
 sweep nothing.stl | there is no such file
@@ -183,7 +184,7 @@ perturb ball.ply --copies 1 | copies must be a whole number of at least 2
 perturb ball.ply --level 2 | level must be above 0.5 and below 1
 perturb ball.ply -o a.txt | supported are .ply .csv .parquet
 perturb ball.ply --figure a.gif | supported are .svg .png .pdf
-perturb ball.ply -o ball.ply | ball.ply
+perturb ball.ply -o ball.ply | ball.ply: is the mesh itself
 perturb box.stl | no noise that can be measured
 hand --picture a.png | --picture needs a gripper
 hand nope | 'nope'; known: franka (panda), robotiq_2f85, robotiq_2f140, wsg50, tactile
@@ -197,8 +198,8 @@ batch -o out | no input
 batch void -o out | no mesh in it
 batch void/*.obj -o out | no mesh in it
 batch nowhere -o out | no such file or folder
-batch list.txt -o out | nowhere.stl
-batch nothing://lib -o out | nothing
+batch list.txt -o out | list.txt, line 2: nowhere.stl: there is no such file or folder
+batch nothing://lib -o out | no file system is called nothing://
 batch 'void/**x/[a' -o out | is not a valid file name pattern
 batch ball.ply -o ball.ply | its folder is a file
 batch ball.ply -o '' | no folder for the results
@@ -213,16 +214,16 @@ batch ball.ply -o out --grid-sensor-resolution x | resolution must be a number o
 batch ball.ply -o out --log no/where.txt | cannot be written
 view none.stl --screenshot a.png | none.stl: no such file or folder
 view . --screenshot a.png | was not written by grasp3d batch
-view bad.ply --screenshot a.png | bad.ply: | label
-view prose.stl --screenshot a.png | prose.stl:
+view bad.ply --screenshot a.png | have a property 'label' but no 'critical_angle'
+view prose.stl --screenshot a.png | prose.stl: cannot be read as STL: it holds no triangles
 view ball.ply --screenshot a.jpg | a.jpg: unsupported picture format .jpg: supported are .png
-view ball.ply --turntable a.avi | a.avi: | .gif
+view ball.ply --turntable a.avi | a.avi: unsupported film format .avi: supported are .gif
 view ball.ply --screenshot none/a.png | none/a.png: cannot be written
-view ball.ply --screenshot ball.ply | ball.ply:
+view ball.ply --screenshot ball.ply | ball.ply: unsupported picture format .ply
 view ball.ply --screenshot notes.png | notes.png: exists and is no result of grasp3d
 view ball.ply --screenshot a.png --fingers 9 | fingers must be from 2 to 5
-view ball.ply --web --port 70000 | port
-view ball.ply --web --host no.such.host.invalid | no.such.host.invalid
+view ball.ply --web --port 70000 | port must be from 0 to 65535
+view ball.ply --web --host no.such.host.invalid | cannot serve at no.such.host
 view box.stl --max-opening 70mm --screenshot a.png | is 70 mm, but the unit of box.stl is not known
 view box.stl --unit mm --max-opening 70000 --screenshot a.png | is 7e+04 mm, 650 times the size of b
 design --fingertip-radius 10 --flat | --fingertip-radius and --flat each define
@@ -268,7 +269,7 @@ design --object a.stl --critical-angle 3 | give one
 design --figure budget.txt | .svg
 design --figure a.png | --figure draws the budget of a finger
 design --figure a.png --receptive-field 4 | --figure draws the budget
-design --object missing.stl | missing.stl
+design --object missing.stl | missing.stl: there is no such file
 design --object box.stl --friction 0.5 | unit of box.stl is not known, but a design
 design --object box.stl --unit mm --location-error 5m | is 5 m, 46.4 times the size of box.stl
 design --object box.stl --unit mm --location-error 220 | is 220 mm, 2.04 times the size of box
@@ -294,16 +295,16 @@ label x --edges some
 label x --actuation both
 label ball.ply --best all | invalid
 label ball.ply --hand gripe | no gripper is called | franka
-label ball.ply --hand none.json | none.json
+label ball.ply --hand none.json | none.json: there is no such file
 label box.stl --hand max_opening.json | max_opening must be above 0
 label box.stl --hand min_opening.json | the stroke of
-label box.stl --hand pad_width.json | pad_width
-label box.stl --hand pad_height.json | pad_height
-label box.stl --hand palm_thickness.json | palm_thickness
+label box.stl --hand pad_width.json | pad_width (0.03) must be at most finger_width
+label box.stl --hand pad_height.json | pad_height (0.05) must be at most finger_length
+label box.stl --hand palm_thickness.json | (0.08) must be at most palm_thickness
 sweep box.stl --hand finger_length.json | millimetres
 view box.stl --hand finger_length.json | millimetres
 check ball.ply --repair all | invalid
-validate poses.csv --mesh box.stl --hand nope | no gripper is called | nope
+validate poses.csv --mesh box.stl --hand nope | no gripper is called 'nope'
 design --fraction 1
 design --mass 1
 design mug.stl
