@@ -4,6 +4,7 @@ import manifold3d
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import ConvexHull
 
 from grasp3d import ObjectMesh, Sampling, label_surface, load_mesh
 from grasp3d.arrays import first_at_position
@@ -163,6 +164,26 @@ def test_linked_rings_are_not_united() -> None:
     surface = repaired(both)
     assert surface.steps == surface.warnings == ()
     assert np.array_equal(surface.faces, both[1])
+
+
+@pytest.mark.slow
+def test_three_overlapping_balls_have_the_volume_of_their_union() -> None:
+    """Compared with random points counted in the hulls, which swallow vertices of the others."""
+    centers = [(0.0, 0.0, 0.0), (0.9, 0.1, 0.2), (0.3, 0.8, -0.3)]
+    balls = [moved(rotated(shapes.sphere(2), k), center) for k, center in enumerate(centers)]
+    vertices, faces = joined(*balls)
+    surface = repaired((vertices, faces))
+    assert_whole(surface)
+    assert counts(surface) == {"united": 3}
+    points = np.random.default_rng(0).uniform(-1.5, 2.5, (50_000, 3))
+    inside, swallowed = (np.zeros(len(x), dtype=bool) for x in (points, vertices))
+    for ball, _ in balls:
+        planes = ConvexHull(ball).equations
+        inside |= (points @ planes[:, :3].T + planes[:, 3] < 0.0).all(axis=1)
+        swallowed |= (vertices @ planes[:, :3].T + planes[:, 3] < -1e-9).all(axis=1)
+    assert volume_of(surface) == pytest.approx(64.0 * inside.mean(), rel=0.02)
+    assert np.array_equal(used_by(surface)[: len(vertices)], ~swallowed)
+    assert swallowed.any()
 
 
 def test_a_chain_of_boxes_is_one_bar_with_its_labels() -> None:

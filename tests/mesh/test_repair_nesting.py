@@ -139,6 +139,17 @@ def test_a_solid_without_a_volume_is_not_united() -> None:
     )
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_long_chain_of_cubes_is_one_bar(seed: int) -> None:
+    cubes = [moved(shapes.box(), (0.5 * k, 0.0, 0.0)) for k in range(60)]
+    bar = repaired(in_order(moved(joined(*cubes), (0.0, 0.0, 0.0), FINE), seed))
+    assert volume_of(bar) == pytest.approx(30.5 * FINE**3, rel=1e-7)
+    assert bar.closed
+    assert (bar.bodies, bar.warnings) == (1, ())
+    assert counts(bar)["united"] == 60
+
+
 def test_many_pairs_are_each_united() -> None:
     """Vertices of distant groups are not confused."""
     pair = joined(shapes.box(), moved(shapes.box(), (0.5, 0.2, 0.1)))

@@ -150,6 +150,24 @@ def tilted_randomly(contacts: Contacts, tilt: float, count: int, seed: int) -> C
 
 
 @pytest.mark.slow
+@given(st.integers(4, 6), seeds, kinds, st.floats(0.0, 0.3))
+@few
+def test_every_tilt_is_between_epsilon_of_narrower_and_of_wider_cones(
+    count: int, seed: int, kind: Any, tilt: float
+) -> None:
+    """And away from the contacts' velocities in the hardest direction it is the narrower ones'."""
+    contacts = grasps.random_grasp(count, seed)
+    worst, best = (epsilon(contacts, actuation=kind, cone_offset=a) for a in (-tilt, tilt))
+    tilted = epsilon(tilted_randomly(contacts, tilt, 20, seed), actuation=kind)
+    assert (tilted.upper >= worst.lower * (1.0 - ROUNDING)).all()
+    assert (tilted.lower <= best.upper * (1.0 + ROUNDING) + ROUNDING).all()
+    velocities = oracles.velocities(contacts, worst.certificate.direction)
+    away = [oracles.turned(n, g, -tilt) for n, g in zip(contacts.normals, velocities, strict=True)]
+    tilted = epsilon(contacts.with_normals(np.array(away)), actuation=kind)
+    assert tilted.lower <= worst.upper + ROUNDING
+
+
+@pytest.mark.slow
 @given(fingers, seeds, st.floats(0.01, 0.5))
 @settings(max_examples=60, deadline=None)
 def test_some_tilt_is_closed_exactly_where_wider_cones_are(
@@ -748,6 +766,20 @@ def test_degenerate_grasps_have_valid_results(name: str) -> None:
             assert result.lower <= bound * (1.0 + ROUNDING) + 1e-11, case
             missing = np.isnan(result.certificate.equilibrium).any()
             assert not (result.closed and missing), case
+
+
+@pytest.mark.parametrize("gap", [1e-11, 1e-9, 1e-8, 1e-7, 1e-6, 1e-4])
+def test_just_off_a_line_the_lower_bound_is_certified(gap: float) -> None:
+    """At rank 6 the torque about the line bounds epsilon."""
+    contacts = grasps.just_off_a_line(gap)
+    about_the_line = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+    bounded: Any
+    for bounded in ("force", "normal"):
+        for edges in (3, 4, 8, 12, 16):
+            result = epsilon(contacts, edges=edges, bounded=bounded)
+            rows = wrenches(contacts, edges=edges, bounded=bounded)
+            if result.rank == 6:
+                assert result.lower <= (rows @ about_the_line).max() + 1e-11, (edges, bounded)
 
 
 @pytest.mark.slow

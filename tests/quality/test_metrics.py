@@ -17,6 +17,7 @@ from grasp3d import Contacts, critical_friction_angle, epsilon, force_closure, g
 from grasp3d.contact.friction_cones import cone_edges
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.quality import METRICS, MetricValues, metric_names, metrics
+from tests.helpers import shapes
 from tests.helpers.grasps import LINE, changed, just_off_a_line, one, regular_on_ball, stacked
 
 Floats = NDArray[np.float64]
@@ -184,6 +185,18 @@ def test_the_friction_margin_is_that_of_the_critical_angle(kind: Shape, seed: in
 
 
 # --- laws ----------------------------------------------------------------------------------------
+
+
+@few
+@given(kinds, seeds)
+def test_rotations_matter_less_to_the_internal_force_margin_the_more_edges_there_are(
+    kind: Shape, seed: int
+) -> None:
+    contacts, turn = grasp(kind, seed), shapes.rotation(seed)
+    turned = changed(contacts, points=contacts.points @ turn.T, normals=contacts.normals @ turn.T)
+    name = "internal_force_margin"
+    margin, again = (metrics(each, name, edges=64)[name] for each in (contacts, turned))
+    assert again == pytest.approx(margin, rel=5e-3, abs=5e-4, nan_ok=True)
 
 
 @few

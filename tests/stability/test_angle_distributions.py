@@ -1,4 +1,5 @@
 import math
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -32,6 +33,7 @@ RESOLUTIONS = tuple(np.radians([0.0, 5.0, 22.6, 40.0, 60.0]))
 frictions = st.floats(0.05, 3.0)
 resolutions = st.floats(0.0, 3.0)
 area_fractions = st.floats(1e-3, 1.0)
+errors = st.floats(0.0, 1.5)
 
 
 @st.composite
@@ -57,7 +59,7 @@ def test_quantiles_of_samples_are_those_of_the_bisection(
 
 
 def distributions() -> st.SearchStrategy[AngleDistribution]:
-    return st.one_of(sampled(), st.just(SphereAngles()))
+    return st.one_of(sampled(), st.just(SphereAngles()), st.builds(SphereAngles, errors))
 
 
 @cache
@@ -75,6 +77,33 @@ def test_fractions_add_up_to_1(
     assert min(fractions.values()) >= -1e-12
     assert sum(fractions.values()) == pytest.approx(1.0, abs=1e-12)
     assert accuracy_ceiling(fractions) == pytest.approx(1.0 - fractions["M"] / 2.0, abs=1e-12)
+
+
+def fraction_of(label: str, angles: AngleDistribution, friction: float, resolution: float) -> float:
+    return angles.fractions(friction=friction, sensor_resolution=resolution)[label]
+
+
+NEVER_RISES: dict[str, tuple[st.SearchStrategy[float], Callable[..., float]]] = {
+    "S of coarser sensors": (resolutions, lambda angles, x, mu, _: fraction_of("S", angles, mu, x)),
+    "U of coarser sensors": (resolutions, lambda angles, x, mu, _: fraction_of("U", angles, mu, x)),
+    "no S at more friction": (frictions, lambda angles, x, _, a: -fraction_of("S", angles, x, a)),
+    "U at more friction": (frictions, lambda angles, x, _, a: fraction_of("U", angles, x, a)),
+    "resolution for more S": (
+        area_fractions, lambda angles, x, mu, _: angles.required_resolution(x, friction=mu)
+    ),
+}  # fmt: skip
+"""What a value is drawn from, and what does not rise with it at a friction and a resolution."""
+
+
+@pytest.mark.parametrize("law", NEVER_RISES)
+@given(st.data(), distributions(), frictions, resolutions)
+def test_fractions_and_required_resolutions_are_monotone(
+    law: str, data: st.DataObject, angles: AngleDistribution, friction: float, resolution: float
+) -> None:
+    values, result = NEVER_RISES[law]
+    low, high = sorted(data.draw(st.tuples(values, values)))
+    at_low, at_high = (result(angles, value, friction, resolution) for value in (low, high))
+    assert at_high <= at_low + 1e-12
 
 
 @given(sampled(), frictions, resolutions)

@@ -435,6 +435,16 @@ ON_EDGE = Contacts(
 )
 
 
+@pytest.mark.parametrize("method", ["exact", "extremes"])
+def test_face_normals_alone_miss_the_worst_normal_of_three_fingers(method: Any) -> None:
+    """Those of the faces need 27.6 degrees of friction, the one midway between them 32."""
+    for beta, label in ((29.8, Label.M), (31.5, Label.M), (33.0, Label.S)):
+        contacts = grasps.at_angle(ON_EDGE, degrees(beta))
+        assert classify(contacts, 0.0, creases={0: EDGE}, method=method).label == label
+        faces_only = all_combinations(contacts, [EDGE, *contacts.normals[1:, None]])
+        assert force_closure(faces_only).closed.all()
+
+
 def test_labels_on_an_edge_are_within_one_degree_of_exact() -> None:
     """Sampling in steps of 5 degrees costs at most 1 degree of friction angle."""
     fractions = np.linspace(0.0, 1.0, 400)[:, None]
@@ -540,6 +550,19 @@ def test_perfect_sensors_leave_no_ambiguity(friction: float) -> None:
         assert classify(pair(off, friction=friction), 0.0).label == label
         sampled = classify(pair(off, friction=friction), 0.0, method="extremes")
         assert sampled.label == label
+
+
+@pytest.mark.parametrize("friction", [1e-6, 1e-3, 0.5, 10.0])
+def test_labels_exactly_at_twice_the_friction_angle(friction: float) -> None:
+    beta = math.atan(friction)
+    for fingers in (2, 3, 4):
+        rough = grasps.changed(random_grasps(fingers, 50, 11)[0], friction=friction)
+        assert not (classify(rough, 2.0 * beta).label == Label.S).any()
+    aligned = pair(0.0, friction=friction)
+    method: Any
+    for method, below in (("exact", 1.999), ("extremes", 1.99)):
+        assert classify(aligned, 2.0 * beta, method=method).label == Label.M
+        assert classify(aligned, below * beta, method=method).label == Label.S
 
 
 def test_tiny_friction_needs_the_exact_method() -> None:
