@@ -211,7 +211,7 @@ class Metric:
     """Smallest number of fingers for which it is defined."""
     of_wrench: bool = False
     """Whether it is that of a given wrench."""
-    measure: Callable[[GraspGeometry], Measured] = field(kw_only=True, repr=False, compare=False)
+    measure: Callable[..., Any] = field(kw_only=True, repr=False, compare=False)
     """The function of the package that computes it."""
 
 

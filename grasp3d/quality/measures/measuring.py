@@ -244,7 +244,8 @@ def _measure(grasps: GraspGeometry, metric: Metric) -> Measured:
         return Measured.undefined(grasps.size, reason)
     if not grasps.size:
         return Measured.of(np.zeros(0))
-    return metric.measure(grasps)
+    values: Measured = metric.measure(grasps)
+    return values
 
 
 def _axes_of(values: ArrayLike | None, batch: tuple[int, ...]) -> Floats:
