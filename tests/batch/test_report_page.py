@@ -211,6 +211,7 @@ def test_table_shows_the_values_of_the_rows(page: Any, report: Report) -> None:
     assert page.locator(".counts").inner_text().split() == [
         "4", "labelled", "1", "refused", "1", "lost",
     ]  # fmt: skip
+    page.wait_for_function("() => [...document.images].every((one) => one.complete)")
     sizes = page.locator("img").evaluate_all("all => all.map(one => one.naturalWidth)")
     assert sizes == [128] * 4
 
