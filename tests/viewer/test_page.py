@@ -400,6 +400,7 @@ def test_keys_work_except_while_typing(seen: Visitor) -> None:
     assert page.input_value("#paint") == "critical_angle"
     page.locator("#friction-number").focus()
     page.keyboard.press("1")
+    page.keyboard.press("Backspace")
     page.locator("h1").click()
     page.keyboard.press("x")
     page.wait_for_selector("#position")
