@@ -19,6 +19,7 @@ from grasp3d.batch.inputs import find_meshes
 from grasp3d.batch.storage import Folder, find_entry, list_entries, local_copy
 from grasp3d.batch.store import Store, read_summary
 from grasp3d.errors import MeshError, OutputError
+from grasp3d.system.files import TEMPORARY_PREFIX
 from tests.batch.test_store import kill, row_of, store_rows, summary_rows
 from tests.helpers import shapes
 from tests.helpers.buckets import bucket
@@ -223,6 +224,15 @@ def listed(folder: Folder) -> list[Any]:
         return list(list_entries(folder.url))
     except FileNotFoundError:
         return []
+
+
+def test_what_killed_processes_left_is_removed_once_it_is_old(tmp_path: Path) -> None:
+    folder, left = Folder(str(tmp_path)), tmp_path / f"{TEMPORARY_PREFIX}killed.part.ply"
+    left.write_bytes(b"half")
+    folder.remove_temporary_files(0.2)
+    assert left.exists()  # it may still be written to
+    folder.remove_temporary_files(0.2, wait=True)
+    assert not left.exists()
 
 
 def test_errors_of_local_files(tmp_path: Path) -> None:
