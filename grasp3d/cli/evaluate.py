@@ -29,7 +29,7 @@ def run(command: Evaluate) -> int:
     output = command.output or Path(f"{safe_stem(command.file.stem)}_grasps.csv")
     check_not_task(output, command.load)
     _check_gripper(command, poses=holds_poses(command.contacts))
-    grasps = read_grasps(command.contacts, hand=command.reach.hand)
+    grasps = read_grasps(command.contacts, hand=command.reach.hand, object_pose=command.object_pose)
     if output.exists() and output.samefile(command.contacts):
         what = "poses" if isinstance(grasps, GraspPoses) else "contacts"
         raise OutputError(f"{output}: is the file of {what}; name another file with -o")

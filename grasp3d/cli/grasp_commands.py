@@ -15,6 +15,7 @@ from grasp3d.cli.options import (
     LoadGroup,
     MeshGroup,
     NumberRanges,
+    ObjectPoseOption,
     OutputFile,
     Overwrite,
     Quiet,
@@ -67,6 +68,11 @@ class Evaluate:
     object_motion: ObjectMotion = "free"
     """Poses: whether the object gives way to the closing jaws, and settles between them, or does
     not move."""
+
+    object_pose: ObjectPoseOption = None
+    """Pose of the object in the frame of the poses, for poses in a robot's frame whose file does
+    not state it: x=0.4m,z=0.1m,yaw=90deg (also y, roll, pitch; or qx, qy, qz, qw), or a file of it
+    (default: the poses are in the mesh's frame, or as their file states)."""
 
     model: GraspModel = field(default_factory=GraspModel)
     """Friction and sensor resolution; the number of fingers is that of a grasp's contacts."""
@@ -185,6 +191,11 @@ class Simulate:
     grasps: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
     """File of poses of a gripper to simulate, in any format that grasp3d evaluate reads (default:
     grasps are drawn from the surface)."""
+
+    object_pose: ObjectPoseOption = None
+    """Pose of the object in the frame of the poses, for poses in a robot's frame whose file does
+    not state it: x=0.4m,z=0.1m,yaw=90deg (also y, roll, pitch; or qx, qy, qz, qw), or a file of it
+    (default: the poses are in the mesh's frame, or as their file states)."""
 
     hand: Annotated[Hand | None, tyro.conf.arg(help_behavior_hint="")] = None
     """Name of a preset, or a file, of the gripper of the poses. Of drawn grasps: a gripper with

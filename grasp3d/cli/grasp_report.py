@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from grasp3d.arrays import angles_between
 from grasp3d.cli.margin_report import (
     LOAD,
     MARGIN,
@@ -34,6 +35,7 @@ from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing
+from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.quality.measures.geometry import Metric, Texts
 from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.settings.model_text import epsilon_min_text
@@ -57,6 +59,9 @@ _CLOSED = (
     "closed: label at what the jaws touch when they close, and its margin, the friction angle to "
     "spare; "
 )
+
+TILTED = 5.0
+"""Angle between up of the table and z of the robot that is warned of [degrees]."""
 
 _CONTACTS = {
     "point": "",
@@ -93,7 +98,13 @@ def print_evaluated(grasps: GraspTable, output: Path) -> None:
 
 
 def print_best(
-    grasps: GraspTable, requested: int, output: Path, *, has_pictures: bool, has_file: bool = True
+    grasps: GraspTable,
+    requested: int,
+    output: Path,
+    *,
+    has_pictures: bool,
+    has_file: bool = True,
+    object_pose: ObjectPose | None = None,
 ) -> None:
     """Print the best distinct grasps of a surface, best first.
 
@@ -103,6 +114,7 @@ def print_best(
         output: The file that they were written to.
         has_pictures: Whether pictures of them were written to a file of the same name.
         has_file: Whether that file was written.
+        object_pose: Pose of the object in the frame of that file; None: it has the mesh's.
     """
     report = Report()
     if not grasps.size:
@@ -113,6 +125,8 @@ def print_best(
         columns = [*_columns(grasps), *_conditional_columns(grasps)]
         report.table(table_of_columns(columns, grasps.size), whole=True)
         report.line(_legend(grasps))
+        if grasps.has_poses:
+            _print_frame(report, object_pose, grasps)
         note = "" if grasps.closed is None else grasps.closed.note(grasps.label)
         if note:
             report.line(f"{WARNING} {note}")
@@ -148,6 +162,7 @@ def print_poses(poses: EvaluatedPoses, output: Path) -> None:
     report.warnings(poses.warnings)
     _print_first(report, _pose_columns(poses), poses)
     report.line(f"{_added_legend(poses)}{_POSES_LEGEND}{mesh.unit}")
+    _print_frame(report, poses.given.object_pose, poses)
     report.written(output)
 
 
@@ -204,6 +219,20 @@ def _legend(grasps: GraspTable) -> str:
         f"{approach}{closed}{_added_legend(grasps)}{_CONTACTS_LEGEND}"
         f"{epsilon_min_text(grasps.model)}; lengths in {unit}"
     )
+
+
+def _print_frame(
+    report: Report, pose: ObjectPose | None, grasps: GraspTable | EvaluatedPoses
+) -> None:
+    """Print the frame of the poses in a file, and whether the table lies in it as it should."""
+    frame = "mesh's frame" if pose is None else f"robot's frame {pose.frame!r}"
+    report.line(f"poses in the file: in the {frame}")
+    if pose is None or grasps.scene is None or grasps.scene.table is None:
+        return
+    tilt = np.degrees(angles_between(pose.matrix[2, :3], grasps.scene.table.normal))
+    if tilt > TILTED:
+        text = "is this the pose of the object as it stands (--table, --up)?"
+        report.warnings([f"the table's up is {tilt:.0f}° from z of the robot's frame: {text}"])
 
 
 def _distance_text(grasps: GraspTable) -> str:

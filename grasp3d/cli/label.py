@@ -26,7 +26,7 @@ from grasp3d.export.writers import writer_for
 from grasp3d.grasps.distinct import best_grasps
 from grasp3d.grasps.grasp_files import SUFFIXES, write_grasps
 from grasp3d.grasps.pose_files import SUFFIXES as POSES
-from grasp3d.grasps.pose_files.files import check_hand, format_of, suffixes_of
+from grasp3d.grasps.pose_files.files import check_frame, check_hand, format_of, suffixes_of
 from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.scene import Scene
 from grasp3d.settings import AnySampling
@@ -82,6 +82,8 @@ def _check_grasp_file(command: Label, path: Path) -> None:
     check_suffix(path, POSES if hand else SUFFIXES, "table")
     if hand is not None:
         check_hand(form or format_of(path), hand)
+    if command.object_pose is not None:
+        check_frame(form or format_of(path))
 
 
 def _labels(command: Label, outputs: tuple[Path, ...]) -> SurfaceLabels:
@@ -110,14 +112,17 @@ def _write_best(command: Label, labels: SurfaceLabels, output: Path, count: int)
     grasps = best_grasps(labels, count)
     has_file = grasps.size > 0 or labels.reach is None  # files of poses cannot be empty
     if has_file:
-        write_grasps(output, grasps, format=command.grasps_format)
+        write_grasps(output, grasps, format=command.grasps_format, object_pose=command.object_pose)
     has_pictures = grasps.size > 0 and can_render()
     if has_pictures:
         with progress_bars.progress("drawing grasps", quiet=command.quiet):
             pictures = draw_grasps(labels, grasps)
         save_as(grasp_figure(labels, grasps, pictures), output.with_suffix(".png"))
     if not command.quiet:
-        grasp_report.print_best(grasps, count, output, has_pictures=has_pictures, has_file=has_file)
+        grasp_report.print_best(
+            grasps, count, output, has_pictures=has_pictures, has_file=has_file,
+            object_pose=command.object_pose,
+        )  # fmt: skip
 
 
 def print_labels(labels: SurfaceLabels, output: Path) -> None:

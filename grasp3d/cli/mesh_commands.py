@@ -15,6 +15,7 @@ from grasp3d.cli.options import (
     LoadGroup,
     MeshGroup,
     Multifinger,
+    ObjectPoseOption,
     OutputFile,
     Overwrite,
     Quiet,
@@ -70,6 +71,11 @@ class Label:
     """With a gripper: format of that file, for those that are JSON too (default: that of the
     file's suffix)."""
 
+    object_pose: ObjectPoseOption = None
+    """With a gripper: pose of the object in your robot's frame, in which that file then has its
+    poses: x=0.4m,z=0.1m,yaw=90deg (also y, roll, pitch, frame=NAME; or qx, qy, qz, qw), or a file
+    of it (default: the poses are in the mesh's frame)."""
+
     model: GraspModel = field(default_factory=GraspModel)
     """Friction, sensor resolution and fingers."""
 
@@ -94,7 +100,7 @@ class Label:
     def __post_init__(self) -> None:
         if self.best is not None and self.best < 1:
             raise SettingError(f"best must be at least 1; got {self.best}")
-        for name in ("grasps", "grasps_format"):
+        for name in ("grasps", "grasps_format", "object_pose"):
             if getattr(self, name) is not None and self.best is None:
                 raise SettingError(f"{name} is for the best grasps; give their number with --best")
         if self.grasps_format == "graspgen":
@@ -102,10 +108,11 @@ class Label:
                 "graspgen files state which grasps held, which is not known of grasps that "
                 "are found; choose another grasps_format"
             )
-        if self.grasps_format and self.posed_hand is None:
-            raise SettingError(
-                "grasps_format is for poses of a gripper of two fingers; give one with --hand"
-            )
+        for name in ("grasps_format", "object_pose"):
+            if getattr(self, name) is not None and self.posed_hand is None:
+                raise SettingError(
+                    f"{name} is for poses of a gripper of two fingers; give one with --hand"
+                )
         check_timeout(self.timeout)
         check_per_finger(self.model)
 

@@ -23,6 +23,7 @@ from tyro.constructors import (
 
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.hand import Hand
+from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskField, TaskText
@@ -239,6 +240,13 @@ def _hand(word: str) -> Hand:
         raise ValueError(str(error)) from error
 
 
+def _object_pose(word: str) -> ObjectPose:
+    """Return the pose of a text or a file; raises ContactError."""
+    from grasp3d.grasps.pose_files.frames import read_object_pose
+
+    return read_object_pose(word)
+
+
 _HAND = _one_word(f"NAME|FILE|{_NONE}", _hand, lambda hand: str(hand.name))
 """Parser of a gripper: the name of a preset, or a file."""
 
@@ -278,6 +286,13 @@ AngleOption = Annotated[Radians | None, tyro.conf.arg(help_behavior_hint="")]
 
 LengthOption = Annotated[AnyLength | None, tyro.conf.arg(help_behavior_hint="")]
 """A length: a number, a text with a unit, or none."""
+
+ObjectPoseOption = Annotated[
+    ObjectPose | None,
+    _one_word(f"POSE|FILE|{_NONE}", _object_pose),
+    tyro.conf.arg(help_behavior_hint=""),
+]
+"""The pose of the object in the frame of a robot, or none."""
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff, tyro.conf.arg(help_behavior_hint="")]
 """An option without a value."""

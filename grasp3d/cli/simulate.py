@@ -43,6 +43,8 @@ def run(command: Simulate) -> int:
     output = command.output or Path(f"{safe_stem(command.file.stem)}_simulation.csv")
     if command.grasps is not None:
         return _simulate_poses(command, output)
+    if command.object_pose is not None:
+        raise SettingError("object_pose is that of given poses; name their file with --grasps")
     check_output(output, SUFFIXES, "table", overwrite=command.overwrite, sources=[command.file])
     simulation = _simulate(command)
     write_simulation(output, simulation)
@@ -60,7 +62,7 @@ def _simulate_poses(command: Simulate, output: Path) -> int:
         )
     if output.exists() and command.grasps.exists() and output.samefile(command.grasps):
         raise OutputError(f"{output}: is the file of poses; name another file with -o")
-    poses = read_poses(command.grasps, hand=command.hand)
+    poses = read_poses(command.grasps, hand=command.hand, object_pose=command.object_pose)
     check_output(output, overwrite=command.overwrite, sources=[command.file])
     text = f"simulating {command.grasps.name}"
     with progress_bars.progress(text, quiet=command.quiet):

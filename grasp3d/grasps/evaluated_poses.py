@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
-from grasp3d.grasps.pose_checks import pose_warning
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.grasps.pose_readings import FITTING, starting_inside, suspected_reading
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.hand import Hand
+from grasp3d.hand.object_pose import ObjectPose
+from grasp3d.hand.pose_checks import pose_warning
 from grasp3d.quality.loads import load_settings
 from grasp3d.quality.measures.formulas import METRICS
 from grasp3d.quality.measures.measuring import UNDEFINED, MetricValues
@@ -76,6 +77,10 @@ class EvaluatedPoses(SpreadGrasps):
     def poses(self) -> Floats:
         """The poses as they were given, from the gripper's frame to the mesh's, shape (k, 4, 4)."""
         return self.given.poses
+
+    def poses_in(self, object_pose: ObjectPose | str | ArrayLike) -> Floats:
+        """The poses in the frame of a robot, shape (k, 4, 4) [m]; see `GraspPoses.poses_in`."""
+        return self.given.poses_in(object_pose)
 
     @property
     def state(self) -> Bytes:

@@ -10,11 +10,11 @@ from grasp3d.arrays import ArrayLike, Bools, Floats, locked
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.pose_checks import numbers_text
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.hand import Hand, touching
 from grasp3d.hand.jaws import metres_per_unit
+from grasp3d.hand.pose_checks import numbers_text
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh

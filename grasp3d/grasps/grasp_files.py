@@ -22,13 +22,14 @@ from grasp3d.grasps.pose_files.documents import (
     load_json,
     write_rows,
 )
+from grasp3d.grasps.pose_files.frames import GivenPose
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.settings import MAX_FINGERS, PoseFormat
 from grasp3d.settings.lengths import Unit
 from grasp3d.surface.fields import FOUND_POSES, columns_of
-from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.grasp_table import NO_POSES, GraspTable
 from grasp3d.system.files import check_suffix
 from grasp3d.system.names import unsupported
 
@@ -52,13 +53,14 @@ def read_grasps(
     format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
     hand: Hand | None = None,
     unit: Unit | None = None,
+    object_pose: GivenPose | None = None,
 ) -> GraspPoses | Floats:
     """Read grasps from files of grasp3d, robots, simulators and data sets: poses or contacts.
 
     Which of the two a file contains is found from its name and content. Contacts: CSV and Parquet
     have columns x1 y1 z1 x2 y2 z2 ..., a row for each grasp; other columns are ignored. JSON is a
-    list of grasps, each a list of contacts [x, y, z]. Poses are those of the TCP, whatever frame
-    the file has; see `GraspPoses`.
+    list of grasps, each a list of contacts [x, y, z]. Poses are those of the TCP in the object's
+    frame, whatever frame the file has; see `GraspPoses`.
 
     Args:
         path: File to read.
@@ -68,15 +70,18 @@ def read_grasps(
             (isaac_grasp, graspgen, graspnet, moveit) need it.
         unit: Unit of the lengths of poses, for files that state none; formats of robots are in
             metres.
+        object_pose: Pose of the object in the frame of the poses, for files in the frame of a robot
+            that do not state it; see `write_grasps`.
 
     Returns:
         The poses; or contacts in the order of the file, shape (b, n, 3) with n from 2 to 32; b at
         least 1. `evaluate_grasps` takes both.
 
     Raises:
-        ContactError: The file is missing, or contains no grasps.
+        ContactError: The file is missing, or contains no grasps; or there is no such pose of the
+            object.
         OutputError: A library that reads the format is not installed.
-        SettingError: No format is called so.
+        SettingError: No format is called so, or a pose of the object is given for contacts.
 
     Example:
         >>> from pathlib import Path
@@ -90,7 +95,11 @@ def read_grasps(
         [0.0, 0.0, 0.06]
     """
     if format is not None or holds_poses(path):
-        return read_poses(path, format=format, hand=hand, unit=unit)
+        return read_poses(path, format=format, hand=hand, unit=unit, object_pose=object_pose)
+    if object_pose is not None:
+        raise SettingError(
+            f"{path}: contains no poses; object_pose applies to poses, not to contacts"
+        )
     return read_contacts(path)
 
 
@@ -246,6 +255,7 @@ def write_grasps(
     *,
     format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
     metrics: MetricValues | None = None,
+    object_pose: GivenPose | None = None,
 ) -> None:
     """Write grasps with labels, critical angles and epsilon, in the format given by the suffix.
 
@@ -274,11 +284,18 @@ def write_grasps(
             None: that of the suffix, json for .json.
         metrics: Quality measures of the grasps, which become columns, with `undefined_metrics`, the
             reasons why some are undefined.
+        object_pose: Of poses: the object's pose in the frame of a robot, in which json, csv,
+            parquet and moveit then have poses, contacts and normals; the first three state it,
+            and are read relative to the object again. A 4x4 matrix, translation in metres; a text
+            such as 'x=0.4m,z=0.1m,yaw=90deg'; or a file, see `read_object_pose`. None: poses are in
+            the frame of the object, or that of the file that they were read from.
 
     Raises:
+        ContactError: There is no such pose of the object.
         OutputError: No format has that suffix, it needs something that is not known, or the file
             cannot be written.
-        SettingError: No format is called so, or a format of poses, but no gripper.
+        SettingError: No format is called so, or a format of poses, but no gripper; or this format
+            has the object's frame by definition.
 
     Example:
         >>> import trimesh
@@ -293,13 +310,14 @@ def write_grasps(
     if isinstance(grasps, EvaluatedPoses):
         grasps = grasps.to_poses(metrics)
     if isinstance(grasps, GraspPoses):
-        write_poses(path, grasps, format=format)
+        write_poses(path, grasps, format=format, object_pose=object_pose)
         return
-    if format is not None or (grasps.has_poses and grasps.size):
+    posed = format is not None or object_pose is not None
+    if posed or (grasps.has_poses and grasps.size):
         poses = replace(poses_of(grasps), settings=grasps.settings())
         if metrics is not None:
             poses = replace(poses, columns={**poses.columns, **metrics.columns()})
-        write_poses(path, poses, format=format)
+        write_poses(path, poses, format=format, object_pose=object_pose)
         return
     check_suffix(path, SUFFIXES, "table")
     if path.suffix.lower() == ".json":
@@ -358,10 +376,7 @@ def poses_of(grasps: GraspTable) -> GraspPoses:
     """
     reach, scene = grasps.reach, grasps.scene
     if reach is None or scene is None:
-        raise SettingError(
-            "the grasps have no poses: label the surface with a gripper (--hand, in Python "
-            "hand=...)"
-        )
+        raise SettingError(NO_POSES)
     if not np.isfinite(reach.poses).all():
         raise SettingError(
             "grasps of three fingers and more, and those that are not reached, have no poses"

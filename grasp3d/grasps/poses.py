@@ -9,8 +9,9 @@ import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
 from grasp3d.errors import ContactError
-from grasp3d.grasps.pose_checks import checked_poses
 from grasp3d.hand.hand import Hand
+from grasp3d.hand.object_pose import ObjectPose
+from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.surface.fields import FOUND_POSES, LENGTH
 
@@ -21,7 +22,7 @@ LENGTH_COLUMNS = frozenset(
 
 OWN_NAMES = frozenset({
     "name", "pose", "opening", "pregrasp_opening", "posture", "score", "outcome", "success",
-    "unit", "grasp", "px", "py", "pz", "qx", "qy", "qz", "qw",
+    "unit", "object_pose", "grasp", "px", "py", "pz", "qx", "qy", "qz", "qw",
 })  # fmt: skip
 """Names that files use for the fields themselves, and that no further column may have."""
 
@@ -81,6 +82,9 @@ class GraspPoses:
     """Name of the object's mesh file; None: not stated."""
     object_scale: float | None = None
     """Factor from the numbers of that file to metres; None: not stated."""
+    object_pose: ObjectPose | None = None
+    """Pose of the object in the robot's frame, in which files have the poses; None: files have the
+    object's frame. `poses` and `columns` are in the object's frame in any case."""
 
     def __post_init__(self) -> None:
         poses = checked_poses(self.poses)
@@ -123,11 +127,16 @@ class GraspPoses:
         Raises:
             ContactError: The unit of these poses is not known.
         """
+        metres = self._metres_per_unit()
+        return self if unit == self.unit else self.scaled(metres / METRES[unit], unit)
+
+    def _metres_per_unit(self) -> float:
         if self.unit is None:
             raise ContactError(
-                "the unit of the poses is not known: give it (--unit, in Python unit=...)"
+                "the unit of the poses is not known: give it (--unit, in Python unit=..., in a "
+                "table of poses a column unit)"
             )
-        return self if unit == self.unit else self.scaled(METRES[self.unit] / METRES[unit], unit)
+        return METRES[self.unit]
 
     def scaled(self, factor: float, unit: Unit | None) -> Self:
         """The same poses with all lengths multiplied by a factor.
@@ -150,6 +159,39 @@ class GraspPoses:
             columns=columns,
             unit=unit,
         )
+
+    def moved(self, transform: Floats) -> Self:
+        """The same poses and contacts in another frame.
+
+        Args:
+            transform: From coordinates of this frame to those of the other one, translation in
+                metres, shape (4, 4).
+
+        Raises:
+            ContactError: The unit of these poses is not known.
+        """
+        transform = transform.copy()
+        transform[:3, 3] /= self._metres_per_unit()
+        turned = {
+            name: self.columns[name] @ transform[:3, :3].T
+            for name in VECTOR_COLUMNS
+            if name in self.columns
+        }
+        if "contacts" in turned:
+            turned["contacts"] += transform[:3, 3]
+        return replace(self, poses=transform @ self.poses, columns={**self.columns, **turned})
+
+    def poses_in(self, object_pose: ObjectPose | str | ArrayLike) -> Floats:
+        """The poses in the frame of a robot, shape (k, 4, 4), translations in metres.
+
+        Args:
+            object_pose: Pose of the object in it: a 4x4 matrix, translation in metres, or a text;
+                see `ObjectPose`.
+
+        Raises:
+            ContactError: It is no such pose, or the unit of the poses is not known.
+        """
+        return ObjectPose.of(object_pose).matrix @ self.in_unit("m").poses
 
     def take(self, indices: ArrayLike) -> Self:
         """The poses with the given indices, or those where a mask is true, in that order."""

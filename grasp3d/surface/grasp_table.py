@@ -12,8 +12,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import Bytes, Floats, Ints, locked, short_repr
+from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
+from grasp3d.hand.jaws import metres_per_unit
+from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
@@ -46,6 +48,8 @@ from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.rows import if_known, rows_of
 from grasp3d.system.context import unreported
 from grasp3d.system.versions import package_version
+
+NO_POSES = "the grasps have no poses: label the surface with a gripper (--hand, in Python hand=...)"
 
 T = TypeVar("T")
 Columns = dict[str, npt.NDArray[Any]]
@@ -277,6 +281,35 @@ class GraspTable(LabelledGrasps):
         nan where the gripper does not reach the grasp.
         """
         return None if self.reach is None else self.reach.poses
+
+    def poses_in(self, object_pose: ObjectPose | str | ArrayLike) -> Floats:
+        """Poses of the gripper in the frame of a robot, shape (b, 4, 4), translations in metres.
+
+        nan where the gripper does not reach the grasp.
+
+        Args:
+            object_pose: Pose of the object in that frame: a 4x4 matrix, translation in metres, or a
+                text such as 'x=0.4m,z=0.1m,yaw=90deg'; see `ObjectPose`.
+
+        Raises:
+            ContactError: It is no such pose.
+            SettingError: The grasps have no poses.
+
+        Example:
+            >>> import trimesh
+            >>> import grasp3d
+            >>> box = trimesh.creation.box([80.0, 50.0, 30.0])
+            >>> mesh = grasp3d.load_mesh(box, unit="mm", max_edge=20.0)
+            >>> labels = grasp3d.label_surface(mesh, hand=grasp3d.read_hand("franka"))
+            >>> grasps = grasp3d.best_grasps(labels, 3)
+            >>> grasps.poses_in("x=0.4m,z=0.1m,yaw=90deg").shape
+            (3, 4, 4)
+        """
+        if self.poses is None:
+            raise SettingError(NO_POSES)
+        in_metres = self.poses.copy()
+        in_metres[:, :3, 3] *= metres_per_unit(self.mesh)
+        return ObjectPose.of(object_pose).matrix @ in_metres
 
     @property
     def known_contacts(self) -> GraspContacts | None:

@@ -72,6 +72,28 @@ label box.stl --center-of-mass 1,2 | center_of_mass must be three finite lengths
 label box.stl -o notes.ply | notes.ply: exists and is no result of grasp3d
 label box.stl -o notes.npz | notes.npz: exists and is no result of grasp3d
 label box.stl --best 2 --grasps task.csv --task task.csv --overwrite | is the file of the task
+label box.stl --unit mm --hand franka --best 2 --object-pose 0.4,0,0.1,1,0,0,0 | with names: x=0.4m,
+label box.stl --unit mm --hand franka --best 2 --object-pose x=0.4m,x=0.5m | with names: x=0.4m,y=
+label box.stl --unit mm --hand franka --best 2 --object-pose x=0.4 | with a unit, m or cm or mm or
+label box.stl --unit mm --hand franka --best 2 --object-pose x=1m,yaw=90 | with a unit, deg or rad;
+label box.stl --unit mm --hand franka --best 2 --object-pose x=1m,yaw=90deg,qz=1 | not both
+label box.stl --unit mm --hand franka --best 2 --object-pose qx=0.5,qw=0.5 | length 1; got 0.7071
+label box.stl --unit mm --hand franka --best 2 --object-pose x=400m | 400 m away from the robot, as
+label box.stl --unit mm --hand franka --best 2 --object-pose x=1m,frame=a! | must be one word
+label box.stl --unit mm --hand franka --best 2 --object-pose gone.txt | gone.txt: cannot be read (No
+label box.stl --unit mm --hand franka --best 2 --object-pose gone.tex | must be a file, or parts
+label box.stl --unit mm --hand franka --best 2 --object-pose '' | must be a file, or parts with
+label box.stl --unit mm --hand franka --best 2 --object-pose prose.txt | prose.txt: could not
+label box.stl --unit mm --hand franka --best 2 --object-pose short.txt | shape (k, 4, 4); got (2, 4)
+label box.stl --unit mm --hand franka --best 2 --object-pose double.txt | have the lengths (2, 2, 2)
+label box.stl --unit mm --hand franka --best 2 --object-pose mirror.txt | is left-handed
+label box.stl --unit mm --hand franka --best 2 --object-pose millimetres.txt | 400 m away from the
+label box.stl --unit mm --hand franka --best 2 --object-pose turned.json | the key x is missing
+label box.stl --unit mm --hand franka --best 2 --object-pose list.json | orientation must be an
+label box.stl --unit mm --hand franka --object-pose x=1m | give their number with --best
+label box.stl --unit mm --best 2 --object-pose x=1m | of a gripper of two fingers; give one
+label box.stl --unit mm --hand franka --best 2 --object-pose x=1m --grasps a.h5 | acronym files have
+label box.stl --unit mm --hand franka --best 2 --object-pose x=1m --grasps a.npy | graspnet files
 label open.stl --mass 0.5kg | is open, so its centre of mass is not known
 label open.stl --unit mm --density 1000 | is open, so a density gives no mass
 evaluate box.stl no.csv | no.csv: there is no such file
@@ -101,6 +123,11 @@ evaluate box.stl pair.json -o task.csv --task task.csv --mass 0.5 --overwrite | 
 evaluate box.stl pair.json -o task.csv --task 'weight + ellipsoid task.csv' --overwrite | of the
 evaluate box.stl pair.json -o task.csv --task 'pushes.csv + ./task.csv' --overwrite | of the task
 evaluate box.stl pair.json -o task_link.csv --task task.csv --overwrite | is the file of the task
+evaluate box.stl pair.json --unit mm --object-pose x=1m | object_pose applies to poses, not to
+evaluate box.stl robot.csv --unit mm --hand franka --object-pose x=1m | it states the object's pose
+evaluate box.stl robots.csv --unit mm --hand franka | all grasps must have the same object_pose
+evaluate box.stl unitless.csv --unit mm --hand franka --object-pose x=1m | the unit of the poses
+simulate box.stl --unit mm --object-pose x=1m | that of given poses; name their file with --grasps
 validate untried.csv --mesh box.stl --hand franka | no outcome is known of any grasp; a table needs
 validate perhaps.csv --mesh box.stl --hand franka | grasp 2: outcome must be 1, true or yes
 validate grasps.csv --mesh box.stl --hand franka -o . --overwrite | grasps.csv: is a file of grasps
@@ -332,6 +359,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     (folder / "task_link.csv").symlink_to("task.csv")
     columns = "px,py,pz,qx,qy,qz,qw,unit,outcome\n"
+    framed = "px,py,pz,qx,qy,qz,qw,unit,object_pose\n0,0,40,1,0,0,0,mm,"
     texts = {
         "empty.stl": "",
         "prose.stl": "Not a mesh at all.\n" * 9,
@@ -351,6 +379,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         **dict.fromkeys(("poses.csv", "grasps.csv"), f"{columns}0,0,40,1,0,0,0,mm,1\n"),
         "untried.csv": f"{columns}0,0,40,1,0,0,0,mm,\n",
         "perhaps.csv": f"{columns}0,0,40,1,0,0,0,mm,no\n0,0,40,1,0,0,0,mm,perhaps\n",
+        "robot.csv": f"{framed}x=1m\n",
+        "robots.csv": f"{framed}x=1m\n0,0,40,1,0,0,0,mm,x=2m\n",
+        "unitless.csv": f"{','.join(columns.split(',')[:7])}\n0,0,40,1,0,0,0\n",
+        "prose.txt": "Over there.\n",
+        "short.txt": "1 0 0 0\n0 1 0 0\n",
+        "double.txt": "2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n",
+        "mirror.txt": "-1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n",
+        "millimetres.txt": "1, 0, 0, 400\n0, 1, 0, 0\n0, 0, 1, 0\n0, 0, 0, 1\n",
+        "turned.json": json.dumps({"position": {}, "orientation": {"x": 0, "y": 0, "z": 1}}),
+        "list.json": json.dumps({"position": {}, "orientation": [0, 0, 0, 1]}),
         "task.csv": "5,0,0,0,0,0\n",
         **{f"notes.{suffix}": "name,price\n" for suffix in NOTES},
         "pushes.csv": "fx,fy,fz,tx,ty,tz\n5,0,0,0,0,0.1\n",

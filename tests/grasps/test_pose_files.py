@@ -16,10 +16,10 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d.errors import ContactError, GraspError, OutputError, SettingError
 from grasp3d.grasps.grasp_files import read_contacts
-from grasp3d.grasps.pose_checks import pose_warning
 from grasp3d.grasps.pose_files import holds_poses, read_poses, write_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.pose_checks import pose_warning
 from grasp3d.settings.lengths import Unit
 from tests.helpers import grippers, shapes
 

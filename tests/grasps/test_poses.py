@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from grasp3d.errors import ContactError
-from grasp3d.grasps.pose_checks import pose_warning
 from grasp3d.grasps.poses import GraspPoses
+from grasp3d.hand.pose_checks import pose_warning
 from grasp3d.settings.lengths import METRES
 
 

@@ -1,9 +1,11 @@
 """Reading and writing of grasp poses in files of every format."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from grasp3d.errors import ContactError, OutputError, SettingError
 from grasp3d.grasps.pose_files.acronym import read_acronym, write_acronym
@@ -15,7 +17,7 @@ from grasp3d.grasps.pose_files.data_sets import (
     write_graspnet,
 )
 from grasp3d.grasps.pose_files.documents import check_file, load_json
-from grasp3d.grasps.pose_files.frames import missing_of_hand
+from grasp3d.grasps.pose_files.frames import GivenPose, missing_of_hand, read_object_pose
 from grasp3d.grasps.pose_files.own_files import (
     are_poses,
     is_own,
@@ -33,6 +35,7 @@ from grasp3d.grasps.pose_files.robots import (
 )
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
+from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.settings import PoseFormat, check_choice
 from grasp3d.settings.lengths import Unit
 from grasp3d.system.files import check_suffix
@@ -65,6 +68,12 @@ _FORMATS: dict[PoseFormat, _Format] = {
 OWN_FORMATS = frozenset[PoseFormat]({"json", "csv", "parquet"})
 """Formats with the poses of any hand; the others have those of a gripper's base."""
 
+FRAME_FORMATS = OWN_FORMATS | {"moveit"}
+"""Formats whose poses may be in the frame of a robot; others have the object's by definition."""
+
+ROBOT_FRAMES = frozenset({"robot", "world", "map", "odom", "base", "base_link"})
+"""Names of frames that are none of an object."""
+
 JOINT_FORMATS = frozenset[PoseFormat]({"isaac_grasp", "moveit"})
 """Formats that state values of the gripper's joints."""
 
@@ -77,6 +86,7 @@ def write_poses(
     poses: GraspPoses,
     *,
     format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
+    object_pose: GivenPose | None = None,
 ) -> None:
     """Write grasp poses for robots and simulators.
 
@@ -85,11 +95,14 @@ def write_poses(
         poses: At least one pose. Formats of robots need the gripper and the unit.
         format: json, csv, parquet, isaac_grasp (.yaml), acronym (.h5), graspnet (.npy), graspgen
             or moveit (.json); None: that of the suffix, json for .json.
+        object_pose: Pose of the object in the frame that the file is to have, for json, csv,
+            parquet and moveit; see `write_grasps`. None: that of `poses`.
 
     Raises:
+        ContactError: There is no such pose of the object.
         OutputError: No format has that suffix, it needs something that is not known, or the file
             cannot be written.
-        SettingError: No format is called so.
+        SettingError: No format is called so, or it has the object's frame by definition.
 
     Example:
         >>> import numpy as np
@@ -109,6 +122,11 @@ def write_poses(
     check_suffix(path, _FORMATS[name].suffixes, name)
     if not poses.count:
         raise OutputError(f"{path}: there are no poses to write")
+    if object_pose is not None:
+        check_frame(name)
+        poses = replace(poses, object_pose=read_object_pose(object_pose))
+    if poses.object_pose is not None and name in FRAME_FORMATS:
+        poses = poses.moved(poses.object_pose.matrix)
     try:
         _FORMATS[name].write(path, poses)
     except OutputError as error:
@@ -122,10 +140,11 @@ def read_poses(
     format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
     hand: Hand | None = None,
     unit: Unit | None = None,
+    object_pose: GivenPose | None = None,
 ) -> GraspPoses:
     """Read grasp poses from files of robots, simulators and data sets.
 
-    Poses are those of the TCP, whatever frame the file has; see `GraspPoses`.
+    Poses are those of the TCP in the object's frame, whatever frame the file has; see `GraspPoses`.
 
     Args:
         path: File to read.
@@ -133,9 +152,12 @@ def read_poses(
         hand: The gripper that the grasps are of; formats with the pose of the hand's base
             (isaac_grasp, graspgen, graspnet, moveit) need it.
         unit: Unit of the lengths, for files that state none; formats of robots are in metres.
+        object_pose: Pose of the object in the frame of the file, for those in the frame of a robot
+            that do not state it; see `write_grasps`.
 
     Raises:
-        ContactError: The file is missing, or contains no such poses.
+        ContactError: The file is missing, or contains no such poses; or there is no such pose of
+            the object.
         OutputError: A library that reads the format is not installed.
         SettingError: No format is called so.
 
@@ -153,12 +175,29 @@ def read_poses(
     elif path.suffix.lower() not in SUFFIXES:
         raise ContactError(unsupported(path, SUFFIXES, "pose"))
     check_file(path)
+    pose = None if object_pose is None else read_object_pose(object_pose)
     try:
-        return _read(path, format, hand, unit)
+        return _relative(_read(path, format, hand, unit), pose)
     except OSError as error:
         raise _one_line(path, f"cannot be read ({error.strerror or error})") from error
     except (ContactError, ValueError) as error:
         raise _one_line(path, str(error)) from error
+
+
+def _relative(poses: GraspPoses, object_pose: ObjectPose | None) -> GraspPoses:
+    """Poses as a file has them, in the object's frame. Raises ContactError."""
+    stated, frame = poses.object_pose, poses.settings.get("frame_id")
+    if object_pose is not None and stated is not None:
+        raise ContactError(f"it states the object's pose itself, {stated}: give none")
+    pose = object_pose or stated
+    if pose is not None:
+        return replace(poses.moved(np.asarray(np.linalg.inv(pose.matrix))), object_pose=pose)
+    if frame in ROBOT_FRAMES:
+        raise ContactError(
+            f"its poses are in the frame {frame!r}: give the pose of the object in it "
+            "(--object-pose, in Python object_pose=...)"
+        )
+    return poses
 
 
 def holds_poses(path: str | Path) -> bool:
@@ -214,6 +253,22 @@ def check_hand(format: PoseFormat | None, hand: Hand) -> None:  # noqa: A002
     missing = missing_of_hand(hand, format, joints=format in JOINT_FORMATS)
     if missing:
         raise SettingError(missing)
+
+
+def check_frame(format: PoseFormat | None) -> None:  # noqa: A002
+    """Check that poses in a format may be in the frame of a robot.
+
+    Args:
+        format: The format; None: another file.
+
+    Raises:
+        SettingError: They may not.
+    """
+    if format is not None and format not in FRAME_FORMATS:
+        raise SettingError(
+            f"{format} files have poses in the object's frame by definition; with object_pose "
+            f"choose one of {', '.join(sorted(FRAME_FORMATS))}"
+        )
 
 
 def _read(path: Path, name: PoseFormat | None, hand: Hand | None, unit: Unit | None) -> GraspPoses:

@@ -1,16 +1,21 @@
 """Frames of robots' files: the hand's base in metres, quaternions, joints."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from grasp3d.arrays import Floats
+from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.errors import ContactError, OutputError
-from grasp3d.grasps.pose_checks import checked_quaternions
+from grasp3d.grasps.pose_files.documents import load_json, load_yaml, mapping, required
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
+from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.pose_checks import checked_quaternions
 from grasp3d.settings.lengths import METRES, Unit
 
 
@@ -111,3 +116,67 @@ def joint_values(hand: ParallelGripper, openings: Floats, what: str) -> Floats:
         raise OutputError(missing_of_hand(hand, what, joints=True))
     closed, scale = np.array(hand.joint_closed), np.array(hand.joint_scale)
     return np.asarray(closed + scale * openings[:, None])
+
+
+GivenPose = ObjectPose | Path | ArrayLike
+"""What `read_object_pose` takes."""
+
+
+def read_object_pose(source: GivenPose) -> ObjectPose:
+    r"""The pose of an object in the frame of a robot, of a text, a matrix or a file.
+
+    Args:
+        source: A text or a 4x4 matrix, see `ObjectPose`; or a file, all numbers in metres: a 4x4
+            matrix (.npy, .txt, .json, .yaml), such a text (.txt), or position and orientation as
+            ROS has them (.json, .yaml: geometry_msgs Pose, Transform and their stamped forms).
+
+    Raises:
+        ContactError: There is no such file, or it states no such pose.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from grasp3d.grasps.pose_files.frames import read_object_pose
+        >>> _ = Path("mug.yaml").write_text(
+        ...     "position: {x: 0.4, y: 0, z: 0.1}\norientation: {x: 0, y: 0, z: 0, w: 1}"
+        ... )
+        >>> read_object_pose("mug.yaml").position
+        (0.4, 0.0, 0.1)
+    """
+    path = Path(source) if isinstance(source, str | Path) else None
+    reader = None if path is None else _READERS.get(path.suffix.lower())
+    if path is None or reader is None:
+        return ObjectPose.of(str(path) if isinstance(source, Path) else source)
+    try:
+        return _pose_of(reader(path))
+    except OSError as error:
+        raise ContactError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except (ContactError, ValueError, EOFError) as error:
+        raise ContactError(f"{path}: {error}") from error
+
+
+def _text_or_rows(path: Path) -> Any:
+    text = path.read_text(encoding="utf-8-sig")
+    rows = [line.replace(",", " ").split() for line in text.splitlines() if line.strip()]
+    return text if "=" in text else np.array(rows, dtype=np.float64)
+
+
+_READERS: dict[str, Callable[[Path], Any]] = {
+    ".npy": np.load,
+    ".txt": _text_or_rows,
+    ".json": load_json,
+    ".yaml": load_yaml,
+    ".yml": load_yaml,
+}
+
+
+def _pose_of(content: Any) -> ObjectPose:
+    """The pose of the content of a file. Raises ContactError."""
+    if not isinstance(content, dict):
+        return ObjectPose.of(content)
+    frame = mapping(content.get("header") or {}, "header").get("frame_id") or "robot"
+    pose = mapping(content.get("pose", content.get("transform", content)), "pose")
+    names = ("translation", "rotation") if "rotation" in pose else ("position", "orientation")
+    position, turned = (mapping(required(pose, name), name) for name in names)
+    lengths = [f"{axis}={required(position, axis)}m" for axis in "xyz"]
+    quaternion = [f"q{axis}={required(turned, axis)}" for axis in "xyzw"]
+    return ObjectPose.of(",".join([*lengths, *quaternion, f"frame={frame}"]))

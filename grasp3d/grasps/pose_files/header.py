@@ -13,6 +13,7 @@ from grasp3d.grasps.pose_files.documents import kind, number_or_none, text_or_no
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_of
+from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.settings.lengths import Unit
 from grasp3d.system.versions import package_version
 
@@ -20,12 +21,15 @@ FRAME = (
     "pose: gripper frame to the object's frame; origin at the tool centre point between the "
     "fingertips, z approach direction, x closing axis from finger 1 to finger 2"
 )
+ROBOT_FRAME = FRAME.replace(
+    "the object's frame", "the frame of a robot, in which the object has the pose object_pose"
+)
 NORMALS = "outward"
 ANGLES = "radians"
 
 STATED = frozenset({
     "version", "content", "frame", "normals", "angles", "unit", "gripper", "object_file",
-    "object_scale",
+    "object_scale", "object_pose",
 })  # fmt: skip
 """Keys that are no settings."""
 
@@ -37,12 +41,13 @@ def header_of(poses: GraspPoses) -> dict[str, Any]:
         "version": package_version(),
         "content": "poses",
         "unit": poses.unit or "unknown",
-        "frame": FRAME,
+        "frame": FRAME if poses.object_pose is None else ROBOT_FRAME,
         "normals": NORMALS,
         "angles": ANGLES,
         "gripper": hand if hand is None or isinstance(hand, str) else hand.description(),
         "object_file": poses.object_file,
         "object_scale": poses.object_scale,
+        "object_pose": poses.object_pose and str(poses.object_pose),
         **{name: value for name, value in poses.settings.items() if name not in STATED},
     }
 
@@ -60,11 +65,13 @@ def fields_of(
     Raises:
         ContactError: Invalid values, or another unit.
     """
+    stated = text_or_none(header.get("object_pose"), "object_pose")
     return {
         "unit": stated_unit(header.get("unit"), unit),
         "hand": hand or _gripper(header.get("gripper")),
         "object_file": text_or_none(header.get("object_file"), "object_file"),
         "object_scale": number_or_none(header.get("object_scale"), "object_scale"),
+        "object_pose": ObjectPose.of(stated) if stated else None,
         "settings": {name: value for name, value in header.items() if name not in STATED},
     }
 

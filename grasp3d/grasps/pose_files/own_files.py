@@ -76,6 +76,8 @@ def write_table(path: Path, poses: GraspPoses) -> None:
     pose |= dict(zip(QUATERNION, quaternions(poses.poses).T, strict=True))
     posture = {f"posture{k + 1}": values for k, values in enumerate(poses.posture.T)}
     columns = {**_columns(poses, pose, posture), "unit": np.full(poses.count, poses.unit or "")}
+    if poses.object_pose is not None:
+        columns["object_pose"] = np.full(poses.count, str(poses.object_pose))
     for name, values in poses.columns.items():
         if name in VECTORS:
             parts = _parts(name, values.shape[1])
@@ -222,7 +224,8 @@ def read_table(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     if not len(columns["px"]):
         raise ContactError("there are no grasps in it, only column names")
     header = read_settings(path) if path.suffix.lower() == ".parquet" else None
-    stated = {"unit": _unit(columns), **(header or {})}
+    named = {name: _same(columns, name) for name in ("unit", "object_pose")}
+    stated = {**named, **(header or {})}
     joints = tuple(takewhile(columns.__contains__, (f"posture{k}" for k in count(1))))
     vectors = _vector_columns(columns)
     used = {*OWN_NAMES, *joints, *(part for parts in vectors.values() for part in parts)}
@@ -242,11 +245,11 @@ def read_table(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     )
 
 
-def _unit(columns: Columns) -> str | None:
-    """The unit that all rows state."""
-    stated = {_text(value) for value in columns["unit"].tolist()} if "unit" in columns else set()
+def _same(columns: Columns, name: str) -> str | None:
+    """The text that all rows state."""
+    stated = {_text(value) for value in columns[name].tolist()} if name in columns else set()
     if len(stated) > 1:
-        raise ContactError("all grasps must have the same unit")
+        raise ContactError(f"all grasps must have the same {name}")
     return stated.pop() if stated else None
 
 

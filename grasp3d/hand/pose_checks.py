@@ -97,9 +97,10 @@ def _rotations(matrices: Floats) -> Floats:
         raise ContactError(f"pose {bad[0] + 1}: {_why_no_rotation(products[bad[0]])}")
     mirrored = np.flatnonzero(np.linalg.det(matrices) < 0.0)
     if len(mirrored):
+        others = f", as are {len(mirrored)} of {len(matrices)}" if len(matrices) > 1 else ""
         raise ContactError(
-            f"pose {mirrored[0] + 1} is left-handed (determinant -1), as are {len(mirrored)} of "
-            f"{len(matrices)}: one axis is reversed; y must be z x x"
+            f"pose {mirrored[0] + 1} is left-handed (determinant -1){others}: one axis is "
+            "reversed; y must be z x x"
         )
     rough = np.flatnonzero(deviation > ROUNDING)
     if len(rough):
@@ -136,7 +137,7 @@ def pose_warning(poses: Floats, center: Floats, size: float, unit: Unit | None) 
 
     Example:
         >>> import numpy as np
-        >>> from grasp3d.grasps.pose_checks import pose_warning
+        >>> from grasp3d.hand.pose_checks import pose_warning
         >>> pose = np.eye(4)
         >>> pose[:3, 3] = [10.0, 20.0, 60.0]
         >>> print(pose_warning(pose[None], np.zeros(3), 0.1, "m"))

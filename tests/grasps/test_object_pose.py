@@ -1,0 +1,256 @@
+"""Poses in the frame of a robot: as text, matrix and file; written, read, and checked by hand."""
+
+import json
+import math
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.csv as pc
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+import grasp3d
+from grasp3d.errors import ContactError, SettingError
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.grasp_files import poses_of, read_grasps, write_grasps
+from grasp3d.grasps.pose_files.files import FRAME_FORMATS, read_poses, write_poses
+from grasp3d.grasps.pose_files.frames import read_object_pose
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.hand.object_pose import ObjectPose
+from grasp3d.settings.lengths import METRES
+from grasp3d.surface.grasp_table import GraspTable
+from tests.grasps.test_pose_files import OWN, SUFFIX, equal, quaternions, some_poses
+from tests.helpers import shapes
+
+yaml = shapes.reader("yaml")
+
+TEXT = "x=40cm,y=-0.05m,z=100mm,yaw=90deg,frame=base_link"
+QUARTER = np.array(
+    [[0.0, -1.0, 0.0, 0.4], [1.0, 0.0, 0.0, -0.05], [0.0, 0.0, 1.0, 0.1], [0.0, 0.0, 0.0, 1.0]]
+)
+"""The same as a matrix."""
+
+FRANKA = grasp3d.read_hand("franka")
+
+
+@st.composite
+def object_poses(draw: st.DrawFn) -> ObjectPose:
+    x, y, z = (draw(st.floats(-3.0, 3.0)) for _ in range(3))
+    return ObjectPose(
+        (x, y, z), tuple(draw(quaternions())), draw(st.sampled_from(["robot", "a/b"]))
+    )
+
+
+@given(object_poses())
+def test_the_text_of_a_pose_is_that_pose(pose: ObjectPose) -> None:
+    assert ObjectPose.of(str(pose)) == pose
+    equal(ObjectPose.of(pose.matrix).matrix, pose.matrix, 1e-14)
+
+
+@given(*[st.floats(-math.pi, math.pi)] * 3)
+def test_angles_turn_about_the_robots_own_axes_one_after_the_other(
+    roll: float, pitch: float, yaw: float
+) -> None:
+    expected = Rotation.from_rotvec([0.0, 0.0, yaw]) * Rotation.from_rotvec([0.0, pitch, 0.0])
+    expected *= Rotation.from_rotvec([roll, 0.0, 0.0])
+    degrees = ObjectPose.of(f"roll={roll!r}rad pitch={math.degrees(pitch)!r}deg yaw={yaw!r}rad")
+    equal(degrees.matrix[:3, :3], expected.as_matrix(), 1e-12)
+
+
+def test_texts_of_one_pose() -> None:
+    half = math.sqrt(0.5)
+    for text in (TEXT, f"x=0.4m y=-5cm, z=0.1m qz={half!r} qw={half!r} frame=base_link"):
+        equal(ObjectPose.of(text).matrix, QUARTER, 1e-15)
+        assert ObjectPose.of(text).frame == "base_link"
+    equal(ObjectPose.of("z=0").matrix, np.eye(4), 0.0)
+
+
+def test_files_of_one_pose(tmp_path: Path) -> None:
+    half = math.sqrt(0.5)
+    position, turned = {"x": 0.4, "y": -0.05, "z": 0.1}, {"x": 0, "y": 0, "z": half, "w": half}
+    pose = {"position": position, "orientation": turned}
+    stamped = {"header": {"frame_id": "base_link"}, "pose": pose}
+    transform = {"header": stamped["header"], "child_frame_id": "mug",
+                 "transform": {"translation": position, "rotation": turned}}  # fmt: skip
+    texts = {
+        "rows.txt": "\n".join(" ".join(map(repr, row)) for row in QUARTER.tolist()),
+        "commas.txt": "\n".join(",".join(map(repr, row)) for row in QUARTER.tolist()) + "\n\n",
+        "text.txt": f"{TEXT}\n",
+        "rows.json": json.dumps(QUARTER.tolist()),
+        "text.json": json.dumps(TEXT),
+        "pose.json": json.dumps(pose),
+        "stamped.yaml": yaml.safe_dump(stamped),
+        "transform.yml": yaml.safe_dump(transform),
+        "rows.yaml": yaml.safe_dump(QUARTER.tolist()),
+    }
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    np.save(tmp_path / "rows.npy", QUARTER)
+    for path in sorted(tmp_path.iterdir()):
+        found = read_object_pose(path)
+        equal(found.matrix, QUARTER, 1e-15)
+        named = path.stem in {"text", "stamped", "transform"}
+        assert found.frame == ("base_link" if named else "robot"), path.name
+
+
+def placed(pose: ObjectPose, unit: Any) -> np.ndarray:
+    """The matrix of a pose with the translation in another unit."""
+    matrix = pose.matrix.copy()
+    matrix[:3, 3] /= METRES[unit]
+    return matrix
+
+
+@given(poses=some_poses(), pose=object_poses(), unit=st.sampled_from(["m", "mm", "in"]))
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@pytest.mark.parametrize("name", OWN)
+def test_own_formats_have_the_robots_frame_and_are_read_in_the_objects(
+    tmp_path: Path, poses: GraspPoses, pose: ObjectPose, unit: Any, name: Any
+) -> None:
+    poses, path = poses.in_unit(unit), tmp_path / f"robot.{SUFFIX[name]}"
+    write_poses(path, poses, format=name, object_pose=pose)
+    back = read_poses(path)
+    size = max(1.0, float(np.abs(poses.poses).max()), 5.0 / METRES[unit])
+    assert (back.object_pose, back.unit) == (pose, unit)
+    equal(back.poses, poses.poses, 1e-12 * size)
+    for column in ("contacts", "normals"):
+        equal(back.columns[column], poses.columns[column], 1e-12 * size)
+    for field in ("opening", "pregrasp_opening", "scores"):
+        equal(getattr(back, field), getattr(poses, field), 0.0)
+    # What stands in the file are other poses: those of the robot.
+    plain = tmp_path / f"plain.{SUFFIX[name]}"
+    write_poses(plain, replace(back, object_pose=None), format=name)
+    write_poses(path, back, format=name)
+    again = read_poses(path)
+    equal(again.poses, read_poses(plain).poses, 1e-12 * size)
+    assert again.object_pose == pose
+
+
+@given(poses=some_poses(), pose=object_poses())
+@settings(
+    deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=25
+)
+def test_moveit_has_the_robots_frame_by_name(
+    tmp_path: Path, poses: GraspPoses, pose: ObjectPose
+) -> None:
+    path = tmp_path / "robot.json"
+    write_poses(path, poses, format="moveit", object_pose=pose)
+    message = json.loads(path.read_text(encoding="utf-8"))[0]["grasp_pose"]
+    assert message["header"]["frame_id"] == pose.frame
+    expected = (pose.matrix @ poses.poses @ poses.hand.base_pose)[0, :3, 3]  # type: ignore[union-attr]
+    equal([message["pose"]["position"][axis] for axis in "xyz"], expected, 1e-12)
+    back = read_poses(path, hand=poses.hand, object_pose=pose)  # type: ignore[arg-type]
+    equal(back.poses, poses.poses, 1e-10)
+    if pose.frame == "robot":
+        with pytest.raises(ContactError, match="in the frame 'robot': give the pose of the object"):
+            read_poses(path, hand=poses.hand)  # type: ignore[arg-type]
+
+
+def test_formats_in_the_objects_frame_refuse_another_but_not_what_was_read_from_one(
+    tmp_path: Path,
+) -> None:
+    poses = GraspPoses(
+        poses=np.eye(4), outcome=1.0, scores=0.5, opening=0.05, unit="m", hand=FRANKA
+    )
+    for name in sorted(set(SUFFIX) - FRAME_FORMATS):
+        path = tmp_path / f"{name}.{SUFFIX[name]}"
+        with pytest.raises(SettingError, match=f"{name} files have poses in the object's frame"):
+            write_poses(path, poses, format=name, object_pose="x=1m")  # type: ignore[arg-type]
+        assert not path.exists()
+        remembered = replace(poses, object_pose=ObjectPose.of("x=1m"))
+        write_poses(path, remembered, format=name)  # type: ignore[arg-type]
+        equal(read_poses(path, format=name, hand=FRANKA).poses, poses.poses)  # type: ignore[arg-type]
+
+
+@cache
+def box() -> GraspTable:
+    """Grasps of a box of 80 x 50 x 30 mm, in millimetres."""
+    mesh = grasp3d.load_mesh(shapes.box((80.0, 50.0, 30.0)), unit="mm", max_edge=20.0)
+    return grasp3d.best_grasps(grasp3d.label_surface(mesh, hand=FRANKA), 3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", ["json", "csv"])
+def test_contacts_in_the_robots_frame_are_where_the_box_stands(tmp_path: Path, suffix: str) -> None:
+    grasps, path = box(), tmp_path / f"box.{suffix}"
+    write_grasps(path, grasps, object_pose=TEXT)
+    if suffix == "json":
+        document = json.loads(path.read_text(encoding="utf-8"))
+        assert "frame=base_link" in document["grasp3d"]["object_pose"]
+        assert "frame of a robot" in document["grasp3d"]["frame"]
+        points = [[contact["point"] for contact in one["contacts"]] for one in document["grasps"]]
+        normals = [[contact["normal"] for contact in one["contacts"]] for one in document["grasps"]]
+    else:
+        table = pc.read_csv(path).to_pandas()
+        assert table["object_pose"].str.endswith("frame=base_link").all()
+        each = [[f"{axis}{number}" for axis in "xyz"] for number in (1, 2)]
+        points = np.stack([table[names] for names in each], axis=1)
+        normals = np.stack([table[[f"n{name}" for name in names]] for names in each], axis=1)
+    x, y, z = np.moveaxis(grasps.contacts.points, 2, 0)
+    # A quarter turn about z, then to (400, -50, 100) mm.
+    equal(points, np.stack([400.0 - y, x - 50.0, z + 100.0], axis=2), 1e-10)
+    nx, ny, nz = -np.moveaxis(grasps.contacts.normals, 2, 0)
+    equal(normals, np.stack([-ny, nx, nz], axis=2), 1e-12)
+    # The closing axis joins the contacts there, too.
+    poses = grasps.poses_in(TEXT)
+    across = np.diff(np.array(points), axis=1)[:, 0]
+    equal(across / np.linalg.norm(across, axis=1, keepdims=True), poses[:, :3, 0], 1e-6)
+
+
+@pytest.mark.slow
+def test_poses_in_are_in_metres_whatever_the_unit(tmp_path: Path) -> None:
+    grasps = box()
+    in_metres = poses_of(grasps).in_unit("m").poses
+    for given_pose in (TEXT, QUARTER, ObjectPose.of(TEXT)):
+        equal(grasps.poses_in(given_pose), QUARTER @ in_metres, 1e-15)
+        equal(poses_of(grasps).poses_in(given_pose), QUARTER @ in_metres, 1e-15)
+    write_grasps(tmp_path / "box.json", grasps, object_pose=QUARTER)
+    results = grasp3d.evaluate_grasps(grasps.mesh, poses_of(grasps), hand=FRANKA)
+    read = grasp3d.evaluate_grasps(grasps.mesh, read_grasps(tmp_path / "box.json"), hand=FRANKA)
+    assert isinstance(read, EvaluatedPoses)
+    equal(results.poses_in(TEXT), QUARTER @ in_metres, 1e-14)
+    assert np.array_equal(read.label, results.label)
+    equal(read.critical_angle, results.critical_angle, 1e-6)
+    write_grasps(tmp_path / "results.json", read)  # in the frame that the poses were read in
+    stated = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["grasps"][0]
+    equal(np.array(stated["pose"])[:3, 3] / 1000.0, grasps.poses_in(TEXT)[0, :3, 3], 1e-12)
+
+
+def test_poses_without_a_gripper_or_unit_are_in_no_robots_frame(tmp_path: Path) -> None:
+    mesh = grasp3d.load_mesh(shapes.box(), max_edge=0.5)
+    grasps = grasp3d.best_grasps(grasp3d.label_surface(mesh), 1)
+    for attempt in (
+        lambda: grasps.poses_in(TEXT),
+        lambda: write_grasps(tmp_path / "a.json", grasps, object_pose=TEXT),
+    ):
+        with pytest.raises(SettingError, match="the grasps have no poses: label the surface with"):
+            attempt()
+    for attempt in (
+        lambda: GraspPoses(poses=np.eye(4)).poses_in(TEXT),
+        lambda: write_grasps(tmp_path / "a.json", GraspPoses(poses=np.eye(4)), object_pose=TEXT),
+    ):
+        with pytest.raises(ContactError, match="the unit of the poses is not known"):
+            attempt()
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("matrix", "message"),
+    [
+        (np.eye(3), r"4x4 matrices, shape \(k, 4, 4\)"),
+        (np.stack([np.eye(4)] * 2), "object's pose"),
+        (np.diag([1.0, 1.0, -1.0, 1.0]), r"is left-handed \(determinant -1\): one axis"),
+        (np.diag([1000.0] * 3 + [1.0]), "is a scale contained"),
+        (np.eye(4) + np.eye(4, k=1) * 0.1, "no rotation|last row"),
+        (QUARTER.T, "is it transposed"),
+        (np.full((4, 4), math.nan), "not finite"),
+        (np.eye(4) + 400.0 * np.eye(4, k=3), "400 m away from the robot, as if millimetres"),
+    ],
+)
+def test_matrices_that_are_no_pose_are_refused(matrix: np.ndarray, message: str) -> None:
+    with pytest.raises(ContactError, match=message):
+        ObjectPose.of(matrix)
