@@ -312,6 +312,7 @@ def _fractions_of(model: GraspModel, angles: AngleDistribution) -> AreaFractions
 def _best_grasps(labels: "SurfaceLabels", count: int) -> tuple[BestGrasp, ...]:
     """Best distinct grasps of a surface, as they are stored in its row."""
     from grasp3d.grasps.distinct import best_grasps
+    from grasp3d.grasps.ranking import stated_label
     from grasp3d.surface.vertex_grasps import Reason
 
     if not count or not np.any(labels.reason == Reason.FOUND):
@@ -321,9 +322,10 @@ def _best_grasps(labels: "SurfaceLabels", count: int) -> tuple[BestGrasp, ...]:
     contacts = best.contacts.surface_points
     vertices = labels.mesh.faces[contacts.faces[:, 0], contacts.weights[:, 0].argmax(axis=1)]
     names, reach = [label.name for label in sorted(Label)], best.reach
+    codes = stated_label(best, best.closed)
     return tuple(
         BestGrasp(
-            label=names[best.label[number]],
+            label=names[codes[number]],
             **({} if reach is None else _pose_values(reach, number)),
             critical_angle=float(best.critical_angle[number]),
             max_resolution=float(best.max_resolution[number]),

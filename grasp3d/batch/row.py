@@ -59,7 +59,8 @@ class BestGrasp:
     normals: tuple[tuple[float, float, float], ...]
     """Outward unit normals at the contact points."""
     label: str = ""
-    """S, M or U."""
+    """S, M or U: with force where a load with mass and force is stated, else with a gripper at what
+    its jaws touch."""
     pose: tuple[float, ...] = ()
     """With a gripper: the rows of the 4 x 4 matrix from its frame to the mesh's, 16 numbers."""
     pregrasp_opening: float | None = None

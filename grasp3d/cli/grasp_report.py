@@ -33,6 +33,7 @@ from grasp3d.cli.report import (
 )
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
+from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.object_pose import ObjectPose
@@ -72,7 +73,7 @@ _CONTACTS = {
 
 
 def print_evaluated(grasps: GraspTable, output: Path) -> None:
-    """Print the number of grasps of each label, and a table of the first grasps.
+    """Print the number of grasps of each label, and a table of the best grasps.
 
     Args:
         grasps: Evaluated grasps.
@@ -92,7 +93,7 @@ def print_evaluated(grasps: GraspTable, output: Path) -> None:
     report.paragraph(_distance_text(grasps))
     print_load(report, grasps.holding)
     report.warnings(mesh.report.warnings)
-    _print_first(report, [*_columns(grasps), *_conditional_columns(grasps, distances=True)], grasps)
+    _print_some(report, [*_columns(grasps), *_conditional_columns(grasps, distances=True)], grasps)
     report.line(_legend(grasps))
     report.written(output)
 
@@ -123,7 +124,7 @@ def print_best(
         what = "best distinct grasp" if grasps.size == 1 else f"{grasps.size} best distinct grasps"
         report.paragraph(f"the {what}:")
         columns = [*_columns(grasps), *_conditional_columns(grasps)]
-        report.table(table_of_columns(columns, grasps.size), whole=True)
+        report.table(table_of_columns(columns, range(grasps.size)), whole=True)
         report.line(_legend(grasps))
         if grasps.has_poses:
             _print_frame(report, object_pose, grasps)
@@ -141,7 +142,7 @@ def print_best(
 
 
 def print_poses(poses: EvaluatedPoses, output: Path) -> None:
-    """Print the numbers of poses by label and by what the jaws do, and the first poses.
+    """Print the numbers of poses by label and by what the jaws do, and the best poses.
 
     Args:
         poses: Evaluated poses.
@@ -160,7 +161,7 @@ def print_poses(poses: EvaluatedPoses, output: Path) -> None:
         report.line(_outcomes(poses))
     print_load(report, poses.holding)
     report.warnings(poses.warnings)
-    _print_first(report, _pose_columns(poses), poses)
+    _print_some(report, _pose_columns(poses), poses)
     report.line(f"{_added_legend(poses)}{_POSES_LEGEND}{mesh.unit}")
     _print_frame(report, poses.given.object_pose, poses)
     report.written(output)
@@ -191,13 +192,16 @@ def print_metrics(metrics: MetricValues, unit: str | None) -> None:
         report.lines(lines, f"{metric.name} undefined:")
 
 
-def _print_first(
+def _print_some(
     report: Report, columns: Sequence[Column], grasps: GraspTable | EvaluatedPoses
 ) -> None:
-    """Print a table of the first grasps."""
+    """Print a table of the grasps; of many those to be taken first."""
+    rows = np.arange(grasps.size)
     if grasps.size > MAX_ROWS:
-        report.paragraph(f"the first {MAX_ROWS} of {grasps.size}:")
-    report.table(table_of_columns(columns, min(MAX_ROWS, grasps.size)), whole=True)
+        ranked = ranked_rows(grasps)
+        rows = np.concatenate([ranked, np.setdiff1d(rows, ranked)])[:MAX_ROWS]
+        report.paragraph(f"the best {MAX_ROWS} of {grasps.size}:")
+    report.table(table_of_columns(columns, rows), whole=True)
 
 
 def _number_of(count: int, total: int) -> tuple[str, str]:

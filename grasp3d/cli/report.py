@@ -152,14 +152,14 @@ def table_of(
     return table
 
 
-def table_of_columns(columns: Sequence[Column], count: int) -> "Table":
+def table_of_columns(columns: Sequence[Column], which: Iterable[int]) -> "Table":
     """Make a table of numbers from its columns.
 
     Args:
         columns: Their headings and cells.
-        count: Number of rows.
+        which: The rows.
     """
-    rows = ([cell(row) for _, cell in columns] for row in range(count))
+    rows = ([cell(row) for _, cell in columns] for row in which)
     return table_of([heading for heading, _ in columns], rows, texts=0)
 
 

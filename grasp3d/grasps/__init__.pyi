@@ -7,6 +7,9 @@ from .grasp_files import poses_of as poses_of
 from .grasp_files import read_grasps as read_grasps
 from .grasp_files import write_grasps as write_grasps
 from .poses import GraspPoses as GraspPoses
+from .ranking import margins_in_units as margins_in_units
+from .ranking import ranked_rows as ranked_rows
+from .ranking import stated_label as stated_label
 from .verdict import HoldingVerdict as HoldingVerdict
 from .verdict import Verdict as Verdict
 from .verdict import verdict_of as verdict_of

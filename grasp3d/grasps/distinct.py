@@ -11,14 +11,12 @@ from scipy.sparse.csgraph import connected_components
 
 from grasp3d.arrays import Bools, Floats, Ints, locked
 from grasp3d.errors import SettingError
+from grasp3d.grasps.ranking import ranked_rows, stated_label
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import Sampling
-from grasp3d.stability.label import Label
-from grasp3d.surface.closed_grasps import UNKNOWN
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.critical_angles import critical_angles
-from grasp3d.surface.grasp_numbers import located_angles_of
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.sampling.pair_limits import Ranking, largest_cost, pair_limits
@@ -28,12 +26,9 @@ from grasp3d.surface.vertex_grasps import Reason
 DISTINCT = 1.0 / 8.0
 """Distance of corresponding contacts, in object sizes, from which grasps are distinct."""
 
-ANGLE_STEP = math.radians(1.0)
-"""Critical angles are compared in steps of this size [rad]; within a step the approach margin
-decides if there is a gripper, and then epsilon."""
-
-MARGIN_STEP = math.radians(15.0)
-"""Approach margins are compared in steps of this size [rad]."""
+CANDIDATES = 0.7
+"""Distance of grasps at which jaws are closed, relative to that of distinct ones: where the better
+of two neighbours is worse after closing, the other one is not lost."""
 
 SMALL_KIND = 0.002
 """Area fraction up to which the grasps of one kind count as one of many others."""
@@ -45,19 +40,14 @@ MAX_PERMUTED = 5
 def best_grasps(labels: SurfaceLabels, count: int, *, distance: float | None = None) -> GraspTable:
     """The best distinct grasps of a labelled surface, best first.
 
-    The grasps are those of the vertices. Better is the smaller critical friction angle in whole
-    degrees, then, with a gripper, the larger approach margin in steps of 15 degrees, and then the
-    larger epsilon. A grasp is omitted if its contacts can be matched with those of a better one so
-    that all pairs are nearer than `distance` (non-maximum suppression).
+    The grasps are those of the vertices, in the order of `ranked_rows`. A grasp is omitted if its
+    contacts can be matched with those of a better one so that all pairs are nearer than `distance`
+    (non-maximum suppression).
 
-    With a gripper of two fingers the jaws then close on a free object at the poses of all that
-    remain, as in `evaluate_grasps`: first come those with the better label at what the jaws touch,
-    `closed`, then those with the better label of the vertex. An internal grasp, which is not
-    closed, counts as M at most. Among grasps of the same labels their kinds take turns, see
-    `grasp_kinds`: first comes the best one of each kind, then the second one of each, and so on.
-
-    With a load whose mass and force are known, grasps that hold it come before all others: those
-    with the better `holding.label`.
+    With a gripper of two fingers the jaws close on a free object at the poses of the candidates, as
+    in `evaluate_grasps`, before they are ranked: labels, margins and forces that count are those at
+    what the jaws touch, `closed` and `holding`. Of grasps with the same label as many kinds as
+    possible are in the list, see `grasp_kinds`.
 
     Args:
         labels: The labelled surface.
@@ -67,7 +57,7 @@ def best_grasps(labels: SurfaceLabels, count: int, *, distance: float | None = N
 
     Returns:
         At most `count` grasps, each with its first contact at a vertex; with a gripper also how it
-        reaches them, `reach`, and what its jaws touch there, `closed`.
+        reaches them, `reach`, what its jaws touch there, `closed`, and `holding` at that.
 
     Raises:
         SettingError: A count below 1, or a distance that is not a finite length.
@@ -86,14 +76,20 @@ def best_grasps(labels: SurfaceLabels, count: int, *, distance: float | None = N
     limit = distance_of_distinct(labels.mesh) if distance is None else distance
     if not (limit >= 0.0 and math.isfinite(limit)):
         raise SettingError(f"distance must be a finite length of at least 0; got {limit:g}")
-    rows = ranked_rows(labels.grasps)
-    points = labels.grasps.contacts.take(rows).points
+    grasps = labels.grasps
     if labels.reach is None:
-        return labels.grasps.take(rows[distinct_rows(points, count, limit)]).whole()
-    rows = rows[distinct_rows(points, len(points), limit)]
-    candidates = labels.grasps.take(rows)
-    kinds = _large_kinds(labels)[labels.vertices[rows]]
-    return candidates.take(_in_turns(candidates, kinds)[:count]).whole()
+        rows = ranked_rows(grasps)
+        points = grasps.contacts.take(rows).points
+        return grasps.take(rows[distinct_rows(points, count, limit)]).whole()
+    near = limit * CANDIDATES
+    rows = ranked_rows(grasps)
+    rows = rows[distinct_rows(grasps.contacts.take(rows).points, len(rows), near)]
+    candidates = grasps.take(rows).after_closing()
+    order = ranked_rows(candidates, candidates.closed)
+    order = order[distinct_rows(candidates.contacts.take(order).points, len(order), limit)]
+    kinds = _large_kinds(labels)[labels.vertices[rows[order]]]
+    ranked = candidates.take(order)
+    return ranked.take(_in_turns(ranked, kinds, count)).whole()
 
 
 def distance_of_distinct(mesh: ObjectMesh) -> float:
@@ -101,42 +97,20 @@ def distance_of_distinct(mesh: ObjectMesh) -> float:
     return DISTINCT * mesh.size
 
 
-def ranked_rows(grasps: GraspTable) -> Ints:
-    """Rows of the grasps of a surface, best first; computes epsilon.
+def _in_turns(ranked: GraspTable, kinds: Ints, count: int) -> Ints:
+    """The rows of a list of grasps, of which as many kinds as possible are in it, best first.
 
-    With a load whose mass and force are known also the grip forces.
+    Kinds take turns among grasps of the same label.
+
+    Args:
+        ranked: Grasps, best first.
+        kinds: Their kinds, shape (b,).
+        count: Length of the list.
     """
-    angles, _ = grasps.located_angles
-    step = np.floor(angles / ANGLE_STEP)
-    margin = np.zeros(grasps.size)
-    if grasps.reach is not None:
-        margin = np.floor(np.nan_to_num(grasps.reach.approach_margin) / MARGIN_STEP)
-    quality = np.nan_to_num(grasps.epsilon)
-    order = np.lexsort((np.arange(grasps.size), -quality, -margin, step, -_held(grasps)))
-    return np.asarray(order[np.isfinite(angles[order])])
-
-
-def _held(grasps: GraspTable) -> Ints:
-    """Codes of the labels with force (b,); 0 where the load is not known."""
-    codes = None if grasps.holding is None else grasps.holding.label
-    return np.zeros(grasps.size, np.int64) if codes is None else codes.astype(np.int64)
-
-
-def _in_turns(grasps: GraspTable, kinds: Ints) -> Ints:
-    """Order of grasps, given best first, with the kinds taking turns among those alike in labels.
-
-    The label with force comes first, then that after closing, where a grasp that is not closed is M
-    at most, then that of the vertex.
-    """
-    own, after = grasps.label.astype(np.int64), np.zeros(grasps.size, np.int64)
-    if grasps.closed is not None:
-        unknown = grasps.closed.label == UNKNOWN
-        after = np.where(unknown, np.minimum(own, Label.M), grasps.closed.label)
-    codes = own + len(Label) * (after + len(Label) * _held(grasps))
-    turn = np.zeros(grasps.size, dtype=np.int64)
-    for row in range(grasps.size):
+    codes, turn = stated_label(ranked, ranked.closed), np.zeros(ranked.size, dtype=np.int64)
+    for row in range(ranked.size):
         turn[row] = np.sum((kinds[:row] == kinds[row]) & (codes[:row] == codes[row]))
-    return np.lexsort((np.arange(grasps.size), turn, -codes))
+    return np.sort(np.lexsort((np.arange(ranked.size), turn, -codes))[:count])
 
 
 def _large_kinds(labels: SurfaceLabels) -> Ints:
@@ -312,15 +286,14 @@ def _grasps(labels: SurfaceLabels, vertex: int, points: SurfacePoints, signs: In
     )
     reach = scene.reach(mesh, contacts.points, contacts.normals, grip=signs)
     worst, best = critical_angles(contacts)
-    located, _ = located_angles_of(contacts, (worst, best), labels.model)
-    order = np.argsort(located, kind="stable")
-    order = order[reach.reached[order]]
-    return GraspTable(
-        contacts=contacts.take(order),
+    grasps = GraspTable(
+        contacts=contacts,
         model=labels.model,
-        critical_angle=locked(worst[order]),
-        critical_angle_best=locked(best[order]),
+        critical_angle=locked(worst),
+        critical_angle_best=locked(best),
         scene=scene,
-        reach=reach.take(order),
+        reach=reach,
         load=labels.load,
     )
+    rows = ranked_rows(grasps)
+    return grasps.take(rows[reach.reached[rows]])

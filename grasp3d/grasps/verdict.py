@@ -6,7 +6,8 @@ from typing import Literal
 
 import numpy as np
 
-from grasp3d.grasps.distinct import distance_of_distinct, distinct_rows, ranked_rows
+from grasp3d.grasps.distinct import distance_of_distinct, distinct_rows
+from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.hand.reach import Reachability
 from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskText

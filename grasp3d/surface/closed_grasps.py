@@ -17,6 +17,7 @@ from grasp3d.stability.thresholds import label_angles, margins
 from grasp3d.surface.contacts import JawContacts
 from grasp3d.surface.extreme_normals import hull_labels
 from grasp3d.surface.grasp_numbers import located_angles_of
+from grasp3d.surface.holding import Holding
 from grasp3d.surface.rows import NO_ROW, rows_where, spread
 from grasp3d.system.context import report_progress, within
 
@@ -73,6 +74,20 @@ class ClosedGrasps:
             row=rows_where(has_row),
             jaws=None if self.jaws is None or not has_row.any() else self.jaws.take(row[has_row]),
         )
+
+    def with_forces(self, holding: Holding, forces: Holding) -> Holding:
+        """Forces and payloads where the jaws touch; where they do not close, none suffices.
+
+        Args:
+            holding: Those of the grasps of ideal points (b,), which stay where it is not known what
+                the jaws touch.
+            forces: Those at the contacts of all grasps whose jaws close.
+        """
+        assert self.jaws is not None
+        row = spread(rows_where(self.jaws.closed), self.row, NO_ROW)
+        after, known = forces.spread(row), self.row != NO_ROW
+        lost = known & (row == NO_ROW)
+        return holding.replaced(known, after).replaced(lost, Holding.failed(holding.case, len(row)))
 
     def note(self, labels: Bytes) -> str:
         """A sentence if the closed jaws confirm none of the labels S and M; else empty.

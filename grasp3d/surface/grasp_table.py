@@ -31,7 +31,7 @@ from grasp3d.stability.located_angles import ContactLimits
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.closed_grasps import ClosedGrasps, close_on
-from grasp3d.surface.contacts import GraspContacts
+from grasp3d.surface.contacts import GraspContacts, JawContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.extreme_normals import hull_labels
 from grasp3d.surface.fields import CONTACTS, GRASPS, Field, columns_of, present
@@ -366,13 +366,29 @@ class GraspTable(LabelledGrasps):
         return table
 
     def whole(self) -> "GraspTable":
-        """The grasps as given by their contacts: with the angles of these, over all normals."""
+        """The grasps as given by their contacts: with the angles of these, over all normals.
+
+        What is known of them after closing stays.
+        """
         worst, best = critical_angles(self.contacts)
         table = replace(
             self, critical_angle=worst, critical_angle_best=best, best_normals=None, points=None
         )
         if "closed" in vars(self):
-            vars(table)["closed"] = self.closed
+            vars(table).update(closed=self.closed, holding=self.holding)
+        return table
+
+    def after_closing(self) -> "GraspTable":
+        """The same with `closed` computed, and with the forces of a load at what the jaws touch.
+
+        They are those at the contacts where it is not known what the jaws touch.
+        """
+        closed, case, holding = self.closed, self.load_case, self.holding
+        if closed is None or closed.jaws is None or case is None or holding is None:
+            return self
+        table, contacts = self.take(np.arange(self.size)), JawContacts.of(self.mesh, closed.jaws)
+        forces = surface_holding(contacts, self.model, case)
+        vars(table)["holding"] = closed.with_forces(holding, forces)
         return table
 
     def using(self, **changed: Any) -> "GraspTable":

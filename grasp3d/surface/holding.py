@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts
 from grasp3d.quality.force_ranges import Certainty, ForceRange, force_range, payload
 from grasp3d.quality.grip_forces import Resistance
@@ -82,6 +82,17 @@ class Holding:
         unknown, codes = locked(np.full(size, np.nan)), locked(np.zeros(size, dtype=np.uint8))
         return cls(case, unknown, unknown, unknown, unknown, codes, "exact")
 
+    @classmethod
+    def failed(cls, case: LoadCase, size: int) -> "Holding":
+        """Rows of grasps that no force makes hold anything."""
+        none = cls.none(case, size)
+        forces = locked(np.full(size, np.inf))
+        payload = locked(np.zeros(size)) if none.has_payload else none.payload
+        return replace(
+            none, grip_force=forces, grip_force_least=forces, grip_force_largest=forces,
+            payload=payload,
+        )  # fmt: skip
+
     @property
     def load(self) -> Load:
         """The load as it was given."""
@@ -142,6 +153,11 @@ class Holding:
         row = np.full(size, NO_ROW)
         row[rows] = np.arange(len(rows))
         return self.spread(row)
+
+    def replaced(self, where: Bools, other: "Holding") -> "Holding":
+        """The same with the rows of another one, of as many grasps, at a mask of shape (b,)."""
+        both = {name: (values, getattr(other, name)) for name, values in self._arrays().items()}
+        return self._with({name: np.where(where, new, old) for name, (old, new) in both.items()})
 
     def spread(self, row: Ints) -> "Holding":
         """The rows at the places that have them.

@@ -111,7 +111,7 @@ def test_all_metrics_of_three_fingers_are_written(folder: Path) -> None:
 def test_of_many_grasps_only_the_first_are_printed(folder: Path) -> None:
     (folder / "many.json").write_text(json.dumps([PAIR] * 200), encoding="utf-8")
     text = printed("evaluate", "my box.stl", "many.json", "-o", "many.csv", cwd=folder)
-    assert "the first 10 of 200" in text
+    assert "the best 10 of 200" in text
     assert len(text.splitlines()) < 30
     assert pc.read_csv(folder / "many.csv").num_rows == 200
 

@@ -16,14 +16,18 @@ from grasp3d import (
     scan_surface,
 )
 from grasp3d.errors import SettingError
-from grasp3d.grasps.distinct import ANGLE_STEP, DISTINCT, best_grasps, matched_distance
+from grasp3d.grasps.distinct import DISTINCT, best_grasps, matched_distance
 from grasp3d.grasps.evaluation import evaluate_grasps
+from grasp3d.grasps.ranking import STEP, margins_in_units
 from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
 
 Floats = NDArray[np.float64]
 
 ALL = 10_000
+
+ANGLE_STEP = 0.5 * STEP * GraspModel().sensor_resolution
+"""Critical angles are compared in steps of this size [rad]."""
 
 
 @cache
@@ -79,9 +83,9 @@ def test_best_grasps_are_distinct_and_every_other_is_near_a_better_one(fingers: 
 
 
 @pytest.mark.parametrize("fingers", [2, 3])
-def test_best_grasps_are_sorted_by_angle_and_then_by_epsilon(fingers: int) -> None:
+def test_best_grasps_are_sorted_by_margin_and_then_by_epsilon(fingers: int) -> None:
     found = best_grasps(labels(fingers), ALL, distance=0.0)
-    step = np.floor(found.critical_angle / ANGLE_STEP)
+    step = -np.floor(margins_in_units(found)["resolution"] / STEP)
     assert found.critical_angle.min() == found.critical_angle[step == step[0]].min()
     # The angles were computed again, within a tolerance.
     assert (np.diff(step) >= -1.0).all()

@@ -9,6 +9,7 @@ import pytest
 
 from grasp3d import (
     GraspModel,
+    Label,
     SurfaceLabels,
     Table,
     best_grasps,
@@ -41,7 +42,8 @@ def test_poses_have_all_that_is_known_of_the_grasps() -> None:
     assert (poses.count, poses.unit, poses.hand.name) == (4, "mm", "franka")
     np.testing.assert_array_equal(poses.poses, best.reach.poses)
     np.testing.assert_array_equal(poses.opening, best.reach.opening)
-    assert poses.columns["label"].tolist() == ["S"] * 4
+    assert poses.columns["label"].tolist() == [Label(code).name for code in best.label]
+    assert poses.columns["closed_label"].tolist() == ["S"] * 4
     np.testing.assert_array_equal(poses.columns["contacts"], best.contacts.points)
     np.testing.assert_array_equal(poses.columns["critical_angle"], best.critical_angle)
     # The closing axis is along the contacts, and the contacts are at the pads.

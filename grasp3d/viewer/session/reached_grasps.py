@@ -1,14 +1,13 @@
 """Grasps that a gripper reaches: alternatives through one vertex, and the best of a surface."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
 from grasp3d.arrays import Ints
 from grasp3d.grasps.distinct import alternatives_at, distance_of_distinct, distinct_rows
+from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.context import report_progress
 from grasp3d.viewer.subjects.gripper_pose import has_pose
 from grasp3d.viewer.subjects.subject import Alternatives, Subject
@@ -18,10 +17,6 @@ MOST = 5
 
 SAME = 1e-3
 """Distance of contacts up to which two grasps are the same, in object sizes."""
-
-ANGLE_STEP = math.radians(1.0)
-"""Critical angles are compared in steps of this size [rad]; within one the approach margin
-decides."""
 
 
 def find_alternatives(subject: Subject, vertex: int) -> Subject:
@@ -50,21 +45,14 @@ def is_reached(subject: Subject, vertex: int) -> bool:
 
 
 def best_vertices(subject: Subject, count: int) -> Ints:
-    """Vertices of the best distinct grasps, best first; with a gripper, of those that it reaches.
-
-    Better is the smaller critical friction angle in whole degrees, then the larger approach margin.
-    """
-    labels = subject.labels
-    margins = (
-        np.zeros(len(labels.row)) if labels.approach_margin is None else labels.approach_margin
-    )
-    vertices = np.flatnonzero(np.isfinite(margins) & (labels.likely_reason == Reason.FOUND))
-    angles = np.floor(labels.critical_angle[vertices] / ANGLE_STEP)
-    ranked = vertices[np.lexsort((-margins[vertices], angles))]
-    points = subject.mesh.vertices[ranked, None]
-    if labels.partners is not None:
-        points = np.concatenate([points, labels.partners[ranked]], axis=1)
-    return ranked[distinct_rows(points, count, distance_of_distinct(subject.mesh))]
+    """Vertices of the best distinct grasps, in the order of `ranked_rows`; computes epsilon."""
+    grasps = subject.labels.grasps
+    rows = ranked_rows(grasps)
+    vertices, near = subject.labels.vertices[rows], distance_of_distinct(subject.mesh)
+    points = subject.mesh.vertices[vertices, None]
+    if subject.labels.partners is not None:
+        points = grasps.positions[rows]
+    return vertices[distinct_rows(points, count, near)]
 
 
 def _others(subject: Subject, vertex: int, grasps: GraspTable) -> Ints:

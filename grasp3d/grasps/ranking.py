@@ -1,0 +1,167 @@
+"""Which grasp is to be taken first: the one order of grasps, for lists, tables and pictures."""
+
+import math
+
+import numpy as np
+
+from grasp3d.arrays import Floats, Ints
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.hand.closed_jaws import ClosedJaws
+from grasp3d.hand.jaws import Jaws
+from grasp3d.settings import GraspModel
+from grasp3d.settings.lengths import METRES
+from grasp3d.stability.label import Label
+from grasp3d.surface.closed_grasps import UNKNOWN, ClosedGrasps
+from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.rows import NO_ROW
+
+RESOLUTION = GraspModel().sensor_resolution
+"""Unit of the resolution to spare, where the sensor's own resolution is 0 [rad]."""
+
+APPROACH = math.radians(15.0)
+"""Unit of the approach margin [rad]: an error of the approach that a robot must be allowed."""
+
+PLACE = 0.005
+"""Unit of the distance of contacts from the border of the pads [m]: an error of the place that a
+robot must be allowed."""
+
+FORCE = 10.0
+"""Force of each finger [N] that stands for the one at hand where none is stated."""
+
+STEP = 0.1
+"""Margins are compared in steps of this size, in their units; within one step epsilon decides."""
+
+LEAST = 1e-6
+"""Fraction of a step by which rounding errors do not make a margin belong to the step below."""
+
+
+def ranked_rows(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None = None) -> Ints:
+    """Rows of grasps, the one to be taken first at the front; computes epsilon and grip forces.
+
+    Grasps are compared by, one after the other:
+
+    1. The label that takes everything stated into account, `stated_label`. What the gripper does
+       not reach, or collides at, comes last.
+    2. How robustly they can be executed: their margins in `margins_in_units`, in steps of a tenth.
+       The smallest margins of two grasps are compared first, whichever they are, and where they
+       are equal the second smallest ones, and so on.
+    3. Epsilon, and then the margins within a step.
+
+    So no grasp comes after one that is no better in any of these, and worse in one.
+
+    Args:
+        grasps: Grasps, or poses of a gripper.
+        closed: What its jaws touch at the grasps; None: ideal points, or poses, which have `jaws`.
+
+    Returns:
+        Rows of those that have a critical angle, shape (r,).
+    """
+    angles, _ = grasps.located_angles
+    margins = np.sort(np.stack(list(margins_in_units(grasps, closed).values()), axis=1), axis=1)
+    steps = np.floor(margins / STEP + LEAST)
+    keys = [
+        -_executable(grasps),
+        -stated_label(grasps, closed),
+        *-steps.T,
+        -_epsilon(grasps),
+        *-margins.T,
+    ]
+    order = np.lexsort([np.arange(len(angles)), *reversed(keys)])
+    return np.asarray(order[np.isfinite(angles[order])])
+
+
+def stated_label(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None = None) -> Ints:
+    """`Label` codes that take everything stated into account, shape (b,).
+
+    With a load whose mass and force are known that is the label with force; else where jaws have
+    been closed that at what they touch, and where this is not known, as for fingers that push
+    outward, M at most; else that of the grasp. Arguments as in `ranked_rows`.
+    """
+    if grasps.holding is not None and grasps.holding.label is not None:
+        return grasps.holding.label.astype(np.int64)
+    own = grasps.label.astype(np.int64)
+    if closed is None:
+        return own
+    return np.where(closed.label == UNKNOWN, np.minimum(own, Label.M), closed.label)
+
+
+def margins_in_units(
+    grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None = None
+) -> dict[str, Floats]:
+    """How far grasps are from failing, in units of what is stated or of documented errors.
+
+    resolution: What the sensor's resolution may still grow by, in units of it; where jaws have been
+    closed that at what they touch. approach: How far the approach may turn, in units of 15 degrees.
+    place: Distance of the contacts from the border of flat pads, in units of 5 mm. load: Payload
+    beyond the mass, in units of it, or of 1 kg where the task does not state one; of a task without
+    a mass the force at hand beyond that which is needed, in units of it. Arguments as in
+    `ranked_rows`.
+
+    Returns:
+        Shape (b,) each, -inf where a grasp cannot be executed; without those that do not apply.
+    """
+    spare = 2.0 * grasps.margin
+    if closed is not None:
+        spare = np.where(closed.label == UNKNOWN, spare, 2.0 * closed.margin)
+    margins = {"resolution": spare / (grasps.model.sensor_resolution or RESOLUTION)}
+    if isinstance(grasps, GraspTable) and grasps.has_poses and grasps.reach is not None:
+        margins["approach"] = grasps.reach.approach_margin / APPROACH
+    if grasps.scene is not None and (jaws := grasps.scene.jaws) and not jaws.round_tips:
+        margins["place"] = _place(grasps, closed, jaws) / PLACE
+    if (holding := grasps.holding) is not None:
+        if holding.has_payload:
+            margins["load"] = holding.payload / (holding.mass or 1.0) - 1.0
+        else:
+            needed = np.maximum(holding.grip_force_largest, np.finfo(float).tiny)
+            margins["load"] = (holding.available or FORCE) / needed - 1.0
+    return {name: np.where(np.isnan(values), -math.inf, values) for name, values in margins.items()}
+
+
+def _executable(grasps: GraspTable | EvaluatedPoses) -> Ints:
+    """Whether the gripper reaches the grasps without collision, 1 or 0, shape (b,)."""
+    if isinstance(grasps, EvaluatedPoses):
+        return grasps.reachable.astype(np.int64)
+    reach = grasps.reach
+    return np.ones(grasps.size, np.int64) if reach is None else reach.reached.astype(np.int64)
+
+
+def _epsilon(grasps: GraspTable | EvaluatedPoses) -> Floats:
+    """Epsilon; 0 where it is not known."""
+    epsilon: Floats | None = grasps.epsilon  # a file may lack it
+    return np.zeros(grasps.size) if epsilon is None else np.nan_to_num(epsilon)
+
+
+def _place(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None, jaws: Jaws) -> Floats:
+    """Distance of the contacts from the border of flat pads [m], below 0 beside them, shape (b,).
+
+    The smallest of both jaws, along the axis y and z of the gripper. Where the jaws have not been
+    closed, ideal contacts are on the line between the fingers.
+    """
+    metres = METRES[grasps.mesh.unit or "m"]
+    half = 0.5 * np.array([jaws.pad_width, jaws.pad_height])
+    place = np.full(grasps.size, math.nan)
+    if isinstance(grasps, EvaluatedPoses):
+        return _to_border(grasps.jaws, half, metres)
+    if grasps.reach is not None:
+        along = half[1] - metres * grasps.reach.depth
+        place = np.minimum(half[0], half[1] - np.abs(along))
+    if closed is not None and closed.jaws is not None:
+        has_row = closed.row != NO_ROW
+        place[has_row] = _to_border(closed.jaws, half, metres)[closed.row[has_row]]
+    return place
+
+
+def _to_border(closed: ClosedJaws, half: Floats, metres: float) -> Floats:
+    """Least distance of the contacts of closed jaws from the border of their pads [m].
+
+    Args:
+        closed: Where they touch, k rows.
+        half: Half the sizes of a pad along y and z [m].
+        metres: Metres per unit of the mesh.
+
+    Returns:
+        Shape (k,), nan where a jaw touches nothing.
+    """
+    arms = closed.points - closed.poses[:, None, :3, 3]  # (k, n, 3)
+    local = metres * (arms[:, :, None] @ closed.poses[:, None, :3, 1:3])[:, :, 0]
+    return np.asarray((half - np.abs(local)).min(axis=(1, 2)))
