@@ -25,5 +25,9 @@ class SearchCoverageError(GraspError):
     """A result that would need grasps outside the cone that was searched."""
 
 
+class WarningError(GraspError):
+    """What is a warning otherwise, where warnings are errors: `running(strict=True)`, --strict."""
+
+
 class OutputError(GraspError):
     """A result that cannot be written to the requested path."""

@@ -16,7 +16,7 @@ from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.plan import Job
 from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
 from grasp3d.batch.storage import local_copy
-from grasp3d.errors import GraspError, MeshUnreadError, OutputError
+from grasp3d.errors import GraspError, MeshUnreadError, OutputError, WarningError
 from grasp3d.reading.gltf import side_names
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, search_cone
 from grasp3d.settings.costs import labelling_cost
@@ -72,6 +72,8 @@ def label_job(job: Job, settings: BatchSettings, *, force: bool = False) -> Row 
             row = _labelled(path, job, settings, row, force=force)
     except (OutputError, MeshUnreadError) as error:  # may pass by itself
         row = replace(row, outcome=Outcome.LOST, error=str(error))
+    except WarningError as error:  # no error of another run, which may not be strict
+        row = replace(row, outcome=Outcome.REFUSED, content="", error=str(error))
     except GraspError as error:
         row = replace(row, outcome=Outcome.REFUSED, error=str(error))
     return replace(row, seconds=time.perf_counter() - begun)

@@ -19,6 +19,7 @@ from grasp3d.batch.storage import Folder, local_path
 from grasp3d.batch.store import Store
 from grasp3d.batch.warmup import Kernels
 from grasp3d.errors import OutputError
+from grasp3d.system.context import is_strict
 
 REPORT = "report/index.html"
 
@@ -206,11 +207,16 @@ def _jobs_to_run(
 ) -> tuple[list[Job], int]:
     """Jobs for the unfinished meshes, the largest first, and the number of finished meshes.
 
-    A mesh that was refused, perhaps for its lengths, is tried again if this call accepts them.
+    A mesh that was refused, perhaps for its lengths, is tried again if this call accepts them; one
+    with warnings if they are errors.
     """
     jobs = plan(meshes, store.output, earlier=_stems(store.rows))
     if not overwrite:
-        again = _refused(store.rows) if force else set()
+        again = {
+            name
+            for name, row in store.rows.items()
+            if (force and row.outcome is Outcome.REFUSED) or (is_strict() and row.warnings)
+        }
         jobs = [job for job in jobs if job.mesh.name in again or not store.finished(job.mesh)]
         jobs = [
             job
@@ -220,10 +226,6 @@ def _jobs_to_run(
         ]
     jobs.sort(key=lambda job: (-job.mesh.size, job.mesh.name))
     return jobs, len(meshes) - len(jobs)
-
-
-def _refused(rows: Mapping[str, Row]) -> set[str]:
-    return {name for name, row in rows.items() if row.outcome is Outcome.REFUSED}
 
 
 def _rows(

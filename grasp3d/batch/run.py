@@ -5,12 +5,14 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain, islice
 from typing import Generic, TypeVar
 
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.job_requests import JobClient, Request, Result, ResultKind, open_local, versions
 from grasp3d.batch.warmup import Kernels, compile_first, compile_kernels
+from grasp3d.system.context import is_strict, running
 from grasp3d.system.isolation import (
     CallFailure,
     NeedsMemory,
@@ -64,7 +66,7 @@ def run(
         SettingError: No cluster runs at the given address.
         GraspError: The cluster's scheduler is gone, or its workers cannot run the jobs.
     """
-    jobs = iter(jobs)
+    jobs, task = iter(jobs), partial(_strictly, task) if is_strict() else task
     first = list(islice(jobs, 1))
     if not first:
         return
@@ -97,6 +99,12 @@ def run(
             client, lambda job: pickle_call(task, job, settings), template, lost, started
         )
         yield from attempts.rows(chain(first, jobs))
+
+
+def _strictly(task: Callable[[JobT, SettingsT], RowT], job: JobT, settings: SettingsT) -> RowT:
+    """Run a job whose warnings are errors, also in a process of its own."""
+    with running(strict=True):
+        return task(job, settings)
 
 
 def _run_here(

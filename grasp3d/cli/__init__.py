@@ -28,6 +28,7 @@ from grasp3d.cli.streams import (
 from grasp3d.cli.tool_commands import Hand, Paper, Warmup
 from grasp3d.errors import GraspError
 from grasp3d.system import compiling
+from grasp3d.system.context import running
 from grasp3d.system.names import printable
 from grasp3d.system.versions import package_version
 
@@ -149,6 +150,7 @@ def _run(arguments: list[str]) -> int:
         compiling.logger.setLevel(logging.ERROR)
     try:
         module = import_module(f"{__name__}.{type(program.command).__name__.lower()}")
-        return int(module.run(program.command))
+        with running(strict=getattr(program.command, "strict", False)):
+            return int(module.run(program.command))
     finally:
         compiling.logger.setLevel(level)

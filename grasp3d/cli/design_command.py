@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from grasp3d.cli.options import AngleOption, Flag, Force, LengthOption, OutputFile
+from grasp3d.cli.options import AngleOption, Flag, Force, LengthOption, OutputFile, Strict
 from grasp3d.contact.sensor import JointEncoders, radius_of
 from grasp3d.errors import SettingError
 from grasp3d.settings.lengths import Unit, length_in_unit
@@ -206,6 +206,8 @@ class Design:
     """Unit of the printed lengths, and of lengths without a unit."""
 
     force: Force = False
+
+    strict: Strict = False
 
     def __post_init__(self) -> None:
         self._check_tip()

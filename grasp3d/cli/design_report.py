@@ -9,6 +9,7 @@ from grasp3d.cli.design_command import Design
 from grasp3d.cli.report import WARNING, Report, exact_angle, table_of
 from grasp3d.contact.friction_cones import effective_friction
 from grasp3d.contact.sensor import Sensor, resolution_limit
+from grasp3d.system.context import refuse_warnings
 
 ROUNDING = 1e-12
 """Margin up to which a sensor is not fine enough [rad]."""
@@ -78,9 +79,11 @@ def print_sensor(command: Design, sensor: Sensor, frictions: Sequence[float]) ->
         frictions: Coulomb coefficients, above 0.
     """
     size, report = command.length("object_size"), Report()
+    warnings = () if size is None else sensor.warnings(size)
+    refuse_warnings(warnings)
     report.paragraph("[bold]Required friction for this sensor[/]")
     report.fields(_sensor_rows(command, sensor))
-    for warning in () if size is None else sensor.warnings(size):
+    for warning in warnings:
         report.paragraph(f"{WARNING} {warning}")
     _print_notes(report, command)
     if not frictions:

@@ -19,6 +19,7 @@ from grasp3d.cli.options import (
     OutputFile,
     Overwrite,
     Quiet,
+    Strict,
     without,
 )
 from grasp3d.hand.choices import ObjectMotion
@@ -85,6 +86,8 @@ class Evaluate:
     mesh: MeshGroup = field(default_factory=MeshOptions)
 
     force: Force = False
+
+    strict: Strict = False
 
     overwrite: Overwrite = False
 
@@ -160,6 +163,8 @@ class Validate:
     object_motion: ObjectMotion = "free"
     """Whether objects give way to the closing jaws: they settle between them, or do not move."""
 
+    strict: Strict = False
+
     overwrite: Overwrite = False
 
     quiet: Quiet = False
@@ -224,6 +229,8 @@ class Simulate:
     """Which processes simulate, with their limits; each simulates a few grasps at a time."""
 
     force: Force = False
+
+    strict: Strict = False
 
     overwrite: Overwrite = False
 

@@ -92,7 +92,7 @@ def print_evaluated(grasps: GraspTable, output: Path) -> None:
     report.lines(uncertainty_lines(grasps, None, of="grasps", unit=mesh.unit))
     report.paragraph(_distance_text(grasps))
     print_load(report, grasps.holding)
-    report.warnings(mesh.report.warnings)
+    report.warnings(grasps.warnings)
     _print_some(report, [*_columns(grasps), *_conditional_columns(grasps, distances=True)], grasps)
     report.line(_legend(grasps))
     report.written(output)

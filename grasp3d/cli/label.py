@@ -34,9 +34,11 @@ from grasp3d.settings.lengths import Unit
 from grasp3d.settings.model_text import MINIMUM
 from grasp3d.settings.parsing import plain_values
 from grasp3d.surface.area_statistics import vertex_weights
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import Labelling
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.system.context import refuse_warnings
 from grasp3d.system.counts import counted
 from grasp3d.system.files import check_suffix
 from grasp3d.system.names import printable, safe_stem
@@ -66,11 +68,14 @@ def run(command: Label) -> int:
         check_output(path, overwrite=command.overwrite, sources=[command.file])
     with time_limit(command.timeout, printable(str(command.file))):
         labels = _labels(command, (output, *grasp_files[:1]))
+    grasps = best_grasps(labels, command.best) if command.best else None
+    if grasps is not None and grasps.closed is not None:
+        refuse_warnings(filter(None, [grasps.closed.note(grasps.label)]))
     write(output, labels)
     if not command.quiet:
         print_labels(labels, output)
-    if command.best:
-        _write_best(command, labels, grasp_file, command.best)
+    if grasps is not None:
+        _write_best(command, labels, grasp_file, grasps)
     return 0
 
 
@@ -103,13 +108,13 @@ def _labels(command: Label, outputs: tuple[Path, ...]) -> SurfaceLabels:
     return labels
 
 
-def _write_best(command: Label, labels: SurfaceLabels, output: Path, count: int) -> None:
+def _write_best(command: Label, labels: SurfaceLabels, output: Path, grasps: GraspTable) -> None:
     """Print and write the best distinct grasps, and draw them if OpenGL is available."""
     from grasp3d.plots.figures import save_as
     from grasp3d.plots.grasps import draw_grasps, grasp_figure
     from grasp3d.plots.rendering import can_render
 
-    grasps = best_grasps(labels, count)
+    count = command.best or 0
     has_file = grasps.size > 0 or labels.reach is None  # files of poses cannot be empty
     if has_file:
         write_grasps(output, grasps, format=command.grasps_format, object_pose=command.object_pose)

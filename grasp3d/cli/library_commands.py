@@ -21,6 +21,7 @@ from grasp3d.cli.options import (
     Quiet,
     ReachGroup,
     SearchGroup,
+    Strict,
     model_help,
 )
 from grasp3d.errors import SettingError
@@ -62,6 +63,8 @@ class Batch:
     """Label all meshes again, and remove labels of other meshes made with other settings."""
 
     force: Force = False
+
+    strict: Strict = False
 
     grid_friction: Annotated[tuple[str, ...], _NUMBER] = ()
     """Coulomb coefficients at which area fractions are computed besides the labels (default: the
@@ -184,6 +187,8 @@ class Sweep:
     """Which processes label the meshes, if there are several."""
 
     force: Force = False
+
+    strict: Strict = False
 
     overwrite: Overwrite = False
 

@@ -21,6 +21,7 @@ from grasp3d.cli.options import (
     Quiet,
     ReachGroup,
     SearchGroup,
+    Strict,
     without,
 )
 from grasp3d.cli.time_limit import DEFAULT_TIMEOUT, Timeout, check_timeout
@@ -92,6 +93,8 @@ class Label:
     timeout: Timeout = DEFAULT_TIMEOUT
 
     force: Force = False
+
+    strict: Strict = False
 
     overwrite: Overwrite = False
 
@@ -213,6 +216,8 @@ class Perturb:
 
     force: Force = False
 
+    strict: Strict = False
+
     overwrite: Overwrite = False
 
     quiet: Quiet = False
@@ -269,6 +274,8 @@ class View:
     timeout: Timeout = DEFAULT_TIMEOUT
 
     force: Force = False
+
+    strict: Strict = False
 
     overwrite: Overwrite = False
 

@@ -1,7 +1,7 @@
 """Options of the commands: their fields and those of settings, as tyro is to parse them.
 
 The options of a command are the fields of its dataclass, and those of the settings in it, with the
-docstrings as help. Angles are degrees there, and lengths, quantities and tasks texts.
+docstrings as help. Angles without a unit are degrees there.
 """
 
 import math
@@ -35,6 +35,7 @@ from grasp3d.settings import (
     Radians,
     Sampling,
 )
+from grasp3d.settings.checks import parse_angle
 from grasp3d.settings.lengths import AnyLength, Length, Measure, Position, parse_length
 from grasp3d.settings.parsing import ParsedField
 from grasp3d.settings.quantities import Quantity
@@ -159,18 +160,12 @@ def _parser(hint: Any, option: str) -> Parser | None:
 
 
 def _angle(option: str, *, optional: bool) -> Parser:
-    """Return the parser of an angle in degrees, or of `none` if that is allowed."""
-
-    def parse(word: str) -> float:
-        try:
-            return math.radians(float(word))
-        except ValueError as error:
-            raise SettingError(f"{option} must be a number of degrees; got {word!r}") from error
+    """Return the parser of an angle, or of `none` if that is allowed."""
 
     def degrees(angle: float) -> str:
         return f"{math.degrees(angle):.6g}"
 
-    return _one_word("DEGREES", parse, degrees, optional=optional)
+    return _one_word("DEGREES", partial(parse_angle, option), degrees, optional=optional)
 
 
 def _length(option: str, *, optional: bool) -> Parser:
@@ -282,7 +277,7 @@ LengthRanges = Annotated[tuple[str, ...], tyro.conf.arg(metavar="LENGTH|FROM:TO:
 """Words for `parse_lengths`."""
 
 AngleOption = Annotated[Radians | None, tyro.conf.arg(help_behavior_hint="")]
-"""An angle [rad], given in degrees, or none."""
+"""An angle [rad], given in degrees or with a unit, or none."""
 
 LengthOption = Annotated[AnyLength | None, tyro.conf.arg(help_behavior_hint="")]
 """A length: a number, a text with a unit, or none."""
@@ -307,6 +302,12 @@ Force = Annotated[
     ),
 ]
 """Whether lengths are accepted that are most likely in another unit."""
+
+Strict = Annotated[
+    Flag,
+    tyro.conf.arg(help="Take warnings as errors: what they are of is refused, and not written."),
+]
+"""Whether warnings are errors."""
 
 Overwrite = Annotated[
     Flag,

@@ -1,8 +1,11 @@
 """Parsing of numbers, angles and lengths on the command line, one by one or as ranges."""
 
 import math
+from collections.abc import Iterator
+from typing import Any
 
 from grasp3d.errors import SettingError
+from grasp3d.settings.checks import ANGLE, ANGLE_UNITS, parse_angle
 from grasp3d.settings.lengths import METRES, AnyLength, measure
 from grasp3d.settings.uncertainty import friction_interval
 
@@ -13,7 +16,9 @@ MAX_VALUES = 10_000
 
 
 def parse_angles(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
-    """Parse angles: numbers and ranges FROM:TO:STEP in degrees.
+    """Parse angles and ranges of them, FROM:TO:STEP, in degrees or with a unit.
+
+    A unit at the end of a range is that of all its numbers: 0:0.6:0.1rad.
 
     Args:
         what: What a single value is, for the error.
@@ -23,9 +28,15 @@ def parse_angles(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
         Angles [rad], in increasing order, without duplicates.
 
     Raises:
-        SettingError: A word is neither a number nor a range, or there are too many.
+        SettingError: A word is neither an angle nor a range, or there are too many.
+
+    Example:
+        >>> from grasp3d.cli.ranges import parse_angles
+        >>> parse_angles("resolution", ("0:0.2:0.1rad", "0deg"))
+        (0.0, 0.1, 0.2)
     """
-    return tuple(math.radians(degree) for degree in _numbers(what, "a number of degrees", words))
+    values = _values(what, ANGLE, words, ANGLE_UNITS)
+    return tuple(sorted({parse_angle(what, f"{number!r}{unit}") for number, unit in values}))
 
 
 def parse_numbers(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
@@ -41,7 +52,7 @@ def parse_numbers(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
     Raises:
         SettingError: A word is neither a number nor a range, or there are too many.
     """
-    return _numbers(what, "a number", words)
+    return tuple(sorted({number for number, _ in _values(what, "a number", words)}))
 
 
 def parse_frictions(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
@@ -91,26 +102,25 @@ def parse_lengths(what: str, words: tuple[str, ...]) -> tuple[AnyLength, ...]:
         >>> parse_lengths("location error", ("0:2:1mm", "0.5mm"))
         (0.0, '1 mm', '2 mm', '0.5 mm')
     """
-    lengths: dict[AnyLength, None] = {}
-    for word in map(str.lower, words):
-        unit = next(
-            (one for one in sorted(METRES, key=len, reverse=True) if word.endswith(one)), None
-        )
-        parts = [part.removesuffix(unit or "").strip() for part in word.split(":")]
-        if any(part.endswith(tuple(METRES)) for part in parts):
-            raise _no_range(what, _LENGTH, word)
-        for number in _range(what, _LENGTH, word, parts):
-            lengths[measure(number, unit)] = None
-        _check_count(what, len(lengths), word)
-    return tuple(lengths)
+    values = _values(what, _LENGTH, words, tuple(METRES))
+    return tuple(dict.fromkeys(measure(number, unit or None) for number, unit in values))
 
 
-def _numbers(what: str, kind: str, words: tuple[str, ...]) -> tuple[float, ...]:
-    numbers: set[float] = set()
+def _values(
+    what: str, kind: str, words: tuple[str, ...], units: tuple[str, ...] = ()
+) -> Iterator[tuple[float, Any]]:
+    """Numbers of words and ranges, each with the unit at the end of its word; '' for none."""
+    count = 0
     for word in words:
-        numbers.update(_range(what, kind, word, word.split(":")))
-        _check_count(what, len(numbers), word)
-    return tuple(sorted(numbers))
+        text = word.strip().lower()
+        unit = max((one for one in units if text.endswith(one)), key=len, default="")
+        numbers = _range(what, kind, word, [one.removesuffix(unit) for one in text.split(":")])
+        count += len(numbers)
+        if count > MAX_VALUES:
+            raise SettingError(
+                f"{what} has more than {MAX_VALUES} values ({word}); use a larger STEP"
+            )
+        yield from ((number, unit) for number in numbers)
 
 
 def _range(what: str, kind: str, word: str, parts: list[str]) -> list[float]:
@@ -128,11 +138,6 @@ def _range(what: str, kind: str, word: str, parts: list[str]) -> list[float]:
         raise _no_range(what, kind, word)
     count = min(int((last - first) / step + 1e-9), MAX_VALUES) + 1
     return [round(first + step * index, 9) for index in range(count)]
-
-
-def _check_count(what: str, count: int, word: str) -> None:
-    if count > MAX_VALUES:
-        raise SettingError(f"{what} has more than {MAX_VALUES} values ({word}); use a larger STEP")
 
 
 def _no_range(what: str, kind: str, word: str) -> SettingError:

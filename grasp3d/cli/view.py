@@ -9,7 +9,8 @@ from grasp3d.cli.options import (
 from grasp3d.cli.time_limit import (
     time_limit,
 )
-from grasp3d.errors import GraspError
+from grasp3d.errors import GraspError, WarningError
+from grasp3d.system.context import refuse_warnings
 from grasp3d.system.names import printable
 from grasp3d.viewer.scene.pictures import check_film, check_picture, save_picture, save_turntable
 from grasp3d.viewer.session.collection import Collection, open_collection
@@ -46,9 +47,9 @@ def _opened(command: View) -> tuple[Collection, str]:
     first = collection.items[0]
     try:
         with progress_bars.progress(f"opening {first.name}", quiet=command.quiet):
-            first.open()
-    except GraspError:
-        if len(collection.items) == 1:
+            refuse_warnings(first.open().notes)
+    except GraspError as error:
+        if len(collection.items) == 1 or isinstance(error, WarningError):
             raise  # with several objects the viewer shows the error of the first one
     return collection, problem
 

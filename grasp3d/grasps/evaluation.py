@@ -29,7 +29,7 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase, loaded_mesh
 from grasp3d.surface.rows import rows_where
-from grasp3d.system.context import report_progress, within
+from grasp3d.system.context import refuse_warnings, report_progress, within
 
 OFF_SURFACE = 1.0 / 100.0
 """Distance, in object sizes, up to which a given contact is moved to the surface."""
@@ -216,6 +216,7 @@ def _evaluate_contacts(
         contacts=contacts, model=own_model, critical_angle=angles[0], critical_angle_best=angles[1],
         moved=distances, load=load,
     )  # fmt: skip
+    refuse_warnings(grasps.warnings)
     with within(end, 1.0):
         grasps.compute_labels()
     report_progress(1.0)
@@ -364,6 +365,7 @@ def evaluate_poses(
             & _within_approach(start.poses, scene)
         ),
     )
+    refuse_warnings(result.warnings)
     with within(JAWS_CLOSED, 1.0):
         result.compute_labels()
     report_progress(1.0)

@@ -1,8 +1,8 @@
-"""Units in which sizes of objects are plausible, and lengths that are not, or cannot be meant."""
+"""Units in which an object is plausible, and lengths that are not, or cannot be meant."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import get_args
 
 from grasp3d.errors import SettingError
@@ -29,6 +29,15 @@ USUAL = (0.01, 0.5)
 
 PREFERRED: tuple[Unit, ...] = ("m", "mm")
 """Units of robotics and of CAD. No object has a usual size in both."""
+
+DENSEST = 25e3
+"""Density above those of all materials [kg/m^3]: osmium has 22,600."""
+
+LIGHTEST = 1.0, 0.02
+"""Density [kg/m^3] below those of foams, and mass per area [kg/m^2] below those of thin shells."""
+
+SMALLEST, LARGEST = 0.1, 10.0
+"""Sizes that a gripper may be meant for: in sizes of its pads, and in strokes."""
 
 _ROUNDING = 1e-9
 
@@ -96,6 +105,75 @@ def impossible_size(size: float, unit: Unit | None) -> str:
         f"the object is {text} large: no object to grasp is; is the transform of a part or a "
         "vertex of the file wrong?"
     )
+
+
+@dataclass(frozen=True)
+class Purpose:
+    """What an object is to be used for, by which its size is judged."""
+
+    mass: float | None = None
+    """[kg]; None: not known."""
+    has_density: bool = False
+    """Whether the mass follows from a density, and so from the unit."""
+    pad: float = 0.0
+    """Side of a square as large as a pad of the gripper [m]; 0: there is none."""
+    stroke: float = math.inf
+    """Stroke of the gripper [m]; inf: there is none."""
+
+    def problems(self, mesh: ObjectMesh, unit: Unit) -> Iterator[str]:
+        """What is implausible about an object if its coordinates are in a unit."""
+        metres, mass, known = METRES[unit], self.mass, not math.isnan(mesh.volume)
+        size = mesh.size * metres
+        if mass is not None:
+            # An open surface has no volume, but encloses none that is larger than the ball.
+            volume = mesh.volume * metres**3 if known else math.pi / 6.0 * size**3
+            density, text = mass / volume, f"with {mass:.4g} kg it has"
+            if density > DENSEST:
+                yield f"{text} {float(f'{density:.2g}'):,.0f} kg/m^3, more than any material"
+            cover = mass / (float(mesh.vertex_areas.sum()) * metres**2)
+            if known and density < LIGHTEST[0] and cover < LIGHTEST[1]:
+                yield f"{text} {density:.2g} kg/m^3 and {cover:.2g} kg/m^2, less than foam or foil"
+        if size < SMALLEST * self.pad:
+            yield f"a pad of the gripper, {length_text(self.pad)}, is over ten times larger"
+        if size > LARGEST * self.stroke:
+            yield f"it is larger than ten strokes of the gripper, {length_text(self.stroke)} each"
+
+
+def object_warnings(mesh: ObjectMesh, purpose: Purpose) -> tuple[str, ...]:
+    """Warnings of a mesh, the one on its size with what is implausible for a purpose, too.
+
+    Args:
+        mesh: The object; without a unit nothing further is known of its size.
+        purpose: Its mass, and the gripper.
+    """
+    warnings, unit = mesh.report.warnings, mesh.unit
+    if unit is None or impossible_size(mesh.size, unit):
+        return warnings
+    problems = list(purpose.problems(mesh, unit))
+    if not problems:
+        return warnings
+    own = unit_warning(mesh.size, unit)
+    others = (text for text in warnings if text != own)
+    remedy = "; ".join(_remedies(mesh, unit, purpose)) or "is its unit right (--unit)?"
+    text = f"the object is {length_text(mesh.size * METRES[unit])} large: {', and '.join(problems)}"
+    return (*others, f"{text}: {remedy}")
+
+
+def _remedies(mesh: ObjectMesh, unit: Unit, purpose: Purpose) -> Iterator[str]:
+    """Other units, of the coordinates or of the mass, with which an object is plausible."""
+    given = purpose.mass
+    if purpose.has_density:
+        return
+    fitting = [one for one in _fitting(mesh.size, USUAL) if not any(purpose.problems(mesh, one))]
+    if fitting:
+        other = min(fitting, key=lambda one: (one not in PREFERRED, one))
+        size = length_text(mesh.size * METRES[other])
+        yield f"if its unit is {other} it is {size}: give --unit {other}"
+    if given is None or unit not in _fitting(mesh.size, PLAUSIBLE):
+        return
+    for mass, number, symbol in ((1e-3 * given, given, "g"), (1e3 * given, 1e3 * given, "kg")):
+        if not any(replace(purpose, mass=mass).problems(mesh, unit)):
+            yield f"if its mass is {number:.4g} {symbol}, give --mass {number:.4g}{symbol}"
 
 
 def length_text(metres: float) -> str:

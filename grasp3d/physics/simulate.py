@@ -29,7 +29,8 @@ from grasp3d.settings import GraspModel, MeshOptions, Sampling, with_fingers
 from grasp3d.settings.lengths import METRES, settings_in_unit
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import Label
-from grasp3d.system.context import begin_step, report_progress, unreported
+from grasp3d.surface.load_case import input_warnings
+from grasp3d.system.context import begin_step, refuse_warnings, report_progress, unreported
 from grasp3d.system.counts import counted
 from grasp3d.system.isolation import CallFailedError, call
 
@@ -249,6 +250,12 @@ def simulate_grasps(
         for row in range(grasps.count)
     ]
     outcomes, errors = simulate_attempts(attempts, stage, processes)
+    warnings = (
+        *input_warnings(surface, None if hand is None else Scene(hand), None, own_model),
+        *_warnings(reached, grasps, settings),
+        *errors,
+    )
+    refuse_warnings(warnings)
     return Simulation(
         mesh=surface,
         model=own_model,
@@ -260,7 +267,7 @@ def simulate_grasps(
         parts=parts.count,
         part_depth=locked(np.abs(_at(parts.depths, grasps.points))),
         part_angle=locked(angles_between(_at(parts.outward, grasps.points), -grasps.normals)),
-        warnings=(*_warnings(reached, grasps, settings), *errors),
+        warnings=warnings,
     )
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import SettingError
+from grasp3d.settings.checks import parse_angle
 from grasp3d.settings.parsing import ParsedField, TextValue
 from grasp3d.system.names import printable
 
@@ -34,7 +35,7 @@ KNOWN = (
 )
 
 _JOINED = re.compile(r"\s\+\s")
-_WITHIN = re.compile(r"within\s+(.+?)\s*(?:deg|degrees|°)?\s+of\s+(.+)")
+_WITHIN = re.compile(r"within\s+(.+?)\s+of\s+(.+)")
 _PER_SECOND_SQUARED = re.compile(r"\s*m/s\^?2$")
 
 Row = tuple[float, ...]
@@ -310,14 +311,17 @@ def _weight(text: str, rest: str) -> _Part:
     match = _WITHIN.fullmatch(rest)
     if match is None:
         raise _no_task(text, "write 'weight', or 'weight within DEGREES of AXIS'")
-    (degrees,) = _numbers(text, match[1], 1, "the angle in degrees as")
-    if not 0.0 <= degrees <= 90.0:
+    try:
+        within = parse_angle("the angle", match[1])
+    except SettingError as error:
+        raise _no_task(text, str(error)) from error
+    if not 0.0 <= within <= math.pi / 2.0:
         remedy = "'weight' alone acts in any direction"
         raise _no_task(text, f"the angle must be from 0 to 90 degrees; {remedy}")
     axis = AXES.get(match[2]) or _numbers(text, match[2], 3, "the axis x, y, z, -x, -y or -z, or")
     if not any(axis):
         raise _no_task(text, "the axis has no direction")
-    return _Part(text, "weight", (axis,), math.radians(degrees))
+    return _Part(text, "weight", (axis,), within)
 
 
 def _acceleration(text: str, rest: str) -> _Part:

@@ -1,6 +1,7 @@
 """Angles in settings, and checks of single values."""
 
 import math
+import re
 from numbers import Integral
 from typing import Annotated, Literal, get_args
 
@@ -8,10 +9,42 @@ from grasp3d.errors import SettingError
 from grasp3d.settings.lengths import AnyLength, comparable, describe_length
 
 Radians = Annotated[float, "angle"]
-"""An angle; on the command line it is in degrees."""
+"""An angle; on the command line it is a text, see `parse_angle`."""
+
+ANGLE_UNITS = ("deg", "degrees", "°", "rad")
+"""Units of angles in texts."""
+
+ANGLE = "an angle (a number of degrees, or a number with a unit: deg, rad)"
+"""What the text of an angle must be, for messages."""
 
 DEGREE = math.pi / 180.0
 SEED_LIMIT = 2**63
+
+_ANGLE = re.compile(rf"(\S+?)\s*({'|'.join(ANGLE_UNITS)})?", re.IGNORECASE)
+
+
+def parse_angle(name: str, text: str) -> float:
+    """An angle [rad] from a text, in which a number without a unit is one of degrees.
+
+    Args:
+        name: Name of the setting, for the error message.
+        text: A number, or a number with a unit: deg, degrees, ° or rad.
+
+    Raises:
+        SettingError: It is no such text.
+
+    Example:
+        >>> from grasp3d.settings.checks import parse_angle
+        >>> parse_angle("search_angle", "0.26rad"), round(parse_angle("search_angle", "15 deg"), 4)
+        (0.26, 0.2618)
+    """
+    match = _ANGLE.fullmatch(text.strip())
+    try:
+        number = float(match[1] if match else text)
+    except ValueError as error:
+        raise SettingError(f"{name} must be {ANGLE}; got {text!r}") from error
+    in_radians = match is not None and (match[2] or "").lower() == "rad"
+    return number if in_radians else math.radians(number)
 
 
 def check_choice(what: str, value: object, choices: object) -> None:

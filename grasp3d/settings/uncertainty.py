@@ -6,13 +6,12 @@ normals.
 """
 
 import math
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.checks import check_length
+from grasp3d.settings.checks import check_length, parse_angle
 from grasp3d.settings.lengths import (
     AnyLength,
     Length,
@@ -167,8 +166,8 @@ def parse_uncertainty(text: str) -> Uncertainty:
     """Parse the uncertainty of a finger as text.
 
     Args:
-        text: NAME=VALUE, separated by commas, with the names of the fields: angles in degrees,
-            lengths with or without a unit, friction as a number or an interval.
+        text: NAME=VALUE, separated by commas, with the names of the fields: angles in degrees
+            or with a unit, lengths with or without one, friction as a number or an interval.
 
     Raises:
         SettingError: It is no such text, or a value is outside its range.
@@ -189,7 +188,7 @@ def parse_uncertainty(text: str) -> Uncertainty:
                 f"names {', '.join(names)}, each at most once ('location_error=1mm, "
                 f"friction=0.3..0.4'); got {part!r}"
             )
-        values[name] = _angle(name, value) if name in _ANGLES else value
+        values[name] = parse_angle(name, value) if name in _ANGLES else value
     return Uncertainty(**values)  # type: ignore[arg-type]
 
 
@@ -234,13 +233,14 @@ class PerFinger(ParsedField[tuple[Uncertainty, ...], str | Sequence[Uncertainty]
 def parse_fingers(value: str | Sequence[Uncertainty]) -> Fingers:
     """The uncertainty of each finger, from a text or from values; see `PerFinger`.
 
-    Angles are rounded to the 15 digits of the text, which then is of the same values.
+    Angles are rounded to 15 digits in degrees, so that their text is of the same values.
 
     Raises:
         SettingError: It is neither.
     """
     if isinstance(value, str):
-        fingers = Fingers(_parsed_fingers(value.split(";")))
+        rounded = str(Fingers(_parsed_fingers(value.split(";"))))
+        fingers = Fingers(_parsed_fingers(rounded.split(";")))
         return fingers if any(one != Uncertainty() for one in fingers) else Fingers()
     items: Any = value
     if not (isinstance(items, Sequence) and all(isinstance(one, Uncertainty) for one in items)):
@@ -257,14 +257,6 @@ def _parsed_fingers(texts: Sequence[str]) -> Iterator[Uncertainty]:
             yield parse_uncertainty(text)
         except SettingError as error:
             raise SettingError(f"finger {number}: {error}") from error
-
-
-def _angle(name: str, text: str) -> float:
-    match = re.fullmatch(r"(\S+?)\s*(?:deg|degrees|°)?", text)
-    try:
-        return math.radians(float(match[1])) if match else math.nan
-    except ValueError as error:
-        raise SettingError(f"{name} must be an angle in degrees; got {text!r}") from error
 
 
 def _sum_of_lengths(one: AnyLength, two: AnyLength) -> AnyLength:

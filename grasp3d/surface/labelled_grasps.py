@@ -6,10 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 from grasp3d.arrays import Floats, locked
 from grasp3d.stability.thresholds import margins, max_resolution
+from grasp3d.surface.load_case import input_warnings
 from grasp3d.surface.rows import if_known
 from grasp3d.system.context import report_progress
 
 if TYPE_CHECKING:
+    from grasp3d.hand.scene import Scene
+    from grasp3d.mesh import ObjectMesh
+    from grasp3d.quality.loads import Load
     from grasp3d.quality.tilting import EpsilonRange
     from grasp3d.settings import GraspModel
     from grasp3d.stability.normal_sets import WorstAndBest
@@ -22,6 +26,12 @@ class LabelledGrasps:
     if TYPE_CHECKING:  # fields and attributes of the classes that have this base
 
         @property
+        def mesh(self) -> ObjectMesh: ...  # noqa: D102
+        @property
+        def scene(self) -> Scene | None: ...  # noqa: D102
+        @property
+        def load(self) -> Load | None: ...  # noqa: D102
+        @property
         def model(self) -> GraspModel: ...  # noqa: D102
         @property
         def located_angles(self) -> WorstAndBest: ...  # noqa: D102
@@ -30,6 +40,17 @@ class LabelledGrasps:
         def to_table(self) -> Any: ...  # noqa: D102
         @property
         def holding(self) -> Holding | None: ...  # noqa: D102
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What may make the results wrong, one sentence each.
+
+        Warnings of the mesh, a size that is implausible for the mass or the gripper, and lengths
+        that are probably in another unit than the mesh. The command line refuses lengths that
+        cannot be meant, unless it is given `--force`, and with `--strict` all warnings.
+        """
+        own = self.model, getattr(self, "sampling", None)
+        return input_warnings(self.mesh, self.scene, self.load, *own)
 
     def computed(self, name: str) -> Any:
         """What has been computed already: `label`, `epsilon_range`, ...; None: it has not been.

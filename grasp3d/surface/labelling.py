@@ -31,13 +31,19 @@ from grasp3d.settings.costs import check_cost
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.load_case import LoadCase, loaded_mesh
+from grasp3d.surface.load_case import LoadCase, input_warnings, loaded_mesh
 from grasp3d.surface.merged_grasps import with_more_margin
 from grasp3d.surface.sampling.antipodal import AntipodalGrasps, best_pairs
 from grasp3d.surface.sampling.multifinger import search
 from grasp3d.surface.sampling.pair_limits import ALIKE, Ranking
 from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at, grasps_differ
-from grasp3d.system.context import begin_step, report_progress, unreported, within
+from grasp3d.system.context import (
+    begin_step,
+    refuse_warnings,
+    report_progress,
+    unreported,
+    within,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +93,7 @@ class Labelling:
             check_combinations_of(model)
         most, count = mesh.options.max_memory, len(mesh.vertices)
         check_cost(count, most, mesh.report.source, "use a coarser mesh", model.fingers)
+        refuse_warnings(input_warnings(mesh, scene, load, model, limits))
         return cls(mesh, model, limits, scene, load)
 
     @classmethod

@@ -11,7 +11,6 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.errors import SearchCoverageError, SettingError
-from grasp3d.mesh.plausible_lengths import length_warnings
 from grasp3d.settings import ANGLE_ROUNDING, check_choice, sampling_kind, search_cone
 from grasp3d.settings.lengths import GivenLength
 from grasp3d.settings.model_text import model_line
@@ -65,23 +64,6 @@ class SurfaceLabels(VertexGrasps):
             f"<SurfaceLabels of {self.mesh.report.source}: {len(self.row):,} vertices, "
             f"{model.fingers} fingers, {model_line(model, self.mesh.unit)}; "
             f"{', '.join(fractions) or 'not labelled yet'}>"
-        )
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What may make the labels wrong, one sentence each.
-
-        Warnings of the mesh, and lengths that are probably in another unit than the mesh. The
-        command line refuses those that cannot be meant, unless it is given `--force`.
-        """
-        lengths = self.model.lengths() | self.mesh.options.lengths()
-        if self.sampling is not None:
-            lengths |= self.sampling.lengths()
-        if self.load is not None:
-            lengths |= self.load.lengths()
-        return (
-            *self.mesh.report.warnings,
-            *length_warnings(lengths, self.mesh.size, self.mesh.unit),
         )
 
     def using(self, **changed: Any) -> "SurfaceLabels":

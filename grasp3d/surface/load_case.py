@@ -9,11 +9,13 @@ from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.contact.contacts import Contacts
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand import Hand
+from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.plausible_lengths import Purpose, length_warnings, object_warnings
 from grasp3d.quality.loads import Load
 from grasp3d.quality.tasks import Task
 from grasp3d.settings import GraspModel
-from grasp3d.settings.lengths import METRES
+from grasp3d.settings.lengths import METRES, LengthSettings
 
 OVERLAP = 0.01
 """Fraction by which volumes of bodies may add to more than that of the object: they overlap."""
@@ -144,6 +146,29 @@ def _volumes(mesh: ObjectMesh, count: int) -> Floats:
 
 def _without_volume(mesh: ObjectMesh) -> str:
     return "encloses no volume" if mesh.report.closed else "is open"
+
+
+def input_warnings(
+    mesh: ObjectMesh, scene: Scene | None, load: Load | None, *settings: LengthSettings | None
+) -> tuple[str, ...]:
+    """What is doubtful about an object and what it is given with, one sentence each.
+
+    Args:
+        mesh: The object.
+        scene: The gripper; None: none.
+        load: Its mass; None: not known.
+        settings: Settings whose lengths are in the mesh's unit, besides those of mesh and load.
+    """
+    hand, lengths = None if scene is None else scene.hand, mesh.options.lengths()
+    for one in filter(None, (*settings, load)):
+        lengths |= one.lengths()
+    purpose = Purpose(
+        None if load is None else mass_of(mesh, load),
+        load is not None and load.density is not None,
+        0.0 if hand is None else math.sqrt(hand.touch_area),
+        math.inf if hand is None else hand.max_opening,
+    )
+    return (*object_warnings(mesh, purpose), *length_warnings(lengths, mesh.size, mesh.unit))
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,17 @@
-"""The context of a call: threads, the report of progress, and the times of its steps.
+"""The context of a call: threads, progress, the times of steps, whether warnings are errors.
 
 It is a context variable: what a function calls has the same context, another thread a new one.
 """
 
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from numbers import Integral
 
-from grasp3d.errors import SettingError
+from grasp3d.errors import SettingError, WarningError
 
 Progress = Callable[[float], None]
 """Called with the fraction of the work that is done, from 0 to 1; what it raises ends the work."""
@@ -53,6 +53,7 @@ class _Context:
     threads: int | None = None
     progress: Progress | None = None
     times: StepTimes | None = None
+    strict: bool = False
 
 
 _NOTHING_STATED = _Context()
@@ -70,11 +71,13 @@ def _changed(**changes: object) -> Iterator[None]:
 
 
 @contextmanager
-def running(*, threads: int | None = None, progress: Progress | None = None) -> Iterator[None]:
+def running(
+    *, threads: int | None = None, progress: Progress | None = None, strict: bool | None = None
+) -> Iterator[None]:
     """State how many threads the computations inside use, and follow their progress.
 
     A `running` inside another one changes what it states and keeps the rest. Without any there are
-    as many threads as processors, and no progress is reported.
+    as many threads as processors, no progress is reported, and warnings are no errors.
 
         with grasp3d.running(threads=4, progress=print):
             labels = grasp3d.label_surface("mug.stl")
@@ -84,6 +87,8 @@ def running(*, threads: int | None = None, progress: Progress | None = None) -> 
             when it is first read takes those that are stated there. None: as outside.
         progress: Called by each computation with the fraction that is done, from 0 to 1; what it
             raises ends the computation. None: as outside.
+        strict: Whether a computation whose result would have warnings raises `WarningError`
+            instead, with their text. None: as outside.
 
     Raises:
         SettingError: `threads` is no whole number from 1 on.
@@ -92,9 +97,27 @@ def running(*, threads: int | None = None, progress: Progress | None = None) -> 
         isinstance(threads, Integral) and not isinstance(threads, bool) and threads >= 1
     ):
         raise SettingError(f"threads must be a whole number, at least 1; got {threads!r}")
-    stated = {"threads": threads, "progress": progress}
+    stated = {"threads": threads, "progress": progress, "strict": strict}
     with _changed(**{name: value for name, value in stated.items() if value is not None}):
         yield
+
+
+def is_strict() -> bool:
+    """Whether warnings are errors."""
+    return _context.get().strict
+
+
+def refuse_warnings(texts: Iterable[str]) -> None:
+    """Raise warnings where they are errors.
+
+    Args:
+        texts: The warnings, one sentence each.
+
+    Raises:
+        WarningError: There are some, and the context is strict.
+    """
+    if is_strict() and (text := "; ".join(texts)):
+        raise WarningError(text)
 
 
 def available_processors() -> int:

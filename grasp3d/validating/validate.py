@@ -23,7 +23,7 @@ from grasp3d.hand.scene import Scene
 from grasp3d.mesh import MeshSource
 from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions
-from grasp3d.system.context import report_progress, within
+from grasp3d.system.context import refuse_warnings, report_progress, within
 from grasp3d.validating.disagreements import Disagreements
 from grasp3d.validating.intervals import FEW_OBJECTS, bootstrap
 from grasp3d.validating.ranking import RankedOutcomes
@@ -252,6 +252,7 @@ def validate_grasps(
     evaluation.check()
     with within(EVALUATED, 1.0):
         validation = _compared(evaluation, settings)
+    refuse_warnings(validation.warnings)
     report_progress(1.0)
     return validation
 

@@ -127,6 +127,23 @@ def test_failures_do_not_end_the_batch(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_strictly_a_mesh_with_warnings_fails_and_only_then(tmp_path: Path) -> None:
+    library = make_library(tmp_path / "in", 2)
+    (library / "egg_1.ply").unlink()
+    vertices, faces = shapes.box()
+    trimesh.Trimesh(vertices, faces[1:], process=False).export(library / "open.stl")
+    assert resumed(tmp_path).returncode == 0
+    assert labelled(tmp_path / "out") == 2
+    for options in ((), ("--workers", "1")):
+        strict = resumed(tmp_path, "--strict", *options)
+        assert strict.returncode == 1
+        assert "failed: " in strict.stdout
+        assert "the surface is open" in strict.stdout
+        assert labelled(tmp_path / "out") == 1
+    assert resumed(tmp_path).returncode == 0
+    assert labelled(tmp_path / "out") == 2
+
+
 def test_the_same_command_again_labels_nothing(undisturbed: Path) -> None:
     before = summary(undisturbed / "out")
     run = resumed(undisturbed)

@@ -33,9 +33,9 @@ label ball.ply --torsion-radius -1 | torsion radius must be
 label ball.ply --per-finger alpha=3 | --per-finger: finger 1: the uncertainty of a finger must be
 label ball.ply --per-finger '; alpha' | --per-finger: finger 2: the uncertainty of a finger must be
 label ball.ply --per-finger location_error=1mm | is for 1 finger, but a grasp has 2: separate the
-label ball.ply --per-finger normal_error=steep | must be an angle in degrees
-label ball.ply --normal-error steep | --normal-error must be a number of degrees; got 'steep'
-label ball.ply --normal-error none | --normal-error must be a number of degrees
+label ball.ply --per-finger normal_error=steep | normal_error must be an angle (a number of
+label ball.ply --normal-error steep | --normal-error must be an angle | deg, rad); got 'steep'
+label ball.ply --normal-error none | --normal-error must be an angle (a number of degrees
 label ball.ply --normal-error 95 | below 90 degrees
 label ball.ply --location-error -1mm | finite length of at least 0
 label ball.ply --location-error '1 furlong' | --location-error must be a length: a number
@@ -94,6 +94,18 @@ label box.stl --unit mm --hand franka --object-pose x=1m | give their number wit
 label box.stl --unit mm --best 2 --object-pose x=1m | of a gripper of two fingers; give one
 label box.stl --unit mm --hand franka --best 2 --object-pose x=1m --grasps a.h5 | acronym files have
 label box.stl --unit mm --hand franka --best 2 --object-pose x=1m --grasps a.npy | graspnet files
+label box.stl --unit mm --mass 2000 --strict | 10,000,000 kg/m^3, more than any material: if its
+label box.stl --unit mm --mass 2000 --strict --timeout none | if its mass is 2000 g, give --mass 20
+label box.stl --unit cm --mass 0.5 --hand franka --strict | strokes of the gripper, 8 cm each
+label box.stl --unit m --mass 0.5 --strict | 110 m large: with 0.5 kg it has 2.6e-06 kg/m^3 and
+label open.stl --strict | the surface is open: inside and outside
+evaluate box.stl pair.json --unit mm --mass 2000 --strict | more than any material
+evaluate box.stl poses.csv --unit mm --mass 2000 --hand franka --strict | more than any
+view box.stl --unit mm --mass 2000 --screenshot x.png --strict | more than any material
+perturb open.stl --unit mm --noise 1 --copies 2 --strict | the surface is open
+sweep open.stl --strict | the surface is open
+validate poses.csv --mesh box.stl --unit mm --mass 2000 --hand franka --strict | more than any
+design --sensor-resolution 170 --object-size 1 --strict | of the object's size, is not small
 label open.stl --mass 0.5kg | is open, so its centre of mass is not known
 label open.stl --unit mm --density 1000 | is open, so a density gives no mass
 evaluate box.stl no.csv | no.csv: there is no such file
@@ -132,7 +144,7 @@ validate untried.csv --mesh box.stl --hand franka | no outcome is known of any g
 validate perhaps.csv --mesh box.stl --hand franka | grasp 2: outcome must be 1, true or yes
 validate grasps.csv --mesh box.stl --hand franka -o . --overwrite | grasps.csv: is a file of grasps
 validate poses.csv --mesh box.stl --hand franka --frictions 0 | must be a finite number above 0
-validate poses.csv --mesh box.stl --hand franka --sensor-resolutions x | must be a number of degrees
+validate poses.csv --mesh box.stl --hand franka --sensor-resolutions x | must be an angle (a number
 validate poses.csv --mesh box.stl --hand franka --frictions | need at least one value each
 validate poses.csv --mesh box.stl --hand franka --worst 51 | worst must be from 0 to 50
 validate poses.csv --mesh box.stl --hand franka --resamples 10 | resamples must be a whole number of
@@ -169,9 +181,9 @@ sweep sphere --friction 0.4.. | --friction must be a number
 sweep sphere --friction 0.4..0.6 | and half its width, --friction 0.5 --friction-error 0.1
 sweep sphere --friction-error 0.3 | below the friction, 0.2
 sweep circle --sensor-resolution 180 | below 180 degrees
-sweep circle --sensor-resolution fine | degrees, or a range FROM:TO:STEP
+sweep circle --sensor-resolution fine | deg, rad), or a range FROM:TO:STEP
 sweep circle --sensor-resolution 0:60:0 | STEP above 0
-sweep sphere --normal-error steep | --normal-error must be a number of degrees
+sweep sphere --normal-error steep | --normal-error must be an angle (a number of degrees
 sweep sphere --location-error 1mm | a shape without a unit
 sweep sphere --location-error 0 5 | more than sphere is large
 sweep sphere --location-error 1 2 --sensor-resolution 1 2 --friction 1 2 | two axes, but 3 settings
@@ -237,7 +249,7 @@ batch ball.ply -o out --worker-memory 0.01 | worker memory must be
 batch ball.ply -o out --timeout 0 | timeout must be
 batch ball.ply -o out --best -1 | best grasps must be
 batch ball.ply -o out --grid-friction 0 | friction must be
-batch ball.ply -o out --grid-sensor-resolution x | resolution must be a number of degrees
+batch ball.ply -o out --grid-sensor-resolution x | resolution must be an angle (a number of degrees
 batch ball.ply -o out --log no/where.txt | cannot be written
 view none.stl --screenshot a.png | none.stl: no such file or folder
 view . --screenshot a.png | was not written by grasp3d batch
@@ -274,7 +286,7 @@ design --friction 0.6..0.4 | an interval of two, the smallest first
 design --location-error 5lightyears | --location-error must be a length
 design --location-error -1 | location error must be a finite length of at least 0
 design --joint-lengths 3 5x | --joint-lengths must be a length
-design --normal-error x | --normal-error must be a number of degrees
+design --normal-error x | --normal-error must be an angle (a number of degrees
 design --normal-error 90 | normal error must be at least 0 and below 90 degrees
 design --receptive-field 4 --friction -1 | friction must be
 design --object-size 0 | object size must be a finite length above 0; got 0

@@ -63,6 +63,11 @@ def test_ranges_of_lengths_and_numbers() -> None:
     assert parse_lengths("it", ("1 MM", "1mm", "1cm:2cm:1cm")) == (one, *longer)
     assert parse_numbers("it", ("0.1", "0:0.2:0.1")) == pytest.approx((0.0, 0.1, 0.2))
     assert parse_angles("it", ("180",)) == (math.pi,)
+    assert parse_angles("it", ("0:0.2:0.1rad", "0.3 RAD")) == (0.0, 0.1, 0.2, 0.3)
+    assert parse_angles("it", ("0:30:15deg",)) == parse_angles("it", ("0:30:15",))
+    for word in ("0:1rad:0.1", "0deg:1:0.1rad", "rad"):
+        with pytest.raises(SettingError, match="it must be an angle"):
+            parse_angles("it", (word,))
     for word in ("a", "1mm:2", "2:1:1mm", "1mm:2cm:1mm", "1:2:0mm", "mm"):
         with pytest.raises(SettingError, match=r"it must be a length .*, or a range FROM:TO:STEP"):
             parse_lengths("it", (word,))

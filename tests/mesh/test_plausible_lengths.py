@@ -1,13 +1,22 @@
 import math
+import re
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from grasp3d import Sampling, label_surface, load_mesh
 from grasp3d.errors import SettingError
-from grasp3d.mesh.plausible_lengths import check_lengths, length_warnings, refuse_lengths
+from grasp3d.mesh.plausible_lengths import (
+    Purpose,
+    check_lengths,
+    length_warnings,
+    object_warnings,
+    refuse_lengths,
+)
 from grasp3d.quality.loads import Load
-from grasp3d.settings.lengths import length_in_unit, parse_length
+from grasp3d.settings.lengths import METRES, length_in_unit, parse_length
 from tests.helpers import shapes
 
 REFUSED: dict[str, tuple[dict[str, float | str], float, Any, str]] = {
@@ -85,3 +94,68 @@ def test_the_message_has_the_length_as_it_was_given() -> None:
     check_lengths(parsed({"location_error": "100 mm"}), 0.144, "m", "a.stl")
     with pytest.raises(SettingError, match="is 1 mm, but the unit of"):
         check_lengths(parsed({"location_error": "1 mm"}), 0.144, None, "a.stl")
+
+
+def open_box(side: float) -> Any:
+    """A cube without one of its twelve faces."""
+    vertices, faces = shapes.box((side, side, side))
+    return vertices, faces[1:]
+
+
+def warnings_of(surface: Any, unit: Any, **purpose: Any) -> list[str]:
+    mesh = load_mesh(surface, unit=unit, max_edge=1e9)
+    return [text for text in object_warnings(mesh, Purpose(**purpose)) if "large" in text]
+
+
+FRANKA = {"pad": 0.017, "stroke": 0.08}
+
+IMPLAUSIBLE: dict[str, tuple[tuple[float, float, float], Any, dict[str, Any], list[str]]] = {
+    "boot in cm": ((0.36, 0.1, 0.2), "cm", {"mass": 0.8}, ["more than any", "give --unit m"]),
+    "boot in mm": ((36.0, 10.0, 20.0), "m", {"mass": 0.8}, ["than foam", "42 cm: give --unit cm"]),
+    "nut": ((0.03, 0.03, 0.01), "m", {"mass": 200.0}, ["more than", "if its mass is 200 g, give"]),
+    "grams for kg": ((0.3, 0.2, 0.2), "m", {"mass": 8e-4}, ["than foam", "mass is 0.8 kg, give"]),
+    "below the pads": ((1.0, 0.5, 0.5), "mm", FRANKA, ["1.2 mm large: a pad", "give --unit cm"]),
+    "above the strokes": ((80.0, 50.0, 30.0), "cm", FRANKA, ["ten strokes", "give --unit mm"]),
+    "a density": ((0.1, 0.1, 0.1), "m", {"mass": 30.0, "has_density": True}, ["is its unit right"]),
+    "all at once": ((200.0, 50.0, 50.0), "m", {"mass": 0.5, **FRANKA}, ["foil, and it is", "mm"]),
+}
+
+
+@pytest.mark.parametrize("name", IMPLAUSIBLE)
+def test_an_implausible_object_is_named_once_with_what_would_explain_it(name: str) -> None:
+    extents, unit, purpose, words = IMPLAUSIBLE[name]
+    (text,) = warnings_of(shapes.box(extents), unit, **purpose)
+    assert all(word in text for word in words), text
+
+
+PLAUSIBLE: dict[str, tuple[Any, dict[str, Any]]] = {
+    "foam": (shapes.box((0.3, 0.2, 0.1)), {"mass": 20.0 * 0.006, **FRANKA}),
+    "tungsten": (shapes.box((0.03, 0.03, 0.03)), {"mass": 19_300 * 2.7e-5, **FRANKA}),
+    "balloon": (shapes.sphere(3, 0.15), {"mass": 0.0201 * 4.0 * math.pi * 0.15**2}),
+    "open scan": (open_box(0.1), {"mass": 1e-4}),
+    "open scan of lead": (open_box(0.1), {"mass": 11.0}),
+    "bag": (shapes.tube(0.1, 0.1 - 2e-5, 0.3), {"mass": 0.0036}),
+    "needle": (shapes.box((0.1, 0.001, 0.001)), {"mass": 8e-4, **FRANKA}),
+}
+
+
+@pytest.mark.parametrize("name", PLAUSIBLE)
+def test_nothing_is_said_of_what_there_is(name: str) -> None:
+    surface, purpose = PLAUSIBLE[name]
+    assert warnings_of(surface, "m", **purpose) == []
+
+
+def test_an_open_surface_is_judged_by_the_ball_around_it() -> None:
+    (text,) = warnings_of(open_box(0.01), "m", mass=0.8)
+    assert "more than any material" in text
+
+
+@given(size=st.floats(1e-3, 10.0), mass=st.floats(1e-5, 1e3), unit=st.sampled_from(list(METRES)))
+def test_what_is_advised_is_plausible(size: float, mass: float, unit: Any) -> None:
+    extents = (size, 0.5 * size, 0.4 * size)
+    for text in warnings_of(shapes.box(extents), unit, mass=mass, **FRANKA):
+        if match := re.search(r"--unit (\w+)", text):
+            assert warnings_of(shapes.box(extents), match[1], mass=mass, **FRANKA) == []
+        if match := re.search(r"--mass (\S+)", text):
+            meant = Load(mass=match[1]).mass  # type: ignore[arg-type]
+            assert warnings_of(shapes.box(extents), unit, mass=meant, **FRANKA) == []

@@ -14,6 +14,7 @@ from grasp3d.batch.batch_settings import FractionGrid
 from grasp3d.errors import SettingError
 from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskText
+from grasp3d.settings.checks import parse_angle
 from grasp3d.settings.lengths import METRES, Measure, measure, parse_length, settings_in_unit
 from grasp3d.settings.parsing import plain_values, settings_of_texts
 from grasp3d.settings.uncertainty import Fingers, Uncertainty, friction_interval, parse_fingers
@@ -37,6 +38,31 @@ def test_a_length_is_its_text(length: Measure) -> None:
     assert parse_length("it", str(length)) == length
     assert str(parse_length("it", str(length))) == str(length)
     assert parse_length("it", length) is length
+
+
+@given(angle=st.floats(-10.0, 10.0), space=st.sampled_from(["", " "]))
+def test_an_angle_is_its_text_in_every_unit(angle: float, space: str) -> None:
+    assert parse_angle("it", f"{angle!r}{space}rad") == angle
+    in_radians = math.radians(angle)
+    for unit in ("", "deg", "DEG", "degrees", "°"):
+        assert parse_angle("it", f"{angle!r}{space}{unit}") == in_radians
+    degrees = f"{math.degrees(angle)!r}{space}deg"
+    assert parse_angle("it", degrees) == pytest.approx(angle, rel=1e-15, abs=1e-300)
+
+
+@given(angle=st.floats(0.0, 0.7))
+def test_texts_of_fingers_take_angles_in_every_unit(angle: float) -> None:
+    own = parse_fingers(f"normal_error={angle!r}rad; friction=0.5")
+    same = parse_fingers(f"normal_error={math.degrees(angle)!r} deg; friction=0.5")
+    assert own[0].normal_error == pytest.approx(angle, rel=1e-14, abs=1e-300)
+    assert own[0].normal_error == pytest.approx(same[0].normal_error, rel=1e-14, abs=1e-300)
+    assert parse_fingers(str(own)) == own
+
+
+@pytest.mark.parametrize("text", ["", "deg", "steep", "5 furlongs", "15 deg rad", "1,5"])
+def test_what_is_no_angle_is_refused(text: str) -> None:
+    with pytest.raises(SettingError, match=r"^tilt must be an angle \(a number .*; got"):
+        parse_angle("tilt", text)
 
 
 @given(length=LENGTHS, through=UNITS, to=UNITS)

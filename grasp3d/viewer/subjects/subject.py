@@ -199,7 +199,7 @@ def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
     return Subject(
         labels,
         report.source if name is None else name,
-        notes=(*report.warnings, *_method_notes(labels.model, math.nan)),
+        notes=(*labels.warnings, *_method_notes(labels.model, math.nan)),
         epsilons=None if labels.computed("epsilon_range") is None else labels,
         load_numbers=None if case is None else LoadNumbers.of(case),
         forces=None if holding is None else Forces.of(holding, labels.model),
@@ -227,7 +227,7 @@ def read_subject(
     stored, settings = read_stored(path, max_memory)
     labels = labels_of(stored, settings, unit)
     subject, model = subject_of(labels, name or path.name), labels.model
-    notes = [*labels.mesh.report.warnings]
+    notes = [*labels.warnings]
     if not subject.prepared and labels.mode == "scan":
         notes.append("it is a scan, and the file does not contain the fixed fingers")
     differing = labels.label != label_angles(*labels.located_angles, model)
