@@ -1,18 +1,19 @@
 """NPZ files: all arrays of labels, compressed."""
 
+import base64
 import io
 import math
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
-from grasp3d.export.stored import FIELDS, Stored, check_complete
+from grasp3d.export.stored import FIELDS, Stored
 from grasp3d.reading.sources import Source, check_memory
-from grasp3d.surface.fields import Array, Arrays, present
+from grasp3d.surface.fields import Array, Arrays, Field, present
 from grasp3d.surface.label_settings import SETTING, complete_settings
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
@@ -33,7 +34,6 @@ def write_npz(path: str | Path, labels: SurfaceLabels) -> None:
         >>> stored["partners"].shape, str(stored["setting_unit"])
         ((162, 1, 3), 'cm')
     """
-    check_complete(path, labels, complete=True)
     arrays: dict[str, Any] = {
         **{field.name: values for field, values in present(SURFACE, labels.mesh)},
         **{field.name: values for field, values in present(VERTICES, labels) if field.array},
@@ -41,6 +41,23 @@ def write_npz(path: str | Path, labels: SurfaceLabels) -> None:
     }
     with atomic_write(Path(path)) as part, part.open("wb") as stream:
         np.savez_compressed(stream, **arrays)
+
+
+def packed(fields: Iterable[Field], labels: SurfaceLabels) -> str:
+    """Fields of labels, and of their mesh, as an NPZ in base64, for a line of text."""
+    arrays: dict[str, Any] = {
+        field.name: values
+        for field in fields
+        for _, values in present([field], labels.mesh if field in SURFACE else labels)
+    }
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **arrays)
+    return base64.b64encode(stream.getvalue()).decode("ascii")
+
+
+def unpacked(source: Source, text: str) -> Arrays:
+    """The arrays that `packed` has packed, by name. Raises MeshError, ValueError."""
+    return arrays_of_npz(source, io.BytesIO(base64.b64decode(text, validate=True)))
 
 
 MEMORY = 4.0
@@ -61,7 +78,7 @@ def read_npz(source: Source) -> Stored | None:
     if not settings:
         return None
     values = {name: array for name, array in arrays.items() if name in FIELDS}
-    return Stored(source, settings, values, complete=True)
+    return Stored(source, settings, values)
 
 
 def arrays_of_npz(source: Source, stream: IO[bytes]) -> Arrays:

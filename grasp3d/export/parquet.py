@@ -1,16 +1,14 @@
 """Parquet tables of vertices."""
 
-import base64
-import io
 import json
 from pathlib import Path
 
 import numpy as np
 
-from grasp3d.export.npz import MEMORY, arrays_of_npz
-from grasp3d.export.stored import Stored, check_complete, damaged, fingers_of
+from grasp3d.export.npz import MEMORY, packed, unpacked
+from grasp3d.export.stored import Stored, damaged, fingers_of
 from grasp3d.reading.sources import Source, check_memory
-from grasp3d.surface.fields import Array, Arrays, Field, present
+from grasp3d.surface.fields import Array, Arrays, Field
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 
@@ -49,22 +47,10 @@ def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
     """
     from grasp3d.system.tables import write_arrow
 
-    check_complete(path, labels, complete=True)
-    metadata = {SURFACE_KEY: _packed(labels)}
+    others = [field for field in VERTICES if field.array and not field.table]
+    others = [*SURFACE, *(field for field in others if field.name != "color")]
+    metadata = {SURFACE_KEY: packed(others, labels).encode("ascii")}
     write_arrow(Path(path), labels.to_table(), metadata)
-
-
-def _packed(labels: SurfaceLabels) -> bytes:
-    """The arrays that are no columns."""
-    others = (field for field in VERTICES if field.array and not field.table)
-    arrays = {
-        field.name: values
-        for field, values in (*present(SURFACE, labels.mesh), *present(others, labels))
-        if field.name != "color"
-    }
-    stream = io.BytesIO()
-    np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]  # one of its options is a bool
-    return base64.b64encode(stream.getvalue())
 
 
 def read_fields(source: Source) -> Stored | None:
@@ -79,12 +65,11 @@ def read_fields(source: Source) -> Stored | None:
             str(name): str(value) for name, value in dict(json.loads(metadata["grasp3d"])).items()
         }
         values = _values(columns, fingers_of(settings))
-        packed = base64.b64decode(metadata[SURFACE_KEY], validate=True)
+        values |= unpacked(source, metadata[SURFACE_KEY])
     except (OSError, ValueError, KeyError, TypeError, MemoryError) as error:
         reason = getattr(error, "strerror", None) or " ".join(str(error).split())[:200]
         raise damaged(source, f"its table cannot be read ({reason})") from error
-    values |= arrays_of_npz(source, io.BytesIO(packed))
-    return Stored(source, settings, values, complete=True)
+    return Stored(source, settings, values)
 
 
 def _values(columns: Arrays, fingers: int) -> Arrays:

@@ -1,5 +1,6 @@
 """Labelled PLY files."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -7,27 +8,27 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Ints
-from grasp3d.errors import MeshError
-from grasp3d.export.read_settings import comments_of
-from grasp3d.export.stored import ADVICE, Stored, check_complete, damaged
+from grasp3d.export.npz import packed, unpacked
+from grasp3d.export.stored import Stored, damaged, fingers_of
 from grasp3d.reading.obj_off_stl import check_declared_size
 from grasp3d.reading.ply import Element, PlyHeader, read_ply_header
-from grasp3d.reading.sources import LONGEST_HEADER, Source
-from grasp3d.surface.fields import DECIDED, EPSILONS, Field, present
-from grasp3d.surface.label_settings import settings_of
+from grasp3d.reading.sources import Source
+from grasp3d.surface.fields import DECIDED, EPSILONS, FLOAT, Field, present
+from grasp3d.surface.label_settings import complete_settings
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.vertex_fields import VERTICES
-from grasp3d.system.ply_files import write_ply_columns
+from grasp3d.surface.vertex_fields import RESTORING, SURFACE, VERTICES
+from grasp3d.system.ply_files import settings_of_header, write_ply_columns
 
 
 def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -> None:
     """Write a labelled PLY: the mesh with one label, colour and set of numbers per vertex.
 
-    Per vertex: x y z (double), outward nx ny nz, red green blue, `label` (uchar: 0 U, 1 M, 2 S),
-    `critical_angle`, `critical_angle_best`, `max_resolution` and `margin` (float, radians; inf, 0
-    and -inf where there is no grasp), `epsilon`, `epsilon_min` and `epsilon_max` (float; nan where
-    there is no grasp); with a location error, a gripper or a load further fields, see the page on
-    file formats. The settings are in comments that begin with `grasp3d`.
+    Per vertex: x y z, outward nx ny nz, red green blue, `label` (uchar: 0 U, 1 M, 2 S),
+    `critical_angle`, `critical_angle_best`, `max_resolution` and `margin` (radians; inf, 0 and -inf
+    where there is no grasp), `epsilon`, `epsilon_min` and `epsilon_max` (nan where there is no
+    grasp), the opposing contacts `partner_2_x` ... of its grasp; with a location error, a gripper
+    (the pose) or a load further fields, see the page on file formats. The settings are in comments
+    that begin with `grasp3d`, and what else `read_labels` needs.
 
     Args:
         path: File to make or replace.
@@ -46,14 +47,18 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
         >>> trimesh.load_mesh("ball.ply").vertices.shape
         (162, 3)
     """
-    check_complete(path, labels, complete=False)
     fields = (field for field in VERTICES if field.ply)
     columns = {
         name: column.astype(field.ply)
         for field, values in present(fields, labels)
         for name, column in field.as_columns(values).items()
     }
-    write_ply_columns(Path(path), columns, labels.mesh.faces, settings_of(labels), binary=binary)
+    settings = {**complete_settings(labels), PACKED: packed((*RESTORING, *SURFACE[1:]), labels)}
+    write_ply_columns(Path(path), columns, labels.mesh.faces, settings, binary=binary)
+
+
+PACKED = "packed"
+"""Name of the comment with what is not shown of the grasps and the surface; see `npz.packed`."""
 
 
 LABELLED = tuple(field.name for field in (*DECIDED, *EPSILONS))
@@ -61,15 +66,11 @@ LABELLED = tuple(field.name for field in (*DECIDED, *EPSILONS))
 the types, values and comments that `write_ply` writes; otherwise it is refused, as its numbers
 could mean anything. Other properties (colours, confidence, texture coordinates) are allowed."""
 
-_KINDS = {"u1": "a uchar", "f4": "a float", "f8": "a float"}
+_KINDS = {"u1": "a uchar", "i1": "a char", "f4": "a float", "f8": "a double"}
 
 
-def ply_settings(source: Source) -> dict[str, str] | None:
-    """The settings of a labelled PLY, from its header alone; None: it has no labels.
-
-    Raises:
-        MeshError: It has some properties of a labelled file, but is not valid.
-    """
+def read_ply(source: Source) -> Stored | None:
+    """Read a labelled PLY; None: it has no labels. Raises MeshError."""
     header = read_ply_header(source)
     kinds = {
         entry.name: "list" if entry.length else entry.type
@@ -79,44 +80,34 @@ def ply_settings(source: Source) -> dict[str, str] | None:
     }
     if not set(LABELLED) & set(kinds):
         return None
+    settings = settings_of_header(source.head(header.start))
     missing = next((name for name in LABELLED if name not in kinds), None)
     if missing is not None:
-        present_one = next(name for name in LABELLED if name in kinds)
-        raise MeshError(
-            f"{source.where}: its vertices have a property {present_one!r} but no {missing!r}, so "
-            f"it was not written by this version of grasp3d; {ADVICE}"
-        )
-    for field in VERTICES:
-        for name in field.column_names(0) if field.ply else ():
-            _check_kind(source, field, name, kinds.get(name))
-    return comments_of(source.head(LONGEST_HEADER)[: header.start])
-
-
-def _check_kind(source: Source, field: Field, name: str, kind: str | None) -> None:
-    """Refuse another type than is declared; floats of 64 bits may stand for floats of 32."""
-    needed = field.when == "always" and field.name != "color"
-    allowed = {"f4", "f8"} if field.ply.startswith("f") else {field.ply}
-    if (kind is not None or needed) and kind not in allowed:
-        raise damaged(source, f"its property {name!r} is not {_KINDS[field.ply]}")
-
-
-def read_ply(source: Source) -> Stored | None:
-    """Read a labelled PLY; None: it has no labels. Raises MeshError."""
-    settings = ply_settings(source)
-    if settings is None:
-        return None
+        name = next(name for name in LABELLED if name in kinds)
+        raise damaged(source, f"its vertices have a property {name!r} but no {missing!r}")
+    if PACKED not in settings:
+        raise damaged(source, "not their grasps: it is of an older version, or incomplete")
     try:
+        fingers = fingers_of(settings)
         check_declared_size(source)
-        columns, faces = read_tables(source, read_ply_header(source))
-    except (OSError, MemoryError) as error:
-        reason = getattr(error, "strerror", None) or "memory is too small"
-        raise source.error(f"cannot be read ({reason})") from error
-    values = {
-        field.name: field.from_columns(columns, 0)
-        for field in VERTICES
-        if field.ply and set(field.column_names(0)) <= columns.keys()
-    }
-    return Stored(source, settings, values | {"faces": faces}, complete=False)
+        columns, faces = read_tables(source, header)
+        values = unpacked(source, settings.pop(PACKED)) | {"faces": faces}
+    except (OSError, MemoryError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error) or "memory is too small"
+        raise damaged(source, f"it cannot be read ({' '.join(reason.split())[:200]})") from error
+    fields = (field for field in VERTICES if field.ply and field.ply != FLOAT)
+    for field in fields:
+        names = field.column_names(fingers)
+        if set(names) <= columns.keys():
+            _check_kinds(source, field, [kinds[name] for name in names])
+            values[field.name] = field.from_columns(columns, fingers)
+    return Stored(source, settings, values)
+
+
+def _check_kinds(source: Source, field: Field, kinds: Sequence[str]) -> None:
+    """Refuse other types than are declared."""
+    if set(kinds) != {field.ply}:
+        raise damaged(source, f"its property {field.name!r} is not {_KINDS[field.ply]}")
 
 
 CORNERS = 3

@@ -9,19 +9,17 @@ from typing import Any, get_args
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints, first_at_position, locked
-from grasp3d.errors import GraspError
+from grasp3d.arrays import Floats, locked
+from grasp3d.errors import GraspError, MeshError
 from grasp3d.export.npz import read_npz
 from grasp3d.export.parquet import read_fields
-from grasp3d.export.ply import ply_settings, read_ply
+from grasp3d.export.ply import read_ply
 from grasp3d.export.read_settings import FileSettings, settings_from
 from grasp3d.export.stored import FIELDS, Stored, check_stored, damaged
 from grasp3d.export.vtp import read_vtp
 from grasp3d.hand.reach import Reach
 from grasp3d.mesh import MeshReport, ObjectMesh
-from grasp3d.mesh.measures import Triangles, is_closed, surface_extent
-from grasp3d.mesh.normals import CornerNormals, corner_normals
-from grasp3d.mesh.preparing import center_and_volume, center_mass_from
+from grasp3d.mesh.normals import CornerNormals
 from grasp3d.mesh.repair.bodies import Solids
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.surface_points import SurfacePoints
@@ -35,6 +33,7 @@ from grasp3d.surface.holding import Holding
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.vertex_fields import LOCATED, VERTICES, unpacked_bits
+from grasp3d.system.names import printable
 
 READERS: dict[str, Callable[[Source], Stored | None]] = {
     ".ply": read_ply,
@@ -53,9 +52,7 @@ def read_labels(
 ) -> SurfaceLabels:
     """Read a labelled PLY, NPZ, VTP or Parquet file.
 
-    From NPZ, VTP and Parquet the labels are those that were written, bit for bit, with their mesh
-    and settings. A PLY has no opposing contacts and 32 bits: what it does not contain is None, and
-    what needs the contacts raises SettingError.
+    They are those that were written, bit for bit, with their grasps, mesh and settings.
 
     Args:
         path: A file that `write_ply`, `write_npz`, `write_vtp` or `write_fields` wrote.
@@ -76,86 +73,36 @@ def read_labels(
         >>> labels.relabel(friction=0.1).fractions()["S"], labels.mesh.unit
         (0.0, 'cm')
     """
-    return labels_of(*read_stored(Path(path), max_memory), unit)
+    labels = labels_in(Path(path), unit=unit, max_memory=max_memory)
+    if labels is None:
+        kind = Path(path).suffix[1:].upper()
+        where = printable(str(path))
+        raise MeshError(f"{where}: is not a {kind} labelled by grasp3d; label it first")
+    return labels
 
 
-def read_stored(
-    path: Path, max_memory: float = MeshOptions.max_memory
-) -> tuple[Stored, FileSettings]:
-    """Checked values of a labelled file, and its settings.
-
-    Args:
-        path: The file.
-        max_memory: Memory limit for reading [GB].
-
-    Raises:
-        MeshError: As in `read_labels`.
-    """
+def labels_in(
+    path: Path, *, unit: Unit | None = None, max_memory: float = MeshOptions.max_memory
+) -> SurfaceLabels | None:
+    """The labels of a file; None: it has none, as a PLY that is a mesh. As `read_labels`."""
     source = find_source(path, max_memory, READERS)
     stored = READERS[f".{source.kind}"](source)
     if stored is None:
-        raise source.error(f"is not a {source.kind.upper()} labelled by grasp3d; label it first")
-    settings = _settings(source, stored.settings)
+        return None
+    try:
+        settings = settings_from(stored.settings)
+    except ValueError as error:
+        raise damaged(source, f"its grasp3d comments are not valid: {error}") from error
     check_stored(stored, settings)
-    return stored, settings
-
-
-def labels_of(stored: Stored, settings: FileSettings, unit: Unit | None = None) -> SurfaceLabels:
-    """The labels of a file whose values were checked.
-
-    Args:
-        stored: What the file holds.
-        settings: Its settings.
-        unit: Unit of the mesh, if the file states none.
-
-    Raises:
-        MeshError: The values are damaged.
-    """
-    mesh = read_mesh(stored, settings, unit)
+    mesh = _read_mesh(stored, settings, unit)
     try:
         return _labels(stored, settings, mesh)
     except GraspError as error:
-        raise damaged(stored.source, str(error)) from error
-
-
-def settings_of_file(path: Path, max_memory: float = MeshOptions.max_memory) -> FileSettings | None:
-    """Settings of a labelled file; of a PLY from its header alone.
-
-    Args:
-        path: Any file.
-        max_memory: Memory limit for reading [GB].
-
-    Returns:
-        The settings; None: the file has another suffix than those of `READERS`, or no labels.
-
-    Raises:
-        MeshError: The file has some properties of a labelled file, but is not valid.
-    """
-    suffix = path.suffix.lower()
-    if suffix not in READERS:
-        return None
-    source = find_source(path, max_memory, READERS)
-    if suffix == ".ply":
-        texts = ply_settings(source)
-    else:
-        stored = READERS[suffix](source)
-        texts = None if stored is None else stored.settings
-    return None if texts is None else _settings(source, texts)
-
-
-def _settings(source: Source, texts: dict[str, str]) -> FileSettings:
-    try:
-        return settings_from(texts)
-    except ValueError as error:
-        raise damaged(source, f"its grasp3d comments are not valid: {error}") from error
+        raise damaged(source, str(error)) from error
 
 
 def _labels(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> SurfaceLabels:
     """Labels of checked values. Raises GraspError."""
-    load = settings.load
-    if load is not None and not stored.complete and load.density is not None:
-        # The file has no bodies that the densities could belong to.
-        load = replace(load, density=None, mass=float(stored.settings["object_mass"]))
     values: dict[str, Any] = {
         **{name: _value(stored, name) for name in PLAIN},
         "epsilon_range": EpsilonRange(*(_floats(stored, f"epsilon{end}") for end in _ENDS)),
@@ -164,12 +111,11 @@ def _labels(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Surface
         else tuple(_floats(stored, field.name) for field in LOCATED),
         "partner_points": _partner_points(stored),
         **_reach(stored, settings),
-        "holding": None if load is None else _holding(stored, replace(settings, load=load), mesh),
+        "holding": _holding(stored, settings, mesh),
     }
     return SurfaceLabels.of_values(
         mesh, settings.model, sampling=settings.sampling, mode=settings.mode,
-        search=settings.search, scene=settings.scene, load=load, values=values,
-        file=stored.source.where,
+        search=settings.search, scene=settings.scene, load=settings.load, values=values,
     )  # fmt: skip
 
 
@@ -189,10 +135,8 @@ def _floats(stored: Stored, name: str) -> Floats:
     return locked(stored.field(name), np.float64)
 
 
-def _partner_points(stored: Stored) -> SurfacePoints | None:
-    """The opposing contacts as surface points, (V, 2, n - 1); None: the file has none."""
-    if not stored.complete:
-        return None
+def _partner_points(stored: Stored) -> SurfacePoints:
+    """The opposing contacts as surface points, (V, 2, n - 1)."""
     faces, weights = (
         np.stack([stored.field(f"{head}partner_{name}") for head in ("", "best_")], axis=1)
         for name in ("faces", "weights")
@@ -201,14 +145,10 @@ def _partner_points(stored: Stored) -> SurfacePoints | None:
 
 
 def _reach(stored: Stored, settings: FileSettings) -> dict[str, Any]:
-    """How a gripper reaches the grasps, as far as the file shows."""
+    """How a gripper reaches the grasps, if there is one."""
     if settings.scene is None:
         return {}
     margin = _floats(stored, "approach_margin")
-    if not stored.complete:
-        reached = locked(np.isfinite(margin))
-        approach = _floats(stored, "approach")
-        return {"approach": approach, "approach_margin": margin, "reachable": reached}
     columns = [stored.field(name) for name in ("closing", "lateral", "approach", "tcp")]
     poses = np.full((len(margin), 4, 4), math.nan)
     poses[:, :3] = np.stack(columns, axis=2)
@@ -253,26 +193,14 @@ def _holding(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Holdin
     )
 
 
-def read_mesh(stored: Stored, settings: FileSettings, unit: Unit | None = None) -> ObjectMesh:
-    """The surface of a file whose values were checked.
-
-    Args:
-        stored: What the file holds.
-        settings: Its settings.
-        unit: Unit of the mesh, if the file states none.
-
-    Raises:
-        MeshError: What it has of the mesh is damaged.
-    """
+def _read_mesh(stored: Stored, settings: FileSettings, unit: Unit | None) -> ObjectMesh:
+    """The surface of a file whose values were checked. Raises MeshError."""
     try:
-        mesh = (_complete_mesh if stored.complete else _displayed_mesh)(stored, settings)
+        mesh = _complete_mesh(stored, settings)
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         stored.reject(f"its mesh is damaged ({' '.join(str(error).split())[:200]})")
     if mesh.unit is None and unit is not None:
         mesh = replace(mesh, report=replace(mesh.report, unit=unit))
-    # A file has both with more digits than they follow from what else it has.
-    vars(mesh)["normals"] = locked(-stored.field("normal").astype(np.float64))
-    vars(mesh)["torque_scale"] = settings.torque_scale
     return mesh
 
 
@@ -324,53 +252,3 @@ def _solids(surface: dict[str, Any]) -> Solids | None:
         return None
     count = len(volumes)
     return Solids(locked(_numbers(volumes, (count,))), locked(_numbers(centers, (count, 3))))
-
-
-def _displayed_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
-    """The surface of a file without more than is displayed: a PLY."""
-    vertices, faces = stored.field("vertices"), stored.field("faces")
-    canonical = first_at_position(vertices)
-    faces = canonical[faces]
-    center, size = surface_extent(vertices, faces)
-    closed, own = is_closed(faces), settings.options.center_of_mass
-    surface = Triangles((vertices - center) / size, faces)
-    center_mass, volume = center_and_volume(surface, closed=closed)
-    warnings = [] if closed else [
-        "the surface is open: inside and outside are taken from the winding of its faces"
-    ]  # fmt: skip
-    return ObjectMesh(
-        vertices=locked(vertices),
-        faces=locked(faces),
-        canonical=locked(canonical),
-        file_vertices=settings.file_vertices,
-        corner_normals=_shading(stored, vertices, faces, settings.options.crease_angle),
-        center=locked(center),
-        size=size,
-        center_mass=locked(center_mass * size + center if own is None else own),
-        volume=volume * size**3,
-        options=settings.options,
-        report=MeshReport(
-            source=settings.source,
-            format=stored.source.kind,
-            unit=settings.unit,
-            file_vertices=settings.file_vertices,
-            file_faces=len(faces),
-            vertices=len(vertices),
-            faces=len(faces),
-            bodies=1,
-            closed=closed,
-            center_mass_from=center_mass_from(settings.options, volume),
-            repairs=(),
-            warnings=tuple(warnings),
-        ),
-    )
-
-
-def _shading(stored: Stored, vertices: Floats, faces: Ints, crease_angle: float) -> CornerNormals:
-    """Normals at the corners of the faces; on smooth parts those of the file."""
-    computed = corner_normals(Triangles(vertices, faces), crease_angle)
-    corners = np.bincount(computed.vertices, minlength=len(vertices))[computed.vertices]
-    own = -stored.field("normal").astype(np.float64)[computed.vertices]
-    smooth = (corners == 1) & (own != 0.0).any(axis=1)
-    normals = np.where(smooth[:, None], own, computed.normals)
-    return CornerNormals(locked(computed.corners), locked(normals), locked(computed.vertices))

@@ -24,11 +24,12 @@ from grasp3d.settings.parsing import settings_of_texts
 from grasp3d.stability.label import Mode
 from grasp3d.surface.label_settings import GIVEN_ANGLE, SETTING
 from grasp3d.surface.vertex_grasps import SearchReport
+from grasp3d.system.ply_files import settings_of_header
 from grasp3d.system.tables import read_settings
 
 NEEDED = (
     "mode", "friction", "sensor_resolution", "fingers", "method", "search_angle", "unit",
-    "file_vertices", "torque_scale", "source",
+    "file_vertices", "surface",
 )  # fmt: skip
 """Settings that every labelled file has."""
 
@@ -43,19 +44,14 @@ class FileSettings:
     options: MeshOptions
     mode: Mode
     search: SearchReport
-    source: str
-    """Name of the mesh."""
     unit: Unit | None
     file_vertices: int
-    torque_scale: float
     scene: Scene | None = None
     """The gripper that must reach each grasp, and the table; None: ideal points."""
     load: Load | None = None
     """What each grasp must hold; None: nothing, or its task cannot be read again."""
-    object_mass: float | None = None
-    """Mass that the load has on the object [kg]; None: unknown, or no load."""
-    force_at_hand: float | None = None
-    """Force at hand [N]; None: not given, or no load."""
+    has_load: bool = False
+    """Whether there is a load, be its task known or not."""
 
 
 def settings_from(texts: Mapping[str, str]) -> FileSettings:
@@ -86,38 +82,16 @@ def settings_from(texts: Mapping[str, str]) -> FileSettings:
             options=options,
             mode="scan" if mode == "scan" else "label",
             search=search,
-            source=_source(values),
             unit=options.unit,
             file_vertices=int(values["file_vertices"]),
-            torque_scale=_size(values, "torque_scale"),
             scene=_scene(values),
             load=load_from(values),
-            object_mass=_known(values, "object_mass"),
-            force_at_hand=_known(values, "force_at_hand"),
+            has_load="object_mass" in values,
         )
     except KeyError as error:
         raise ValueError(f"there is no comment {error.args[0]!r}") from error
     except (TypeError, GraspError, RecursionError) as error:
         raise ValueError(str(error)) from error
-
-
-def _size(values: Mapping[str, str], name: str) -> float:
-    number = float(values[name])
-    if not 0.0 < number < math.inf:
-        raise ValueError(f"its {name} is {number}")
-    return number
-
-
-def _known(values: Mapping[str, str], name: str) -> float | None:
-    return None if values.get(name, "None") == "None" else _size(values, name)
-
-
-def _source(values: Mapping[str, str]) -> str:
-    """Name of the mesh, of which other characters than ASCII are escaped."""
-    try:
-        return values["source"].encode("ascii").decode("unicode_escape")
-    except UnicodeError as error:
-        raise ValueError("its source is not a name") from error
 
 
 def _search(values: Mapping[str, str]) -> tuple[SearchReport, str]:
@@ -164,7 +138,6 @@ def _numbers(values: Mapping[str, str], name: str, count: int) -> Floats | None:
 FORMAT_KEYS = frozenset({"format", "version", "unit"})
 """Keys of a gripper in JSON that describe the format."""
 
-_COMMENT = "comment grasp3d "
 _GLB_HEAD = struct.Struct("<4sIIII")
 
 
@@ -188,7 +161,7 @@ def stored_settings(path: Path) -> dict[str, str] | None:
 def _from_ply(path: Path) -> dict[str, str]:
     with path.open("rb") as stream:
         header = stream.read(LONGEST_HEADER).partition(b"end_header")[0]
-    return comments_of(header)
+    return settings_of_header(header)
 
 
 def _from_npz(path: Path) -> dict[str, str]:
@@ -233,10 +206,3 @@ _READERS: dict[str, Callable[[Path], dict[str, Any] | None]] = {
     ".parquet": read_settings,
     ".json": _from_json,
 }
-
-
-def comments_of(header: bytes) -> dict[str, str]:
-    """The settings in the header of a PLY."""
-    lines = header.decode("ascii", "replace").splitlines()
-    comments = [line.removeprefix(_COMMENT) for line in lines if line.startswith(_COMMENT)]
-    return {name: value for name, _, value in (line.partition(" ") for line in comments)}

@@ -1,26 +1,22 @@
 """What labelled files hold, as their formats store it, and checks of it: files may be damaged."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
 
 from grasp3d.arrays import short_repr
-from grasp3d.errors import MeshError, OutputError
+from grasp3d.errors import MeshError
 from grasp3d.export.read_settings import FileSettings
 from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.mesh_sources import LARGEST
 from grasp3d.reading.sources import Source, check_finite
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel
 from grasp3d.stability.thresholds import label_angles
-from grasp3d.surface.fields import MARGIN, Array, Arrays, Field
-from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.fields import FLOAT, MARGIN, Array, Arrays, Field
 from grasp3d.surface.vertex_fields import LOCATED, SURFACE, VERTICES
 from grasp3d.surface.vertex_grasps import Reason
-from grasp3d.system.names import printable
 
 ADVICE = "label the mesh again, or export it without its labels"
 
@@ -34,8 +30,6 @@ class Stored:
     """Texts by name."""
     values: Arrays
     """By name of the field, as files hold them: normals point outward."""
-    complete: bool
-    """Whether the format has every field."""
 
     __repr__ = short_repr
 
@@ -70,63 +64,11 @@ def fingers_of(settings: dict[str, str]) -> int:
 FIELDS: dict[str, Field] = {field.name: field for field in (*VERTICES, *SURFACE)}
 """All fields of labelled files by name."""
 
-OPTIONAL = ("payload", "label_with_force", "free_angles", "color", "area")
+OPTIONAL = (
+    "payload", "label_with_force", "free_angles", "color", "area", "partner_normals",
+    *(field.name for field in VERTICES if field.ply == FLOAT),
+)  # fmt: skip
 """Fields that follow from others, or depend on more than whether there is a load or a gripper."""
-
-
-def needed_fields(
-    model: GraspModel, *, complete: bool, gripper: bool, load: bool
-) -> Iterator[Field]:
-    """The fields that a file must have.
-
-    Args:
-        model: The model of its labels.
-        complete: Whether its format has every field; otherwise it is a PLY.
-        gripper: Whether a gripper must reach the grasps.
-        load: Whether there is a load.
-    """
-    present = {
-        "always": True,
-        "errors": not model.is_uniform,
-        "gripper": gripper,
-        "joints": False,
-        "load": load,
-    }
-    for field in (*VERTICES, *SURFACE):
-        in_format = complete or bool(field.ply) or field.name == "faces"
-        if in_format and present[field.when] and field.name not in OPTIONAL:
-            yield field
-
-
-def check_complete(path: str | Path, labels: SurfaceLabels, *, complete: bool) -> None:
-    """Refuse to write labels that lack what a reader of the file would need.
-
-    They were read from a PLY, which does not contain the opposing contacts.
-
-    Args:
-        path: The file that is written.
-        labels: The labels.
-        complete: As in `needed_fields`.
-
-    Raises:
-        OutputError: A field is not known.
-    """
-    if labels.grasps.known_contacts is not None:
-        return
-    needed = needed_fields(
-        labels.model, complete=complete, gripper=labels.scene is not None,
-        load=labels.load is not None,
-    )  # fmt: skip
-    for field in needed:
-        if field not in SURFACE and field.values_of(labels) is None:
-            why = (
-                f"{field.name} is not known of labels that were read from a PLY and changed; "
-                "label the mesh again, or write a GLB"
-                if field.ply
-                else f"the labels were read from a PLY, which has no {field.name}; write a PLY or "
-                "GLB, or label the mesh again"
-            )
-            raise OutputError(f"{printable(str(path))}: {why}")
 
 
 ROUNDING = 1e-6
@@ -146,12 +88,16 @@ def check_stored(stored: Stored, settings: FileSettings) -> None:
     Raises:
         MeshError: A field is missing, or has values that it cannot have.
     """
-    needed = needed_fields(
-        settings.model, complete=stored.complete, gripper=settings.scene is not None,
-        load="object_mass" in stored.settings,
-    )  # fmt: skip
-    for field in needed:
-        stored.field(field.name)
+    present = {
+        "always": True,
+        "errors": not settings.model.is_uniform,
+        "gripper": settings.scene is not None,
+        "joints": False,
+        "load": settings.has_load,
+    }
+    for field in FIELDS.values():
+        if present[field.when] and field.name not in OPTIONAL:
+            stored.field(field.name)
     count, fingers = len(stored.field("vertices")), settings.model.fingers
     sizes = {
         "F": len(stored.field("faces")), "C": len(stored.values.get("corner_normals", ())),
@@ -167,15 +113,12 @@ def check_stored(stored: Stored, settings: FileSettings) -> None:
         _check_values(stored, field, values)
     _check_surface(stored)
     _check_labels(stored, settings.model)
-    if stored.complete:
-        _check_found(stored)
+    _check_found(stored)
 
 
 def _check_values(stored: Stored, field: Field, values: Array) -> None:
-    name, kinds = field.name, {np.dtype(field.kind)}
-    if field.kind == "f8" and not stored.complete:
-        kinds.add(np.dtype("f4"))
-    if values.dtype not in kinds:
+    name = field.name
+    if values.dtype != np.dtype(field.kind):
         stored.reject(f"its {name} is of the type {values.dtype} instead of {field.kind}")
     if field.texts:
         if (values >= len(field.texts)).any():
@@ -243,8 +186,8 @@ def _check_labels(stored: Stored, model: GraspModel) -> None:
         stored.reject("its critical_angle_best is above its critical_angle")
     if not model.is_uniform:
         worst, best = (stored.field(field.name) for field in LOCATED)
-    expected = model.effective_friction_angle - worst
-    margin, label = stored.field(MARGIN.name), stored.field("label")
+    expected, label = model.effective_friction_angle - worst, stored.field("label")
+    margin = stored.values.get(MARGIN.name, expected)
     with np.errstate(invalid="ignore"):  # inf - inf
         if not ((np.abs(margin - expected) < ROUNDING) | (margin == expected)).all():
             stored.reject(f"its {MARGIN.name} does not match its angles")

@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 from grasp3d.export.npz import MEMORY
-from grasp3d.export.stored import Stored, check_complete, damaged, fingers_of
+from grasp3d.export.stored import Stored, damaged, fingers_of
 from grasp3d.export.vtp_arrays import vtp_arrays
 from grasp3d.reading.sources import Source, check_memory
 from grasp3d.surface.conversions import INFINITE
@@ -33,7 +33,6 @@ def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
     """
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
-    check_complete(path, labels, complete=True)
     # VTK writes to memory: on a full disk its own file output ends the process.
     writer = vtkXMLPolyDataWriter()
     writer.SetInputData(labels.to_polydata())
@@ -86,7 +85,7 @@ def read_vtp(source: Source) -> Stored | None:
     except (KeyError, IndexError, ValueError, TypeError, OSError, MemoryError) as error:
         reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise damaged(source, f"its arrays cannot be read ({reason})") from error
-    return Stored(source, settings, stored, complete=True)
+    return Stored(source, settings, stored)
 
 
 def _values(points: Arrays, fingers: int) -> Arrays:

@@ -108,7 +108,10 @@ def read_ply_header(source: Source) -> PlyHeader:
     Raises:
         MeshError: It is not a PLY, or declares more than the file can contain.
     """
-    match = re.match(rb"ply\s(.*?)\nend_header[ \r]*\n", source.head(LONGEST_HEADER), re.DOTALL)
+    for size in (LONGEST_HEADER, source.size):  # labels are partly in comments
+        match = re.match(rb"ply\s(.*?)\nend_header[ \r]*\n", source.head(size), re.DOTALL)
+        if match is not None:
+            break
     if match is None:
         raise source.unexpected("cannot be read as PLY: no header")
     formats = {name: order for order, name in _FORMATS.items()}

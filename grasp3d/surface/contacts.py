@@ -63,11 +63,6 @@ class GraspContacts:
         def surface_points(self) -> SurfacePoints: ...  # noqa: D102
 
     @property
-    def known(self) -> bool:
-        """Whether all contacts are known: those of a file may not be."""
-        return True
-
-    @property
     def size(self) -> int:
         """Number of grasps."""
         return int(self.surface_points.faces.shape[0])
@@ -176,72 +171,6 @@ class SurfaceContacts(GraspContacts):
     """Contact points on the faces, shape (b, n)."""
 
     __repr__ = short_repr
-
-
-@dataclass(frozen=True, eq=False)
-class ReadContacts(GraspContacts):
-    """Contacts of grasps in a file: at vertices, and at positions that it contains or does not.
-
-    Their surface points are found when they are needed.
-    """
-
-    mesh: ObjectMesh
-    vertices: Ints
-    """The first contacts, numbers of vertices, shape (b,)."""
-    partners: Floats | None
-    """Positions of the others, shape (b, n - 1, 3); None: the file has none."""
-    fingers: int
-    """Number of contacts of each grasp, n."""
-    file: str
-    """Name of the file, for errors."""
-
-    __repr__ = short_repr
-
-    @property
-    def known(self) -> bool:
-        """Whether all contacts are known."""
-        return self.partners is not None
-
-    @property
-    def size(self) -> int:
-        """Number of grasps."""
-        return len(self.vertices)
-
-    @property
-    def count(self) -> int:
-        """Number of contacts of each grasp."""
-        return self.fingers
-
-    @cached_property
-    def surface_points(self) -> SurfacePoints:
-        """Contact points on the faces, shape (b, n): vertices, and points nearest to the others.
-
-        Raises:
-            SettingError: The file does not contain the other contacts.
-            MeshError: They are not on the surface.
-        """
-        if self.partners is None:
-            raise SettingError(
-                f"{self.file}: the file does not contain the opposing contacts of its grasps, "
-                "which this needs; label the mesh again, and write NPZ, VTP or Parquet to keep them"
-            )
-        nearest, _, distances = nearest_surface_points(
-            self.mesh, self.partners.reshape(-1, 3), limit=OFF_SURFACE * self.mesh.size
-        )
-        if np.isinf(distances).any():
-            raise MeshError(
-                f"{self.file}: opposing contacts are not on its surface; label it again"
-            )
-        shape = self.partners.shape[:2]
-        others = SurfacePoints(nearest.faces.reshape(shape), nearest.weights.reshape(*shape, 3))
-        return with_vertices(self.mesh, self.vertices, others)
-
-    def take(self, which: slice | Ints | Bools) -> GraspContacts:
-        """The chosen grasps."""
-        if "surface_points" in vars(self):
-            return super().take(which)
-        partners = None if self.partners is None else self.partners[which]
-        return replace(self, vertices=self.vertices[which], partners=partners)
 
 
 @dataclass(frozen=True, eq=False)

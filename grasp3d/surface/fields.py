@@ -70,7 +70,7 @@ class Field:
     each: str = ""
     """Name of the values of one finger, with {} for its number; empty: it is not by finger."""
     ply: str = ""
-    """Type in a PLY; empty: it has none."""
+    """Type at the vertices of a PLY, of 32 bits if it follows from others; empty: not there."""
     array: bool = True
     """Whether NPZ, VTP, `to_trimesh` and `to_polydata` have it."""
     table: bool = True
@@ -150,8 +150,8 @@ def present(fields: Iterable[Field], holder: object) -> Iterator[tuple[Field, Ar
             yield field, values
 
 
-FLOAT = "f4"
-"""Type of most numbers in a PLY."""
+FLOAT, DOUBLE = "f4", "f8"
+"""Types of numbers in a PLY: those that follow from others, and those that are read again."""
 
 
 def of_part(part: str, name: str) -> Callable[[Any], Array | None]:
@@ -177,7 +177,7 @@ def _payload(holder: Any) -> Array | None:
 LABEL = Field("label", "the label S, M or U", kind="u1", ply="u1", texts=LETTERS)
 CRITICAL_ANGLE = Field(
     "critical_angle", "critical friction angle of the grasp, over the worst normals of its "
-    "contacts; decides S; `inf`: no grasp", RADIANS, (), ANGLE_OR_INF, ply=FLOAT,
+    "contacts; decides S; `inf`: no grasp", RADIANS, (), ANGLE_OR_INF, ply=DOUBLE,
 )  # fmt: skip
 CRITICAL_ANGLE_BEST = replace(
     CRITICAL_ANGLE, name="critical_angle_best", meaning="the same over the best normals; decides "
@@ -195,7 +195,7 @@ MARGIN = Field(
 )  # fmt: skip
 EPSILON = Field(
     "epsilon", r"$\varepsilon$ at the nominal normals, a lower bound; `nan`: no grasp", "", (),
-    POSITIVE_OR_NAN, ply=FLOAT,
+    POSITIVE_OR_NAN, ply=DOUBLE,
 )  # fmt: skip
 DECIDED = (LABEL, CRITICAL_ANGLE, CRITICAL_ANGLE_BEST, MAX_RESOLUTION, MARGIN)
 EPSILONS = (
@@ -205,21 +205,22 @@ EPSILONS = (
     replace(EPSILON, name="epsilon_max", meaning="bound on the largest"),
 )  # fmt: skip
 OPENING = Field(
-    "opening", "largest distance between any two contacts of the grasp", LENGTH, (), POSITIVE_OR_NAN
-)
+    "opening", "largest distance between any two contacts of the grasp", LENGTH, (),
+    POSITIVE_OR_NAN, ply=FLOAT,
+)  # fmt: skip
 APPROACH_MARGIN = Field(
     "approach_margin", "by how much the approach may turn about the closing axis either way",
-    RADIANS, (), ANGLE_OR_NAN, of=of_part("reach", "approach_margin"), when="gripper", ply=FLOAT,
+    RADIANS, (), ANGLE_OR_NAN, of=of_part("reach", "approach_margin"), when="gripper", ply=DOUBLE,
 )  # fmt: skip
 DEPTH = Field(
     "depth", "how far the fingertips reach beyond the contacts along the approach", LENGTH, (),
-    KNOWN_OR_NAN, of=of_part("reach", "depth"), when="gripper",
+    KNOWN_OR_NAN, of=of_part("reach", "depth"), when="gripper", ply=DOUBLE,
 )  # fmt: skip
 GRIP_FORCE = Field(
     "grip_force", "force of each finger, along its contact's normal, that holds the load at the "
     "nominal normals; for 1 kg where no mass is given; `inf`: no force does, `nan`: no grasp",
     NEWTONS, (), Allowed(0.0, infinite=math.inf, unknown=True),
-    of=of_part("holding", "grip_force"), when="load", ply=FLOAT,
+    of=of_part("holding", "grip_force"), when="load", ply=DOUBLE,
 )  # fmt: skip
 FORCES = (
     GRIP_FORCE,

@@ -4,7 +4,7 @@ import math
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from importlib import import_module
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
@@ -45,7 +45,7 @@ from grasp3d.surface.grasp_numbers import (
 from grasp3d.surface.holding import Holding
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.rows import if_known, rows_of
+from grasp3d.surface.rows import rows_of
 from grasp3d.system.context import unreported
 from grasp3d.system.versions import package_version
 
@@ -213,12 +213,10 @@ class GraspTable(LabelledGrasps):
     def epsilon_range(self) -> EpsilonRange:
         """`epsilon`, `epsilon_min` and `epsilon_max`; computed when first read.
 
-        Of the grasps over the worst normals. None: of labels read from a PLY, which does not have
-        the contacts, for another model.
+        Of the grasps over the worst normals.
         """
         radius = 0.0 if self.load_case is None else self.load_case.center_radius
-        find = partial(surface_epsilons, model=self.model, center_radius=radius)
-        return if_known(self.known_contacts, find)
+        return surface_epsilons(self.contacts, self.model, center_radius=radius)
 
     @Deferred
     def holding(self) -> Holding | None:
@@ -228,7 +226,7 @@ class GraspTable(LabelledGrasps):
         the least force is the smaller one of the two, as for labels. Computed when first read.
         """
         case, model, other = self.load_case, self.model, self.best_normals
-        if case is None or self.known_contacts is None:
+        if case is None:
             return None
         holding = surface_holding(self.contacts, model, case)
         if other is None:
@@ -310,11 +308,6 @@ class GraspTable(LabelledGrasps):
         in_metres = self.poses.copy()
         in_metres[:, :3, 3] *= metres_per_unit(self.mesh)
         return ObjectPose.of(object_pose).matrix @ in_metres
-
-    @property
-    def known_contacts(self) -> GraspContacts | None:
-        """The contacts; None: a file does not contain them."""
-        return self.contacts if self.contacts.known else None
 
     @property
     def positions(self) -> Floats:

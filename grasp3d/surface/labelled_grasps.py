@@ -1,13 +1,11 @@
 """What follows from the angles, epsilon and forces of grasps, whatever has a row for each."""
 
 from functools import cached_property
-from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from grasp3d.arrays import Floats, locked
 from grasp3d.stability.thresholds import margins, max_resolution
 from grasp3d.surface.load_case import input_warnings
-from grasp3d.surface.rows import if_known
 from grasp3d.system.context import report_progress
 
 if TYPE_CHECKING:
@@ -102,10 +100,9 @@ class LabelledGrasps:
         At the contacts' nominal normals, the middle of the set on creases; about the mesh's centre
         of mass, torques divided by `mesh.torque_scale`, in the span of the wrenches. Certified from
         below, within 1 %. 0 where the grasp is not force-closed, nan where there is no grasp or the
-        normals at a contact cancel out. None: of labels read from a PLY, which does not have the
-        contacts, for another model.
+        normals at a contact cancel out.
         """
-        return if_known(self.epsilon_range, attrgetter("nominal"))
+        return self.epsilon_range.nominal
 
     @cached_property
     def epsilon_min(self) -> Floats:
@@ -113,9 +110,9 @@ class LabelledGrasps:
 
         `model.tilts` says how it is computed: 'exact', by the 'effective_friction' of polygonal
         cones, over 'sampled_tilts' for soft fingers and with method extremes, or as a 'bound' where
-        contact locations are uncertain; see `quality.epsilon_range`. None: as for `epsilon`.
+        contact locations are uncertain; see `quality.epsilon_range`.
         """
-        return if_known(self.epsilon_range, attrgetter("minimum"))
+        return self.epsilon_range.minimum
 
     @cached_property
     def epsilon_max(self) -> Floats:
@@ -123,9 +120,9 @@ class LabelledGrasps:
 
         With method extremes it is the largest over the combinations of extreme normals, and is
         attained. It is 0 at a few creases labelled M, whose label comes from another grasp, which
-        is better over the best normals. None: as for `epsilon`.
+        is better over the best normals.
         """
-        return if_known(self.epsilon_range, attrgetter("maximum"))
+        return self.epsilon_range.maximum
 
     @property
     def grip_force(self) -> Floats | None:

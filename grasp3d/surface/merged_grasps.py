@@ -39,7 +39,7 @@ def merged(
     """Labels with the grasps of another search where masks are set.
 
     Args:
-        one: The grasps; those of a file have no surface points yet.
+        one: The grasps.
         other: Grasps on the same mesh, whose model, settings and search the result has.
         worst: Vertices whose grasp over the worst normals is from `other` (V,).
         best: Vertices whose grasp over the best normals is from `other` (V,).
@@ -77,8 +77,6 @@ def _chosen_reach(which: Bools, other: Reach | None, one: Reach | None) -> Reach
     rows = {}
     for field in fields(Reach):
         first, second = getattr(other, field.name), getattr(one, field.name)
-        if first.shape != second.shape:  # a file does not contain the free angles
-            second = np.zeros_like(first)
         rows[field.name] = locked(
             np.where(which.reshape(-1, *[1] * (first.ndim - 1)), first, second)
         )

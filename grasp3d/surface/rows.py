@@ -1,7 +1,6 @@
 """Rows of tables of grasps, and places, such as vertices or poses, that have such a row or none."""
 
-from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,8 +10,6 @@ from grasp3d.arrays import Bools, Ints, locked
 NO_ROW = -1
 """Row of a place that has no grasp."""
 
-T = TypeVar("T")
-V = TypeVar("V")
 
 
 def spread(values: npt.NDArray[Any], row: Ints, missing: float) -> npt.NDArray[Any]:
@@ -54,17 +51,3 @@ def rows_of(values: Any, rows: Ints) -> Any:
     if isinstance(values, tuple):
         return tuple(rows_of(one, rows) for one in values)
     return locked(values[rows]) if isinstance(values, np.ndarray) else values.take(rows)
-
-
-def if_known(values: T | None, function: Callable[[T], V]) -> V:
-    """What follows from values; None where these are None, as a file does not contain them.
-
-    The types say nothing of that: labels that were computed have all values.
-
-    Args:
-        values: The values.
-        function: What follows from them.
-    """
-    unknown: Any = None
-    result: V = unknown if values is None else function(values)
-    return result

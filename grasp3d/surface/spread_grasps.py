@@ -21,7 +21,7 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.holding import Holding
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.rows import NO_ROW, if_known, spread
+from grasp3d.surface.rows import NO_ROW, spread
 
 
 class SpreadGrasps(LabelledGrasps):
@@ -98,9 +98,7 @@ class SpreadGrasps(LabelledGrasps):
     @cached_property
     def epsilon_range(self) -> EpsilonRange:
         """`epsilon`, `epsilon_min` and `epsilon_max`, shape (k,); computed when first read."""
-        return if_known(self.grasps.epsilon_range, self._spread_epsilon)
-
-    def _spread_epsilon(self, epsilon: EpsilonRange) -> EpsilonRange:
+        epsilon = self.grasps.epsilon_range
         return EpsilonRange(
             self._spread(epsilon.nominal, math.nan),
             self._spread(epsilon.minimum, math.nan),

@@ -17,6 +17,7 @@ from grasp3d.surface.fields import (
     CRITICAL_ANGLE,
     DECIDED,
     DEPTH,
+    DOUBLE,
     EPSILONS,
     FLOAT,
     FORCES,
@@ -31,7 +32,7 @@ from grasp3d.surface.fields import (
     Field,
     names_of,
     of_part,
-)  # fmt: skip  # fmt: skip
+)  # fmt: skip
 from grasp3d.surface.vertex_grasps import Reason, VertexGrasps
 
 _COLORS = np.array([COLORS[label] for label in sorted(COLORS)], dtype=np.uint8)
@@ -98,18 +99,18 @@ LOCATED = (
 )  # fmt: skip
 PARTNERS = (
     Field("partners", "the other contacts of the grasp", LENGTH, ("n-1", 3), KNOWN_OR_NAN,
-          each="partner_{}"),
+          each="partner_{}", ply=DOUBLE),
     Field("partner_normals", "outward normals there", "", ("n-1", 3), NORMAL_OR_NAN, outward=True,
           columns=tuple(f"partner_{{}}_n{axis}" for axis in XYZ), each="partner_{}_normal"),
 )  # fmt: skip
 POSES = (
     Field("approach", "approach direction of the pose that the gripper reaches, the axis z of its "
           "[frame](guide/grippers.md#frame-and-shape)", "", (3,), KNOWN_OR_NAN, when="gripper",
-          ply=FLOAT),
+          ply=DOUBLE),
     Field("tcp", "tool centre point, the origin of the pose", LENGTH, (3,), KNOWN_OR_NAN,
-          of=_pose(3), when="gripper"),
+          of=_pose(3), when="gripper", ply=DOUBLE),
     Field("closing", "closing axis, the axis x of the pose, from finger 1 to finger 2", "", (3,),
-          KNOWN_OR_NAN, of=_pose(0), when="gripper"),
+          KNOWN_OR_NAN, of=_pose(0), when="gripper", ply=DOUBLE),
     replace(APPROACH_MARGIN, of=None),
     DEPTH,
     replace(DEPTH, name="pregrasp_opening", meaning="opening before the fingers close",
@@ -137,7 +138,7 @@ RESTORING = (
     *_partner_points(1, "best_", "the grasp that is best over the best normals"),
     Field("lateral", "the axis y of the pose, the product of z and x", "", (3,), KNOWN_OR_NAN,
           of=_pose(1), when="gripper"),
-    replace(DEPTH, name="held_opening", meaning="opening when the object is held",
+    replace(DEPTH, name="held_opening", meaning="opening when the object is held", ply="",
             of=of_part("reach", "opening")),
     Field("reach_state", "`reached`, or why the gripper does not reach the grasp", kind="u1",
           of=of_part("reach", "state"), when="gripper", texts=names_of(Reachability)),
@@ -149,11 +150,11 @@ RESTORING = (
     Field("resistance", "whether forces can hold the load: why `grip_force` is infinite",
           of=of_part("holding", "resistance"), kind="u1", when="load", texts=names_of(Resistance)),
 )  # fmt: skip
-"""What makes labels that are read again complete."""
+"""What makes labels that are read again complete; packed in a PLY."""
 
 VERTICES = (
     Field("vertices", "position", LENGTH, (3,), of=attrgetter("mesh.vertices"), columns=XYZ,
-          ply="f8"),
+          ply=DOUBLE),
     Field("normal", "outward normal; on creases and at corners the middle of the normals there; 0 "
           "where these cancel out", "", (3,), of=attrgetter("mesh.normals"), outward=True,
           columns=("nx", "ny", "nz"), ply=FLOAT),
@@ -165,8 +166,8 @@ VERTICES = (
     *EPSILONS,
     OPENING,
     Field("grip", "two fingers: 1 for an external grasp, −1 for an internal one; 0: no grasp, and "
-          "three fingers and more", "", (), NORMAL, kind="i1"),
-    Field("reason", "why there is no grasp, see [reasons](#reasons)", kind="u1",
+          "three fingers and more", "", (), NORMAL, kind="i1", ply="i1"),
+    Field("reason", "why there is no grasp, see [reasons](#reasons)", kind="u1", ply="u1",
           texts=names_of(Reason)),
     *LOCATED,
     *PARTNERS,

@@ -20,14 +20,9 @@ from grasp3d.quality.loads import Load
 from grasp3d.settings import AnySampling, GraspModel
 from grasp3d.stability.label import Mode
 from grasp3d.stability.normal_sets import WorstAndBest
-from grasp3d.surface.contacts import (
-    GraspContacts,
-    ReadContacts,
-    SurfaceContacts,
-    with_vertices,
-)
+from grasp3d.surface.contacts import SurfaceContacts, with_vertices
 from grasp3d.surface.grasp_table import COMPUTED, BestNormalGrasps, GraspTable
-from grasp3d.surface.rows import NO_ROW, if_known, rows_of
+from grasp3d.surface.rows import NO_ROW, rows_of
 from grasp3d.surface.spread_grasps import SpreadGrasps
 
 
@@ -80,7 +75,7 @@ class VertexGrasps(SpreadGrasps):
     row: Ints
     """Row of each vertex's grasp in that table, -1: none, shape (V,)."""
     reason: Bytes
-    """`Reason` codes, shape (V,); None: a file does not contain them."""
+    """`Reason` codes, shape (V,)."""
     sampling: AnySampling | None
     """How grasps were searched for; None in a scan, where they are given."""
     mode: Mode
@@ -99,17 +94,16 @@ class VertexGrasps(SpreadGrasps):
         model: GraspModel,
         *,
         angles: WorstAndBest,
-        partners: Floats | None,
-        partner_points: SurfacePoints | None,
-        grip: ArrayLike | None,
-        reason: ArrayLike | None,
+        partners: Floats,
+        partner_points: SurfacePoints,
+        grip: ArrayLike,
+        reason: ArrayLike,
         reach: Reach | None = None,
         sampling: AnySampling | None,
         mode: Mode,
         search: SearchReport,
         scene: Scene | None = None,
         load: Load | None = None,
-        file: str | None = None,
     ) -> Self:
         """Labels of the grasps of a surface's vertices, those of one position being the same.
 
@@ -117,46 +111,32 @@ class VertexGrasps(SpreadGrasps):
             mesh: The surface.
             model: Friction and sensor resolution.
             angles: Critical angles (worst, best) [rad], shape (V,) each.
-            partners: As the attribute; None: unknown, in a file.
-            partner_points: As the attribute; None: those nearest to the partners.
-            grip: As the attribute; one number for all vertices or shape (V,); None: unknown.
-            reason: `Reason` codes of the vertices on the surface, shape (V,); None: unknown, in a
-                file; vertices with finite angles have a grasp.
+            partners: As the attribute.
+            partner_points: As the attribute.
+            grip: As the attribute; one number for all vertices or shape (V,).
+            reason: `Reason` codes of the vertices on the surface, shape (V,).
             reach: As the field.
             sampling: As the field.
             mode: As the field.
             search: As the field.
             scene: The gripper that must reach each grasp, and the table; None: ideal points.
             load: What each grasp must hold; None: nothing.
-            file: Name of the file that the grasps were read from; None: that of the mesh.
         """
         count = len(mesh.vertices)
-        reasons: Any = reason
-        has_grasp = np.isfinite(angles[1]) & mesh.on_surface
-        if reason is not None:
-            reasons = locked(np.where(mesh.on_surface, reason, Reason.OFF_SURFACE), np.uint8)
-            has_grasp = reasons == Reason.FOUND
-        vertices = np.unique(mesh.canonical[has_grasp])
+        reasons = locked(np.where(mesh.on_surface, reason, Reason.OFF_SURFACE), np.uint8)
+        vertices = np.unique(mesh.canonical[reasons == Reason.FOUND])
         row = np.full(count, NO_ROW, dtype=np.int64)
         row[vertices] = np.arange(len(vertices))
-        own = None if partners is None else locked(partners[vertices])
-        contacts: GraspContacts = ReadContacts(
-            mesh, vertices, own, model.fingers, file or mesh.report.source
-        )
-        best_normals = None
-        if partner_points is not None:
-            contacts = grasps_at(mesh, partner_points, vertices, 0)
-            best_normals = _best_normals(mesh, partner_points, vertices)
         table = GraspTable(
-            contacts=contacts,
+            contacts=grasps_at(mesh, partner_points, vertices, 0),
             model=model,
             critical_angle=locked(angles[0][vertices]),
             critical_angle_best=locked(angles[1][vertices]),
-            best_normals=best_normals,
-            points=None
-            if own is None
-            else locked(np.concatenate([mesh.vertices[vertices, None], own], axis=1)),
-            grip=None if grip is None else locked(np.broadcast_to(grip, count)[vertices], np.int8),
+            best_normals=_best_normals(mesh, partner_points, vertices),
+            points=locked(
+                np.concatenate([mesh.vertices[vertices, None], partners[vertices]], axis=1)
+            ),
+            grip=locked(np.broadcast_to(grip, count)[vertices], np.int8),
             scene=scene,
             reach=None if reach is None else reach.take(vertices),
             load=load,
@@ -180,33 +160,29 @@ class VertexGrasps(SpreadGrasps):
         search: SearchReport,
         scene: Scene | None = None,
         load: Load | None = None,
-        file: str | None = None,
     ) -> Self:
         """Labels whose values are known, from a file, instead of computed.
 
-        What the file does not contain is None where it needs the opposing contacts and these are
-        not known; else it is computed when it is read. Surface points that are not given are found
-        when they are needed.
+        What the file does not contain is computed when it is read.
 
         Args:
             mesh: The surface.
             model: As in `of_vertices`.
-            values: Attributes by name, with a row for each vertex: `critical_angle` and
-                `critical_angle_best` [rad] at least, and others such as `label`, `located_angles`,
-                `epsilon_range`, `holding`, `partners`, `partner_points`, `reason` or `reach`.
+            values: Attributes by name, with a row for each vertex: those of which `of_vertices`
+                has arguments, `critical_angle` and `critical_angle_best` [rad], and others such as
+                `label`, `located_angles`, `epsilon_range` or `holding`; None: unknown.
             sampling: As in `of_vertices`, as what follows.
             mode: Labels or a scan.
             search: Extent of the search.
             scene: The gripper and the table.
             load: What each grasp must hold.
-            file: Name of the file, for errors; None: that of the mesh.
         """
         worst, best = values["critical_angle"], values["critical_angle_best"]
         labels = cls.of_vertices(
-            mesh, model, angles=(worst, best), partners=values.get("partners"),
-            partner_points=values.get("partner_points"), grip=values.get("grip"),
-            reason=values.get("reason"), reach=values.get("reach"), sampling=sampling, mode=mode,
-            search=search, scene=scene, load=load, file=file,
+            mesh, model, angles=(worst, best), partners=values["partners"],
+            partner_points=values["partner_points"], grip=values["grip"],
+            reason=values["reason"], reach=values.get("reach"), sampling=sampling, mode=mode,
+            search=search, scene=scene, load=load,
         )  # fmt: skip
         fields = {name: one for name, one in values.items() if one is not None}
         vars(labels).update(fields)
@@ -223,43 +199,27 @@ class VertexGrasps(SpreadGrasps):
 
     @cached_property
     def likely_reason(self) -> Bytes:
-        """`reason`, or the likely reason where a file does not contain it, shape (V,)."""
-        if self.reason is not None:
-            return self.reason
-        none = Reason.SAME_POINT if self.mode == "scan" else Reason.NO_PARTNER
-        reasons = np.where(self.row != NO_ROW, Reason.FOUND, none)
-        return locked(np.where(self.mesh.on_surface, reasons, Reason.OFF_SURFACE), np.uint8)
+        """The same as `reason`."""
+        return self.reason
 
     @cached_property
     def partners(self) -> Floats:
-        """Opposing contacts of the vertex's best grasp, shape (V, n - 1, 3); nan: no grasp.
-
-        None: read from a PLY, which does not have them.
-        """
-        own = self.grasps
-        return if_known(own.known_contacts, lambda _: self._spread(own.positions[:, 1:], math.nan))
+        """Opposing contacts of the vertex's best grasp, shape (V, n - 1, 3); nan: no grasp."""
+        return self._spread(self.grasps.positions[:, 1:], math.nan)
 
     @cached_property
     def partner_normals(self) -> Floats:
-        """Inward unit normals there, the middle of the set on creases, shape (V, n - 1, 3).
-
-        None: read from a PLY, which does not have them.
-        """
-        return if_known(
-            self.grasps.known_contacts, lambda one: self._spread(one.normals[:, 1:], math.nan)
-        )
+        """Inward unit normals there, the middle of the set on creases, shape (V, n - 1, 3)."""
+        return self._spread(self.grasps.contacts.normals[:, 1:], math.nan)
 
     @cached_property
     def partner_points(self) -> SurfacePoints:
         """Opposing contacts as surface points, shape (V, 2, n - 1); face -1: no grasp.
 
         Of the best grasp over the worst normals, which are `partners`, and of the best grasp over
-        the best normals. None: read from a PLY, which does not have them.
+        the best normals.
         """
-        return if_known(self.grasps.known_contacts, self._spread_points)
-
-    def _spread_points(self, contacts: GraspContacts) -> SurfacePoints:
-        points, other = contacts.surface_points, self.grasps.best_normals
+        points, other = self.grasps.contacts.surface_points, self.grasps.best_normals
         faces = np.repeat(points.faces[:, None, 1:], 2, axis=1)
         weights = np.repeat(points.weights[:, None, 1:], 2, axis=1)
         if other is not None:
@@ -269,21 +229,17 @@ class VertexGrasps(SpreadGrasps):
 
     @cached_property
     def opening(self) -> Floats:
-        """Largest distance between any two contacts, shape (V,); nan: no grasp.
-
-        None: read from a PLY, which does not have it.
-        """
-        own = self.grasps
-        return if_known(own.known_contacts, lambda _: self._spread(own.opening, math.nan))
+        """Largest distance between any two contacts, shape (V,); nan: no grasp."""
+        return self._spread(self.grasps.opening, math.nan)
 
     @cached_property
     def grip(self) -> npt.NDArray[np.int8]:
         """Two fingers: +1 for an external grasp, -1 for an internal one, shape (V,).
 
-        0 where there is no grasp, and for three fingers and more. None: read from a PLY, which does
-        not have it.
+        0 where there is no grasp, and for three fingers and more.
         """
-        return if_known(self.grasps.grip, lambda grip: self._spread(grip, 0))
+        assert self.grasps.grip is not None
+        return self._spread(self.grasps.grip, 0)
 
     @cached_property
     def reachable(self) -> Bools | None:

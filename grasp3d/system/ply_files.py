@@ -1,6 +1,6 @@
-"""PLY files of surfaces with columns of numbers at their vertices."""
+"""PLY files of surfaces with columns of numbers at their vertices, and settings in comments."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,13 @@ import numpy.typing as npt
 from grasp3d.arrays import Ints
 from grasp3d.system.files import atomic_write
 
-_TYPES = {"<f8": "double", "<f4": "float", "|u1": "uchar", "<i4": "int"}
+_TYPES = {"<f8": "double", "<f4": "float", "|u1": "uchar", "|i1": "char", "<i4": "int"}
+
+COMMENT, MORE = "comment grasp3d ", "comment grasp3d+ "
+"""Beginnings of a line with a setting, and of lines that continue its value."""
+
+WIDTH = 200
+"""Longest part of a value in one line: MeshLab and Open3D read no header with long lines."""
 
 
 def write_ply_columns(
@@ -22,6 +28,9 @@ def write_ply_columns(
     binary: bool = True,
 ) -> None:
     """Write a PLY of triangles, with settings in comments that begin with `grasp3d`.
+
+    Some programs read no file with other elements than vertices and faces, nor other properties of
+    faces than their corners.
 
     Args:
         path: File to make or replace.
@@ -43,7 +52,7 @@ def write_ply_columns(
         [
             "ply",
             f"format {'binary_little_endian' if binary else 'ascii'} 1.0",
-            *(f"comment grasp3d {key} {value}" for key, value in settings.items()),
+            *(line for key, value in settings.items() for line in _lines(key, str(value))),
             f"element vertex {count}",
             *(f"property {_TYPES[c.dtype.str]} {name}" for name, c in columns.items()),
             f"element face {len(faces)}",
@@ -60,3 +69,18 @@ def write_ply_columns(
             for row in vertices:
                 stream.write((" ".join(str(value) for value in row) + "\n").encode())
             np.savetxt(stream, np.column_stack([rows["count"], rows["corners"]]), fmt="%d")
+
+
+def _lines(key: str, value: str) -> Iterator[str]:
+    """A setting as lines of a header."""
+    yield f"{COMMENT}{key} {value[:WIDTH]}"
+    for start in range(WIDTH, len(value), WIDTH):
+        yield f"{MORE}{value[start : start + WIDTH]}"
+
+
+def settings_of_header(header: bytes) -> dict[str, str]:
+    """The settings in the header of a PLY, as text by name."""
+    text = header.decode("ascii", "replace").replace("\r\n", "\n").replace(f"\n{MORE}", "")
+    lines = (line for line in text.splitlines() if line.startswith(COMMENT))
+    parts = (line.removeprefix(COMMENT).partition(" ") for line in lines)
+    return {name: value for name, _, value in parts}
