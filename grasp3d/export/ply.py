@@ -1,6 +1,5 @@
 """Labelled PLY files."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from grasp3d.export.stored import Stored, damaged, fingers_of
 from grasp3d.reading.obj_off_stl import check_declared_size
 from grasp3d.reading.ply import Element, PlyHeader, read_ply_header
 from grasp3d.reading.sources import Source
-from grasp3d.surface.fields import DECIDED, EPSILONS, FLOAT, Field, present
+from grasp3d.surface.fields import DECIDED, EPSILONS, FLOAT, present
 from grasp3d.surface.label_settings import complete_settings
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import RESTORING, SURFACE, VERTICES
@@ -66,7 +65,7 @@ LABELLED = tuple(field.name for field in (*DECIDED, *EPSILONS))
 the types, values and comments that `write_ply` writes; otherwise it is refused, as its numbers
 could mean anything. Other properties (colours, confidence, texture coordinates) are allowed."""
 
-_KINDS = {"u1": "a uchar", "i1": "a char", "f4": "a float", "f8": "a double"}
+_KINDS = {"u1": "a uchar", "i1": "a char", "f8": "a double"}
 
 
 def read_ply(source: Source) -> Stored | None:
@@ -89,25 +88,23 @@ def read_ply(source: Source) -> Stored | None:
         raise damaged(source, "not their grasps: it is of an older version, or incomplete")
     try:
         fingers = fingers_of(settings)
+        fields = {
+            field: names
+            for field in VERTICES
+            if field.ply not in {"", FLOAT}
+            and set(names := field.column_names(fingers)) <= kinds.keys()
+        }
+        for field, names in fields.items():
+            if {kinds[name] for name in names} != {field.ply}:
+                raise damaged(source, f"its property {names[0]!r} is not {_KINDS[field.ply]}")
         check_declared_size(source)
         columns, faces = read_tables(source, header)
         values = unpacked(source, settings.pop(PACKED)) | {"faces": faces}
     except (OSError, MemoryError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error) or "memory is too small"
         raise damaged(source, f"it cannot be read ({' '.join(reason.split())[:200]})") from error
-    fields = (field for field in VERTICES if field.ply and field.ply != FLOAT)
-    for field in fields:
-        names = field.column_names(fingers)
-        if set(names) <= columns.keys():
-            _check_kinds(source, field, [kinds[name] for name in names])
-            values[field.name] = field.from_columns(columns, fingers)
+    values |= {field.name: field.from_columns(columns, fingers) for field in fields}
     return Stored(source, settings, values)
-
-
-def _check_kinds(source: Source, field: Field, kinds: Sequence[str]) -> None:
-    """Refuse other types than are declared."""
-    if set(kinds) != {field.ply}:
-        raise damaged(source, f"its property {field.name!r} is not {_KINDS[field.ply]}")
 
 
 CORNERS = 3

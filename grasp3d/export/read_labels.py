@@ -201,7 +201,16 @@ def _read_mesh(stored: Stored, settings: FileSettings, unit: Unit | None) -> Obj
         stored.reject(f"its mesh is damaged ({' '.join(str(error).split())[:200]})")
     if mesh.unit is None and unit is not None:
         mesh = replace(mesh, report=replace(mesh.report, unit=unit))
+    if settings.has_load and settings.load is None:
+        warnings = (*mesh.report.warnings, UNREADABLE_TASK)
+        mesh = replace(mesh, report=replace(mesh.report, warnings=warnings))
     return mesh
+
+
+UNREADABLE_TASK = (
+    "its load has a task that was made in Python and cannot be read again, so that its grip forces "
+    "are left out"
+)
 
 
 def _complete_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
@@ -241,6 +250,8 @@ def _complete_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
 
 def _numbers(values: Any, shape: tuple[int, ...]) -> Floats:
     numbers = np.array(values, dtype=np.float64)
+    if not numbers.size:
+        numbers = numbers.reshape(0, *shape[1:])
     if numbers.shape != shape or not np.isfinite(numbers).all():
         raise ValueError(f"{str(values)[:60]} are not {math.prod(shape)} finite numbers")
     return numbers

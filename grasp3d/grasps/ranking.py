@@ -63,7 +63,7 @@ def ranked_rows(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None
         -_executable(grasps),
         -stated_label(grasps, closed),
         *-steps.T,
-        -_epsilon(grasps),
+        -np.nan_to_num(grasps.epsilon),
         *-margins.T,
     ]
     order = np.lexsort([np.arange(len(angles)), *reversed(keys)])
@@ -123,12 +123,6 @@ def _executable(grasps: GraspTable | EvaluatedPoses) -> Ints:
         return grasps.reachable.astype(np.int64)
     reach = grasps.reach
     return np.ones(grasps.size, np.int64) if reach is None else reach.reached.astype(np.int64)
-
-
-def _epsilon(grasps: GraspTable | EvaluatedPoses) -> Floats:
-    """Epsilon; 0 where it is not known."""
-    epsilon: Floats | None = grasps.epsilon  # a file may lack it
-    return np.zeros(grasps.size) if epsilon is None else np.nan_to_num(epsilon)
 
 
 def _place(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None, jaws: Jaws) -> Floats:

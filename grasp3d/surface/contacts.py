@@ -1,6 +1,6 @@
 """Contacts of grasps: on a surface, in a file, of closed jaws; and the normals of each."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,10 +20,9 @@ from grasp3d.arrays import (
     unit_rows,
 )  # fmt: skip
 from grasp3d.contact.contacts import Contacts, evenly_pressed_radius, in_tangent_plane
-from grasp3d.errors import MeshError, SettingError
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
+from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel, check_point_contacts
 from grasp3d.stability.located_angles import PairLines
 

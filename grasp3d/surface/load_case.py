@@ -247,10 +247,26 @@ class LoadCase:
             torsion = pads * float(np.min(model.frictions))
         return cls(load, mass, task, force, torsion, load.center_of_mass_radius, pads, own)
 
+    def __str__(self) -> str:
+        text = self.to_hold
+        return text if self.available is None else f"{text}, {self.available:.3g} N at hand"
+
+    @property
+    def by_mass(self) -> bool:
+        """Whether the task depends on the mass; given wrenches alone do not."""
+        return self.task.mass is not None
+
+    @property
+    def to_hold(self) -> str:
+        """What must be held, in a few words."""
+        if not self.by_mass:
+            return "given wrenches"
+        return "1 kg (no mass is given)" if self.mass is None else f"{self.mass:.3g} kg"
+
     @property
     def decided(self) -> bool:
         """Whether the task is that of the object: its mass is known, or does not matter."""
-        return self.mass is not None or self.task.mass is None
+        return self.mass is not None or not self.by_mass
 
     def at_friction(self, contacts: Contacts, friction: ArrayLike | None = None) -> Contacts:
         """Contacts with another friction, and with the torsion radius that they then have.

@@ -11,7 +11,6 @@ NO_ROW = -1
 """Row of a place that has no grasp."""
 
 
-
 def spread(values: npt.NDArray[Any], row: Ints, missing: float) -> npt.NDArray[Any]:
     """Values of the rows of a table at the places that have these rows.
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from grasp3d import read_labels
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import settings_key
-from grasp3d.export.read_labels import settings_of_file
 from grasp3d.export.read_settings import stored_settings
 from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskText
@@ -48,10 +48,9 @@ def test_each_command_that_evaluates_grasps_takes_a_load(command: str, folder: P
 def test_a_centre_of_mass_may_begin_with_a_minus(folder: Path, first: str) -> None:
     words = ("--unit", "mm", "--center-of-mass", f"{first},0,2mm", "--friction", "0.5")
     printed("label", "box.stl", *words, *COARSE, "-q", "-o", "moved.ply", cwd=folder)
-    settings = settings_of_file(folder / "moved.ply")
-    assert settings is not None
-    assert settings.options.center_of_mass == (float(first.removesuffix("mm")), 0.0, 2.0)
-    assert settings.load is None
+    labels = read_labels(folder / "moved.ply")
+    assert labels.mesh.options.center_of_mass == (float(first.removesuffix("mm")), 0.0, 2.0)
+    assert labels.load is None
     (folder / "moved.ply").unlink()
 
 
@@ -73,9 +72,7 @@ def test_files_hold_the_load_and_only_the_same_one_replaces_them(folder: Path, s
         assert refused.returncode == 2
         assert name in refused.stderr
     if suffix == "ply":
-        settings = settings_of_file(folder / output)
-        assert settings is not None
-        assert settings.load == Load(
+        assert read_labels(folder / output).load == Load(
             mass=0.3, grip_force=40.0, task=stored["task"], center_of_mass_radius=2.0
         )
     (folder / output).unlink()

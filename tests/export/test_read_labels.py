@@ -30,7 +30,7 @@ from grasp3d import (
 )
 from grasp3d.errors import GraspError, MeshError
 from grasp3d.export.read_labels import labels_in
-from grasp3d.export.writers import WRITERS, writer_for
+from grasp3d.export.writers import writer_for
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality import Weight
 from grasp3d.surface.fields import Array, Field, present

@@ -18,11 +18,12 @@ from grasp3d import (
     load_mesh,
     scan_surface,
 )
+from grasp3d.export.read_labels import read_labels
 from grasp3d.mesh.object_mesh import MeshReport
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.viewer.session.collection import Collection, collection_of
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.subjects.subject import Subject
+from grasp3d.viewer.subjects.subject import Subject, subject_of
 from tests.helpers import shapes
 from tests.helpers.vertex_labels import with_arrays
 
@@ -73,21 +74,9 @@ def with_epsilon(subject: Subject, value: float, model: GraspModel) -> Subject:
     return replace(subject, epsilons=known)
 
 
-def as_ply(subject: Subject) -> Subject:
-    """The subject as read from a PLY, which has no opposing contacts."""
-    labels = subject.labels
-    names = "critical_angle", "critical_angle_best", "approach_margin"
-    known = SurfaceLabels.of_values(
-        labels.mesh,
-        labels.model,
-        sampling=labels.sampling,
-        mode=labels.mode,
-        search=labels.search,
-        scene=labels.scene,
-        load=labels.load,
-        values={name: getattr(labels, name) for name in names},
-    )
-    return replace(subject, labels=known)
+def read_subject(path: Path) -> Subject:
+    """The subject of a labelled file."""
+    return subject_of(read_labels(path), path.name)
 
 
 def with_report(labels: SurfaceLabels, report: MeshReport) -> SurfaceLabels:

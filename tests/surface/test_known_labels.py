@@ -114,33 +114,6 @@ def test_labels_of_known_values_are_the_same(name: str) -> None:
     assert repr(found) == repr(labels)
 
 
-@pytest.mark.parametrize("name", ["exact", "three fingers"])
-def test_surface_points_that_are_not_given_are_found(name: str) -> None:
-    labels = LABELS[name]()
-    values = values_of(labels)
-    del values["partner_points"]
-    changed = known(labels, values).relabel(sensor_resolution=0.1)
-    expected = labels.relabel(sensor_resolution=0.1)
-    assert changed.epsilon == pytest.approx(expected.epsilon, rel=1e-2, nan_ok=True)
-    np.testing.assert_array_equal(changed.label, expected.label)
-    np.testing.assert_array_equal(changed.partners, labels.partners)
-
-
-def test_what_is_not_given_is_none() -> None:
-    labels = wedge()
-    angles = {name: getattr(labels, name) for name in ("critical_angle", "critical_angle_best")}
-    found = known(labels, angles | {"epsilon_range": labels.epsilon_range})
-    np.testing.assert_array_equal(found.epsilon, labels.epsilon)
-    np.testing.assert_array_equal(found.label, labels.label)
-    for name in ("partners", "partner_normals", "partner_points", "opening", "grip", "holding"):
-        assert getattr(found, name) is None, name
-    changed = found.relabel(friction=0.3)
-    np.testing.assert_array_equal(changed.label, labels.relabel(friction=0.3).label)
-    assert changed.epsilon is None
-    with pytest.raises(SettingError, match="does not contain the opposing contacts"):
-        _ = found.relabel(location_error="1mm").label
-
-
 def test_known_labels_are_pickled() -> None:
     labels = wedge()
     copy = pickle.loads(pickle.dumps(known(labels, values_of(labels))))  # noqa: S301

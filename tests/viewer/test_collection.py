@@ -1,5 +1,6 @@
 import math
 import os
+import re
 import shutil
 import threading
 from collections.abc import Callable
@@ -19,8 +20,10 @@ from grasp3d import (
     GraspError,
     GraspModel,
     Label,
+    Load,
     MeshOptions,
     MultifingerSampling,
+    ParallelGripper,
     Sampling,
     SurfaceLabels,
     label_library,
@@ -30,7 +33,10 @@ from grasp3d import (
 )
 from grasp3d.batch import ClusterSettings
 from grasp3d.errors import MeshError, OutputError, SettingError
+from grasp3d.export.read_labels import READERS, read_labels
+from grasp3d.export.stored import Stored
 from grasp3d.export.writers import writer_for
+from grasp3d.reading.sources import Source
 from grasp3d.surface import Reason
 from grasp3d.surface.sampling.pair_limits import OPENING_SLACK
 from grasp3d.system.context import report_progress, running
@@ -43,9 +49,11 @@ from grasp3d.viewer.session.collection import (
 )
 from grasp3d.viewer.session.inspection import inspect
 from grasp3d.viewer.session.painting import area_fractions, labels_at
-from grasp3d.viewer.subjects.subject import Subject, read_subject, subject_of
+from grasp3d.viewer.session.reached_grasps import best_vertices
+from grasp3d.viewer.subjects.subject import Subject, subject_of
 from tests.helpers import shapes, viewing
 from tests.helpers.mesh_files import FACES, VERTICES
+from tests.helpers.viewing import read_subject
 
 
 @pytest.fixture
@@ -79,7 +87,6 @@ def test_a_mesh_is_labelled_when_it_is_opened(tmp_path: Path) -> None:
     assert [one.name for one in collection.items] == [subject.name] == ["box.stl"]
     assert (subject.labels.model, subject.labels.sampling) == (model, sampling)
     assert subject.mesh.unit == "cm"
-    assert subject.prepared
     assert sorted(reported) == reported
     assert reported[-1] == pytest.approx(1.0)
     with running(progress=reported.append):
@@ -117,7 +124,6 @@ def test_addresses_are_refused(address: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["cone.off", "box.obj"])
 def test_a_labelled_file_has_the_area_fractions_of_relabel(tmp_path: Path, name: str) -> None:
-    """Apart from vertices within the rounding of 32 bits of a threshold."""
     model = GraspModel(friction=1.2, sensor_resolution=0.6)
     mesh = load_mesh(shapes.LIBRARY / name, max_edge=0.02)
     labels = label_surface(mesh, model)
@@ -128,49 +134,27 @@ def test_a_labelled_file_has_the_area_fractions_of_relabel(tmp_path: Path, name:
         for resolution in (0.0, 0.2, 0.6):
             again = labels.relabel(friction=friction, sensor_resolution=resolution)
             codes = labels_at(subject, again.model)
-            stable = again.model.friction_angle - again.model.tilt
-            reach = again.model.friction_angle + again.model.tilt
-            near = np.abs(labels.critical_angle - stable) < 1e-6
-            near |= np.abs(labels.critical_angle_best - reach) < 1e-6
-            assert np.array_equal(codes[~near], again.label[~near])
+            assert np.array_equal(codes, again.label)
             fractions = area_fractions(subject, codes)
-            tolerance = float(subject.weights[near].sum()) + 1e-6
             for letter, fraction in again.fractions().items():
-                assert fractions[Label[letter]] == pytest.approx(fraction, abs=tolerance)
+                assert fractions[Label[letter]] == pytest.approx(fraction)
 
 
 def test_a_labelled_file_contains_the_data_of_the_labels(file: Path) -> None:
     labels, subject = viewing.labels(), read_subject(file)
-    mesh = labels.mesh
-    whole = subject_of(labels)
+    mesh, whole = labels.mesh, subject_of(labels)
     assert subject.cone == whole.cone
-    for name in ("model", "mode"):
+    for name in ("model", "mode", "sampling", "search"):
         assert getattr(subject.labels, name) == getattr(labels, name), name
-    for name in ("unit", "options"):
+    for name in ("unit", "options", "size", "report"):
         assert getattr(subject.mesh, name) == getattr(mesh, name), name
-    assert subject.mesh.report.closed == mesh.report.closed
-    assert subject.labels.sampling == replace(
-        labels.sampling or Sampling(), search_angle=subject.cone
-    )
-    assert subject.mesh.size == pytest.approx(mesh.size)
-    assert np.array_equal(subject.mesh.vertices, mesh.vertices)
-    assert np.array_equal(subject.mesh.faces, mesh.faces)
-    assert subject.mesh.normals == pytest.approx(mesh.normals, abs=1e-6)
-    assert subject.labels.critical_angle == pytest.approx(labels.critical_angle, abs=1e-6)
-    assert subject.labels.partners is None
-    assert subject.labels.opening is None
-    assert subject.epsilons is not None
-    assert subject.epsilons.epsilon == pytest.approx(labels.epsilon, abs=1e-6, nan_ok=True)
-    assert subject.epsilons.model == labels.model
-    none = np.isinf(labels.critical_angle_best)
-    assert (subject.labels.likely_reason[none] == Reason.NO_PARTNER).all()
-    assert (subject.labels.likely_reason[~none] == Reason.FOUND).all()
-    corners = subject.mesh.corner_normals
-    assert np.array_equal(corners.vertices[corners.corners], subject.mesh.faces)
-    facing = np.cross(
-        *(mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, 0]] for k in (2, 1))
-    )
-    assert (np.einsum("fj,fj->f", corners.normals[corners.corners[:, 0]], facing) > 0.0).all()
+    for name in ("vertices", "faces", "normals"):
+        assert np.array_equal(getattr(subject.mesh, name), getattr(mesh, name)), name
+    for name in ("critical_angle", "partners", "opening", "reason"):
+        one, other = (getattr(each, name) for each in (subject.labels, labels))
+        assert np.array_equal(one, other, equal_nan=name in {"partners", "opening"}), name
+    assert subject.epsilons is subject.labels
+    assert np.array_equal(subject.epsilons.epsilon, labels.epsilon, equal_nan=True)
 
 
 def _big_endian(path: Path) -> None:
@@ -211,34 +195,56 @@ def test_a_labelled_file_has_its_own_settings_unless_others_are_given(file: Path
         open_collection(file, GraspModel(fingers=3), Sampling(max_opening=0.2))
 
 
-@pytest.mark.parametrize("suffix", [".npz", ".vtp", ".parquet"])
-def test_complete_files_are_shown_with_their_contacts(tmp_path: Path, suffix: str) -> None:
-    labels, path = viewing.labels(), tmp_path / f"cone{suffix}"
+def _held() -> SurfaceLabels:
+    mesh = load_mesh(shapes.box((4.0, 3.0, 2.0)), unit="cm", max_edge=1.5)
+    return label_surface(mesh, hand=ParallelGripper.preset("franka"), load=Load(mass="200 g"))
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".npz", ".vtp", ".parquet"])
+@pytest.mark.parametrize("make", [viewing.labels, viewing.scan, viewing.three_fingers, _held])
+def test_a_labelled_file_is_read_once_and_shown_without_a_search(
+    tmp_path: Path, suffix: str, make: Callable[[], SurfaceLabels], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same fractions, best grasps, numbers and sentences as of the labels in memory."""
+    labels, path = make(), tmp_path / f"labels{suffix}"
     writer_for(path)(path, labels)
-    collection = open_collection(path)
-    assert (collection.model, collection.sampling.max_opening) == (labels.model, 0.3)
-    subject = collection.items[0].open()
-    assert subject.prepared
-    assert np.array_equal(subject.mesh.vertices, labels.mesh.vertices)
-    vertex = int(np.flatnonzero(labels.reason == Reason.FOUND)[0])
-    seen = inspect(subject, vertex, labels.model)
-    shown = inspect(subject_of(labels), vertex, labels.model)
-    assert np.array_equal(seen.points, shown.points)
-    assert (seen.numbers, seen.reason) == (shown.numbers, shown.reason)
+    read, reads = READERS[suffix], list[str]()
 
+    def counted(source: Source) -> Stored | None:
+        reads.append(source.kind)
+        return read(source)
 
-def test_a_scan_is_shown_without_its_fixed_fingers(tmp_path: Path) -> None:
-    write_ply(tmp_path / "scan.ply", viewing.scan())
-    subject = open_collection(tmp_path / "scan.ply").items[0].open()
-    assert (subject.labels.mode, subject.labels.sampling, subject.cone) == ("scan", None, math.pi)
-    assert not subject.measurable
-    assert any("fixed fingers" in note for note in subject.notes)
-    assert subject.labels.reason is None
-    assert tuple(subject.labels.likely_reason[30:32]) == (
-        Reason.SAME_POINT,
-        Reason.FOUND,
-    )
-    assert "fixed finger is at this point" in inspect(subject, 30, subject.labels.model).reason
+    def refuse(*_: Any, **__: Any) -> None:
+        pytest.fail("grasps are searched")
+
+    monkeypatch.setitem(READERS, suffix, counted)
+    for name in ("computations.label_surface", "scans.scan_surface"):
+        monkeypatch.setattr(f"grasp3d.viewer.session.{name}", refuse)
+    session, known = viewing.ready_session(open_collection(path)), viewing.ready_session(labels)
+    assert reads == [suffix[1:]]
+    for one in (session, known):
+        assert one.subject is not None
+        for paint in ("label", "epsilon", "grip_force"):
+            if one.offers(paint):
+                one.change(paint=paint)
+                viewing.wait_until_idle(one)
+    shown, expected = session.subject, known.subject
+    assert shown is not None
+    assert expected is not None
+    assert np.array_equal(labels_at(shown, session.model), labels.label)
+    assert np.array_equal(best_vertices(shown, 9), best_vertices(expected, 9))
+    for vertex in {0, 30, *best_vertices(expected, 3).tolist()}:
+        for one in (session, known):
+            one.click(vertex, inspect=True)
+            viewing.wait_until_idle(one)
+        seen, same = session.inspection, known.inspection
+        assert seen is not None
+        assert same is not None
+        assert np.array_equal(seen.points, same.points)
+        assert (seen.numbers, seen.reason) == (same.numbers, same.reason)
+        assert (seen.held is None) == (same.held is None)
+        if seen.held is not None and same.held is not None:
+            assert np.array_equal(seen.held.pose, same.held.pose)
 
 
 def test_an_open_surface_has_a_note(tmp_path: Path) -> None:
@@ -279,7 +285,6 @@ def test_a_ply_of_another_program_is_a_mesh(tmp_path: Path, properties: str, row
     path.write_bytes(_ply(properties, row, "comment made by hand\n"))
     collection = open_collection(path, options=MeshOptions(max_edge=9.0))
     subject = collection.items[0].open()
-    assert subject.prepared
     assert len(subject.mesh.vertices) == len(VERTICES)
 
 
@@ -306,13 +311,9 @@ def _set_values(path: Path, **columns: Any) -> None:
     """Change the values of one vertex of a labelled file."""
     data = path.read_bytes()
     start = data.index(b"end_header\n") + len(b"end_header\n")
-    kinds = {"x": "<f8", "y": "<f8", "z": "<f8"} | dict.fromkeys(
-        ("red", "green", "blue", "label"), "u1"
-    )
-    names = ("x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "label", "critical_angle",
-             "critical_angle_best", "max_resolution", "margin", "epsilon", "epsilon_min",
-             "epsilon_max")  # fmt: skip
-    dtype = np.dtype([(name, kinds.get(name, "<f4")) for name in names])
+    kinds = {"double": "<f8", "float": "<f4", "uchar": "u1", "char": "i1"}
+    properties = re.findall(rb"\nproperty (\w+) (\w+)(?=\n)", data[:start])
+    dtype = np.dtype([(name.decode(), kinds[kind.decode()]) for kind, name in properties])
     rows = np.frombuffer(data, dtype, len(viewing.labels().label), start).copy()
     for name, value in columns.items():
         rows[name][5] = value
@@ -325,19 +326,16 @@ def _set_values(path: Path, **columns: Any) -> None:
         ({"label": 3}, "its label goes up to 3"),
         (
             {"label": 0, "critical_angle": 0.1, "critical_angle_best": 0.1},
-            "its margin does not match its angles",
+            "its labels do not match its critical angles",
         ),
         ({"critical_angle": math.nan}, "its critical_angle is not always"),
         ({"critical_angle_best": -0.1}, "its critical_angle_best is not always"),
         ({"critical_angle": 4.0}, "its critical_angle is not always"),
         ({"critical_angle": 0.1, "critical_angle_best": 0.5}, "above its critical_angle"),
-        ({"max_resolution": math.nan}, "its max_resolution is not"),
-        ({"margin": 0.5}, "its margin does not match its angles"),
-        ({"margin": math.nan}, "its margin is not always"),
         ({"label": 1}, "do not match its critical"),
         ({"epsilon_min": -1.0}, "its epsilon_min is not always at least 0"),
         ({"epsilon": math.inf}, "its epsilon is not always at least 0"),
-        ({"nx": 3.0}, "normals are not of length 1"),
+        ({"reason": 0}, "does not match its angles and contacts"),
         ({"x": math.nan}, "not a finite number"),
         ({"x": 1e200}, "its coordinates exceed 1e"),
     ],
@@ -352,8 +350,10 @@ def test_impossible_numbers_are_refused(file: Path, columns: dict[str, Any], mes
     ("change", "message"),
     [
         ((b"property uchar label", b"property char label"), "'label' is not a uchar"),
-        ((b"property float epsilon\n", b"property int epsilon\n"), "'epsilon' is not a float"),
-        ((b"float nx", b"float mx"), "'nx' is not a float"),
+        ((b"property double epsilon\n", b"property int epsilon\n"), "'epsilon' is not a double"),
+        ((b"comment grasp3d packed", b"comment grasp3d pakced"), "not their grasps: it is of an"),
+        ((b"comment grasp3d packed UEsD", b"comment grasp3d packed VEsD"), "its arrays cannot be"),
+        ((b"comment grasp3d packed UEsD", b"comment grasp3d packed ?EsD"), "it cannot be read"),
         ((b"comment grasp3d friction 0.75", b"comment grasp3d friction -1.0"), "above 0"),
         ((b"comment grasp3d friction 0.75", b"comment grasp3d friction fast"), "friction must be"),
         (
@@ -364,7 +364,10 @@ def test_impossible_numbers_are_refused(file: Path, columns: dict[str, Any], mes
         ((b"comment grasp3d fingers 2", b"comment grasp3d fingers b"), "invalid literal"),
         ((b"comment grasp3d unit cm", b"comment grasp3d unit pc"), "no unit is called 'pc'"),
         ((b"list uchar int vertex_indices", b"list uchar float vertex_indices"), "not whole num"),
-        ((b"property float epsilon_max", b"property list uchar int epsilon_max"), "is not a float"),
+        (
+            (b"property double epsilon_max", b"property list uchar int epsilon_max"),
+            "is not a double",
+        ),
         ((b"\nelement face", b"\nelement edge 0\nelement face"), "its elements are not"),
     ],
 )
@@ -375,9 +378,7 @@ def test_invalid_headers_are_refused(file: Path, change: tuple[bytes, bytes], me
 
 def test_missing_settings_have_their_defaults(file: Path) -> None:
     viewing.rewritten(file, (b"comment grasp3d rays 64\n", b""))
-    assert read_subject(file).labels.sampling == replace(
-        viewing.labels().sampling or Sampling(), search_angle=read_subject(file).cone
-    )
+    assert read_subject(file).labels.sampling == viewing.labels().sampling
 
 
 def test_incomplete_files_are_refused(file: Path, tmp_path: Path) -> None:
@@ -477,7 +478,7 @@ def test_a_mesh_cannot_be_read_as_labels(tmp_path: Path) -> None:
 
 def test_a_file_that_needs_more_memory_than_allowed_is_refused(file: Path) -> None:
     with pytest.raises(MeshError, match="max_memory"):
-        read_subject(file, max_memory=1e-6)
+        read_labels(file, max_memory=1e-6)
 
 
 # The results of a batch
@@ -554,20 +555,6 @@ def test_a_missing_file_of_one_object_does_not_affect_the_others(copied: Path) -
         collection.items[0].open()
     assert collection.model.friction == 0.3
     assert collection.items[1].open().name == "deep/cone.ply"
-
-
-@pytest.mark.parametrize("damage", ["missing", "damaged", "of another"])
-def test_an_object_without_its_table_has_no_partners(copied: Path, damage: str) -> None:
-    (path,) = (copied / "fields").glob("box*")
-    if damage == "missing":
-        path.unlink()
-    elif damage == "damaged":
-        path.write_bytes(path.read_bytes()[:-200])
-    else:
-        shutil.copy(next((copied / "fields" / "deep").glob("*.parquet")), path)
-    subject = open_collection(copied).items[0].open()
-    assert subject.labels.partners is None
-    assert any("searched again" in note for note in subject.notes)
 
 
 def test_folders_without_results_are_refused(tmp_path: Path, copied: Path) -> None:

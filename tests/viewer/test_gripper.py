@@ -36,12 +36,12 @@ from grasp3d.viewer.session.painting import ramp_of, texture_coordinates
 from grasp3d.viewer.session.panel_text import grasp_number, panel_text
 from grasp3d.viewer.session.reached_grasps import best_vertices
 from grasp3d.viewer.session.session import BEST, Session
-from grasp3d.viewer.subjects.subject import Subject, read_subject, subject_of
+from grasp3d.viewer.subjects.subject import Subject, subject_of
 from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web.page_state import page_state
 from tests.helpers import viewing
 from tests.helpers.held_grasps import JAWS, held_box, neighbours_grasps, not_reached, reached
-from tests.helpers.viewing import ready_session, rewritten, wait_until_idle
+from tests.helpers.viewing import read_subject, ready_session, rewritten, wait_until_idle
 from tests.plots.test_rendering import needs_opengl
 
 AXES = np.eye(3)
@@ -281,8 +281,9 @@ def test_a_labelled_file_brings_its_gripper_and_margins(tmp_path: Path) -> None:
     assert np.allclose(
         subject.labels.approach_margin, labels.reach.approach_margin, atol=1e-6, equal_nan=True
     )
-    assert subject.labels.reach is None
-    assert best_vertices(subject, 1).size == 1
+    assert subject.labels.reach is not None
+    assert np.array_equal(subject.labels.reach.poses, labels.reach.poses, equal_nan=True)
+    assert np.array_equal(best_vertices(subject, 1), best_vertices(subject_of(labels), 1))
 
 
 @pytest.mark.parametrize(
@@ -292,7 +293,7 @@ def test_a_labelled_file_brings_its_gripper_and_margins(tmp_path: Path) -> None:
         (b"comment grasp3d gripper {", b"comment grasp3d gripper [", "are not valid"),
         (b"comment grasp3d table 0.0", b"comment grasp3d table 0 0", "instead of 4"),
         (b"comment grasp3d approach_within ", b"comment grasp3d approach_witnin ", "no comment"),
-        (b"property float approach_margin", b"property float approach_mangin", "approach_margin"),
+        (b"property double approach_margin", b"property double approach_mangin", "approach_margin"),
     ],
 )
 def test_files_with_damaged_grippers_are_refused(
@@ -318,7 +319,6 @@ def test_results_of_a_batch_have_poses(tmp_path: Path) -> None:
         stored, made = getattr(subject.labels.reach, name), getattr(labels.reach, name)
         assert np.allclose(stored, made, atol=1e-6, equal_nan=True), name
     assert np.array_equal(subject.labels.reach.reached, labels.reach.reached)
-    assert subject.prepared
     assert is_closed(subject.mesh.faces)
 
 

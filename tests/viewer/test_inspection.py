@@ -85,12 +85,12 @@ def test_epsilon_of_one_grasp_agrees_with_evaluate_grasps(fingers: int) -> None:
 def test_epsilon_is_the_known_value_or_missing() -> None:
     labels = viewing.box()
     subject, model = subject_of(labels), labels.model
-    lone = viewing.with_epsilon(viewing.as_ply(subject), 0.125, model)
+    known = viewing.with_epsilon(subject, 0.125, model)
     vertex = int(np.flatnonzero(labels.reason == Reason.FOUND)[0])
-    numbers = dict(inspect(lone, vertex, model).numbers)
+    numbers = dict(inspect(known, vertex, model).numbers)
     assert (numbers["ε"], numbers["ε_min"], numbers["ε_max"]) == ("0.125", "0.125", "–")
-    other = dict(inspect(lone, vertex, replace(model, friction=0.9)).numbers)
-    assert {other[name] for name in ("ε", "ε_min", "ε_max")} == {"–"}
+    other = dict(inspect(known, vertex, replace(model, friction=0.9)).numbers)
+    assert not {other[name] for name in ("ε", "ε_min", "ε_max")} & {"–", "0.125"}
 
 
 def test_tilts_of_three_soft_fingers_are_not_sampled() -> None:
@@ -223,8 +223,6 @@ def test_the_fingers_in_the_explanation_are_on_sharp_edges() -> None:
             if bends in ([True], [True, False], [False, True]):
                 start = f"the {'first' if bends[0] else 'second'} finger is"
             assert seen.reason.startswith(f"M: {start}"), vertex
-            lone = inspect(viewing.as_ply(subject), int(vertex), labels.model).reason
-            assert lone.startswith("M: the first finger is" if bends[0] else "M: on a sharp edge")
             named.add(start)
     assert named >= {"both fingers are", "the first finger is"}
 
@@ -292,16 +290,6 @@ def test_explanation_of_unsearched_vertices() -> None:
         "limit."
     )
     assert "and the best of them has β* 30.9°;" in _case(model=wide, code=UNSEARCHED)
-
-
-def test_the_reason_of_a_limited_search_in_a_file_is_unknown() -> None:
-    """A file does not contain whether the opening limit is why a vertex has no grasp."""
-    subject = viewing.as_ply(subject_of(viewing.labels()))
-    vertex = int(np.flatnonzero(np.isinf(subject.labels.critical_angle_best))[0])
-    assert subject.labels.reason is None
-    assert "and the opening limits" in inspect(subject, vertex, subject.labels.model).reason
-    free = viewing.with_values(subject, sampling=viewing.box().sampling)
-    assert "limits" not in inspect(free, vertex, subject.labels.model).reason
 
 
 @pytest.mark.parametrize("fingers", [2, 3])

@@ -233,10 +233,6 @@ def test_names_of_ramps() -> None:
     other = ramp_of(known, "epsilon", replace(model, friction=0.9))
     assert other is not None
     assert other.text == ("ε of the grasp with the smallest β*, for μ 0.5, α 22.6°; being computed")
-    lone = viewing.as_ply(viewing.with_values(known, mode="scan"))
-    stored = ramp_of(lone, "epsilon", replace(model, friction=0.9))
-    assert stored is not None
-    assert stored.text.endswith("α 22.6°; as in the file")
 
 
 @pytest.mark.parametrize("paint", ["critical_angle", "max_resolution", "epsilon_min"])

@@ -33,7 +33,6 @@ from grasp3d.viewer.session.background import Cancelled, Job, Worker
 from grasp3d.viewer.session.collection import Collection, Item, collection_of, open_collection
 from grasp3d.viewer.session.computations import (
     compute_epsilon,
-    mesh_of,
     write_labels,
 )
 from grasp3d.viewer.session.controls import DRAWING, handle_key
@@ -42,10 +41,10 @@ from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.scans import scan_with_fixed
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Section, ViewState
-from grasp3d.viewer.subjects.subject import Subject, read_subject, subject_of
+from grasp3d.viewer.subjects.subject import Subject, subject_of
 from grasp3d.viewer.view_settings import ViewSettings
 from tests.helpers import viewing
-from tests.helpers.viewing import has_begun, ready_session, wait_until_idle
+from tests.helpers.viewing import has_begun, read_subject, ready_session, wait_until_idle
 
 
 @pytest.fixture(autouse=True)
@@ -183,7 +182,6 @@ def test_a_wider_search_does_not_change_known_fractions() -> None:
     assert session.subject.cone == math.pi / 2
     after = {one.letter: one.fraction for one in panel_text(session).fractions}
     assert after == before
-    assert session.subject.prepared
     grasps, labels = session.subject.labels, viewing.labels()
     kept = labels.critical_angle <= labels.search.cone
     assert np.array_equal(grasps.partners[kept], labels.partners[kept])
@@ -584,54 +582,6 @@ def test_arrows_are_described_as_the_direction_of_the_push() -> None:
     assert meaning == "inward contact normal, along which the finger pushes"
 
 
-def test_a_click_on_a_file_searches_its_grasps(file: Path) -> None:
-    session = ready_session(open_collection(file))
-    before = session.subject
-    assert before is not None
-    session.click(40)
-    assert has_begun(session, "searching grasps")
-    seen = session.inspection
-    assert seen is not None
-    assert len(seen.points) == 1
-    wait_until_idle(session)
-    assert session.subject is not None
-    held = session.subject.labels.reason == Reason.FOUND
-    vertex = int(np.flatnonzero(held & (session.subject.labels.critical_angle < 0.8))[0])
-    session.click(vertex)
-    assert session.working is None
-    seen = session.inspection
-    assert seen is not None
-    assert len(seen.points) == 2
-    assert session.subject.labels.model == before.labels.model
-    assert session.subject.cone == before.cone
-
-
-def test_a_search_that_disagrees_with_the_file_is_reported(file: Path) -> None:
-    subject = read_subject(file)
-    worse = np.full_like(subject.labels.critical_angle, 0.9)
-    other = viewing.with_values(subject, critical_angle=worse, critical_angle_best=worse)
-    collection = Collection(
-        (Item("a", lambda: other),), subject.labels.model, Sampling(max_opening=0.3)
-    )
-    session = ready_session(collection)
-    session.click(40)
-    wait_until_idle(session)
-    assert "has another label than in the file" in session.message
-    session.change(friction=0.7)
-    assert session.message == ""
-    assert any("than in the file" in note for note in panel_text(session).notes)
-
-
-def test_a_search_that_agrees_with_the_file_is_not_reported(tmp_path: Path) -> None:
-    write_ply(tmp_path / "box.ply", viewing.box())
-    session = ready_session(open_collection(tmp_path / "box.ply"))
-    session.click(9)
-    wait_until_idle(session)
-    assert session.message == ""
-    assert session.subject is not None
-    assert session.subject.prepared
-
-
 @pytest.fixture
 def batched(tmp_path: Path) -> Subject:
     """The cone as read from a batch's table."""
@@ -646,15 +596,6 @@ def test_a_file_with_partners_keeps_them_when_epsilon_is_computed(batched: Subje
     assert found.labels is batched.labels
     assert found.epsilons is not None
     assert np.array_equal(found.epsilons.epsilon, expected.epsilon, equal_nan=True)
-
-
-def test_the_mesh_of_a_file_keeps_its_vertices(file: Path) -> None:
-    subject = read_subject(file)
-    mesh = mesh_of(subject)
-    assert np.array_equal(mesh.vertices, subject.mesh.vertices)
-    assert mesh.options == subject.mesh.options
-    assert mesh.unit == "cm"
-    assert mesh_of(subject_of(viewing.labels())) is viewing.labels().mesh
 
 
 def test_a_click_on_a_batch_needs_no_job(batched: Subject) -> None:
@@ -675,19 +616,14 @@ def test_a_click_on_a_batch_needs_no_job(batched: Subject) -> None:
     assert session.message == ""
 
 
-def test_a_scanned_file_cannot_be_saved(tmp_path: Path) -> None:
+def test_a_scanned_file_is_saved_for_other_settings(tmp_path: Path) -> None:
     write_ply(tmp_path / "scan.ply", viewing.scan())
     session = ready_session(open_collection(tmp_path / "scan.ply"))
-    session.click(40)
     session.change(paint="epsilon", friction=0.9)
-    assert session.working is None
-    assert panel_text(session).inspection is not None
-    with pytest.raises(SettingError, match="does not contain its fixed fingers"):
-        session.save(tmp_path / "again.ply")
-    session.change(fixed=((0.0, 0.0, 0.0),))
     wait_until_idle(session)
-    assert session.subject is not None
-    assert session.subject.prepared
+    session.save(tmp_path / "again.ply")
+    expected = viewing.scan().relabel(friction=0.9)
+    assert np.array_equal(read_subject(tmp_path / "again.ply").labels.label, expected.label)
 
 
 # Saving
@@ -753,7 +689,7 @@ def test_a_batch_is_saved_with_its_partners(tmp_path: Path, batched: Subject) ->
     assert subject.labels.partners is not None
     with running(progress=reported.append):
         found = write_labels(subject, subject.labels.model, tmp_path / "a.npz")
-    assert found.prepared
+    assert found.epsilons is not None
     assert sorted(reported) == reported
     with np.load(tmp_path / "a.npz") as data:
         assert np.array_equal(data["partners"], subject.labels.partners, equal_nan=True)

@@ -21,8 +21,9 @@ from grasp3d.export.writers import writer_for
 from grasp3d.settings.uncertainty import Uncertainty
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.viewer.session.painting import labels_at
-from grasp3d.viewer.subjects.subject import Subject, read_subject, subject_of
+from grasp3d.viewer.subjects.subject import Subject, subject_of
 from tests.helpers import shapes
+from tests.helpers.viewing import read_subject
 
 SHAPES = {
     "cone": (shapes.cone(0.35, sections=24), 0.3),

@@ -4,6 +4,7 @@ import re
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -12,9 +13,9 @@ from typing import Any, TypeAlias, TypeVar
 from grasp3d.batch.inputs import MARKER
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.store import read_summary
-from grasp3d.errors import GraspError, MeshError, SettingError
-from grasp3d.export.read_labels import settings_of_file
-from grasp3d.export.read_settings import FileSettings
+from grasp3d.errors import MeshError, SettingError
+from grasp3d.export.read_labels import READERS, labels_in, read_labels
+from grasp3d.export.read_settings import settings_from, stored_settings
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
@@ -28,10 +29,10 @@ from grasp3d.surface.labelling import Labelling, label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.context import current_progress, report_progress, running, within
 from grasp3d.system.names import as_unicode, printable
-from grasp3d.viewer.session.computations import mesh_of, search_grasps
+from grasp3d.viewer.session.computations import search_grasps
 from grasp3d.viewer.session.inspection import warm_up
 from grasp3d.viewer.session.scans import scan_of_grasp
-from grasp3d.viewer.subjects.subject import Subject, read_subject, subject_of
+from grasp3d.viewer.subjects.subject import Subject, subject_of
 
 READ = 0.2
 """Fraction of the work of opening a mesh after which it is read and prepared."""
@@ -213,22 +214,24 @@ def open_collection(
         raise MeshError(f"{where}: is an address; copy the file or folder to this machine first")
     if not target.exists():
         raise MeshError(f"{where}: no such file or folder")
-    stored = None if target.is_dir() else settings_of_file(target, options.max_memory)
-    if load is not None and (target.is_dir() or stored is not None):
+    labels = None
+    if target.suffix.lower() in READERS and not target.is_dir():
+        labels = labels_in(target, unit=options.unit, max_memory=options.max_memory)
+    if load is not None and (target.is_dir() or labels is not None):
         raise SettingError(
             f"{where}: has stored labels, to which a load cannot be given; view the mesh itself, "
             "or label it again with the load"
         )
     if target.is_dir():
         return _batch_collection(target, model, sampling, options, reach, force=force)
-    if stored is not None:
-        unit = stored.unit or options.unit
+    if labels is not None:
+        stored, unit = (labels.model, labels.sampling), labels.mesh.unit
         settings = settings_in_unit(unit, *_merged(stored, model, sampling), source=target.name)
-        if stored.mode != "scan":
+        if labels.mode != "scan":
             check_search_settings(*settings)
         lengths = {} if force else _given_lengths(model, sampling, unit, target.name)
-        reader = partial(read_subject, target, options.max_memory, unit=options.unit)
-        opened = partial(_open_stored, reader, lengths, (reach, *settings))
+        subject = subject_of(labels, target.name)
+        opened = partial(_open_stored, lambda: subject, lengths, (reach, *settings))
         return _single(target.name, opened, *settings)
     settings = _chosen(model, sampling)
     if any(isinstance(length, Measure) for one in settings for length in one.lengths().values()):
@@ -256,7 +259,7 @@ def _batch_collection(
 ) -> Collection:
     """All labelled meshes of a batch, in the order of their names."""
     rows, left_out = labelled_rows(folder)
-    stored = settings_of_results(folder, rows, options.max_memory)
+    stored = settings_of_results(folder, rows)
     settings = _chosen(model, sampling)
     if stored is not None:
         settings = _merged(stored, model, sampling)
@@ -301,21 +304,20 @@ def labelled_rows(folder: Path) -> tuple[list[Row], int]:
 
 
 def settings_of_results(
-    folder: Path, rows: Sequence[Row], max_memory: float
-) -> FileSettings | None:
-    """Settings of the first mesh whose file can be read; None: no file can be read."""
+    folder: Path, rows: Sequence[Row]
+) -> tuple[GraspModel, AnySampling | None] | None:
+    """Settings of the first mesh whose file has them; None: no file can be read."""
     for row in rows:
-        try:
-            return settings_of_file(folder / row.labels, max_memory)
-        except GraspError:
-            continue  # the error is reported when that mesh is opened
+        texts = stored_settings(folder / row.labels)
+        if texts is not None:
+            with suppress(ValueError):  # the error is reported when that mesh is opened
+                settings = settings_from(texts)
+                return settings.model, settings.sampling
     return None
 
 
 def read_result(folder: Path, row: Row, max_memory: float, *, unit: Unit | None = None) -> Subject:
     """Read one mesh of a batch.
-
-    If the table of its vertices cannot be read, the mesh is returned without partners.
 
     Args:
         folder: Folder of the results.
@@ -326,16 +328,10 @@ def read_result(folder: Path, row: Row, max_memory: float, *, unit: Unit | None 
     Raises:
         MeshError: Its labelled PLY is missing or damaged.
     """
-    reader = partial(read_subject, max_memory=max_memory, unit=unit, name=row.mesh)
-    path, notes = folder / row.fields, [text for text in row.warnings.split("; ") if text]
-    try:
-        subject, missing = reader(path), []
-        if row.size not in {None, subject.mesh.size}:
-            raise MeshError(f"{printable(str(path))}: is of another mesh")
-    except GraspError as error:
-        subject = reader(folder / row.labels)
-        missing = [f"{error}: grasps are searched again when you click"]
-    return replace(subject, notes=tuple(dict.fromkeys((*notes, *subject.notes, *missing))))
+    labels = read_labels(folder / row.labels, unit=unit, max_memory=max_memory)
+    subject = subject_of(labels, row.mesh)
+    notes = (text for text in row.warnings.split("; ") if text)
+    return replace(subject, notes=tuple(dict.fromkeys((*notes, *subject.notes))))
 
 
 def _open_stored(reader: Callable[[], Subject], lengths: Lengths, search: Search) -> Subject:
@@ -359,7 +355,7 @@ def _with_gripper(subject: Subject, search: Search) -> Subject:
         raise SettingError(
             f"{subject.name}: is a scan, whose grasps are given; a gripper cannot be chosen for it"
         )
-    stored, scene = subject.labels.scene, Scene.of(reach, mesh_of(subject))
+    stored, scene = subject.labels.scene, Scene.of(reach, subject.mesh)
     assert scene is not None
     if stored is not None and scene_settings(stored) == scene_settings(scene):
         return subject
@@ -396,17 +392,20 @@ def _given_lengths(
 
 
 def _merged(
-    stored: FileSettings, model: GraspModel | None, sampling: AnySampling | None
+    stored: tuple[GraspModel, AnySampling | None],
+    model: GraspModel | None,
+    sampling: AnySampling | None,
 ) -> tuple[GraspModel, AnySampling]:
     """Stored settings overridden by the given settings.
 
     The stored search angle is dropped, so that it does not limit later searches.
     """
-    merged = _overridden(stored.model, model)
+    own_model, own_sampling = stored
+    merged = _overridden(own_model, model)
     options = None if sampling is None else sampling.fitted(merged.fingers)
-    if stored.sampling is None or merged.fingers != stored.model.fingers:
+    if own_sampling is None or merged.fingers != own_model.fingers:
         return merged, options or _default(merged)
-    return merged, _overridden(replace(stored.sampling, search_angle=None), options)
+    return merged, _overridden(replace(own_sampling, search_angle=None), options)
 
 
 def _chosen(

@@ -3,65 +3,26 @@
 import math
 from dataclasses import replace
 from pathlib import Path
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from grasp3d.errors import MeshError, SettingError
+from grasp3d.errors import SettingError
 from grasp3d.export.writers import writer_for
 from grasp3d.hand.scene import Scene
-from grasp3d.mesh import ObjectMesh, load_mesh
-from grasp3d.settings import AnySampling, GraspModel, Sampling, search_cone
+from grasp3d.settings import AnySampling, GraspModel, search_cone
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.merged_grasps import merged
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.context import report_progress, within
 from grasp3d.viewer.session.inspection import warm_up
-from grasp3d.viewer.session.painting import ROUNDING, labels_at
-from grasp3d.viewer.subjects.forces import Forces
-from grasp3d.viewer.subjects.subject import Subject, dependence, located_angles, subject_of
+from grasp3d.viewer.session.painting import ROUNDING
+from grasp3d.viewer.subjects.subject import Subject, dependence, subject_of
 
 WIDEST = math.pi / 2.0
 
-_meshes: WeakKeyDictionary[Subject, ObjectMesh] = WeakKeyDictionary()
-"""Meshes prepared for subjects that were read from files."""
-
-PREPARED = 0.2
-"""Fraction of the work after which the mesh of a file is prepared."""
-KNOWN = 0.5
-"""Fraction of the work after which the known grasps of a file are available."""
 COMPUTED = 0.95
 """Fraction of the work of saving after which epsilon and forces are computed."""
-
-
-def mesh_of(subject: Subject) -> ObjectMesh:
-    """The object mesh of a subject; prepared first if the subject was read from a file.
-
-    The surface was already repaired and refined when it was labelled, so neither is repeated and
-    the vertices keep their numbers.
-
-    Raises:
-        MeshError: The mesh cannot be prepared.
-    """
-    if subject.prepared:
-        return subject.mesh
-    if subject not in _meshes:
-        _meshes[subject] = _prepared_mesh(subject)
-    return _meshes[subject]
-
-
-def _prepared_mesh(subject: Subject) -> ObjectMesh:
-    source = subject.mesh
-    options = replace(source.options, max_edge=math.inf)
-    mesh = load_mesh((source.vertices, source.faces), options)
-    if len(mesh.vertices) != len(source.vertices):
-        options = replace(options, repair="none")
-        mesh = load_mesh((source.vertices, source.faces), options)
-    if len(mesh.vertices) != len(source.vertices):
-        raise MeshError(f"{subject.name}: its mesh cannot be prepared; label the mesh again")
-    report = replace(mesh.report, source=subject.name, unit=source.unit)
-    return replace(mesh, report=report, options=source.options)
 
 
 def search_grasps(
@@ -82,30 +43,11 @@ def search_grasps(
         cone = WIDEST
     elif cone is None and subject.labels.mode == "label":
         cone = min(max(subject.cone, search_cone(model)), WIDEST)
-    start = 0.0 if subject.prepared else PREPARED
-    mesh = mesh_of(subject)
-    report_progress(start)
-    with within(start, 1.0):
-        labels = label_surface(
-            mesh, model, sampling=replace(sampling, search_angle=cone),
-            load=subject.labels.load, scene=scene or subject.labels.scene,
-        )  # fmt: skip
+    labels = label_surface(
+        subject.mesh, model, sampling=replace(sampling, search_angle=cone),
+        load=subject.labels.load, scene=scene or subject.labels.scene,
+    )  # fmt: skip
     return warm_up(subject_of(labels, subject.name))
-
-
-def with_grasps(subject: Subject, *, sampling: AnySampling | None = None) -> Subject:
-    """The subject with its mesh and grasps; those that its file does not contain are searched.
-
-    Args:
-        subject: The surface.
-        sampling: Search settings, apart from the cone; None: those of the file, or the default.
-    """
-    if subject.prepared:
-        return subject
-    model = subject.labels.model
-    sampling = sampling or subject.labels.sampling or Sampling().fitted(model.fingers)
-    sampling = replace(sampling, search_angle=min(subject.cone, WIDEST))
-    return search_grasps(subject, model, sampling)
 
 
 def search_wider(subject: Subject, model: GraspModel, sampling: AnySampling) -> Subject:
@@ -116,22 +58,18 @@ def search_wider(subject: Subject, model: GraspModel, sampling: AnySampling) -> 
     fractions at the resolutions that were already searched do not change.
 
     Args:
-        subject: The surface; grasps that its file does not contain are searched first.
+        subject: The surface.
         model: Grasp model.
         sampling: Settings of the search, equal to those of the labels apart from the cone.
 
     Raises:
-        GraspError: The mesh cannot be prepared or searched.
+        GraspError: The mesh cannot be searched.
     """
-    start = 0.0 if subject.prepared else KNOWN
-    with within(0.0, KNOWN):
-        narrow = with_grasps(subject, sampling=sampling).labels
-    with within(start, 1.0):
-        wide = label_surface(
-            narrow.mesh, replace(model, fingers=narrow.model.fingers),
-            sampling=replace(sampling, search_angle=WIDEST), load=subject.labels.load,
-            scene=subject.labels.scene,
-        )  # fmt: skip
+    narrow = subject.labels
+    wide = label_surface(
+        narrow.mesh, replace(model, fingers=narrow.model.fingers),
+        sampling=replace(sampling, search_angle=WIDEST), load=narrow.load, scene=narrow.scene,
+    )  # fmt: skip
     return warm_up(subject_of(with_known_grasps(wide, narrow), subject.name))
 
 
@@ -157,7 +95,7 @@ def compute_epsilon(subject: Subject, model: GraspModel) -> Subject:
     """Compute epsilon of every vertex's grasp for another friction and resolution.
 
     Args:
-        subject: With labels, or from a file with partners.
+        subject: The surface.
         model: Grasp model; fingers as the subject has them.
     """
     return replace(subject, epsilons=subject.labels.using(model=model))
@@ -167,12 +105,12 @@ def compute_forces(subject: Subject, model: GraspModel) -> Subject:
     """Compute grip force and payload of every vertex's grasp.
 
     Args:
-        subject: With a load, and labels or partners.
+        subject: A surface with a load.
         model: Grasp model; fingers as the subject has them.
     """
     labels = subject.labels.using(model=model)
-    assert labels.holding is not None
-    return replace(subject, forces=Forces.of(labels.holding, model))
+    labels.compute("holding")
+    return replace(subject, forces=labels)
 
 
 def locate_contacts(subject: Subject, model: GraspModel) -> Subject:
@@ -186,7 +124,8 @@ def locate_contacts(subject: Subject, model: GraspModel) -> Subject:
         SettingError: The model is for another number of fingers.
     """
     report_progress(0.0)
-    return replace(subject, located={dependence(model): located_angles(subject.labels, model)})
+    angles = subject.labels.using(model=model).located_angles
+    return replace(subject, located={dependence(model): angles})
 
 
 def check_savable(subject: Subject, model: GraspModel, path: Path) -> None:
@@ -198,7 +137,7 @@ def check_savable(subject: Subject, model: GraspModel, path: Path) -> None:
         path: File to create or replace.
 
     Raises:
-        SettingError: The search does not cover the model, or the contacts are unknown.
+        SettingError: The search does not cover the model.
         OutputError: No writer has that suffix.
     """
     writer_for(path)
@@ -207,18 +146,13 @@ def check_savable(subject: Subject, model: GraspModel, path: Path) -> None:
             "the grasps for this friction and resolution are not searched yet; save when the "
             "search is finished"
         )
-    if not subject.measurable:
-        raise SettingError(
-            f"{subject.name}: the file does not contain its fixed fingers, so it cannot be written "
-            "for other settings; scan the mesh again"
-        )
 
 
 def write_labels(subject: Subject, model: GraspModel, path: Path) -> Subject:
     """Write the labels of a surface.
 
     Args:
-        subject: The surface; grasps that its file does not contain are searched first.
+        subject: The surface.
         model: Friction and resolution; fingers as the subject has them.
         path: File to create or replace; its suffix determines the format.
 
@@ -229,29 +163,17 @@ def write_labels(subject: Subject, model: GraspModel, path: Path) -> Subject:
         GraspError: The file cannot be written; see also `check_savable`.
     """
     check_savable(subject, model, path)
-    with within(0.0, KNOWN):
-        ready = with_grasps(subject)
-    model = replace(model, fingers=ready.labels.model.fingers)
-    relabelled = ready.labels.using(model=model)
-    with within(KNOWN, KNOWN):
+    model = replace(model, fingers=subject.labels.model.fingers)
+    relabelled = subject.labels.using(model=model)
+    with within(0.0, 0.0):
         relabelled.compute_labels()
-    middle = COMPUTED if relabelled.load is None else 0.5 * (KNOWN + COMPUTED)
-    with within(KNOWN, middle):
+    middle = COMPUTED if relabelled.load is None else 0.5 * COMPUTED
+    with within(0.0, middle):
         relabelled.compute("epsilon_range")
     with within(middle, COMPUTED):
         relabelled.compute("holding")
     with within(COMPUTED, 1.0):
         writer_for(path)(path, relabelled)
     report_progress(1.0)
-    holding = relabelled.holding
-    return replace(
-        ready,
-        epsilons=relabelled,
-        forces=None if holding is None else Forces.of(holding, model),
-    )
-
-
-def difference(subject: Subject, other: Subject) -> float:
-    """Area fraction whose labels differ between two searches, at the first one's model."""
-    first, second = labels_at(subject, subject.labels.model), labels_at(other, subject.labels.model)
-    return float(subject.weights[first != second].sum())
+    forces = None if relabelled.holding is None else relabelled
+    return replace(subject, epsilons=relabelled, forces=forces)

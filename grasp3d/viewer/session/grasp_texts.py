@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.stability.thresholds import margin_budget
 from grasp3d.surface.holding import Holding
+from grasp3d.surface.load_case import LoadCase
 from grasp3d.viewer.session.explanations import PAIR, Case
-from grasp3d.viewer.subjects.forces import Forces, LoadNumbers
 
 SYMBOLS = {"critical angle": "β*", "sensor resolution": "α/2"}
 """Parts of a budget that have a symbol in the viewer."""
@@ -67,7 +67,7 @@ def _signed(angle: float, *, always: bool = False) -> str:
 class HeldGrasp:
     """Force and payload of one grasp under a load."""
 
-    load: LoadNumbers
+    load: LoadCase
     grip_force: float
     """[N]; inf: none suffices; nan: no grasp."""
     least: float
@@ -75,23 +75,20 @@ class HeldGrasp:
     payload: float
     """[kg]; nan: no force at hand, or a task without a mass."""
     fingers: int
-    hard: bool
-    """Whether the fingers resist no torsional moment."""
     resistance: Resistance | None
     """Why no force suffices; None: unknown."""
 
     @classmethod
-    def of(
-        cls, load: LoadNumbers, forces: Forces | Holding, row: int, fingers: int, *, hard: bool
-    ) -> "HeldGrasp":
+    def of(cls, holding: Holding, row: int, fingers: int) -> "HeldGrasp":
         """Force and payload of one of several grasps."""
         numbers = (
-            forces.grip_force, forces.grip_force_least, forces.grip_force_largest, forces.payload
+            holding.grip_force, holding.grip_force_least, holding.grip_force_largest,
+            holding.payload,
         )  # fmt: skip
         force, least, largest, payload = (float(values[row]) for values in numbers)
-        codes = forces.resistance
+        codes = holding.resistance
         resistance = None if codes is None else Resistance(int(codes[row]))
-        return cls(load, force, least, largest, payload, fingers, hard, resistance)
+        return cls(holding.case, force, least, largest, payload, fingers, resistance)
 
     def numbers(self) -> list[tuple[str, str]]:
         """Names and values that a load adds."""
@@ -129,7 +126,7 @@ class HeldGrasp:
 
     def _why(self) -> str:
         if self.resistance == Resistance.NO_SUCH_WRENCH:
-            if self.fingers == PAIR and self.hard:
+            if self.fingers == PAIR and self.load.hard:
                 return (
                     "two hard fingers cannot resist a torque about the line through them; give a "
                     "torsion radius, or a gripper, whose pads have one"

@@ -20,7 +20,6 @@ from grasp3d.viewer.session.explanations import PAIR, Case, explain
 from grasp3d.viewer.session.grasp_texts import HeldGrasp, angle_numbers, budget_text
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
 from grasp3d.viewer.session.reached_grasps import alternatives_of
-from grasp3d.viewer.subjects.forces import LoadNumbers
 from grasp3d.viewer.subjects.gripper_pose import GripperPose
 from grasp3d.viewer.subjects.subject import Subject, located_grasp
 
@@ -93,7 +92,7 @@ def _inspect_best(
         worst=float(worst),
         best=float(best),
         cone=subject.cone,
-        reason=_reason(subject, vertex),
+        reason=Reason(int(labels.likely_reason[vertex])),
         off_line=_off_line(points, normals),
         hand=None if labels.scene is None else labels.scene.hand.name,
         unreached=_unreached(subject, vertex),
@@ -227,7 +226,7 @@ def warm_up(subject: Subject) -> Subject:
     """Prepare the first picture and click: angles of the labels are known, functions compiled."""
     subject.angles(subject.labels.model)
     vertices = np.flatnonzero(subject.labels.likely_reason == Reason.FOUND)
-    if subject.prepared and len(vertices):
+    if len(vertices):
         grasp = _grasp(subject.labels, int(vertices[0]))
         _epsilons_of(grasp, subject.labels.model)
         if grasp.count == PAIR and subject.labels.model.method == "exact":
@@ -241,8 +240,6 @@ def warm_up(subject: Subject) -> Subject:
 def _contacts(subject: Subject, vertex: int) -> tuple[Floats, Floats]:
     """Points and normals of a vertex's grasp, (n, 3) each; n = 1 without a grasp."""
     points, normals = subject.mesh.vertices[vertex][None], subject.mesh.normals[vertex][None]
-    if subject.labels.partners is None or subject.labels.partner_normals is None:
-        return points, normals
     others, other_normals = subject.labels.partners[vertex], subject.labels.partner_normals[vertex]
     if subject.labels.likely_reason[vertex] != Reason.FOUND or not np.isfinite(others).all():
         return points, normals
@@ -265,17 +262,6 @@ def _off_line(points: Floats, normals: Floats) -> tuple[float, float] | None:
     return math.pi - first, math.pi - second
 
 
-def _reason(subject: Subject, vertex: int) -> Reason | None:
-    """Why there is no grasp; None: unknown, as for a limited search stored in a lone file."""
-    reason, sampling = Reason(int(subject.labels.likely_reason[vertex])), subject.labels.sampling
-    limited = sampling is not None and (
-        subject.labels.scene is not None
-        or any(0.0 < (length or 0.0) < math.inf for length in sampling.lengths().values())
-    )
-    unnamed = subject.labels.partners is None and reason == Reason.NO_PARTNER
-    return None if unnamed and limited else reason
-
-
 def _unreached(subject: Subject, vertex: int) -> Reachability | None:
     """Why the gripper does not reach a vertex's grasp; None: it does, or that is unknown."""
     reach = subject.labels.reach
@@ -285,25 +271,23 @@ def _unreached(subject: Subject, vertex: int) -> Reachability | None:
 
 
 def _force_of(subject: Subject, vertex: int, model: GraspModel) -> HeldGrasp | None:
-    """Force and payload of a vertex's grasp; None: no load, no grasp, or not known."""
-    load, forces = subject.load_numbers, subject.forces
-    if load is None or subject.labels.likely_reason[vertex] != Reason.FOUND:
+    """Force and payload of a vertex's grasp; None: no load, or no grasp."""
+    forces, labels = subject.forces, subject.labels
+    if labels.load is None or labels.likely_reason[vertex] != Reason.FOUND:
         return None
-    if subject.prepared:
-        return _held_by(subject, _grasp(subject.labels, vertex), model)
-    if forces is None or not same_settings(forces.model, model):
-        return None
-    hard = subject.labels.scene is None and subject.labels.model.torsion_radius == 0.0
-    return HeldGrasp.of(load, forces, vertex, subject.labels.model.fingers, hard=hard)
+    if forces is not None and same_settings(forces.model, model):
+        assert forces.holding is not None
+        return HeldGrasp.of(forces.holding, vertex, labels.model.fingers)
+    return _held_by(subject, _grasp(labels, vertex), model)
 
 
 def _held_by(subject: Subject, grasp: GraspContacts, model: GraspModel) -> HeldGrasp | None:
     """Force and payload of one grasp; None: there is no load."""
-    case = subject.labels.load_case if subject.prepared else None
+    case = subject.labels.load_case
     if case is None:
         return None
     holding = surface_holding(grasp, replace(model, fingers=grasp.count), case)
-    return HeldGrasp.of(LoadNumbers.of(case), holding, 0, grasp.count, hard=case.hard)
+    return HeldGrasp.of(holding, 0, grasp.count)
 
 
 def _gripper_numbers(pose: GripperPose | None, unit: str) -> list[tuple[str, str]]:
@@ -330,7 +314,7 @@ def _epsilons(subject: Subject, vertex: int, model: GraspModel) -> tuple[float, 
     ranges = subject.epsilons
     if ranges is not None and same_settings(ranges.model, model):
         return ranges.epsilon[vertex], ranges.epsilon_min[vertex], ranges.epsilon_max[vertex]
-    if subject.prepared and subject.labels.likely_reason[vertex] == Reason.FOUND:
+    if subject.labels.likely_reason[vertex] == Reason.FOUND:
         return _epsilons_of(_grasp(subject.labels, vertex), model)
     return math.nan, math.nan, math.nan
 
@@ -338,7 +322,7 @@ def _epsilons(subject: Subject, vertex: int, model: GraspModel) -> tuple[float, 
 def _creases(subject: Subject, vertex: int, *, several: bool) -> tuple[int, ...]:
     """Fingers that are on sharp edges; without labels only the vertex itself is examined."""
     labels = subject.labels
-    if several and subject.prepared and (labels.partner_points.faces[vertex, 0] >= 0).all():
+    if several and (labels.partner_points.faces[vertex, 0] >= 0).all():
         return tuple(int(finger) for finger in np.flatnonzero(_grasp(labels, vertex).on_crease[0]))
     sides = np.count_nonzero(subject.mesh.corner_normals.vertices == vertex)
     return (0,) if sides > 1 else ()

@@ -16,7 +16,7 @@ from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import epsilon_min_text
 from grasp3d.stability.label import COLORS, Label
 from grasp3d.stability.thresholds import label_angles
-from grasp3d.viewer.subjects.forces import LoadNumbers
+from grasp3d.surface.load_case import LoadCase
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import Paint
 
@@ -270,17 +270,16 @@ def _epsilon_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) 
     text = "ε of the grasp with the smallest β*"
     if paint == "epsilon_min":
         text = epsilon_min_text(model if epsilons is None else epsilons.model)
-    status = "being computed" if subject.measurable else "as in the file"
     if epsilons is None:
-        return Ramp(f"{text}; {status}", 1.0, "", "not computed yet", EQUAL_GRASPS)
+        return Ramp(f"{text}; being computed", 1.0, "", "not computed yet", EQUAL_GRASPS)
     if not same_settings(epsilons.model, model):
         friction, degrees = epsilons.model.friction, math.degrees(epsilons.model.sensor_resolution)
-        text = f"{text}, for μ {friction:.3g}, α {degrees:.1f}°; {status}"
+        text = f"{text}, for μ {friction:.3g}, α {degrees:.1f}°; being computed"
     return Ramp(text, _max_epsilon(subject), "", none, EQUAL_GRASPS)
 
 
 def _force_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) -> Ramp:
-    load, unit = subject.load_numbers, " N" if paint == "grip_force" else " kg"
+    load, unit = subject.labels.load_case, " N" if paint == "grip_force" else " kg"
     name = "grip force of each finger" if paint == "grip_force" else "payload"
     if load is None:
         return Ramp(f"{name}: needs a load", 1.0, unit, "no load")
@@ -290,12 +289,11 @@ def _force_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) ->
         return Ramp("payload: the task does not depend on the mass", 1.0, unit, "no payload")
     text = f"{name} {_condition(paint, load)}"
     forces = subject.forces
-    status = "being computed" if subject.measurable and subject.labels.load else "as in the file"
     if forces is None:
-        return Ramp(f"{text}; {status}", 1.0, unit, "not computed yet")
+        return Ramp(f"{text}; being computed", 1.0, unit, "not computed yet")
     if not same_settings(forces.model, model):
         friction, degrees = forces.model.friction, math.degrees(forces.model.sensor_resolution)
-        text = f"{text}, for μ {friction:.3g}, α {degrees:.1f}°; {status}"
+        text = f"{text}, for μ {friction:.3g}, α {degrees:.1f}°; being computed"
     values = _forces(subject, paint)
     weighed = subject.weights > 0.0
     meanings = [none] * bool(none) + ["no force suffices"] * bool(np.isinf(values[weighed]).any())
@@ -304,9 +302,9 @@ def _force_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) ->
     return Ramp(text, top, unit, ", ".join(meanings), exceeded=exceeded)
 
 
-def _condition(paint: Paint, load: LoadNumbers) -> str:
+def _condition(paint: Paint, load: LoadCase) -> str:
     if paint == "grip_force":
-        return f"for {load.task.partition(' (')[0]}"
+        return f"for {load.to_hold.partition(' (')[0]}"
     return f"with {load.available:.3g} N at the worst normals"
 
 
@@ -341,10 +339,10 @@ def _max_margin(subject: Subject) -> float:
 
 
 def _forces(subject: Subject, paint: Paint) -> Floats:
-    forces = subject.forces
-    if forces is None:
-        return np.full(len(subject.mesh.vertices), math.nan)
-    return forces.grip_force if paint == "grip_force" else forces.payload
+    values = None
+    if subject.forces is not None:
+        values = subject.forces.grip_force if paint == "grip_force" else subject.forces.payload
+    return np.full(len(subject.mesh.vertices), math.nan) if values is None else values
 
 
 def _top(subject: Subject, values: Floats) -> float:

@@ -134,8 +134,8 @@ def _facts(subject: Subject, fixed: int, *, stale: bool) -> str:
     if subject.labels.scene is not None:
         table = "" if subject.labels.scene.table is None else " and a table"
         facts += f"; gripper {subject.labels.scene.hand.name}{table}"
-    if subject.load_numbers is not None:
-        facts += f"; load {subject.load_numbers}"
+    if subject.labels.load_case is not None:
+        facts += f"; load {subject.labels.load_case}"
     if subject.labels.mode == "scan" and not stale:
         count = fixed or subject.labels.model.fingers - 1
         facts += f", {_fingers(count)} fixed"

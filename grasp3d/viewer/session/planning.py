@@ -15,7 +15,6 @@ from grasp3d.viewer.session.computations import (
     locate_contacts,
     search_grasps,
     search_wider,
-    with_grasps,
     write_labels,
 )
 from grasp3d.viewer.session.painting import FORCE_PAINTS, same_settings
@@ -26,7 +25,6 @@ from grasp3d.viewer.session.reached_grasps import (
 )
 from grasp3d.viewer.session.scans import scan_with_fixed
 from grasp3d.viewer.session.state import FixedPoints, ViewState
-from grasp3d.viewer.subjects.forces import Forces
 from grasp3d.viewer.subjects.subject import PAIR, Subject, dependence
 
 if TYPE_CHECKING:
@@ -71,8 +69,8 @@ def next_job(
 ) -> SubjectJob | None:
     """The next job; None: everything is computed.
 
-    The first word of a job's key is its kind: open, save, scan, search, wider, grasps,
-    alternatives, located, epsilon or forces; the rest is all that its result depends on.
+    The first word of a job's key is its kind: open, save, scan, search, wider, alternatives,
+    located, epsilon or forces; the rest is all that its result depends on.
 
     Args:
         viewed: The current object.
@@ -93,7 +91,6 @@ def next_job(
         return _located_job(viewed.scan, state, number) or _numbers_job(viewed.scan, state, number)
     return (
         _search_job(subject, state, sampling, number)
-        or _grasps_job(subject, state, number)
         or _located_job(subject, state, number)
         or _alternatives_job(subject, state, number)
         or _numbers_job(subject, state, number)
@@ -132,8 +129,8 @@ def _limits(subject: Subject, sampling: AnySampling) -> AnySampling:
 def is_stale(viewed: ViewedItem, state: ViewState, sampling: AnySampling) -> bool:
     """Whether the displayed surface has other fingers, limits or fixed fingers than are chosen.
 
-    Or its file lacks the contacts from which labels with a location error follow. A surface whose
-    search did not go far enough is not stale: its unknown part is grey.
+    Or labels with a location error are not computed yet. A surface whose search did not go far
+    enough is not stale: its unknown part is grey.
 
     Args:
         viewed: The current object.
@@ -219,18 +216,9 @@ def ranked_otherwise(subject: Subject, state: ViewState) -> bool:
     return subject.labels.model.location_error != state.model.location_error
 
 
-def _grasps_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
-    """Find the grasps of a file, if a vertex is inspected, or what is shown needs them."""
-    if subject.prepared or not subject.measurable:
-        return None
-    if state.vertex is None and _locates(subject, state) and not _lacks_numbers(subject, state):
-        return None
-    return Job(("grasps", number), "searching grasps", partial(with_grasps, subject))
-
-
 def _located_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
     """Compute how far uncertain contact locations affect three fingers and more."""
-    if not subject.prepared or _locates(subject, state):
+    if _locates(subject, state):
         return None
     model = _model_for(subject, state)
     key = ("located", number, dependence(model), model.fingers, state.fixed, state.max_opening)
@@ -240,7 +228,7 @@ def _located_job(subject: Subject, state: ViewState, number: int) -> SubjectJob 
 def _alternatives_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
     """Search for other grasps of the inspected vertex that the gripper reaches."""
     vertex = state.vertex
-    if not subject.prepared or vertex is None or not is_reached(subject, vertex):
+    if vertex is None or not is_reached(subject, vertex):
         return None
     if alternatives_of(subject, vertex) is not None:
         return None
@@ -250,7 +238,7 @@ def _alternatives_job(subject: Subject, state: ViewState, number: int) -> Subjec
 
 def _numbers_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
     """Compute epsilon or grip forces, if they are shown and not known for the chosen model."""
-    if not subject.measurable or not _lacks_numbers(subject, state):
+    if not _lacks_numbers(subject, state):
         return None
     kind, text, compute = "epsilon", "computing ε", compute_epsilon
     if state.paint in FORCE_PAINTS:
@@ -268,6 +256,6 @@ def _lacks_numbers(subject: Subject, state: ViewState) -> bool:
     return needs_force and not _is_known(subject.forces, state)
 
 
-def _is_known(values: SurfaceLabels | Forces | None, state: ViewState) -> bool:
+def _is_known(values: SurfaceLabels | None, state: ViewState) -> bool:
     """Whether numbers were computed for the chosen model."""
     return values is not None and same_settings(values.model, state.model)

@@ -48,20 +48,13 @@ def best_vertices(subject: Subject, count: int) -> Ints:
     """Vertices of the best distinct grasps, in the order of `ranked_rows`; computes epsilon."""
     grasps = subject.labels.grasps
     rows = ranked_rows(grasps)
-    vertices, near = subject.labels.vertices[rows], distance_of_distinct(subject.mesh)
-    points = subject.mesh.vertices[vertices, None]
-    if subject.labels.partners is not None:
-        points = grasps.positions[rows]
-    return vertices[distinct_rows(points, count, near)]
+    near = distance_of_distinct(subject.mesh)
+    return subject.labels.vertices[rows[distinct_rows(grasps.positions[rows], count, near)]]
 
 
 def _others(subject: Subject, vertex: int, grasps: GraspTable) -> Ints:
     """Rows of the grasps that have a pose and are not the vertex's own."""
     assert grasps.reach is not None
-    is_other = has_pose(grasps.reach)
-    if subject.labels.partners is not None:
-        gaps = np.linalg.norm(
-            grasps.contacts.points[:, 1:] - subject.labels.partners[vertex], axis=2
-        )
-        is_other &= ~(gaps <= SAME * subject.mesh.size).all(axis=1)
-    return np.flatnonzero(is_other)
+    gaps = np.linalg.norm(grasps.contacts.points[:, 1:] - subject.labels.partners[vertex], axis=2)
+    is_other = ~(gaps <= SAME * subject.mesh.size).all(axis=1)
+    return np.flatnonzero(has_pose(grasps.reach) & is_other)

@@ -18,7 +18,6 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
 from grasp3d.system.context import report_progress, unreported, within
-from grasp3d.viewer.session.computations import PREPARED, mesh_of
 from grasp3d.viewer.session.explanations import PAIR
 from grasp3d.viewer.session.inspection import warm_up
 from grasp3d.viewer.session.state import FixedPoints
@@ -49,12 +48,9 @@ MIDDLE = np.full(3, 1.0 / 3.0)
 
 def scan_with_fixed(subject: Subject, model: GraspModel, fixed: FixedPoints) -> Subject:
     """Label every vertex as the contact of one more finger, and search the best contact for it."""
-    start = 0.0 if subject.prepared else PREPARED
-    mesh = mesh_of(subject)
-    report_progress(start)
     model = replace(model, fingers=len(fixed) + 1)
-    with within(start, SCANNED):
-        labels = scan_surface(mesh, model, fixed=np.array(fixed))
+    with within(0.0, SCANNED):
+        labels = scan_surface(subject.mesh, model, fixed=np.array(fixed))
     with within(SCANNED, 1.0):
         contact = best_last_contact(labels, _opposing_contacts(subject, fixed))
     return warm_up(replace(subject_of(labels, subject.name), last_contact=contact))
@@ -63,12 +59,7 @@ def scan_with_fixed(subject: Subject, model: GraspModel, fixed: FixedPoints) -> 
 def _opposing_contacts(subject: Subject, fixed: FixedPoints) -> SurfacePoints:
     """Opposing contacts of one fixed finger's own best grasps, shape (c,); else none."""
     labels, none = subject.labels, SurfacePoints(np.empty(0, dtype=np.int64), np.empty((0, 3)))
-    if (
-        not subject.prepared
-        or labels.mode != "label"
-        or labels.model.fingers != PAIR
-        or len(fixed) != 1
-    ):
+    if labels.mode != "label" or labels.model.fingers != PAIR or len(fixed) != 1:
         return none
     nearest = int(np.argmin(((subject.mesh.vertices - np.array(fixed[0])) ** 2).sum(axis=1)))
     faces, weights = labels.partner_points.faces[nearest], labels.partner_points.weights[nearest]

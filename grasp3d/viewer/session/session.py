@@ -9,7 +9,7 @@ from grasp3d.hand.scene import Scene
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel
 from grasp3d.viewer.session.background import Finished, Worker
 from grasp3d.viewer.session.collection import Collection
-from grasp3d.viewer.session.computations import check_savable, difference, write_labels
+from grasp3d.viewer.session.computations import check_savable, write_labels
 from grasp3d.viewer.session.inspection import Inspection, inspect, inspect_last_contact
 from grasp3d.viewer.session.painting import FORCE_PAINTS
 from grasp3d.viewer.session.planning import (
@@ -35,8 +35,6 @@ BEST = 20
 MAX_CACHED = 2
 """Search results of an object that are cached besides the displayed one; a large one takes hundreds
 of megabytes."""
-NOTABLE_DIFFERENCE = 0.005
-"""Area fraction of different labels after a new search that is reported as a message."""
 
 
 class Session:
@@ -195,13 +193,7 @@ class Session:
         """Why no location error can be chosen; empty if one can."""
         if self.state.model.method == "extremes":
             return "method extremes tests normals only, not contact locations"
-        subject = self._viewed.subject
-        if subject is None or subject.measurable:
-            return ""
-        return (
-            "the file does not contain the fixed fingers of its scan, without which no location "
-            "error can be chosen; scan the mesh again"
-        )
+        return ""
 
     def _check_location(self, model: GraspModel) -> None:
         subject, problem = self._viewed.subject, self.location_problem
@@ -302,18 +294,19 @@ class Session:
         subject = self.subject
         if subject is None or paint not in FORCE_PAINTS:
             return
-        if subject.load_numbers is None:
+        case = subject.labels.load_case
+        if case is None:
             raise SettingError(
                 "there is no load; open the object with one (--mass, --density or --grip-force)"
                 if not self.state.fixed
                 else "with fixed fingers no grip forces are computed"
             )
-        if paint == "payload" and subject.load_numbers.available is None:
+        if paint == "payload" and case.available is None:
             raise SettingError(
                 "the force at hand is not known; open the object with one (--grip-force, or a "
                 "gripper that states its force)"
             )
-        if paint == "payload" and not subject.load_numbers.by_mass:
+        if paint == "payload" and not case.by_mass:
             raise SettingError("the task does not depend on the mass, so there is no payload")
 
     def offers(self, paint: Paint) -> bool:
@@ -430,8 +423,6 @@ class Session:
             self._failed[finished.job.key] = finished.error or "it cannot be computed"
         elif kind == "scan":
             self._viewed = replace(self._viewed, scan=result, fixed=self.state.fixed)
-        elif kind == "grasps" or (kind == "wider" and not self._has_grasps):
-            self._viewed = replace(self._viewed, subject=self._with_difference(result))
         elif kind in {"epsilon", "forces", "alternatives", "located"}:
             self._replace(result)
         else:
@@ -452,30 +443,12 @@ class Session:
             self._cached = [*self._cached, before][-MAX_CACHED:]
         self._viewed = replace(self._viewed, subject=subject)
 
-    @property
-    def _has_grasps(self) -> bool:
-        """Whether the surface was opened with its grasps, and not only with critical angles."""
-        subject = self._viewed.subject
-        return subject is not None and subject.prepared
-
     def _replace(self, subject: Subject) -> None:
         """Replace the displayed surface."""
         if self._viewed.scan is not None:
             self._viewed = replace(self._viewed, scan=subject)
         else:
             self._viewed = replace(self._viewed, subject=subject)
-
-    def _with_difference(self, subject: Subject) -> Subject:
-        """Add a note on how far the labels of a new search differ from those of the file."""
-        before = self._viewed.subject
-        fraction = 0.0 if before is None else difference(before, subject)
-        note = (
-            f"grasps were searched again on the file's surface, and {fraction:.1%} of its area has "
-            "another label than in the file; label the original mesh to avoid this"
-        )
-        if fraction > NOTABLE_DIFFERENCE:
-            self._message = note
-        return replace(subject, notes=(*subject.notes, note))
 
     def _next_job(self) -> SubjectJob | None:
         return next_job(self._viewed, self.state, self.collection.sampling, self._saving)

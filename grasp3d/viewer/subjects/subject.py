@@ -4,19 +4,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
 from grasp3d.arrays import Floats, locked, short_repr
-from grasp3d.export.read_labels import labels_of, read_stored
-from grasp3d.export.read_settings import FileSettings
-from grasp3d.export.stored import Stored
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import FaceRays
-from grasp3d.settings import GraspModel, MeshOptions, search_cone
-from grasp3d.settings.lengths import Unit
-from grasp3d.stability.located_angles import ContactLimits
+from grasp3d.settings import GraspModel, search_cone
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import vertex_weights
@@ -24,7 +18,6 @@ from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.grasp_numbers import located_angles_of
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.viewer.subjects.forces import Forces, LoadNumbers
 from grasp3d.viewer.subjects.gripper_pose import GripperPose
 
 PAIR = 2
@@ -84,10 +77,9 @@ class Subject:
     """Warnings that concern the labels, one sentence each."""
     epsilons: SurfaceLabels | None = None
     """The same grasps at the model for which epsilon was computed; None: not computed yet."""
-    load_numbers: LoadNumbers | None = None
-    """Mass and force at hand of the load; None: no load."""
-    forces: Forces | None = None
-    """Grip force and payload; None: no load, or not computed yet."""
+    forces: SurfaceLabels | None = None
+    """The same grasps at the model for which forces were computed; None: no load, or not computed
+    yet."""
     last_contact: LastContact | None = None
     """With fixed fingers: the best contact found for the last one; None: unknown."""
     alternatives: Alternatives | None = None
@@ -103,11 +95,6 @@ class Subject:
     def mesh(self) -> ObjectMesh:
         """The surface of the labels."""
         return self.labels.mesh
-
-    @property
-    def prepared(self) -> bool:
-        """Whether the mesh and the contacts are known, for new searches: a PLY has not enough."""
-        return self.labels.grasps.known_contacts is not None
 
     @property
     def cone(self) -> float:
@@ -160,9 +147,8 @@ class Subject:
             if len(self._recent) >= KEPT:
                 self._recent.pop(next(iter(self._recent)))
             of_labels = key == dependence(self.labels.model)
-            self._recent[key] = (
-                self.labels.located_angles if of_labels else located_angles(self.labels, model)
-            )
+            labels = self.labels if of_labels else self.labels.using(model=model)
+            self._recent[key] = labels.located_angles
         return self._recent[key]
 
     def locates(self, model: GraspModel) -> bool:
@@ -174,12 +160,7 @@ class Subject:
         key = dependence(model)
         if model.is_uniform or key == dependence(self.labels.model) or key in self.located:
             return True
-        return self.prepared and model.fingers == PAIR and fits(model)
-
-    @property
-    def measurable(self) -> bool:
-        """Whether the grasps are known or can be searched; false for a file of a scan."""
-        return self.prepared or self.labels.mode == "label"
+        return model.fingers == PAIR and fits(model)
 
     def covers(self, model: GraspModel) -> bool:
         """Whether the search went far enough for a model."""
@@ -194,92 +175,28 @@ def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
         labels: The labels.
         name: Name of the object; None: that of its file.
     """
-    report = labels.mesh.report
-    case, holding = labels.load_case, labels.computed("holding")
     return Subject(
         labels,
-        report.source if name is None else name,
-        notes=(*labels.warnings, *_method_notes(labels.model, math.nan)),
+        labels.mesh.report.source if name is None else name,
+        notes=(*labels.warnings, *_method_notes(labels)),
         epsilons=None if labels.computed("epsilon_range") is None else labels,
-        load_numbers=None if case is None else LoadNumbers.of(case),
-        forces=None if holding is None else Forces.of(holding, labels.model),
+        forces=None if labels.computed("holding") is None else labels,
     )
 
 
-def read_subject(
-    path: Path,
-    max_memory: float = MeshOptions.max_memory,
-    *,
-    unit: Unit | None = None,
-    name: str | None = None,
-) -> Subject:
-    """Read a labelled file without searching anything again.
-
-    Args:
-        path: The file.
-        max_memory: Memory limit for reading [GB].
-        unit: Unit of a file that states none.
-        name: Name of the object; None: that of the file.
-
-    Raises:
-        MeshError: The file is not labelled, or damaged.
-    """
-    stored, settings = read_stored(path, max_memory)
-    labels = labels_of(stored, settings, unit)
-    subject, model = subject_of(labels, name or path.name), labels.model
-    notes = [*labels.warnings]
-    if not subject.prepared and labels.mode == "scan":
-        notes.append("it is a scan, and the file does not contain the fixed fingers")
-    differing = labels.label != label_angles(*labels.located_angles, model)
-    notes += _method_notes(model, subject.weights[differing].sum())
-    subject = replace(subject, notes=tuple(notes))
-    if labels.load is not None or subject.prepared or "object_mass" not in stored.settings:
-        return subject
-    return _with_forces(subject, stored, settings)
-
-
-def _with_forces(subject: Subject, stored: Stored, settings: FileSettings) -> Subject:
-    """The subject with the forces of a PLY whose task cannot be read again."""
-    mass, force = settings.object_mass, settings.force_at_hand
-    payload = stored.values.get("payload")
-    payloads = np.full(len(subject.weights), math.nan) if payload is None else payload
-    return replace(
-        subject,
-        load_numbers=LoadNumbers(mass, force, by_mass=force is None or payload is not None),
-        forces=Forces(
-            locked(stored.field("grip_force"), np.float64),
-            locked(stored.field("grip_force_least"), np.float64),
-            locked(stored.field("grip_force_largest"), np.float64),
-            locked(payloads, np.float64),
-            subject.labels.model,
-        ),
-    )
-
-
-def _method_notes(model: GraspModel, other: float) -> tuple[str, ...]:
+def _method_notes(labels: SurfaceLabels) -> tuple[str, ...]:
     """Note on labels that are not thresholds, with the area fraction that differs if known."""
-    if model.method == "exact":
+    if labels.model.method == "exact":
         return ()
     note = (
         "its labels were computed from wrench hulls at extreme normals; the displayed ones are "
         "thresholds on the critical friction angle, which hold for every normal"
     )
-    if math.isfinite(other):
-        note += f", and differ on {other:.1%} of the area"
+    if (codes := labels.computed("label")) is not None:
+        differing = codes != label_angles(*labels.located_angles, labels.model)
+        fraction = vertex_weights(labels.mesh, "area")[differing].sum()
+        note += f", and differ on {fraction:.1%} of the area"
     return (note,)
-
-
-def located_angles(labels: SurfaceLabels, model: GraspModel) -> WorstAndBest:
-    """Located angles of labels for another model, see `stability.located_angles`, (V,) each [rad].
-
-    Raises:
-        SettingError: The model is for another number of fingers.
-    """
-    worst, best = labels.using(model=model).located_angles
-    # A file has no second grasp, of the best normals at a crease, whose line could be turned:
-    # what the worst finger adds to its angle is a bound.
-    bound = labels.critical_angle_best + ContactLimits.of(model.fingertips).outer.max()
-    return worst, locked(np.minimum(best, bound))
 
 
 def dependence(model: GraspModel) -> object:
