@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp3d.arrays import angles_between
 from grasp3d.cli.margin_report import (
     LOAD,
     MARGIN,
@@ -20,7 +19,6 @@ from grasp3d.cli.margin_report import (
 from grasp3d.cli.report import (
     LEVELS,
     PERCENTS,
-    WARNING,
     Column,
     Report,
     angle_text,
@@ -60,9 +58,6 @@ _CLOSED = (
     "closed: label at what the jaws touch when they close, and its margin, the friction angle to "
     "spare; "
 )
-
-TILTED = 5.0
-"""Angle between up of the table and z of the robot that is warned of [degrees]."""
 
 _CONTACTS = {
     "point": "",
@@ -127,10 +122,8 @@ def print_best(
         report.table(table_of_columns(columns, range(grasps.size)), whole=True)
         report.line(_legend(grasps))
         if grasps.has_poses:
-            _print_frame(report, object_pose, grasps)
-        note = "" if grasps.closed is None else grasps.closed.note(grasps.label)
-        if note:
-            report.line(f"{WARNING} {note}")
+            report.line(_frame_text(object_pose))
+        report.warnings(warnings_of_best(grasps, object_pose))
         if grasps.size < requested:
             report.paragraph(f"{requested} were requested; all others are similar to one of these")
         if not has_pictures:
@@ -139,6 +132,13 @@ def print_best(
             )
     if has_file:
         report.written(output, *([output.with_suffix(".png")] if has_pictures else []))
+
+
+def warnings_of_best(grasps: GraspTable, object_pose: ObjectPose | None) -> list[str]:
+    """What is to be known of the best grasps and of their file; arguments as in `print_best`."""
+    closed = None if grasps.closed is None else grasps.closed.note(grasps.label)
+    tilted = None if grasps.scene is None else grasps.scene.tilt_warning(object_pose)
+    return [text for text in (closed, tilted) if text]
 
 
 def print_poses(poses: EvaluatedPoses, output: Path) -> None:
@@ -163,7 +163,7 @@ def print_poses(poses: EvaluatedPoses, output: Path) -> None:
     report.warnings(poses.warnings)
     _print_some(report, _pose_columns(poses), poses)
     report.line(f"{_added_legend(poses)}{_POSES_LEGEND}{mesh.unit}")
-    _print_frame(report, poses.given.object_pose, poses)
+    report.line(_frame_text(poses.given.object_pose))
     report.written(output)
 
 
@@ -225,18 +225,9 @@ def _legend(grasps: GraspTable) -> str:
     )
 
 
-def _print_frame(
-    report: Report, pose: ObjectPose | None, grasps: GraspTable | EvaluatedPoses
-) -> None:
-    """Print the frame of the poses in a file, and whether the table lies in it as it should."""
+def _frame_text(pose: ObjectPose | None) -> str:
     frame = "mesh's frame" if pose is None else f"robot's frame {pose.frame!r}"
-    report.line(f"poses in the file: in the {frame}")
-    if pose is None or grasps.scene is None or grasps.scene.table is None:
-        return
-    tilt = np.degrees(angles_between(pose.matrix[2, :3], grasps.scene.table.normal))
-    if tilt > TILTED:
-        text = "is this the pose of the object as it stands (--table, --up)?"
-        report.warnings([f"the table's up is {tilt:.0f}° from z of the robot's frame: {text}"])
+    return f"poses in the file: in the {frame}"
 
 
 def _distance_text(grasps: GraspTable) -> str:

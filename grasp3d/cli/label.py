@@ -69,8 +69,8 @@ def run(command: Label) -> int:
     with time_limit(command.timeout, printable(str(command.file))):
         labels = _labels(command, (output, *grasp_files[:1]))
     grasps = best_grasps(labels, command.best) if command.best else None
-    if grasps is not None and grasps.closed is not None:
-        refuse_warnings(filter(None, [grasps.closed.note(grasps.label)]))
+    if grasps is not None:
+        refuse_warnings(grasp_report.warnings_of_best(grasps, command.object_pose))
     write(output, labels)
     if not command.quiet:
         print_labels(labels, output)

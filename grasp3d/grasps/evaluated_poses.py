@@ -106,7 +106,8 @@ class EvaluatedPoses(SpreadGrasps):
             reading = suspected_reading(mesh, poses, self.hand, posture=self.given.posture)
         reading = reading or pose_warning(poses, mesh.center, mesh.size, mesh.unit)
         inside = starting_inside(self.state)
-        return (*super().warnings, *(line for line in (reading, inside) if line))
+        tilted = None if self.scene is None else self.scene.tilt_warning(self.given.object_pose)
+        return (*super().warnings, *(line for line in (reading, inside, tilted) if line))
 
     def to_poses(self, metrics: MetricValues | None = None) -> GraspPoses:
         """The poses with the results as columns, as `write_grasps` writes them.

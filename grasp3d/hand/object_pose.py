@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from grasp3d.errors import ContactError
-from grasp3d.settings.checks import DEGREE
-from grasp3d.settings.lengths import METRES, NUMBER_AND_UNIT
+from grasp3d.errors import ContactError, SettingError
+from grasp3d.settings.checks import parse_angle
+from grasp3d.settings.lengths import Measure, parse_length
 
 if TYPE_CHECKING:
     from grasp3d.arrays import ArrayLike, Floats
@@ -19,14 +19,8 @@ if TYPE_CHECKING:
 FAR = 100.0
 """Distance of an object from its robot that suggests millimetres [m]."""
 
-_LENGTHS = {str(unit): metres for unit, metres in METRES.items()}
-_ANGLES = {"deg": DEGREE, "rad": 1.0}
-_PARTS = {
-    "x": _LENGTHS, "y": _LENGTHS, "z": _LENGTHS,
-    "roll": _ANGLES, "pitch": _ANGLES, "yaw": _ANGLES,
-    "qx": {"": 1.0}, "qy": {"": 1.0}, "qz": {"": 1.0}, "qw": {"": 1.0},
-}  # fmt: skip
-"""Units of the parts of a text."""
+_LENGTHS, _ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
+_NUMBERS = ("qx", "qy", "qz", "qw")
 
 
 @dataclass(frozen=True)
@@ -35,7 +29,8 @@ class ObjectPose:
 
     As text it has parts with names, in any order: lengths x, y and z; angles roll, pitch and yaw
     about the robot's x, then its y, then its z, or the quaternion qx, qy, qz and qw; and the name
-    of the robot's frame. Parts that are left out are 0. Lengths and angles have units.
+    of the robot's frame. Parts that are left out are 0. Lengths have units; angles without one are
+    degrees.
 
     Example:
         >>> from grasp3d.hand.object_pose import ObjectPose
@@ -102,32 +97,32 @@ def _of_text(text: str) -> ObjectPose:
     from scipy.spatial.transform import Rotation
 
     parts = [part.partition("=")[::2] for part in re.findall(r"[^,\s]+", text)]
-    stated = {"frame": "robot", **dict(parts)}
-    frame = stated.pop("frame")
-    if len(dict(parts)) < max(1, len(parts)) or not stated.keys() <= _PARTS.keys():
+    stated = {**dict.fromkeys((*_LENGTHS, *_ANGLES, *_NUMBERS), "0"), "frame": "robot"}
+    if not parts or len(dict(parts)) < len(parts) or not dict(parts).keys() <= stated.keys():
         raise ContactError(
             "the object's pose must be a file, or parts with names: x=0.4m,y=-5cm,z=0.1m,yaw=90deg "
             f"(also roll, pitch, frame; or qx, qy, qz, qw); got {text!r}"
         )
-    position, angles, quaternion = (
-        tuple(_part(name, stated.get(name, "0")) for name in names)
-        for names in (("x", "y", "z"), ("roll", "pitch", "yaw"), ("qx", "qy", "qz", "qw"))
-    )
+    stated |= dict(parts)
+    try:
+        position = tuple(_metres(name, stated[name]) for name in _LENGTHS)
+        angles = tuple(parse_angle(name, stated[name]) for name in _ANGLES)
+        quaternion = tuple(float(stated[name]) for name in _NUMBERS)
+    except (SettingError, ValueError) as error:
+        raise ContactError(f"the object's pose: {error}") from error
     if any(quaternion) and any(angles):
         raise ContactError(f"the object's pose needs angles or a quaternion, not both: {text!r}")
     if not any(quaternion):
         quaternion = tuple(Rotation.from_euler("xyz", angles).as_quat(canonical=True).tolist())
-    return ObjectPose(position, quaternion, frame)
+    return ObjectPose(position, quaternion, stated["frame"])
 
 
-def _part(name: str, text: str) -> float:
-    """A length [m], an angle [rad] or a number. Raises ContactError."""
-    units, match = _PARTS[name], NUMBER_AND_UNIT.fullmatch(text)
-    number, unit = (float(match[1]), match[2].lower()) if match else (math.nan, "")
-    if (unit not in units and number != 0.0) or math.isnan(number):
-        needed = "a number" + (f" with a unit, {' or '.join(units)}" if "" not in units else "")
-        raise ContactError(f"{name} of the object's pose must be {needed}; got {text!r}")
-    return number * units.get(unit, 1.0)
+def _metres(name: str, text: str) -> float:
+    """A length [m]. Raises SettingError."""
+    length = parse_length(name, text)
+    if not isinstance(length, Measure) and length != 0.0:
+        raise SettingError(f"{name} needs a unit, such as {name}={text}m")
+    return length.metres if isinstance(length, Measure) else 0.0
 
 
 def _of_matrix(value: "ArrayLike") -> ObjectPose:

@@ -4,11 +4,12 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
-from grasp3d.arrays import ArrayLike
+from grasp3d.arrays import ArrayLike, angles_between
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_line
 from grasp3d.hand.jaws import Jaws, metres_per_unit
+from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.table import Approach, Table, axis_vector
@@ -18,6 +19,9 @@ from grasp3d.settings import Sampling
 LEVEL = math.pi / 2.0 + 1e-6
 """Largest angle from straight down at which a gripper beside a table comes [rad]: level, with a
 tolerance for rounding. Farther back, where no box of the gripper is tested, is the table."""
+
+TILTED = 5.0
+"""Angle between up of the table and z of the robot that is warned of [degrees]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +94,16 @@ class Scene:
     def jaws(self) -> Jaws | None:
         """The hand if it is a parallel gripper, for which kernels search pairs; else None."""
         return self.hand if isinstance(self.hand, Jaws) else None
+
+    def tilt_warning(self, object_pose: ObjectPose | None) -> str | None:
+        """What suggests that the object does not stand so beside its robot; None: nothing does."""
+        if object_pose is None or self.table is None:
+            return None
+        tilt = math.degrees(float(angles_between(object_pose.matrix[2, :3], self.table.normal)))
+        if tilt <= TILTED:
+            return None
+        text = "is this the pose of the object as it stands (--table, --up)?"
+        return f"the table's up is {tilt:.0f}° from z of the robot's frame: {text}"
 
     def reach(
         self,

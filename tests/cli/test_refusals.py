@@ -74,8 +74,8 @@ label box.stl -o notes.npz | notes.npz: exists and is no result of grasp3d
 label box.stl --best 2 --grasps task.csv --task task.csv --overwrite | is the file of the task
 label box.stl --unit mm --hand franka --best 2 --object-pose 0.4,0,0.1,1,0,0,0 | with names: x=0.4m,
 label box.stl --unit mm --hand franka --best 2 --object-pose x=0.4m,x=0.5m | with names: x=0.4m,y=
-label box.stl --unit mm --hand franka --best 2 --object-pose x=0.4 | with a unit, m or cm or mm or
-label box.stl --unit mm --hand franka --best 2 --object-pose x=1m,yaw=90 | with a unit, deg or rad;
+label box.stl --unit mm --hand franka --best 2 --object-pose x=0.4 | x needs a unit, such as x=0.4m
+label box.stl --unit mm --hand franka --best 2 --object-pose x=1m,yaw=1turn | yaw must be an angle
 label box.stl --unit mm --hand franka --best 2 --object-pose x=1m,yaw=90deg,qz=1 | not both
 label box.stl --unit mm --hand franka --best 2 --object-pose qx=0.5,qw=0.5 | length 1; got 0.7071
 label box.stl --unit mm --hand franka --best 2 --object-pose x=400m | 400 m away from the robot, as
