@@ -3,9 +3,13 @@
 import re
 import textwrap
 
-from command_help import Box, Help, commands, help_of
+from docstring_parser import parse_from_object
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
+
+from grasp3d.cli import KINDS
+from grasp3d.cli.options import Option
+from grasp3d.cli.usage import GROUPS, examples_of, groups_of, invocation, usage_of
 
 PAGE, MARKER = "commands", "<!-- commands -->"
 _OPTION = re.compile(r"(?<![\w`-])--[a-z][a-z0-9-]*")
@@ -14,35 +18,34 @@ _MARKUP = re.compile(r"[\\`*_{}\[\]<>#|$~]")
 
 def page() -> str:
     """A list of the commands, then a section for each, as Markdown."""
-    helps = {name: help_of(name) for name in commands()}
-    rows = (f"* [{name}](#command-{name}): {_first(text)}" for name, text in helps.items())
-    return "\n\n".join(["\n".join(rows), *(_section(name, text) for name, text in helps.items())])
+    rows = (
+        f"* [{name}](#command-{name}): {_prose(parse_from_object(kind).short_description or '')}"
+        for name, kind in KINDS.items()
+    )
+    return "\n\n".join(["\n".join(rows), *map(_section, KINDS.values())])
 
 
-def _first(command: Help) -> str:
-    """The first paragraph of a description."""
-    return _prose(" ".join(command.description.partition("\n\n")[0].split()))
+def _section(kind: type) -> str:
+    name, doc = kind.__name__.lower(), parse_from_object(kind)
+    return "\n\n".join(
+        [
+            f"(command-{name})=",
+            f"## grasp3d {name}",
+            _prose(doc.short_description or ""),
+            _prose(doc.long_description or ""),
+            _code("text", usage_of(kind).removeprefix("usage: ")),
+            f"```{{program}} grasp3d {name}\n```",
+            *(_group(name, group, options) for group, options in groups_of(kind).items()),
+            "### Examples",
+            _code("sh", textwrap.dedent(examples_of(kind))),
+        ]
+    )
 
 
-def _section(name: str, command: Help) -> str:
-    parts = [
-        f"(command-{name})=",
-        f"## grasp3d {name}",
-        _prose(command.description),
-        _code("text", command.usage),
-        f"```{{program}} grasp3d {name}\n```",
-        *(_group(name, box) for box in command.boxes),
-    ]
-    if command.after:
-        heading, _, lines = command.after.partition("\n")
-        parts += [f"### {heading.strip(' :').capitalize()}", _code("sh", textwrap.dedent(lines))]
-    return "\n\n".join(parts)
-
-
-def _group(name: str, box: Box) -> str:
-    target = f"(command-{name}-{box.title.lower().replace(' ', '-')})="
-    options = (f"```{{option}} {one.name}\n{_prose(one.text)}\n```" for one in box.entries)
-    return "\n\n".join([target, f"### {box.title.capitalize()}", _prose(box.text), *options])
+def _group(command: str, name: str, options: list[Option]) -> str:
+    entries = (f"```{{option}} {invocation(one)}\n{_prose(one.text)}\n```" for one in options)
+    target = f"(command-{command}-{name})="
+    return "\n\n".join([target, f"### {name.capitalize()}", _prose(GROUPS[name]), *entries])
 
 
 def _code(language: str, lines: str) -> str:

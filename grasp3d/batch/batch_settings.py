@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import product
-from typing import Any
+from typing import Annotated, Any
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
@@ -20,7 +20,7 @@ from grasp3d.settings import (
 )
 from grasp3d.settings.checks import check_range
 from grasp3d.settings.lengths import Lengths, settings_in_unit
-from grasp3d.settings.parsing import Settings
+from grasp3d.settings.parsing import Main, Settings
 
 DEFAULT_RESOLUTIONS = tuple(5.0 * step * DEGREE for step in range(13))
 """Default sensor resolutions of the grid: 0 to 60 degrees in steps of 5 [rad]."""
@@ -176,7 +176,7 @@ class ClusterSettings:
         timeout: Time limit for a mesh [s]; a mesh that takes longer is given up; none: no limit.
     """
 
-    workers: int | None = None
+    workers: Annotated[int | None, Main("processes on this machine")] = None
     scheduler: str | None = None
     worker_memory: float | None = None
     timeout: float | None = 3600.0

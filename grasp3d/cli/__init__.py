@@ -5,86 +5,59 @@ The modules of options import nothing heavy, so that `grasp3d --help` is fast.
 
 import logging
 import sys
-from dataclasses import dataclass
+from difflib import get_close_matches
 from importlib import import_module
-from textwrap import indent
-from typing import get_args
 
-import docstring_parser
-import tyro
+from docstring_parser import parse_from_object
 
 from grasp3d.cli.design_command import Design
 from grasp3d.cli.grasp_commands import Evaluate, Simulate, Validate
 from grasp3d.cli.library_commands import Batch, Sweep
 from grasp3d.cli.mesh_commands import Check, Label, Perturb, View
-from grasp3d.cli.options import REGISTRY, Flag
 from grasp3d.cli.streams import (
     check_output,
     discard_output,
-    errors_are_lost,
     prepare_streams,
     print_error,
 )
 from grasp3d.cli.tool_commands import Hand, Paper, Warmup
-from grasp3d.errors import GraspError
+from grasp3d.cli.usage import HELP, HELP_ALL, help_of, parse
+from grasp3d.errors import GraspError, SettingError
 from grasp3d.system import compiling
 from grasp3d.system.context import running
 from grasp3d.system.names import printable
 from grasp3d.system.versions import package_version
 
-Command = (
-    Label
-    | Check
-    | Evaluate
-    | Validate
-    | Simulate
-    | Batch
-    | Sweep
-    | Perturb
-    | Design
-    | Hand
-    | View
-    | Paper
-    | Warmup
-)
-"""The options of a command, which the module of its name runs."""
+COMMANDS = (
+    Label, Check, Evaluate, Validate, Simulate, Batch, Sweep, Perturb, Design, Hand, View, Paper,
+    Warmup,
+)  # fmt: skip
+"""The options of the commands, each of which the module of its name runs."""
 
-
-@dataclass(frozen=True)
-class Program:
-    """The options of the program, and those of one command.
-
-    Example:
-        # Label a mesh, and write it
-        grasp3d label meshes/mug.glb --max-opening 60mm
-        # The options of a command
-        grasp3d label --help
-    """
-
-    command: Command
-
-    version: Flag = False
-    """Print the version."""
-
+KINDS = {kind.__name__.lower(): kind for kind in COMMANDS}
+"""The same by the name of the command."""
 
 BAD_INPUT = 2
 INTERRUPTED = 130
 
-KINDS = {kind.__name__.lower(): kind for kind in get_args(Command)}
-"""The options of each command by its name."""
+PROGRAM_HELP = """usage: grasp3d COMMAND [OPTIONS]
 
+Evaluate grasps on object meshes for fingertips with tactile sensors.
 
-def examples_of(command: str) -> str:
-    """Return the examples in the docstring of a command's options, or of the program.
+commands:
+{}
 
-    The folder `meshes` in them is the one that comes with the package, `grasps.csv` a table with
-    columns x1 y1 z1 x2 y2 z2, `tried.csv` one of poses with outcomes, `hand.urdf` a robot's hand.
+options:
+  -h, --help  Print this help, or, after the name of a command, its main options.
+  --help-all  After the name of a command: print all of its options.
+  --version   Print the version.
 
-    Args:
-        command: Name of the command; another word: the program.
-    """
-    [examples] = docstring_parser.parse_from_object(KINDS.get(command, Program)).examples
-    return indent(examples.description or "", "  ")
+examples:
+  # Label a mesh, and write it
+  grasp3d label meshes/mug.glb --max-opening 60mm
+  # The options of a command that matter first
+  grasp3d label --help
+"""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -117,40 +90,44 @@ def _printed(arguments: list[str]) -> int:
             sys.stdout.flush()
     except OSError as error:
         check_output(error)
-        if errors_are_lost(error):  # those of usage, which the parser prints
-            return BAD_INPUT
         raise
 
 
 def _run(arguments: list[str]) -> int:
-    if arguments[:1] == ["gripper"]:  # another name of that command
-        arguments = ["hand", *arguments[1:]]
-    if arguments == ["--version"]:
+    name, *words = arguments or [""]
+    if name == "--version":
         print(f"grasp3d {package_version()}")  # noqa: T201
         return 0
-    try:
-        program = tyro.cli(
-            Program,
-            prog="grasp3d",
-            description="Evaluate grasps on object meshes for fingertips with tactile sensors.",
-            args=arguments,
-            registry=REGISTRY,
-            config=(
-                tyro.conf.OmitArgPrefixes,
-                tyro.conf.OmitSubcommandPrefixes,
-                tyro.conf.DisallowNone,
-            ),
-        )
-    except SystemExit as end:
-        if not end.code and {"-h", "--help"} & set(arguments):
-            print(f"examples:\n{examples_of(arguments[0])}")  # noqa: T201
-        raise
+    if name in {*HELP, HELP_ALL}:
+        texts = ((name, parse_from_object(kind).short_description) for name, kind in KINDS.items())
+        lines = "\n".join(f"  {name:9} {text}" for name, text in texts)
+        print(PROGRAM_HELP.format(lines), end="")  # noqa: T201
+        return 0
+    kind = _kind(name)
+    if {*HELP, HELP_ALL} & set(words):
+        print(help_of(kind, whole=HELP_ALL in words))  # noqa: T201
+        return 0
+    command = parse(kind, words)
     level = compiling.logger.level
-    if getattr(program.command, "quiet", False):
+    if getattr(command, "quiet", False):
         compiling.logger.setLevel(logging.ERROR)
     try:
-        module = import_module(f"{__name__}.{type(program.command).__name__.lower()}")
-        with running(strict=getattr(program.command, "strict", False)):
-            return int(module.run(program.command))
+        module = import_module(f"{__name__}.{type(command).__name__.lower()}")
+        with running(strict=getattr(command, "strict", False)):
+            return int(module.run(command))
     finally:
         compiling.logger.setLevel(level)
+
+
+def _kind(name: str) -> type:
+    """Return the options of a command; `gripper` is another name of `hand`.
+
+    Raises:
+        SettingError: No command has this name.
+    """
+    if kind := KINDS.get("hand" if name == "gripper" else name):
+        return kind
+    alike = get_close_matches(name, KINDS, 1)
+    known = f"did you mean {alike[0]}?" if alike else f"known: {', '.join(KINDS)}"
+    problem = f"no command is called {name!r}" if name else "give a command"
+    raise SettingError(f"{problem}; {known}; grasp3d --help explains them")

@@ -7,10 +7,12 @@ from typing import Annotated, Any
 
 import tyro
 
-from grasp3d.cli.options import AngleOption, Flag, Force, LengthOption, OutputFile, Strict
+from grasp3d.cli.options import Flag, Force, LengthOption, Strict
 from grasp3d.contact.sensor import JointEncoders, radius_of
 from grasp3d.errors import SettingError
+from grasp3d.settings import Radians
 from grasp3d.settings.lengths import Unit, length_in_unit
+from grasp3d.settings.parsing import Group, Main
 from grasp3d.settings.uncertainty import Interval, friction_interval
 
 _BETWEEN = ".."
@@ -31,8 +33,9 @@ FrictionList = Annotated[
     tyro.conf.arg(
         help="Coulomb coefficient of friction between fingertip and object, above 0, or the "
         "interval in which it lies, 0.4..0.6. One value or more.",
-        help_behavior_hint="",
     ),
+    Group("sensor"),
+    Main("frictions, or intervals: 0.4..0.6"),
 ]
 """Frictions, each as its smallest and largest value."""
 
@@ -50,16 +53,11 @@ def friction_text(friction: Interval) -> str:
 class JointOptions:
     """The joints of each finger, and their encoders."""
 
-    encoder_counts: Annotated[
-        tuple[float, ...], tyro.conf.arg(metavar="COUNTS [COUNTS ...]", help_behavior_hint="")
-    ] = ()
+    encoder_counts: Annotated[tuple[float, ...], Main("counts per revolution")] = ()
     """Counts per revolution of the encoders, after quadrature decoding: one number for all joints,
     or one for each. Without them the required counts are printed."""
 
-    joint_lengths: Annotated[
-        tuple[LengthOption, ...],
-        tyro.conf.arg(metavar="LENGTH [LENGTH ...]", help_behavior_hint=""),
-    ] = ()
+    joint_lengths: Annotated[tuple[LengthOption, ...], Main("from each joint to the contact")] = ()
     """Distance of each joint's axis from the contact; with --parallel-jaws the travel of a jaw per
     revolution of its encoder."""
 
@@ -100,26 +98,26 @@ class JointOptions:
 class GraspOptions:
     """What else is uncertain, and the grasps that the design is for."""
 
-    normal_error: AngleOption = None
+    normal_error: Annotated[Radians | None, Group("sensor")] = None
     """Largest angle in degrees between true and perceived normals, beside those that sensor and
     encoders cause."""
 
-    location_error: LengthOption = None
+    location_error: Annotated[LengthOption, Group("sensor")] = None
     """Largest distance between the true and the perceived contact, beside those of sensor and
     encoders."""
 
-    critical_angle: AngleOption = None
+    critical_angle: Radians | None = None
     """Critical friction angle of the grasp in degrees (default: 0, that of the best grasps: the
     contact normals lie on the line through both contacts)."""
 
-    object: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    object: Annotated[Path | None, Main("mesh whose best grasps the design is for")] = None
     """Mesh of an object, which is searched for the best grasp at each vertex: their critical angles
     and openings are used instead of those of one grasp."""
 
-    unit: Annotated[Unit | None, tyro.conf.arg(help_behavior_hint="")] = None
+    unit: Unit | None = None
     """Unit of the mesh's coordinates (default: the unit that the file states)."""
 
-    max_opening: LengthOption = None
+    max_opening: Annotated[LengthOption, Group("gripper")] = None
     """Largest distance between the contacts on the object."""
 
     def __post_init__(self) -> None:
@@ -136,8 +134,6 @@ class GraspOptions:
 
 DEFAULT_RADIUS: dict[Unit, float] = {"m": 0.01, "cm": 1.0, "mm": 10.0, "in": 10.0 / 25.4}
 """Radius of a fingertip of 2 cm diameter, as in Wan & Howe 2018."""
-
-_CURVATURE = tyro.conf.arg(metavar="FLOAT", help_behavior_hint="")
 
 
 @dataclass(frozen=True)
@@ -159,46 +155,49 @@ class Design:
 
     friction: FrictionList = ()
 
-    fingertip_radius: LengthOption = None
+    fingertip_radius: Annotated[
+        LengthOption, Group("fingertip"), Main("radius of a round fingertip (default: 10mm)")
+    ] = None
     """Radius of a hemispherical fingertip (default: 10mm)."""
 
-    curvature: Annotated[float | None, _CURVATURE] = None
+    curvature: Annotated[float | None, Group("fingertip")] = None
     """Curvature of the fingertip instead of its radius: 1 / radius, in 1 / --print-unit; 0 for a
     flat fingertip."""
 
-    flat: Flag = False
+    flat: Annotated[Flag, Group("fingertip")] = False
     """The fingertip is flat."""
 
-    cylinder: Flag = False
+    cylinder: Annotated[Flag, Group("fingertip")] = False
     """The fingertip is a cylinder of that radius: its normal turns around the axis only."""
 
-    fingertip_axes: Annotated[
-        tuple[LengthOption, ...],
-        tyro.conf.arg(metavar="LENGTH LENGTH LENGTH", help_behavior_hint=""),
-    ] = ()
+    fingertip_axes: Annotated[tuple[LengthOption, ...], Group("fingertip")] = ()
     """Semi-axes of a fingertip that is an ellipsoid."""
 
-    receptive_field: LengthOption = None
+    receptive_field: Annotated[
+        LengthOption, Group("sensor"), Main("arc within which contacts look the same")
+    ] = None
     """Sensor: length of the arc on the fingertip within which it cannot distinguish contacts."""
 
-    pitch: LengthOption = None
+    pitch: Annotated[LengthOption, Group("sensor")] = None
     """Distance between neighbouring sensing elements whose receptive fields overlap: together they
     distinguish more than one of them."""
 
-    sensor_resolution: AngleOption = None
+    sensor_resolution: Annotated[
+        Radians | None, Group("sensor"), Main("the sensor by its resolution instead")
+    ] = None
     """Sensor, by its resolution in degrees instead."""
 
-    object_size: LengthOption = None
+    object_size: Annotated[
+        LengthOption, Group("object"), Main("distance between two opposing fingers")
+    ] = None
     """Distance between two opposing fingers; with it the uncertainty of contact locations is
     included."""
 
     joints: JointOptions = field(default_factory=JointOptions)
-    """The joints of each finger, and their encoders. A LENGTH has a unit, or is in --print-unit."""
 
     grasps: GraspOptions = field(default_factory=GraspOptions)
-    """What else is uncertain, and the grasps that the design is for."""
 
-    figure: OutputFile = None
+    figure: Annotated[Path | None, Main("figure of the budgets: .svg .png .pdf")] = None
     """Figure of the budgets as stacked bars, one for each friction (.svg, .png or .pdf); what is
     printed does not depend on it."""
 

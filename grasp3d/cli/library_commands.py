@@ -1,6 +1,7 @@
 """The commands `batch` and `sweep`, of many meshes: their options."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated
 
 import tyro
@@ -12,15 +13,10 @@ from grasp3d.cli.options import (
     Force,
     Inputs,
     LengthRanges,
-    LoadGroup,
-    MeshGroup,
     Multifinger,
     NumberRanges,
-    OutputFile,
     Overwrite,
     Quiet,
-    ReachGroup,
-    SearchGroup,
     Strict,
     model_help,
 )
@@ -28,11 +24,8 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
+from grasp3d.settings.parsing import Group, Main
 
-_NUMBER, _DEGREES, _LENGTH = (
-    tyro.conf.arg(metavar=f"{word}|FROM:TO:STEP", help_behavior_hint="")
-    for word in ("NUMBER", "DEGREES", "LENGTH")
-)
 FRICTIONS, RESOLUTIONS = ("0.2", "0.5", "1.0"), ("0:60:1", "22.6")
 """Default values of friction and sensor resolution of a sweep."""
 
@@ -53,59 +46,61 @@ class Batch:
 
     inputs: Inputs
 
-    output: Annotated[str, tyro.conf.arg(aliases=["-o"], metavar="FOLDER")]
+    output: Annotated[
+        str,
+        tyro.conf.arg(metavar="FOLDER"),
+        Main("folder for labels, tables and report"),
+    ]
     """Folder for the results: labels/, fields/, summary/ and report/; also on an object store."""
 
     cluster: ClusterSettings = field(default_factory=ClusterSettings)
-    """Which processes label the meshes."""
 
-    overwrite: Flag = False
+    overwrite: Annotated[Flag, Main("label all meshes again")] = False
     """Label all meshes again, and remove labels of other meshes made with other settings."""
 
     force: Force = False
 
     strict: Strict = False
 
-    grid_friction: Annotated[tuple[str, ...], _NUMBER] = ()
+    grid_friction: NumberRanges = ()
     """Coulomb coefficients at which area fractions are computed besides the labels (default: the
     model's)."""
 
-    grid_sensor_resolution: Annotated[tuple[str, ...], _DEGREES] = ()
+    grid_sensor_resolution: DegreeRanges = ()
     """Sensor resolutions in degrees at which area fractions are computed: numbers, and ranges that
     include both ends (default: 0:60:5 and the model's, with M and U only within the searched cone).
     A grid that is given makes the searched cone large enough for all of it."""
 
-    grid_friction_error: Annotated[tuple[str, ...], _NUMBER] = ()
+    grid_friction_error: NumberRanges = ()
     """Errors of friction at which area fractions are computed (default: the model's)."""
 
-    grid_normal_error: Annotated[tuple[str, ...], _DEGREES] = ()
+    grid_normal_error: DegreeRanges = ()
     """Normal errors in degrees at which area fractions are computed (default: the model's)."""
 
-    grid_location_error: Annotated[tuple[str, ...], _LENGTH] = ()
+    grid_location_error: LengthRanges = ()
     """Location errors at which area fractions are computed, for the grasps found at the model's
     (default: the model's)."""
 
-    best: int = 5
+    best: Annotated[int, Main("best grasps in the summary of a mesh")] = 5
     """Number of best distinct grasps in the summary of each mesh; 0: none."""
 
     report: bool = True
     """Write report/index.html."""
 
-    log: OutputFile = None
+    log: Path | None = None
     """File to which a line for each mesh is appended."""
 
     model: GraspModel = field(default_factory=GraspModel)
-    """Friction, sensor resolution and fingers."""
 
-    sampling: SearchGroup = field(default_factory=Sampling)
+    sampling: Sampling = field(default_factory=Sampling)
 
     multifinger: Multifinger = field(default_factory=MultifingerSampling)
 
-    reach: ReachGroup = field(default_factory=ReachSettings)
+    reach: ReachSettings = field(default_factory=ReachSettings)
 
-    load: LoadGroup = field(default_factory=Load)
+    load: Load = field(default_factory=Load)
 
-    mesh: MeshGroup = field(default_factory=MeshOptions)
+    mesh: MeshOptions = field(default_factory=MeshOptions)
 
     quiet: Quiet = False
 
@@ -130,20 +125,24 @@ class Sweep:
         grasp3d sweep 'meshes/*.glb' --friction 0.5 --fraction 0.5 --max-opening 80mm -o glb.csv
     """
 
-    targets: Annotated[Inputs, tyro.conf.arg(metavar="PATH|circle|square|sphere [...]")]
+    targets: Annotated[
+        Inputs,
+        tyro.conf.arg(metavar="PATH|circle|square|sphere ..."),
+        Main("meshes, folders; circle, square, sphere"),
+    ]
     """To be given before the options. Mesh files, folders, which are searched recursively, globs in
     quotes such as 'lib/**/*.stl', lists of these (.txt, one per line); also on an object store
     (s3://BUCKET/FOLDER). Shapes in closed form with one finger fixed: circle, square (in the middle
     of a side) and sphere; ./circle is a file or folder. Shapes have two fingers."""
 
-    output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
+    output: Annotated[Path | None, Main("table: .csv .parquet")] = None
     """Table (.csv or .parquet) (default: NAME_sweep.csv in this folder, sweep.csv for several
     targets)."""
 
-    figure: OutputFile = None
+    figure: Annotated[Path | None, Main("figure: .svg .png .pdf")] = None
     """Figure (.svg, .png or .pdf) (default: the name of the table with the suffix .svg)."""
 
-    friction: NumberRanges = FRICTIONS
+    friction: Annotated[NumberRanges, Main("frictions")] = FRICTIONS
     """Coulomb coefficients of friction between fingertip and object, above 0. For an interval give
     its middle here and half its width with --friction-error."""
 
@@ -152,6 +151,7 @@ class Sweep:
         model_help(
             "sensor_resolution", "One value or more, in degrees, and ranges that include both ends."
         ),
+        Main("sensor resolutions"),
     ] = RESOLUTIONS
 
     friction_error: NumberRanges = ("0",)
@@ -169,22 +169,21 @@ class Sweep:
     """Draw S and M as heat maps over both axes, also for friction and sensor resolution, and for
     four rows or fewer, which otherwise have a panel each."""
 
-    fraction: tuple[float, ...] = (0.5, 0.9)
+    fraction: Annotated[tuple[float, ...], Main("area fractions of S")] = (0.5, 0.9)
     """Area fractions of S, above 0 and at most 1. For each the required sensor resolution is
     printed: at any smaller one at least this fraction of the surface is S."""
 
-    fingers: Annotated[int, model_help("fingers")] = 2
+    fingers: Annotated[int, model_help("fingers"), Group("gripper")] = 2
 
-    sampling: SearchGroup = field(default_factory=Sampling)
+    sampling: Sampling = field(default_factory=Sampling)
 
     multifinger: Multifinger = field(default_factory=MultifingerSampling)
 
-    reach: ReachGroup = field(default_factory=ReachSettings)
+    reach: ReachSettings = field(default_factory=ReachSettings)
 
-    mesh: MeshGroup = field(default_factory=MeshOptions)
+    mesh: MeshOptions = field(default_factory=MeshOptions)
 
     cluster: ClusterSettings = field(default_factory=ClusterSettings)
-    """Which processes label the meshes, if there are several."""
 
     force: Force = False
 

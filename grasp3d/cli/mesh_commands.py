@@ -10,17 +10,12 @@ from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import (
     Flag,
     Force,
-    InputFile,
     Inputs,
-    LoadGroup,
-    MeshGroup,
+    MeshFile,
     Multifinger,
     ObjectPoseOption,
-    OutputFile,
     Overwrite,
     Quiet,
-    ReachGroup,
-    SearchGroup,
     Strict,
     without,
 )
@@ -37,6 +32,7 @@ from grasp3d.settings import (
     Sampling,
     check_per_finger,
 )
+from grasp3d.settings.parsing import Main
 from grasp3d.validating.perturbing.noise_settings import NoiseSettings
 from grasp3d.viewer.view_settings import ViewSettings
 
@@ -52,23 +48,22 @@ class Label:
         grasp3d label meshes/box.obj --unit m --fingers 3 --max-spread 12cm --best 4
     """
 
-    file: tyro.conf.Positional[InputFile]
-    """Mesh file: STL, OBJ, PLY, OFF, GLB, 3MF, ..."""
+    file: MeshFile
 
-    output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
+    output: Annotated[Path | None, Main("labelled file: .ply .glb .npz .vtp .parquet")] = None
     """Labelled file (.ply, .glb, .npz, .vtp or .parquet) (default: NAME_labeled.ply in this
     folder)."""
 
-    best: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
+    best: Annotated[int | None, Main("how many best grasps to print and write")] = None
     """Number of best distinct grasps to print and to write to a file, with a picture (.png) of the
     same name beside it."""
 
-    grasps: OutputFile = None
+    grasps: Path | None = None
     """File of the best grasps (.json, .csv, .parquet; with a gripper also .yaml for isaac_grasp,
     .h5 for ACRONYM, .npy for graspnetAPI) (default: NAME_grasps.json in the folder of the labelled
     file)."""
 
-    grasps_format: Annotated[PoseFormat | None, tyro.conf.arg(help_behavior_hint="")] = None
+    grasps_format: PoseFormat | None = None
     """With a gripper: format of that file, for those that are JSON too (default: that of the
     file's suffix)."""
 
@@ -78,17 +73,16 @@ class Label:
     of it (default: the poses are in the mesh's frame)."""
 
     model: GraspModel = field(default_factory=GraspModel)
-    """Friction, sensor resolution and fingers."""
 
-    sampling: SearchGroup = field(default_factory=Sampling)
+    sampling: Sampling = field(default_factory=Sampling)
 
     multifinger: Multifinger = field(default_factory=MultifingerSampling)
 
-    reach: ReachGroup = field(default_factory=ReachSettings)
+    reach: ReachSettings = field(default_factory=ReachSettings)
 
-    load: LoadGroup = field(default_factory=Load)
+    load: Load = field(default_factory=Load)
 
-    mesh: MeshGroup = field(default_factory=MeshOptions)
+    mesh: MeshOptions = field(default_factory=MeshOptions)
 
     timeout: Timeout = DEFAULT_TIMEOUT
 
@@ -142,26 +136,24 @@ class Check:
 
     inputs: Inputs
 
-    output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
+    output: Annotated[Path | None, Main("report: .json .csv .parquet")] = None
     """Report: .json with all results, .csv or .parquet with one row per mesh."""
 
-    json: Flag = False
+    json: Annotated[Flag, Main("print JSON instead of tables")] = False
     """Print JSON instead of tables."""
 
-    strict: Flag = False
+    strict: Annotated[Flag, Main("exit code 1 also where care is needed")] = False
     """Exit code 1 also for meshes whose labels can be trusted with care only."""
 
     model: GraspModel = field(default_factory=GraspModel)
-    """Friction, sensor resolution and fingers."""
 
-    sampling: SearchGroup = field(default_factory=Sampling)
+    sampling: Sampling = field(default_factory=Sampling)
 
     multifinger: Multifinger = field(default_factory=MultifingerSampling)
 
-    mesh: MeshGroup = field(default_factory=MeshOptions)
+    mesh: MeshOptions = field(default_factory=MeshOptions)
 
     cluster: ClusterSettings = field(default_factory=ClusterSettings)
-    """Which processes check the meshes, if there are several."""
 
     force: Force = False
 
@@ -190,29 +182,25 @@ class Perturb:
         grasp3d perturb meshes/knob.ply --unit m --noise 1mm --correlation 4mm --copies 10
     """
 
-    file: tyro.conf.Positional[InputFile]
-    """Mesh file: STL, OBJ, PLY, OFF, GLB, 3MF, ..."""
+    file: MeshFile
 
-    output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
+    output: Annotated[Path | None, Main("results at vertices: .ply .csv .parquet")] = None
     """Results for each vertex (.ply, .csv or .parquet) (default: NAME_noise.ply in this folder)."""
 
-    figure: OutputFile = None
+    figure: Annotated[Path | None, Main("figure: .svg .png .pdf")] = None
     """Figure (.svg, .png or .pdf) (default: none)."""
 
     noise: NoiseSettings = field(default_factory=NoiseSettings)
-    """The noise, and how many copies are made with it."""
 
     model: Annotated[
         GraspModel, without(GraspModel, "location_error", "per_finger", "method", "extreme_normals")
     ] = field(default_factory=GraspModel)
-    """Friction, sensor resolution and fingers. Errors of contact locations, and those of single
-    fingers, are none of the scan's: add them afterwards to the errors that are printed."""
 
-    sampling: SearchGroup = field(default_factory=Sampling)
+    sampling: Sampling = field(default_factory=Sampling)
 
     multifinger: Multifinger = field(default_factory=MultifingerSampling)
 
-    mesh: MeshGroup = field(default_factory=MeshOptions)
+    mesh: MeshOptions = field(default_factory=MeshOptions)
 
     force: Force = False
 
@@ -227,6 +215,8 @@ class Perturb:
 class View:
     """View an object: rotate it, change friction and resolution, click for reasons.
 
+    Of a labelled file, options with their default are taken from the file.
+
     Example:
         # Open a window
         grasp3d view meshes/mug.glb
@@ -234,10 +224,15 @@ class View:
         grasp3d view meshes/mug.glb --paint max_resolution --screenshot mug.png
     """
 
-    target: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PATH")]
+    target: Annotated[
+        Path,
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="PATH"),
+        Main("a mesh, a labelled PLY, or the folder of a batch"),
+    ]
     """A mesh, a labelled PLY, or the folder of results of `grasp3d batch`."""
 
-    web: Flag = False
+    web: Annotated[Flag, Main("serve a page for a browser, open no window")] = False
     """Serve a page for a browser instead of opening a window, as where there is no display; each
     visitor has a view of their own."""
 
@@ -247,29 +242,25 @@ class View:
     port: Annotated[int, tyro.conf.arg(metavar="PORT")] = 8080
     """Port of the page; if it is in use, the next free one."""
 
-    screenshot: OutputFile = None
+    screenshot: Annotated[Path | None, Main("write a picture instead: .png")] = None
     """Write a picture (.png) instead; needs no display."""
 
-    turntable: OutputFile = None
+    turntable: Annotated[Path | None, Main("write a film instead: .gif .mp4")] = None
     """Write a film of one full turn (.gif or .mp4) instead; needs no display."""
 
     view: ViewSettings = field(default_factory=ViewSettings)
-    """Initial view of the object."""
 
     model: GraspModel = field(default_factory=GraspModel)
-    """Grasp model; options with their default are taken from a labelled file."""
 
     sampling: Sampling = field(default_factory=Sampling)
-    """How candidate grasps are searched; likewise from a labelled file."""
 
     multifinger: Multifinger = field(default_factory=MultifingerSampling)
 
-    reach: ReachGroup = field(default_factory=ReachSettings)
+    reach: ReachSettings = field(default_factory=ReachSettings)
 
-    load: LoadGroup = field(default_factory=Load)
+    load: Load = field(default_factory=Load)
 
     mesh: MeshOptions = field(default_factory=MeshOptions)
-    """How a mesh is read and prepared; likewise from a labelled file."""
 
     timeout: Timeout = DEFAULT_TIMEOUT
 

@@ -5,39 +5,31 @@ docstrings as help. Angles without a unit are degrees there.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import MISSING, Field, fields, is_dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import GenericAlias, NoneType, UnionType
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import docstring_parser
 import tyro
-from tyro.constructors import (
-    PrimitiveConstructorSpec,
-    StructConstructorSpec,
-    StructFieldSpec,
-    StructTypeInfo,
-)
+from tyro.constructors import PrimitiveConstructorSpec
 
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
-from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskField, TaskText
 from grasp3d.settings import (
     AnySampling,
     GraspModel,
-    MeshOptions,
     MultifingerSampling,
     Radians,
     Sampling,
 )
 from grasp3d.settings.checks import parse_angle
 from grasp3d.settings.lengths import AnyLength, Length, Measure, Position, parse_length
-from grasp3d.settings.parsing import ParsedField
+from grasp3d.settings.parsing import Group, Main, ParsedField
 from grasp3d.settings.quantities import Quantity
 from grasp3d.settings.uncertainty import Friction as FrictionField
 from grasp3d.settings.uncertainty import PerFinger, Uncertainty, parse_fingers
@@ -54,52 +46,126 @@ _METAVARS = {
 Parser = PrimitiveConstructorSpec[Any]
 """How words of the command line become a value."""
 
-REGISTRY = tyro.constructors.ConstructorRegistry()
-"""Rules for `tyro.cli`."""
+
+_GROUPS = {
+    "model": "sensor", "sampling": "search", "multifinger": "search", "reach": "gripper",
+    "mesh": "object", "surface": "object", "grasps": "object", "cluster": "processes",
+}  # fmt: skip
+"""Groups of settings by the name of their field; others are a group of that name."""
+
+_ALIASES = {"output": ("-o",), "quiet": ("-q",), "gripper": ("--hand",)}
+"""Other names of options."""
 
 
-@REGISTRY.struct_rule
-def options_of(info: StructTypeInfo) -> StructConstructorSpec | None:
-    """Return the options of a command, or of settings.
+@dataclass(frozen=True)
+class Option:
+    """An option or a positional argument of a command: a field of it, or of settings in it."""
+
+    field: str
+    """Name of the field."""
+    group: str
+    """Name of its group."""
+    hint: Any
+    """Its type for tyro, with the parser of its value."""
+    default: Any
+    """Its default for tyro."""
+    names: tuple[str, ...]
+    """What it is given with, the main one last; none: it is positional."""
+    metavar: str
+    """Placeholder of its value; empty: it takes none."""
+    text: str
+    """Help."""
+    brief: str
+    """Short help; empty: none, as it is not one of the main options."""
+
+    @property
+    def is_required(self) -> bool:
+        """Whether a command cannot do without it."""
+        return self.default is tyro.MISSING_NONPROP
+
+
+def options_of(kind: Any, group: str = "output") -> Iterator[Option]:
+    """Yield the options of a command, or of settings.
 
     Args:
-        info: A dataclass, or a partial of it: then the fields that it gives have no options.
+        kind: A dataclass, or a partial of it: then the fields that it gives have no options.
+        group: Group of the options that are marked with none.
     """
-    hint: Any = info.type
-    kind, constants = (hint.func, hint.keywords) if isinstance(hint, partial) else (hint, {})
-    if not is_dataclass(kind):
-        return None
-    hints, helps = get_type_hints(kind, include_extras=True), _help_texts(kind)
-    options = tuple(
-        StructFieldSpec(
-            name=field.name,
-            type=_option(field, hints[field.name], helps.get(field.name)),
-            default=_default(field),
-        )
-        for field in fields(kind)
-        if field.name not in constants
+    plain, constants = parted(kind)
+    hints, helps = get_type_hints(plain, include_extras=True), _help_texts(plain)
+    for field in fields(plain):
+        if field.name in constants:
+            continue
+        hint = hints[field.name]
+        if settings := settings_in(hint):
+            yield from options_of(settings, _GROUPS.get(field.name, field.name))
+        else:
+            yield _option(field, hint, helps.get(field.name, ""), group)
+
+
+def parted(kind: Any) -> tuple[Any, dict[str, Any]]:
+    """Return a dataclass, and the fields that a partial of it gives."""
+    return (kind.func, kind.keywords) if isinstance(kind, partial) else (kind, {})
+
+
+def settings_in(hint: Any) -> Any:
+    """Return the dataclass, or the partial of it, that fields of a type hold; None: no settings."""
+    base, notes = _noted(hint)
+    kind = next((note for note in notes if isinstance(note, partial)), base)
+    return kind if is_dataclass(parted(kind)[0]) else None
+
+
+def _noted(hint: Any) -> tuple[Any, list[Any]]:
+    """Return a type, and what is noted on it."""
+    base, *notes = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+    return base, notes
+
+
+def _option(field: "Field[Any]", hint: Any, text: str, group: str) -> Option:
+    """Return an option, with its help, its placeholder, and the parser of its value."""
+    base, notes = _noted(hint)
+    own = [note for note in notes if not isinstance(note, Main | Group)]
+    stated = {"name": "gripper" if Hand in get_args(base) else field.name, "help": text}
+    for note in own:
+        values = {key: getattr(note, key, None) for key in ("name", "help", "metavar")}
+        stated |= {key: value for key, value in values.items() if value}
+    names = *_ALIASES.get(stated["name"], ()), option_name(stated["name"])
+    parsed = _parsed(Annotated[(base, *own)] if own else base, names[-1])
+    metavar, default = _texts(parsed, field.default)
+    brief = next((str(note) for note in reversed(notes) if isinstance(note, Main)), "")
+    group = next((str(note) for note in notes if isinstance(note, Group)), group)
+    if default and "(default" not in stated["help"]:
+        stated["help"] += f" (default: {default})"
+        brief += f" (default: {default})" if brief and default not in {_NONE, "0", "inf"} else ""
+    metavar = _METAVARS.get(field.name) or stated.get("metavar", metavar)
+    argument = tyro.conf.arg(name=stated["name"], aliases=names[:-1], metavar=metavar)
+    return Option(
+        field=field.name,
+        group="arguments" if tyro.conf.Positional in own else group,
+        hint=Annotated[parsed, argument],
+        default=field.default if field.default is not MISSING else tyro.MISSING_NONPROP,
+        names=() if tyro.conf.Positional in own else names,
+        metavar=metavar,
+        text=stated["help"],
+        brief=brief,
     )
-    return StructConstructorSpec(instantiate=hint, fields=options)
 
 
-def _option(field: "Field[Any]", hint: Any, text: str | None) -> Any:
-    """Return the type of an option: with its help, its placeholder, and the parser of its value."""
-    parsed = _parsed(hint, option_name(field.name))
-    argument = tyro.conf.arg(
-        metavar=_METAVARS.get(field.name),
-        # tyro would write `None`.
-        help_behavior_hint=f"(default: {_NONE})" if field.default is None else None,
-        aliases=["--gripper"] if _HAND in get_args(parsed) else None,
-    )
-    base, *own = get_args(parsed) if get_origin(parsed) is Annotated else (parsed,)
-    base = next((item for item in own if isinstance(item, partial)), base)
-    helped = () if text is None else (tyro.conf.arg(help=text),)
-    return Annotated[(base, argument, *own, *helped)]
-
-
-def _default(field: "Field[Any]") -> Any:
-    """Return the default of an option; settings have those of their fields."""
-    return tyro.MISSING_NONPROP if field.default is MISSING else field.default
+def _texts(parsed: Any, default: Any) -> tuple[str, str]:
+    """Return the placeholder of a type's values, and the text of a default; empty: none."""
+    base, notes = _noted(parsed)
+    for note in notes:
+        if isinstance(note, PrimitiveConstructorSpec):
+            return note.metavar, "" if default is MISSING else note.str_from_instance(default)[0]
+    if get_origin(base) is tuple:
+        kinds = [kind for kind in get_args(base) if kind is not ...]
+        values = default if isinstance(default, tuple) else ()
+        shown = " ".join(_texts(kind, MISSING)[0] for kind in kinds)
+        words = [_texts(kinds[0], value)[1] for value in values]
+        return shown + " ..." * (... in get_args(base)), " ".join(words) or _NONE
+    if base is bool or default is MISSING:
+        return "" if base is bool else "FILE", ""
+    return "FILE", _NONE if default is None else str(default)
 
 
 def _help_texts(kind: Any) -> dict[str, str]:
@@ -139,24 +205,54 @@ def _is_parsed(hint: Any) -> bool:
 
 
 def _parser(hint: Any, option: str) -> Parser | None:
-    """Return the parser of a type of field; None: tyro's own.
+    """Return the parser of a type of field; None: tyro's own, which accepts any word.
 
-    Errors of angles, lengths and fingers are of the settings: one sentence, which names the option,
-    where tyro would print a box.
+    Errors are of the settings: one sentence, which names the option, where tyro would print a box.
     """
     kinds = get_args(hint) if get_origin(hint) in {Union, UnionType} else (hint,)
     optional = NoneType in kinds
     if Radians in kinds:
         return _angle(option, optional=optional)
-    if Measure in kinds:
-        return _length(option, optional=optional)
     if Hand in kinds:
-        return _HAND
-    if get_origin(hint) is Length:
-        return _length(option, optional=NoneType in get_args(get_args(hint)[0]))
-    if optional and len(kinds) == 2 and kinds[0] in {int, float}:
-        return _one_word(f"{kinds[0].__name__.upper()}|{_NONE}", kinds[0])
+        return _one_word(f"NAME|FILE|{_NONE}", partial(_hand, option), lambda hand: str(hand.name))
+    if Measure in kinds or get_origin(hint) is Length:
+        kinds = kinds if Measure in kinds else get_args(get_args(hint)[0])
+        return _length(option, optional=NoneType in kinds)
+    if optional and get_origin(kinds[0]) is tuple:
+        return _words([_parser(kind, option) or _one_word() for kind in get_args(kinds[0])])
+    if kinds[0] in {int, float} or get_origin(kinds[0]) is Literal:
+        return _plain(option, kinds[0], optional=optional)
     return _PARSERS.get(get_origin(hint) or hint)
+
+
+def _plain(option: str, kind: Any, *, optional: bool) -> Parser:
+    """Return the parser of a number, or of one of some words, or of `none` if that is allowed."""
+    words = {str(word): word for word in get_args(kind)}
+    right = f"one of {', '.join(words)}" if words else f"a {'whole ' * (kind is int)}number"
+    metavar = "|".join(words) or ("INT" if kind is int else "NUMBER")
+
+    def parse(word: str) -> Any:
+        try:
+            return words[word] if words else kind(word)
+        except (KeyError, ValueError) as error:
+            none = f", or {_NONE}" * optional
+            raise SettingError(f"{option} must be {right}{none}; got {word!r}") from error
+
+    metavar += f"|{_NONE}" * optional
+    return _one_word(metavar, parse, "{:g}".format if kind is float else str, optional=optional)
+
+
+def _words(parsers: list[Parser]) -> Parser:
+    """Return the parser of some words, each with its own."""
+    return PrimitiveConstructorSpec(
+        nargs=len(parsers),
+        metavar=" ".join(one.metavar for one in parsers),
+        instance_from_str=lambda words: tuple(
+            one.instance_from_str([word]) for one, word in zip(parsers, words, strict=True)
+        ),
+        is_instance=lambda _value: True,
+        str_from_instance=lambda value: [_NONE if value is None else str(value)],
+    )
 
 
 def _angle(option: str, *, optional: bool) -> Parser:
@@ -179,7 +275,7 @@ def _length(option: str, *, optional: bool) -> Parser:
 
 
 def _one_word(
-    metavar: str,
+    metavar: str = "",
     parse: Callable[[str], Any] = str,
     text: Callable[[Any], str] = str,
     *,
@@ -225,14 +321,14 @@ def _fingers(text: str) -> tuple[Uncertainty, ...]:
         raise SettingError(f"--per-finger: {error}") from error
 
 
-def _hand(word: str) -> Hand:
-    """Return the gripper of a preset or a file; raises ValueError."""
+def _hand(option: str, word: str) -> Hand:
+    """Return the gripper of a preset or a file."""
     from grasp3d.hand.hand_files import read_hand
 
     try:
         return read_hand(word)
     except GraspError as error:
-        raise ValueError(str(error)) from error
+        raise SettingError(f"{option}: {error}") from error
 
 
 def _object_pose(word: str) -> ObjectPose:
@@ -241,9 +337,6 @@ def _object_pose(word: str) -> ObjectPose:
 
     return read_object_pose(word)
 
-
-_HAND = _one_word(f"NAME|FILE|{_NONE}", _hand, lambda hand: str(hand.name))
-"""Parser of a gripper: the name of a preset, or a file."""
 
 _PARSERS: dict[Any, Parser] = {
     FrictionField: _one_word("NUMBER|LOW..HIGH", optional=False),
@@ -267,32 +360,33 @@ def model_help(field: str, note: str = "") -> object:
     return tyro.conf.arg(help=f"{_help_texts(GraspModel)[field]} {note}".strip())
 
 
-NumberRanges = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NUMBER|FROM:TO:STEP [...]")]
+NumberRanges = Annotated[
+    tuple[str, ...], tyro.conf.arg(metavar="NUMBER|FROM:TO:STEP ..."), Group("sensor")
+]
 """Words for `parse_numbers` and `parse_frictions`."""
 
-DegreeRanges = Annotated[tuple[str, ...], tyro.conf.arg(metavar="DEGREES|FROM:TO:STEP [...]")]
+DegreeRanges = Annotated[
+    tuple[str, ...], tyro.conf.arg(metavar="DEGREES|FROM:TO:STEP ..."), Group("sensor")
+]
 """Words for `parse_angles`."""
 
-LengthRanges = Annotated[tuple[str, ...], tyro.conf.arg(metavar="LENGTH|FROM:TO:STEP [...]")]
+LengthRanges = Annotated[
+    tuple[str, ...], tyro.conf.arg(metavar="LENGTH|FROM:TO:STEP ..."), Group("sensor")
+]
 """Words for `parse_lengths`."""
 
-AngleOption = Annotated[Radians | None, tyro.conf.arg(help_behavior_hint="")]
-"""An angle [rad], given in degrees or with a unit, or none."""
-
-LengthOption = Annotated[AnyLength | None, tyro.conf.arg(help_behavior_hint="")]
+LengthOption = AnyLength | None
 """A length: a number, a text with a unit, or none."""
 
 ObjectPoseOption = Annotated[
-    ObjectPose | None,
-    _one_word(f"POSE|FILE|{_NONE}", _object_pose),
-    tyro.conf.arg(help_behavior_hint=""),
+    ObjectPose | None, _one_word(f"POSE|FILE|{_NONE}", _object_pose), Group("gripper")
 ]
 """The pose of the object in the frame of a robot, or none."""
 
-Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff, tyro.conf.arg(help_behavior_hint="")]
+Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 """An option without a value."""
 
-Quiet = Annotated[Flag, tyro.conf.arg(aliases=["-q"], help="Print nothing but errors.")]
+Quiet = Annotated[Flag, tyro.conf.arg(help="Print nothing but errors.")]
 """Whether a command prints errors only."""
 
 Force = Annotated[
@@ -317,59 +411,35 @@ Overwrite = Annotated[
 ]
 """Whether existing files are replaced that this command would not write again just so."""
 
-InputFile = Annotated[Path, tyro.conf.arg(metavar="FILE")]
-"""A file to read."""
+MeshFile = Annotated[
+    Path,
+    tyro.conf.Positional,
+    tyro.conf.arg(help="Mesh file: STL, OBJ, PLY, OFF, GLB, 3MF, ..."),
+    Main("mesh: STL, OBJ, PLY, OFF, GLB, 3MF, ..."),
+]
+"""A mesh to read."""
 
-OutputFile = Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")]
-"""A file to write; None: the name that the option's help gives."""
+Folder = Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")]
+"""A folder, or none."""
 
 Inputs = Annotated[
     tuple[str, ...],
     tyro.conf.Positional,
     tyro.conf.arg(
-        metavar="PATH [PATH ...]",
-        help_behavior_hint="",
+        metavar="PATH ...",
         help="Mesh files, folders, which are searched recursively, globs in quotes such as "
         "'lib/**/*.stl', lists of these (.txt, one per line); also on an object store "
         "(s3://BUCKET/FOLDER).",
     ),
+    Main("mesh files, folders, globs or lists (.txt)"),
 ]
 """Meshes, as `batch.inputs.find_meshes` takes them."""
-
 
 Multifinger = Annotated[
     MultifingerSampling,
     partial(MultifingerSampling, **MultifingerSampling().common),
-    tyro.conf.arg(help="How candidate grasps of three fingers and more are searched."),
 ]
 """The options of a search of three fingers and more that a search of two fingers does not have."""
-
-SearchGroup = Annotated[
-    Sampling,
-    tyro.conf.arg(
-        help="How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a "
-        "unit: 80mm, 8cm, 0.08m, 3in."
-    ),
-]
-"""The options of a search."""
-
-ReachGroup = Annotated[
-    ReachSettings,
-    tyro.conf.arg(help="The gripper that must reach each grasp, and what the object stands on."),
-]
-"""The options of grippers that reach grasps."""
-
-LoadGroup = Annotated[Load, tyro.conf.arg(help="What each grasp must hold, and the force at hand.")]
-"""The options of loads."""
-
-MeshGroup = Annotated[
-    MeshOptions,
-    tyro.conf.arg(
-        help="How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a "
-        "unit."
-    ),
-]
-"""The options of reading a mesh."""
 
 
 def given_sampling(sampling: Sampling, multifinger: MultifingerSampling) -> AnySampling:

@@ -44,22 +44,6 @@ def print_error(text: str) -> None:
         _discard(sys.stderr)
 
 
-def errors_are_lost(error: OSError) -> bool:
-    """Whether an error is that of standard error, which is discarded then.
-
-    Args:
-        error: An error that names no file.
-    """
-    if isinstance(error, BrokenPipeError) or error.filename is not None:
-        return False
-    try:
-        print(file=sys.stderr, flush=True)  # noqa: T201
-    except OSError:
-        _discard(sys.stderr)
-        return True
-    return False
-
-
 def check_output(error: OSError) -> None:
     """Raise OutputError if an error is that of standard output, as on a full disk.
 

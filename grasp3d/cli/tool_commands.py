@@ -8,17 +8,17 @@ import tyro
 
 from grasp3d.cli.options import (
     Flag,
+    Folder,
     LengthOption,
-    OutputFile,
     Overwrite,
     Quiet,
 )
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE, Radians
 
-_NAME = tyro.conf.arg(metavar="[NAME|FILE]", help_behavior_hint="")
-_LINKS = tyro.conf.arg(metavar="LINK LINK", help_behavior_hint="")
-_LINK = tyro.conf.arg(metavar="LINK", help_behavior_hint="")
+_NAME = tyro.conf.arg(metavar="[NAME|FILE]")
+_LINKS = tyro.conf.arg(metavar="LINK LINK")
+_LINK = tyro.conf.arg(metavar="LINK")
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,10 @@ class Hand:
     """URDF and MuJoCo: from the origin of the link that carries the fingers to the tool centre
     point, a length with a unit, or in m (default: to the middle of the pads)."""
 
-    output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
+    output: Path | None = None
     """JSON file for the gripper."""
 
-    picture: OutputFile = None
+    picture: Path | None = None
     """Picture of the gripper with its frame and dimensions (.png, .svg or .pdf)."""
 
     overwrite: Overwrite = False
@@ -79,7 +79,7 @@ class Paper:
         grasp3d paper -o paper_mug --friction 0.5 --object meshes/mug.glb
     """
 
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="FOLDER")]
+    output: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
     """Folder for figure_04 to figure_11, extension_... and surface_..., each as .svg and .png, and
     numbers.md; created if it is missing. Figures 4 to 6 are drawings, always for the same tip,
     friction 1 and 30 degrees. extension_... have uncertain locations, friction and normals."""
@@ -90,12 +90,10 @@ class Paper:
     sensor_resolution: tuple[Radians, ...] = (30.0 * DEGREE, 15.0 * DEGREE)
     """One or two sensor resolutions in degrees, each with a column of the figures."""
 
-    object: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    object: Path | None = None
     """Mesh of a real object to scan as well (default: sphere, box and cylinder only)."""
 
-    fixed: Annotated[
-        tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y Z", help_behavior_hint="")
-    ] = None
+    fixed: Annotated[tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y Z")] = None
     """Position of the fixed finger on the object, in the mesh's frame and unit (default: a contact
     of the two-finger grasp with the largest maximum sensor resolution)."""
 
@@ -118,7 +116,7 @@ class Warmup:
         grasp3d warmup --cache kernels
     """
 
-    fingers: Annotated[int, tyro.conf.arg(metavar="INT")] = 2
+    fingers: int = 2
     """Largest number of fingers, 2 to 5; the kernels for four serve five as well."""
 
     gripper: Flag = False
@@ -127,7 +125,7 @@ class Warmup:
     forces: Flag = False
     """Compile the kernels for grip forces too, which a load needs."""
 
-    cache: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
+    cache: Folder = None
     """Folder for the machine code, such as one of an image; later runs find it, also read-only,
     where the environment variable NUMBA_CACHE_DIR names it (default: that of the user)."""
 

@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import dataclass, fields
-from typing import Literal
+from typing import Annotated, Literal
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.choices import Axis, check_approach
 from grasp3d.hand.hand import Hand, touching
 from grasp3d.settings import GraspModel, Radians, check_choice, whole_number
+from grasp3d.settings.parsing import Main
 
 Standing = Literal["none", "as-is", "stable"]
 
@@ -29,8 +30,8 @@ class ReachSettings:
         approach_angles: Approach angles about the closing axis that are tested, 8 to 64.
     """
 
-    hand: Hand | None = None
-    table: Standing = "none"
+    hand: Annotated[Hand | None, Main("gripper that must reach the grasps")] = None
+    table: Annotated[Standing, Main("what the object stands on")] = "none"
     up: Axis = "z"
     resting_pose: int = 1
     approach_within: Radians = math.pi

@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE, Radians, check_choice, whole_number
 from grasp3d.settings.checks import check_length, check_range, check_seed
 from grasp3d.settings.lengths import Length, LengthSettings, Measure
+from grasp3d.settings.parsing import Main
 from grasp3d.settings.quantities import MASSES, Quantity
 
 Pulled = Literal["line", "center_of_mass"]
@@ -51,9 +52,11 @@ class SimulationSettings(LengthSettings):
         0.2
     """
 
-    count: int = 60
-    tip_radius: Length[float] = Length(Measure(3.0, "mm"))  # type: ignore[arg-type]
-    object_mass: Quantity[float] = Quantity(0.1, MASSES)
+    count: Annotated[int, Main("grasps that are drawn")] = 60
+    tip_radius: Annotated[Length[float], Main("radius of round tips")] = Length(
+        Measure(3.0, "mm")  # type: ignore[arg-type]
+    )
+    object_mass: Annotated[Quantity[float], Main("mass of the object")] = Quantity(0.1, MASSES)
     grip_ratio: float = 50.0
     pulled: Pulled = "line"
     pull_time: float = 2.0

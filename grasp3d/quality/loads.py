@@ -4,7 +4,7 @@ import ast
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from grasp3d.errors import SettingError
 from grasp3d.quality.task_texts import TaskField, TaskText
@@ -17,7 +17,7 @@ from grasp3d.settings.lengths import (
     one_line,
     settings_in_unit,
 )
-from grasp3d.settings.parsing import TextValue, settings_of_texts
+from grasp3d.settings.parsing import Main, TextValue, settings_of_texts
 from grasp3d.settings.quantities import DENSITIES, FORCES, MASSES, Quantity
 
 if TYPE_CHECKING:
@@ -61,7 +61,9 @@ class Load(LengthSettings):
         4.903 N
     """
 
-    mass: Quantity[float | None] = Quantity(None, MASSES)
+    mass: Annotated[Quantity[float | None], Main("mass of the object, such as 0.5kg")] = Quantity(
+        None, MASSES
+    )
     density: Quantity[float | tuple[float, ...] | None] = Quantity(None, DENSITIES, several=True)
     grip_force: Quantity[float | None] = Quantity(None, FORCES)
     task: TaskField = TaskField(TaskText.of("weight"))

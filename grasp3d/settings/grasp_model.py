@@ -3,11 +3,12 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple, TypeVar
+from typing import Annotated, Literal, NamedTuple, TypeVar
 
 from grasp3d.errors import SettingError
 from grasp3d.settings.checks import DEGREE, Radians, check_choice, check_length, check_range
 from grasp3d.settings.lengths import Length, LengthSettings, Measure
+from grasp3d.settings.parsing import Group, Main
 from grasp3d.settings.uncertainty import (
     Friction,
     PerFinger,
@@ -101,13 +102,13 @@ class GraspModel(LengthSettings):
         S below 16.6 degrees
     """
 
-    friction: Friction = Friction(0.5)
-    sensor_resolution: Radians = 22.6 * DEGREE
-    fingers: int = 2
-    method: Method = "exact"
-    extreme_normals: int = 8
-    edges: int | None = None
-    actuation: Actuation = "total"
+    friction: Annotated[Friction, Main("friction, or an interval: 0.4..0.6")] = Friction(0.5)
+    sensor_resolution: Annotated[Radians, Main("what the fingertip cannot resolve")] = 22.6 * DEGREE
+    fingers: Annotated[int, Group("gripper")] = 2
+    method: Annotated[Method, Group("search")] = "exact"
+    extreme_normals: Annotated[int, Group("search")] = 8
+    edges: Annotated[int | None, Group("search")] = None
+    actuation: Annotated[Actuation, Group("search")] = "total"
     torsion_radius: Length[float] = Length(0.0)
     friction_error: float = 0.0
     normal_error: Radians = 0.0

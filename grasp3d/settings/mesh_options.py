@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from grasp3d.errors import SettingError
 from grasp3d.settings.checks import DEGREE, Radians, check_choice, check_length, check_range
@@ -15,6 +15,7 @@ from grasp3d.settings.lengths import (
     comparable,
     describe_length,
 )
+from grasp3d.settings.parsing import Main
 
 Repair = Literal["none", "safe", "full"]
 MIN_MEMORY = 0.5
@@ -57,7 +58,7 @@ class MeshOptions(LengthSettings):
         194
     """
 
-    unit: Unit | None = None
+    unit: Annotated[Unit | None, Main("unit of the mesh, if its file states none")] = None
     max_edge: Length[float | None] = Length(None)
     crease_angle: Radians = 30.0 * DEGREE
     repair: Repair = "safe"

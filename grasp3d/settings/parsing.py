@@ -11,6 +11,21 @@ GivenT = TypeVar("GivenT")
 SettingsT = TypeVar("SettingsT")
 
 
+class Main(str):
+    """Marks the type of a field as that of a main option, which the short help of commands lists.
+
+    It is what this help says of it, in a few words.
+    """
+
+    __slots__ = ()
+
+
+class Group(str):
+    """Marks the type of a field, or of settings, with the group of the help that options are in."""
+
+    __slots__ = ()
+
+
 class TextValue:
     """A value that stands in files and reports as its `str`, from which it is made again."""
 

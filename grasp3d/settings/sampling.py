@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar, Literal, Self, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 from grasp3d.errors import SettingError
 from grasp3d.settings.checks import Radians, check_choice, check_range, check_seed
@@ -13,6 +13,7 @@ from grasp3d.settings.grasp_model import (
     check_point_contacts,
 )
 from grasp3d.settings.lengths import Length, LengthSettings, comparable, describe_length
+from grasp3d.settings.parsing import Group, Main
 
 Grip = Literal["squeeze", "expand", "both"]
 CandidatePoints = Literal["surface", "vertices"]
@@ -146,8 +147,10 @@ class Sampling(SearchSettings):
 
     rays: int = 64
     grip: Grip = "squeeze"
-    min_opening: Length[float] = Length(0.0)
-    max_opening: Length[float] = Length(math.inf)
+    min_opening: Annotated[Length[float], Group("gripper")] = Length(0.0)
+    max_opening: Annotated[
+        Length[float], Group("gripper"), Main("stroke of the gripper, such as 80mm")
+    ] = Length(math.inf)
 
     def __post_init__(self) -> None:
         super().__post_init__()

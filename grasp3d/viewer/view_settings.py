@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE, Radians, check_choice, whole_number
 from grasp3d.settings.checks import check_range
 from grasp3d.settings.model_text import EPSILON_MIN
+from grasp3d.settings.parsing import Main
 
 Paint = Literal[
     "label", "critical_angle", "max_resolution", "epsilon", "epsilon_min", "approach_margin",
@@ -65,7 +66,7 @@ class ViewSettings:
         height: Height of the window or picture [pixels].
     """
 
-    paint: Paint = "label"
+    paint: Annotated[Paint, Main("colours: epsilon, margin, ...")] = "label"
     vertex: int | None = None
     compare: Radians | None = None
     azimuth: Radians = 75.0 * DEGREE

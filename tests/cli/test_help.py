@@ -7,7 +7,9 @@ from unittest.mock import Mock
 
 import pytest
 
-from grasp3d.cli import KINDS, examples_of
+from grasp3d.cli import KINDS
+from grasp3d.cli.options import options_of
+from grasp3d.cli.usage import GROUPS, MOST_OPTIONS, examples_of, groups_of, invocation
 from tests.helpers.commands import printed
 from tests.helpers.commands import run_here as grasp3d
 
@@ -17,7 +19,7 @@ MESHES = Path(__file__).parents[2] / "meshes"
 EXAMPLES = [
     line.removeprefix("  grasp3d ")
     for command in KINDS
-    for line in examples_of(command).splitlines()[1::2]
+    for line in examples_of(KINDS[command]).splitlines()[1::2]
 ]
 
 
@@ -25,7 +27,7 @@ EXAMPLES = [
 @pytest.mark.parametrize("command", KINDS)
 def test_every_command_has_at_least_two_examples(command: str) -> None:
     text = printed(command, "--help", cwd=Path(), columns=80)
-    lines = text[text.index("\nexamples:\n") :].split("\n")[2:-1]
+    lines = text[text.index("\nexamples:\n") :].split("\n\n")[0].strip().split("\n")[1:]
     assert len(lines) >= 4
     assert [line[:4] for line in lines] == ["  # ", "  gr"] * (len(lines) // 2)
     assert all(f"{line} ".startswith(f"  grasp3d {command} ") for line in lines[1::2])
@@ -39,16 +41,35 @@ def test_the_version_is_listed() -> None:
     assert grasp3d("--version", cwd=Path()).stdout.startswith("grasp3d 0.")
 
 
+@pytest.mark.parametrize("command", KINDS)
+def test_help_is_one_screen_of_what_matters_and_help_all_has_every_option(command: str) -> None:
+    options = list(options_of(KINDS[command]))
+    lines = printed(command, "--help", cwd=Path(), columns=80).splitlines()
+    whole = printed(command, "--help-all", cwd=Path(), columns=80)
+    for option in options:
+        assert f"\n  {invocation(option)}\n" in whole
+    headings = [name for name in GROUPS if f"\n{name}:" in whole]
+    assert headings == list(groups_of(KINDS[command]))
+    if len(options) <= MOST_OPTIONS:
+        assert "\n".join(lines) == whole.rstrip("\n")
+        return
+    assert lines[-1] == f"all options: grasp3d {command} --help-all"
+    assert len(lines) <= 40
+    assert max(len(line) for line in lines if line[:4] not in {"  gr", "  # "}) <= 80
+    shown = [line for line in lines if line.lstrip().startswith("-")]
+    assert 8 <= len(shown) == sum(bool(one.brief and one.names) for one in options) <= 14
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("command", KINDS)
 def test_placeholders_are_the_same_everywhere(command: str) -> None:
-    text = grasp3d(command, "--help", cwd=Path(), columns=80).stdout
+    text = grasp3d(command, "--help-all", cwd=Path(), columns=80).stdout
     for word in ("{None", "STR", "(default: )", "(default: None)", "default: False"):
         assert word not in text
     for name in re.findall(r"--(?:\w+-opening|patch-radius|max-spread|max-distance)", text):
         assert f"{name} LENGTH" in text
     if "--unit" in text:
-        assert "Unit of the mesh's coordinates" in " ".join(text.replace("│", " ").split())
+        assert "Unit of the mesh's coordinates" in " ".join(text.split())
 
 
 @pytest.mark.slow

@@ -37,10 +37,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_each_command_that_evaluates_grasps_takes_a_load(command: str, folder: Path) -> None:
-    text = run_here(command, "--help", cwd=folder, columns=80).stdout
+    text = run_here(command, "--help-all", cwd=folder, columns=80).stdout
     for option in OPTIONS:
         assert text.count(f" {option} ") == 1
-    for metavar in ("MASS|none", "DENSITY|none", "FORCE|none", "TASK ", "X,Y,Z|none"):
+    for metavar in ("MASS|none", "DENSITY|none", "FORCE|none", "TASK\n", "X,Y,Z|none"):
         assert metavar in text
 
 

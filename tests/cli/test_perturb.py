@@ -85,7 +85,7 @@ def test_the_model_is_stated_and_its_normal_error_contained(scan: Path) -> None:
 
 @pytest.mark.parametrize("option", ["--location-error", "--per-finger", "--method"])
 def test_what_noisy_copies_do_not_take_is_no_option(tmp_path: Path, option: str) -> None:
-    text = grasp3d("perturb", "--help", cwd=tmp_path).stdout
+    text = grasp3d("perturb", "--help-all", cwd=tmp_path).stdout
     assert option not in re.findall(r"--[a-z-]+", text)
 
 

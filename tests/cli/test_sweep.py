@@ -174,7 +174,7 @@ def test_for_mesh_and_shape_together_the_meaning_of_u_is_printed_for_each(tmp_pa
 
 
 def test_help_names_the_shapes_and_the_format_of_ranges(tmp_path: Path) -> None:
-    done = grasp3d("sweep", "--help", cwd=tmp_path)
+    done = grasp3d("sweep", "--help-all", cwd=tmp_path)
     for text in ("circle|square|sphere", "DEGREES|FROM:TO:STEP", "0:60:1 22.6", "--fraction"):
         assert text in done.stdout
 

@@ -2,11 +2,13 @@
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 from grasp3d.errors import SettingError
 from grasp3d.settings import whole_number
 from grasp3d.settings.checks import check_length, check_range, check_seed
 from grasp3d.settings.lengths import Length, LengthSettings, comparable, describe_length
+from grasp3d.settings.parsing import Main
 
 MAX_COPIES = 10_000
 
@@ -34,9 +36,11 @@ class NoiseSettings(LengthSettings):
         '0.3 mm'
     """
 
-    noise: Length[float | None] = Length(None)
-    correlation: Length[float] = Length(0.0)
-    copies: int = 50
+    noise: Annotated[Length[float | None], Main("noise of the scanner, such as 0.3mm")] = Length(
+        None
+    )
+    correlation: Annotated[Length[float], Main("over which errors are alike")] = Length(0.0)
+    copies: Annotated[int, Main("noisy copies")] = 50
     level: float = 0.95
     noise_seed: int = 0
 

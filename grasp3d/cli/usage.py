@@ -1,0 +1,205 @@
+"""How a command line is understood: the help of a command, its words, and errors of usage."""
+
+import re
+import shutil
+from collections.abc import Iterable
+from contextlib import redirect_stderr
+from dataclasses import fields, is_dataclass
+from difflib import get_close_matches
+from functools import partial
+from io import StringIO
+from textwrap import fill, indent
+from typing import Any, get_type_hints
+
+import tyro
+from docstring_parser import parse_from_object
+from tyro.constructors import StructConstructorSpec, StructFieldSpec, StructTypeInfo
+
+from grasp3d.cli.options import Option, options_of, parted, settings_in
+from grasp3d.errors import SettingError
+
+GROUPS = {
+    "arguments": "",
+    "object": "The object and its mesh. A LENGTH is a number in the mesh's unit, or has a unit: "
+    "80mm, 8cm, 0.08m, 3in.",
+    "noise": "The noise of a scan, and the copies that have it.",
+    "fingertip": "The shape of the fingertips. A LENGTH has a unit, or is in --print-unit.",
+    "sensor": "Friction, what the fingertips' sensors resolve, and what else is uncertain.",
+    "joints": "The joints of each finger, and their encoders.",
+    "gripper": "The fingers, the hand that must reach each grasp, and what the object stands on.",
+    "load": "What each grasp must hold, and the force at hand.",
+    "search": "How candidate grasps are searched, labelled and measured.",
+    "simulation": "How grasps are drawn and simulated.",
+    "statistics": "What is computed from outcomes, and listed.",
+    "view": "The initial view of the object.",
+    "output": "What is written and printed.",
+    "processes": "Which processes do the work, and their limits.",
+}
+"""Texts on the groups of options, in the order of the help."""
+
+HELP, HELP_ALL = ("-h", "--help"), "--help-all"
+
+MOST_OPTIONS = 15
+"""Most options of a command whose help has all of them without being asked for."""
+
+LEAST_LIKENESS = 0.75
+"""Least ratio of `difflib` at which an option may have been meant."""
+
+WIDEST, LONG = 100, 20
+"""Most columns of the help; most letters of a placeholder in the short help."""
+
+_REGISTRY = tyro.constructors.ConstructorRegistry()
+_TOO_FEW = re.compile(r"Missing value for argument '(.+?)'\. Expected (\d+) values")
+
+
+def parse(kind: type, words: list[str]) -> Any:
+    """Return a command for the words of a command line.
+
+    Args:
+        kind: The dataclass of its options.
+        words: What follows its name.
+
+    Raises:
+        SettingError: An option is not known, or a value is missing or not right.
+    """
+    options, prog = list(options_of(kind)), prog_of(kind)
+    names = sorted((name for option in options for name in option.names), key=len)
+    for word in words[: words.index("--") if "--" in words else None]:
+        name = word.partition("=")[0].replace("_", "-")
+        if name.startswith("--") and name.replace("--no-", "--") not in {*names, "--"}:
+            raise SettingError(f"{prog} has no option {name}; {_meant(name, names, prog)}")
+    command: Any
+    box = StringIO()
+    try:
+        with redirect_stderr(box):
+            command, extra = tyro.cli(
+                kind, prog=prog, args=words, registry=_REGISTRY, return_unknown_args=True,
+                config=(tyro.conf.DisallowNone,),
+            )  # fmt: skip
+    except SystemExit as error:
+        raise SettingError(_sentence(box.getvalue(), options, prog)) from error
+    if extra:
+        takes = " ".join(one.metavar for one in options if not one.names) or "options only"
+        raise SettingError(f"{extra[0]!r} is one too many: {prog} takes {takes}")
+    return command
+
+
+def _meant(name: str, names: list[str], prog: str) -> str:
+    """Return which option may have been meant by a name, or how to find it."""
+    alike = [one for one in names if len(name) > len("--x") and name.lstrip("-") in one]
+    alike += get_close_matches(name, names, 1, LEAST_LIKENESS)
+    return f"did you mean {alike[0]}?" if alike else f"all options: {prog} {HELP_ALL}"
+
+
+def _sentence(box: str, options: Iterable[Option], prog: str) -> str:
+    """Return what tyro prints in a box, of words that are missing, as a sentence."""
+    rows = [row.strip("│╭╮╰╯─ ") for row in box.splitlines()]
+    text = " ".join(filter(None, rows))
+    if few := _TOO_FEW.search(text):
+        name = few[1].rpartition("/")[2]
+        [metavar] = [one.metavar for one in options if name in one.names]
+        return f"{name} needs {'a value' if few[2] == '1' else f'{few[2]} values'}: {metavar}"
+    names = [(*one.names, one.metavar)[0] for one in options if one.is_required]
+    missing = ", ".join(name for name in names if name in text)
+    return f"{prog} needs {missing}; see {prog} --help" if missing else text
+
+
+def groups_of(kind: type) -> dict[str, list[Option]]:
+    """Return the arguments and options of a command by group, in the order of the help."""
+    options = list(options_of(kind))
+    groups = {name: [one for one in options if one.group == name] for name in GROUPS}
+    return {name: group for name, group in groups.items() if group}
+
+
+def help_of(kind: type, *, whole: bool) -> str:
+    """Return the help of a command.
+
+    Args:
+        kind: The dataclass of its options.
+        whole: Whether it has all options; otherwise those that matter, if there are many.
+    """
+    groups, doc = groups_of(kind), parse_from_object(kind)
+    options = [one for group in groups.values() for one in group]
+    whole = whole or len(options) <= MOST_OPTIONS
+    width = max(len(invocation(one, short=True)) for one in options if one.brief or whole)
+    columns = min(shutil.get_terminal_size().columns, WIDEST)
+    paragraph = partial(fill, width=columns, initial_indent=" " * 6, subsequent_indent=" " * 6)
+    lines, more = [usage_of(kind), ""], (doc.long_description or "") * whole
+    for text in filter(None, (doc.short_description, *more.split("\n\n"))):
+        lines += [fill(text, columns), ""]
+    for name, group in groups.items():
+        if whole:
+            lines.append(fill(f"{name}: {GROUPS[name]}".strip(), columns))
+            lines += [f"  {invocation(one)}\n{paragraph(one.text)}" for one in group]
+            lines.append("")
+        elif rows := [one for one in group if one.brief]:
+            lines.append(f"{name}:")
+            lines += [f"  {invocation(one, short=True):{width}}  {one.brief}" for one in rows]
+    lines += [*[""] * (not whole), "examples:", examples_of(kind)]
+    return "\n".join(lines if whole else [*lines, "", f"all options: {prog_of(kind)} {HELP_ALL}"])
+
+
+def prog_of(kind: type) -> str:
+    """Return the words by which a command is called."""
+    return f"grasp3d {kind.__name__.lower()}"
+
+
+def usage_of(kind: type) -> str:
+    """Return how a command is called: its arguments and required options."""
+    required = [one for one in options_of(kind) if one.is_required or not one.names]
+    words = (
+        invocation(one, short=True) for one in sorted(required, key=lambda one: len(one.names))
+    )
+    return " ".join(["usage:", prog_of(kind), *words, "[OPTIONS]"])
+
+
+def invocation(option: Option, *, short: bool = False) -> str:
+    """Return how an option is given.
+
+    Args:
+        option: The option, or the argument.
+        short: Whether other long names and placeholders are left out.
+    """
+    names, metavar = option.names, option.metavar
+    if short:
+        names = (*(name for name in names[:-1] if not name.startswith("--")), *names[-1:])
+        metavar = metavar.removesuffix("|none")
+        metavar = f"{metavar.partition('|')[0]}|..." if len(metavar) > LONG else metavar
+    return f"{', '.join(names)} {metavar}".strip()
+
+
+def examples_of(kind: type) -> str:
+    """Return the examples in the docstring of a command's options.
+
+    The folder `meshes` in them is the one that comes with the package, `grasps.csv` a table with
+    columns x1 y1 z1 x2 y2 z2, `tried.csv` one of poses with outcomes, `hand.urdf` a robot's hand.
+    """
+    [examples] = parse_from_object(kind).examples
+    return indent(examples.description or "", "  ")
+
+
+@_REGISTRY.struct_rule
+def _rule(info: StructTypeInfo) -> StructConstructorSpec | None:
+    """Return how tyro makes a command: of all its options, whatever settings they are in."""
+    kind: Any = info.type
+    if not is_dataclass(parted(kind)[0]):
+        return None
+    specs = (
+        StructFieldSpec(name=one.field, type=one.hint, default=one.default)
+        for one in options_of(kind)
+    )
+    return StructConstructorSpec(partial(_made, kind), tuple(specs))
+
+
+def _made(kind: Any, /, **values: Any) -> Any:
+    """Make a command, or settings, of the values of all options by the name of their field."""
+    plain, constants = parted(kind)
+    hints = get_type_hints(plain, include_extras=True)
+    settings = {name: settings_in(hint) for name, hint in hints.items()}
+    names = [one.name for one in fields(plain) if one.name not in constants]
+    return kind(
+        **{
+            name: _made(settings[name], **values) if settings[name] else values[name]
+            for name in names
+        }
+    )
