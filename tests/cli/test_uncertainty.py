@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pyarrow.csv as pc
 import pytest
-import tyro
 
 from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
 from grasp3d.batch.sweeping import MAX_SEARCHES, search_at_each
-from grasp3d.cli.options import REGISTRY
 from grasp3d.cli.ranges import parse_angles, parse_lengths, parse_numbers
+from grasp3d.cli.usage import parse
 from grasp3d.errors import SettingError
 from grasp3d.mesh.primitives import box_mesh
 from grasp3d.planar import Circle
@@ -39,7 +38,8 @@ MODEL = GraspModel(
 
 
 def parsed(*words: str) -> GraspModel:
-    return tyro.cli(GraspModel, args=list(words), registry=REGISTRY)
+    model: GraspModel = parse(GraspModel, list(words))
+    return model
 
 
 def test_the_options_are_the_settings() -> None:
