@@ -14,6 +14,7 @@ from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.hand import Hand
+from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.pose_checks import pose_warning
 from grasp3d.quality.loads import load_settings
@@ -104,7 +105,9 @@ class EvaluatedPoses(SpreadGrasps):
         reading = None
         if self.size and (self.jaws.closed & ~self.collides).mean() < FITTING:
             reading = suspected_reading(mesh, poses, self.hand, posture=self.given.posture)
-        reading = reading or pose_warning(poses, mesh.center, mesh.size, mesh.unit)
+        reach = self.hand.size / metres_per_unit(mesh)
+        assert mesh.unit is not None
+        reading = reading or pose_warning(poses, mesh.center, mesh.size, mesh.unit, reach=reach)
         inside = starting_inside(self.state)
         tilted = None if self.scene is None else self.scene.tilt_warning(self.given.object_pose)
         return (*super().warnings, *(line for line in (reading, inside, tilted) if line))

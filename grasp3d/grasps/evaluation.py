@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import PurePath
 from typing import overload
 
 import numpy as np
@@ -14,15 +15,16 @@ from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.hand import Hand, touching
 from grasp3d.hand.jaws import metres_per_unit
-from grasp3d.hand.pose_checks import numbers_text
+from grasp3d.hand.pose_checks import check_near, numbers_text
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
+from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point, nearest_surface_points
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.loads import Load
 from grasp3d.settings import MAX_FINGERS, GraspModel, check_point_contacts, with_fingers
-from grasp3d.settings.lengths import GivenLength
+from grasp3d.settings.lengths import METRES, GivenLength, Unit
 from grasp3d.surface.contacts import JawContacts, SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_table import GraspTable
@@ -321,11 +323,12 @@ def evaluate_poses(
     """
     hand = scene.hand
     mesh = in_stated_scale(load_mesh(mesh), poses)
-    metres_per_unit(mesh)
+    reach = hand.size / metres_per_unit(mesh)
     mesh, load = loaded_mesh(mesh, load)
     assert mesh.unit is not None
     start = poses.scaled(1.0, mesh.unit) if poses.unit is None else poses.in_unit(mesh.unit)
     _check_external(start)
+    check_near(start.poses, mesh.center, mesh.size, mesh.unit, stated=poses.unit, reach=reach)
     own_model = touching(hand, GraspModel()) if model is None else model
     (own_model,) = mesh.in_own_unit(with_fingers(own_model, hand.fingers[-1]))
     if load is not None:
@@ -375,13 +378,22 @@ def evaluate_poses(
 def in_stated_scale(mesh: ObjectMesh, grasps: GraspPoses | Floats) -> ObjectMesh:
     """The mesh in metres, where its unit is not known and poses state the scale of its file.
 
+    Where its unit is known, and is another than the scale says, the mesh gets a warning.
+
     Args:
         mesh: The object.
         grasps: Poses on it; contacts state no scale.
+
+    Raises:
+        SettingError: The unit is another, and the poses name this file.
     """
     scale = grasps.object_scale if isinstance(grasps, GraspPoses) else None
-    if mesh.unit is not None or scale is None:
+    if scale is None or any(step.name == SCALED for step in mesh.report.repairs):
         return mesh
+    if mesh.unit is not None:
+        assert isinstance(grasps, GraspPoses)
+        return _checked_scale(mesh, mesh.unit, scale, grasps.object_file)
+    step = RepairStep(SCALED, len(mesh.vertices), f"vertices scaled by {scale:g}: the poses say so")
     # Normals and their sets do not depend on the size.
     return replace(
         mesh,
@@ -390,8 +402,38 @@ def in_stated_scale(mesh: ObjectMesh, grasps: GraspPoses | Floats) -> ObjectMesh
         size=mesh.size * scale,
         center_mass=locked(mesh.center_mass * scale),
         volume=mesh.volume * scale**3,
-        report=replace(mesh.report, unit="m"),
+        report=replace(mesh.report, unit="m", repairs=(*mesh.report.repairs, step)),
     )
+
+
+SCALED = "scaled"
+"""Name of the step that scales a mesh as poses state."""
+
+SCALE_ROUNDING = 1e-4
+"""Fraction by which a scale may differ through rounding."""
+
+
+def _checked_scale(mesh: ObjectMesh, unit: Unit, scale: float, file: str | None) -> ObjectMesh:
+    """The mesh, with a warning if its unit is not the scale that poses state of its file.
+
+    Raises:
+        SettingError: It is not, and the mesh is of the file that they name.
+    """
+    units = [one for one in METRES if math.isclose(METRES[one], scale, rel_tol=SCALE_ROUNDING)]
+    report = mesh.report
+    if unit in units:
+        return mesh
+    remedy = f"scale the mesh by {scale / METRES[unit]:.6g} and give it another name"
+    if units or mesh.options.unit is not None:
+        remedy = f"give --unit {units[0]}" if units else "leave --unit out"
+    text = (
+        f"the poses belong to an object whose file has numbers of {scale:g} m (object_scale), but "
+        f"the unit of {report.source} is {unit}: {remedy}"
+    )
+    if file is not None and PurePath(file).name == report.source:
+        raise SettingError(text)
+    warnings = dict.fromkeys((*report.warnings, f"{text}, if it is that file"))
+    return replace(mesh, report=replace(report, warnings=tuple(warnings)))
 
 
 def _check_external(poses: GraspPoses) -> None:

@@ -23,6 +23,7 @@ from grasp3d.grasps.pose_files.documents import (
     write_rows,
 )
 from grasp3d.grasps.pose_files.frames import GivenPose
+from grasp3d.grasps.pose_files.header import check_object_frame
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.quality.measures.measuring import MetricValues
@@ -136,6 +137,7 @@ def _from_table(path: Path) -> Floats:
     from grasp3d.system.tables import read_columns
 
     table = read_columns(path)
+    check_object_frame(table.get("frame", ()))
     columns = [_column(name, table[name]) for name in _coordinate_columns(list(table))]
     if not len(columns[0]):
         raise ContactError("there are no grasps in it, only column names")
@@ -189,6 +191,7 @@ def _from_json(path: Path) -> Floats:
     """Contacts of a JSON file. Raises ContactError, ValueError, OSError, RecursionError."""
     content = load_json(path)
     if isinstance(content, dict):
+        check_object_frame([content.get("frame")])
         content = _from_written(content)
     if not isinstance(content, list):
         raise ContactError(f"expected {GRASPS}; found {_kind(content)}")

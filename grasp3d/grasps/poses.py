@@ -22,7 +22,7 @@ LENGTH_COLUMNS = frozenset(
 
 OWN_NAMES = frozenset({
     "name", "pose", "opening", "pregrasp_opening", "posture", "score", "outcome", "success",
-    "unit", "object_pose", "grasp", "px", "py", "pz", "qx", "qy", "qz", "qw",
+    "unit", "object_pose", "frame", "grasp", "px", "py", "pz", "qx", "qy", "qz", "qw",
 })  # fmt: skip
 """Names that files use for the fields themselves, and that no further column may have."""
 

@@ -5,6 +5,7 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError
+from grasp3d.mesh.plausible_lengths import guess_unit, unit_warning
 from grasp3d.settings.lengths import METRES, Unit
 
 TOLERANCE = 1e-3
@@ -14,7 +15,13 @@ ROUNDING = 1e-12
 """Deviation up to which a rotation is left as it is."""
 
 FAR = 20.0
-"""Median distance of the TCPs from the object, in object sizes, that suggests another unit."""
+"""Distance of a TCP from the object, in object sizes, that cannot be meant."""
+
+BESIDE, ORDINARY = 10.0, 0.5
+"""Largest and ordinary median distance of TCPs, in object sizes, by which a unit is guessed."""
+
+GIVE_UNIT = "give their unit: a column unit in their table, in Python unit=..."
+"""Remedy for messages."""
 
 NEAR = 1.0 / 200.0
 """Extent of all the TCPs, in object sizes, that suggests another unit."""
@@ -123,42 +130,93 @@ def _why_no_rotation(product: Floats) -> str:
     return "its first three rows and columns are no rotation: the axes are not perpendicular"
 
 
-def pose_warning(poses: Floats, center: Floats, size: float, unit: Unit | None) -> str | None:
-    """What suggests that poses are in another unit or frame than the object.
+def check_near(
+    poses: Floats, center: Floats, size: float, unit: Unit, *, stated: Unit | None = None,
+    reach: float = 0.0,
+) -> None:  # fmt: skip
+    """Refuse poses that are all far away from the object.
 
     Args:
         poses: TCP frame to the object's frame, shape (k, 4, 4).
         center: Centre of the object, shape (3,).
         size: Diameter of the object.
-        unit: Unit of the object's coordinates, for the message; None: not known.
+        unit: Unit of the object's coordinates and of the poses.
+        stated: Unit that was stated of the poses; None: none, they were read in that of the object.
+        reach: Distance up to which no pose is far, such as the size of the hand.
 
-    Returns:
-        One sentence, or None if nothing does.
+    Raises:
+        ContactError: They are; the message names the unit that would bring them near.
 
     Example:
         >>> import numpy as np
-        >>> from grasp3d.hand.pose_checks import pose_warning
+        >>> from grasp3d.hand.pose_checks import check_near
         >>> pose = np.eye(4)
         >>> pose[:3, 3] = [10.0, 20.0, 60.0]
-        >>> print(pose_warning(pose[None], np.zeros(3), 0.1, "m"))
-        the gripper of these poses is 640 object sizes away from the object, ...
+        >>> check_near(pose[None], np.zeros(3), 0.1, "m")
+        Traceback (most recent call last):
+            ...
+        grasp3d.errors.ContactError: all poses (1) are far from the object, 640 times its size: if \
+        their lengths are in mm, not in m, give their unit: a column unit ...
     """
-    if not len(poses):
-        return None
     points = poses[:, :3, 3]
-    ratio = float(np.median(np.linalg.norm(points - center, axis=1))) / size
-    if ratio > FAR:
+    distances = np.linalg.norm(points - center, axis=1)
+    if not len(points) or not (distances > max(FAR * size, reach)).all():
+        return
+    unit_of, of_mesh = stated or unit, guess_unit(size).unit
+    other = _likely_unit(points, center, size, unit_of)
+    if stated is not None and of_mesh is not None and unit_warning(size, unit):
+        remedy = f"if the mesh is in {of_mesh}, not in {unit}, give --unit {of_mesh}"
+    elif other is not None:
+        remedy = f"if their lengths are in {other}, not in {unit_of}, {GIVE_UNIT}"
+    else:
+        remedy = "are they in another frame? Give the pose of the object in it (--object-pose)"
+    ratio = float(np.median(distances)) / size
+    raise ContactError(
+        f"all poses ({len(points)}) are far from the object, {ratio:,.0f} times its size: {remedy}"
+    )
+
+
+def _likely_unit(points: Floats, center: Floats, size: float, unit: Unit) -> Unit | None:
+    """The unit in which positions that were read in `unit` are at the object; None: in none."""
+    ratios = {
+        other: float(np.median(np.linalg.norm(points * (metres / METRES[unit]) - center, axis=1)))
+        / size
+        for other, metres in METRES.items()
+        if other != unit
+    }
+    near: list[Unit] = [other for other, ratio in ratios.items() if 0.0 < ratio <= BESIDE]
+    return min(near, key=lambda other: abs(np.log(ratios[other] / ORDINARY)), default=None)
+
+
+def pose_warning(
+    poses: Floats, center: Floats, size: float, unit: Unit, *, reach: float = 0.0
+) -> str | None:
+    """What suggests that poses are in another unit or frame than the object.
+
+    Args:
+        poses: As in `check_near`.
+        center: As in `check_near`.
+        size: As in `check_near`.
+        unit: As in `check_near`.
+        reach: As in `check_near`.
+
+    Returns:
+        One sentence, or None if nothing does.
+    """
+    points = poses[:, :3, 3]
+    far = int((np.linalg.norm(points - center, axis=1) > max(FAR * size, reach)).sum())
+    if far:
         return (
-            f"the gripper of these poses is {ratio:.3g} object sizes away from the object, as if "
-            f"their lengths were {_suspected(unit, smaller=True)}: give the unit of the poses, or "
-            "check their frame"
+            f"{far} of {len(points)} poses are over {FAR:g} object sizes away from the object: are "
+            "they in its frame, and in one unit?"
         )
-    extent = float(np.linalg.norm(np.ptp(points, axis=0))) / size
-    origin = float(np.linalg.norm(points, axis=1).max()) / size
-    if len(points) > 2 and 0.0 < extent < NEAR and origin < NEAR:
+    extent = float(np.linalg.norm(np.ptp(points, axis=0))) / size if len(points) > 2 else 0.0
+    origin = float(np.linalg.norm(points, axis=1).max(initial=0.0)) / size
+    other = _likely_unit(points, center, size, unit) if 0.0 < extent < NEAR > origin else None
+    if other is not None:
         return (
-            f"the positions of these poses differ by {extent:.2g} object sizes only, as if their "
-            f"lengths were {_suspected(unit, smaller=False)}: give the unit of the poses"
+            f"the positions of these poses differ by {extent:.2g} object sizes only: if their "
+            f"lengths are in {other}, not in {unit}, {GIVE_UNIT}"
         )
     return _warn_of_directions(poses, center, size)
 
@@ -172,16 +230,6 @@ def _warn_of_directions(poses: Floats, center: Floats, size: float) -> str | Non
         f"{away} of {len(poses)} approach directions point away from the object: is the order of "
         "the quaternions (x y z w), and is z the approach direction?"
     )
-
-
-def _suspected(unit: Unit | None, *, smaller: bool) -> str:
-    """The unit that lengths seem to have, compared with that of the object."""
-    if unit is None:
-        return "in a smaller unit" if smaller else "in a larger unit"
-    metres = METRES[unit]
-    if smaller:
-        return "millimetres" if metres > METRES["mm"] else "in a smaller unit"
-    return "metres" if metres < METRES["m"] else "in a larger unit"
 
 
 def numbers_text(values: Floats) -> str:

@@ -54,8 +54,9 @@ def read_wrenches(path: Path) -> tuple[Row, ...]:
     """Read a file of wrenches.
 
     Args:
-        path: CSV of six columns: force [N] and torque about the centre of mass [N m]; a first line
-            of names is optional, lines that begin with # are comments.
+        path: CSV of six columns, between commas, semicolons or tabs: force [N] and torque about the
+            centre of mass [N m]; a first line of names is optional, lines that begin with # are
+            comments.
 
     Returns:
         Rows of six finite numbers, shape (k, 6).
@@ -86,9 +87,12 @@ def _rows(name: str, lines: list[str]) -> Iterator[Row]:
     stated = [(number, line) for number, line in numbered if line and not line.startswith("#")]
     for place, (number, line) in enumerate(stated):
         try:
-            words = [word.strip() for word in next(csv.reader([line]))]
+            delimiter = next((one for one in ";\t" if one in line), ",")
+            words = [word.strip() for word in next(csv.reader([line], delimiter=delimiter))]
             if place == 0 and tuple(word.lower() for word in words) == COLUMNS:
                 continue
+            if delimiter == ";":
+                words = [word.replace(",", ".") for word in words]
             row = tuple(map(float, words)) if len(words) == len(COLUMNS) else ()
         except (csv.Error, ValueError) as error:
             raise SettingError(

@@ -6,6 +6,7 @@ numbers, booleans, enumerations of text, nested dataclasses, `tuple[X, ...]` as 
 """
 
 import json
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import is_dataclass
 from enum import StrEnum
@@ -29,6 +30,10 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".csv", ".parquet")
 """Endings of the files that tables are written to."""
+
+_NUMBER = re.compile(r"[-+\d.,;\se]+", re.IGNORECASE)
+
+_QUOTED = re.compile(r'"[^"]*"')
 
 _TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
 
@@ -197,7 +202,8 @@ def read_columns(path: Path) -> dict[str, npt.NDArray[Any]]:
     """Read a CSV or Parquet table.
 
     Args:
-        path: File whose suffix is .csv or .parquet.
+        path: File whose suffix is .csv or .parquet. CSV is separated by commas, semicolons or tabs;
+            with semicolons it may have decimal commas.
 
     Returns:
         The columns in the order of the file. Missing numbers are nan; a column with text has the
@@ -208,8 +214,10 @@ def read_columns(path: Path) -> dict[str, npt.NDArray[Any]]:
         OSError: The file cannot be read.
     """
     try:
-        table = pc.read_csv(path) if path.suffix.lower() == ".csv" else pq.read_table(path)
+        table = _read_csv(path) if path.suffix.lower() == ".csv" else pq.read_table(path)
         names = [name.strip() for name in table.column_names]
+        if all(_NUMBER.fullmatch(name) for name in names):
+            raise ValueError(f"its first line must be names of columns; found {' '.join(names)}")
         duplicates = [name for number, name in enumerate(names) if name in names[:number]]
         if duplicates:
             raise ValueError(f"two columns are called {duplicates[0]!r}")
@@ -219,6 +227,28 @@ def read_columns(path: Path) -> dict[str, npt.NDArray[Any]]:
         }
     except pa.ArrowException as error:
         raise ValueError(str(error).splitlines()[0]) from error
+
+
+def _read_csv(path: Path) -> pa.Table:
+    """A CSV file, with the delimiter and the decimal separator that it has."""
+    with path.open(encoding="utf-8-sig", errors="replace") as lines:
+        head = next((line for line in lines if line.strip()), "")
+    if not head:
+        raise ValueError("the file is empty")
+    if "\0" in head:
+        raise ValueError("it is no text in UTF-8")
+    delimiter = max(",;\t", key=_QUOTED.sub("", head).count)
+    options = pc.ParseOptions(delimiter=delimiter)
+    table = pc.read_csv(path, parse_options=options)
+    if delimiter != ";":
+        return table
+    convert = pc.ConvertOptions(decimal_point=",")
+    other = pc.read_csv(path, parse_options=options, convert_options=convert)
+    return other if _numeric(table) < _numeric(other) else table
+
+
+def _numeric(table: pa.Table) -> set[str]:
+    return {field.name for field in table.schema if not pa.types.is_string(field.type)}
 
 
 def _write(path: Path, table: pa.Table) -> None:

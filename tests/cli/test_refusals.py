@@ -139,6 +139,19 @@ evaluate box.stl robot.csv --unit mm --hand franka --object-pose x=1m | it state
 evaluate box.stl robots.csv --unit mm --hand franka | all grasps must have the same object_pose
 evaluate box.stl unitless.csv --unit mm --hand franka --object-pose x=1m | the unit of the poses
 simulate box.stl --unit mm --object-pose x=1m | that of given poses; name their file with --grasps
+evaluate box.stl zero.csv | zero.csv: the file is empty
+evaluate box.stl head.csv | there are no grasps in it, only column names
+evaluate box.stl numbers.csv | its first line must be names of columns; found 20 0 0 -20 0 0
+evaluate box.stl camera.csv | its contacts are in the frame 'camera'; known: 'object'
+evaluate box.stl commas.csv | grasp 1: x2 is no finite number: '-20,5'
+evaluate box.stl metres.csv --unit mm --hand franka | far from the object, 4,6 | in mm, not in m
+evaluate box.stl posed.csv --unit mm --hand franka | in the frame 'base_link', not in that of the
+evaluate box.stl framed.json --unit mm --hand franka | in the frame 'camera', not in that of the
+evaluate box.stl inward.json --unit mm --hand franka | normals must be outward; got 'inward'
+evaluate box.stl scaled.json --unit cm --hand franka | box.stl is cm: give --unit mm
+validate scaled.json --mesh box.stl --unit cm --hand franka | box.stl is cm: give --unit mm
+simulate box.stl --unit cm --grasps scaled.json --hand franka | box.stl is cm: give --unit mm
+validate zero.csv --mesh box.stl --hand franka | zero.csv: the file is empty
 validate untried.csv --mesh box.stl --hand franka | no outcome is known of any grasp; a table needs
 validate perhaps.csv --mesh box.stl --hand franka | grasp 2: outcome must be 1, true or yes
 validate grasps.csv --mesh box.stl --hand franka -o . --overwrite | grasps.csv: is a file of grasps
@@ -373,6 +386,17 @@ BAD_LENGTHS = {
 }  # fmt: skip
 """What is wrong with the gripper in the file of that name [m]."""
 
+POSED = [{"pose": [[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 40], [0, 0, 0, 1]], "success": 1}]
+STATED = {
+    "framed": {"grasp3d": {"unit": "mm", "frame": "camera"}, "grasps": POSED},
+    "inward": {"grasp3d": {"unit": "mm", "normals": "inward"}, "grasps": POSED},
+    "scaled": {
+        "grasp3d": {"unit": "mm", "object_file": "a/box.stl", "object_scale": 0.001},
+        "grasps": POSED,
+    },
+}
+"""Files of poses that state what cannot be taken, by their name."""
+
 NOTES = ("ply", "npz", "csv", "svg", "json", "png")
 """Suffixes of files of other programs."""
 
@@ -424,6 +448,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "millimetres.txt": "1, 0, 0, 400\n0, 1, 0, 0\n0, 0, 1, 0\n0, 0, 0, 1\n",
         "turned.json": json.dumps({"position": {}, "orientation": {"x": 0, "y": 0, "z": 1}}),
         "list.json": json.dumps({"position": {}, "orientation": [0, 0, 0, 1]}),
+        "zero.csv": "",
+        "head.csv": "x1;y1;z1;x2;y2;z2\n",
+        "numbers.csv": "20,0,0,-20,0,0\n",
+        "camera.csv": "x1,y1,z1,x2,y2,z2,frame\n20,0,0,-20,0,0,camera\n",
+        "commas.csv": "x1;y1;z1;x2;y2;z2\n20.5;0;0;-20,5;0;0\n",
+        "metres.csv": f"{columns}0,0,500,1,0,0,0,m,1\n",
+        "posed.csv": "px,py,pz,qx,qy,qz,qw,frame\n0,0,40,1,0,0,0,base_link\n",
+        **{f"{name}.json": json.dumps(STATED[name]) for name in STATED},
         "task.csv": "5,0,0,0,0,0\n",
         **{f"notes.{suffix}": "name,price\n" for suffix in NOTES},
         "pushes.csv": "fx,fy,fz,tx,ty,tz\n5,0,0,0,0,0.1\n",

@@ -1,6 +1,7 @@
 """Given poses: jaws closed on the object, labels, reach, and published outcomes."""
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -190,10 +191,28 @@ def test_a_mesh_without_a_unit_takes_the_scale_that_poses_state(box: ObjectMesh)
         evaluate_grasps(raw, replace(poses, object_scale=None), MODEL, hand=pads())
 
 
-def test_poses_far_away_are_warned_of(box: ObjectMesh) -> None:
-    found = evaluated(box, [pose((60.0, 10.0, 5.0))])
-    assert any("object sizes away" in line for line in found.warnings)
-    assert found.state.tolist() == [Closing.NOTHING]
+def test_poses_far_away_are_warned_of_and_refused_if_all_are(box: ObjectMesh) -> None:
+    far = pose((60.0, 10.0, 5.0))
+    found = evaluated(box, [far, pose(turn=FROM_ABOVE)])
+    assert any("1 of 2 poses are over 20 object sizes away" in line for line in found.warnings)
+    assert found.state.tolist() == [Closing.NOTHING, Closing.CLOSED]
+    with pytest.raises(ContactError, match="their lengths are in mm, not in m, give their unit"):
+        evaluated(box, [far, far])
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(0.001, "mm"), (0.01, "cm"), (0.0254, "in")])
+def test_a_scale_that_is_not_that_of_the_mesh_is_named(
+    box: ObjectMesh, scale: float, unit: str
+) -> None:
+    poses = GraspPoses(poses=pose(turn=FROM_ABOVE), unit="m", object_scale=scale)
+    text = f"numbers of {scale:g} m (object_scale), but the unit of arrays is m: give --unit {unit}"
+    assert [line for line in evaluate_grasps(box, poses, hand=pads()).warnings if text in line]
+    same = replace(poses, object_scale=1.0 + 1e-6)
+    assert evaluate_grasps(box, same, hand=pads()).warnings == box.report.warnings
+    with pytest.raises(SettingError, match=re.escape(text)):
+        evaluate_grasps(box, replace(poses, object_file="a/b/arrays"), hand=pads())
+    with pytest.raises(SettingError, match=r"leave --unit out$"):
+        evaluate_grasps(box, replace(poses, object_file="arrays", object_scale=0.02), hand=pads())
 
 
 def test_the_gripper_states_the_resolution_where_no_model_does(box: ObjectMesh) -> None:

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d.errors import ContactError
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.pose_checks import pose_warning
+from grasp3d.hand.pose_checks import check_near, pose_warning
 from grasp3d.settings.lengths import METRES
 
 
@@ -171,15 +171,42 @@ def toward_center(count: int, unit: float) -> np.ndarray:
     ("unit", "size", "mesh_unit", "words"),
     [
         (1.0, 0.1, "m", "None"),
-        (0.001, 0.1, "m", "as if their lengths were millimetres"),
-        (0.001, 0.1, None, "in a smaller unit"),
-        (1.0, 100.0, "mm", "as if their lengths were metres"),
+        (1.0, 100.0, "mm", "if their lengths are in m, not in mm, give their unit: a column unit"),
     ],
 )
 def test_lengths_in_another_unit_are_noticed(
     unit: float, size: float, mesh_unit: Any, words: str
 ) -> None:
     assert words in str(pose_warning(toward_center(10, unit), np.zeros(3), size, mesh_unit))
+
+
+@pytest.mark.parametrize(
+    ("unit", "size", "mesh_unit", "stated", "words"),
+    [
+        (0.001, 0.1, "m", None, "if their lengths are in mm, not in m, give their unit: a column"),
+        (0.01, 0.1, "m", "m", "if their lengths are in cm, not in m"),
+        (0.0254, 0.09, "m", None, "if their lengths are in in, not in m"),
+        (0.001, 0.1, "mm", "m", "if the mesh is in m, not in mm, give --unit m"),
+        (1e-6, 0.1, "m", "m", "in another frame? Give the pose of the object in it"),
+    ],
+)
+def test_poses_that_are_all_far_are_refused_with_the_likely_unit(
+    unit: float, size: float, mesh_unit: Any, stated: Any, words: str
+) -> None:
+    poses = toward_center(10, unit)
+    with pytest.raises(ContactError, match=r"^all poses \(10\) are far from the object, ") as error:
+        check_near(poses, np.zeros(3), size, mesh_unit, stated=stated)
+    assert words in str(error.value)
+    check_near(poses, np.zeros(3), size, mesh_unit, reach=1e9)
+    poses[0, :3, 3] = 0.0
+    check_near(poses, np.zeros(3), size, mesh_unit)
+    counted = pose_warning(poses, np.zeros(3), size, mesh_unit)
+    assert "9 of 10 poses are over 20 object sizes away" in str(counted)
+
+
+def test_no_poses_are_not_far() -> None:
+    check_near(np.zeros((0, 4, 4)), np.zeros(3), 0.1, "m")
+    assert pose_warning(np.zeros((0, 4, 4)), np.zeros(3), 0.1, "m") is None
 
 
 def test_quaternions_in_the_wrong_order_are_noticed() -> None:

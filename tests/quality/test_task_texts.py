@@ -155,7 +155,8 @@ def test_a_first_line_of_names_is_optional(tmp_path: Path, start: str) -> None:
         (b"1,2,3,4,5\n", "line 1 has 5 columns; a wrench has six, fx, fy, fz, tx, ty, tz"),
         (b"fx,fy,fz,tx,ty\n1,2,3,4,5\n", "line 1 has 5 columns"),
         (b"1,2,3,4,5,6\n1,2,3,4,5,6,7\n", "line 2 has 7 columns"),
-        (b"1;2;3;4;5;6\n", "line 1 has 1 columns"),
+        (b"1|2|3|4|5|6\n", "line 1 has 1 columns"),
+        (b"1;2;3;4;5;6,0,1\n", "line 1 must be six numbers"),
         (b"a,b,c,d,e,f\n1,2,3,4,5,6\n", "line 1 must be six numbers"),
         (b"1,2,3,4,5,\n", "line 1 must be six numbers"),
         pytest.param(

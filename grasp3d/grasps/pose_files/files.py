@@ -186,16 +186,18 @@ def read_poses(
 
 def _relative(poses: GraspPoses, object_pose: ObjectPose | None) -> GraspPoses:
     """Poses as a file has them, in the object's frame. Raises ContactError."""
-    stated, frame = poses.object_pose, poses.settings.get("frame_id")
+    stated, frame = poses.object_pose, poses.settings.get("frame")
+    if (name := poses.settings.get("frame_id")) in ROBOT_FRAMES:
+        frame = frame or name
     if object_pose is not None and stated is not None:
         raise ContactError(f"it states the object's pose itself, {stated}: give none")
     pose = object_pose or stated
     if pose is not None:
         return replace(poses.moved(np.asarray(np.linalg.inv(pose.matrix))), object_pose=pose)
-    if frame in ROBOT_FRAMES:
+    if frame:
         raise ContactError(
-            f"its poses are in the frame {frame!r}: give the pose of the object in it "
-            "(--object-pose, in Python object_pose=...)"
+            f"its poses are in the frame {frame!r}, not in that of the object ('object'): give the "
+            "pose of the object in it (--object-pose, in Python object_pose=...)"
         )
     return poses
 

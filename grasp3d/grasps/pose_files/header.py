@@ -1,7 +1,7 @@
 """What files in the project's own formats state of all their grasps, and outcomes of each."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, get_args
 
 import numpy as np
@@ -24,6 +24,9 @@ FRAME = (
 ROBOT_FRAME = FRAME.replace(
     "the object's frame", "the frame of a robot, in which the object has the pose object_pose"
 )
+OBJECT_FRAMES = ("", "object", FRAME)
+"""Frames of files that are those of the object."""
+
 NORMALS = "outward"
 ANGLES = "radians"
 
@@ -66,14 +69,27 @@ def fields_of(
         ContactError: Invalid values, or another unit.
     """
     stated = text_or_none(header.get("object_pose"), "object_pose")
+    for name, value in (("normals", NORMALS), ("angles", ANGLES)):
+        if header.get(name, value) != value:
+            raise ContactError(f"{name} must be {value}; got {kind(header[name])}")
+    frame = text_or_none(header.get("frame"), "frame") or ""
+    known = (*OBJECT_FRAMES, ROBOT_FRAME) if stated else OBJECT_FRAMES
+    other = {} if frame in known else {"frame": frame}
     return {
         "unit": stated_unit(header.get("unit"), unit),
         "hand": hand or _gripper(header.get("gripper")),
         "object_file": text_or_none(header.get("object_file"), "object_file"),
         "object_scale": number_or_none(header.get("object_scale"), "object_scale"),
         "object_pose": ObjectPose.of(stated) if stated else None,
-        "settings": {name: value for name, value in header.items() if name not in STATED},
+        "settings": other | {name: value for name, value in header.items() if name not in STATED},
     }
+
+
+def check_object_frame(frames: Iterable[object]) -> None:
+    """Refuse contacts that are in another frame than that of the object. Raises ContactError."""
+    others = [str(frame) for frame in frames if frame not in (None, *OBJECT_FRAMES)]
+    if others:
+        raise ContactError(f"its contacts are in the frame {others[0]!r}; known: 'object'")
 
 
 def stated_unit(stated: object, default: Unit | None) -> Unit | None:

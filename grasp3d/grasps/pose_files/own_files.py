@@ -1,6 +1,6 @@
 """Poses in the project's own formats: JSON, CSV and Parquet."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
@@ -161,7 +161,7 @@ def parse_json(content: object, hand: Hand | None, unit: Unit | None) -> GraspPo
             **{key: _column(listed[key], key) for key in further},
             **(_vectors(entries) if "contacts" in keys else {}),
         },
-        **fields_of(mapping(document.get("grasp3d", {}), "grasp3d"), hand, unit),
+        **fields_of(mapping(document.get("grasp3d", {}), "grasp3d") | _stated(listed), hand, unit),
     )
 
 
@@ -224,8 +224,6 @@ def read_table(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     if not len(columns["px"]):
         raise ContactError("there are no grasps in it, only column names")
     header = read_settings(path) if path.suffix.lower() == ".parquet" else None
-    named = {name: _same(columns, name) for name in ("unit", "object_pose")}
-    stated = {**named, **(header or {})}
     joints = tuple(takewhile(columns.__contains__, (f"posture{k}" for k in count(1))))
     vectors = _vector_columns(columns)
     used = {*OWN_NAMES, *joints, *(part for parts in vectors.values() for part in parts)}
@@ -241,16 +239,18 @@ def read_table(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
             },
             **{name: _further(values) for name, values in columns.items() if name not in used},
         },
-        **fields_of(stated, hand, unit),
+        **fields_of((header or {}) | _stated(columns), hand, unit),
     )
 
 
-def _same(columns: Columns, name: str) -> str | None:
-    """The text that all rows state."""
-    stated = {_text(value) for value in columns[name].tolist()} if name in columns else set()
-    if len(stated) > 1:
-        raise ContactError(f"all grasps must have the same {name}")
-    return stated.pop() if stated else None
+def _stated(columns: Mapping[str, Iterable[Any]]) -> dict[str, str]:
+    """What all rows of a file state, as its header may."""
+    stated: dict[str, str] = {}
+    for name in {"unit", "object_pose", "frame"} & columns.keys():
+        stated[name], *others = {_text(value) for value in columns[name]}
+        if others:
+            raise ContactError(f"all grasps must have the same {name}")
+    return stated
 
 
 def _stacked(columns: Columns, names: tuple[str, ...]) -> Floats:
