@@ -17,15 +17,12 @@ from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.pose_checks import pose_warning
-from grasp3d.quality.loads import load_settings
 from grasp3d.quality.measures.formulas import METRICS
 from grasp3d.quality.measures.measuring import UNDEFINED, MetricValues
-from grasp3d.settings.parsing import plain_values
 from grasp3d.surface.fields import CLOSED, FORCES, columns_of, given_poses
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.rows import NO_ROW, rows_where
 from grasp3d.surface.spread_grasps import SpreadGrasps
-from grasp3d.system.versions import package_version
 
 STALE = frozenset({UNDEFINED, *METRICS, *(field.name for field in (*CLOSED, *FORCES))})
 """Columns of given poses that may be of other settings."""
@@ -183,13 +180,5 @@ class EvaluatedPoses(SpreadGrasps):
 
     def _settings(self) -> dict[str, Any]:
         """Settings of the evaluation; angles in radians."""
-        load = {} if self.holding is None else load_settings(self.load) | self.holding.settings()
-        return {
-            "version": package_version(),
-            "source": self.mesh.report.source,
-            **plain_values(self.model),
-            "unit": self.mesh.unit,
-            "gripper": self.hand.name,
-            "object_motion": self.object_motion,
-            **{name: value for name, value in load.items() if value is not None},
-        }
+        own = {"gripper": self.hand.name, "object_motion": self.object_motion}
+        return self.grasps.settings() | own

@@ -312,15 +312,12 @@ def write_grasps(
     path = Path(path)
     if isinstance(grasps, EvaluatedPoses):
         grasps = grasps.to_poses(metrics)
+    posed = format is not None or object_pose is not None
+    if isinstance(grasps, GraspTable) and (posed or (grasps.has_poses and grasps.size)):
+        poses, own = poses_of(grasps), {} if metrics is None else metrics.columns()
+        grasps = replace(poses, settings=grasps.settings(), columns={**poses.columns, **own})
     if isinstance(grasps, GraspPoses):
         write_poses(path, grasps, format=format, object_pose=object_pose)
-        return
-    posed = format is not None or object_pose is not None
-    if posed or (grasps.has_poses and grasps.size):
-        poses = replace(poses_of(grasps), settings=grasps.settings())
-        if metrics is not None:
-            poses = replace(poses, columns={**poses.columns, **metrics.columns()})
-        write_poses(path, poses, format=format, object_pose=object_pose)
         return
     check_suffix(path, SUFFIXES, "table")
     if path.suffix.lower() == ".json":

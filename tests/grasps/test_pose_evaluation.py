@@ -247,6 +247,16 @@ def test_results_are_written_as_poses_and_read_back(
     assert rows[1]["x1"] is None
 
 
+def test_settings_are_those_of_the_evaluation_not_of_the_file(box: ObjectMesh) -> None:
+    given = GraspPoses(
+        poses=pose(turn=FROM_ABOVE), unit="m",
+        settings={"table": "0.0 0.0 1.0 0.0", "friction": 0.9, "note": "mine"},
+    )  # fmt: skip
+    settings = evaluate_grasps(box, given, MODEL, hand=pads()).to_poses().settings
+    assert (settings["table"], settings["friction"]) == ("none", MODEL.friction)
+    assert (settings["note"], settings["object_motion"]) == ("mine", "free")
+
+
 def auc(scores: Floats, held: Any) -> float:
     """Area under the ROC curve."""
     ranks, count = rankdata(scores), int(held.sum())

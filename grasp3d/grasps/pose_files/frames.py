@@ -161,12 +161,9 @@ def _text_or_rows(path: Path) -> Any:
 
 
 _READERS: dict[str, Callable[[Path], Any]] = {
-    ".npy": np.load,
-    ".txt": _text_or_rows,
-    ".json": load_json,
-    ".yaml": load_yaml,
-    ".yml": load_yaml,
-}
+    ".npy": np.load, ".txt": _text_or_rows,
+    ".json": load_json, ".yaml": load_yaml, ".yml": load_yaml,
+}  # fmt: skip
 
 
 def _pose_of(content: Any) -> ObjectPose:
