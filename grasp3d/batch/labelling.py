@@ -320,9 +320,6 @@ def _best_grasps(labels: "SurfaceLabels", count: int) -> tuple[BestGrasp, ...]:
     if not count or not np.any(labels.reason == Reason.FOUND):
         return ()
     best = best_grasps(labels, count)
-    # The first finger is at a vertex, whose epsilon is known.
-    contacts = best.contacts.surface_points
-    vertices = labels.mesh.faces[contacts.faces[:, 0], contacts.weights[:, 0].argmax(axis=1)]
     names, reach = [label.name for label in sorted(Label)], best.reach
     codes = stated_label(best, best.closed)
     return tuple(
@@ -331,7 +328,7 @@ def _best_grasps(labels: "SurfaceLabels", count: int) -> tuple[BestGrasp, ...]:
             **({} if reach is None else _pose_values(reach, number)),
             critical_angle=float(best.critical_angle[number]),
             max_resolution=float(best.max_resolution[number]),
-            epsilon=float(labels.epsilon[vertices[number]]),
+            epsilon=float(best.epsilon[number]),
             opening=float(best.opening[number]),
             points=_triples(best.contacts.points[number]),
             normals=_triples(-best.contacts.normals[number]),

@@ -361,14 +361,14 @@ class GraspTable(LabelledGrasps):
     def whole(self) -> "GraspTable":
         """The grasps as given by their contacts: with the angles of these, over all normals.
 
-        What is known of them after closing stays.
+        Epsilon, which is that of the contacts, stays, and what is known after closing.
         """
         worst, best = critical_angles(self.contacts)
         table = replace(
             self, critical_angle=worst, critical_angle_best=best, best_normals=None, points=None
         )
-        if "closed" in vars(self):
-            vars(table).update(closed=self.closed, holding=self.holding)
+        same = {"epsilon_range"} | ({"closed", "holding"} if "closed" in vars(self) else set())
+        vars(table).update({name: vars(self)[name] for name in same & vars(self).keys()})
         return table
 
     def after_closing(self) -> "GraspTable":
