@@ -13,8 +13,8 @@ from grasp3d.settings import MultifingerSampling, Sampling
 from grasp3d.settings.parsing import plain_values
 from grasp3d.system.names import printable
 
-METHOD = 3
-"""Version of the method; to be increased when labels of the same mesh change."""
+METHOD = 4
+"""Version of the method; to be increased when labels or the row of the same mesh change."""
 
 
 def content_hash(path: Path) -> str:

@@ -28,6 +28,7 @@ from grasp3d.system.versions import package_version
 
 if TYPE_CHECKING:
     from grasp3d.hand.reach import Reach
+    from grasp3d.surface.grasp_table import GraspTable
     from grasp3d.surface.holding import Holding
     from grasp3d.surface.labels import SurfaceLabels
 
@@ -140,7 +141,8 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
     for name in ("epsilon_range", "holding"):
         labels.compute(name)
     labelling = next(clock)
-    grasps = _best_grasps(labels, settings.best)
+    best = _best_of(labels, settings.best)
+    grasps = _best_rows(best)
     _write(labels, job, grasps)
     return replace(
         row,
@@ -152,7 +154,7 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
         location_error=labels.model.location_error,
         per_finger=str(labels.model.per_finger),
         **_angle_values(labels),
-        **_verdict_values(labels),
+        **_verdict_values(labels, best),
         **_load_values(labels),
         fractions=tuple(_grid_fractions(labels, settings)),
         grasps=grasps,
@@ -227,39 +229,42 @@ def _angle_values(labels: "SurfaceLabels") -> dict[str, Any]:
     }
 
 
-def _verdict_values(labels: "SurfaceLabels") -> dict[str, Any]:
+def _verdict_values(labels: "SurfaceLabels", best: "GraspTable | None") -> dict[str, Any]:
+    from grasp3d.grasps.causes import causes_text
     from grasp3d.grasps.verdict import verdict_of
 
-    verdict = verdict_of(labels)
+    verdict, load = verdict_of(labels, best), {}
+    if (holding := verdict.holding) is not None:
+        load = {
+            "holds": holding.holds,
+            "grip_force_needed": holding.needed,
+            "payload_best": _finite_or_none(holding.payload),
+        }
     return {
         "verdict": verdict.word,
-        "verdict_text": verdict.text,
+        "verdict_text": str(verdict),
+        "causes": causes_text(labels),
         "stable_grasps": verdict.count,
         "spare_resolution": _finite_or_none(verdict.spare_resolution),
         "approach_margin": _finite_or_none(verdict.approach_margin),
+        **load,
     }
 
 
 def _load_values(labels: "SurfaceLabels") -> dict[str, Any]:
     """What the grasps hold; nothing without a load."""
-    from grasp3d.grasps.verdict import HoldingVerdict
     from grasp3d.quality.loads import load_settings
     from grasp3d.surface.area_statistics import held_fractions, payload_quantiles
 
     holding = labels.holding
     if holding is None:
         return {}
-    verdict, fractions = HoldingVerdict.of(holding), held_fractions(labels)
-    payloads = payload_quantiles(labels, DECILES)
+    fractions, payloads = held_fractions(labels), payload_quantiles(labels, DECILES)
     return {
         "task": load_settings(labels.load)["task"],
         "mass": holding.mass,
         "grip_force_at_hand": holding.available,
-        "holds": verdict.holds,
-        "holds_text": str(verdict),
         "held": None if fractions is None else fractions["S"],
-        "grip_force_needed": verdict.needed,
-        "payload_best": _finite_or_none(verdict.payload),
         **({} if payloads is None else _quantiles("payload", DECILES, payloads)),
     }
 
@@ -311,15 +316,22 @@ def _fractions_of(model: GraspModel, angles: AngleDistribution) -> AreaFractions
     return AreaFractions(stable=stable, ambiguous=ambiguous, no_grasp_found=unstable, **at)
 
 
-def _best_grasps(labels: "SurfaceLabels", count: int) -> tuple[BestGrasp, ...]:
-    """Best distinct grasps of a surface, as they are stored in its row."""
+def _best_of(labels: "SurfaceLabels", count: int) -> "GraspTable | None":
+    """Best distinct grasps of a surface; None: there are none, or none are asked for."""
     from grasp3d.grasps.distinct import best_grasps
-    from grasp3d.grasps.ranking import stated_label
     from grasp3d.surface.vertex_grasps import Reason
 
     if not count or not np.any(labels.reason == Reason.FOUND):
+        return None
+    return best_grasps(labels, count)
+
+
+def _best_rows(best: "GraspTable | None") -> tuple[BestGrasp, ...]:
+    """The best distinct grasps as they are stored in the row of a surface."""
+    from grasp3d.grasps.ranking import stated_label
+
+    if best is None:
         return ()
-    best = best_grasps(labels, count)
     names, reach = [label.name for label in sorted(Label)], best.reach
     codes = stated_label(best, best.closed)
     return tuple(

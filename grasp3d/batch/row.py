@@ -108,9 +108,11 @@ class Row:
     gripper: str | None = None
     """Name of the gripper that must reach the grasps."""
     verdict: str | None = None
-    """holdable, with a finer sensor, out of reach, or no; see `grasps.Verdict`."""
+    """surely, perhaps or not; see `grasps.Verdict`."""
     verdict_text: str | None = None
-    """The verdict as a sentence."""
+    """The verdict in one to three sentences."""
+    causes: str | None = None
+    """Why parts of the surface are U, with their area fractions."""
     stable_grasps: int | None = None
     """Distinct S grasps that are reached."""
     spare_resolution: float | None = None
@@ -125,8 +127,6 @@ class Row:
     """Force at hand of each finger [N]; none: not given."""
     holds: bool | None = None
     """Whether some grasp holds the load, at the worst normals, with the force at hand."""
-    holds_text: str | None = None
-    """The same as a sentence, or what it would take."""
     held: float | None = None
     """Area fraction of the grasps that hold the load, at the worst normals, with that force."""
     grip_force_needed: float | None = None

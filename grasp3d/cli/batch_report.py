@@ -206,6 +206,9 @@ def print_library(library: LibraryLabels, model: GraspModel, *, report: bool) ->
         output.paragraph(CHECK_HINT)
     verdicts = _verdicts(rows)
     if verdicts:
+        unsure = [row for row in rows if row.verdict in {"perhaps", "not"}]
+        lines = [f"{row.mesh}: {row.verdict_text}" for row in unsure]
+        _print_some(output, "[bold]verdict:[/]", lines, "verdicts")
         output.paragraph(verdicts)
     before = f"; {library.finished} of them were finished before" if library.finished else ""
     output.paragraph(f"{len(rows) - len(failed)} labelled, {len(failed)} failed{before}")
@@ -217,7 +220,8 @@ def print_library(library: LibraryLabels, model: GraspModel, *, report: bool) ->
 def _verdicts(rows: Collection[Row]) -> str:
     """Return how many objects have which verdict; empty: none has one."""
     counts = Counter(row.verdict for row in rows if row.verdict)
-    return ", ".join(f"{counts[word]} {word}" for word in get_args(Word) if counts[word])
+    words = ", ".join(f"{counts[word]} {word}" for word in get_args(Word) if counts[word])
+    return f"{words} held" if words else ""
 
 
 def print_failed(library: LibraryLabels) -> None:

@@ -32,6 +32,7 @@ from grasp3d.cli.report import (
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
 from grasp3d.grasps.ranking import ranked_rows
+from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.object_pose import ObjectPose
@@ -86,6 +87,7 @@ def print_evaluated(grasps: GraspTable, output: Path) -> None:
     report.paragraph(f"critical friction angle, {PERCENTS} of the grasps: {texts}")
     report.lines(uncertainty_lines(grasps, None, of="grasps", unit=mesh.unit))
     report.paragraph(_distance_text(grasps))
+    report.line(f"[bold]{escaped(str(verdict_of(grasps)))}[/]")
     print_load(report, grasps.holding)
     report.warnings(grasps.warnings)
     _print_some(report, [*_columns(grasps), *_conditional_columns(grasps, distances=True)], grasps)
@@ -159,6 +161,7 @@ def print_poses(poses: EvaluatedPoses, output: Path) -> None:
     report.lines(uncertainty_lines(poses, None, of="poses", unit=mesh.unit))
     if not np.isnan(poses.outcome).all():
         report.line(_outcomes(poses))
+    report.line(f"[bold]{escaped(str(verdict_of(poses)))}[/]")
     print_load(report, poses.holding)
     report.warnings(poses.warnings)
     _print_some(report, _pose_columns(poses), poses)

@@ -23,33 +23,27 @@ from grasp3d.cli.report import (
 )
 from grasp3d.cli.time_limit import time_limit
 from grasp3d.export.writers import writer_for
+from grasp3d.grasps.causes import causes_text
 from grasp3d.grasps.distinct import best_grasps
 from grasp3d.grasps.grasp_files import SUFFIXES, write_grasps
 from grasp3d.grasps.pose_files import SUFFIXES as POSES
 from grasp3d.grasps.pose_files.files import check_frame, check_hand, format_of, suffixes_of
 from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.scene import Scene
+from grasp3d.mesh.surface_points import nearest_vertex
 from grasp3d.settings import AnySampling
-from grasp3d.settings.lengths import Unit
+from grasp3d.settings.lengths import Unit, parse_position
 from grasp3d.settings.model_text import MINIMUM
 from grasp3d.settings.parsing import plain_values
+from grasp3d.stability.label import Label as Letter
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import Labelling
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.context import refuse_warnings
 from grasp3d.system.counts import counted
 from grasp3d.system.files import check_suffix
 from grasp3d.system.names import printable, safe_stem
-
-_REASONS = {
-    Reason.NO_PARTNER: "no opposing contacts within the search cone give force closure",
-    Reason.OPENING: "all opposing contacts are closer or farther than the limits allow",
-    Reason.NOT_REACHED: "the gripper reaches none of their grasps",
-    Reason.OFF_SURFACE: "in no face, so their label is U and their area 0",
-}
-"""Explanations of vertices without a grasp."""
 
 
 def run(command: Label) -> int:
@@ -67,13 +61,15 @@ def run(command: Label) -> int:
         check_not_task(path, command.load)
         check_output(path, overwrite=command.overwrite, sources=[command.file])
     with time_limit(command.timeout, printable(str(command.file))):
-        labels = _labels(command, (output, *grasp_files[:1]))
+        labels, vertices = _labels(command, (output, *grasp_files[:1]))
     grasps = best_grasps(labels, command.best) if command.best else None
     if grasps is not None:
         refuse_warnings(grasp_report.warnings_of_best(grasps, command.object_pose))
     write(output, labels)
     if not command.quiet:
-        print_labels(labels, output)
+        print_labels(labels, output, grasps)
+        for text, vertex in zip(command.at, vertices, strict=True):
+            _print_at(labels, text, vertex)
     if grasps is not None:
         _write_best(command, labels, grasp_file, grasps)
     return 0
@@ -91,13 +87,19 @@ def _check_grasp_file(command: Label, path: Path) -> None:
         check_frame(form or format_of(path))
 
 
-def _labels(command: Label, outputs: tuple[Path, ...]) -> SurfaceLabels:
-    """Read and label the mesh; `outputs` must not have been made with other settings."""
+def _labels(command: Label, outputs: tuple[Path, ...]) -> tuple[SurfaceLabels, list[int]]:
+    """Read and label the mesh; `outputs` must not have been made with other settings.
+
+    Returns:
+        The labels, and the vertices that are asked for.
+    """
     model, load, quiet = command.reach.touching(command.model), command.load.chosen, command.quiet
     sampling = given_sampling(command.sampling, command.multifinger).fitted(model.fingers)
     task = Labelling.read(
         command.file, model, sampling, command.reach, load, command.mesh, force=command.force
     )
+    points = (parse_position("at", text) for text in command.at)
+    vertices = [nearest_vertex(task.mesh, "at", point) for point in points]
     for path in outputs:
         check_same_settings(path, task, overwrite=command.overwrite)
     with progress_bars.progress(f"labelling {command.file.name}", quiet=quiet):
@@ -105,7 +107,22 @@ def _labels(command: Label, outputs: tuple[Path, ...]) -> SurfaceLabels:
     progress_bars.measure(lambda: labels.epsilon_range, "measuring epsilon", quiet=quiet)
     if load is not None:
         progress_bars.measure(lambda: labels.holding, "measuring grip forces", quiet=quiet)
-    return labels
+    return labels, vertices
+
+
+def _print_at(labels: SurfaceLabels, text: str, vertex: int) -> None:
+    """Print the label, the grasp and the reason at a vertex, as the viewer shows them."""
+    from grasp3d.viewer.session.inspection import inspect, position_text
+    from grasp3d.viewer.subjects.subject import subject_of
+
+    report, shown = Report(), inspect(subject_of(labels), vertex, labels.model)
+    report.heading(f"at {text}", escaped(shown.reason))
+    points, approach = shown.points[1:], labels.approach
+    others = [("opposing contact", position_text(point, labels.mesh)) for point in points]
+    if approach is not None and np.isfinite(approach[vertex]).all():
+        direction = ", ".join(f"{number + 0.0:.3g}" for number in approach[vertex])
+        others.append(("approach along", f"({direction})"))
+    report.fields([("label", Letter(labels.label[vertex]).name), *shown.numbers, *others])
 
 
 def _write_best(command: Label, labels: SurfaceLabels, output: Path, grasps: GraspTable) -> None:
@@ -130,12 +147,13 @@ def _write_best(command: Label, labels: SurfaceLabels, output: Path, grasps: Gra
         )  # fmt: skip
 
 
-def print_labels(labels: SurfaceLabels, output: Path) -> None:
+def print_labels(labels: SurfaceLabels, output: Path, best: GraspTable | None = None) -> None:
     """Print the settings, area fractions, quantiles, repairs and warnings of a labelled surface.
 
     Args:
         labels: Labels of the surface.
         output: The file that they were written to.
+        best: The best distinct grasps, if they are known.
     """
     report, mesh = Report(), labels.mesh
     _print_settings(report, labels)
@@ -144,17 +162,17 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
         "label", ["area fraction"], lambda code: [percent_text(fractions[code.name])], texts=3
     )
     if labels.sampling is not None:
-        report.line(f"[bold]{escaped(str(verdict_of(labels).text))}[/]")
+        report.line(f"[bold]{escaped(str(verdict_of(labels, best)))}[/]")
+        if causes := causes_text(labels):
+            report.line(f"U, of the area: {escaped(causes)}")
     angles = ", ".join(map(angle_text, labels.angle_quantiles(LEVELS)))
     report.paragraph(f"critical friction angle, {PERCENTS} of the area: {angles}")
     areas = vertex_weights(mesh, "area")
     report.lines(uncertainty_lines(labels, areas, of="area", unit=mesh.unit))
     report.line(_epsilon_text(labels))
     print_load(report, labels.holding, areas)
-    counts = np.bincount(labels.reason, minlength=len(Reason))
-    for reason, explanation in _REASONS.items():
-        if counts[reason]:
-            report.paragraph(f"{counted(int(counts[reason]), 'vertices')}: {explanation}")
+    if lone := int(np.sum(~mesh.on_surface)):
+        report.paragraph(f"{counted(lone, 'vertices')} in no face: their label is U, their area 0")
     for step in mesh.report.repairs:
         report.paragraph(f"repaired: {escaped(str(step))}")
     report.warnings(labels.warnings)

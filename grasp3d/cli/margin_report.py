@@ -9,7 +9,6 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.cli.report import LEVELS, PERCENTS, Column, Report, escaped, percent_text
-from grasp3d.grasps.verdict import HoldingVerdict
 from grasp3d.quality.force_ranges import Certainty
 from grasp3d.quality.task_texts import TaskText
 from grasp3d.settings import GraspModel
@@ -32,6 +31,10 @@ _HOW: dict[Certainty, str] = {
     "bound": "at the worst normals, a safe bound",
     "sampled": "at the worst of sampled normals",
 }
+
+
+ROUNDING = 1e-9
+"""Rounding error of sums of area fractions."""
 
 
 class _Labelled(Protocol):
@@ -128,9 +131,7 @@ def print_load(report: Report, holding: Holding | None, areas: Floats | None = N
     text = escaped(str(task)) if isinstance(task, TaskText) else "a given task"
     force = "none given" if holding.available is None else f"{holding.available:.3g} N per finger"
     report.line(f"[bold]load[/]: {mass}, {text}; force at hand: {force}")
-    verdict = HoldingVerdict.of(holding)
-    report.line(f"  {escaped(str(verdict))}")
-    if holding.remedy and holding.remedy != verdict.reason:
+    if holding.remedy and np.isfinite(holding.grip_force_largest).any():  # else the verdict says it
         report.line(f"  most grasps hold nothing: {escaped(holding.remedy)}")
     count = len(holding.grip_force)
     weights = np.ones(count) if areas is None else areas
@@ -141,14 +142,24 @@ def print_load(report: Report, holding: Holding | None, areas: Floats | None = N
         parts = ", ".join(f"{name} {number(part)}" for name, part in sums.items())
         report.paragraph(f"  held by {number(sums['S'])} of {whole} ({parts})")
     of, per = "grasps" if areas is None else "area", "" if holding.case.decided else " per kg"
-    forces = np.nan_to_num(holding.grip_force_largest, nan=math.inf, posinf=math.inf)
-    texts = ", ".join(map(force_text, quantiles(forces, LEVELS, weights).tolist()))
-    report.line(f"  grip force{per}, {PERCENTS} of the {of}: {texts} N ({_HOW[holding.how]})")
+    part = _part_text(holding.grip_force_largest, weights, f"of the {of}", "need at most", "N")
+    report.line(f"  grip force{per} {_HOW[holding.how]}: enough on {part}")
     if holding.has_payload:
-        payloads = np.nan_to_num(holding.payload, nan=0.0, posinf=math.inf)
-        payloads = quantiles(payloads, LEVELS, weights)
-        texts = ", ".join(f"{payload:.3g}" for payload in payloads.tolist())
-        report.line(f"  payload, {PERCENTS} of the {of}: {texts} kg")
+        payloads = np.where(holding.payload > 0.0, holding.payload, math.inf)
+        part = _part_text(payloads, weights, f"of the {of}", "hold at most", "kg")
+        report.line(f"  payload with {holding.available:.3g} N: above 0 on {part}")
+
+
+def _part_text(values: Floats, weights: Floats, of: str, verb: str, unit: str) -> str:
+    """Which part of the grasps has a finite value, and the quantiles over that part."""
+    where = np.isfinite(values)
+    part = weights[where].sum() / weights.sum()
+    if not part > 0.0:
+        return f"none {of}"
+    numbers = quantiles(values[where], LEVELS, weights[where])
+    texts = ", ".join(f"{number + 0.0:.3g}" for number in numbers)
+    some = "all" if part > 1.0 - ROUNDING else percent_text(part)
+    return f"{some} {of}, {PERCENTS} of which {verb} {texts} {unit}"
 
 
 def force_text(force: float) -> str:

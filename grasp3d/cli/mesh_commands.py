@@ -32,9 +32,13 @@ from grasp3d.settings import (
     Sampling,
     check_per_finger,
 )
+from grasp3d.settings.lengths import parse_position
 from grasp3d.settings.parsing import Main
 from grasp3d.validating.perturbing.noise_settings import NoiseSettings
 from grasp3d.viewer.view_settings import ViewSettings
+
+At = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="X,Y,Z")]
+"""Points of a surface, in the mesh's unit or each length with a unit."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,10 @@ class Label:
     """With a gripper: pose of the object in your robot's frame, in which that file then has its
     poses: x=0.4m,z=0.1m,yaw=90deg (also y, roll, pitch, frame=NAME; or qx, qy, qz, qw), or a file
     of it (default: the poses are in the mesh's frame)."""
+
+    at: At = ()
+    """Also print the label, the grasp and the reason at the vertex nearest to this point of the
+    surface; may be stated several times."""
 
     model: GraspModel = field(default_factory=GraspModel)
 
@@ -110,6 +118,8 @@ class Label:
                 raise SettingError(
                     f"{name} is for poses of a gripper of two fingers; give one with --hand"
                 )
+        for text in self.at:
+            parse_position("at", text)
         check_timeout(self.timeout)
         check_per_finger(self.model)
 

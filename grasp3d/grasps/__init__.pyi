@@ -1,3 +1,5 @@
+from .causes import Cause as Cause
+from .causes import cause_fractions as cause_fractions
 from .distinct import alternatives_at as alternatives_at
 from .distinct import best_grasps as best_grasps
 from .distinct import grasp_kinds as grasp_kinds
@@ -11,5 +13,6 @@ from .ranking import margins_in_units as margins_in_units
 from .ranking import ranked_rows as ranked_rows
 from .ranking import stated_label as stated_label
 from .verdict import HoldingVerdict as HoldingVerdict
+from .verdict import Remedy as Remedy
 from .verdict import Verdict as Verdict
 from .verdict import verdict_of as verdict_of

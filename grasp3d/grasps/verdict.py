@@ -1,25 +1,156 @@
-"""The verdict on an object: whether it can be held reliably, and if not what would help."""
+"""The verdict on an object: whether it is surely held, by what, and what would have to change."""
 
 import math
-from dataclasses import dataclass, replace
-from typing import Literal
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
 
+from grasp3d.arrays import Ints
+from grasp3d.errors import GraspError
+from grasp3d.grasps.causes import Cause, cause_fractions
 from grasp3d.grasps.distinct import distance_of_distinct, distinct_rows
-from grasp3d.grasps.ranking import ranked_rows
-from grasp3d.hand.reach import Reachability
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.explanations import finger_words
+from grasp3d.grasps.ranking import ranked_rows, stated_label
+from grasp3d.hand.jaws import metres_per_unit
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskText
+from grasp3d.settings import Sampling
 from grasp3d.stability.label import Label
-from grasp3d.surface.holding import Holding
+from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.holding import HARD_FINGERS, Holding
+from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.system.context import unreported
+
+Word = Literal["surely", "perhaps", "not"]
+
+MOST_COUNTED = 1000
+"""Distinct grasps that are counted at most."""
+
+MOST_FRICTION = 2.0
+"""Largest friction that is named as a remedy: that of rubber."""
+
+ALPHA, MU = 0.1, 0.01
+"""Steps of a sensor's resolution [degrees] and of friction in which remedies are named."""
+
+SMALL, NARROW, WHOLE = math.radians(0.1), math.radians(0.5), 0.995
+"""Angles of resolution and approach [rad], and fraction of the surface, from which on they are not
+rounded to 0 and to all."""
+
+MOST_JAWS = 4
+"""Grasps of wider jaws that are tested with just the opening that they need."""
+
+_WORDS: dict[int, Word] = {Label.S: "surely", Label.M: "perhaps", Label.U: "not"}
+_CHANGES = {
+    "sensor_resolution": "with a sensor of {:.1f}° or finer instead of {:.4g}°",
+    "grip_force": "with {:.3g} N instead of {:.3g} N",
+    "mass": "with {:.2g} kg instead of {:.3g} kg",
+    "friction": "with a friction of {:.2f} or more instead of {:.4g}",
+    "max_opening": "with jaws that open {:.4g} mm instead of {:.4g} mm",
+}
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """A change of one setting that makes a grasp surely hold, all others being as they are."""
+
+    setting: Literal["sensor_resolution", "grip_force", "mass", "friction", "max_opening"]
+    """Of the model, the load or the gripper."""
+    value: float
+    """What it must be [rad, N, kg, 1 or m]: it suffices as it is, and as it is printed."""
+    now: float
+    """What it is."""
+
+    def __str__(self) -> str:
+        scale = {"sensor_resolution": 180.0 / math.pi, "max_opening": 1000.0}
+        factor = scale.get(self.setting, 1.0)
+        return _CHANGES[self.setting].format(factor * self.value, factor * self.now)
 
 
 @dataclass(frozen=True)
 class HoldingVerdict:
-    """Whether some grasp holds a load at all normals that the sensor cannot distinguish.
+    """What a load takes of grasps, at the worst normals that may be true."""
+
+    holds: bool | None
+    """Whether some grasp holds it; None: the mass or the force at hand is not known."""
+    mass: float | None
+    """Mass of the object [kg]; None: not known, or it does not matter."""
+    available: float | None
+    """Force at hand of each finger [N]; None: not known."""
+    needed: float
+    """Least grip force of all grasps [N], for the mass or, if none is known, for 1 kg; inf: no
+    grasp holds the load."""
+    payload: float
+    """Largest mass that a grasp holds with the force at hand [kg]; nan: no force is known, or the
+    task does not depend on the mass."""
+    what: str = ""
+    """The task in words, with a verb: 'hold 0.5 kg in any orientation'."""
+    reason: str = ""
+    """Why no force surely holds the load, as far as that is known; empty where one does."""
+
+    @classmethod
+    def of(cls, holding: Holding) -> "HoldingVerdict":
+        """What a load takes.
+
+        Args:
+            holding: Forces and payloads of all grasps of an object.
+        """
+        needed = float(np.nanmin(holding.grip_force_largest, initial=math.inf)) + 0.0  # 0, not -0
+        payload = math.nan
+        if holding.has_payload:
+            payload = float(np.nanmax(holding.payload, initial=0.0))
+        enough = None if holding.available is None else needed <= holding.available
+        task, pure = holding.load.task, holding.task.mass is None
+        text = str(task) if isinstance(task, TaskText) else "the given task"
+        mass = None if pure else holding.mass
+        around = "in any orientation" if task == Load().task else f"against {text}"
+        kilograms = "each kilogram" if mass is None else f"{mass:.3g} kg"
+        reason = ""
+        turns = (
+            holding.resistance is not None
+            and holding.case.hard
+            and bool(
+                (
+                    np.isinf(holding.grip_force) & (holding.resistance == Resistance.NO_SUCH_WRENCH)
+                ).any()
+            )
+        )
+        if turns and not math.isfinite(needed):
+            reason = HARD_FINGERS
+        elif not np.isfinite(holding.grip_force_least).any():
+            reason = "no contact forces add up to the load"
+        return cls(
+            holds=enough if holding.case.decided else None,
+            mass=mass,
+            available=holding.available,
+            needed=needed,
+            payload=payload,
+            what=f"resist {text}" if pure else f"hold {kilograms} {around}",
+            reason=reason,
+        )
+
+    @property
+    def numbers(self) -> str:
+        """What the load takes, as a sentence, where the mass or the force at hand is not known."""
+        if self.holds is not None or not math.isfinite(self.needed):
+            return ""
+        if self.available is not None:
+            most = self.what.replace("each kilogram", f"{self.payload:.3g} kg")
+            return f"{self.available:.3g} N {most}."
+        verb, rest = self.what.split(maxsplit=1)
+        return f"{verb.capitalize()}ing {rest} takes {self.needed:.3g} N."
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether an object is surely held: by a gripper, or by ideal fingers without one.
+
+    Its text is the verdict in one to three sentences.
 
     Example:
         >>> import trimesh
@@ -27,218 +158,311 @@ class HoldingVerdict:
         >>> from grasp3d.grasps import verdict_of
         >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
         >>> mesh = grasp3d.load_mesh(box, unit="m", max_edge=0.02)
+        >>> print(verdict_of(grasp3d.label_surface(mesh)))
+        Surely held by two fingers: 23 distinct grasps; the best has 30.5° of resolution to spare.
         >>> model = grasp3d.GraspModel(torsion_radius="3mm", sensor_resolution=0.2)
-        >>> for force in (40.0, 5.0):
-        ...     load = grasp3d.Load(mass=0.5, grip_force=force)
-        ...     print(verdict_of(grasp3d.label_surface(mesh, model, load=load)).holding)
-        holds 0.5 kg at 40 N in any orientation
-        needs 8... N; 5 N hold 0.3... kg
-    """
-
-    holds: bool | None
-    """Whether some grasp does; None: the mass or the force at hand is not known."""
-    mass: float | None
-    """Mass of the object [kg]; None: not known, or it does not matter."""
-    available: float | None
-    """Force at hand of each finger [N]; None: not known."""
-    needed: float
-    """Grip force of the best grasp at its worst normals [N], for the mass or, if none is known, for
-    1 kg; inf: no grasp holds the load."""
-    payload: float
-    """Largest mass that a grasp holds with the force at hand at its worst normals [kg]; nan: no
-    force is known, or the task does not depend on the mass."""
-    task: str = ""
-    """What is resisted, in words after a verb."""
-    resisted: str = ""
-    """The task, if the mass has no part in it; else empty."""
-    reason: str = ""
-    """Why no grasp holds the load; empty where one does."""
-
-    @classmethod
-    def of(cls, holding: Holding) -> "HoldingVerdict":
-        """The verdict on grasps.
-
-        Args:
-            holding: Forces and payloads of all grasps of an object.
-        """
-        forces = holding.grip_force_largest
-        needed = float(np.nanmin(forces, initial=math.inf)) + 0.0  # 0, not -0
-        payload = math.nan
-        if holding.has_payload:
-            payload = float(np.nanmax(holding.payload, initial=0.0))
-        enough = None if holding.available is None else needed <= holding.available
-        task, pure = holding.load.task, holding.task.mass is None
-        is_text = isinstance(task, TaskText)
-        what = str(task) if is_text else "the given task"
-        phrase = f"({task})" if is_text else f"against {what}"
-        return cls(
-            holds=enough if holding.case.decided else None,
-            mass=None if pure else holding.mass,
-            available=holding.available,
-            needed=needed,
-            payload=payload,
-            task="in any orientation" if task == Load().task else phrase,
-            resisted=what if pure else "",
-            reason="" if math.isfinite(needed) else _why_not_held(holding),
-        )
-
-    def __str__(self) -> str:
-        if self.reason:
-            return f"no grasp surely holds the load ({self.reason})"
-        if self.holds:
-            if self.resisted:
-                return f"resists {self.resisted} at {self.available:.3g} N"
-            return f"holds {self.mass:.3g} kg at {self.available:.3g} N {self.task}"
-        needs = f"needs {self.needed:.3g} N"
-        if self.holds is None:
-            return self._without_answer(needs)
-        if math.isnan(self.payload):
-            return f"{needs}; {self.available:.3g} N are at hand"
-        return f"{needs}; {self.available:.3g} N hold {self.payload:.3g} kg"
-
-    def _without_answer(self, needs: str) -> str:
-        """The sentence where the mass or the force at hand is not known."""
-        if self.available is not None:
-            return f"{self.available:.3g} N hold {self.payload:.3g} kg {self.task}"
-        if self.resisted:
-            return f"{needs} {self.task}"
-        what = f"{self.mass:.3g} kg" if self.mass is not None else "each kilogram"
-        return f"{what} {needs} {self.task}"
-
-
-def _why_not_held(holding: Holding) -> str:
-    """Why no grasp holds a load at all normals."""
-    if np.isnan(holding.grip_force_least).all():
-        return "there is no grasp"
-    if holding.remedy:
-        return holding.remedy
-    nominal = float(np.nanmin(holding.grip_force, initial=math.inf))
-    if math.isfinite(nominal):
-        return f"the sensor is too coarse; at the sensed normals {nominal:.3g} N are enough"
-    return "no contact force resists the task"
-
-
-Word = Literal["holdable", "with a finer sensor", "out of reach", "no"]
-
-MOST_COUNTED = 1000
-"""Distinct grasps that are counted at most."""
-
-FINEST = math.radians(0.05)
-"""Resolution [rad] that no sensor has: a grasp that needs a finer one is never S."""
-
-STATES = {
-    Reachability.WIDTH: "the openings are outside the stroke",
-    Reachability.TIP: "the fingertips do not fit",
-    Reachability.DIRECTION: "no approach direction is allowed",
-    Reachability.TABLE: "the table is in the way",
-    Reachability.BLOCKED: "fingers or palm touch the object",
-}
-"""Why grasps are not reached."""
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Whether an object can be held reliably: by a gripper, or by ideal fingers without one.
-
-    Example:
-        >>> import trimesh
-        >>> import grasp3d
-        >>> from grasp3d.grasps import verdict_of
-        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
-        >>> labels = grasp3d.label_surface(grasp3d.load_mesh(box, unit="m", max_edge=0.02))
-        >>> print(verdict_of(labels))
-        holdable: 23 distinct grasps, the best with 30.5° of resolution to spare
+        >>> load = grasp3d.Load(mass=0.5, grip_force=5.0)
+        >>> print(verdict_of(grasp3d.label_surface(mesh, model, load=load)))
+        Not held by two fingers: 5 N are too little to hold 0.5 kg in any orientation. Surely ...
     """
 
     word: Word
-    """holdable: there is an S grasp; with a finer sensor: some grasp would be S; out of reach: the
-    gripper reaches none of the grasps; no: no sensor makes any grasp S."""
-    count: int
-    """Distinct S grasps, of those that the gripper reaches; at most 1,000."""
-    spare_resolution: float
-    """Of the best grasp: alpha* - alpha [rad], what the sensor's resolution may still grow by;
-    negative: it must be finer. nan: none could be S."""
-    approach_margin: float
-    """Of the best grasp [rad]: how wrong the approach angle may be; nan: none, or no gripper."""
-    max_resolution: float
+    """That of the best label that takes everything stated into account, as in `ranked_rows`: surely
+    S; perhaps M; not U, or there is no grasp."""
+    by: str
+    """What holds it: the name of the gripper, or the fingers."""
+    count: int = 0
+    """Distinct S grasps, of those that the gripper reaches, at most 1,000; of a table of grasps all
+    that are S."""
+    of: int | None = None
+    """Number of grasps of a table; None: they are those of a surface."""
+    resolution: float = 0.0
+    """The sensor's resolution alpha [rad]."""
+    max_resolution: float = 0.0
     """Of the best grasp: coarsest sensor resolution below which it is S [rad]; 0: none."""
-    reason: str = ""
-    """Out of reach, and no: why."""
+    approach_margin: float = math.nan
+    """Of the best grasp [rad]: how wrong the approach angle may be; nan: none, or no gripper."""
+    grip_force: float = math.nan
+    """Of the best grasp: force that it needs at the worst normals [N]; nan: no grasp or load."""
+    causes: dict[Cause, float] = field(default_factory=dict)
+    """Why there is no grasp, with fractions of the area; empty where there is one."""
+    remedies: tuple[Remedy, ...] = ()
+    """What would make it sure, each by itself."""
     holding: HoldingVerdict | None = None
-    """Whether the load is held; None: there is no load."""
-
-    def __str__(self) -> str:
-        return self.text if self.holding is None else f"{self.text}; {self.holding}"
+    """What the load takes; None: there is no load."""
 
     @property
-    def text(self) -> str:
-        """The sentence without that on the load."""
-        if self.word == "holdable":
-            grasps = "1 distinct grasp" if self.count == 1 else f"{self.count} distinct grasps"
-            spare = f"the best with {math.degrees(self.spare_resolution):.1f}° of resolution"
-            margin = ""
-            if math.isfinite(self.approach_margin):
-                margin = f" and ±{math.degrees(self.approach_margin):.0f}° of approach"
-            return f"{self.word}: {grasps}, {spare}{margin} to spare"
-        if self.word == "with a finer sensor":
-            return f"{self.word} (resolution below {math.degrees(self.max_resolution):.1f}°)"
-        if self.word == "no":
-            return f"not holdable: {self.reason}"
-        return f"{self.word} ({self.reason})" if self.reason else self.word
+    def spare_resolution(self) -> float:
+        """Of the best grasp: alpha* - alpha [rad], what the sensor's resolution may still grow by.
+
+        Not above 0: it must be finer. nan: no sensor is fine enough, or there is no grasp.
+        """
+        return self.max_resolution - self.resolution if self.max_resolution > 0.0 else math.nan
+
+    def __str__(self) -> str:
+        parts = [f"{self.word.capitalize()} held by {self.by}: {self._why()}."]
+        if self.remedies:
+            *first, last = map(str, self.remedies)
+            parts.append(f"Surely {', '.join(first)}{', or ' if first else ''}{last}.")
+        elif self.word == "perhaps" and self.of is None:
+            load = "" if self.holding is None else self.holding.reason
+            none = "no change of sensor, friction, force or mass alone makes it sure"
+            text = load or none
+            parts.append(f"{text[0].upper()}{text[1:]}.")
+        if self.holding is not None:
+            parts.append(self.holding.numbers)
+        return " ".join(filter(None, parts))
+
+    def _why(self) -> str:
+        """What the word rests on."""
+        load = self.holding
+        if self.word == "surely":
+            return self._sure()
+        if self.causes:
+            cause, part = next(iter(self.causes.items()))
+            return f"{cause}{'' if part > WHOLE else f' on {100.0 * part:.0f} % of the surface'}"
+        if load is not None and (load.holds is not None or not math.isfinite(load.needed)):
+            return self._load_unheld(load)
+        if self.word == "not":
+            return "there is no grasp that may be stable"
+        resolution = f"{_degrees(self.resolution):.4g}°"
+        return f"no grasp is surely stable at a sensor resolution of {resolution}"
+
+    def _load_unheld(self, load: HoldingVerdict) -> str:
+        """That the force at hand does not surely hold the load."""
+        force = "any force" if load.holds is None else f"{load.available:.3g} N"
+        if self.word == "perhaps":
+            return f"the sensor cannot tell whether {force} can {load.what}"
+        if load.reason:
+            return f"no force suffices to {load.what}: {load.reason}"
+        return f"{force} are too little to {load.what}"
+
+    def _sure(self) -> str:
+        """The sure grasps, and what the best has to spare, or needs of the force at hand."""
+        grasps, parts, spares = f"{self.count:,} distinct grasps", [], []
+        if self.of is not None:
+            grasps = f"{self.count:,} of {self.of:,} grasps"
+        elif self.count == 1:
+            grasps = "1 distinct grasp"
+        elif self.count == MOST_COUNTED:
+            grasps += " or more"
+        load = self.holding
+        if load is not None and load.holds is not None:
+            force = f"{self.grip_force:.3g} N of {load.available:.3g} N"
+            parts.append(f"needs {force} to {load.what}")
+        elif (spare := self.spare_resolution) >= SMALL:
+            spares.append(f"{_degrees(spare):.1f}° of resolution")
+        if self.approach_margin >= NARROW:
+            spares.append(f"±{math.degrees(self.approach_margin):.0f}° of approach")
+        if spares:
+            parts.append(f"has {' and '.join(spares)} to spare")
+        subject = "it" if self.count == 1 else "the best"
+        return f"{grasps}; {subject} {' and '.join(parts)}" if parts else grasps
 
 
-def verdict_of(labels: SurfaceLabels) -> Verdict:
-    """Judge whether an object can be held reliably; computes epsilon, which ranks the grasps.
+def verdict_of(
+    grasps: SurfaceLabels | GraspTable | EvaluatedPoses, best: GraspTable | None = None
+) -> Verdict:
+    """Judge whether an object is surely held; computes epsilon and grip forces, which rank grasps.
 
-    With a load also whether it is held, which computes the grip forces.
+    Without a grasp it searches for those of wider jaws, or of more friction, where that may help.
 
     Args:
-        labels: The labelled surface.
+        grasps: A labelled surface, or a table of grasps or poses.
+        best: Of a surface: what `best_grasps` returns, whose first grasp is then the best one, with
+            its numbers at what the jaws touch, if it has the label of the verdict.
 
     Returns:
-        The verdict on the grasps of the vertices; its best grasp is the first one of `best_grasps`
-        unless a gripper's jaws, once closed, confirm others better.
+        The verdict; its best grasp is else the first one of `ranked_rows`.
     """
-    verdict = _verdict(labels)
-    if labels.holding is None:
-        return verdict
-    return replace(verdict, holding=HoldingVerdict.of(labels.holding))
-
-
-def _verdict(labels: SurfaceLabels) -> Verdict:
-    grasps, rows = labels.grasps, ranked_rows(labels.grasps)
-    rows = rows[grasps.max_resolution[rows] > FINEST]
-    if not len(rows):
-        # Grasps that the gripper does not reach, or that exceed its stroke.
-        reasons = labels.likely_reason[labels.mesh.on_surface]
-        outside = Reason.OPENING if labels.scene is not None else Reason.NOT_REACHED
-        if np.isin(reasons, [Reason.NOT_REACHED, outside]).any():
-            return Verdict("out of reach", 0, math.nan, math.nan, 0.0, _reason(labels))
-        why = "at no sensor resolution is a grasp S"
-        if not (labels.likely_reason == Reason.FOUND).any():
-            why = "no grasp was found"
-        return Verdict("no", 0, math.nan, math.nan, 0.0, why)
-    best = rows[0]
-    resolution = float(grasps.max_resolution[best])
-    stable = rows[grasps.label[rows] == Label.S]
-    word: Word = "holdable" if len(stable) else "with a finer sensor"
-    points = grasps.contacts.take(stable).points
-    margin = math.nan if grasps.reach is None else float(grasps.reach.approach_margin[best])
-    return Verdict(
-        word,
-        len(distinct_rows(points, MOST_COUNTED, distance_of_distinct(labels.mesh))),
-        resolution - labels.model.sensor_resolution,
-        margin,
-        resolution,
+    labels = grasps if isinstance(grasps, SurfaceLabels) else None
+    table = grasps.grasps if isinstance(grasps, SurfaceLabels) else grasps
+    scene, codes, rows = grasps.scene, _codes(table), ranked_rows(table)
+    code = max(codes[rows], default=Label.U)
+    rows = rows[codes[rows] == code]
+    load = None if table.holding is None else HoldingVerdict.of(table.holding)
+    verdict = Verdict(
+        _WORDS[code],
+        by=finger_words(grasps.model.fingers) if scene is None else scene.hand.name,
+        of=table.size if labels is None else None,
+        resolution=grasps.model.sensor_resolution,
+        holding=load,
     )
+    if not len(rows) or (labels is not None and max(table.label[rows]) == Label.U):
+        causes = {} if labels is None else cause_fractions(labels)
+        remedies = () if labels is None else _other_remedies(labels, next(iter(causes), None))
+        return replace(verdict, causes=causes, remedies=remedies)
+    named, first = table, int(rows[0])
+    if best is not None and best.size and stated_label(best, best.closed)[0] == code:
+        named, first = best, 0
+    verdict = replace(
+        verdict,
+        max_resolution=float(named.max_resolution[first]),
+        approach_margin=_approach_margin(named, first),
+        grip_force=_grip_force(named, first),
+    )
+    if code != Label.S:
+        return replace(verdict, remedies=_remedies(table, rows, load))
+    count = len(rows)
+    if labels is not None:
+        points = labels.grasps.contacts.take(rows).points
+        count = len(distinct_rows(points, MOST_COUNTED, distance_of_distinct(labels.mesh)))
+    return replace(verdict, count=count)
 
 
-def _reason(labels: SurfaceLabels) -> str:
-    """What keeps the gripper from most of the surface that has grasps."""
-    areas, reasons = labels.mesh.vertex_areas, labels.likely_reason
-    totals = np.zeros(len(Reachability))
-    totals[Reachability.WIDTH] = areas[reasons == Reason.OPENING].sum()
-    if labels.reach is not None:
-        missed = reasons == Reason.NOT_REACHED
-        totals += np.bincount(labels.reach.state[missed], areas[missed], len(Reachability))
-    return STATES[max(STATES, key=lambda state: totals[state])]
+def _codes(grasps: GraspTable | EvaluatedPoses) -> Ints:
+    """Codes of the labels that the verdict rests on, shape (b,).
+
+    Those of `stated_label`; where the mass or the force at hand is not known, what no force holds
+    is not S either, and what is not reached is U.
+    """
+    codes, holding = stated_label(grasps), grasps.holding
+    if holding is not None and holding.label is None:
+        most = np.where(np.isfinite(holding.grip_force_largest), Label.S, Label.M)
+        most[~np.isfinite(holding.grip_force_least)] = Label.U
+        codes = np.minimum(codes, most)
+    if isinstance(grasps, EvaluatedPoses):
+        codes = np.where(grasps.reachable, codes, Label.U)
+    return codes
+
+
+def _approach_margin(grasps: GraspTable | EvaluatedPoses, row: int) -> float:
+    reach = grasps.reach if isinstance(grasps, GraspTable) else None
+    return math.nan if reach is None else float(reach.approach_margin[row])
+
+
+def _grip_force(grasps: GraspTable | EvaluatedPoses, row: int) -> float:
+    holding = grasps.holding
+    return math.nan if holding is None else float(holding.grip_force_largest[row]) + 0.0
+
+
+def _remedies(
+    grasps: GraspTable | EvaluatedPoses, rows: Ints, load: HoldingVerdict | None
+) -> tuple[Remedy, ...]:
+    """What would make some of the grasps S, none of which is; each is tested."""
+    model, remedies = grasps.model, []
+    if isinstance(grasps, GraspTable):
+        few = grasps.take(_candidates(grasps, rows))
+        alpha = math.floor(round(math.degrees(model.sensor_resolution) / ALPHA, 6))
+        finer = _edge(lambda step: _sure(few, sensor_resolution=_alpha(step)), 1, alpha)
+        if finer:
+            alphas = _alpha(finer), model.sensor_resolution
+            remedies.append(Remedy("sensor_resolution", *alphas))
+        if load is None or not (finer or math.isfinite(load.needed)):
+            remedies += _friction(few)
+    if load is not None and load.holds is False:
+        assert load.available is not None
+        assert grasps.holding is not None
+        force = float(np.nanmin(grasps.holding.grip_force_largest[rows]))
+        if math.isfinite(force):
+            remedies.append(Remedy("grip_force", _rounded(force, 3, math.ceil), load.available))
+        if load.mass and load.payload > 0.0:
+            remedies.append(Remedy("mass", _rounded(load.payload, 2, math.floor), load.mass))
+    return tuple(remedies)
+
+
+def _candidates(grasps: GraspTable, rows: Ints) -> Ints:
+    """A few grasps, of which one is the first to become S: those that need least."""
+    values = [np.arange(len(rows)), -grasps.max_resolution[rows], grasps.located_angles[0][rows]]
+    if grasps.holding is not None:
+        values += [grasps.holding.grip_force[rows], grasps.holding.grip_force_largest[rows]]
+    return np.unique([rows[np.argmin(np.nan_to_num(one, nan=math.inf))] for one in values])
+
+
+def _sure(grasps: GraspTable, **changed: Any) -> bool:
+    """Whether some of the grasps are S with another model."""
+    return bool((_codes(grasps.using(model=replace(grasps.model, **changed))) == Label.S).any())
+
+
+def _friction(grasps: GraspTable) -> list[Remedy]:
+    """The least friction with which some of the grasps are S, as a remedy if there is one."""
+    model = grasps.model
+    least = math.floor(model.friction / MU) + 1
+    step = _edge(lambda step: _sure(grasps, friction=MU * step), round(MOST_FRICTION / MU), least)
+    return [Remedy("friction", round(MU * step, 2), model.friction)] if step else []
+
+
+def _edge(holds: Callable[[int], bool], good: int, bad: int) -> int:
+    """Of the whole numbers from `good` to `bad` the farthest that holds; 0: not even `good`.
+
+    Those nearer to `good` hold too.
+    """
+    with unreported():
+        if not (min(good, bad) > 0 and holds(good)):
+            return 0
+        if holds(bad):
+            return bad
+        while abs(good - bad) > 1:
+            middle = (good + bad) // 2
+            good, bad = (middle, bad) if holds(middle) else (good, middle)
+    return good
+
+
+def _alpha(step: int) -> float:
+    return math.radians(ALPHA * step)
+
+
+def _rounded(value: float, digits: int, rounding: Callable[[float], int]) -> float:
+    """A positive number rounded to some digits, up or down."""
+    step = 10.0 ** (math.floor(math.log10(value)) - digits + 1) if value > 0.0 else 1.0
+    return float(f"{rounding(value / step) * step:.{digits}g}")
+
+
+def _degrees(angle: float) -> float:
+    """An angle in degrees, rounded down to tenths, so that as much is to spare."""
+    return math.floor(round(10.0 * math.degrees(angle), 6)) / 10.0
+
+
+def _other_remedies(labels: SurfaceLabels, cause: Cause | None) -> tuple[Remedy, ...]:
+    """Wider jaws or more friction, where nothing is a grasp: what a search with them yields."""
+    if not isinstance(labels.sampling, Sampling):
+        return ()
+    with unreported():
+        try:
+            if cause in {Cause.TOO_WIDE, Cause.STROKE}:
+                return tuple(_wider_jaws(labels))
+            if cause == Cause.NO_PARTNER:
+                return tuple(_more_friction(labels))
+        except GraspError:  # settings that do not allow it
+            pass
+    return ()
+
+
+def _more_friction(labels: SurfaceLabels) -> list[Remedy]:
+    more = label_surface(
+        labels.mesh,
+        replace(labels.model, friction=MOST_FRICTION),
+        sampling=labels.sampling,
+        scene=labels.scene,
+        load=labels.load,
+    ).grasps
+    rows = ranked_rows(more)
+    rows = rows[_codes(more)[rows] == Label.S]
+    if not len(rows):
+        return []
+    return _friction(more.take(_candidates(more, rows)).using(model=labels.model))
+
+
+def _wider_jaws(labels: SurfaceLabels) -> list[Remedy]:
+    """Jaws that just open wide enough for a grasp, as a remedy if some do."""
+    mesh, scene = labels.mesh, labels.scene
+    if scene is None or not isinstance(scene.hand, ParallelGripper):
+        return []
+    hand, metres = scene.hand, metres_per_unit(mesh)
+    free = label_surface(mesh, labels.model, sampling=labels.sampling).grasps
+    rows = np.flatnonzero(free.label == Label.S)
+    rows = rows[np.argsort(free.opening[rows], kind="stable")]
+    points = free.contacts.take(rows).points
+    rows = rows[distinct_rows(points, MOST_JAWS, distance_of_distinct(mesh))]
+    for row in rows.tolist():
+        needed = metres * free.opening[row] + 2.0 * hand.clearance
+        opening = 1e-3 * math.ceil(round(1e3 * needed, 6))
+        palm = max(opening, hand.palm_thickness)
+        wider = replace(scene, hand=replace(hand, max_opening=opening, palm_thickness=palm))
+        one = free.take(np.array([row]))
+        contacts, grip = one.contacts, 1 if one.grip is None else one.grip
+        reach = wider.reach(mesh, contacts.points, contacts.normals, grip=grip)
+        one = one.using(scene=wider, reach=reach, load=labels.load)
+        if reach.reached.all() and (_codes(one) == Label.S).all():
+            return [Remedy("max_opening", opening, hand.max_opening)]
+    return []

@@ -1,7 +1,7 @@
 """Points on a surface, by face and barycentric coordinates; nearest surface points."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import NamedTuple
@@ -11,11 +11,16 @@ import trimesh
 from scipy.spatial import KDTree
 
 from grasp3d.arrays import Floats, Ints, short_repr, unit_rows
+from grasp3d.errors import SettingError
 from grasp3d.mesh.object_mesh import ObjectMesh
+from grasp3d.settings.lengths import GivenLength
 from grasp3d.system.context import report_progress, thread_count
 
 ON_BORDER = 1e-9
 """Distance, in object sizes, within which a point counts as on a corner or an edge."""
+
+NEAR = 0.05
+"""Distance from the surface, in object sizes, up to which a position is on it."""
 
 POINTS = 1 << 14
 """Points whose nearest surface points are searched at once."""
@@ -90,6 +95,33 @@ def nearest_surface_point(mesh: ObjectMesh, point: Floats) -> tuple[Floats, int,
     faces, weights = _Faces.of(corners).nearest(point[None], math.inf)
     face = int(faces[0])
     return weights[0] @ corners[face], face, weights[0]
+
+
+def nearest_vertex(mesh: ObjectMesh, name: str, position: Sequence[GivenLength]) -> int:
+    """The vertex of a surface that is nearest to a position on it.
+
+    It is the nearest corner of the face with the nearest point of the surface.
+
+    Args:
+        mesh: The surface.
+        name: Name of the position, for the error.
+        position: In the mesh's frame and unit, or with a unit, three lengths.
+
+    Raises:
+        SettingError: It is farther from the surface than a twentieth of the object's size; or it
+            has a unit, but that of the mesh is not known.
+    """
+    point = np.array([mesh.length(name, one) for one in position])
+    nearest, face, weights = nearest_surface_point(mesh, (point - mesh.center) / mesh.size)
+    distance = float(np.linalg.norm(mesh.from_normalized(nearest) - point))
+    if distance > NEAR * mesh.size:
+        unit, at = mesh.unit or "(unit not stated)", ",".join(map(str, position))
+        raise SettingError(
+            f"{name} {at} is {distance:.4g} {unit} from the surface of {mesh.report.source}, more "
+            f"than the allowed {NEAR * mesh.size:.4g}: give a point on the surface, in its frame "
+            "and in its unit or with one"
+        )
+    return int(mesh.faces[face, np.argmax(weights)])
 
 
 class _SizeGroup(NamedTuple):

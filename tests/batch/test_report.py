@@ -35,6 +35,7 @@ from grasp3d.batch.report.library import (
 from grasp3d.batch.report.thumbnails import ELEVATIONS, HEIGHT, WIDTH
 from grasp3d.batch.row import AreaFractions, Outcome, Row
 from grasp3d.batch.storage import Folder
+from grasp3d.grasps.causes import cause_codes
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS
@@ -105,7 +106,7 @@ def test_script_contains_the_surface_and_its_values(
     assert np.array_equal(np.isfinite(arrays["opening"]), has_grasp)
     partners = header["low"] + np.array(header["step"]) * arrays["partners"].reshape(-1, 1, 3)
     assert np.abs(partners - labels.partners[used])[has_grasp].max() < 1e-4 * mesh.size
-    assert np.array_equal(arrays["reason"], labels.reason[used])
+    assert np.array_equal(arrays["cause"], cause_codes(labels)[used])
     areas = mesh.vertex_areas / mesh.vertex_areas.sum()
     assert np.allclose(arrays["weights"], areas[used], rtol=1e-6, atol=0.0)
     assert header["name"] == "a mesh"

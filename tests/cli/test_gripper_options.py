@@ -33,7 +33,7 @@ def test_label_prints_the_verdict_and_writes_poses(
     box: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text = printed("label", "box.stl", *OPTIONS, *FRANKA, "--best", "4", cwd=box)
-    assert "holdable: " in text
+    assert "Surely held by franka: " in text
     assert "franka" in text
     path = box / "box_grasps.json"
     assert holds_poses(path)
@@ -90,7 +90,8 @@ def test_nothing_reached_is_a_verdict_and_no_error(tmp_path: Path) -> None:
     plate = trimesh.Trimesh(*shapes.box((120.0, 80.0, 3.0)), process=False)
     plate.export(tmp_path / "plate.stl")
     text = printed("label", "plate.stl", *OPTIONS, *FRANKA, "--best", "3", cwd=tmp_path)
-    assert "out of reach (the table is in the way)" in text
+    assert "Not held by franka: the table is in the way" in text
+    assert "U, of the area: the table is in the way (" in text
     assert "none found" in text
     assert not (tmp_path / "plate_grasps.json").exists()
 
@@ -108,9 +109,11 @@ def test_batches_have_verdicts_and_poses_and_resume(box: Path) -> None:
         return {row["mesh"]: row for row in pq.read_table(box / "out" / "summary").to_pylist()}
 
     before = rows()
-    assert before["box.stl"]["verdict"] == "holdable"
+    assert before["box.stl"]["verdict"] == "surely"
     assert before["box.stl"]["gripper"] == "franka"
-    assert before["plate.stl"]["verdict_text"] == "out of reach (the table is in the way)"
+    assert before["plate.stl"]["verdict_text"].startswith(
+        "Not held by franka: the table is in the "
+    )
     assert before["plate.stl"]["grasps"] == []
     poses = np.array([grasp["pose"] for grasp in before["box.stl"]["grasps"]]).reshape(-1, 4, 4)
     assert len(poses) == 2

@@ -8,8 +8,9 @@ import pytest
 from numpy.typing import NDArray
 
 from grasp3d import GraspModel, Label, SurfaceLabels, evaluate_grasps, scan_surface
+from grasp3d.grasps.causes import Cause
+from grasp3d.grasps.explanations import Case, angle_text, explain
 from grasp3d.surface import Reason
-from grasp3d.viewer.session.explanations import Case, angle_text, explain
 from grasp3d.viewer.session.inspection import inspect
 from grasp3d.viewer.session.painting import UNSEARCHED, labels_at
 from grasp3d.viewer.subjects.subject import subject_of
@@ -112,7 +113,7 @@ def test_a_vertex_without_a_grasp_has_one_contact() -> None:
     assert seen.code == Label.U
     assert ("β*", "no grasp") in seen.numbers
     assert seen.reason == (
-        "U: all contact points for the second finger violate the opening limits."
+        "U: the object is too wide or too narrow for the limits of the search here."
     )
 
 
@@ -142,7 +143,7 @@ def test_angles_of_an_internal_grasp_are_to_the_outward_directions() -> None:
 
 
 MODEL = GraspModel()  # β 26.565°, α/2 11.3°: S below 15.265°, U from 37.865°
-SMOOTH = Case(MODEL, "label", Label.M, 0.54, 0.54, 0.66, Reason.FOUND, (0.1, 0.54))
+SMOOTH = Case(MODEL, "label", Label.M, 0.54, 0.54, 0.66, None, (0.1, 0.54))
 
 
 def _case(**changes: object) -> str:
@@ -266,21 +267,20 @@ def test_explanation_of_u_for_a_search_and_a_scan() -> None:
 
 
 @pytest.mark.parametrize(
-    ("reason", "text"),
+    ("cause", "text"),
     [
-        (Reason.NO_PARTNER, "no contact points for the second finger were found within the"),
-        (Reason.OPENING, "all contact points for the second finger violate the opening limits"),
-        (Reason.OFF_SURFACE, "no grasp, as the vertex belongs to no face"),
-        (Reason.SAME_POINT, "no grasp, as a fixed finger is at this point"),
-        (None, "within the searched 37.8° and the opening limits"),
+        (Cause.NO_PARTNER, "U: no opposing contacts within the search cone of 37.8°."),
+        (Cause.LIMITS, "U: the object is too wide or too narrow for the limits of the search"),
+        (Cause.OFF_SURFACE, "U: the vertex belongs to no face."),
+        (Cause.SAME_POINT, "U: a fixed finger is at this point."),
     ],
 )
-def test_explanation_without_a_grasp_has_the_reason(reason: Reason | None, text: str) -> None:
+def test_explanation_without_a_grasp_has_the_cause(cause: Cause, text: str) -> None:
     none = {"code": Label.U, "worst": math.inf, "best": math.inf, "off_line": None}
-    assert text in _case(**none, reason=reason)
-    more = _case(**none, reason=reason, model=GraspModel(fingers=4))
-    assert "second finger" not in more
-    assert "opening" not in more
+    assert text in _case(**none, cause=cause)
+    assert "franka" not in _case(**none, cause=cause, hand="franka")
+    missed = _case(**none, cause=Cause.TABLE, hand="franka")
+    assert missed.endswith("franka reaches none of those tested: the table is in the way.")
 
 
 def test_explanation_of_unsearched_vertices() -> None:
@@ -301,7 +301,7 @@ def test_in_a_scan_the_partners_are_the_fixed_fingers(fingers: int) -> None:
     assert seen.points[1:] == pytest.approx(fixed)
     at_finger = inspect(subject, 30, labels.model)
     if fingers == 2:
-        assert at_finger.reason == "U: no grasp, as a fixed finger is at this point."
+        assert at_finger.reason == "U: a fixed finger is at this point."
     codes = labels_at(subject, labels.model)
     unstable = np.flatnonzero((codes == Label.U) & np.isfinite(labels.critical_angle_best))
     if len(unstable):

@@ -59,7 +59,7 @@ _ANGLES = {
     "spareAngle": "margin_p50",
 }
 _TEXTS = {"name": "mesh", "outcome": "outcome", "error": "error", "warnings": "warnings"}
-_VERDICT = {"verdict": "verdict", "verdictText": "verdict_text", "holdsText": "holds_text"}
+_VERDICT = {"verdict": "verdict", "verdictText": "verdict_text", "causes": "causes", "task": "task"}
 COLUMNS = (*_TEXTS, *_VERDICT, "unit", "stem", "thumbnail", *_NUMBERS, *_ANGLES)
 """Columns of the table; angles are in degrees, null: unknown, for a labelled mesh infinite."""
 

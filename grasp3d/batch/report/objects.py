@@ -10,7 +10,8 @@ import numpy.typing as npt
 from grasp3d.arrays import Floats
 from grasp3d.batch.report.packing import STEPS, json_text, pack_arrays, quantised
 from grasp3d.batch.row import BestGrasp
-from grasp3d.grasps.verdict import HoldingVerdict
+from grasp3d.grasps.causes import Cause, cause_codes
+from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.shapes import hand_triangles, table_triangles
 from grasp3d.hand.triangles import Part, Triangles
@@ -22,7 +23,7 @@ from grasp3d.surface.area_statistics import held_fractions
 if TYPE_CHECKING:
     from grasp3d.surface.labels import SurfaceLabels
 
-FORMAT = 1
+FORMAT = 2
 """Version of the script's format; the page refuses other versions."""
 
 CALL = "grasp3dObject"
@@ -80,6 +81,7 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
         "cone": max(labels.search.cone, search_cone(model)),
         "creaseAngle": mesh.options.crease_angle,
         "closed": mesh.report.closed,
+        "causes": list(Cause),
         "repairs": [str(step) for step in mesh.report.repairs],
         "warnings": list(mesh.report.warnings),
         "gripper": gripper_data(labels),
@@ -113,7 +115,7 @@ def _arrays(
         "epsilon": labels.epsilon[vertices].astype(np.float32),
         "opening": labels.opening[vertices].astype(np.float32),
         "partners": quantised(labels.partners[vertices], low, step),
-        "reason": labels.reason[vertices].astype(np.uint8),
+        "cause": cause_codes(labels)[vertices],
     }
     holding = labels.holding
     if holding is not None:
@@ -200,7 +202,7 @@ def _load_data(labels: "SurfaceLabels") -> dict[str, Any] | None:
     if holding is None:
         return None
     return {
-        "text": str(HoldingVerdict.of(holding)),
+        "text": str(verdict_of(labels)),
         "mass": holding.mass,
         "available": holding.available,
         "held": held_fractions(labels),

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from grasp3d.arrays import Bytes
+from grasp3d.grasps.explanations import UNSEARCHED, finger_words
 from grasp3d.settings import GraspModel, sampling_kind
 from grasp3d.stability.label import MEANING, Label, Mode
 from grasp3d.viewer.scene.overlays import (
@@ -20,11 +21,10 @@ from grasp3d.viewer.scene.overlays import (
     text_width,
     wrapped,
 )
-from grasp3d.viewer.session.painting import HEX_PALETTE, RAMP, UNSEARCHED
+from grasp3d.viewer.session.painting import HEX_PALETTE, RAMP
 from grasp3d.viewer.session.panel_text import LabelFraction, PanelText, panel_text
 from grasp3d.viewer.session.session import Session
 
-FINGERS = {1: "one finger", 2: "two fingers", 3: "three fingers", 4: "four fingers"}
 GREY = HEX_PALETTE[UNSEARCHED]
 
 BANDS = 64
@@ -174,12 +174,18 @@ def _caption(session: Session, model: GraspModel, *, full: bool) -> tuple[str, .
     resolution = f"α {round(math.degrees(model.sensor_resolution), 2):g}°"
     if not full:
         return (resolution,)
-    fingers = FINGERS.get(model.fingers, f"{model.fingers} fingers")
     friction = f"μ {round(model.friction, 4):g}"
     if model.friction_error > 0.0:
         friction += f" ± {round(model.friction_error, 4):g}"
     errors = _errors(session, model)
-    return resolution, friction, *errors, fingers, *_limit(session), *_gripper(session)
+    return (
+        resolution,
+        friction,
+        *errors,
+        finger_words(model.fingers),
+        *_limit(session),
+        *_gripper(session),
+    )
 
 
 def _errors(session: Session, model: GraspModel) -> tuple[str, ...]:

@@ -3,11 +3,11 @@
 import math
 from dataclasses import dataclass
 
+from grasp3d.grasps.explanations import PAIR, Case
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.stability.thresholds import margin_budget
 from grasp3d.surface.holding import Holding
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.viewer.session.explanations import PAIR, Case
 
 SYMBOLS = {"critical angle": "β*", "sensor resolution": "α/2"}
 """Parts of a budget that have a symbol in the viewer."""

@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from grasp3d.arrays import Floats
-from grasp3d.hand.reach import Reachability
+from grasp3d.grasps.causes import cause_at
+from grasp3d.grasps.explanations import PAIR, Case, explain
+from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import EPSILON_MIN
@@ -16,7 +18,6 @@ from grasp3d.surface.grasp_numbers import surface_epsilons, surface_holding
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
-from grasp3d.viewer.session.explanations import PAIR, Case, explain
 from grasp3d.viewer.session.grasp_texts import HeldGrasp, angle_numbers, budget_text
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
 from grasp3d.viewer.session.reached_grasps import alternatives_of
@@ -92,10 +93,9 @@ def _inspect_best(
         worst=float(worst),
         best=float(best),
         cone=subject.cone,
-        reason=Reason(int(labels.likely_reason[vertex])),
+        cause=cause_at(labels, vertex),
         off_line=_off_line(points, normals),
         hand=None if labels.scene is None else labels.scene.hand.name,
-        unreached=_unreached(subject, vertex),
         perceived=_perceived(
             model, labels.critical_angle[vertex], labels.critical_angle_best[vertex]
         ),
@@ -171,7 +171,7 @@ def _case_of_grasp(
         worst=float(worst),
         best=float(best),
         cone=subject.cone,
-        reason=Reason.FOUND,
+        cause=None,
         off_line=_off_line(points, normals),
         creases=creases,
         perceived=_perceived(model, *perceived),
@@ -199,7 +199,7 @@ def _inspection(
     """List the numbers of a grasp; those that are not known are left out."""
     unit = f" {subject.mesh.unit}" if subject.mesh.unit else ""
     numbers = [] if vertex is None else [("vertex", f"{vertex}")]
-    numbers.append(("position", _position(points[0], subject.mesh.size, unit)))
+    numbers.append(("position", position_text(points[0], subject.mesh)))
     if between:
         numbers.append(("location", "between vertices"))
     if vertex is not None and math.isinf(case.best):
@@ -262,14 +262,6 @@ def _off_line(points: Floats, normals: Floats) -> tuple[float, float] | None:
     return math.pi - first, math.pi - second
 
 
-def _unreached(subject: Subject, vertex: int) -> Reachability | None:
-    """Why the gripper does not reach a vertex's grasp; None: it does, or that is unknown."""
-    reach = subject.labels.reach
-    if reach is None or subject.labels.likely_reason[vertex] != Reason.NOT_REACHED:
-        return None
-    return Reachability(int(reach.state[vertex]))
-
-
 def _force_of(subject: Subject, vertex: int, model: GraspModel) -> HeldGrasp | None:
     """Force and payload of a vertex's grasp; None: no load, or no grasp."""
     forces, labels = subject.forces, subject.labels
@@ -302,11 +294,11 @@ def _gripper_numbers(pose: GripperPose | None, unit: str) -> list[tuple[str, str
     return [(name, text) for name, value, text in values if math.isfinite(value)]
 
 
-def _position(point: Floats, size: float, unit: str) -> str:
-    """Coordinates with four digits; rounding errors of 0 are 0."""
-    rounded = np.where(np.abs(point) < ROUNDING * size, 0.0, point)
+def position_text(point: Floats, mesh: ObjectMesh) -> str:
+    """Coordinates with four digits, and their unit; rounding errors of 0 are 0."""
+    rounded = np.where(np.abs(point) < ROUNDING * mesh.size, 0.0, point)
     coordinates = ", ".join(f"{value:.4g}" for value in rounded)
-    return f"({coordinates}){unit}"
+    return f"({coordinates}) {mesh.unit or ''}".rstrip()
 
 
 def _epsilons(subject: Subject, vertex: int, model: GraspModel) -> tuple[float, float, float]:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from matplotlib import colormaps
 
 from grasp3d.arrays import Bytes, Floats
+from grasp3d.grasps.explanations import UNSEARCHED
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import epsilon_min_text
 from grasp3d.stability.label import COLORS, Label
@@ -19,9 +20,6 @@ from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import Paint
-
-UNSEARCHED = 3
-"""Code of vertices whose label is unknown, as the search did not go far enough."""
 
 FORCE_PAINTS = frozenset({"grip_force", "payload"})
 """Colours that only a load gives."""

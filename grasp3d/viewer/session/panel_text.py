@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from grasp3d.grasps.explanations import UNSEARCHED
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import SAFE_LABELS
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.painting import (
     HEX_PALETTE,
-    UNSEARCHED,
     Ramp,
     area_fractions,
     label_codes,

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked
+from grasp3d.grasps.explanations import PAIR
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
@@ -18,7 +19,6 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
 from grasp3d.system.context import report_progress, unreported, within
-from grasp3d.viewer.session.explanations import PAIR
 from grasp3d.viewer.session.inspection import warm_up
 from grasp3d.viewer.session.state import FixedPoints
 from grasp3d.viewer.subjects.gripper_pose import GripperPose

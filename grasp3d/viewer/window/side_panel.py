@@ -7,6 +7,7 @@ from typing import Any
 import pyvista
 from vtkmodules.vtkInteractionWidgets import vtkSliderRepresentation2D, vtkSliderWidget
 
+from grasp3d.grasps.explanations import UNSEARCHED
 from grasp3d.stability.label import Label
 from grasp3d.viewer.scene.overlays import (
     INK,
@@ -23,7 +24,7 @@ from grasp3d.viewer.scene.overlays import (
 )
 from grasp3d.viewer.session.controls import CONTROLS
 from grasp3d.viewer.session.inspection import Inspection
-from grasp3d.viewer.session.painting import HEX_PALETTE, UNSEARCHED
+from grasp3d.viewer.session.painting import HEX_PALETTE
 from grasp3d.viewer.session.panel_text import HINTS, grasp_number
 from grasp3d.viewer.session.session import Session
 

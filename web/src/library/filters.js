@@ -63,7 +63,7 @@ export function showFilters(table, rows) {
   const form = byId("filters");
   const text = element("input", { type: "search", id: "search", placeholder: "part of a name" });
   const outcome = outcomeSelect();
-  const loaded = rows.some((row) => row.holdsText);
+  const loaded = rows.some((row) => row.task);
   const ranges = [...RANGES, ...(loaded ? LOAD_RANGES : [])].map(range);
   const clear = element("button", { type: "reset" }, "Clear");
   form.append(

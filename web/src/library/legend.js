@@ -19,7 +19,7 @@ export function showLegend(data, rows) {
   if (data.uncertain) {
     entries.push([["Margin"], "friction angle at the smallest friction, less β* and what the errors of normals and contact locations take: S is where it is above 0"]);
   }
-  if (rows.some((row) => row.holdsText)) {
+  if (rows.some((row) => row.task)) {
     entries.push([["Payload"], "largest mass that a grasp surely holds with the force at hand, whatever the true normals are within the sensor resolution; held: area fraction of the grasps that surely hold the load. Without a force at hand: the smallest force of each finger that surely holds it"]);
   }
   byId("legend").append(

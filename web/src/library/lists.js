@@ -30,7 +30,7 @@ function list(title, note, rows, detail, showAll) {
 export function showLists(rows, filters, table) {
   const judged = rows.filter((row) => row.verdict);
   const unheld = judged
-    .filter((row) => row.verdict !== "holdable")
+    .filter((row) => row.verdict !== "surely")
     .sort((a, b) => (a.spare ?? -Infinity) - (b.spare ?? -Infinity));
   const labelled = rows.filter((row) => row.outcome === "labelled" && row.resolution80 !== null);
   const finest = labelled
@@ -40,12 +40,12 @@ export function showLists(rows, filters, table) {
   const failed = rows.filter((row) => row.outcome !== "labelled");
   const held = judged.length - unheld.length;
   byId("lists").append(
-    list("Without an S grasp",
-      `${held.toLocaleString("en")} of ${plural(judged.length, "object", "objects")} can be held reliably: they have an S grasp. The others, and what would help:`,
+    list("Not surely held",
+      `${held.toLocaleString("en")} of ${plural(judged.length, "object", "objects")} are surely held. The others, why, and what would help:`,
       unheld,
       (row) => ` ${row.verdictText}`,
       () => {
-        filters.only("labelled", (row) => row.verdict && row.verdict !== "holdable");
+        filters.only("labelled", (row) => row.verdict && row.verdict !== "surely");
         table.setSort("verdict", "asc");
       }),
     list("Finest sensor required", "Sensor resolution α below which 80 % of the surface is S; the most demanding objects first.", finest,

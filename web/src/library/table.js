@@ -100,7 +100,7 @@ function message(row) {
 }
 
 function bar(cell) {
-  const { stable, ambiguous, noGrasp } = cell.getData();
+  const { stable, ambiguous, noGrasp, causes } = cell.getData();
   if (stable === null) return "";
   const parts = { s: stable, m: ambiguous, u: noGrasp };
   const spans = Object.entries(parts).map(([kind, fraction]) => {
@@ -109,31 +109,27 @@ function bar(cell) {
     return span;
   });
   const values = `S ${percent(stable)} · M ${percent(ambiguous)} · U ${percent(noGrasp)}`;
-  return element("div", { className: "fractions" },
+  return element("div", { className: "fractions", title: causes ? `U: ${causes}` : "" },
     element("div", { className: "bar", "aria-hidden": "true" }, ...spans),
     element("div", {}, values));
 }
 
-/** The verdict on an object, with its numbers below. */
+/** The verdict on an object, with its reason below. */
 function verdict(cell) {
-  const { verdict: word, verdictText, grasps, spare, margin } = cell.getData();
+  const { verdict: word, verdictText } = cell.getData();
   if (!word) return "";
-  const parts = [];
-  if (grasps) parts.push(plural(grasps, "grasp", "grasps"));
-  if (spare !== null && word === "holdable") parts.push(`α ${degrees(spare, 0)} to spare`);
-  if (margin !== null && word === "holdable") parts.push(`approach ±${degrees(margin, 0)}`);
-  const detail = word === "holdable" ? parts.join(", ") : verdictText.slice(word.length).trim();
+  const detail = verdictText.slice(verdictText.indexOf(":") + 1).trim();
   return element("div", { className: "verdict", title: verdictText },
     element("b", {}, word), element("div", { className: "quiet" }, detail));
 }
 
 /** The largest payload, or the force that is needed, and the fraction of the surface that holds the load. */
 function load(cell) {
-  const { payload, forceNeeded, held, holdsText } = cell.getData();
-  if (!holdsText) return "";
+  const { payload, forceNeeded, held, task, verdictText } = cell.getData();
+  if (!task) return "";
   const main = payload !== null ? `${digits(payload)} kg` : forceNeeded === null ? "none" : `${digits(forceNeeded)} N`;
   const detail = held === null ? "" : `${percent(held)} held`;
-  return element("div", { className: "verdict", title: holdsText },
+  return element("div", { className: "verdict", title: verdictText },
     element("b", {}, main), element("div", { className: "quiet" }, detail));
 }
 
@@ -148,7 +144,7 @@ function loadColumn(rows) {
     ...numeric(field, title, meaning, () => "", 90),
     hozAlign: "left",
     formatter: load,
-    formatterPrint: (cell) => text(cell.getData().holdsText),
+    formatterPrint: load,
   };
 }
 
@@ -161,10 +157,10 @@ function marginColumn() {
   }, 90);
 }
 
-const VERDICTS = ["no", "out of reach", "with a finer sensor", "holdable"];
+const VERDICTS = ["not", "perhaps", "surely"];
 
 function columns(rows, uncertain) {
-  const loaded = rows.some((row) => row.holdsText);
+  const loaded = rows.some((row) => row.task);
   const frozen = window.innerWidth > NARROW;
   return [
     { title: "", field: "thumbnail", width: 98, headerSort: false, formatter: picture, frozen, print: false },

@@ -1,6 +1,6 @@
 import { escaped } from "../shared/formatting.js";
 
-const FORMAT = 1;
+const FORMAT = 2;
 const KINDS = { u1: Uint8Array, u2: Uint16Array, u4: Uint32Array, f4: Float32Array };
 
 /** Loads the script of one object; unlike fetch, this works for pages opened as files. */

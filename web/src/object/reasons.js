@@ -1,12 +1,6 @@
 import { degrees } from "../shared/formatting.js";
 import { M, S, U, UNSEARCHED } from "./thresholds.js";
 
-const REASONS = {
-  1: "no contact points for the other fingers were found within the searched cone",
-  2: "all contact points for the other fingers violate the opening or distance limits",
-  5: "there are grasps here, but the gripper reaches none of those that were tested",
-};
-
 const angle = (radians) => degrees((180 / Math.PI) * radians);
 
 /** One sentence with the reason why a vertex is S, M, U or not searched. */
@@ -25,7 +19,7 @@ export function reason(object, vertex, label, limits) {
     return `Grasps were searched with β* up to ${angle(object.cone)}, and none of them is stable; ${high} exceeds this, so M and U cannot be distinguished.`;
   }
   if (label === U) {
-    if (best === Infinity) return `No grasp was found: ${REASONS[object.reason[vertex]] ?? "none is force-closed"}.`;
+    if (best === Infinity) return `No grasp was found: ${object.causes[object.cause[vertex]]}.`;
     const there = best === object.best[vertex] ? "" : " at the best contact locations";
     return `β* ${angle(best)}${there} is at least ${high}: no grasp was found that is stable for any true ${all.replace(", and every friction,", " and any friction")}.`;
   }

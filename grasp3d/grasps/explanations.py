@@ -4,11 +4,12 @@ import math
 from dataclasses import dataclass
 from functools import partial
 
-from grasp3d.hand.reach import Reachability
+from grasp3d.grasps.causes import Cause
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label, Mode
-from grasp3d.surface.vertex_grasps import Reason
-from grasp3d.viewer.session.painting import UNSEARCHED
+
+UNSEARCHED = 3
+"""Code of vertices whose label is unknown, as the search did not go far enough."""
 
 SAME = 1e-4
 """Angles closer than this count as equal, as files may store 32 bits [rad]."""
@@ -16,19 +17,21 @@ SAME = 1e-4
 DIGITS = 4
 """Largest number of decimals used to distinguish an angle from a limit."""
 
+REACHED = frozenset({Cause.TIP, Cause.DIRECTION, Cause.TABLE, Cause.BLOCKED, Cause.NOT_REACHED})
+"""Causes that are those of the best of several grasps."""
+
+WIDTHS = frozenset({Cause.LIMITS, Cause.TOO_WIDE, Cause.STROKE})
+"""Causes that say how the object is."""
+
 PAIR = 2
 FINGERS = ("first", "second", "third", "fourth", "fifth")
 """Names of the fingers; the first is at the vertex."""
 
 
-UNREACHED = {
-    Reachability.WIDTH: "the contacts are too far apart, or too close, for its stroke",
-    Reachability.TIP: "a fingertip would touch the object elsewhere",
-    Reachability.DIRECTION: "no approach is within the allowed directions",
-    Reachability.TABLE: "every approach would enter the table",
-    Reachability.BLOCKED: "fingers or palm would touch the object on every approach",
-}
-"""Reasons why a grasp is not reached."""
+def finger_words(count: int) -> str:
+    """A number of fingers in words."""
+    names = ("one finger", "two fingers", "three fingers", "four fingers", "five fingers")
+    return names[count - 1]
 
 
 @dataclass(frozen=True)
@@ -46,16 +49,14 @@ class Case:
     """The same over the best normals [rad]."""
     cone: float
     """Largest critical friction angle that was searched [rad]."""
-    reason: Reason | None
-    """Why there is no grasp; None: unknown."""
+    cause: Cause | None
+    """Why there is no grasp; None: there is one."""
     off_line: tuple[float, float] | None
     """Two fingers: angles between their normals and the line through the contacts [rad]."""
     creases: tuple[int, ...] = ()
     """Indices of the fingers that are known to be on sharp edges (creases), from 0."""
     hand: str | None = None
     """Name of the gripper that must reach the grasp; None: ideal points."""
-    unreached: Reachability | None = None
-    """Why the gripper does not reach the best grasp of the vertex; None: it does, or unknown."""
     perceived: tuple[float, float] | None = None
     """Critical friction angles at the perceived contact points, over the worst and over the best
     normals [rad]; None: `worst` and `best`, as these points are exact and the fingers alike."""
@@ -259,27 +260,10 @@ def _unsearched(case: Case) -> str:
 
 
 def _no_grasp(case: Case) -> str:
-    pair = case.model.fingers == PAIR
-    points = f"contact points for the {'second finger' if pair else 'other fingers'}"
-    limits = "opening limits" if pair else "distance limits"
-    text = f"no {points} were found within the searched {angle_text(case.cone)}"
-    if case.reason == Reason.NOT_REACHED:
-        return _not_reached(case)
-    reasons = {
-        Reason.OPENING: f"all {points} violate the {limits}",
-        Reason.OFF_SURFACE: "no grasp, as the vertex belongs to no face",
-        Reason.SAME_POINT: "no grasp, as a fixed finger is at this point",
-        Reason.NO_PARTNER: text,
-    }
-    return reasons.get(
-        case.reason or Reason.FOUND,
-        f"{text} and the {limits}{'' if case.hand is None else ', and reached by the gripper'}",
-    )
-
-
-def _not_reached(case: Case) -> str:
-    """Why no grasp counts, although there are some."""
-    name = case.hand or "the gripper"
-    text = f"there are grasps here, but {name} reaches none of those that were tested"
-    detail = UNREACHED.get(case.unreached) if case.unreached is not None else None
-    return text if detail is None else f"{text}; at the best one {detail}"
+    if case.cause in {None, Cause.NO_PARTNER}:
+        return f"{Cause.NO_PARTNER} of {angle_text(case.cone)}"
+    if case.cause in WIDTHS:
+        return f"the object is {case.cause} here"
+    if case.hand is None or case.cause not in REACHED:
+        return str(case.cause)
+    return f"there are grasps here, but {case.hand} reaches none of those tested: {case.cause}"
