@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from grasp3d.cli.budget_report import Tip, mean_budgets, print_designs, print_finger
 from grasp3d.cli.design_command import Design
 from grasp3d.cli.design_report import print_limits, print_sensor
+from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import Report
 from grasp3d.contact.budget import FingerDesign, GraspSamples
 from grasp3d.contact.sensor import Sensor, overlapping_field
@@ -13,7 +14,6 @@ from grasp3d.contact.tips import CylinderTip, EllipsoidTip
 from grasp3d.errors import SettingError
 from grasp3d.settings.lengths import length_in_unit, measure
 from grasp3d.settings.uncertainty import Uncertainty
-from grasp3d.system.files import check_suffix, check_writable
 
 DEFAULT_FRICTIONS = tuple(step / 10.0 for step in range(1, 11))
 
@@ -78,13 +78,13 @@ def _check_figure(command: Design, sensor: Sensor | None) -> None:
         return
     from grasp3d.plots.figures import METADATA
 
-    check_suffix(command.figure, METADATA, "figure")
+    sources = [command.grasps.object]
+    check_output(command.figure, METADATA, "figure", overwrite=command.overwrite, sources=sources)
     if not command.has_budget and (sensor is None or not command.friction):
         raise SettingError(
             "--figure draws the budget of a finger: give --friction and a sensor "
             "(--receptive-field or --sensor-resolution), or what else is uncertain"
         )
-    check_writable(command.figure, source=command.grasps.object)
 
 
 def _designs(command: Design, sensor: Sensor | None) -> tuple[FingerDesign, ...]:

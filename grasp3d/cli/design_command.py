@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from grasp3d.cli.options import Flag, Force, LengthOption, Strict
+from grasp3d.cli.options import Flag, Force, LengthOption, Overwrite, Strict
 from grasp3d.contact.sensor import JointEncoders, radius_of
 from grasp3d.errors import SettingError
 from grasp3d.settings import Radians
@@ -207,6 +207,8 @@ class Design:
     force: Force = False
 
     strict: Strict = False
+
+    overwrite: Overwrite = False
 
     def __post_init__(self) -> None:
         self._check_tip()

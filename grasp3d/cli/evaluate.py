@@ -5,9 +5,9 @@ from typing import Any
 
 from grasp3d.arrays import Floats
 from grasp3d.cli import grasp_report, progress_bars
-from grasp3d.cli.existing_files import check_not_task, check_output
+from grasp3d.cli.existing_files import check_not_source, check_not_task, check_output
 from grasp3d.cli.grasp_commands import Evaluate
-from grasp3d.errors import OutputError, SettingError
+from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps, in_stated_scale
 from grasp3d.grasps.grasp_files import SUFFIXES, read_grasps, write_grasps
@@ -28,12 +28,11 @@ def run(command: Evaluate) -> int:
         metric_names(command.metrics)
     output = command.output or Path(f"{safe_stem(command.file.stem)}_grasps.csv")
     check_not_task(output, command.load)
-    _check_gripper(command, poses=holds_poses(command.contacts))
-    grasps = read_grasps(command.contacts, hand=command.reach.hand, object_pose=command.object_pose)
-    if output.exists() and output.samefile(command.contacts):
-        what = "poses" if isinstance(grasps, GraspPoses) else "contacts"
-        raise OutputError(f"{output}: is the file of {what}; name another file with -o")
+    poses = holds_poses(command.contacts)
+    _check_gripper(command, poses=poses)
+    check_not_source(output, command.contacts, "poses" if poses else "contacts")
     check_output(output, SUFFIXES, "table", overwrite=command.overwrite, sources=[command.file])
+    grasps = read_grasps(command.contacts, hand=command.reach.hand, object_pose=command.object_pose)
     _evaluate(command, grasps, output)
     return 0
 

@@ -8,6 +8,7 @@ import json
 import math
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,6 +84,22 @@ def check_output(
         )
 
 
+def check_not_source(path: Path, source: Path, what: str) -> None:
+    """Check that an output does not replace a file that is read.
+
+    Args:
+        path: File to create or replace.
+        source: The file that is read.
+        what: What it holds, for the error: poses, contacts.
+
+    Raises:
+        OutputError: It is that file.
+    """
+    with suppress(OSError):  # a file does not exist
+        if path.samefile(source):
+            raise OutputError(f"{path}: is the file of {what}; name another file with -o")
+
+
 def check_not_task(path: Path, load: Load) -> None:
     """Check that an output does not replace a file of the task.
 
@@ -94,12 +111,7 @@ def check_not_task(path: Path, load: Load) -> None:
         OutputError: It is a file of the task.
     """
     for file in load.task_files:
-        try:
-            same = path.samefile(file)
-        except OSError:  # a file does not exist
-            continue
-        if same:
-            raise OutputError(f"{path}: is the file of the task; name another file")
+        check_not_source(path, file, "the task")
 
 
 def check_same_settings(path: Path, task: "Labelling", *, overwrite: bool) -> None:

@@ -22,6 +22,7 @@ from grasp3d.cli.report import (
     percent_text,
 )
 from grasp3d.cli.time_limit import time_limit
+from grasp3d.errors import OutputError
 from grasp3d.export.writers import writer_for
 from grasp3d.grasps.causes import causes_text
 from grasp3d.grasps.distinct import best_grasps
@@ -57,6 +58,8 @@ def run(command: Label) -> int:
     grasp_files = (grasp_file, grasp_file.with_suffix(".png")) if command.best else ()
     if command.best:
         _check_grasp_file(command, grasp_file)
+        if grasp_file.absolute() == output.absolute():
+            raise OutputError(f"{output}: is the labelled file and that of the best grasps")
     for path in (output, *grasp_files):
         check_not_task(path, command.load)
         check_output(path, overwrite=command.overwrite, sources=[command.file])

@@ -63,7 +63,7 @@ class Label:
     same name beside it."""
 
     grasps: Path | None = None
-    """File of the best grasps (.json, .csv, .parquet; with a gripper also .yaml for isaac_grasp,
+    """File of the best grasps, as many as --best (.json, .csv, .parquet; with a gripper also .yaml for isaac_grasp,
     .h5 for ACRONYM, .npy for graspnetAPI) (default: NAME_grasps.json in the folder of the labelled
     file)."""
 

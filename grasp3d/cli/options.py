@@ -53,8 +53,8 @@ _GROUPS = {
 }  # fmt: skip
 """Groups of settings by the name of their field; others are a group of that name."""
 
-_ALIASES = {"output": ("-o",), "quiet": ("-q",), "gripper": ("--hand",)}
-"""Other names of options."""
+_ALIASES = {"output": ("-o",), "quiet": ("-q",), "hand": ("--hand",)}
+"""Other names of options, by the name of the field."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def _option(field: "Field[Any]", hint: Any, text: str, group: str) -> Option:
     for note in own:
         values = {key: getattr(note, key, None) for key in ("name", "help", "metavar")}
         stated |= {key: value for key, value in values.items() if value}
-    names = *_ALIASES.get(stated["name"], ()), option_name(stated["name"])
+    names = *_ALIASES.get(field.name, ()), option_name(stated["name"])
     parsed = _parsed(Annotated[(base, *own)] if own else base, names[-1])
     metavar, default = _texts(parsed, field.default)
     brief = next((str(note) for note in reversed(notes) if isinstance(note, Main)), "")
@@ -392,7 +392,8 @@ Quiet = Annotated[Flag, tyro.conf.arg(help="Print nothing but errors.")]
 Force = Annotated[
     Flag,
     tyro.conf.arg(
-        help="Accept lengths that cannot be meant, such as an opening 500 times the object's size."
+        help="Accept lengths that cannot be meant, such as an opening 500 times the object's size. "
+        "It replaces no files: see --overwrite."
     ),
 ]
 """Whether lengths are accepted that are most likely in another unit."""

@@ -6,11 +6,13 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from grasp3d.cli import progress_bars
-from grasp3d.cli.existing_files import check_output
+from grasp3d.cli.existing_files import check_not_source, check_output
 from grasp3d.cli.grasp_commands import Simulate
 from grasp3d.cli.report import Report, escaped, length_with_unit, table_of
-from grasp3d.errors import OutputError, SettingError
+from grasp3d.errors import SettingError
+from grasp3d.grasps.pose_files import SUFFIXES as POSES
 from grasp3d.grasps.pose_files import read_poses, write_poses
+from grasp3d.grasps.pose_files.files import check_hand, format_of
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import touching
 from grasp3d.mesh import load_mesh
@@ -60,10 +62,11 @@ def _simulate_poses(command: Simulate, output: Path) -> int:
         raise SettingError(
             f"{command.grasps}: contains poses; give their gripper with --hand NAME|FILE"
         )
-    if output.exists() and command.grasps.exists() and output.samefile(command.grasps):
-        raise OutputError(f"{output}: is the file of poses; name another file with -o")
+    check_not_source(output, command.grasps, "poses")
+    check_output(output, POSES, "pose", overwrite=command.overwrite, sources=[command.file])
+    check_hand(format_of(output), command.hand)
+    mujoco_module()  # before anything is read
     poses = read_poses(command.grasps, hand=command.hand, object_pose=command.object_pose)
-    check_output(output, overwrite=command.overwrite, sources=[command.file])
     text = f"simulating {command.grasps.name}"
     with progress_bars.progress(text, quiet=command.quiet):
         outcomes = simulate_poses(

@@ -20,8 +20,9 @@ from grasp3d.viewer.window.display import display_problem
 
 def run(command: View) -> int:
     """Run the command; returns the exit code."""
+    problem = _check(command)
     with time_limit(command.timeout, printable(str(command.target))):
-        collection, problem = _opened(command)
+        collection = _opened(command)
     _write(command, collection)
     if command.web or problem:
         _serve(command, collection, problem)
@@ -32,8 +33,8 @@ def run(command: View) -> int:
     return 0
 
 
-def _opened(command: View) -> tuple[Collection, str]:
-    """The collection, with its first object opened, and why no window can be opened."""
+def _opened(command: View) -> Collection:
+    """The collection, with its first object opened."""
     collection = open_collection(
         command.target,
         command.model,
@@ -43,7 +44,6 @@ def _opened(command: View) -> tuple[Collection, str]:
         reach=command.reach,
         load=command.load.chosen,
     )
-    problem = _check(command)
     first = collection.items[0]
     try:
         with progress_bars.progress(f"opening {first.name}", quiet=command.quiet):
@@ -51,7 +51,7 @@ def _opened(command: View) -> tuple[Collection, str]:
     except GraspError as error:
         if len(collection.items) == 1 or isinstance(error, WarningError):
             raise  # with several objects the viewer shows the error of the first one
-    return collection, problem
+    return collection
 
 
 def _check(command: View) -> str:

@@ -27,7 +27,7 @@ class ReachSettings:
         resting_pose: Table stable: which of the resting poses; 1: the most probable one.
         approach_within: Largest angle between the approach direction and straight down, above 0, up
             to 180 degrees; with a table at most 90: never from below.
-        approach_angles: Approach angles about the closing axis that are tested, 8 to 64.
+        approach_angles: Number of approach angles about the closing axis that are tested, 8 to 64.
     """
 
     hand: Annotated[Hand | None, Main("gripper that must reach the grasps")] = None

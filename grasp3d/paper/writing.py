@@ -70,9 +70,10 @@ def write_paper(
     if fixed is not None and object_file is None:
         raise SettingError("a contact point of the first finger needs an object: give its mesh")
     own = settings or PaperSettings()
-    mesh = None if object_file is None else load_object(object_file)
-    names = [*SOLIDS, *([OBJECT] if mesh is not None else [])]
+    names = [*SOLIDS, *([OBJECT] if object_file is not None else [])]
     _check(output, [*FIGURES, *(f"surface_{name}" for name in names)])
+    mesh = None if object_file is None else load_object(object_file)
+    output.mkdir(parents=True, exist_ok=True)
     steps = _Steps(
         FIGURE * len(FIGURES) + SURFACE * len(names) + SEARCH * (mesh is not None)
         + COMPARISON
@@ -122,18 +123,12 @@ class _Steps:
 
 
 def _check(output: Path, names: list[str]) -> None:
-    """Make the folder, and check before the work that it can be written to."""
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"{output}: is not a folder and cannot be made ({error.strerror})"
-        ) from error
-    for path in (
-        output / NUMBERS,
-        *(output / f"{name}{end}" for name in names for end in SUFFIXES),
-    ):
-        check_writable(path)
+    """Check before the work that the folder, or the one that it will be in, can be written to."""
+    folder = next(one for one in (output, *output.absolute().parents) if one.exists())
+    if not folder.is_dir():
+        raise OutputError(f"{output}: cannot be made, as {folder} is a file; name another folder")
+    for name in (NUMBERS, *(f"{name}{end}" for name in names for end in SUFFIXES)):
+        check_writable(folder / name)
 
 
 def _notes(names: list[str], *, pictures: bool, real: bool) -> tuple[str, ...]:

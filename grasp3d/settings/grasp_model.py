@@ -80,7 +80,8 @@ class GraspModel(LengthSettings):
             smaller than `friction`. 0.1 at a friction of 0.5 is the interval 0.4..0.6.
         normal_error: Largest angle between true and perceived normals beyond half the sensor
             resolution, from 0 to below 90 degrees: that of joint encoders, for example.
-        location_error: Largest distance between the true and the perceived contact point, a length.
+        location_error: Largest distance between the true and the perceived contact point, a length:
+            where a contact is, not how it is inclined.
             Two fingers: exact labels; more: safe ones, every S and U is correct.
         per_finger: What is known less well about each finger: 'finger 1; finger 2', separated by
             semicolons. Finger 1 is at the vertex (of given grasps: at the first contact). Each is

@@ -33,8 +33,8 @@ class SearchSettings(LengthSettings):
             what friction and resolution need. Wider: the surface can be labelled again, without a
             new search, for any friction and resolution with atan(friction) + alpha/2 up to this
             angle. Narrower: a limit to the search.
-        tolerance: Step size at which the search around a vertex's best grasp stops, where it is by
-            rays or random steps.
+        tolerance: How fine the search is, no error of sensor or gripper: step size at which it
+            stops around a vertex's best grasp, where it is by rays or random steps.
     """
 
     span: ClassVar[str]

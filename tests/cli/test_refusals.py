@@ -11,6 +11,7 @@ from tests.helpers.commands import export, refusal
 from tests.helpers.grippers import HAND
 
 REFUSED = """
+paper -o x --object missing.stl | missing.stl: there is no such file
 label nothing.stl | there is no such file
 label . | is a folder
 label empty.stl | the file is empty
@@ -358,6 +359,7 @@ label x --frictoin 1 | did you mean --friction?
 label x --resolution 3 | did you mean --sensor-resolution?
 label x --colour red | no option --colour; all options: grasp3d label --help-all
 label x --no-mass | --no-mass
+warmup --hand | grasp3d warmup has no option --hand
 design --fraction 1 | did you mean --friction?
 design --mass 1 | design has no option --mass
 perturb missing.ply --location-error 1mm | no option --location-error
@@ -380,6 +382,104 @@ sweep circle --fraction some | --fraction must be a number; got 'some'
 """
 """The same of words that are no command, option, value or choice."""
 
+TRIED = """
+label ball.ply --gripper frank | --gripper: no gripper is called 'frank' (did you mean franka?)
+label ball.ply --gripper missing.json | --gripper: missing.json: there is no such file
+label ball.ply --gripper void/ | --gripper: no gripper is called | known: franka
+label ball.ply --gripper folder.json | folder.json: is a folder
+label ball.ply --gripper damaged.json | damaged.json: is no JSON
+label ball.ply --gripper rows.json | rows.json: is no gripper
+label ball.ply --gripper other.json | other.json: is no gripper
+label ball.ply --gripper notes.csv | unsupported gripper format .csv
+label ball.ply --gripper hand.urdf | there is no such file
+label ball.ply --unit feet | --unit must be one of m, cm, mm, in, or none; got 'feet'
+label ball.ply --table wood | --table must be one of none, as-is, stable
+label ball.ply --up w | --up must be one of x, y, z, -x, -y, -z
+label ball.ply --grip hard | --grip must be one of squeeze, expand, both
+label ball.ply --seed one | --seed must be a whole number
+label ball.ply --timeout soon | --timeout must be a number, or none
+label ball.ply --timeout 0 | timeout must be a finite time above 0 s
+label ball.ply --mass heavy | mass must be
+label ball.ply --mass 5stone | mass must be
+label ball.ply --density 1000 --mass 1 | mass and density exclude each other
+label ball.ply --grip-force -40 | grip_force must be
+label ball.ply --grasps x.json | give their number with --best
+label ball.ply --grasps-format acronym | give their number with --best
+label ball.ply --best 3 --grasps-format acronym | give one with --hand
+label ball.ply --best 3 --grasps-format graspgen | choose another grasps_format
+label ball.ply --best 3 --grasps x.yaml | unsupported table format .yaml
+label ball.ply --best 3 --grasps x.txt --hand franka | unsupported table format .txt
+label ball.ply --best 3 --grasps x.json --grasps-format csv --hand franka | .csv
+label ball.ply --best 3 -o x.parquet --grasps x.parquet | is the labelled file and that of the best
+label ball.ply --rays 16 --seed 1 | two fingers and --seed for three
+label ball.ply --approach-within 30 | applies to grippers only
+label ball.ply -o x | x: has no suffix: supported are .ply
+label ball.ply -o x.PLYS | unsupported format .PLYS
+label ball.ply -o void | void: has no suffix
+evaluate ball.ply pair.json --object-motion glued | --object-motion must be one of
+evaluate ball.ply pair.json --max-distance far | must be a length
+evaluate ball.ply void | void: has no suffix: supported are .csv
+evaluate ball.ply pair.json -o x.ply | unsupported table format .ply
+validate poses.csv --mesh box.stl -o notes.csv | notes.csv: is a file; name a folder
+simulate box.stl --grasps poses.csv --hand franka -o x.txt | unsupported pose format .txt
+simulate box.stl --grasps poses.csv --hand franka -o x.ply | unsupported pose format .ply
+simulate box.stl --count many | --count must be a whole number
+sweep circle --figure x.csv | unsupported figure format .csv
+sweep circle --fraction 1.5 | each fraction must be
+check ball.ply -o x.ply | unsupported report format .ply
+perturb ball.ply --copies few | --copies must be a whole number
+perturb ball.ply --figure x.ply | unsupported figure format .ply
+hand frank | no gripper is called 'frank' (did you mean franka?)
+hand franka --tcp 5 | for URDF and MuJoCo files
+batch ball.ply -o out --best few | --best must be a whole number
+batch ball.ply -o out --workers 2 --scheduler tcp://x:1 | workers and scheduler exclude each other
+batch ball.ply -o notes.csv/out | its folder is a file; name another folder
+view ball.ply --screenshot x.gif | unsupported picture format .gif
+view ball.ply --turntable x.png | unsupported film format .png
+view ball.ply --width 10 --screenshot x.png | width must be from 320
+view ball.ply --port high | --port must be a whole number
+design --figure notes.svg --friction 0.5 --sensor-resolution 20 | exists and is no result of grasp3d
+design --figure x.bmp --friction 0.5 --sensor-resolution 20 | unsupported figure format .bmp
+paper -o notes.csv | notes.csv
+paper -o x --friction 0 | friction must be
+paper -o x --fixed 1 2 3 | needs an object: give its mesh
+paper -o x --sensor-resolution 1 2 3 | one or two sensor resolutions; got 3
+warmup --fingers 9 | fingers must be from 2 to 5
+warmup --cache notes.csv | choose a folder that can be written
+"""
+"""Wrong inputs that need no mesh: they are refused before one is read."""
+
+WRITING = """
+label ball.ply -o @.ply
+label ball.ply -o @.npz
+label ball.ply --best 2 --grasps @.json
+label ball.ply --best 2 --grasps @.parquet
+label box.stl --unit mm --hand franka --best 2 --grasps @.csv
+evaluate box.stl pair.json -o @.csv
+evaluate box.stl poses.csv --unit mm --hand franka -o @.json
+validate poses.csv --mesh box.stl --hand franka -o @.csv/report
+simulate box.stl --unit mm -o @.csv
+simulate box.stl --unit mm --grasps poses.csv --hand franka -o @.json
+batch ball.ply -o @.csv/out
+batch ball.ply -o out --log @.csv
+sweep ball.ply -o @.csv
+sweep ball.ply -o new.csv --figure @.svg
+check ball.ply -o @.json
+perturb ball.ply --noise 0.01 -o @.ply
+perturb ball.ply --noise 0.01 --figure @.svg
+view ball.ply --screenshot @.png
+view ball.ply --turntable @.gif
+design --object box.stl --unit mm --friction 0.5 --figure @.svg
+hand franka -o @.json
+hand franka --picture @.png
+paper --object ball.ply -o @.csv/paper
+warmup --cache @.csv/kernels
+"""
+"""Every option that names an output, where it cannot be written: @ is a place."""
+
+PLACES = ("missing/result", "notes.csv/result", "taken")
+"""A folder that is missing, a file as a folder, a folder as a file."""
+
 BAD_LENGTHS = {
     "max_opening": 0.0, "min_opening": 0.079, "pad_width": 0.03, "pad_height": 0.05,
     "palm_thickness": 0.05, "finger_length": 45.0,
@@ -397,6 +497,9 @@ STATED = {
 }
 """Files of poses that state what cannot be taken, by their name."""
 
+TAKEN = ("ply", "npz", "csv", "svg", "json", "png", "gif", "parquet")
+"""Suffixes of folders."""
+
 NOTES = ("ply", "npz", "csv", "svg", "json", "png")
 """Suffixes of files of other programs."""
 
@@ -409,7 +512,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     vertices, faces = shapes.box((40.0, 60.0, 80.0))
     export(folder / "box.stl", (vertices, faces))
     export(folder / "open.stl", (vertices, faces[:-2]))
-    (folder / "void").mkdir()
+    for name in ("void", "folder.json", *(f"taken.{suffix}" for suffix in TAKEN)):
+        (folder / name).mkdir()
     for name in ("link.csv", "link.json"):
         (folder / name).symlink_to(ball)
     pair = [[20, 0, 0], [-20, 0, 0]]
@@ -460,6 +564,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         **{f"notes.{suffix}": "name,price\n" for suffix in NOTES},
         "pushes.csv": "fx,fy,fz,tx,ty,tz\n5,0,0,0,0,0.1\n",
         "five.csv": "5,0,0,0,0\n",
+        "damaged.json": '{"format": ',
+        "rows.json": "[1, 2]",
     }
     write_hand(folder / "hand.json", HAND)
     hand = json.loads((folder / "hand.json").read_text(encoding="utf-8"))
@@ -475,3 +581,39 @@ def test_bad_input_is_one_line_and_writes_nothing(folder: Path, case: str) -> No
     words, *messages = case.split(" | ")
     error = refusal(words, folder)
     assert all(message in error for message in messages), error
+
+
+@pytest.fixture
+def unread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a mesh that is read, and kernels that are compiled, fail the test."""
+
+    def read(*_: object, **__: object) -> None:
+        pytest.fail("work was begun")
+
+    monkeypatch.setattr("grasp3d.mesh.preparing.read_source", read)
+    monkeypatch.setattr("grasp3d.viewer.session.collection.read_source", read)
+    monkeypatch.setattr("grasp3d.batch.warmup.subprocess.run", read)
+    monkeypatch.setattr("grasp3d.paper.writing.surface_table", read)
+
+
+@pytest.mark.usefixtures("unread")
+@pytest.mark.parametrize("case", TRIED.strip().splitlines())
+def test_wrong_input_is_refused_before_the_work(folder: Path, case: str) -> None:
+    words, *messages = case.split(" | ")
+    error = refusal(words, folder)
+    assert all(message in error for message in messages), error
+    assert len(error) <= 300
+
+
+@pytest.mark.usefixtures("unread")
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("case", WRITING.strip().splitlines())
+def test_an_unwritable_output_is_refused_before_the_work(
+    folder: Path, case: str, place: str
+) -> None:
+    if place == "taken" and "/" in case:
+        pytest.skip("a folder may be there")
+    if place == "missing/result" and case.startswith(("batch ball.ply -o @", "warmup", "paper")):
+        pytest.skip("it makes folders")
+    error = refusal(case.replace("@", place), folder)
+    assert place.partition("/")[0] in error

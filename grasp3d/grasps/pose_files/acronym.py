@@ -62,7 +62,7 @@ OBJECT = {
 
 def write_acronym(path: Path, poses: GraspPoses) -> None:
     """Write the poses of the hand's base, and outcomes where any are known."""
-    h5py = _h5py()
+    h5py = h5py_module()
     hand, in_metres = for_robots(poses, WHAT)
     values: dict[str, Any] = {
         TRANSFORMS: moved(in_metres.poses, -hand.base_to_tcp),
@@ -94,7 +94,7 @@ def write_acronym(path: Path, poses: GraspPoses) -> None:
 
 def read_acronym(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     """Poses in the order of the file. Raises ContactError, OSError."""
-    _h5py()
+    h5py_module()
     check_metres(unit, WHAT)
     with path.open("rb") as stream:
         if stream.read(8) != b"\x89HDF\r\n\x1a\n":
@@ -109,7 +109,7 @@ def read_acronym(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses
 
 def _read_file(path: Path, hand: Hand | None) -> GraspPoses:
     """Poses of a file, in a child process. Raises ContactError."""
-    with _plain_errors(), _h5py().File(path, "r") as file:
+    with _plain_errors(), h5py_module().File(path, "r") as file:
         return _read(_DataSets(file), hand)
 
 
@@ -152,7 +152,7 @@ class _DataSets:
     """Data sets of an HDF5 file, whose shapes and types are checked before anything is loaded."""
 
     def __init__(self, file: Any) -> None:
-        self._file, self._h5py = file, _h5py()
+        self._file, self._h5py = file, h5py_module()
 
     def named(self, name: str) -> Any:
         """A data set that is stored in the file itself; None: there is none."""
@@ -207,7 +207,8 @@ def _plain_errors() -> Iterator[None]:
         raise ContactError(f"is damaged, or no such HDF5 file ({reason})") from error
 
 
-def _h5py() -> Any:
+def h5py_module() -> Any:
+    """The library of HDF5. Raises OutputError if it is not installed."""
     if find_spec("h5py") is None:
         raise OutputError("HDF5 needs h5py: pip install 'grasp3d[datasets]'")
     import h5py

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from grasp3d.errors import ContactError, OutputError, SettingError
-from grasp3d.grasps.pose_files.acronym import read_acronym, write_acronym
+from grasp3d.grasps.pose_files.acronym import h5py_module, read_acronym, write_acronym
 from grasp3d.grasps.pose_files.data_sets import (
     is_graspgen,
     parse_graspgen,
@@ -16,7 +16,7 @@ from grasp3d.grasps.pose_files.data_sets import (
     write_graspgen,
     write_graspnet,
 )
-from grasp3d.grasps.pose_files.documents import check_file, load_json
+from grasp3d.grasps.pose_files.documents import check_file, load_json, yaml_module
 from grasp3d.grasps.pose_files.frames import GivenPose, missing_of_hand, read_object_pose
 from grasp3d.grasps.pose_files.own_files import (
     are_poses,
@@ -52,14 +52,16 @@ class _Format:
     """Poses of a file of this path; of JSON files, of this content."""
     is_in: Callable[[object], bool] | None = None
     """Whether the content of a JSON file is in this format; None: its files are no JSON."""
+    library: Callable[[], Any] = list
+    """Raises OutputError if a library that it needs is not installed."""
 
 
 _FORMATS: dict[PoseFormat, _Format] = {
     "json": _Format((".json",), write_json, parse_json, is_own),
     "csv": _Format((".csv",), write_table, read_table),
     "parquet": _Format((".parquet",), write_table, read_table),
-    "isaac_grasp": _Format((".yaml", ".yml"), write_isaac, read_isaac),
-    "acronym": _Format((".h5", ".hdf5"), write_acronym, read_acronym),
+    "isaac_grasp": _Format((".yaml", ".yml"), write_isaac, read_isaac, library=yaml_module),
+    "acronym": _Format((".h5", ".hdf5"), write_acronym, read_acronym, library=h5py_module),
     "graspgen": _Format((".json",), write_graspgen, parse_graspgen, is_graspgen),
     "graspnet": _Format((".npy",), write_graspnet, read_graspnet),
     "moveit": _Format((".json",), write_moveit, parse_moveit, is_moveit),
@@ -248,8 +250,11 @@ def check_hand(format: PoseFormat | None, hand: Hand) -> None:  # noqa: A002
         hand: The hand of the poses.
 
     Raises:
+        OutputError: A library that the format needs is not installed.
         SettingError: It lacks what the files state.
     """
+    if format is not None:
+        _FORMATS[format].library()
     if format is None or format in OWN_FORMATS:
         return
     missing = missing_of_hand(hand, format, joints=format in JOINT_FORMATS)
