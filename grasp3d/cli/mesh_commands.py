@@ -63,9 +63,9 @@ class Label:
     same name beside it."""
 
     grasps: Path | None = None
-    """File of the best grasps, as many as --best (.json, .csv, .parquet; with a gripper also .yaml for isaac_grasp,
-    .h5 for ACRONYM, .npy for graspnetAPI) (default: NAME_grasps.json in the folder of the labelled
-    file)."""
+    """File of the best grasps of --best (.json, .csv, .parquet; with a gripper also .yaml for
+    isaac_grasp, .h5 for ACRONYM, .npy for graspnetAPI) (default: NAME_grasps.json in the folder of
+    the labelled file)."""
 
     grasps_format: PoseFormat | None = None
     """With a gripper: format of that file, for those that are JSON too (default: that of the
