@@ -129,7 +129,9 @@ def _option(field: "Field[Any]", hint: Any, text: str, group: str) -> Option:
     for note in own:
         values = {key: getattr(note, key, None) for key in ("name", "help", "metavar")}
         stated |= {key: value for key, value in values.items() if value}
-    names = *_ALIASES.get(field.name, ()), option_name(stated["name"])
+    positional = tyro.conf.Positional in own
+    aliases = () if positional else _ALIASES.get(field.name, ())
+    names = *aliases, option_name(stated["name"])
     parsed = _parsed(Annotated[(base, *own)] if own else base, names[-1])
     metavar, default = _texts(parsed, field.default)
     brief = next((str(note) for note in reversed(notes) if isinstance(note, Main)), "")
@@ -138,13 +140,13 @@ def _option(field: "Field[Any]", hint: Any, text: str, group: str) -> Option:
         stated["help"] += f" (default: {default})"
         brief += f" (default: {default})" if brief and default not in {_NONE, "0", "inf"} else ""
     metavar = _METAVARS.get(field.name) or stated.get("metavar", metavar)
-    argument = tyro.conf.arg(name=stated["name"], aliases=names[:-1], metavar=metavar)
+    argument = tyro.conf.arg(name=stated["name"], aliases=aliases, metavar=metavar)
     return Option(
         field=field.name,
-        group="arguments" if tyro.conf.Positional in own else group,
+        group="arguments" if positional else group,
         hint=Annotated[parsed, argument],
         default=field.default if field.default is not MISSING else tyro.MISSING_NONPROP,
-        names=() if tyro.conf.Positional in own else names,
+        names=() if positional else names,
         metavar=metavar,
         text=stated["help"],
         brief=brief,
