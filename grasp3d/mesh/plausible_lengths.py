@@ -171,9 +171,8 @@ def _remedies(mesh: ObjectMesh, unit: Unit, purpose: Purpose) -> Iterator[str]:
         yield f"if its unit is {other} it is {size}: give --unit {other}"
     if given is None or unit not in _fitting(mesh.size, PLAUSIBLE):
         return
-    for mass, number, symbol in ((1e-3 * given, given, "g"), (1e3 * given, 1e3 * given, "kg")):
-        if not any(replace(purpose, mass=mass).problems(mesh, unit)):
-            yield f"if its mass is {number:.4g} {symbol}, give --mass {number:.4g}{symbol}"
+    if not any(replace(purpose, mass=1e-3 * given).problems(mesh, unit)):
+        yield f"if its mass is {given:.4g} g, give --mass {given:.4g}g"
 
 
 def length_text(metres: float) -> str:

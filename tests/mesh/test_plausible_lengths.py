@@ -1,13 +1,15 @@
 import math
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp3d import Sampling, label_surface, load_mesh
+from grasp3d import ParallelGripper, Sampling, label_surface, load_mesh
 from grasp3d.errors import SettingError
+from grasp3d.hand.scene import Scene
 from grasp3d.mesh.plausible_lengths import (
     Purpose,
     check_lengths,
@@ -17,6 +19,7 @@ from grasp3d.mesh.plausible_lengths import (
 )
 from grasp3d.quality.loads import Load
 from grasp3d.settings.lengths import METRES, length_in_unit, parse_length
+from grasp3d.surface.load_case import input_warnings
 from tests.helpers import shapes
 
 REFUSED: dict[str, tuple[dict[str, float | str], float, Any, str]] = {
@@ -113,7 +116,12 @@ IMPLAUSIBLE: dict[str, tuple[tuple[float, float, float], Any, dict[str, Any], li
     "boot in cm": ((0.36, 0.1, 0.2), "cm", {"mass": 0.8}, ["more than any", "give --unit m"]),
     "boot in mm": ((36.0, 10.0, 20.0), "m", {"mass": 0.8}, ["than foam", "42 cm: give --unit cm"]),
     "nut": ((0.03, 0.03, 0.01), "m", {"mass": 200.0}, ["more than", "if its mass is 200 g, give"]),
-    "grams for kg": ((0.3, 0.2, 0.2), "m", {"mass": 8e-4}, ["than foam", "mass is 0.8 kg, give"]),
+    "grams for kg": (
+        (0.3, 0.2, 0.2),
+        "m",
+        {"mass": 8e-4},
+        ["than foam", "is 1 cm: give --unit in"],
+    ),
     "below the pads": ((1.0, 0.5, 0.5), "mm", FRANKA, ["1.2 mm large: a pad", "give --unit cm"]),
     "above the strokes": ((80.0, 50.0, 30.0), "cm", FRANKA, ["ten strokes", "give --unit mm"]),
     "a density": ((0.1, 0.1, 0.1), "m", {"mass": 30.0, "has_density": True}, ["is its unit right"]),
@@ -159,3 +167,16 @@ def test_what_is_advised_is_plausible(size: float, mass: float, unit: Any) -> No
         if match := re.search(r"--mass (\S+)", text):
             meant = Load(mass=match[1]).mass  # type: ignore[arg-type]
             assert warnings_of(shapes.box(extents), unit, mass=meant, **FRANKA) == []
+
+
+MESHES = [path for path in shapes.LIBRARY.iterdir() if path.suffix not in {".md", ".png"}]
+
+
+@pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("gripper", ["franka", "robotiq_2f85", None])
+def test_nothing_is_said_of_the_shipped_meshes(path: Path, gripper: str | None) -> None:
+    mesh = load_mesh(path, unit="m", max_edge=1e9)
+    scene = None if gripper is None else Scene(ParallelGripper.preset(gripper))
+    most = 0.05 if math.isnan(mesh.volume) else min(2.0, 8000.0 * mesh.volume)
+    for mass in (min(0.05, most), most):
+        assert input_warnings(mesh, scene, Load(mass=mass)) == mesh.report.warnings

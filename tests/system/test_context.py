@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 import grasp3d
-from grasp3d.errors import SettingError
+from grasp3d.errors import SettingError, WarningError
 from grasp3d.system.context import (
     available_processors,
     report_progress,
@@ -15,6 +15,7 @@ from grasp3d.system.context import (
     unreported,
     within,
 )
+from tests.helpers import shapes
 
 
 def test_threads_and_progress_hold_inside_and_nowhere_else() -> None:
@@ -81,3 +82,24 @@ def test_threads_are_a_whole_number_from_1_on(threads: Any) -> None:
         running(threads=threads),
     ):
         pytest.fail("must not begin")
+
+
+def test_warnings_are_errors_where_that_is_stated() -> None:
+    vertices, faces = shapes.box((0.04, 0.04, 0.04))
+    load, wrong = grasp3d.Load(mass=200.0), "more than any material: if its mass is 200 g"
+    mesh = grasp3d.load_mesh((vertices, faces), unit="m", max_edge=0.02)
+    (warning,) = grasp3d.label_surface(mesh, load=load).warnings
+    assert wrong in warning
+    sides = [[0.02, 0.0, 0.0], [-0.02, 0.0, 0.0]]
+    assert grasp3d.evaluate_grasps(mesh, sides, load=load).warnings == (warning,)
+    with running(strict=True), running(threads=2):
+        for compute in (
+            lambda: grasp3d.label_surface(mesh, load=load),
+            lambda: grasp3d.evaluate_grasps(mesh, sides, load=load),
+            lambda: grasp3d.label_surface((vertices, faces[1:])),
+        ):
+            with pytest.raises(WarningError):
+                compute()
+        assert not grasp3d.label_surface(mesh).warnings
+        with running(strict=False):
+            assert grasp3d.label_surface(mesh, load=load).warnings == (warning,)
