@@ -17,8 +17,9 @@ ROUNDING = 1e-12
 FAR = 20.0
 """Distance of a TCP from the object, in object sizes, that cannot be meant."""
 
-BESIDE, ORDINARY = 10.0, 0.5
-"""Largest and ordinary median distance of TCPs, in object sizes, by which a unit is guessed."""
+BESIDE = 0.02, 1.0, 10.0
+"""Median distances of TCPs, in object sizes: the ends of those with which a unit is likely, and the
+largest with which one is if no other is."""
 
 GIVE_UNIT = "give their unit: a column unit in their table, in Python unit=..."
 """Remedy for messages."""
@@ -163,10 +164,10 @@ def check_near(
     if not len(points) or not (distances > max(FAR * size, reach)).all():
         return
     unit_of, of_mesh = stated or unit, guess_unit(size).unit
-    other = _likely_unit(points, center, size, unit_of)
+    other = _likely_units(points, center, size, unit_of)
     if stated is not None and of_mesh is not None and unit_warning(size, unit):
         remedy = f"if the mesh is in {of_mesh}, not in {unit}, give --unit {of_mesh}"
-    elif other is not None:
+    elif other:
         remedy = f"if their lengths are in {other}, not in {unit_of}, {GIVE_UNIT}"
     else:
         remedy = "are they in another frame? Give the pose of the object in it (--object-pose)"
@@ -176,16 +177,19 @@ def check_near(
     )
 
 
-def _likely_unit(points: Floats, center: Floats, size: float, unit: Unit) -> Unit | None:
-    """The unit in which positions that were read in `unit` are at the object; None: in none."""
+def _likely_units(points: Floats, center: Floats, size: float, unit: Unit) -> str:
+    """Units in which positions that were read in `unit` are at the object; empty: none."""
     ratios = {
         other: float(np.median(np.linalg.norm(points * (metres / METRES[unit]) - center, axis=1)))
         / size
         for other, metres in METRES.items()
         if other != unit
     }
-    near: list[Unit] = [other for other, ratio in ratios.items() if 0.0 < ratio <= BESIDE]
-    return min(near, key=lambda other: abs(np.log(ratios[other] / ORDINARY)), default=None)
+    near = [other for other, ratio in ratios.items() if BESIDE[0] <= ratio <= BESIDE[1]]
+    nearest = min(ratios, key=lambda other: ratios[other])
+    if not near and ratios[nearest] <= BESIDE[2]:
+        near = [nearest]
+    return " or ".join(near)
 
 
 def pose_warning(
@@ -212,8 +216,8 @@ def pose_warning(
         )
     extent = float(np.linalg.norm(np.ptp(points, axis=0))) / size if len(points) > 2 else 0.0
     origin = float(np.linalg.norm(points, axis=1).max(initial=0.0)) / size
-    other = _likely_unit(points, center, size, unit) if 0.0 < extent < NEAR > origin else None
-    if other is not None:
+    other = _likely_units(points, center, size, unit) if 0.0 < extent < NEAR > origin else ""
+    if other:
         return (
             f"the positions of these poses differ by {extent:.2g} object sizes only: if their "
             f"lengths are in {other}, not in {unit}, {GIVE_UNIT}"

@@ -184,8 +184,8 @@ def test_lengths_in_another_unit_are_noticed(
     ("unit", "size", "mesh_unit", "stated", "words"),
     [
         (0.001, 0.1, "m", None, "if their lengths are in mm, not in m, give their unit: a column"),
-        (0.01, 0.1, "m", "m", "if their lengths are in cm, not in m"),
-        (0.0254, 0.09, "m", None, "if their lengths are in in, not in m"),
+        (0.01, 0.1, "m", "m", "if their lengths are in cm or mm, not in m"),
+        (0.0254, 0.09, "m", None, "if their lengths are in cm or mm or in, not in m"),
         (0.001, 0.1, "mm", "m", "if the mesh is in m, not in mm, give --unit m"),
         (1e-6, 0.1, "m", "m", "in another frame? Give the pose of the object in it"),
     ],
