@@ -15,7 +15,7 @@ from grasp3d.reading.sources import Source
 from grasp3d.surface.fields import DECIDED, EPSILONS, FLOAT, present
 from grasp3d.surface.label_settings import complete_settings
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.vertex_fields import RESTORING, SURFACE, VERTICES
+from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 from grasp3d.system.ply_files import settings_of_header, write_ply_columns
 
 
@@ -52,12 +52,17 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
         for field, values in present(fields, labels)
         for name, column in field.as_columns(values).items()
     }
-    settings = {**complete_settings(labels), PACKED: packed((*RESTORING, *SURFACE[1:]), labels)}
+    settings = {**complete_settings(labels), PACKED: packed((*HIDDEN, *SURFACE[1:]), labels)}
     write_ply_columns(Path(path), columns, labels.mesh.faces, settings, binary=binary)
 
 
 PACKED = "packed"
 """Name of the comment with what is not shown of the grasps and the surface; see `npz.packed`."""
+
+HIDDEN = tuple(
+    one for one in VERTICES if one.array and not one.ply and one.name != "partner_normals"
+)
+"""What a PLY has of the vertices in that comment; the normals there follow from the contacts."""
 
 
 LABELLED = tuple(field.name for field in (*DECIDED, *EPSILONS))
@@ -65,7 +70,7 @@ LABELLED = tuple(field.name for field in (*DECIDED, *EPSILONS))
 the types, values and comments that `write_ply` writes; otherwise it is refused, as its numbers
 could mean anything. Other properties (colours, confidence, texture coordinates) are allowed."""
 
-_KINDS = {"u1": "a uchar", "i1": "a char", "f8": "a double"}
+_KINDS = {"u1": "a uchar", "f8": "a double"}
 
 
 def read_ply(source: Source) -> Stored | None:

@@ -150,7 +150,7 @@ RESTORING = (
     Field("resistance", "whether forces can hold the load: why `grip_force` is infinite",
           of=of_part("holding", "resistance"), kind="u1", when="load", texts=names_of(Resistance)),
 )  # fmt: skip
-"""What makes labels that are read again complete; packed in a PLY."""
+"""What makes labels that are read again complete."""
 
 VERTICES = (
     Field("vertices", "position", LENGTH, (3,), of=attrgetter("mesh.vertices"), columns=XYZ,
@@ -166,7 +166,7 @@ VERTICES = (
     *EPSILONS,
     OPENING,
     Field("grip", "two fingers: 1 for an external grasp, −1 for an internal one; 0: no grasp, and "
-          "three fingers and more", "", (), NORMAL, kind="i1", ply="i1"),
+          "three fingers and more", "", (), NORMAL, kind="i1"),
     Field("reason", "why there is no grasp, see [reasons](#reasons)", kind="u1", ply="u1",
           texts=names_of(Reason)),
     *LOCATED,

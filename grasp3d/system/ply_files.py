@@ -10,7 +10,7 @@ import numpy.typing as npt
 from grasp3d.arrays import Ints
 from grasp3d.system.files import atomic_write
 
-_TYPES = {"<f8": "double", "<f4": "float", "|u1": "uchar", "|i1": "char", "<i4": "int"}
+_TYPES = {"<f8": "double", "<f4": "float", "|u1": "uchar", "<i4": "int"}
 
 COMMENT, MORE = "comment grasp3d ", "comment grasp3d+ "
 """Beginnings of a line with a setting, and of lines that continue its value."""

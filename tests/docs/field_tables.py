@@ -10,8 +10,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import get_args
 
+from grasp3d.export.ply import HIDDEN
 from grasp3d.surface.fields import CONTACTS, FOUND_POSES, GRASPS, Field, When, given_poses
-from grasp3d.surface.vertex_fields import RESTORING, SURFACE, VERTICES
+from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = (DOCS / "formats.md", DOCS / "pose_formats.md")
@@ -20,7 +21,7 @@ TYPES = {
     "f8": "float64", "f4": "float", "u1": "uint8", "i1": "int8", "i8": "int64", "u8": "uint64",
     "?": "bool",
 }  # fmt: skip
-PLY_TYPES = {"f8": "double", "f4": "float", "u1": "uchar", "i1": "char"}
+PLY_TYPES = {"f8": "double", "f4": "float", "u1": "uchar"}
 _BLOCK = re.compile(r"(<!-- fields: (.+?) -->\n).*?(<!-- end of fields -->)", re.DOTALL)
 
 
@@ -47,7 +48,7 @@ def _vertex_row(field: Field) -> list[str]:
         "yes" if field.array else "",
         points if field.array else "",
         columns + ", text" * bool(field.texts) if field.table else "",
-        f"{columns}, {PLY_TYPES[field.ply]}" if field.ply else "packed" * (field in RESTORING),
+        f"{columns}, {PLY_TYPES[field.ply]}" if field.ply else "packed" * (field in HIDDEN),
     ]
 
 

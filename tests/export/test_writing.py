@@ -11,6 +11,8 @@ import trimesh
 from grasp3d import (
     GraspModel,
     Label,
+    Load,
+    ParallelGripper,
     Sampling,
     SurfaceLabels,
     label_surface,
@@ -29,7 +31,7 @@ from tests.helpers import shapes, viewing
 FIELDS = (
     "x", "y", "z", "nx", "ny", "nz", "red", "green", "blue",
     "label", "critical_angle", "critical_angle_best", "max_resolution", "margin",
-    "epsilon", "epsilon_min", "epsilon_max", "opening", "grip", "reason",
+    "epsilon", "epsilon_min", "epsilon_max", "opening", "reason",
     "partner_2_x", "partner_2_y", "partner_2_z",
 )  # fmt: skip
 
@@ -162,6 +164,29 @@ def test_meshlab_reads_surface_and_colours_of_the_ply(tmp_path: Path) -> None:
     assert np.array_equal(mesh.face_matrix(), labels().mesh.faces)
     colors = np.round(mesh.vertex_color_matrix()[:, :3] * 255.0)
     assert (colors[labels().label == Label.S] == COLORS[Label.S]).all()
+
+
+@pytest.mark.parametrize("name", ["open3d", "pymeshlab", "pyvista", "trimesh", "meshio"])
+def test_other_programs_read_the_ply_of_a_gripper(tmp_path: Path, name: str) -> None:
+    """Its settings are longer than the lines that they read: MeshLab's 512, Open3D's 1,024."""
+    reader = shapes.reader(name)
+    mesh = load_mesh(shapes.box((4.0, 3.0, 2.0)), unit="cm", max_edge=1.5)
+    hand = ParallelGripper.preset("franka")
+    path = str(tmp_path / "held.ply")
+    write_ply(path, label_surface(mesh, hand=hand, load=Load(mass="0.2 kg")))
+    if name == "open3d":
+        faces = np.asarray(reader.io.read_triangle_mesh(path).triangles)
+    elif name == "pymeshlab":
+        meshes = reader.MeshSet()
+        meshes.load_new_mesh(path)
+        faces = meshes.current_mesh().face_matrix()
+    elif name == "pyvista":
+        faces = reader.read(path).regular_faces
+    elif name == "trimesh":
+        faces = reader.load_mesh(path, process=False).faces
+    else:
+        faces = reader.read(path).cells_dict["triangle"]
+    assert np.array_equal(faces, mesh.faces)
 
 
 def test_vtk_reads_surface_and_colours_of_the_ply_and_everything_of_the_vtp(tmp_path: Path) -> None:
