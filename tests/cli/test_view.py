@@ -14,8 +14,11 @@ import trimesh
 from PIL import Image
 
 from grasp3d.plots import rendering
+from grasp3d.viewer.session.collection import open_collection
+from grasp3d.viewer.web.page_state import page_state
 from tests.helpers import shapes
 from tests.helpers.commands import COMMAND, run_process
+from tests.helpers.viewing import ready_session
 
 KEPT = {
     name: value for name, value in os.environ.items() if name not in {"DISPLAY", rendering.WINDOW}
@@ -48,6 +51,20 @@ def test_a_picture_and_a_film_without_a_display(box: Path) -> None:
     with Image.open(box / "a.gif") as film:
         assert film.n_frames > 10
     assert sorted(p.name for p in box.iterdir()) == ["a.gif", "a.png", "box.stl"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", ["ply", "npz", "vtp", "parquet"])
+def test_the_page_of_a_labelled_file_has_the_fractions_that_were_printed(
+    box: Path, suffix: str
+) -> None:
+    words = ("--unit", "m", "--max-edge", "0.02", "--gripper", "franka", "--max-opening", "0.05")
+    run = run_process("label", "box.stl", *words, "-o", f"box.{suffix}", cwd=box, env=KEPT)
+    printed = re.findall(r"■ ([SMU]) .*?([\d.]+) %", run.stdout)
+    rows = page_state(ready_session(open_collection(box / f"box.{suffix}")))["rows"]
+    shown = {row["letter"]: row["fractions"][0]["percent"].split()[0] for row in rows}
+    assert dict(printed) == shown
+    assert 0.0 < float(shown["U"]) < 100.0
 
 
 @pytest.mark.slow
