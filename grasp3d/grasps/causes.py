@@ -47,7 +47,7 @@ def cause_masks(labels: SurfaceLabels) -> dict[Cause, Bools]:
     Args:
         labels: The labelled surface.
     """
-    reason, reach, outside = labels.likely_reason, labels.reach, _outside(labels)
+    reason, reach, outside = labels.reason, labels.reach, _outside(labels)
     missed = reason == Reason.NOT_REACHED
     masks = {
         Cause.NO_PARTNER: reason == Reason.NO_PARTNER,
@@ -107,7 +107,7 @@ def cause_fractions(labels: SurfaceLabels) -> dict[Cause, float]:
         >>> {str(cause): round(part, 2) for cause, part in cause_fractions(labels).items()}
         {'too wide for the stroke': 0.07, 'the best grasp needs more friction': 0.06}
     """
-    masks, has_grasp = cause_masks(labels), labels.likely_reason == Reason.FOUND
+    masks, has_grasp = cause_masks(labels), labels.reason == Reason.FOUND
     unstable = has_grasp & (labels.label == Label.U)
     if labels.holding is not None and (codes := labels.holding.label) is not None:
         masks[Cause.FORCE] = has_grasp & (codes == Label.U) & ~unstable

@@ -252,7 +252,7 @@ def alternatives_at(labels: SurfaceLabels, vertex: int, count: int) -> GraspTabl
         most = largest_cost(cone, ranking)
         search = ReachSearch(mesh, scene, cone, limits, executor, most)
         partners = search.partners_of(np.array([own]), count, TESTS_PER_GRASP * count)
-    first = slice(0, int(labels.likely_reason[own] == Reason.FOUND))  # of the vertex, if any
+    first = slice(0, int(labels.reason[own] == Reason.FOUND))  # of the vertex, if any
     points, grip = labels.partner_points, labels.grip[own : own + 1][first].astype(np.int64)
     signs = np.concatenate([grip, np.ones(count, dtype=np.int64)])
     faces = np.concatenate([points.faces[own, 0][first], partners.faces[0]])

@@ -146,7 +146,7 @@ def _corner_angles(labels: SurfaceLabels, inward: Floats) -> Floats:
     angles = np.minimum(np.stack(labels.located_angles, axis=1), math.pi)[mesh.faces]
     if labels.mode != "scan":
         return angles
-    has_grasp = labels.likely_reason == Reason.FOUND
+    has_grasp = labels.reason == Reason.FOUND
     has_grasp &= (labels.partner_normals != 0.0).any(axis=2).all(axis=1)
     creased = (mesh.normal_sets.counts[mesh.canonical] > 1) & has_grasp
     at = np.nonzero(creased[mesh.faces])

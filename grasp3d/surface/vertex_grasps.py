@@ -198,11 +198,6 @@ class VertexGrasps(SpreadGrasps):
         return locked(np.flatnonzero(own & (self.row != NO_ROW)))
 
     @cached_property
-    def likely_reason(self) -> Bytes:
-        """The same as `reason`."""
-        return self.reason
-
-    @cached_property
     def partners(self) -> Floats:
         """Opposing contacts of the vertex's best grasp, shape (V, n - 1, 3); nan: no grasp."""
         return self._spread(self.grasps.positions[:, 1:], math.nan)

@@ -117,7 +117,7 @@ def angles_on(mesh: ObjectMesh, labels: SurfaceLabels) -> Floats:
         mesh: A mesh of the same faces.
         labels: Labels with a grasp for each vertex, or none: inf.
     """
-    rows = np.flatnonzero(labels.likely_reason == Reason.FOUND)
+    rows = np.flatnonzero(labels.reason == Reason.FOUND)
     angles = np.full(len(labels.row), math.inf)
     if len(rows):
         contacts = SurfaceContacts(mesh, _surface_points(labels, rows))
@@ -149,7 +149,7 @@ def _shift_across(labels: SurfaceLabels, copy: ObjectMesh) -> Floats:
     It is the location error whose bound for the turn of the line, asin(2 error / opening), is the
     turn that was seen.
     """
-    rows = np.flatnonzero(labels.likely_reason == Reason.FOUND)
+    rows = np.flatnonzero(labels.reason == Reason.FOUND)
     points = _surface_points(labels, rows)
     lines = [np.diff(points.positions(mesh), axis=1)[:, 0] for mesh in (labels.mesh, copy)]
     turn = np.minimum(angles_between(*lines), math.pi / 2.0)

@@ -225,7 +225,7 @@ def _inspection(
 def warm_up(subject: Subject) -> Subject:
     """Prepare the first picture and click: angles of the labels are known, functions compiled."""
     subject.angles(subject.labels.model)
-    vertices = np.flatnonzero(subject.labels.likely_reason == Reason.FOUND)
+    vertices = np.flatnonzero(subject.labels.reason == Reason.FOUND)
     if len(vertices):
         grasp = _grasp(subject.labels, int(vertices[0]))
         _epsilons_of(grasp, subject.labels.model)
@@ -241,7 +241,7 @@ def _contacts(subject: Subject, vertex: int) -> tuple[Floats, Floats]:
     """Points and normals of a vertex's grasp, (n, 3) each; n = 1 without a grasp."""
     points, normals = subject.mesh.vertices[vertex][None], subject.mesh.normals[vertex][None]
     others, other_normals = subject.labels.partners[vertex], subject.labels.partner_normals[vertex]
-    if subject.labels.likely_reason[vertex] != Reason.FOUND or not np.isfinite(others).all():
+    if subject.labels.reason[vertex] != Reason.FOUND or not np.isfinite(others).all():
         return points, normals
     return np.concatenate([points, others]), np.concatenate([normals, other_normals])
 
@@ -265,7 +265,7 @@ def _off_line(points: Floats, normals: Floats) -> tuple[float, float] | None:
 def _force_of(subject: Subject, vertex: int, model: GraspModel) -> HeldGrasp | None:
     """Force and payload of a vertex's grasp; None: no load, or no grasp."""
     forces, labels = subject.forces, subject.labels
-    if labels.load is None or labels.likely_reason[vertex] != Reason.FOUND:
+    if labels.load is None or labels.reason[vertex] != Reason.FOUND:
         return None
     if forces is not None and same_settings(forces.model, model):
         assert forces.holding is not None
@@ -306,7 +306,7 @@ def _epsilons(subject: Subject, vertex: int, model: GraspModel) -> tuple[float, 
     ranges = subject.epsilons
     if ranges is not None and same_settings(ranges.model, model):
         return ranges.epsilon[vertex], ranges.epsilon_min[vertex], ranges.epsilon_max[vertex]
-    if subject.labels.likely_reason[vertex] == Reason.FOUND:
+    if subject.labels.reason[vertex] == Reason.FOUND:
         return _epsilons_of(_grasp(subject.labels, vertex), model)
     return math.nan, math.nan, math.nan
 
