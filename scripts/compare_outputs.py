@@ -83,7 +83,8 @@ def _ply(path: Path) -> Arrays:
     vertex, face = data["vertex"], data["face"]
     found = {entry.name: np.asarray(vertex[entry.name]) for entry in vertex.properties}
     found["faces"] = np.vstack(face["vertex_indices"])
-    settings = (line.removeprefix("grasp3d ").partition(" ") for line in data.comments)
+    comments = "\n".join(data.comments).replace("\ngrasp3d+ ", "").splitlines()
+    settings = (line.removeprefix("grasp3d ").partition(" ") for line in comments)
     return found | {f"setting_{key}": np.array(value) for key, _, value in settings}
 
 
