@@ -21,6 +21,7 @@ from grasp3d.settings import (
 from grasp3d.settings.checks import check_range
 from grasp3d.settings.lengths import Lengths, settings_in_unit
 from grasp3d.settings.parsing import Main, Settings
+from grasp3d.settings.regions import Box, Sphere
 
 DEFAULT_RESOLUTIONS = tuple(5.0 * step * DEGREE for step in range(13))
 """Default sensor resolutions of the grid: 0 to 60 degrees in steps of 5 [rad]."""
@@ -86,6 +87,9 @@ class BatchSettings:
     def __post_init__(self) -> None:
         if self.best < 0:
             raise SettingError(f"the number of best grasps must be at least 0; got {self.best}")
+        for part in (*self.mesh.only, *self.mesh.avoid):
+            if not isinstance(part, Box | Sphere):
+                raise SettingError(f"{part} is of one mesh; a library takes boxes and spheres")
         object.__setattr__(self, "sampling", self.sampling.fitted(self.model.fingers))
         values = self.grid_values
         for friction, error in product(values["friction"], values["friction_error"]):

@@ -17,6 +17,7 @@ from grasp3d.cli.options import (
     Overwrite,
     Quiet,
     Strict,
+    WholeMesh,
     without,
 )
 from grasp3d.errors import SettingError
@@ -167,7 +168,7 @@ class Validate:
 
     load: Load = field(default_factory=Load)
 
-    surface: MeshOptions = field(default_factory=MeshOptions)
+    surface: Annotated[MeshOptions, WholeMesh] = field(default_factory=MeshOptions)
 
     object_motion: Annotated[ObjectMotion, Group("gripper")] = "free"
     """Whether objects give way to the closing jaws: they settle between them, or do not move."""
@@ -235,7 +236,7 @@ class Simulate:
         without(GraspModel, "fingers", "method", "extreme_normals", "edges", "actuation"),
     ] = field(default_factory=GraspModel)
 
-    mesh: MeshOptions = field(default_factory=MeshOptions)
+    mesh: Annotated[MeshOptions, WholeMesh] = field(default_factory=MeshOptions)
 
     cluster: ClusterSettings = field(default_factory=ClusterSettings)
 

@@ -86,6 +86,7 @@ def print_evaluated(grasps: GraspTable, output: Path) -> None:
     texts = ", ".join(map(angle_text, angles))
     report.paragraph(f"critical friction angle, {PERCENTS} of the grasps: {texts}")
     report.lines(uncertainty_lines(grasps, None, of="grasps", unit=mesh.unit))
+    report.lines(_outside(grasps))
     report.paragraph(_distance_text(grasps))
     report.line(f"[bold]{escaped(str(verdict_of(grasps)))}[/]")
     print_load(report, grasps.holding)
@@ -159,6 +160,7 @@ def print_poses(poses: EvaluatedPoses, output: Path) -> None:
     rows = [(*names, *_number_of(count, poses.size)) for names, count in _pose_counts(poses)]
     report.table(table_of(("", "", "poses", "fraction"), rows, texts=2))
     report.lines(uncertainty_lines(poses, None, of="poses", unit=mesh.unit))
+    report.lines(_outside(poses))
     if not np.isnan(poses.outcome).all():
         report.line(_outcomes(poses))
     report.line(f"[bold]{escaped(str(verdict_of(poses)))}[/]")
@@ -311,6 +313,14 @@ def _pose_counts(poses: EvaluatedPoses) -> list[tuple[tuple[str, str], int]]:
         (("", "closed, but the gripper collides"), int((closed & poses.collides).sum())),
         (("", "closed and reachable"), int(poses.reachable.sum())),
     ]
+
+
+def _outside(grasps: GraspTable | EvaluatedPoses) -> tuple[str, ...]:
+    """Return how many grasps have a contact outside the region, in one line, if there is one."""
+    if grasps.mesh.region is None:
+        return ()
+    count = int(np.isinf(grasps.critical_angle).sum())
+    return (f"{count} of {grasps.size} have a contact that --only and --avoid exclude: U",)
 
 
 def _outcomes(poses: EvaluatedPoses) -> str:

@@ -160,6 +160,7 @@ def print_labels(labels: SurfaceLabels, output: Path, best: GraspTable | None = 
     """
     report, mesh = Report(), labels.mesh
     _print_settings(report, labels)
+    report.lines(labels.mesh.region_notes)
     fractions = labels.fractions()
     report.labels(
         "label", ["area fraction"], lambda code: [percent_text(fractions[code.name])], texts=3

@@ -17,6 +17,7 @@ from grasp3d.cli.options import (
     Overwrite,
     Quiet,
     Strict,
+    WholeMesh,
     without,
 )
 from grasp3d.cli.time_limit import DEFAULT_TIMEOUT, Timeout, check_timeout
@@ -161,7 +162,7 @@ class Check:
 
     multifinger: Multifinger = field(default_factory=MultifingerSampling)
 
-    mesh: MeshOptions = field(default_factory=MeshOptions)
+    mesh: Annotated[MeshOptions, WholeMesh] = field(default_factory=MeshOptions)
 
     cluster: ClusterSettings = field(default_factory=ClusterSettings)
 
@@ -210,7 +211,7 @@ class Perturb:
 
     multifinger: Multifinger = field(default_factory=MultifingerSampling)
 
-    mesh: MeshOptions = field(default_factory=MeshOptions)
+    mesh: Annotated[MeshOptions, WholeMesh] = field(default_factory=MeshOptions)
 
     force: Force = False
 

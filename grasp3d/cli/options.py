@@ -23,6 +23,7 @@ from grasp3d.quality.task_texts import TaskField, TaskText
 from grasp3d.settings import (
     AnySampling,
     GraspModel,
+    MeshOptions,
     MultifingerSampling,
     Radians,
     Sampling,
@@ -31,6 +32,7 @@ from grasp3d.settings.checks import parse_angle
 from grasp3d.settings.lengths import AnyLength, Length, Measure, Position, parse_length
 from grasp3d.settings.parsing import Group, Main, ParsedField
 from grasp3d.settings.quantities import Quantity
+from grasp3d.settings.regions import Region
 from grasp3d.settings.uncertainty import Friction as FrictionField
 from grasp3d.settings.uncertainty import PerFinger, Uncertainty, parse_fingers
 
@@ -190,6 +192,9 @@ def option_name(field: str) -> str:
 
 def _parsed(hint: Any, option: str) -> Any:
     """Return a type with the parsers of the values that tyro would not parse as needed."""
+    if hint is Region:  # given repeatedly, for several parts
+        parts = _one_word(f"PART|{_NONE}", partial(Region().parse, option))
+        return Annotated[tuple[Annotated[Any, parts], ...], tyro.conf.UseAppendAction]
     parser = _parser(hint, option)
     if parser is not None:
         return Annotated[Any if _is_parsed(hint) else hint, parser]
@@ -443,6 +448,9 @@ Multifinger = Annotated[
     partial(MultifingerSampling, **MultifingerSampling().common),
 ]
 """The options of a search of three fingers and more that a search of two fingers does not have."""
+
+WholeMesh = partial(MeshOptions, only=(), avoid=())
+"""How commands make options of reading a mesh whose contacts may be anywhere."""
 
 
 def given_sampling(sampling: Sampling, multifinger: MultifingerSampling) -> AnySampling:

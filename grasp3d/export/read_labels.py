@@ -33,6 +33,7 @@ from grasp3d.surface.holding import Holding
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.vertex_fields import LOCATED, VERTICES, unpacked_bits
+from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.names import printable
 
 READERS: dict[str, Callable[[Source], Stored | None]] = {
@@ -204,6 +205,8 @@ def _read_mesh(stored: Stored, settings: FileSettings, unit: Unit | None) -> Obj
     if settings.has_load and settings.load is None:
         warnings = (*mesh.report.warnings, UNREADABLE_TASK)
         mesh = replace(mesh, report=replace(mesh.report, warnings=warnings))
+    if mesh.options.only or mesh.options.avoid:
+        mesh = replace(mesh, region=locked(stored.field("reason") != Reason.EXCLUDED))
     return mesh
 
 

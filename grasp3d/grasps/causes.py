@@ -27,6 +27,7 @@ class Cause(StrEnum):
     NOT_REACHED = "the gripper reaches none of the grasps"
     SAME_POINT = "a fixed finger is at this point"
     OFF_SURFACE = "the vertex belongs to no face"
+    EXCLUDED = "no contact may be here, by only and avoid"
     UNSTABLE = "the best grasp needs more friction"
     FORCE = "the force at hand does not hold the load"
 
@@ -54,6 +55,7 @@ def cause_masks(labels: SurfaceLabels) -> dict[Cause, Bools]:
         outside: reason == Reason.OPENING,
         Cause.SAME_POINT: reason == Reason.SAME_POINT,
         Cause.OFF_SURFACE: reason == Reason.OFF_SURFACE,
+        Cause.EXCLUDED: reason == Reason.EXCLUDED,
     }
     if reach is not None:
         masks[outside] = masks[outside] | (missed & (reach.state == Reachability.WIDTH))

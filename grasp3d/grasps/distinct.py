@@ -47,7 +47,8 @@ def best_grasps(labels: SurfaceLabels, count: int, *, distance: float | None = N
     With a gripper of two fingers the jaws close on a free object at the poses of the candidates, as
     in `evaluate_grasps`, before they are ranked: labels, margins and forces that count are those at
     what the jaws touch, `closed` and `holding`. Of grasps with the same label as many kinds as
-    possible are in the list, see `grasp_kinds`.
+    possible are in the list, see `grasp_kinds`. Grasps whose jaws touch the object outside the
+    region of `only` and `avoid` are omitted.
 
     Args:
         labels: The labelled surface.
@@ -85,6 +86,9 @@ def best_grasps(labels: SurfaceLabels, count: int, *, distance: float | None = N
     rows = ranked_rows(grasps)
     rows = rows[distinct_rows(grasps.contacts.take(rows).points, len(rows), near)]
     candidates = grasps.take(rows).after_closing()
+    if candidates.closed is not None:
+        inside = np.flatnonzero(candidates.closed.allowed(labels.mesh))
+        rows, candidates = rows[inside], candidates.take(inside)
     order = ranked_rows(candidates, candidates.closed)
     order = order[distinct_rows(candidates.contacts.take(order).points, len(order), limit)]
     kinds = _large_kinds(labels)[labels.vertices[rows[order]]]

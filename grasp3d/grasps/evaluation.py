@@ -19,6 +19,7 @@ from grasp3d.hand.pose_checks import check_near, numbers_text
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
+from grasp3d.mesh.region import allowed_contacts
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point, nearest_surface_points
 from grasp3d.quality.critical_angle import critical_friction_angle
@@ -81,7 +82,8 @@ def evaluate_grasps(
 
     At poses of a gripper each jaw moves until it touches, and a free object gives way, with the
     model's friction; see `close_jaws`, which also says how a touched patch becomes a contact. A
-    pose whose jaws close on nothing is U, without numbers.
+    pose whose jaws close on nothing is U, without numbers. So is a grasp with a contact outside the
+    region of `only` and `avoid`, with an infinite critical angle.
 
     Args:
         mesh: The object: an `ObjectMesh`, or whatever `load_mesh` takes (a path, a mesh of trimesh,
@@ -214,8 +216,10 @@ def _evaluate_contacts(
     end = ANGLES_COMPUTED if own_model.method == "extremes" else 1.0
     with within(PROJECTED, end):
         angles = critical_angles(contacts)
+    outside = ~allowed_contacts(mesh, contacts.points)
+    worst, best = (locked(np.where(outside, math.inf, one)) for one in angles)
     grasps = GraspTable(
-        contacts=contacts, model=own_model, critical_angle=angles[0], critical_angle_best=angles[1],
+        contacts=contacts, model=own_model, critical_angle=worst, critical_angle_best=best,
         moved=distances, load=load,
     )  # fmt: skip
     refuse_warnings(grasps.warnings)
@@ -349,6 +353,7 @@ def evaluate_poses(
     angles = np.zeros(0)
     if contacts.size:
         angles = critical_friction_angle(contacts.contacts(own_model))
+        angles = np.where(allowed_contacts(mesh, contacts.points), angles, math.inf)
     grasps = GraspTable(
         contacts=contacts, model=own_model, critical_angle=locked(angles),
         critical_angle_best=locked(angles),

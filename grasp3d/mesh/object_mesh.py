@@ -10,7 +10,7 @@ import numpy as np
 from grasp3d._kernels.surface.normal_sets import ContactNormals
 from grasp3d._kernels.surface.surface_contacts import Surface
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows, used_indices
-from grasp3d.mesh.measures import face_areas
+from grasp3d.mesh.measures import face_areas, paired_edges
 from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins, normal_sets
 from grasp3d.mesh.repair.bodies import Solids
 from grasp3d.mesh.repair.work import RepairStep
@@ -88,6 +88,9 @@ class ObjectMesh:
     solids: Solids | None = None
     """The file's closed bodies in the normalised frame, before those that touch are united; None:
     there are too many to give each a density."""
+    region: Bools | None = None
+    """Mask of the vertices in the part of the surface where contacts may be, by the options `only`
+    and `avoid`, shape (V,); None: all of it."""
 
     __repr__ = short_repr
 
@@ -128,6 +131,35 @@ class ObjectMesh:
         return locked(mask[self.canonical])
 
     @cached_property
+    def allowed(self) -> Bools:
+        """Mask of the vertices on the surface where contacts may be, shape (V,)."""
+        return self.on_surface if self.region is None else locked(self.on_surface & self.region)
+
+    @cached_property
+    def contact_vertices(self) -> Ints:
+        """Canonical vertices on the surface where contacts may be."""
+        used = used_indices(self.faces)
+        return locked(used[self.allowed[used]])
+
+    @cached_property
+    def contact_faces(self) -> Ints:
+        """Faces in which contacts may be: all of their corners are allowed."""
+        return locked(np.flatnonzero(self.allowed[self.faces].all(axis=1)))
+
+    @cached_property
+    def allowed_fraction(self) -> float:
+        """Area fraction of the surface where contacts may be."""
+        return float(self.vertex_areas.sum() / face_areas(self.vertices, self.faces).sum())
+
+    @property
+    def region_notes(self) -> tuple[str, ...]:
+        """A sentence on the part of the surface where contacts may be; empty: all of it."""
+        if self.region is None:
+            return ()
+        share = f"{100.0 * self.allowed_fraction:.3g} %"
+        return (f"contacts may be on {share} of the surface only, of which fractions are stated",)
+
+    @cached_property
     def normal_sets(self) -> NormalSets:
         """All normals that a contact at each vertex may have."""
         return normal_sets(len(self.vertices), self.corner_normals)
@@ -139,11 +171,14 @@ class ObjectMesh:
 
     @cached_property
     def vertex_areas(self) -> Floats:
-        """A third of the area around each vertex, shape (V,); duplicates count as zero."""
+        """A third of the area around each vertex, shape (V,).
+
+        Duplicates, and vertices where no contact may be, count as zero.
+        """
         third = face_areas(self.vertices, self.faces) / 3.0
         areas = np.zeros(len(self.vertices))
         np.add.at(areas, self.faces, third[:, None])
-        return locked(areas)
+        return locked(areas * self.allowed)
 
     @cached_property
     def crease_fraction(self) -> float:
@@ -172,13 +207,23 @@ class ObjectMesh:
     @cached_property
     def contact_surface(self) -> Surface:
         """The surface in the normalised frame, as the kernels take it."""
-        corners = self.corner_normals
+        corners, normals = self.corner_normals, self.corner_normals.normals
+        twins = crease_twins(self.faces, corners.corners)
+        if self.region is not None:
+            # A crease is searched with the face of the lower row: at the border with that inside.
+            inside = np.isin(np.arange(len(self.faces)), self.contact_faces)
+            pairs, rows = paired_edges(self.faces), twins.reshape(-1, 2)
+            one, two = np.concatenate(pairs), np.concatenate(pairs[::-1])
+            border = one[inside[one // 3] & ~inside[two // 3] & (rows[one, 0] >= 0)]
+            copies = normals[rows[border]].reshape(-1, 3)
+            rows[border] = len(normals) + np.arange(len(copies)).reshape(-1, 2)
+            normals = locked(np.concatenate([normals, copies]))
         return Surface(
             points=np.ascontiguousarray(self.normalized),
             faces=self.faces,
             corners=corners.corners,
-            normals=corners.normals,
-            twins=crease_twins(self.faces, corners.corners),
+            normals=normals,
+            twins=twins,
         )
 
     def to_trimesh(self) -> "trimesh.Trimesh":

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, get_args
 
 import numpy as np
@@ -15,6 +15,7 @@ from grasp3d.mesh.normals import corner_normals, fingertip_normals
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.plausible_lengths import impossible_size, unit_warning
 from grasp3d.mesh.refinement import check_refinement, longest_edge, refine
+from grasp3d.mesh.region import restricted
 from grasp3d.mesh.repair.bodies import Solids
 from grasp3d.mesh.repair.work import MOST_ROUNDING, RepairedSurface, repair_surface
 from grasp3d.mesh.work_bounds import bounds_of
@@ -57,10 +58,11 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
             PyVista `PolyData`, an Open3D `TriangleMesh`, a pair (vertices, faces) of arrays of
             shapes (V, 3) and (F, 3), or an `ObjectMesh`; see `MeshSource`. An `ObjectMesh` is
             returned as it is; with other options than its own, its surface is prepared again,
-            without removing vertices that were added to divide edges.
+            without removing vertices that were added to divide edges. Only the region may change
+            without that: then it keeps its vertices.
         options: How the mesh is read and prepared; None: the defaults.
         fields: Fields of `MeshOptions` that differ from `options`: unit, max_edge, crease_angle,
-            repair, patch_radius, center_of_mass, max_memory.
+            repair, patch_radius, center_of_mass, only, avoid, max_memory.
 
     Returns:
         The mesh, with a report of what was read, repaired and doubtful in `report`. Positions are
@@ -74,6 +76,7 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
     Example:
         A cube of 40 mm as arrays, and as an object of trimesh:
 
+        >>> import numpy as np
         >>> import trimesh
         >>> import grasp3d
         >>> cube = trimesh.creation.box([40.0, 40.0, 40.0])
@@ -85,11 +88,22 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
         >>> coarse = grasp3d.load_mesh(cube, max_edge=20.0)
         >>> coarse.report.source, coarse.unit, len(coarse.vertices)
         ('trimesh.Trimesh', None, 50)
+
+        Contacts on one end alone, as numbers of vertices or as a ball:
+
+        >>> end = np.flatnonzero(coarse.vertices[:, 0] > 15.0)
+        >>> len(grasp3d.load_mesh(coarse, only=end).contact_faces)
+        8
+        >>> round(grasp3d.load_mesh(coarse, only="sphere:20,0,0,25").allowed_fraction, 3)
+        0.306
     """
     own = source.options if isinstance(source, ObjectMesh) else None
     settings = MeshOptions.of(options or own, fields)
-    if isinstance(source, ObjectMesh) and settings == own:
-        return source
+    if isinstance(source, ObjectMesh):
+        if settings == own:
+            return source
+        if replace(settings, only=source.options.only, avoid=source.options.avoid) == own:
+            return restricted(source, settings)
     return prepare(source, settings).mesh
 
 
@@ -162,7 +176,7 @@ def refined_mesh(source: RawMesh, repaired: RepairedSurface, options: MeshOption
         center_mass = (np.array(options.center_of_mass) - center) / size
         warnings += _center_warnings(surface, center_mass, source.where)
     added = np.arange(len(repaired.vertices), len(refined.vertices))
-    return ObjectMesh(
+    mesh = ObjectMesh(
         vertices=locked(
             np.concatenate([repaired.vertices, refined.vertices[added] * size + center])
         ),
@@ -191,6 +205,7 @@ def refined_mesh(source: RawMesh, repaired: RepairedSurface, options: MeshOption
         ),
         solids=_normalized(repaired.solids, center, size),
     )
+    return restricted(mesh, options)
 
 
 def center_mass_from(options: MeshOptions, volume: float) -> str:

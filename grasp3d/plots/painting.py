@@ -13,7 +13,7 @@ from grasp3d.hand.triangles import Part, Triangles
 from grasp3d.plots.rendering import Finger, View, picture
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.settings import GraspModel
-from grasp3d.stability.label import COLORS, Label
+from grasp3d.stability.label import COLORS, GREY, Label
 from grasp3d.stability.located_angles import ContactLimits, located_contacts
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
@@ -24,7 +24,9 @@ POSITION, NORMAL, WORST, BEST, COLUMNS = slice(0, 3), slice(3, 6), 6, 7, 8
 OPACITY = 0.65
 """Opacity of a gripper: what it holds remains visible."""
 
-PALETTE = np.array([COLORS[label] for label in sorted(Label)], dtype=np.uint8)
+PALETTE = np.array([*(COLORS[label] for label in sorted(Label)), GREY], dtype=np.uint8)
+EXCLUDED = len(Label)
+"""Row of the colour of faces where no contact may be."""
 
 
 def paint_labels(
@@ -116,19 +118,21 @@ def corners_of(gripper: Triangles) -> Corners:
     )
 
 
-def _parts(labels: SurfaceLabels) -> dict[Label, Floats]:
+def _parts(labels: SurfaceLabels) -> dict[int, Floats]:
     """Triangles of each label, those with several labels cut along the borders.
 
     Returns:
-        For each label the corners of its triangles, shape (n, 3, COLUMNS).
+        For each label, and for `EXCLUDED`, the corners of its triangles, shape (n, 3, COLUMNS).
     """
     mesh, model = labels.mesh, labels.model
     inward = mesh.corner_normals.normals[mesh.corner_normals.corners]  # (F, 3, 3)
     angles = _corner_angles(labels, inward)
     corners = np.concatenate([mesh.vertices[mesh.faces], -inward, angles], axis=2)
-    stable, others = _cut(corners, WORST, model.effective_friction_angle)
+    inside = np.isin(np.arange(len(mesh.faces)), mesh.contact_faces)
+    stable, others = _cut(corners[inside], WORST, model.effective_friction_angle)
     ambiguous, unstable = _cut(others, BEST, _unstable_from(model))
-    return {Label.S: stable, Label.M: ambiguous, Label.U: unstable}
+    excluded = corners[~inside]
+    return {Label.S: stable, Label.M: ambiguous, Label.U: unstable, EXCLUDED: excluded}
 
 
 def _corner_angles(labels: SurfaceLabels, inward: Floats) -> Floats:

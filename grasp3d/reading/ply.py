@@ -161,6 +161,31 @@ def _check_elements(source: Source, header: PlyHeader) -> None:
         check_count(source, what, element.count, max(least, 1), source.size - header.start + 1)
 
 
+def vertex_columns(source: Source) -> dict[str, npt.NDArray[Any]]:
+    """Read the numbers of the vertices by name, shape (V,) each.
+
+    Raises:
+        MeshError: It is damaged, or its vertices do not come first, or have lists.
+    """
+    header, data = read_ply_header(source), source.path.read_bytes()
+    vertex = header.elements[0] if header.elements else Element("", 0)
+    if vertex.name != "vertex" or vertex.lists:
+        raise source.error("its vertices do not come first, or have lists; export the mesh again")
+    rows = np.dtype([(entry.name, header.order + entry.type) for entry in vertex.properties])
+    if not header.order:
+        words = data[header.start :].split(None, vertex.count * len(vertex.properties))
+        values = words[: vertex.count * len(vertex.properties)]
+        try:
+            columns = np.array(values, dtype=np.float64).reshape(vertex.count, -1).T
+        except ValueError as error:
+            raise source.damaged("its vertices are not numbers") from error
+        return {one.name: column for one, column in zip(vertex.properties, columns, strict=True)}
+    if len(data) < header.start + vertex.count * rows.itemsize:
+        raise source.incomplete(f"declares {vertex.count:,} vertices, but contains fewer")
+    table = np.frombuffer(data, rows, vertex.count, header.start)
+    return {name: table[name].astype(np.float64) for name in rows.names or ()}
+
+
 def plain_ply(source: Source, header: PlyHeader, data: bytes) -> bytes:
     """Return a PLY of which trimesh reads positions and faces only.
 

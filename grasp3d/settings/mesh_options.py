@@ -16,6 +16,7 @@ from grasp3d.settings.lengths import (
     describe_length,
 )
 from grasp3d.settings.parsing import Main
+from grasp3d.settings.regions import Region
 
 Repair = Literal["none", "safe", "full"]
 MIN_MEMORY = 0.5
@@ -44,6 +45,10 @@ class MeshOptions(LengthSettings):
             the point alone.
         center_of_mass: Centre of mass of the object in the mesh's frame, three lengths with commas:
             10mm,0,-2.5mm. none: that of a uniform density, or, if the mesh is open, of its surface.
+        only: Part of the surface where contacts may be: box:X0,Y0,Z0,X1,Y1,Z1 (its lowest and its
+            highest corner), sphere:X,Y,Z,RADIUS, or a PLY of the object whose vertices are painted
+            there, mask.ply or mask.ply:PROPERTY; several: all of them together. none: anywhere.
+        avoid: Part where no contact may be, written like only; it may lie in that part.
         max_memory: Memory that reading and labelling one mesh may take [GB]; files that need more
             are refused before they are processed.
 
@@ -64,6 +69,8 @@ class MeshOptions(LengthSettings):
     repair: Repair = "safe"
     patch_radius: Length[float] = Length(0.0)
     center_of_mass: Position = Position(None)
+    only: Region = Region()
+    avoid: Region = Region()
     max_memory: float = 2.0
 
     def __post_init__(self) -> None:

@@ -22,6 +22,9 @@ COLORS: dict[Label, tuple[int, int, int]] = {
 }
 """Red, green, blue (0-255); colour-blind readers can distinguish them as well."""
 
+GREY = (0x9A, 0xA0, 0xA6)
+"""Grey: where no contact may be, and what is not known."""
+
 Mode = Literal["label", "scan"]
 """Whether the grasps on a surface were searched for, or are given, as in a scan."""
 

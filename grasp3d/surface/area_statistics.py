@@ -14,7 +14,8 @@ from grasp3d.surface.holding import Holding
 from grasp3d.surface.vertex_grasps import VertexGrasps
 
 Weights = Literal["area", "vertex"]
-"""area: each vertex is weighted by the area around it; vertex: all on the surface equally."""
+"""area: each vertex is weighted by the area around it; vertex: all on the surface equally. Those
+where no contact may be have no weight."""
 
 
 def vertex_weights(mesh: ObjectMesh, weights: Weights) -> Floats:
@@ -24,7 +25,7 @@ def vertex_weights(mesh: ObjectMesh, weights: Weights) -> Floats:
         SettingError: Unknown `weights`.
     """
     check_choice("weights", weights, Weights)
-    values = mesh.vertex_areas if weights == "area" else mesh.on_surface.astype(np.float64)
+    values = mesh.vertex_areas if weights == "area" else mesh.allowed.astype(np.float64)
     return np.asarray(values / values.sum())
 
 

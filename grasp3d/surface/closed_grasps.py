@@ -5,11 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp3d.arrays import Bytes, Floats, Ints, locked, short_repr
+from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.region import allowed_contacts
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.settings import GraspModel, with_fingers
 from grasp3d.stability.label import Label
@@ -88,6 +89,16 @@ class ClosedGrasps:
         after, known = forces.spread(row), self.row != NO_ROW
         lost = known & (row == NO_ROW)
         return holding.replaced(known, after).replaced(lost, Holding.failed(holding.case, len(row)))
+
+    def allowed(self, mesh: ObjectMesh) -> Bools:
+        """Whether the closed jaws touch the object where contacts may be, or it is not known, (b,).
+
+        Args:
+            mesh: The object.
+        """
+        if self.jaws is None:
+            return np.ones(len(self.row), dtype=bool)
+        return spread(allowed_contacts(mesh, self.jaws.points), self.row, missing=True)
 
     def note(self, labels: Bytes) -> str:
         """A sentence if the closed jaws confirm none of the labels S and M; else empty.

@@ -78,13 +78,18 @@ def chosen_settings(
     Those of a load are `load_settings`.
     """
     return {
-        # In a header it must be one line of ASCII characters.
-        "source": mesh.report.source.encode("unicode_escape", "surrogateescape").decode("ascii"),
+        "source": _ascii(mesh.report.source),
         "mode": mode,
         **plain_values(model),
         **({} if sampling is None else plain_values(sampling)),
         **plain_values(mesh.options),
         "center_of_mass": one_line(mesh.options.center_of_mass),
+        **{name: _ascii(str(getattr(mesh.options, name))) for name in ("only", "avoid")},
         "unit": mesh.unit or "unknown",
         **scene_settings(scene),
     }
+
+
+def _ascii(text: str) -> str:
+    """A text as one line of ASCII characters, as headers need."""
+    return text.encode("unicode_escape", "surrogateescape").decode("ascii")

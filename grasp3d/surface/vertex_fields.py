@@ -10,7 +10,7 @@ import numpy as np
 from grasp3d.arrays import Bools, Bytes
 from grasp3d.hand.reach import Reachability
 from grasp3d.quality.grip_forces import Resistance
-from grasp3d.stability.label import COLORS
+from grasp3d.stability.label import COLORS, GREY, Label
 from grasp3d.surface.fields import (
     APPROACH_MARGIN,
     AREA,
@@ -35,12 +35,14 @@ from grasp3d.surface.fields import (
 )  # fmt: skip
 from grasp3d.surface.vertex_grasps import Reason, VertexGrasps
 
-_COLORS = np.array([COLORS[label] for label in sorted(COLORS)], dtype=np.uint8)
+_COLORS = np.array([*(COLORS[label] for label in sorted(Label)), GREY], dtype=np.uint8)
 
 
 def label_colors(labels: VertexGrasps) -> Bytes:
     """Colour of each vertex by its label, red, green, blue, shape (V, 3)."""
-    return _COLORS[labels.label]
+    region = labels.mesh.region
+    codes = labels.label if region is None else np.where(region, labels.label, len(Label))
+    return _COLORS[codes]
 
 
 def packed_bits(bits: Bools) -> Array:

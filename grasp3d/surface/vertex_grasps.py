@@ -41,6 +41,8 @@ class Reason(IntEnum):
     """A fixed finger is at the vertex."""
     NOT_REACHED = 5
     """It has grasps, but the gripper reached none of those that were tested."""
+    EXCLUDED = 6
+    """No contact may be there: it is outside the region of `only` and `avoid`."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,8 @@ class VertexGrasps(SpreadGrasps):
             load: What each grasp must hold; None: nothing.
         """
         count = len(mesh.vertices)
-        reasons = locked(np.where(mesh.on_surface, reason, Reason.OFF_SURFACE), np.uint8)
+        outside = np.where(mesh.on_surface, Reason.EXCLUDED, Reason.OFF_SURFACE)
+        reasons = locked(np.where(mesh.allowed, reason, outside), np.uint8)
         vertices = np.unique(mesh.canonical[reasons == Reason.FOUND])
         row = np.full(count, NO_ROW, dtype=np.int64)
         row[vertices] = np.arange(len(vertices))

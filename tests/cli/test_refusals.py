@@ -68,6 +68,21 @@ label box.stl --task missing.csv | missing.csv: cannot be read (No such file or 
 label box.stl --task 'acceleration 0' | 'acceleration 0': a task needs a force or a torque
 label box.stl --task wieght | no task is called 'wieght'; known: weight
 label box.stl --task pushes.csv | torques of the task are in N m, but the unit of box
+label ball.ply --only box:1,2,3 | --only must be box:X0,Y0,Z0,X1,Y1,Z1, sphere:X,Y,Z,RADIUS
+label ball.ply --only ball.stl | --only must be box: | got 'ball.stl'
+label ball.ply --only box:0,0,1,1,1,0 | along z it is from 1 to 0
+label ball.ply --avoid sphere:0,0,0,-1 | a radius above 0; got sphere:0.0,0.0,0.0,-1.0
+label ball.ply --only sphere:0,0,x,1 | must be a length
+label ball.ply --only sphere:0,0,1mm,1 | the unit of ball.ply is not known
+label ball.ply --only sphere:9,0,0,1 | 0.0,1.0 has none of its 10,242 vertices; the object lies
+label ball.ply --only sphere:1,0,0,0.001 | leave 1 of 10,242 vertices, and no face
+label ball.ply --avoid sphere:0,0,0,2 | leave 0 of 10,242 vertices
+label ball.ply --only vertices:7 | 7 vertices whose numbers are not known are no region
+label ball.ply --only none.ply | none.ply: there is no such file
+label ball.ply --only ball.ply | ball.ply: no vertex is painted
+label ball.ply --only ball.ply:grip | ball.ply: its vertices have no 'grip'; they have x, y, z
+label ball.ply --only mask.ply | mask.ply: is no mask of ball.ply: one of its vertices is
+batch ball.ply -o out --only mask.ply | mask.ply is of one mesh; a library takes boxes and spheres
 label box.stl --center-of-mass 1,2 | center_of_mass must be three finite lengths
 label box.stl -o notes.ply | notes.ply: exists and is no result of grasp3d
 label box.stl -o notes.npz | notes.npz: exists and is no result of grasp3d
@@ -526,6 +541,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     texts = {
         "empty.stl": "",
         "prose.stl": "Not a mesh at all.\n" * 9,
+        "mask.ply": "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+        "property float z\nproperty float grip\nelement face 1\n"
+        "property list uchar int vertex_indices\nend_header\n"
+        "0 0 0 1\n1 0 0 1\n0 1 0 0\n3 0 1 2\n",
         "points.ply": f"{header.format(1)}end_header\n0 0 0\n",
         "bad.ply": header.format(3) + "property uchar label\nelement face 1\n"
         "property list uchar int vertex_indices\nend_header\n"

@@ -11,7 +11,7 @@ from PIL import Image
 from grasp3d.arrays import Bools, Bytes, Floats, Ints
 from grasp3d.plots.rendering import AMBIENT, LIGHT, View
 from grasp3d.settings import DEGREE
-from grasp3d.stability.label import COLORS, Label
+from grasp3d.stability.label import COLORS, GREY, Label
 
 if TYPE_CHECKING:
     from grasp3d.surface.labels import SurfaceLabels
@@ -25,7 +25,7 @@ MARGIN = 3
 QUALITY = 82
 """Quality of the compression, from 0 to 100."""
 
-_PALETTE = np.array([COLORS[label] for label in sorted(Label)]) / 255.0
+_PALETTE = np.array([*(COLORS[label] for label in sorted(Label)), GREY]) / 255.0
 
 
 AZIMUTH_OFFSETS = tuple(degrees * DEGREE for degrees in (60.0, 75.0, 105.0, 120.0))
@@ -89,7 +89,7 @@ def _pixels(labels: "SurfaceLabels", positions: Floats, axes: Floats) -> Floats:
     draw_surface(
         positions,
         mesh.faces,
-        labels.label,
+        np.where(mesh.allowed, labels.label, np.uint8(len(Label))),
         mesh.corner_normals.corners,
         -mesh.corner_normals.normals @ axes.T @ toward,
         not mesh.report.closed,

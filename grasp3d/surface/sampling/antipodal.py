@@ -33,8 +33,7 @@ from grasp3d._kernels.search.rays import (
     refining_rays,
     seed_rays,
 )
-from grasp3d._kernels.surface.face_tree import face_tree
-from grasp3d.arrays import Bools, Bytes, Floats, Ints, used_indices
+from grasp3d.arrays import Bools, Bytes, Floats, Ints
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
@@ -43,7 +42,7 @@ from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import Sampling
 from grasp3d.surface.sampling.pair_limits import ALIKE, Ranking, largest_cost, pair_limits
 from grasp3d.surface.sampling.reachable import ReachSearch
-from grasp3d.surface.sampling.vertices import neighbours, tangents
+from grasp3d.surface.sampling.vertices import contact_tree, neighbours, tangents
 from grasp3d.system.context import report_progress, thread_count
 
 CHUNK = 100_000
@@ -184,7 +183,7 @@ class _Search:
     def __post_init__(self) -> None:
         mesh, sets = self.mesh, self.mesh.normal_sets
         self.spacing = math.sqrt(2.0 * math.pi * (1.0 - math.cos(self.cone)) / self.sampling.rays)
-        self.vertices = used_indices(mesh.faces)
+        self.vertices = mesh.contact_vertices
         self.limits = pair_limits(mesh, self.sampling, self.cone, self.ranking)
         self.sets = mesh.contact_normals
         self.surface = mesh.contact_surface
@@ -200,12 +199,12 @@ class _Search:
     @cached_property
     def tracer(self) -> SurfaceRays:
         """Rays through the surface, made where they are needed, in the thread of the search."""
-        return SurfaceRays(self.surface, self.sets)
+        return SurfaceRays(self.surface, self.sets, self.mesh.contact_faces)
 
     @cached_property
     def domain(self) -> PairDomain:
-        """The whole surface; `_run_exactly` ends with a tree over its creases and corners."""
-        tree = face_tree(self.surface)
+        """Where contacts may be; `_run_exactly` ends with a tree over its creases and corners."""
+        tree = contact_tree(self.mesh)
         return PairDomain(self.surface, self.sets, self.origins.centres, tree, self.limits)
 
     def run(self) -> AntipodalGrasps:
@@ -251,8 +250,10 @@ class _Search:
     def _run_exactly(self) -> AntipodalGrasps:
         """Find the contact with the smallest critical angle of every vertex, or why it has none."""
         # In the order of the tree, neighbours follow one another.
-        _, first = np.unique(self.surface.faces[self.domain.tree.order], return_index=True)
-        ordered = self.vertices[np.argsort(first)]
+        used, first = np.unique(self.surface.faces[self.domain.tree.order], return_index=True)
+        place = np.full(len(self.mesh.vertices), len(self.surface.faces) * 3)
+        place[used] = first
+        ordered = self.vertices[np.argsort(place[self.vertices], kind="stable")]
         self._descend_exactly(ordered, self.cone, (0.0, 0.6))
         useless = ordered[self.grasps.worst[ordered] >= self.cone]
         if self.limits.largest < math.inf:  # is anything opposite within the largest opening?
@@ -264,7 +265,10 @@ class _Search:
         several = ordered[self.sets.counts[ordered] != 1]
         if len(several):
             self._descend_exactly(several, self.cone, (0.75, 0.85), worst=False)
-            owners = faces_of_corners(self.surface, self.sets)
+            faces = self.mesh.contact_faces
+            part = self.surface._replace(faces=self.surface.faces[faces])
+            owners = faces_of_corners(part, self.sets)
+            owners = np.where(owners < 0, -1, faces[owners])
             bound_creases(self.domain.tree, owners, self.surface, self.sets)
             self._descend_exactly(ordered, self.cone, (0.85, 0.95), worst=False, owners=owners)
         self._keep_reached(squeeze=True)

@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from grasp3d._kernels.search.multifinger_grasps import NO_CONTACT, CandidatePoints, ContactDomain
-from grasp3d.arrays import Floats, Ints, angles_between, locked, unit_rows, used_indices
+from grasp3d.arrays import Floats, Ints, angles_between, locked, unit_rows
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.measures import Triangles, face_areas, paired_edges
 from grasp3d.mesh.surface_points import SurfacePoints
@@ -36,6 +36,7 @@ def contact_domain(
     one, two = paired_edges(mesh.faces)
     adjacent = np.full(3 * len(mesh.faces), -1, dtype=np.int64)
     adjacent[one], adjacent[two] = two // 3, one // 3
+    adjacent[~np.isin(adjacent, mesh.contact_faces)] = -1
     return ContactDomain(
         surface=surface._replace(points=locked(scale * surface.points)),
         sets=mesh.contact_normals,
@@ -168,8 +169,9 @@ def spread_points(mesh: ObjectMesh, count: int, *, seed: int = 0) -> SurfacePoin
     """
     count, seed = whole_number("count", count, 1), whole_number("seed", seed, 0)
     rng = np.random.default_rng(seed)
-    areas = face_areas(mesh.normalized, mesh.faces)
-    samples = SURPLUS * count
+    allowed, samples = mesh.contact_faces, SURPLUS * count
+    areas = np.zeros(len(mesh.faces))
+    areas[allowed] = face_areas(mesh.normalized, mesh.faces[allowed])
     faces = rng.choice(len(areas), samples, p=areas / areas.sum())
     root, uniform = np.sqrt(rng.random(samples)), rng.random(samples)
     even = np.stack([1.0 - root, root * (1.0 - uniform), root * uniform], axis=1)
@@ -198,12 +200,12 @@ def spread_vertices(mesh: ObjectMesh, count: int, *, seed: int = 0) -> Ints:
     """
     count, seed = whole_number("count", count, 1), whole_number("seed", seed, 0)
     rng = np.random.default_rng(seed)
-    candidates = used_indices(mesh.faces)
+    candidates = mesh.contact_vertices
     areas = mesh.vertex_areas[candidates] / mesh.vertex_areas[candidates].max()
     # The largest u^(1/area) are a weighted sample without replacement (Efraimidis & Spirakis 2006).
     keys = np.log(rng.random(len(candidates))) / np.maximum(areas, np.finfo(np.float64).tiny)
     samples = candidates[np.argsort(-keys, kind="stable")[: SURPLUS * count]]
-    area = float(face_areas(mesh.normalized, mesh.faces).sum())
+    area = float(face_areas(mesh.normalized, mesh.faces[mesh.contact_faces]).sum())
     rows = _choose(mesh.normalized[samples], mesh.normals[samples], area, min(count, len(samples)))
     return np.asarray(samples[rows])
 

@@ -24,7 +24,7 @@ from grasp3d._kernels.search.multifinger_grasps import (
     make_best_grasps,
     make_search_workspace,
 )
-from grasp3d.arrays import Bytes, Ints, used_indices
+from grasp3d.arrays import Bytes, Ints
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
@@ -136,10 +136,10 @@ class _Search:
             )
         self.min_separation = separation
         self.on_vertices = sampling.candidate_points == "vertices"
-        self.vertices = used_indices(mesh.faces)
+        self.vertices = mesh.contact_vertices
         if self.on_vertices and len(self.vertices) < self.fingers:
             raise SettingError(
-                f"{self.fingers} fingers need as many vertices; the mesh has {len(self.vertices)}"
+                f"{self.fingers} fingers need as many vertices; there are {len(self.vertices)}"
             )
         all_vertices = (
             self.on_vertices and len(self.vertices) <= ALL_VERTICES_FACTOR * sampling.candidates

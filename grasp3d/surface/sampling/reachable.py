@@ -18,7 +18,6 @@ from grasp3d._kernels.search.antipodal_candidates import FOUND, BestPairs, PairL
 from grasp3d._kernels.search.face_contacts import PairDomain
 from grasp3d._kernels.search.rays import Origins, neighbour_rays, starting_rays
 from grasp3d._kernels.search.reachable_partners import explain_pairs, keep_reached, search_reachable
-from grasp3d._kernels.surface.face_tree import face_tree
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.hand.jaw_reach import NormalizedScene
 from grasp3d.hand.reach import Reach, Reachability
@@ -26,6 +25,7 @@ from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import SurfaceRays
 from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.surface.sampling.vertices import contact_tree
 
 NOT_REACHED = 5
 """Reason code: there are grasps, but none of those tested is reached."""
@@ -86,7 +86,7 @@ class ReachSearch:
         self.centres = mesh.normal_sets.centres
         assert scene.jaws is not None
         self.beside = NormalizedScene.of(mesh, scene.jaws, scene.table, scene.approach)
-        tree = face_tree(self.surface)
+        tree = contact_tree(mesh)
         self.domain = PairDomain(self.surface, self.sets, self.centres, tree, self.limits)
         self.results = no_results(len(mesh.vertices))
         self.spacing = min(SPACING * self.beside.shape.finger_width, LARGEST_SPACING)

@@ -3,13 +3,27 @@
 import numpy as np
 from scipy.sparse import coo_array
 
+from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
 from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.mesh import ObjectMesh
 
 
+def contact_tree(mesh: ObjectMesh) -> FaceTree:
+    """A new tree over the faces in which contacts may be; searches find opposing contacts there."""
+    surface, faces = mesh.contact_surface, mesh.contact_faces
+    part = surface._replace(faces=surface.faces[faces], corners=surface.corners[faces])
+    tree: FaceTree = face_tree(part)
+    return tree._replace(order=faces[tree.order])
+
+
 def neighbours(mesh: ObjectMesh) -> tuple[Ints, Ints]:
-    """(first, index): the adjacent vertices of each vertex, grouped by vertex, for the kernels."""
+    """(first, index): the adjacent vertices of each vertex, grouped by vertex, for the kernels.
+
+    Only of those where contacts may be.
+    """
     one, two = mesh.faces[:, [0, 1, 2]].ravel(), mesh.faces[:, [1, 2, 0]].ravel()
+    allowed = mesh.allowed[one] & mesh.allowed[two]
+    one, two = one[allowed], two[allowed]
     links = coo_array(
         (
             np.ones(2 * len(one), dtype=np.int8),

@@ -15,7 +15,7 @@ from grasp3d.arrays import Bytes, Floats
 from grasp3d.grasps.explanations import UNSEARCHED
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import epsilon_min_text
-from grasp3d.stability.label import COLORS, Label
+from grasp3d.stability.label import COLORS, GREY, Label
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.viewer.subjects.subject import Subject
@@ -28,10 +28,9 @@ MOST = 0.95
 """Area fraction, of that with finite values, up to which the ramps of forces and payloads go: a few
 vertices near the centre of mass, or far from it, would hide the others."""
 
-GREY = (0x9A, 0xA0, 0xA6)
-"""Colour of unknown values: no grasp, or not searched."""
-
 PALETTE = np.array([*(COLORS[label] for label in sorted(Label)), GREY], dtype=np.uint8)
+"""The last colour is that of unknown values: no grasp, or not searched; and of excluded faces."""
+
 HEX_PALETTE = ["#{:02X}{:02X}{:02X}".format(*color) for color in PALETTE]
 
 WIDE = 4096

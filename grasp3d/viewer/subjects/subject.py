@@ -178,7 +178,7 @@ def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
     return Subject(
         labels,
         labels.mesh.report.source if name is None else name,
-        notes=(*labels.warnings, *_method_notes(labels)),
+        notes=(*labels.warnings, *labels.mesh.region_notes, *_method_notes(labels)),
         epsilons=None if labels.computed("epsilon_range") is None else labels,
         forces=None if labels.computed("holding") is None else labels,
     )

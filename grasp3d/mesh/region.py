@@ -1,0 +1,184 @@
+"""The part of a surface where contacts may be: the options `only` and `avoid`, for one mesh."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from grasp3d.arrays import Bools, Floats, locked
+from grasp3d.errors import SettingError
+from grasp3d.mesh.measures import face_areas
+from grasp3d.mesh.object_mesh import ObjectMesh
+from grasp3d.mesh.surface_points import nearest_surface_points
+from grasp3d.reading.mesh_files import read_mesh
+from grasp3d.reading.ply import vertex_columns
+from grasp3d.reading.sources import find_source
+from grasp3d.settings import MeshOptions
+from grasp3d.settings.lengths import one_line, settings_in_unit
+from grasp3d.settings.regions import Box, Mask, Part, Sphere
+from grasp3d.system.names import printable
+
+ROUNDING = 1e-9
+"""Distance, in object sizes, from a box or a ball within which a vertex is in it."""
+
+OFF_MASK = 1e-2
+"""Largest distance of a vertex from the surface of a mask, in object sizes."""
+
+COLORED = 0.2
+"""Difference between the channels of a colour from which it is paint, and no white or grey."""
+
+HALF = 0.5
+"""Scalar above which a vertex is painted, and fraction of paint above which a point is."""
+
+RGB = ("red", "green", "blue")
+NO_PAINT = {"x", "y", "z", "nx", "ny", "nz", *RGB, "alpha", "s", "t", "u", "v"}
+"""Properties of vertices that are no scalars to be painted with."""
+
+
+def restricted(mesh: ObjectMesh, options: MeshOptions) -> ObjectMesh:
+    """The same mesh, with contacts only where its options allow them.
+
+    Args:
+        mesh: The mesh.
+        options: Its options, perhaps with another region.
+
+    Raises:
+        SettingError: A part of `only` has no vertex, no face is left, numbers of vertices are of
+            another mesh, or a length has a unit, but that of the mesh is not known.
+        MeshError: A mask cannot be read.
+    """
+    (options,) = settings_in_unit(mesh.unit, options, source=mesh.report.source)
+    if not options.only and not options.avoid:
+        return replace(mesh, options=options, region=None)
+    mesh = replace(mesh, options=options, region=None)
+    region = np.ones(len(mesh.vertices), dtype=bool)
+    if options.only:
+        region = _union(mesh, options.only)
+    region &= ~_union(mesh, options.avoid)
+    mesh = replace(mesh, region=locked(region))
+    if not len(mesh.contact_faces):
+        left = int(mesh.allowed.sum())
+        raise SettingError(
+            f"{mesh.report.source}: only and avoid leave {left:,} of {len(region):,} vertices, "
+            f"and no face with three of them; {_extent(mesh)}"
+        )
+    return mesh
+
+
+def allowed_contacts(mesh: ObjectMesh, points: Floats) -> Bools:
+    """Whether all contacts of grasps are in the region, shape (b,).
+
+    Args:
+        mesh: The object.
+        points: Contacts on its surface, or near it; nan: unknown, which counts as in it, (b, n, 3).
+    """
+    inside = np.ones(points.shape[:2], dtype=bool)
+    if mesh.region is not None:
+        known = np.isfinite(points).all(axis=2)
+        part = replace(mesh, faces=mesh.faces[mesh.contact_faces])
+        gaps, whole = (nearest_surface_points(one, points[known])[2] for one in (part, mesh))
+        inside[known] = gaps <= whole + ROUNDING * mesh.size
+    return np.asarray(inside.all(axis=1))
+
+
+def _union(mesh: ObjectMesh, parts: tuple[Part, ...]) -> Bools:
+    """Mask of the vertices in any of the parts; those at one position alike, shape (V,)."""
+    inside = np.zeros(len(mesh.vertices), dtype=bool)
+    for part in parts:
+        own = _inside(mesh, part) & mesh.on_surface
+        if not own.any():
+            raise SettingError(
+                f"{mesh.report.source}: {printable(str(part))} has none of its "
+                f"{len(inside):,} vertices; {_extent(mesh)}"
+            )
+        inside[mesh.canonical[own]] = True
+    return inside[mesh.canonical]
+
+
+def _extent(mesh: ObjectMesh) -> str:
+    """Where an object lies, for messages."""
+    points = mesh.vertices[mesh.faces].reshape(-1, 3)
+    low, high = (
+        one_line(tuple(map(float, end(points, axis=0).round(6) + 0.0))) for end in (np.min, np.max)
+    )
+    return f"the object lies from {low} to {high}{f' {mesh.unit}' if mesh.unit else ''}"
+
+
+def _inside(mesh: ObjectMesh, part: Part) -> Bools:
+    """Mask of the vertices in one part, shape (V,)."""
+    rounding = ROUNDING * mesh.size
+    if isinstance(part, Box):
+        low, high = np.array(part.corners, dtype=np.float64).reshape(2, 3)
+        beyond = np.maximum(low - mesh.vertices, mesh.vertices - high)
+        return np.asarray((beyond <= rounding).all(axis=1))
+    if isinstance(part, Sphere):
+        ball = np.array(part.numbers, dtype=np.float64)
+        distances = np.linalg.norm(mesh.vertices - ball[:3], axis=1)
+        return np.asarray(distances <= ball[3] + rounding)
+    if isinstance(part, Mask):
+        return _on_paint(mesh, part)
+    inside = np.zeros(len(mesh.vertices), dtype=bool)
+    if (not part.numbers and part.count) or part.of not in {None, len(inside)}:
+        raise SettingError(
+            f"{mesh.report.source}: {part.count:,} vertices "
+            f"{f'of {part.of:,}' if part.of else 'whose numbers are not known'} are no region of "
+            f"its {len(inside):,}: give numbers of the prepared mesh's vertices, or a mask of them"
+        )
+    if part.numbers and part.numbers[-1] >= len(inside):
+        raise SettingError(
+            f"{mesh.report.source}: has no vertex {part.numbers[-1]}, but {len(inside):,} vertices"
+        )
+    inside[list(part.numbers)] = True
+    return inside
+
+
+def _on_paint(mesh: ObjectMesh, mask: Mask) -> Bools:
+    """Mask of the vertices whose nearest point on a painted surface is painted, shape (V,)."""
+    where, most = printable(str(mask.path)), mesh.options.max_memory
+    raw = read_mesh(mask.path, max_memory=most)
+    paint = _paint(vertex_columns(find_source(mask.path, most, {".ply"})), mask.painted, where)
+    faces = raw.faces[face_areas(raw.vertices, raw.faces) > 0.0]
+    surface = replace(mesh, vertices=raw.vertices, faces=faces)
+    used, reach = np.flatnonzero(mesh.on_surface), OFF_MASK * mesh.size
+    nearest, _, gaps = nearest_surface_points(surface, mesh.vertices[used], limit=reach)
+    if np.isinf(gaps).any():
+        far = mesh.vertices[used[np.isinf(gaps)][:1]]
+        distance = nearest_surface_points(surface, far)[2][0]
+        raise SettingError(
+            f"{where}: is no mask of {mesh.report.source}: one of its vertices is {distance:.4g} "
+            f"away from the mask, above {reach:.4g}; {_extent(mesh)}"
+        )
+    inside = np.zeros(len(mesh.vertices), dtype=bool)
+    inside[used] = (paint[faces[nearest.faces]] * nearest.weights).sum(axis=1) > HALF
+    return inside
+
+
+def _paint(columns: dict[str, Floats], name: str, where: str) -> Bools:
+    """Mask of the vertices of a PLY that are painted.
+
+    Args:
+        columns: Numbers of its vertices by name.
+        name: The property to be painted with; empty: the colours, else the only scalar.
+        where: The file.
+    """
+    scalars = [one for one in columns if one not in NO_PAINT]
+    if name and name not in columns:
+        raise SettingError(
+            f"{where}: its vertices have no {name!r}; they have {', '.join(columns)}"
+        )
+    if not name and set(RGB) <= columns.keys():
+        colors = np.stack([columns[one] for one in RGB], axis=1)
+        least = COLORED * (255.0 if colors.max() > 1.0 else 1.0)
+        painted = np.asarray(np.ptp(colors, axis=1) > least)
+        if painted.any():
+            return painted
+    if not name and len(scalars) == 1:
+        name = scalars[0]
+    if name:
+        painted = np.asarray(columns[name] > HALF)
+        if painted.any():
+            return painted
+    hint = f"; name one of {', '.join(scalars)} after a colon" if len(scalars) > 1 else ""
+    raise SettingError(
+        f"{where}: no vertex is painted, with a colour other than white, grey and black or with a "
+        f"scalar above {HALF:g}{hint}"
+    )

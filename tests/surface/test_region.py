@@ -1,0 +1,268 @@
+import itertools
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grasp3d import (
+    GraspModel,
+    Label,
+    MultifingerSampling,
+    ObjectMesh,
+    ParallelGripper,
+    Sampling,
+    SurfaceLabels,
+    best_grasps,
+    evaluate_grasps,
+    label_surface,
+    load_mesh,
+    read_labels,
+)
+from grasp3d.arrays import Bools, Floats
+from grasp3d.errors import SettingError
+from grasp3d.export.writers import writer_for
+from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.system.ply_files import write_ply_columns
+from tests.helpers import shapes
+
+
+@cache
+def object_of(name: str) -> ObjectMesh:
+    """A small object, in metres."""
+    solids = {
+        "box": (trimesh.creation.box([0.06, 0.04, 0.05]), 0.015),
+        "ball": (trimesh.creation.icosphere(2, 0.03), 0.1),
+        "lopsided": (shapes.lopsided(2), 9.0),
+    }
+    solid, edge = solids[name]
+    return load_mesh(solid, unit="m", max_edge=edge)
+
+
+@st.composite
+def regions(draw: st.DrawFn, names: tuple[str, ...] = ("box", "ball", "lopsided")) -> ObjectMesh:
+    """A small object of which a box or a ball is allowed, less another one."""
+    mesh = object_of(draw(st.sampled_from(names)))
+    part = st.floats(0.2, 1.1)
+    centres = [mesh.vertices[draw(st.integers(0, len(mesh.vertices) - 1))] for _ in range(2)]
+    radii = [mesh.size * draw(part), 0.3 * mesh.size * draw(part)]
+    texts = []
+    for centre, radius in zip(centres, radii, strict=True):
+        ends = [*centre, radius]
+        if draw(st.booleans()):
+            ends = [*(centre - 0.6 * radius), *(centre + 0.6 * radius)]
+        texts.append(f"{'box' if len(ends) == 6 else 'sphere'}:{','.join(map(str, ends))}")
+    for avoid in (texts[1:], ()):
+        try:
+            return load_mesh(mesh, only=texts[0], avoid=avoid)
+        except SettingError:
+            continue
+    return load_mesh(mesh, only="sphere:0,0,0,9")
+
+
+def inside(mesh: ObjectMesh) -> Bools:
+    """Mask of the allowed vertices, from the texts of the region."""
+
+    def holds(texts: str) -> Bools:
+        mask = np.zeros(len(mesh.vertices), dtype=bool)
+        for text in filter(None, texts.split("; ")):
+            kind, _, numbers = text.partition(":")
+            ends = np.array(numbers.split(","), dtype=float)
+            if kind == "box":
+                mask |= (
+                    (mesh.vertices >= ends[:3] - 1e-9) & (mesh.vertices <= ends[3:] + 1e-9)
+                ).all(1)
+            else:
+                mask |= np.linalg.norm(mesh.vertices - ends[:3], axis=1) <= ends[3] + 1e-9
+        return mask
+
+    only, avoid = str(mesh.options.only), str(mesh.options.avoid)
+    return (holds(only) if only else np.ones(len(mesh.vertices), bool)) & ~holds(avoid)
+
+
+def on_allowed_faces(mesh: ObjectMesh, points: Floats) -> Bools:
+    """Whether points (k, 3) lie on faces all of whose corners are allowed, or at such a corner."""
+    at_corner = np.zeros(len(points), dtype=bool)
+    for vertex in mesh.vertices[inside(mesh)]:
+        at_corner |= np.linalg.norm(points - vertex, axis=1) < 1e-9 * mesh.size
+    faces = mesh.faces[inside(mesh)[mesh.faces].all(axis=1)]
+    scale = 1000.0 / mesh.size  # trimesh's tolerances are absolute
+    part = trimesh.Trimesh(scale * mesh.vertices, faces, process=False)
+    _, gaps, _ = trimesh.proximity.closest_point(part, scale * points)
+    return np.asarray(gaps < 1e-4) | at_corner
+
+
+def exhaustive(mesh: ObjectMesh, vertex: int, steps: int = 12) -> float:
+    """Smallest critical angle over points of all allowed faces, squeezing, for a smooth vertex."""
+    faces = np.flatnonzero(inside(mesh)[mesh.faces].all(axis=1))
+    pairs = itertools.product(range(1, steps), repeat=2)
+    weights = np.array([(i, j, steps - i - j) for i, j in pairs if i + j < steps]) / steps
+    corners = mesh.corner_normals
+    points = (weights @ mesh.vertices[mesh.faces[faces]]).reshape(-1, 3)
+    normals = (weights @ corners.normals[corners.corners[faces]]).reshape(-1, 3)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    lines = points - mesh.vertices[vertex]
+    lines /= np.maximum(np.linalg.norm(lines, axis=1, keepdims=True), 1e-12)
+    own = np.arccos(np.clip(lines @ mesh.normals[vertex], -1.0, 1.0))
+    other = np.arccos(np.clip(-(lines * normals).sum(axis=1), -1.0, 1.0))
+    return float(np.maximum(own, other).min(initial=math.inf))
+
+
+def check_contacts(labels: SurfaceLabels) -> None:
+    """Every contact is allowed, and only allowed vertices have grasps and areas."""
+    mesh, allowed = labels.mesh, inside(labels.mesh)
+    assert (labels.reason[~allowed] == Reason.EXCLUDED).all()
+    assert (labels.reason[allowed] != Reason.EXCLUDED).all()
+    assert not labels.label[~allowed].any()
+    assert not mesh.vertex_areas[~allowed].any()
+    contacts = labels.partners[labels.reason == Reason.FOUND].reshape(-1, 3)
+    assert not len(contacts) or on_allowed_faces(mesh, contacts).all()
+    assert sum(labels.fractions().values()) == pytest.approx(1.0)
+
+
+@settings(max_examples=15, deadline=None)
+@given(regions(), st.data())
+def test_the_best_grasps_are_those_of_an_exhaustive_search_of_the_region(
+    mesh: ObjectMesh, data: st.DataObject
+) -> None:
+    labels = label_surface(mesh, sampling=Sampling(search_angle=1.0))
+    check_contacts(labels)
+    smooth = np.flatnonzero(mesh.allowed & (mesh.normal_sets.counts == 1))
+    for vertex in data.draw(st.permutations(smooth.tolist()))[:12]:
+        oracle = exhaustive(mesh, vertex)
+        if oracle < 1.0:
+            assert labels.critical_angle[vertex] <= oracle + 1e-6
+        if labels.reason[vertex] == Reason.FOUND:
+            assert labels.critical_angle[vertex] >= oracle - 0.2  # the coarse oracle is above
+
+
+@settings(max_examples=10, deadline=None)
+@given(regions(), st.sampled_from(["expand", "both"]), st.booleans())
+def test_contacts_of_searches_by_rays_are_allowed(
+    mesh: ObjectMesh, grip: str, located: bool
+) -> None:
+    model = GraspModel(location_error=0.01 * mesh.size if located else 0.0)
+    check_contacts(label_surface(mesh, model, sampling=Sampling(grip=grip)))  # type: ignore[arg-type]
+
+
+@settings(max_examples=8, deadline=None)
+@given(regions(), st.sampled_from(["surface", "vertices"]))
+def test_contacts_of_three_fingers_are_allowed(mesh: ObjectMesh, points: str) -> None:
+    sampling = MultifingerSampling(candidates=16, candidate_points=points)  # type: ignore[arg-type]
+    try:
+        labels = label_surface(mesh, GraspModel(fingers=3), sampling=sampling)
+    except SettingError:
+        assert len(mesh.contact_vertices) < 3
+        return
+    check_contacts(labels)
+
+
+@settings(max_examples=6, deadline=None)
+@given(regions(("box", "ball")))
+def test_no_grasp_is_named_whose_closed_jaws_touch_elsewhere(mesh: ObjectMesh) -> None:
+    labels = label_surface(mesh, hand=ParallelGripper.preset("franka"))
+    check_contacts(labels)
+    grasps = best_grasps(labels, 5)
+    if not grasps.size:
+        return
+    assert on_allowed_faces(mesh, grasps.contacts.points.reshape(-1, 3)).all()
+    assert grasps.closed is not None
+    if grasps.closed.jaws is not None:
+        points = grasps.closed.jaws.points[grasps.closed.jaws.closed].reshape(-1, 3)
+        nearest = trimesh.proximity.ProximityQuery(mesh.to_trimesh()).vertex(points)[1]
+        assert inside(mesh)[nearest].all()
+
+
+def test_given_grasps_with_a_contact_outside_are_u() -> None:
+    mesh = object_of("box")
+    upper, lower = [[0.0, 0.02, 0.01], [0.0, -0.02, 0.01]], [[0.0, 0.02, -0.01], [0.0, -0.02, 0.01]]
+    part = load_mesh(mesh, only="box:-1,-1,-4mm,1,1,1")
+    assert evaluate_grasps(mesh, [upper, lower]).label.tolist() == [Label.S, Label.M]
+    grasps = evaluate_grasps(part, [upper, lower])
+    assert grasps.label.tolist() == [Label.S, Label.U]
+    assert np.isinf(grasps.critical_angle).tolist() == [False, True]
+    hand, pose = ParallelGripper.preset("franka"), np.diag([1.0, -1.0, -1.0, 1.0])
+    above, below = pose.copy(), np.eye(4)
+    above[2, 3], below[2, 3] = 0.015, -0.015
+    poses = [above, below]
+    assert evaluate_grasps(mesh, poses, hand=hand).label.tolist() == [Label.S, Label.S]
+    assert evaluate_grasps(part, poses, hand=hand).label.tolist() == [Label.S, Label.U]
+
+
+def test_a_region_of_everything_changes_nothing() -> None:
+    mesh = object_of("lopsided")
+    whole, same = label_surface(mesh), label_surface(load_mesh(mesh, only="sphere:0,0,0,9"))
+    assert same.mesh.region is not None
+    for name in ("label", "critical_angle", "critical_angle_best", "partners", "reason"):
+        np.testing.assert_array_equal(getattr(same, name), getattr(whole, name))
+    assert same.fractions() == whole.fractions()
+
+
+@pytest.mark.parametrize("signs", list(itertools.product((-1.0, 1.0), repeat=2)))
+@pytest.mark.parametrize("short", [0, 1])
+def test_edges_at_the_border_of_a_region_are_searched(
+    short: int, signs: tuple[float, float]
+) -> None:
+    """Opposite edges of a prism hold it along the diagonal, also where a face beside each is out.
+
+    The best contact over the worst normals is in the middle of a face, at 45 degrees.
+    """
+    extents = [0.06, 0.06, 0.06]
+    extents[short] = 0.04
+    box = load_mesh(trimesh.creation.box(extents), max_edge=0.01)
+    shifts = np.outer(box.vertices[:, short], [0.0, 0.0, 0.1])  # no two vertices are opposite
+    mesh = load_mesh((box.vertices + shifts, box.faces), max_edge=9.0)
+    flipped = mesh.vertices[:, :2] * signs
+    on_side = np.abs(np.abs(flipped[:, short]) - 0.02) < 1e-9
+    only = on_side & (flipped[:, short] * flipped[:, 1 - short] > -1e-9)
+    labels = label_surface(
+        load_mesh(mesh, only=only), sampling=Sampling(search_angle=math.radians(60.0))
+    )
+    edge = only & (np.abs(np.abs(flipped[:, 1 - short]) - 0.03) < 1e-9)
+    edge &= np.abs(mesh.vertices[:, 2]) < 0.02
+    assert edge.sum() > 4
+    assert (labels.critical_angle_best[edge] < math.radians(1.0)).all()
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".npz", ".vtp", ".parquet"])
+def test_files_have_the_region(tmp_path: Path, suffix: str) -> None:
+    mesh = object_of("box")
+    mesh = load_mesh(mesh, only=mesh.vertices[:, 0] > 0.0, avoid="sphere:0,0,25mm,1cm")
+    labels, path = label_surface(mesh), tmp_path / f"box{suffix}"
+    writer_for(path)(path, labels)
+    read = read_labels(path)
+    np.testing.assert_array_equal(read.mesh.allowed, mesh.allowed)
+    assert str(read.mesh.options.only) == f"vertices:{(mesh.vertices[:, 0] > 0.0).sum()}"
+    assert read.mesh.options.avoid == mesh.options.avoid
+    assert read.fractions() == pytest.approx(labels.fractions(), abs=1e-6)
+    assert (read.reason[~mesh.allowed] == Reason.EXCLUDED).all()
+    again = tmp_path / f"again{suffix}"
+    writer_for(again)(again, read)
+    assert again.read_bytes() == path.read_bytes()
+    assert label_surface(read.mesh).fractions() == labels.fractions()
+
+
+@pytest.mark.parametrize("kind", ["colour", "scalar"])
+@pytest.mark.parametrize("binary", [True, False])
+def test_a_painted_mask_is_the_part_that_is_painted(
+    tmp_path: Path, kind: str, binary: bool
+) -> None:
+    """On a mesh with other vertices, too."""
+    mesh, path = object_of("box"), tmp_path / "mask.ply"
+    fine = load_mesh(trimesh.creation.box([0.06, 0.04, 0.05]), max_edge=0.006)
+    painted = fine.vertices[:, 2] > 0.001
+    columns = dict(zip("xyz", fine.vertices.T.astype("f4"), strict=True))
+    if kind == "colour":
+        channels = np.where(painted, 30, 255).astype("u1")
+        columns |= {"red": np.full(len(painted), 255, "u1"), "green": channels, "blue": channels}
+    else:
+        columns |= {"other": np.ones(len(painted), "f4"), "grip": painted.astype("u1")}
+    write_ply_columns(path, columns, fine.faces, {}, binary=binary)
+    part = load_mesh(mesh, only=f"{path}:grip" if kind == "scalar" else str(path))
+    np.testing.assert_array_equal(part.allowed, mesh.vertices[:, 2] > 0.001)
+    with pytest.raises(SettingError, match=r"is no mask of arrays: .* 0\.0\d+ away"):
+        load_mesh((mesh.vertices + 0.02, mesh.faces), only=f"{path}:{list(columns)[-1]}")
