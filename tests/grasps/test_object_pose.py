@@ -150,7 +150,7 @@ def test_moveit_has_the_robots_frame_by_name(
     back = read_poses(path, hand=poses.hand, object_pose=pose)  # type: ignore[arg-type]
     equal(back.poses, poses.poses, 1e-10)
     if pose.frame == "robot":
-        with pytest.raises(ContactError, match="in the frame 'robot': give the pose of the object"):
+        with pytest.raises(ContactError, match="in the frame 'robot', not in that of the object"):
             read_poses(path, hand=poses.hand)  # type: ignore[arg-type]
 
 
