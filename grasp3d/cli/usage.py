@@ -146,10 +146,9 @@ def prog_of(kind: type) -> str:
 
 def usage_of(kind: type) -> str:
     """Return how a command is called: its arguments and required options."""
-    required = [one for one in options_of(kind) if one.is_required or not one.names]
-    words = (
-        invocation(one, short=True) for one in sorted(required, key=lambda one: len(one.names))
-    )
+    options = sorted(options_of(kind), key=lambda one: len(one.names))  # arguments first
+    required = (one for one in options if one.is_required or not one.names)
+    words = (" ".join((*one.names[:1], one.metavar)) for one in required)
     return " ".join(["usage:", prog_of(kind), *words, "[OPTIONS]"])
 
 

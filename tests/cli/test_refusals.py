@@ -7,7 +7,7 @@ import pytest
 
 from grasp3d.hand.hand_files import write_hand
 from tests.helpers import shapes
-from tests.helpers.commands import export, refusal
+from tests.helpers.commands import export, refusal, run_process
 from tests.helpers.grippers import HAND
 
 REFUSED = """
@@ -600,6 +600,16 @@ def test_bad_input_is_one_line_and_writes_nothing(folder: Path, case: str) -> No
     words, *messages = case.split(" | ")
     error = refusal(words, folder)
     assert all(message in error for message in messages), error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "words",
+    ["label ball.ply --gripper frank", "lable ball.ply", "batch .", "label ball.ply -o x/y.ply"],
+)
+def test_a_process_of_its_own_refuses_the_same(folder: Path, words: str) -> None:
+    run = run_process(*words.split(), cwd=folder)
+    assert (run.returncode, run.stdout, run.stderr) == (2, "", refusal(words, folder))
 
 
 @pytest.fixture
