@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from grasp3d import GraspModel, Sampling, label_surface, load_mesh, read_labels
+from grasp3d import GraspModel, Label, Sampling, label_surface, load_mesh, read_labels
+from grasp3d.viewer.session.inspection import inspect
+from grasp3d.viewer.subjects.subject import subject_of
 from tests.helpers import shapes
 from tests.helpers.commands import COMMAND, export, printed
 from tests.helpers.commands import run_process as grasp3d
@@ -119,3 +121,24 @@ def test_help_is_printed_quickly_and_names_the_settings(tmp_path: Path) -> None:
     assert "22.6" in run.stdout
     assert "type: ignore" not in run.stdout
     assert grasp3d("--version", cwd=tmp_path).stdout.startswith("grasp3d 0.")
+
+
+@pytest.mark.slow
+def test_a_vertex_is_explained_as_in_the_viewer(tmp_path: Path) -> None:
+    """On the side of a box, and at its corner on the table."""
+    source = export(tmp_path / "box.stl", shapes.box((60.0, 40.0, 20.0)))
+    at = ("--at", "0,2cm,0", "--at", "30,20,-10")
+    options = ("--unit", "mm", "--max-edge", "10", "--hand", "franka", "--table", "as-is")
+    text = printed("label", source, *options, *at, "-o", "out.npz", cwd=tmp_path)
+    side, corner = text.split("at 0,2cm,0: ")[1].split("at 30,20,-10: ")
+    labels = read_labels(tmp_path / "out.npz")
+    vertex = int(re.search(r"vertex +(\d+)", side)[1])  # type: ignore[index]
+    assert labels.mesh.vertices[vertex] == pytest.approx([0.0, 20.0, 0.0], abs=6.0)
+    assert side.startswith(f"{Label(labels.label[vertex]).name}: ")
+    seen = inspect(subject_of(labels), vertex, labels.model)
+    assert " ".join(side.split("label")[0].split()) == seen.reason
+    assert re.search(r"opposing contact +\(.*\) mm\n", side)
+    approach = re.search(r"approach along +\((.*), (.*), (.*)\)", side)
+    assert approach is not None
+    assert float(approach[3]) < 0.0  # from above
+    assert "U: there are grasps here, but franka reaches none of those tested: " in corner

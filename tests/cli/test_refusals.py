@@ -43,6 +43,9 @@ label ball.ply --max-opening 70km | --max-opening must be a length: a number | (
 label ball.ply -o x.docx | unsupported format .docx: supported are .ply
 label ball.ply -o no/where.ply | cannot be written
 label ball.ply -o ball.ply | is the mesh itself
+label ball.ply --at 0,0 | at must be three finite lengths, x,y,z | got '0,0'
+label box.stl --unit mm --at 0,0,90mm | at 0.0,0.0,90 mm is | mm from the surface of box.stl, more
+label box.stl --at 0,0,1mm | is 1 mm, but the unit of box.stl is not known
 label ball.ply --best 0 | best must be at least 1
 label ball.ply --best -2 | best must be at least 1
 label box.stl --unit mm --location-error 2m | location_error is 2 m, 18.6 times the size of box.stl
