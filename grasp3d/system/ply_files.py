@@ -1,5 +1,6 @@
 """PLY files of surfaces with columns of numbers at their vertices, and settings in comments."""
 
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -72,10 +73,10 @@ def write_ply_columns(
 
 
 def _lines(key: str, value: str) -> Iterator[str]:
-    """A setting as lines of a header."""
-    yield f"{COMMENT}{key} {value[:WIDTH]}"
-    for start in range(WIDTH, len(value), WIDTH):
-        yield f"{MORE}{value[start : start + WIDTH]}"
+    """A setting as lines of a header, which break at no spaces: programs strip these."""
+    first, *rest = re.findall(rf".{{0,{WIDTH - 1}}}\S(?!\s)|.+", value) or [""]
+    yield f"{COMMENT}{key} {first}"
+    yield from (f"{MORE}{part}" for part in rest)
 
 
 def settings_of_header(header: bytes) -> dict[str, str]:

@@ -174,6 +174,9 @@ def test_other_programs_read_the_ply_of_a_gripper(tmp_path: Path, name: str) -> 
     hand = ParallelGripper.preset("franka")
     path = str(tmp_path / "held.ply")
     write_ply(path, label_surface(mesh, hand=hand, load=Load(mass="0.2 kg")))
+    header = Path(path).read_bytes().partition(b"end_header")[0]
+    lines = [line for line in header.split(b"\n") if line]
+    assert all(line == line.strip() and len(line) < 250 for line in lines)
     if name == "open3d":
         faces = np.asarray(reader.io.read_triangle_mesh(path).triangles)
     elif name == "pymeshlab":
