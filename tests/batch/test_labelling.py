@@ -96,7 +96,7 @@ def test_the_files_contain_the_labels(tmp_path: Path) -> None:
     written = trimesh.load_mesh(tmp_path / "out" / row.labels, process=False)
     raw = written.metadata["_ply_raw"]["vertex"]["data"]
     assert np.array_equal(raw["label"], labels.label)
-    assert np.array_equal(raw["epsilon_min"], np.float32(labels.epsilon_min))
+    assert np.array_equal(raw["epsilon_min"], labels.epsilon_min)
     fields = pq.read_table(tmp_path / "out" / row.fields)
     assert fields.num_rows == row.vertices
     angles = fields.column("critical_angle").to_numpy()
