@@ -12,7 +12,12 @@ from grasp3d.viewer.scene.framing import pixel_ratio
 from grasp3d.viewer.scene.gripper_actors import GripperActors
 from grasp3d.viewer.scene.marks import Marks
 from grasp3d.viewer.scene.overlays import Overlay
-from grasp3d.viewer.session.painting import faded, texture_coordinates, texture_image
+from grasp3d.viewer.session.painting import (
+    HEX_PALETTE,
+    faded,
+    texture_coordinates,
+    texture_image,
+)
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import Paint
 
@@ -33,11 +38,13 @@ class Pane:
         self._painted: tuple[Subject, Paint, GraspModel, bool] | None = None
         self._located: Floats | None = None
         self._data: pyvista.PolyData | None = None
-        self._mapper, self._back_mapper = pyvista.DataSetMapper(), pyvista.DataSetMapper()
+        self._mappers = [pyvista.DataSetMapper() for _ in range(3)]
+        self._mapper, self._back_mapper, self._excluded_mapper = self._mappers
         self._texture, self._image = vtkTexture(), pyvista.ImageData()
         self._rows = np.empty((0, 3), dtype=np.uint8)
         self._front = self._actor(self._mapper, "white", "back")
         self._back = self._actor(self._back_mapper, INSIDE, "front")
+        self._excluded = self._actor(self._excluded_mapper, HEX_PALETTE[-1], "back")
         self._texture.SetInputDataObject(self._image)
         self._texture.RepeatOff()  # the first and the last column are not neighbours
         self._texture.EdgeClampOn()
@@ -87,6 +94,7 @@ class Pane:
         self.marks.hide()
         self._front.VisibilityOff()
         self._back.VisibilityOff()
+        self._excluded.VisibilityOff()
         self._outline.VisibilityOff()
         self._subject = self._painted = self._cut = None
 
@@ -104,12 +112,12 @@ class Pane:
         if key == self._cut:
             return
         self._cut = key
-        for mapper in (self._mapper, self._back_mapper):
+        for mapper in self._mappers:
             mapper.RemoveAllClippingPlanes()
         if plane is not None:
             self._plane.SetOrigin(*plane[0])
             self._plane.SetNormal(*plane[1])
-            for mapper in (self._mapper, self._back_mapper):
+            for mapper in self._mappers:
                 mapper.AddClippingPlane(self._plane)
             self._outline.mapper.dataset = _rectangle(subject, *plane)
             self._outline.prop.line_width = 1.5 * pixel_ratio(self.renderer)
@@ -125,13 +133,16 @@ class Pane:
 
     def _draw(self, subject: Subject) -> None:
         """Set the mesh; corners with different normals at a crease become separate points."""
-        corners = subject.mesh.corner_normals
-        data = pyvista.PolyData.from_regular_faces(
-            subject.mesh.vertices[corners.vertices], corners.corners.astype(int)
-        )
-        data.point_data.active_normals = -corners.normals
-        self._data = data
-        self._mapper.dataset = self._back_mapper.dataset = data
+        corners, faces = subject.mesh.corner_normals, subject.mesh.contact_faces
+        allowed = np.isin(np.arange(len(corners.corners)), faces)
+        points, parts = subject.mesh.vertices[corners.vertices], []
+        for rows in (allowed, ~allowed, slice(None)):
+            data = pyvista.PolyData.from_regular_faces(points, corners.corners[rows].astype(int))
+            data.point_data.active_normals = -corners.normals
+            parts.append(data)
+        self._data = self._mapper.dataset = parts[0]
+        self._excluded_mapper.dataset, self._back_mapper.dataset = parts[1:]
+        self._excluded.SetVisibility(not allowed.all())
         self._front.VisibilityOn()
         self._cut = None
 
@@ -169,6 +180,7 @@ def _same_shape(one: Subject, other: Subject | None) -> bool:
         other is not None
         and one.mesh.vertices is other.mesh.vertices
         and one.mesh.corner_normals is other.mesh.corner_normals
+        and one.mesh.region is other.mesh.region
     )
 
 
