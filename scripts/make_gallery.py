@@ -59,8 +59,6 @@ from grasp3d._kernels.hull.polytope import Polytope, make_polytope
 from grasp3d._kernels.hull.support_functions import NO_TORSION, ROWS, WrenchSpace
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.contact import FingerDesign, GraspSamples, JointEncoders
-from grasp3d.hand.shapes import hand_triangles
-from grasp3d.hand.triangles import Triangles
 from grasp3d.mesh.primitives import sphere_mesh
 from grasp3d.paper.figures import FIGURES
 from grasp3d.paper.paper_settings import PaperSettings
@@ -88,6 +86,7 @@ from grasp3d.system.tables import read_columns
 from grasp3d.validating.perturbing import NoiseSettings, perturb_surface
 from grasp3d.viewer.scene.overlays import BOLD, PLAIN
 from grasp3d.viewer.scene.pictures import open_renderer
+from grasp3d.viewer.scene.sheets import draw_grasps
 from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.view_settings import ViewSettings
 
@@ -230,30 +229,22 @@ def draw_reach(path: Path) -> None:
     points = label_surface(mesh, MODEL, sampling=Sampling(min_opening=low, max_opening=high))
     labels = label_surface(mesh, MODEL, hand=GRIPPER, table=Table.below(mesh))
     grasps = best_grasps(labels, 40)
-    wide, narrow = (
+    rows = [
         next(row for row, width in enumerate(grasps.opening) if (width < HANDLE) == is_narrow)
         for is_narrow in (False, True)
-    )
-    panels: list[tuple[str, SurfaceLabels, Triangles | None]] = [
-        ("two points, same stroke", points, None),
-        (f"gripper {GRIPPER.name}, on a table", labels, None),
-        (f"across, {approach_words(grasps, wide)}", labels, held_gripper(grasps, wide)),
-        (f"handle, {approach_words(grasps, narrow)}", labels, held_gripper(grasps, narrow)),
     ]
-    figure = new_figure(1.8 * len(panels), 2.8)
-    for axes, (title, shown, hand) in zip(figure.subplots(1, 4), panels, strict=True):
-        span = 0.15 if hand is None else 0.33  # [m]
-        image = paint_labels(shown, view=view, size=(560, 600), beside=hand, span=span)
-        show_picture(axes, image, title, fraction_words(shown) if hand is None else "")
+    figure = new_figure(1.8 * 4, 2.8)
+    panels = iter(figure.subplots(1, 4))
+    for title, one in (
+        ("two points, same stroke", points), (f"gripper {GRIPPER.name}, on a table", labels)
+    ):  # fmt: skip
+        image = paint_labels(one, view=view, size=(560, 600))
+        show_picture(next(panels), image, title, fraction_words(one))
+    pictures = draw_grasps(labels, grasps.take(np.array(rows)))
+    for kind, row, image in zip(("across", "handle"), rows, pictures, strict=True):
+        show_picture(next(panels), image, f"{kind}, {approach_words(grasps, row)}", "")
     add_labels(figure)
     figure.savefig(path, dpi=130)
-
-
-def held_gripper(grasps: GraspTable, row: int) -> Triangles:
-    """The gripper at a grasp."""
-    reach = grasps.reach
-    assert reach is not None
-    return hand_triangles(GRIPPER, float(reach.opening[row]), pose=reach.poses[row], unit="m")
 
 
 def approach_words(grasps: GraspTable, row: int) -> str:

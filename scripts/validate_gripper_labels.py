@@ -105,7 +105,8 @@ def _print_grasps(grasps: GraspTable, met: list[str]) -> None:
 
 def _draw(labels: SurfaceLabels, grasps: GraspTable, path: Path) -> None:
     from grasp3d.plots.figures import save_as
-    from grasp3d.plots.grasps import draw_grasps, grasp_figure
+    from grasp3d.plots.grasps import grasp_figure
+    from grasp3d.viewer.scene.sheets import draw_grasps
 
     save_as(grasp_figure(labels, grasps, draw_grasps(labels, grasps)), path)
 

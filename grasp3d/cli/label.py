@@ -131,8 +131,9 @@ def _print_at(labels: SurfaceLabels, text: str, vertex: int) -> None:
 def _write_best(command: Label, labels: SurfaceLabels, output: Path, grasps: GraspTable) -> None:
     """Print and write the best distinct grasps, and draw them if OpenGL is available."""
     from grasp3d.plots.figures import save_as
-    from grasp3d.plots.grasps import draw_grasps, grasp_figure
+    from grasp3d.plots.grasps import grasp_figure
     from grasp3d.plots.rendering import can_render
+    from grasp3d.viewer.scene.sheets import draw_grasps
 
     count = command.best or 0
     has_file = grasps.size > 0 or labels.reach is None  # files of poses cannot be empty

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
-from grasp3d.arrays import ArrayLike, angles_between
+from grasp3d.arrays import ArrayLike, Floats, angles_between
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_line
@@ -89,6 +89,14 @@ class Scene:
         if table is not None or approach is not None:
             raise SettingError("a table and approach directions apply to grippers only; give one")
         return None
+
+    @property
+    def up(self) -> Floats:
+        """Direction that is up: out of the table, else opposite to the best approach, else z."""
+        if self.table is not None:
+            return self.table.normal
+        direction = self.approach.direction
+        return axis_vector("z") if direction is None else -direction
 
     @property
     def jaws(self) -> Jaws | None:

@@ -118,17 +118,13 @@ def table_triangles(table: Table, mesh: ObjectMesh) -> Triangles:
         >>> round(float(plate.vertices[:, 2].max()), 3)
         -0.015
     """
-    return plate_triangles(table, mesh.vertices[mesh.on_surface], mesh.size)
-
-
-def plate_triangles(table: Table, points: Floats, size: float) -> Triangles:
-    """The same plate below the points of an object, shape (n, 3), of a size."""
+    points = mesh.vertices[mesh.on_surface]
     heights = points @ table.normal
     flat = points - np.multiply.outer(heights, table.normal)
     centre = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
     centre = centre - (centre @ table.normal) * table.normal
     radius = TABLE_SIZE * float(np.linalg.norm(flat - centre, axis=1).max())
-    depth, gap = TABLE_DEPTH * size, TABLE_GAP * size
+    depth, gap = TABLE_DEPTH * mesh.size, TABLE_GAP * mesh.size
     plate = trimesh.creation.cylinder(radius, depth, sections=TABLE_SIDES)
     turn = trimesh.geometry.align_vectors([0.0, 0.0, 1.0], table.normal)[:3, :3]
     middle = centre + (table.offset - gap - 0.5 * depth) * table.normal

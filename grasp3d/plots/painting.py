@@ -2,14 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from grasp3d.arrays import Bytes, Floats, unit_rows
 from grasp3d.contact.contacts import Contacts
-from grasp3d.hand.triangles import COLORS as PART_COLORS
-from grasp3d.hand.triangles import Part, Triangles
 from grasp3d.plots.rendering import Finger, View, picture
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.settings import GraspModel
@@ -20,9 +17,6 @@ from grasp3d.surface.vertex_grasps import Reason
 
 POSITION, NORMAL, WORST, BEST, COLUMNS = slice(0, 3), slice(3, 6), 6, 7, 8
 """Columns of a triangle's corner: position, outward normal, located angles."""
-
-OPACITY = 0.65
-"""Opacity of a gripper: what it holds remains visible."""
 
 PALETTE = np.array([*(COLORS[label] for label in sorted(Label)), GREY], dtype=np.uint8)
 EXCLUDED = len(Label)
@@ -35,8 +29,6 @@ def paint_labels(
     view: View | None = None,
     size: tuple[int, int] = (640, 640),
     fingers: Sequence[Finger] = (),
-    span: float | None = None,
-    beside: Triangles | None = None,
 ) -> Bytes:
     """Render a surface in the colours of its labels.
 
@@ -48,8 +40,6 @@ def paint_labels(
         view: Direction of view.
         size: Width and height [pixels].
         fingers: Contacts to mark.
-        span: Height of the picture in the mesh's unit; None: as `rendering.span_of` gives it.
-        beside: A gripper, drawn translucent in its colours.
 
     Returns:
         Red, green, blue from 0 to 255, shape (height, width, 3).
@@ -60,62 +50,10 @@ def paint_labels(
     parts = _parts(labels)
     rows = np.concatenate(list(parts.values())).reshape(-1, COLUMNS)
     colors = [np.tile(PALETTE[label], (3 * len(part), 1)) for label, part in parts.items()]
-    corners = Corners(rows[:, POSITION], unit_rows(rows[:, NORMAL]), np.concatenate(colors))
-    if beside is not None:
-        corners = corners.joined(corners_of(beside))
-
-    def rendered(count: int) -> Bytes:
-        """The first corners; all of them determine what the picture shows."""
-        return picture(
-            corners.points, np.arange(count).reshape(-1, 3), corners.colors,
-            normals=corners.normals, view=view, size=size, fingers=fingers, span=span,
-        )  # fmt: skip
-
-    alone = rendered(len(rows))
-    if beside is None:
-        return alone
-    return translucent(rendered(len(corners.points)), alone, OPACITY)
-
-
-def translucent(both: Bytes, alone: Bytes, opacity: float) -> Bytes:
-    """Mix two pictures (h, w, 3): of a surface with something beside it, and of the surface alone.
-
-    Args:
-        both: Picture of both.
-        alone: Picture of the surface.
-        opacity: Opacity of what is beside it, from 0 to 1.
-    """
-    mixed = opacity * both.astype(np.float64) + (1.0 - opacity) * alone
-    return np.asarray(np.rint(mixed), dtype=np.uint8)
-
-
-@dataclass(frozen=True, eq=False)
-class Corners:
-    """Corners of triangles, three after each other."""
-
-    points: Floats
-    """Shape (n, 3)."""
-    normals: Floats
-    """Outward unit normals, (n, 3)."""
-    colors: Bytes
-    """Red, green, blue, (n, 3)."""
-
-    def joined(self, other: "Corners") -> "Corners":
-        """These corners, and then others."""
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return Corners(*(np.concatenate(pair) for pair in pairs))
-
-
-def corners_of(gripper: Triangles) -> Corners:
-    """Corners of a gripper, each face with its own normal."""
-    corners = gripper.vertices[gripper.faces]  # (F, 3, 3)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    table = np.array([PART_COLORS[part] for part in Part], dtype=np.uint8)
-    return Corners(
-        corners.reshape(-1, 3),
-        np.repeat(unit_rows(normals), 3, axis=0),
-        np.repeat(table[gripper.parts], 3, axis=0),
-    )
+    return picture(
+        rows[:, POSITION], np.arange(len(rows)).reshape(-1, 3), np.concatenate(colors),
+        normals=unit_rows(rows[:, NORMAL]), view=view, size=size, fingers=fingers,
+    )  # fmt: skip
 
 
 def _parts(labels: SurfaceLabels) -> dict[int, Floats]:

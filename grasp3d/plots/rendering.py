@@ -44,6 +44,13 @@ HIDDEN_OPACITY = 0.55
 FINGER_COLOR = "#1A1A1A"
 
 
+UPRIGHT = np.array([0.0, 0.0, 1.0])
+"""Direction that is up where nothing else is stated."""
+
+PARALLEL = 1e-20
+"""Squared distance of a unit vector from the z-axis below which it is parallel to it."""
+
+
 @dataclass(frozen=True)
 class View:
     """Direction of the camera; the z-axis is up."""
@@ -65,6 +72,28 @@ class View:
                 [level * cosine, level * sine, up],
             ]
         )
+
+
+def view_axes(view: View, up: Floats) -> Floats:
+    """Unit vectors to the right, up and toward the camera, shape (3, 3).
+
+    Args:
+        view: Direction of the camera.
+        up: Direction that points up in the picture, instead of the z-axis, shape (3,).
+    """
+    return np.asarray(view.axes @ turn_to(up).T)
+
+
+def turn_to(up: Floats) -> Floats:
+    """Shortest rotation of the z-axis to a unit vector, shape (3, 3)."""
+    x, y, z = (float(value) for value in up)
+    aside = x * x + y * y
+    if z < 0.0 and aside < PARALLEL:
+        return np.diag([1.0, -1.0, -1.0])
+    cross = np.array([[0.0, 0.0, x], [0.0, 0.0, y], [-x, -y, 0.0]])
+    # 1 / (1 + z); near z = -1 that of the squares does not cancel.
+    factor = 1.0 / (1.0 + z) if z >= 0.0 else (1.0 - z) / aside
+    return np.asarray(np.eye(3) + cross + factor * (cross @ cross))
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +156,6 @@ def picture(
     view: View | None = None,
     size: tuple[int, int] = (640, 640),
     fingers: Sequence[Finger] = (),
-    span: float | None = None,
 ) -> Bytes:
     """Render a surface with one colour per vertex on white, filling the picture.
 
@@ -142,8 +170,6 @@ def picture(
         view: Direction of the camera; None: from above and the side.
         size: Width and height [pixels].
         fingers: Contacts to mark.
-        span: Height of the picture in the surface's unit, for several pictures at one scale; see
-            `span_of`. None: the surface and the fingers fill the picture.
 
     Returns:
         Red, green, blue from 0 to 255, shape (height, width, 3).
@@ -162,28 +188,7 @@ def picture(
             )
     check_rendering()
     surface = _surface(points, np.asarray(faces, np.int64), paint, shading)
-    return _rendered(surface, view or View(), size, fingers, span)
-
-
-def extent_of(points: Floats) -> float:
-    """Geometric mean of the two largest extents of a surface, the scale of the fingers' marks."""
-    return math.sqrt(float(np.sort(np.ptp(points, axis=0))[1:].prod()))
-
-
-def span_of(
-    points: Floats, view: View, size: tuple[int, int], fingers: Sequence[Finger] = ()
-) -> float:
-    """Height of a picture that a surface and its fingers fill, in the surface's unit.
-
-    Args:
-        points: Positions of the surface, shape (V, 3).
-        view: Direction of the camera.
-        size: Width and height of the picture [pixels].
-        fingers: Contacts to mark.
-    """
-    width, height = size
-    across, up, _ = np.ptp(_drawing_points(points, fingers) @ view.axes.T, axis=0)
-    return MARGIN * max(float(up), float(across) * height / width, np.finfo(float).tiny)
+    return _rendered(surface, view or View(), size, fingers)
 
 
 def choose_window() -> None:
@@ -205,19 +210,8 @@ def _surface(
     return surface
 
 
-def _drawing_points(points: Floats, fingers: Sequence[Finger]) -> Floats:
-    """Points of a surface and the ends of its fingers' arrows, shape (n, 3)."""
-    length = ARROW * extent_of(points)
-    tails = [finger.point - length * finger.normal for finger in fingers]
-    return np.concatenate([points, *np.reshape(tails, (-1, 1, 3))])
-
-
 def _rendered(
-    surface: "pyvista.PolyData",
-    view: View,
-    size: tuple[int, int],
-    fingers: Sequence[Finger],
-    span: float | None = None,
+    surface: "pyvista.PolyData", view: View, size: tuple[int, int], fingers: Sequence[Finger]
 ) -> Bytes:
     import pyvista
 
@@ -236,26 +230,29 @@ def _rendered(
             diffuse=1.0 - AMBIENT,
         )
         points = np.array(surface.points)
-        extent = extent_of(points)
+        extent = math.sqrt(float(np.sort(np.ptp(points, axis=0))[1:].prod()))
+        tails = [finger.point - ARROW * extent * finger.normal for finger in fingers]
         for finger in fingers:
             _mark(plotter, finger, extent)
-        if span is None:
-            span = span_of(points, view, size, fingers)
-        _aim_camera(plotter, _drawing_points(points, fingers), view, span)
-        image = _screenshot(plotter)
+        _aim_camera(plotter, np.concatenate([points, *np.reshape(tails, (-1, 1, 3))]), view, size)
+        image = screenshot(plotter)
         if fingers:
             colored.visibility = False
-            image = _with_hidden_fingers(image, _screenshot(plotter))
+            image = _with_hidden_fingers(image, screenshot(plotter))
     finally:
         plotter.close()
     return image
 
 
-def _aim_camera(plotter: "pyvista.Plotter", points: Floats, view: View, span: float) -> None:
-    """Aim an orthographic camera at the middle of the points; `span` is the picture's height."""
+def _aim_camera(
+    plotter: "pyvista.Plotter", points: Floats, view: View, size: tuple[int, int]
+) -> None:
+    """Aim an orthographic camera at the middle of the points, so that they fill the picture."""
     axes = view.axes
     projected = points @ axes.T
     low, high = projected.min(axis=0), projected.max(axis=0)
+    across, up, _ = (float(extent) for extent in high - low)
+    span = MARGIN * max(up, across * size[1] / size[0], np.finfo(float).tiny)
     middle = 0.5 * (low + high) @ axes
     camera = plotter.camera
     camera.parallel_projection = True
@@ -266,8 +263,9 @@ def _aim_camera(plotter: "pyvista.Plotter", points: Floats, view: View, span: fl
     plotter.reset_camera_clipping_range()
 
 
-def _screenshot(plotter: "pyvista.Plotter") -> Bytes:
-    plotter.render()  # otherwise a second screenshot repeats the first
+def screenshot(plotter: "pyvista.Plotter") -> Bytes:
+    """RGB colours of a plotter's window, shape (height, width, 3)."""
+    plotter.render()  # otherwise a second screenshot would be equal to the first
     return np.array(plotter.screenshot(return_img=True), dtype=np.uint8)[..., :3]
 
 

@@ -10,11 +10,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from grasp3d.arrays import Bytes, Floats, Ints
+from grasp3d.arrays import Bytes, Floats, unit_rows
+from grasp3d.hand.gripper_pose import GripperPose
+from grasp3d.hand.scene import Scene
 from grasp3d.hand.shapes import hand_triangles
+from grasp3d.hand.triangles import COLORS, Part
 from grasp3d.plots.figures import LABEL_COLORS, LINES, PAGE, label_patches, new_figure, styled
-from grasp3d.plots.painting import Corners, corners_of, translucent
 from grasp3d.plots.rendering import Finger, View, picture
+from grasp3d.plots.views import GraspViews
 from grasp3d.settings.lengths import METRES
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.validating.disagreements import Disagreement
@@ -40,9 +43,6 @@ OBJECT = (214, 190, 150)
 
 OPACITY = 0.6
 """Opacity of the gripper: what it holds remains visible."""
-
-TOWARD_PALM = 0.2
-"""How much the camera is turned from the side of the gripper toward its palm."""
 
 
 @styled
@@ -183,22 +183,22 @@ def draw_disagreement(one: Disagreement) -> Bytes:
     mesh = one.mesh
     assert mesh.unit is not None  # evaluated poses have a unit
     widest = one.hand.max_opening / METRES[mesh.unit]
-    opening = one.opening if math.isfinite(one.opening) else widest
-    hand = hand_triangles(one.hand, max(opening, 0.0), pose=one.pose, unit=mesh.unit)
+    opening = max(one.opening, 0.0) if math.isfinite(one.opening) else widest
+    hand = hand_triangles(one.hand, opening, pose=one.pose, unit=mesh.unit)
+    corners = hand.vertices[hand.faces]  # (F, 3, 3)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    parts = np.array([COLORS[part] for part in Part], dtype=np.uint8)
+    points = np.concatenate([mesh.vertices, corners.reshape(-1, 3)])
+    beside = np.arange(len(mesh.vertices), len(points)).reshape(-1, 3)
     body = np.tile(np.array(OBJECT, dtype=np.uint8), (len(mesh.vertices), 1))
-    corners = Corners(mesh.vertices, -mesh.normals, body).joined(corners_of(hand))
-    beside = np.arange(len(mesh.vertices), len(corners.points)).reshape(-1, 3)
-    both = np.concatenate([mesh.faces, beside])
-    view, fingers = _view(one.pose), _fingers(one)
-
-    def rendered(faces: Ints) -> Bytes:
-        """The same points, so that both pictures have the same camera."""
-        return picture(
-            corners.points, faces, corners.colors,
-            normals=corners.normals, view=view, size=PIXELS, fingers=fingers,
-        )  # fmt: skip
-
-    return translucent(rendered(both), rendered(mesh.faces), OPACITY)
+    colors = np.concatenate([body, np.repeat(parts[hand.parts], 3, axis=0)])
+    shading = np.concatenate([-mesh.normals, np.repeat(unit_rows(normals), 3, axis=0)])
+    view, fingers = _view(one, opening), _fingers(one)
+    both, alone = (
+        picture(points, faces, colors, normals=shading, view=view, size=PIXELS, fingers=fingers)
+        for faces in (np.concatenate([mesh.faces, beside]), mesh.faces)
+    )  # the same points, so that both pictures have the same camera
+    return np.asarray(np.rint(OPACITY * both + (1.0 - OPACITY) * alone), dtype=np.uint8)
 
 
 def _fingers(one: Disagreement) -> list[Finger]:
@@ -206,11 +206,10 @@ def _fingers(one: Disagreement) -> list[Finger]:
     return [Finger(point, normal) for point, normal in pairs if np.isfinite(point).all()]
 
 
-def _view(pose: Floats) -> View:
-    """The view from the side of the gripper, which shows both fingers, and from above."""
-    side = pose[:3, 1] * (1.0 if pose[2, 1] >= 0.0 else -1.0)
-    toward = side - TOWARD_PALM * pose[:3, 2]
-    toward /= np.linalg.norm(toward)
-    return View(
-        azimuth=math.atan2(toward[1], toward[0]), elevation=math.asin(np.clip(toward[2], -1.0, 1.0))
+def _view(one: Disagreement, opening: float) -> View:
+    """The view that shows both pads, with or without contacts."""
+    center, across = one.pose[:3, 3], np.outer([1.0, -1.0], one.pose[:3, 0])
+    pose = GripperPose(one.pose, opening, math.nan, math.nan, math.nan)
+    return GraspViews(one.mesh, Scene(one.hand)).best(
+        center + 0.5 * opening * across, -across, pose
     )

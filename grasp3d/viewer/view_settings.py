@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from grasp3d.errors import SettingError
-from grasp3d.settings import DEGREE, Radians, check_choice, whole_number
+from grasp3d.settings import Radians, check_choice, whole_number
 from grasp3d.settings.checks import check_range
 from grasp3d.settings.model_text import EPSILON_MIN
 from grasp3d.settings.parsing import Main
@@ -60,8 +60,11 @@ class ViewSettings:
             with a gripper show the best grasp that it reaches.
         compare: A second sensor resolution, shown beside the first, in the colours S, M, U; none:
             no second one.
-        azimuth: Azimuth of the camera about the z-axis, from the x-axis.
-        elevation: Elevation of the camera above the xy-plane, from -90 to 90 degrees.
+        azimuth: Azimuth of the camera about the z-axis, from the x-axis; about the table's normal
+            if there is one. none: with elevation none the fingertips of a grasp that is shown are
+            seen best, else 75 degrees.
+        elevation: Elevation of the camera above the xy-plane, from -90 to 90 degrees. none: as for
+            azimuth, else 35 degrees.
         width: Width of the window or picture [pixels].
         height: Height of the window or picture [pixels].
     """
@@ -69,8 +72,8 @@ class ViewSettings:
     paint: Annotated[Paint, Main("colours: epsilon, margin, ...")] = "label"
     vertex: int | None = None
     compare: Radians | None = None
-    azimuth: Radians = 75.0 * DEGREE
-    elevation: Radians = 35.0 * DEGREE
+    azimuth: Radians | None = None
+    elevation: Radians | None = None
     width: int = 1280
     height: int = 800
 
@@ -81,10 +84,11 @@ class ViewSettings:
         if self.compare is not None:
             check_range("compare", self.compare, 0.0, math.pi, ends="[)", degrees=True)
             check_comparison(self.paint)
-        if not math.isfinite(self.azimuth) or not abs(self.elevation) <= math.pi / 2.0:
+        azimuth, elevation = self.azimuth or 0.0, self.elevation or 0.0
+        if not math.isfinite(azimuth) or not abs(elevation) <= math.pi / 2.0:
             raise SettingError(
                 "azimuth must be finite and elevation from -90 to 90 degrees; got "
-                f"{math.degrees(self.azimuth):g} and {math.degrees(self.elevation):g}"
+                f"{math.degrees(azimuth):g} and {math.degrees(elevation):g}"
             )
         if not (MIN_WIDTH <= self.width <= MAX_PIXELS and MIN_HEIGHT <= self.height <= MAX_PIXELS):
             raise SettingError(

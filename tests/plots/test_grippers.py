@@ -9,10 +9,7 @@ import pytest
 from matplotlib.patches import Circle, Rectangle
 
 from grasp3d.hand.parallel_gripper import PRESETS, preset
-from grasp3d.hand.shapes import hand_triangles
-from grasp3d.hand.triangles import COLORS, Part
 from grasp3d.plots.figures import save_as
-from grasp3d.plots.gripper_shapes import approach_arc, gripper_shape
 from grasp3d.plots.grippers import gripper_figure
 
 
@@ -78,21 +75,3 @@ def test_figures_are_written_whatever_the_name_is(tmp_path: Path) -> None:
     gripper = replace(preset("franka"), name="$x$ 手\ud800")
     save_as(gripper_figure(gripper), tmp_path / "g.svg")
     assert (tmp_path / "g.svg").stat().st_size > 5000
-
-
-@pytest.mark.parametrize("name", ["franka", "tactile"])
-def test_surfaces_have_the_triangles_parts_and_colours(name: str) -> None:
-    pose = np.eye(4)
-    pose[:3, 3] = [10.0, 20.0, 30.0]
-    shape = gripper_shape(preset(name), pose, 40.0, "mm")
-    triangles = hand_triangles(preset(name), 40.0, pose=pose, unit="mm")
-    assert (shape.regular_faces == triangles.faces).all()
-    assert np.allclose(shape.points, triangles.vertices)
-    assert (shape.cell_data["part"] == triangles.parts).all()
-    palm = shape.cell_data["color"][shape.cell_data["part"] == Part.PALM]
-    assert (palm == COLORS[Part.PALM]).all()
-
-
-def test_no_arcs_are_an_empty_surface() -> None:
-    assert approach_arc(np.eye(4), [], radius=1.0).n_cells == 0
-    assert approach_arc(np.eye(4), [(0.0, 0.1)], radius=1.0).n_cells > 0

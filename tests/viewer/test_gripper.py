@@ -22,9 +22,9 @@ from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene as HandScene
 from grasp3d.hand.scene import scene_settings
 from grasp3d.mesh.measures import is_closed
-from grasp3d.plots.rendering import View
+from grasp3d.plots.rendering import View, view_axes
 from grasp3d.settings import Sampling
-from grasp3d.viewer.scene.framing import MOST_BESIDE, extents, frame_of, middle_of, view_axes
+from grasp3d.viewer.scene.framing import MOST_BESIDE, extents, frame_of, middle_of
 from grasp3d.viewer.scene.pictures import open_renderer
 from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session import collection, computations, planning, reached_grasps
@@ -477,7 +477,7 @@ def test_the_table_is_level_in_the_picture() -> None:
         scene.update(session)
         up = np.array(scene.camera.up)
         toward = np.subtract(scene.camera.position, scene.camera.focal_point)
-        assert up @ [1.0, 0.0, 0.0] == pytest.approx(math.cos(session.settings.elevation), abs=1e-6)
+        assert up @ [1.0, 0.0, 0.0] == pytest.approx(math.cos(View.elevation), abs=1e-6)
         assert toward[0] > 0.0
     finally:
         plotter.close()

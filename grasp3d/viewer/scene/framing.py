@@ -7,7 +7,6 @@ import numpy as np
 import pyvista
 
 from grasp3d.arrays import Floats
-from grasp3d.plots.rendering import View
 
 MARGIN = 1.06
 """Size of the free area relative to the object that fills it."""
@@ -15,10 +14,6 @@ MARGIN = 1.06
 
 MOST_BESIDE = 2.4
 """Largest size of a frame relative to the object alone, where a gripper is beside it."""
-
-
-PARALLEL = 1e-20
-"""Squared distance of a unit vector from the z-axis below which it is parallel to it."""
 
 
 @dataclass(frozen=True)
@@ -115,30 +110,6 @@ def visible_fraction(points: Floats, frame: Frame, axes: Floats) -> float:
     flat = np.abs((points - frame.middle) @ axes[:2].T)
     inside = (flat <= np.array(frame.reach)).all(axis=1)
     return float(inside.mean()) if len(points) else 1.0
-
-
-def view_axes(view: View, up: Floats | None = None) -> Floats:
-    """Unit vectors to the right, up and toward the camera, shape (3, 3).
-
-    Args:
-        view: Direction of the camera.
-        up: Direction that points up in the picture, shape (3,); None: the z-axis.
-    """
-    if up is None:
-        return view.axes
-    return np.asarray(view.axes @ _turn_to(up).T)
-
-
-def _turn_to(up: Floats) -> Floats:
-    """Shortest rotation of the z-axis to a unit vector, shape (3, 3)."""
-    x, y, z = (float(value) for value in up)
-    aside = x * x + y * y
-    if z < 0.0 and aside < PARALLEL:
-        return np.diag([1.0, -1.0, -1.0])
-    cross = np.array([[0.0, 0.0, x], [0.0, 0.0, y], [-x, -y, 0.0]])
-    # 1 / (1 + z); near z = -1 that of the squares does not cancel.
-    factor = 1.0 / (1.0 + z) if z >= 0.0 else (1.0 - z) / aside
-    return np.asarray(np.eye(3) + cross + factor * (cross @ cross))
 
 
 def aim(camera: pyvista.Camera, size: float, axes: Floats, middle: Floats) -> None:

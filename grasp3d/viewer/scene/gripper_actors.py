@@ -3,21 +3,31 @@
 import numpy as np
 import pyvista
 
-from grasp3d.arrays import Floats
+from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.shapes import ARC_COLOR, TABLE_COLOR, plate_triangles
+from grasp3d.hand.shapes import (
+    ARC_COLOR,
+    TABLE_COLOR,
+    approach_triangles,
+    hand_triangles,
+    table_triangles,
+)
 from grasp3d.hand.table import Table
-from grasp3d.hand.triangles import Part
-from grasp3d.plots.gripper_shapes import approach_arc, gripper_shape, surface_of
+from grasp3d.hand.triangles import COLORS, Part, Triangles
 from grasp3d.plots.rendering import AMBIENT
 from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.framing import pixel_ratio
-from grasp3d.viewer.subjects.gripper_pose import GripperPose
+from grasp3d.viewer.scene.marks import NO_POINTS
 from grasp3d.viewer.subjects.subject import Subject
 
 ARC_OPACITY, TABLE_OPACITY = 0.4, 0.6
 OPACITIES = {Part.PALM: 0.3, Part.FINGER: 0.7, Part.PAD: 0.9, Part.TIP: 0.9}
 """Opacities of the parts of a gripper: what it holds remains visible behind it."""
+
+PALETTE = np.array(
+    [(*COLORS[part], round(255.0 * OPACITIES[part])) for part in Part], dtype=np.uint8
+)
+"""Red, green, blue and opacity of the parts."""
 
 EDGE, EDGE_ANGLE, EDGE_WIDTH = "#2B2F33", 40.0, 1.2
 """Colour of the edges of fingers and palm; angle of the faces there [degrees]; width of the lines
@@ -26,8 +36,6 @@ EDGE, EDGE_ANGLE, EDGE_WIDTH = "#2B2F33", 40.0, 1.2
 ARC_RADIUS, ARC_INNER = 0.95, 0.35
 """Outer radius of the approach arc relative to the fingers' length, and the inner one relative to
 the outer one."""
-
-NO_POINTS: Floats = np.empty((0, 3))
 
 
 class GripperActors:
@@ -40,6 +48,7 @@ class GripperActors:
         self._gripper = _actor(renderer, EDGE, 1.0, colored=True)
         self._edges = _actor(renderer, EDGE, 1.0, lighting=False)
         self._drawn: tuple[object, ...] = (None,) * 3
+        self.table_mapper = self._table.mapper
         self.points = NO_POINTS
         """Corners of palm and fingers of the gripper that is drawn, shape (n, 3)."""
         self.table_points = NO_POINTS
@@ -81,8 +90,7 @@ class GripperActors:
         self._table.visibility = table is not None
         self.table_points = NO_POINTS
         if table is not None:
-            vertices = subject.mesh.vertices[np.unique(subject.mesh.faces)]
-            plate = plate_triangles(table, vertices, subject.mesh.size)
+            plate = table_triangles(table, subject.mesh)
             self._table.mapper.dataset = surface_of(plate)
             self.table_points = plate.vertices
 
@@ -92,24 +100,28 @@ class GripperActors:
         self.points = NO_POINTS
         if hand is None or pose is None or subject.mesh.unit is None:
             return
-        shape = gripper_shape(hand, pose.pose, pose.opening, subject.mesh.unit)
-        parts = shape.cell_data["part"]
-        opacities = np.array([255.0 * OPACITIES[part] for part in Part], dtype=np.uint8)
-        shape.cell_data["color"] = np.c_[shape.cell_data["color"], opacities[parts]]
+        solid = hand_triangles(hand, pose.opening, pose=pose.pose, unit=subject.mesh.unit)
+        shape, parts = surface_of(solid), solid.parts
+        shape.cell_data["color"] = PALETTE[parts]
         self._gripper.mapper.dataset = shape
         self._edges.mapper.dataset = shape.extract_feature_edges(
             feature_angle=EDGE_ANGLE, boundary_edges=False, manifold_edges=False
         )
         self._edges.prop.line_width = EDGE_WIDTH * pixel_ratio(self._renderer)
         self._gripper.visibility = self._edges.visibility = True
-        boxes = shape.regular_faces[parts <= Part.FINGER]
-        self.points = np.asarray(shape.points[np.unique(boxes)], dtype=np.float64)
+        self.points = solid.vertices[np.unique(solid.faces[parts <= Part.FINGER])]
         if pose.arcs:
             radius = ARC_RADIUS * hand.finger_length / METRES[subject.mesh.unit]
-            self._arc.mapper.dataset = approach_arc(
-                pose.pose, pose.arcs, radius=radius, inner=ARC_INNER
-            )
+            arc = approach_triangles(pose.pose, pose.arcs, radius=radius, inner=ARC_INNER)
+            self._arc.mapper.dataset = surface_of(arc)
             self._arc.visibility = True
+
+
+def surface_of(triangles: Triangles) -> pyvista.PolyData:
+    """Triangles as a surface of PyVista."""
+    faces = triangles.faces.astype(int)
+    surface: pyvista.PolyData = pyvista.PolyData.from_regular_faces(triangles.vertices, faces)
+    return surface
 
 
 def _actor(

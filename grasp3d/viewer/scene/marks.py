@@ -11,7 +11,12 @@ from vtkmodules.vtkRenderingCore import vtkMapper
 
 from grasp3d.arrays import Floats, unit_rows
 from grasp3d.contact.friction_cones import tangents
+from grasp3d.hand.gripper_pose import GripperPose
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.shapes import ARC_COLOR
+from grasp3d.plots.views import ARROW, approach_ends
 from grasp3d.settings import GraspModel
+from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.framing import pixel_ratio
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.subjects.subject import Subject
@@ -22,8 +27,11 @@ CONTACT_RADIUS, ROD_RADIUS, RIM = 0.013, 0.0035, 0.0035
 CONE_LENGTH = 0.15
 """Length of a cone's sides, relative to the object's size."""
 
-ARROW, HEAD, HEAD_RADIUS, SHAFT = 0.19, 0.035, 0.0095, 0.0022
-"""Arrows: length, length and radius of the head, radius of the shaft, all likewise relative."""
+HEAD, HEAD_RADIUS, SHAFT = 0.035, 0.0095, 0.0022
+"""Arrows: length and radius of the head, radius of the shaft, all likewise relative."""
+
+APPROACH_HEAD, APPROACH_HEAD_RADIUS, APPROACH_SHAFT = 0.35, 0.12, 0.04
+"""The same of the approach's arrow, relative to its length."""
 
 HIDDEN_OPACITY = 0.4
 """Opacity of markers behind the surface."""
@@ -46,15 +54,20 @@ SAME = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class MarkedContacts:
-    """Contacts with their normals."""
+    """Contacts with their normals, as an inspection has them, too."""
 
     points: Floats
     """Shape (n, 3)."""
     normals: Floats
     """Inward unit normals, (n, 3)."""
+    model: GraspModel | None = None
+    """Friction and resolution of the cones."""
+    held: GripperPose | None = None
+    """Pose of the gripper; None: cones are drawn."""
 
 
-NO_CONTACTS = MarkedContacts(np.empty((0, 3)), np.empty((0, 3)))
+NO_POINTS: Floats = np.empty((0, 3))
+NO_CONTACTS = MarkedContacts(NO_POINTS, NO_POINTS)
 
 
 class Marks:
@@ -70,50 +83,59 @@ class Marks:
         self._hidden_rims = _Marker(renderer, BLACK, rim=True, hidden=True)
         self._hidden = _Marker(renderer, WHITE, hidden=True)
         self._hidden_fixed = _Marker(renderer, BLACK, hidden=True)
+        self._hidden_cones = _Marker(renderer, GREY, opacity=0.22, hidden=True)
+        self._hidden_safe_cones = _Marker(renderer, BLUE, opacity=0.5, hidden=True)
         self._cones = _Marker(renderer, GREY, opacity=0.22)
         self._safe_cones = _Marker(renderer, BLUE, opacity=0.5)
         self._rims = _Marker(renderer, BLACK, rim=True)
         self._contacts = _Marker(renderer, WHITE)
         self._fixed_rims = _Marker(renderer, WHITE, rim=True)
         self._fixed = _Marker(renderer, BLACK)
+        self._hidden_approach = _Marker(renderer, ARC_COLOR, hidden=True)
+        self._approach = _Marker(renderer, ARC_COLOR)
         self._content: tuple[object, ...] = (None,) * 3
+        self.points = NO_POINTS
+        """Tails of the arrows that are drawn, shape (n, 3)."""
 
     def show(
         self,
         subject: Subject,
-        inspection: Inspection | None,
+        grasp: Inspection | MarkedContacts | None,
         fixed: Floats,
-        *,
-        cones: bool = True,
+        hand: Hand | None = None,
     ) -> None:
         """Mark a grasp and fixed fingers.
 
         Args:
             subject: The surface.
-            inspection: The inspected vertex with its grasp; None: there is none.
+            grasp: The grasp; None: there is none. Where a gripper holds it, its approach is drawn
+                instead of cones, which would be inside the fingers.
             fixed: Contact points of fixed fingers, shape (n, 3).
-            cones: Whether friction cones are drawn; they would be inside the fingers of a gripper.
+            hand: The gripper.
         """
+        shown, approach = grasp or NO_CONTACTS, NO_POINTS
+        contacts, model = MarkedContacts(shown.points, shown.normals), shown.model
+        if hand is not None and shown.held is not None and subject.mesh.unit is not None:
+            approach = approach_ends(shown.held, hand.finger_length / METRES[subject.mesh.unit])
         size, fixed_key = subject.mesh.size, (id(subject.mesh.vertices), fixed.tobytes())
-        grasp, model = NO_CONTACTS, None
-        if inspection is not None:
-            grasp = MarkedContacts(inspection.points, inspection.normals)
-            model = inspection.model
-        grasp_key = (grasp.points.tobytes(), grasp.normals.tobytes())
+        grasp_key = (contacts.points.tobytes(), contacts.normals.tobytes())
         safe = model and model.effective_friction_angle
-        cones_key = model and (model.friction_angle, model.tilt, safe, cones)
+        cones = len(contacts.points) > 1 and not len(approach)
+        cones_key = model and (model.friction_angle, model.tilt, safe, approach.tobytes())
         before, self._content = self._content, (fixed_key, grasp_key, cones_key)
         if fixed_key != before[0]:
             self._show_fixed(_fixed_contacts(subject, fixed), size)
         if (fixed_key, grasp_key) != before[:2]:
-            self._show_grasp(grasp, fixed, size)
+            self._show_grasp(contacts, fixed, size)
         if (fixed_key, grasp_key, cones_key) != before:
-            with_cones = cones and len(grasp.points) > 1
-            self._show_cones(grasp if with_cones else NO_CONTACTS, model, size)
+            outside = contacts if cones else NO_CONTACTS
+            self._show_cones(outside, model, size)
+            self._show_approach(approach)
+            self.points = outside.points - ARROW * size * outside.normals
 
     def hide(self) -> None:
         """Show no markers."""
-        self._content = (None,) * 3
+        self._content, self.points = (None,) * 3, NO_POINTS
         for marker in vars(self).values():
             if isinstance(marker, _Marker):
                 marker.show([])
@@ -128,11 +150,12 @@ class Marks:
             (0.0, self._hidden, self._contacts),
             (RIM * size, self._hidden_rims, self._rims),
         ):
-            contacts = spheres(free.points, CONTACT_RADIUS * size + extra)
+            shapes = spheres(free.points, CONTACT_RADIUS * size + extra)
             if several:
-                contacts += cylinders(*_connections(grasp.points), ROD_RADIUS * size + extra)
-            hidden.show(contacts)
-            visible.show([*contacts, *(_arrows(free, size, extra) if several else [])])
+                shapes += cylinders(*_connections(grasp.points), ROD_RADIUS * size + extra)
+                shapes += _arrows(free, size, extra)
+            hidden.show(shapes)
+            visible.show(shapes)
 
     def _show_fixed(self, fixed: MarkedContacts, size: float) -> None:
         radius, rim = 1.15 * CONTACT_RADIUS * size, RIM * size
@@ -148,8 +171,12 @@ class Marks:
         if model is not None:
             beta, tilt = model.friction_angle, model.tilt
             inner = max(0.0, model.effective_friction_angle)
-        self._cones.show(cone_surfaces(grasp.points, outward, beta, length))
-        self._safe_cones.show(cone_surfaces(grasp.points, outward, inner, length))
+        for angle, markers in (
+            (beta, (self._hidden_cones, self._cones)),
+            (inner, (self._hidden_safe_cones, self._safe_cones)),
+        ):
+            for marker in markers:
+                marker.show(cone_surfaces(grasp.points, outward, angle, length))
         nominal = cone_rims(grasp.points, outward, beta, length)
         safe = cone_rims(grasp.points, outward, inner, length) if inner else []
         extreme = _extreme_cones(grasp, beta, tilt, length) if tilt > 0.0 else []
@@ -158,6 +185,18 @@ class Marks:
         self._thin_lines.show(extreme)
         self._halo.show([*nominal, *safe])
 
+    def _show_approach(self, ends: Floats) -> None:
+        shapes = []
+        if len(ends):
+            tail, tip = ends[:1], ends[1:]
+            length, neck = math.dist(*ends), tip + APPROACH_HEAD * (tail - tip)
+            shapes = [
+                *cylinders(tail, neck, APPROACH_SHAFT * length),
+                *cones(neck, tip, APPROACH_HEAD_RADIUS * length),
+            ]
+        self._hidden_approach.show(shapes)
+        self._approach.show(shapes)
+
 
 class _Marker:
     """An actor for the markers of one appearance."""
@@ -165,7 +204,7 @@ class _Marker:
     def __init__(
         self,
         renderer: pyvista.Renderer,
-        color: str,
+        color: str | tuple[int, int, int],
         *,
         opacity: float = 1.0,
         rim: bool = False,
@@ -187,7 +226,7 @@ class _Marker:
         self._renderer, self._width = renderer, width
         look = self._actor.prop
         look.color, look.lighting = color, False
-        look.opacity = HIDDEN_OPACITY if hidden else opacity
+        look.opacity = HIDDEN_OPACITY * opacity if hidden else opacity
         look.culling = "front" if rim else "none"
         if hidden:
             vtkMapper.SetResolveCoincidentTopologyToPolygonOffset()

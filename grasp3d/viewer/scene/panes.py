@@ -6,12 +6,15 @@ from vtkmodules.vtkCommonDataModel import vtkPlane
 from vtkmodules.vtkRenderingCore import vtkTexture
 
 from grasp3d.arrays import Bytes, Floats
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.table import Table
 from grasp3d.plots.rendering import AMBIENT, LIGHT
 from grasp3d.settings import GraspModel
 from grasp3d.viewer.scene.framing import pixel_ratio
 from grasp3d.viewer.scene.gripper_actors import GripperActors
-from grasp3d.viewer.scene.marks import Marks
+from grasp3d.viewer.scene.marks import NO_POINTS, MarkedContacts, Marks
 from grasp3d.viewer.scene.overlays import Overlay
+from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.painting import (
     HEX_PALETTE,
     faded,
@@ -112,15 +115,52 @@ class Pane:
         if key == self._cut:
             return
         self._cut = key
-        for mapper in self._mappers:
+        mappers = (*self._mappers, self.gripper.table_mapper)
+        for mapper in mappers:
             mapper.RemoveAllClippingPlanes()
         if plane is not None:
             self._plane.SetOrigin(*plane[0])
             self._plane.SetNormal(*plane[1])
-            for mapper in self._mappers:
+            for mapper in mappers:
                 mapper.AddClippingPlane(self._plane)
             self._outline.mapper.dataset = _rectangle(subject, *plane)
             self._outline.prop.line_width = 1.5 * pixel_ratio(self.renderer)
+
+    def hold(
+        self,
+        grasp: Inspection | MarkedContacts | None,
+        hand: Hand | None,
+        table: Table | None,
+        fixed: Floats = NO_POINTS,
+    ) -> bool:
+        """Draw a grasp: its contacts, with the gripper and its approach, or with friction cones.
+
+        Args:
+            grasp: The grasp; None: there is none.
+            hand: The gripper.
+            table: The table; None: it is not drawn.
+            fixed: Contact points of fixed fingers, shape (n, 3).
+
+        Returns:
+            Whether another gripper is drawn than before.
+        """
+        subject = self._subject
+        assert subject is not None
+        self.marks.show(subject, grasp, fixed, hand)
+        return self.gripper.show(subject, hand, grasp.held if grasp else None, table)
+
+    @property
+    def points(self) -> Floats:
+        """Points of the object and the table, shape (n, 3)."""
+        assert self._subject is not None
+        mesh = self._subject.mesh
+        used = mesh.vertices[mesh.corner_normals.vertices]
+        return np.concatenate([used, self.gripper.table_points])
+
+    @property
+    def beside(self) -> Floats:
+        """Points of what is drawn beside the object: of a gripper or of arrows, (n, 3)."""
+        return np.concatenate([self.gripper.points, self.marks.points])
 
     def _actor(self, mapper: pyvista.DataSetMapper, color: str, culled: str) -> pyvista.Actor:
         actor = pyvista.Actor(mapper=mapper)

@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -58,10 +58,28 @@ class PictureRenderer:
 
     def picture(self) -> Bytes:
         """The picture, averaged over the rendered pixels, shape (height, width, 3)."""
-        rendered, factor = self.scene.screenshot(), self.oversampling
-        height, width = rendered.shape[0] // factor, rendered.shape[1] // factor
-        parts = rendered.reshape(height, factor, width, factor, 3)
-        return np.asarray(np.rint(parts.mean(axis=(1, 3), dtype=np.float32)), dtype=np.uint8)
+        return averaged(self.scene.screenshot(), self.oversampling)
+
+
+def averaged(rendered: Bytes, factor: int) -> Bytes:
+    """Average the pixels of a picture (h, w, 3) over squares of `factor` pixels."""
+    height, width = rendered.shape[0] // factor, rendered.shape[1] // factor
+    parts = rendered.reshape(height, factor, width, factor, 3)
+    return np.asarray(np.rint(parts.mean(axis=(1, 3), dtype=np.float32)), dtype=np.uint8)
+
+
+@contextmanager
+def off_screen(width: int, height: int) -> Iterator[tuple[pyvista.Plotter, int]]:
+    """A plotter for a picture, and its rendered pixels per pixel in each direction."""
+    choose_window()
+    factor = OVERSAMPLING if OVERSAMPLING * max(width, height) <= MAX_DRAWN else 1
+    size = ViewSettings(width=factor * width, height=factor * height)
+    plotter = new_plotter(size, off_screen=True)
+    try:
+        plotter.renderers[0].GetRenderWindow().SetDPI(factor * DPI)
+        yield plotter, factor
+    finally:
+        plotter.close()
 
 
 def check_picture(path: Path) -> None:
@@ -134,7 +152,7 @@ def save_turntable(
         )
     check_film(path)
     with open_renderer(collection, settings, 0.5) as renderer:
-        views = _views(settings, frames)
+        views = _views(renderer.scene.view(renderer.session), frames)
         renderer.scene.look(renderer.session, views)
         pictures = _reported(_pictures(renderer, views), frames)
         with atomic_write(path) as part:
@@ -161,23 +179,15 @@ def open_renderer(
     Raises:
         GraspError: There is no OpenGL, or the object cannot be shown.
     """
-    choose_window()
     session = Session(collection, settings)
     try:
         with within(0.0, end):
             _wait(session)
             _choose_grasp(session)
-        largest = OVERSAMPLING * max(settings.width, settings.height)
-        factor = OVERSAMPLING if largest <= MAX_DRAWN else 1
-        size = replace(settings, width=factor * settings.width, height=factor * settings.height)
-        plotter = new_plotter(size, off_screen=True)
-        try:
-            plotter.renderers[0].GetRenderWindow().SetDPI(factor * DPI)
+        with off_screen(settings.width, settings.height) as (plotter, factor):
             scene = Scene(plotter, legend=legend)
             scene.update(session)
             yield PictureRenderer(session, scene, factor)
-        finally:
-            plotter.close()
     finally:
         session.close()
 
@@ -246,9 +256,9 @@ def _choose_grasp(session: Session) -> None:
             _wait(session)
 
 
-def _views(settings: ViewSettings, count: int) -> list[View]:
+def _views(first: View, count: int) -> list[View]:
     turns = 2.0 * math.pi * np.arange(count) / count
-    return [View(settings.azimuth + float(turn), settings.elevation) for turn in turns]
+    return [View(first.azimuth + float(turn), first.elevation) for turn in turns]
 
 
 def _pictures(renderer: PictureRenderer, views: list[View]) -> Iterator[Bytes]:

@@ -9,7 +9,7 @@ import numpy as np
 import pyvista
 
 from grasp3d.arrays import Bytes, Floats
-from grasp3d.plots.rendering import View
+from grasp3d.plots.rendering import UPRIGHT, View, screenshot, view_axes
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.captions import Captions
@@ -22,7 +22,6 @@ from grasp3d.viewer.scene.framing import (
     frame_of,
     parallel_scale,
     pixel_ratio,
-    view_axes,
     visible_fraction,
 )
 from grasp3d.viewer.scene.marks import CONTACT_RADIUS
@@ -95,8 +94,11 @@ class Scene:
         self._subject: Subject | None = None
         self._item: Item | None = None
         self._free_area: FreeArea | None = None
-        self._up: Floats | None = None
+        self._up = UPRIGHT
         self._size = 1.0
+        self._steps = 0
+        self._scale = 0.0
+        """Scale of the last frame, by which a zoom of the user's is recognised."""
         self._count = 1
         renderers[1].camera = renderers[0].camera
         before_render = weakref.WeakMethod(self._before_render)
@@ -126,17 +128,25 @@ class Scene:
         else:
             if subject is not before:
                 prepare_picking(subject, before)
-            self._inspection = inspection = session.inspection
+            inspection = session.inspection
+            if inspection is not None and not session.state.show_gripper:
+                inspection = replace(inspection, held=None)
+            self._inspection = inspection
             self._set_surroundings(session, subject)
+            before_grasp = len(self._panes[0].gripper.points)
             has_moved = self._draw(0, session, session.model, inspection)
             if other is not None:
                 self._draw(1, session, other, inspection and replace(inspection, model=other))
             item = session.collection.items[session.number]
-            if item is not self._item:
-                self._item = item
+            if item is not self._item or session.steps != self._steps:
+                self._item, self._steps = item, session.steps
                 self.look(session)
             elif has_moved:
                 self._show_whole_gripper()
+            elif len(self._panes[0].gripper.points) < before_grasp and (
+                self.camera.parallel_scale == self._scale
+            ):
+                self._frame_all(axes_of(self.camera))
         self._before_render()
 
     def look(self, session: Session, turns: Sequence[View] = ()) -> None:
@@ -149,12 +159,8 @@ class Scene:
         subject = self._subject
         if subject is None:
             return
-        view = View(session.settings.azimuth, session.settings.elevation)
-        axes, points, beside = (
-            view_axes(view, self._up),
-            self._points(),
-            self._panes[0].gripper.points,
-        )
+        axes, pane = view_axes(self.view(session), self._up), self._panes[0]
+        points, beside = pane.points, pane.beside
         frame = frame_of(points, beside, axes)
         if turns:
             every = np.concatenate([points, beside])
@@ -165,6 +171,18 @@ class Scene:
             frame = Frame(middle, extents(every, middle, [axes, *of_turns]))
         self._frame(frame, axes)
         self._before_render()
+
+    def view(self, session: Session) -> View:
+        """The initial view: as it is set, else the one that shows the grasp best."""
+        settings, inspection = session.settings, self._inspection
+        chosen = settings.azimuth is not None or settings.elevation is not None
+        if chosen or inspection is None or len(inspection.points) < 2:
+            azimuth = View.azimuth if settings.azimuth is None else settings.azimuth
+            return View(
+                azimuth, View.elevation if settings.elevation is None else settings.elevation
+            )
+        assert self._subject is not None
+        return self._subject.views.best(inspection.points, inspection.normals, inspection.held)
 
     def turn(self, view: View) -> None:
         """Look at the same point from another direction, at the same scale."""
@@ -186,8 +204,7 @@ class Scene:
 
     def screenshot(self) -> Bytes:
         """RGB colours of the window, shape (height, width, 3)."""
-        self.plotter.render()  # otherwise a second screenshot would be equal to the first
-        return np.array(self.plotter.screenshot(return_img=True), dtype=np.uint8)[..., :3]
+        return screenshot(self.plotter)
 
     def _divide(self) -> None:
         """Give each pane its part of the window."""
@@ -199,10 +216,15 @@ class Scene:
 
     def _set_surroundings(self, session: Session, subject: Subject) -> None:
         """Set the direction that is up, and the size of all that may be shown."""
-        scene, self._size, self._up = session.scene, subject.mesh.size, None
+        scene, self._size, self._up = session.scene, subject.mesh.size, UPRIGHT
         if scene is not None and subject.mesh.unit is not None:
             self._size += scene.hand.size / METRES[subject.mesh.unit]
-            self._up = None if scene.table is None else scene.table.normal
+            self._up = scene.up
+
+    def _frame_all(self, axes: Floats) -> None:
+        """Show all from a direction."""
+        pane = self._panes[0]
+        self._frame(frame_of(pane.points, pane.beside, axes), axes)
 
     def _show_whole_gripper(self) -> None:
         """Move the camera away, in the same direction, if most of the gripper is not visible."""
@@ -214,7 +236,7 @@ class Scene:
             np.array(self.camera.focal_point), (0.5 * width * per_pixel, 0.5 * height * per_pixel)
         )
         if visible_fraction(beside, now, axes) < MOSTLY:
-            self._frame(frame_of(self._points(), beside, axes), axes)
+            self._frame_all(axes)
         self._panes[0].renderer.ResetCameraClippingRange()
 
     def _frame(self, frame: Frame, axes: Floats) -> None:
@@ -222,11 +244,7 @@ class Scene:
         aim(self.camera, self._size, axes, frame.middle)
         self._free_area = free = self._find_free_area()
         self.camera.parallel_scale = parallel_scale(frame.reach, free)
-
-    def _points(self) -> Floats:
-        """Points of the object and the table, shape (n, 3)."""
-        assert self._subject is not None
-        return np.concatenate([_used(self._subject), self._panes[0].gripper.table_points])
+        self._scale = self.camera.parallel_scale
 
     def _draw(
         self, number: int, session: Session, model: GraspModel, inspection: Inspection | None
@@ -239,14 +257,8 @@ class Scene:
         pane.cut(state.section.plane(subject.bounds) if state.section else None)
         fixed = np.array(state.fixed, dtype=float).reshape(-1, 3)
         scene = session.scene
-        pose = inspection.held if inspection is not None and state.show_gripper else None
-        pane.marks.show(subject, inspection, fixed, cones=pose is None)
-        return pane.gripper.show(
-            subject,
-            None if scene is None else scene.hand,
-            pose,
-            scene.table if scene is not None and state.show_table else None,
-        )
+        table = scene.table if scene is not None and state.show_table else None
+        return pane.hold(inspection, None if scene is None else scene.hand, table, fixed)
 
     def _clear(self) -> None:
         self._item = self._inspection = None
@@ -270,10 +282,12 @@ class Scene:
         free = self._find_free_area()
         subject, camera = self._subject, self.camera
         if self._free_area is not None and free != self._free_area and subject is not None:
-            axes = axes_of(camera)
-            reach = frame_of(self._points(), self._panes[0].gripper.points, axes).reach
+            axes, pane = axes_of(camera), self._panes[0]
+            reach = frame_of(pane.points, pane.beside, axes).reach
             zoom = parallel_scale(reach, free) / parallel_scale(reach, self._free_area)
+            is_own = camera.parallel_scale == self._scale
             camera.parallel_scale *= zoom
+            self._scale = camera.parallel_scale if is_own else self._scale
         self._free_area = free
         camera.SetWindowCenter(0.0, -free.shift)
         per_pixel = 2.0 * camera.parallel_scale / max(1.0, free.height)
@@ -300,11 +314,6 @@ class Scene:
         unit = pixel_ratio(self._panes[0].renderer)
         size = text_size(sum(width for width, _ in sizes), sizes[0][1], unit)
         return [TextArea(width, height, size) for width, height in sizes]
-
-
-def _used(subject: Subject) -> Floats:
-    """Vertices that belong to a face, shape (n, 3)."""
-    return subject.mesh.vertices[subject.mesh.corner_normals.vertices]
 
 
 def _world(renderer: pyvista.Renderer, x: float, y: float, depth: float) -> Floats:

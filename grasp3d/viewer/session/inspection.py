@@ -8,6 +8,7 @@ import numpy as np
 from grasp3d.arrays import Floats
 from grasp3d.grasps.causes import cause_at
 from grasp3d.grasps.explanations import PAIR, Case, explain
+from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel
@@ -21,7 +22,6 @@ from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.viewer.session.grasp_texts import HeldGrasp, angle_numbers, budget_text
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
 from grasp3d.viewer.session.reached_grasps import alternatives_of
-from grasp3d.viewer.subjects.gripper_pose import GripperPose
 from grasp3d.viewer.subjects.subject import Subject, located_grasp
 
 UNKNOWN = "–"

@@ -7,10 +7,10 @@ import numpy as np
 
 from grasp3d.arrays import Ints, locked
 from grasp3d.grasps.distinct import alternatives_at, best_grasps
+from grasp3d.hand.gripper_pose import has_pose
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.context import report_progress
-from grasp3d.viewer.subjects.gripper_pose import has_pose
 from grasp3d.viewer.subjects.subject import Alternatives, Subject
 
 MOST = 5

@@ -11,6 +11,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.grasps.explanations import PAIR
+from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
@@ -21,7 +22,6 @@ from grasp3d.surface.scanning import scan_surface
 from grasp3d.system.context import report_progress, unreported, within
 from grasp3d.viewer.session.inspection import warm_up
 from grasp3d.viewer.session.state import FixedPoints
-from grasp3d.viewer.subjects.gripper_pose import GripperPose
 from grasp3d.viewer.subjects.subject import LastContact, Subject, subject_of
 
 SCANNED = 0.8

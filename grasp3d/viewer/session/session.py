@@ -73,6 +73,8 @@ class Session:
             show_errors=has_errors(collection.model),
         )
         self.revision = 0
+        self.steps = 0
+        """Number of steps to other grasps so far, to each of which the camera turns."""
         self._message = ""
         self._viewed = ViewedItem(number, collection.items[number])
         self._worker: Worker[Subject] = Worker()
@@ -242,6 +244,7 @@ class Session:
             raise SettingError("other grasps at this vertex are still being searched")
         if grasp.count == 1:
             raise SettingError("the gripper reaches no other grasp at this vertex")
+        self.steps += 1
         self._set_state(replace(self.state, alternative=(grasp.number - 1 + by) % grasp.count))
 
     def step_best(self, by: int) -> None:
@@ -263,6 +266,7 @@ class Session:
         if self.state.vertex in best:
             row = best.index(self.state.vertex)
         row = (row + by) % len(best)
+        self.steps += 1
         self.click(best[row], inspect=True)
         self.show_message(f"{row + 1} of the {len(best)} best grasps")
 

@@ -8,8 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from grasp3d.arrays import Floats, locked, short_repr
+from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import FaceRays
+from grasp3d.plots.views import GraspViews
 from grasp3d.settings import GraspModel, search_cone
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.thresholds import label_angles
@@ -18,7 +20,6 @@ from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.grasp_numbers import located_angles_of
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.viewer.subjects.gripper_pose import GripperPose
 
 PAIR = 2
 
@@ -110,6 +111,11 @@ class Subject:
     def rays(self) -> FaceRays:
         """Ray tracer of the faces, for clicks; in the frame of `normalized`."""
         return FaceRays(self.normalized(self.mesh.vertices), self.mesh.faces)
+
+    @cached_property
+    def views(self) -> GraspViews:
+        """Chooses the views of its grasps."""
+        return GraspViews(self.mesh, self.labels.scene)
 
     @cached_property
     def bounds(self) -> Floats:
