@@ -76,7 +76,7 @@ from grasp3d.plots.figures import (
 )
 from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.perturbations import perturbation_figure
-from grasp3d.plots.rendering import Finger, View, picture, span_of
+from grasp3d.plots.rendering import MARGIN, Finger, View, picture
 from grasp3d.plots.validations import calibration_figure, label_figure
 from grasp3d.quality.loads import Load
 from grasp3d.settings import with_fingers
@@ -317,8 +317,8 @@ def draw_loaded(axes: Axes, one: Loaded, scale: Normalize) -> None:
     best, median = one.payload[known].max(), np.median(one.payload[known])
     show_picture(axes, image, one.name, f"best {best:.1f} kg,\nmedian {median:.2f} kg")
     used = mesh.vertices[np.unique(mesh.faces)]
-    pixel = size[1] / span_of(used, view, size)
     across = used @ view.axes.T  # to the right, up and toward the camera
+    pixel = float(np.min(size / np.ptp(across[:, :2], axis=0))) / MARGIN
     middle = 0.5 * (across.min(axis=0) + across.max(axis=0))
     right, up, _ = pixel * (view.axes @ mesh.center_mass - middle)
     for color, width in (("white", 3.0), ("black", 1.2)):

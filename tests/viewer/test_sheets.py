@@ -37,8 +37,9 @@ from tests.plots.test_rendering import needs_opengl
 
 MESHES = Path(__file__).parents[2] / "meshes"
 COUNT = 2
-SEEN = 0.2
-"""Fraction of the pixels of a free fingertip that both tips show at least."""
+SEEN = {"mug": 0.1, "boot": 0.4, "bottle": 0.4}
+"""Fraction of the pixels of a free fingertip that both tips show at least; one finger is inside the
+lying mug, where every view has the palm or the wall in front of it."""
 
 MAGENTA = (255, 0, 255)
 
@@ -102,7 +103,7 @@ def tip_pixels(grasps: GraspTable, row: int, *, alone: bool) -> list[int]:
     assert mesh.unit == "m"
     shape = hand_triangles(scene.hand, pose.opening, pose=pose.pose, unit="m")
     plotter = pyvista.Plotter(off_screen=True, window_size=[500, 500], lighting="none")
-    plotter.background_color = "white"
+    plotter.background_color = pyvista.Color("white")
 
     def add(vertices: object, faces: NDArray[np.int64], color: object, opacity: float) -> None:
         surface = pyvista.PolyData.from_regular_faces(np.asarray(vertices), faces.astype(int))
@@ -142,9 +143,8 @@ def test_both_fingertips_are_seen(name: str, hand: str) -> None:
     assert grasps.size == COUNT
     for row in range(COUNT):
         free, seen = (tip_pixels(grasps, row, alone=alone) for alone in (True, False))
-        print(name, hand, row, [round(a / b, 2) for a, b in zip(seen, free)], free)  # TMP
         assert min(free) > 200
-        assert min(one / most for one, most in zip(seen, free, strict=True)) > 0.0
+        assert min(one / most for one, most in zip(seen, free, strict=True)) > SEEN[name]
 
 
 @pytest.mark.slow

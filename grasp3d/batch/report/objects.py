@@ -1,5 +1,6 @@
 """Data of the object page: surface, critical angles, grasps, gripper and load of one mesh."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -12,9 +13,11 @@ from grasp3d.batch.report.packing import STEPS, json_text, pack_arrays, quantise
 from grasp3d.batch.row import BestGrasp
 from grasp3d.grasps.causes import Cause, cause_codes
 from grasp3d.grasps.verdict import verdict_of
+from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.shapes import hand_triangles, table_triangles
 from grasp3d.hand.triangles import Part, Triangles
+from grasp3d.plots.rendering import UPRIGHT, view_axes
 from grasp3d.settings import search_cone
 from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.settings.model_text import SAFE_LABELS, error_texts
@@ -86,10 +89,8 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
         "warnings": list(mesh.report.warnings),
         "gripper": gripper_data(labels),
         "load": _load_data(labels),
-        "grasps": [
-            vars(grasp) | {"drawn_opening": opening}
-            for grasp, opening in zip(grasps, drawn_openings(grasps, labels), strict=True)
-        ],
+        "up": (UPRIGHT if labels.scene is None else labels.scene.up).tolist(),
+        "grasps": _grasp_data(grasps, labels),
         "arrays": arrays,
     }
     return f'{CALL}({json_text(header)},"{data}");\n'.encode("ascii")
@@ -160,6 +161,23 @@ def gripper_data(labels: "SurfaceLabels") -> dict[str, Any] | None:
         "table": None if table is None else _shape(table_triangles(table, labels.mesh)),
         **_shape(closed),
     }
+
+
+def _grasp_data(grasps: Sequence[BestGrasp], labels: "SurfaceLabels") -> list[dict[str, Any]]:
+    """The grasps, with the opening at which each is drawn, and the direction toward the camera."""
+    from grasp3d.plots.views import GraspViews  # imported here: writing pages needs no compiler
+
+    views, data = GraspViews(labels.mesh, labels.scene) if grasps else None, []
+    for grasp, opening in zip(grasps, drawn_openings(grasps, labels), strict=True):
+        assert views is not None
+        held = None
+        if opening is not None:
+            pose = np.reshape(grasp.pose, (4, 4))
+            held = GripperPose(pose, opening, math.nan, math.nan, math.nan)
+        view = views.best(np.array(grasp.points), -np.array(grasp.normals), held)
+        toward = view_axes(view, views.up)[2].round(DIGITS).tolist()
+        data.append(vars(grasp) | {"drawn_opening": opening, "toward": toward})
+    return data
 
 
 def drawn_openings(grasps: Sequence[BestGrasp], labels: "SurfaceLabels") -> list[float | None]:

@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from grasp3d.arrays import Bools, Bytes, Floats, Ints
-from grasp3d.plots.rendering import AMBIENT, LIGHT, View
+from grasp3d.plots.rendering import AMBIENT, LIGHT, UPRIGHT, View, turn_to
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS, GREY, Label
 
@@ -47,7 +47,7 @@ THINNEST = 1.0 / 40.0
 def thumbnail(labels: "SurfaceLabels") -> bytes:
     """Draw a thumbnail of a labelled surface, as WebP with a transparent background.
 
-    The z-axis is up; the view shows much of the surface and of each label.
+    The table is level, else the z-axis up; the view shows much of the surface and of each label.
 
     Args:
         labels: The labelled surface.
@@ -55,10 +55,11 @@ def thumbnail(labels: "SurfaceLabels") -> bytes:
     Returns:
         A picture of 128 x 96 pixels; equal labels give equal pictures.
     """
-    mesh = labels.mesh
+    mesh, scene = labels.mesh, labels.scene
+    turn = turn_to(UPRIGHT if scene is None else scene.up)
     points = thickened(mesh.normalized)
     codes = labels.label[mesh.faces[:, 0]]
-    axes = informative_view(points, mesh.faces, codes, WIDTH / HEIGHT).axes
+    axes = informative_view(points @ turn, mesh.faces, codes, WIDTH / HEIGHT).axes @ turn.T
     pixels = _pixels(labels, _fitted(axes @ points.T, mesh.on_surface), axes)
     pixels[..., :3] /= np.maximum(pixels[..., 3:], 1e-6)
     file = io.BytesIO()

@@ -1,6 +1,6 @@
 import {
-  BufferAttribute, BufferGeometry, DoubleSide, EdgesGeometry, Group, LineBasicMaterial, LineSegments, Matrix4, Mesh,
-  MeshBasicMaterial, MeshLambertMaterial, Vector3,
+  BufferAttribute, BufferGeometry, ConeGeometry, CylinderGeometry, DoubleSide, EdgesGeometry, Group, LineBasicMaterial, LineSegments, Matrix4, Mesh,
+  MeshBasicMaterial, MeshLambertMaterial, Quaternion, Vector3,
 } from "three";
 
 // The colours and opacities of the interactive viewer.
@@ -15,6 +15,7 @@ const ARC = { color: 0x0072b2, opacity: 0.4 };
 const ARC_RADIUS = 0.95; // of the fingers' length
 const ARC_INNER = 0.35; // of the outer radius
 const ARC_STEP = Math.PI / 60;
+const ARROW = { tail: 1.6, tip: 0.15, head: 0.35, headRadius: 0.12, shaft: 0.04, hidden: 0.4 }; // distances from the TCP in finger lengths, the others in lengths of the arrow
 const EDGE_ANGLE = 40; // degrees
 const EDGES = { light: 0x2b2f33, dark: 0xc3c9cf };
 
@@ -70,6 +71,27 @@ function arcMesh(gripper, grasp, centre) {
   return new Mesh(geometry(vertices, faces, centre), new MeshBasicMaterial(look));
 }
 
+/** The arrow along the approach, faint where something is in front of it. */
+function approachArrow(gripper, grasp, centre) {
+  const pose = new Matrix4().set(...grasp.pose);
+  const [tail, tip] = [ARROW.tail, ARROW.tip].map((at) => new Vector3(0, 0, -at * gripper.fingers).applyMatrix4(pose).sub(centre));
+  const along = tip.clone().sub(tail);
+  const length = along.length();
+  const turn = new Quaternion().setFromUnitVectors(new Vector3(0, 1, 0), along.clone().normalize());
+  const [shaft, head] = [(1 - ARROW.head) * length, ARROW.head * length];
+  const shapes = [
+    [new CylinderGeometry(ARROW.shaft * length, ARROW.shaft * length, shaft, 16), 0.5 * shaft],
+    [new ConeGeometry(ARROW.headRadius * length, head, 24), shaft + 0.5 * head],
+  ];
+  const looks = [{ color: ARC.color }, { color: ARC.color, transparent: true, opacity: ARROW.hidden, depthTest: false }];
+  return shapes.flatMap(([shape, at]) => looks.map((look) => {
+    const part = new Mesh(shape, new MeshBasicMaterial(look));
+    part.position.copy(tail).addScaledVector(along, at / length);
+    part.quaternion.copy(turn);
+    return part;
+  }));
+}
+
 /** The gripper at a grasp: its meshes, and its corners; null: the grasp has no pose. */
 export function gripperAt(object, grasp, centre, dark) {
   const { gripper } = object;
@@ -85,6 +107,7 @@ export function gripperAt(object, grasp, centre, dark) {
     if (name !== "tip") group.add(new LineSegments(new EdgesGeometry(shape, EDGE_ANGLE), edges));
   }
   if (grasp.approach_margin > 0) group.add(arcMesh(gripper, grasp, centre));
+  group.add(...approachArrow(gripper, grasp, centre));
   const corners = Array.from({ length: placed.length / 3 }, (_, at) => new Vector3().fromArray(placed, 3 * at).sub(centre));
   return { group, corners };
 }

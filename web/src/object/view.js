@@ -1,5 +1,5 @@
 import {
-  AmbientLight, Box2, Box3, DirectionalLight, OrthographicCamera, Raycaster, Scene, Vector2, Vector3, WebGLRenderer,
+  AmbientLight, Box2, Box3, DirectionalLight, OrthographicCamera, Quaternion, Raycaster, Scene, Vector2, Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { byId } from "../shared/dom.js";
@@ -12,6 +12,7 @@ const AMBIENT = 0.55;
 const MARGIN = 1.12;
 const CLICK_MOVE = 4; // pixels that the pointer may move during a click
 const FROM = new Vector3(0.55, -0.75, 0.55);
+const UP = new Vector3(0, 0, 1);
 const [WHITE, BLACK] = [0xffffff, 0x1a1a1a];
 const MAX_SCALE_BAR = 110; // pixels
 const VISIBLE = 0.96; // of the picture's half width and height, for arrows and grippers
@@ -51,11 +52,9 @@ class View {
     stage.prepend(this.canvas);
     this.scene = new Scene();
     this.camera = new OrthographicCamera();
-    this.camera.up.set(0, 0, 1);
     this.lamp = new DirectionalLight(0xffffff, Math.PI * (1 - AMBIENT));
     this.scene.add(new AmbientLight(0xffffff, Math.PI * AMBIENT), this.lamp, this.lamp.target);
-    this.controls = new OrbitControls(this.camera, this.canvas);
-    this.controls.addEventListener("change", () => this.draw());
+    this.setUp(UP);
     this.addClickListeners();
     this.addKeyListener();
     new ResizeObserver(() => this.fit()).observe(stage);
@@ -66,7 +65,16 @@ class View {
     this.picked = picked;
   }
 
+  /** Sets the direction that is up, which the controls read only when they are made. */
+  setUp(up) {
+    this.controls?.dispose();
+    this.camera.up.copy(up);
+    this.controls = new OrbitControls(this.camera, this.canvas);
+    this.controls.addEventListener("change", () => this.draw());
+  }
+
   show(object) {
+    this.setUp(new Vector3(...(object.up ?? UP.toArray())));
     if (this.surface) {
       this.scene.remove(this.surface.mesh);
       this.surface.dispose();
@@ -125,8 +133,9 @@ class View {
     this.draw();
   }
 
-  /** Draws a grasp with its gripper, or with arrows; zooms out if they do not fit into the picture. */
+  /** Draws a grasp with its gripper, or with arrows, from where its fingertips are seen, and fits them in. */
   showGrasp(grasp) {
+    if (grasp.toward) this.lookFrom(new Vector3(...grasp.toward));
     const held = gripperAt(this.object, grasp, this.centre, false);
     if (!held) {
       this.showArrows(grasp.points, grasp.normals);
@@ -178,7 +187,12 @@ class View {
   }
 
   reset() {
-    this.camera.position.copy(FROM).setLength(3 * this.object.size);
+    this.lookFrom(FROM.clone().applyQuaternion(new Quaternion().setFromUnitVectors(UP, this.camera.up)));
+  }
+
+  /** Looks at the whole object from a direction. */
+  lookFrom(toward) {
+    this.camera.position.copy(toward).setLength(3 * this.object.size);
     this.camera.zoom = 1;
     this.camera.near = 0.01 * this.object.size;
     this.camera.far = 10 * this.object.size;
@@ -252,11 +266,12 @@ class View {
 
   turn(across, up) {
     const step = Math.PI / 18;
+    const { up: above } = this.camera;
     const from = this.camera.position.clone().sub(this.controls.target);
-    from.applyAxisAngle(this.camera.up, across * step);
-    const tilt = Math.min(Math.PI - 0.01, Math.max(0.01, from.angleTo(this.camera.up) + up * step));
-    const level = new Vector3(from.x, from.y, 0).normalize();
-    from.copy(level.multiplyScalar(Math.sin(tilt)).setZ(Math.cos(tilt)).setLength(from.length()));
+    const distance = from.length();
+    from.applyAxisAngle(above, across * step);
+    const tilt = Math.min(Math.PI - 0.01, Math.max(0.01, from.angleTo(above) + up * step));
+    from.projectOnPlane(above).setLength(Math.sin(tilt)).addScaledVector(above, Math.cos(tilt)).setLength(distance);
     this.camera.position.copy(this.controls.target).add(from);
     this.controls.update();
     this.draw();

@@ -1,5 +1,5 @@
 /*!
-grasp3d, sources 69e6367d720396fa3b4428acc9c44f5ae7c02398bcb093649df6b10e13e97d2c
+grasp3d, sources b8496e1f86d7d5ea290494f5ce74a3fbcfbac1b18d892483a7389f5fffcd8f2f
 
 ----
 
