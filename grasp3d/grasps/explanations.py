@@ -31,7 +31,7 @@ FINGERS = ("first", "second", "third", "fourth", "fifth")
 def finger_words(count: int) -> str:
     """A number of fingers in words."""
     names = ("one finger", "two fingers", "three fingers", "four fingers", "five fingers")
-    return names[count - 1]
+    return names[count - 1] if count <= len(names) else f"{count} fingers"
 
 
 @dataclass(frozen=True)

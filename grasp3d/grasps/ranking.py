@@ -74,15 +74,16 @@ def stated_label(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | Non
     """`Label` codes that take everything stated into account, shape (b,).
 
     With a load whose mass and force are known that is the label with force; else where jaws have
-    been closed that at what they touch, and where this is not known, as for fingers that push
-    outward, M at most; else that of the grasp. Arguments as in `ranked_rows`.
+    been closed that at what they touch; else that of the grasp. Where jaws have been closed, but
+    what they touch is not known, as for fingers that push outward, it is M at most. Arguments as in
+    `ranked_rows`.
     """
-    if grasps.holding is not None and grasps.holding.label is not None:
-        return grasps.holding.label.astype(np.int64)
-    own = grasps.label.astype(np.int64)
+    held = None if grasps.holding is None else grasps.holding.label
+    own = (grasps.label if held is None else held).astype(np.int64)
     if closed is None:
         return own
-    return np.where(closed.label == UNKNOWN, np.minimum(own, Label.M), closed.label)
+    after = closed.label if held is None else own
+    return np.where(closed.label == UNKNOWN, np.minimum(own, Label.M), after)
 
 
 def margins_in_units(

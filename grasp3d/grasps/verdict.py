@@ -233,8 +233,9 @@ class Verdict:
         force = "any force" if load.holds is None else f"{load.available:.3g} N"
         if self.word == "perhaps":
             return f"the sensor cannot tell whether {force} can {load.what}"
-        if load.reason:
-            return f"no force suffices to {load.what}: {load.reason}"
+        if load.reason or load.holds is None:
+            reason = f": {load.reason}" if load.reason else ""
+            return f"no force suffices to {load.what}{reason}"
         return f"{force} are too little to {load.what}"
 
     def _sure(self) -> str:
@@ -280,7 +281,12 @@ def verdict_of(
     scene, codes, rows = grasps.scene, _codes(table), ranked_rows(table)
     code = max(codes[rows], default=Label.U)
     rows = rows[codes[rows] == code]
-    load = None if table.holding is None else HoldingVerdict.of(table.holding)
+    holding, causes = table.holding, {}
+    if isinstance(table, EvaluatedPoses):
+        reachable = np.flatnonzero(table.reachable)
+        causes = {} if len(reachable) else {Cause.COLLIDES: 1.0}
+        holding = None if holding is None or causes else holding.take(reachable)
+    load = None if holding is None else HoldingVerdict.of(holding)
     verdict = Verdict(
         _WORDS[code],
         by=finger_words(grasps.model.fingers) if scene is None else scene.hand.name,
@@ -288,8 +294,8 @@ def verdict_of(
         resolution=grasps.model.sensor_resolution,
         holding=load,
     )
-    if not len(rows) or (labels is not None and max(table.label[rows]) == Label.U):
-        causes = {} if labels is None else cause_fractions(labels)
+    if causes or not len(rows) or (labels is not None and max(table.label[rows]) == Label.U):
+        causes = causes if labels is None else cause_fractions(labels)
         remedies = () if labels is None else _other_remedies(labels, next(iter(causes), None))
         return replace(verdict, causes=causes, remedies=remedies)
     named, first = table, int(rows[0])

@@ -110,9 +110,10 @@ def _of_text(text: str) -> ObjectPose:
         quaternion = tuple(float(stated[name]) for name in _NUMBERS)
     except (SettingError, ValueError) as error:
         raise ContactError(f"the object's pose: {error}") from error
-    if any(quaternion) and any(angles):
+    names = dict(parts).keys()
+    if names & {*_ANGLES} and names & {*_NUMBERS}:
         raise ContactError(f"the object's pose needs angles or a quaternion, not both: {text!r}")
-    if not any(quaternion):
+    if not names & {*_NUMBERS}:
         quaternion = tuple(Rotation.from_euler("xyz", angles).as_quat(canonical=True).tolist())
     return ObjectPose(position, quaternion, stated["frame"])
 

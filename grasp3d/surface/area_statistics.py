@@ -95,25 +95,6 @@ def held_fractions(labels: VertexGrasps, *, weights: Weights = "area") -> dict[s
     return label_fractions(codes, vertex_weights(labels.mesh, weights))
 
 
-def force_quantiles(
-    labels: VertexGrasps, levels: ArrayLike, *, weights: Weights = "area"
-) -> Floats:
-    """Quantiles over the surface of the largest grip force that the sensor cannot rule out [N].
-
-    inf where no grasp was found or no force suffices.
-
-    Args:
-        labels: The labelled surface, with a load.
-        levels: From 0 to 1, shape (k,).
-        weights: As in `held_fractions`.
-
-    Raises:
-        SettingError: There is no load, or a level is outside its range.
-    """
-    forces = np.nan_to_num(_holding(labels).grip_force_largest, nan=math.inf, posinf=math.inf)
-    return quantiles(forces, levels, vertex_weights(labels.mesh, weights))
-
-
 def payload_quantiles(
     labels: VertexGrasps, levels: ArrayLike, *, weights: Weights = "area"
 ) -> Floats | None:

@@ -450,7 +450,9 @@ def test_messages_of_ros_1_are_read_as_well(tmp_path: Path) -> None:
     pose = {"position": {"x": 1.0, "y": 0.0, "z": 0.0}, "orientation": TURN}
     message = {"id": "a", "grasp_pose": {"header": header, "pose": pose}, "grasp_quality": 353.6}
     (tmp_path / "a.json").write_text(json.dumps(message))
-    found = read_poses(tmp_path / "a.json", hand=HAND)
+    with pytest.raises(ContactError, match="in the frame 'cup', not in that of the object"):
+        read_poses(tmp_path / "a.json", hand=HAND)
+    found = read_poses(tmp_path / "a.json", hand=HAND, object_pose="z=0m,frame=cup")
     equal(found.poses[0, :3, 3], [1.0, 0.0, 0.1034])
     assert found.settings == {"frame_id": "cup"}
     assert np.isnan(found.opening).all()

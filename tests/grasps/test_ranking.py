@@ -15,6 +15,7 @@ from grasp3d import (
     GraspModel,
     Label,
     Load,
+    Sampling,
     best_grasps,
     evaluate_grasps,
     label_surface,
@@ -36,7 +37,7 @@ from grasp3d.hand.reach import Reachability
 from grasp3d.surface import GraspTable
 from grasp3d.surface.closed_grasps import UNKNOWN, ClosedGrasps
 from tests.helpers import shapes
-from tests.helpers.grippers import HAND, TIPS
+from tests.helpers.grippers import HAND, SLIM, TIPS
 
 MODEL = GraspModel(friction=0.4, sensor_resolution=math.radians(15.0))
 SIZE = 12
@@ -250,3 +251,14 @@ def test_forces_of_the_best_are_those_at_what_the_jaws_touch() -> None:
     assert np.isinf(best.holding.grip_force_largest[~closed]).all()
     assert (best.holding.label[~closed] == Label.U).all()
     np.testing.assert_array_equal(stated_label(best, best.closed), best.holding.label)
+
+
+def test_fingers_that_push_outward_are_not_surely_stable_with_a_load_either() -> None:
+    """What the jaws touch is not known of them."""
+    corners, faces = shapes.tube(sections=24)
+    ring = load_mesh((corners * 60.0, faces), unit="mm", max_edge=14.0)
+    for load in (None, Load(mass=0.05)):
+        labels = label_surface(ring, MODEL, sampling=Sampling(grip="expand"), hand=SLIM, load=load)
+        best = best_grasps(labels, 3)
+        assert best.size
+        assert (stated_label(best, best.closed) <= Label.M).all()

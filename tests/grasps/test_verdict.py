@@ -424,3 +424,34 @@ def test_no_sentence_on_a_library_object_contradicts_its_figures(path: Path) -> 
     for hand in (None, franka):
         for load in (None, Load(mass=0.5), Load(mass=0.5, grip_force=12.0)):
             print(path.name, check(label_surface(mesh, GraspModel(), hand=hand, load=load)))  # noqa: T201
+
+
+def test_poses_that_all_collide_are_no_matter_of_force() -> None:
+    """Jaws that close on the object in a table hold it firmly, and cannot be there."""
+    mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=10.0)
+    poses = np.eye(4)
+    poses[:3, :3] = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]).T
+    poses[:3, 3] = [0.0, 0.0, -8.0]
+    load = Load(mass=0.2)
+    below = evaluate_grasps(
+        mesh,
+        poses,
+        MODEL,
+        hand=ParallelGripper.preset("franka"),
+        table=Table.below(mesh),
+        load=load,
+    )
+    assert below.jaws.closed.all()
+    assert not below.reachable.any()
+    assert str(verdict_of(below)) == (
+        "Not held by franka: at no pose do the jaws close on the object without a collision."
+    )
+    free = evaluate_grasps(mesh, poses, MODEL, hand=ParallelGripper.preset("franka"), load=load)
+    assert str(verdict_of(free)).startswith("Surely held by franka: 1 of 1 grasps")
+
+
+def test_grasps_of_many_contacts_have_a_verdict() -> None:
+    ball = load_mesh(shapes.sphere(2), unit="cm", max_edge=9.0)
+    points = np.concatenate([np.eye(3), -np.eye(3)])[None]
+    verdict = verdict_of(evaluate_grasps(ball, points, MODEL))
+    assert str(verdict).startswith("Surely held by 6 fingers: 1 of 1 grasps")

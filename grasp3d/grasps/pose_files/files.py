@@ -18,6 +18,7 @@ from grasp3d.grasps.pose_files.data_sets import (
 )
 from grasp3d.grasps.pose_files.documents import check_file, load_json, yaml_module
 from grasp3d.grasps.pose_files.frames import GivenPose, missing_of_hand, read_object_pose
+from grasp3d.grasps.pose_files.header import OBJECT_FRAMES
 from grasp3d.grasps.pose_files.own_files import (
     are_poses,
     is_own,
@@ -72,9 +73,6 @@ OWN_FORMATS = frozenset[PoseFormat]({"json", "csv", "parquet"})
 
 FRAME_FORMATS = OWN_FORMATS | {"moveit"}
 """Formats whose poses may be in the frame of a robot; others have the object's by definition."""
-
-ROBOT_FRAMES = frozenset({"robot", "world", "map", "odom", "base", "base_link"})
-"""Names of frames that are none of an object."""
 
 JOINT_FORMATS = frozenset[PoseFormat]({"isaac_grasp", "moveit"})
 """Formats that state values of the gripper's joints."""
@@ -189,7 +187,7 @@ def read_poses(
 def _relative(poses: GraspPoses, object_pose: ObjectPose | None) -> GraspPoses:
     """Poses as a file has them, in the object's frame. Raises ContactError."""
     stated, frame = poses.object_pose, poses.settings.get("frame")
-    if (name := poses.settings.get("frame_id")) in ROBOT_FRAMES:
+    if (name := poses.settings.get("frame_id", "")) not in OBJECT_FRAMES:
         frame = frame or name
     if object_pose is not None and stated is not None:
         raise ContactError(f"it states the object's pose itself, {stated}: give none")

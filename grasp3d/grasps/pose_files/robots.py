@@ -177,9 +177,7 @@ def is_moveit(content: object) -> bool:
 def write_moveit(path: Path, poses: GraspPoses) -> None:
     """Write one message for each grasp."""
     hand, in_metres = for_robots(poses, MOVEIT)
-    frame = str(in_metres.settings.get("frame_id", "object"))
-    if in_metres.object_pose is not None:
-        frame = in_metres.object_pose.frame
+    frame = "object" if in_metres.object_pose is None else in_metres.object_pose.frame
     bases = in_metres.poses @ hand.base_pose
     turned = quaternions(bases)
     before = json_numbers(joint_values(hand, in_metres.pregrasp_opening, MOVEIT))

@@ -222,6 +222,11 @@ def open_collection(
             f"{where}: has stored labels, to which a load cannot be given; view the mesh itself, "
             "or label it again with the load"
         )
+    if labels is not None and (options.only or options.avoid):
+        raise SettingError(
+            f"{where}: has stored labels, which only and avoid do not change; view the mesh "
+            "itself, or label it again with them"
+        )
     if target.is_dir():
         return _batch_collection(target, model, sampling, options, reach, force=force)
     if labels is not None:
