@@ -262,6 +262,19 @@ def test_the_child_has_the_working_folder_and_module_path_of_its_parent(
     assert call(environment, "NUMBA_NUM_THREADS", "OMP_NUM_THREADS") == ["1", "1"]
 
 
+def test_a_folder_of_an_earlier_call_may_be_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    first.mkdir()
+    second.mkdir()
+    monkeypatch.chdir(first)
+    assert call(os.getcwd) == str(first)
+    monkeypatch.chdir(second)
+    first.rmdir()
+    assert call(os.getcwd) == str(second)
+
+
 @pytest.mark.slow
 @posix
 def test_calls_of_several_threads_have_a_child_each() -> None:

@@ -88,8 +88,7 @@ def _result(request: bytes) -> bytes:
     """Make a call; returns the pickled result."""
     folder, paths, memory, call = pickle.loads(request)  # noqa: S301, from the parent
     sys.path.extend(path for path in paths if path not in sys.path)
-    if folder != os.getcwd():  # noqa: PTH109, compared as text
-        os.chdir(folder)
+    os.chdir(folder)  # that of an earlier call may have been removed
     _limit(memory)
     function, arguments = pickle.loads(call)  # noqa: S301
     result = function(*arguments)
