@@ -189,9 +189,7 @@ def test_poses_in_another_unit_close_on_nothing() -> None:
     far = poses().poses.copy()
     far[:, :3, 3] *= 1000.0
     given = GraspPoses(poses=far, outcome=np.arange(COUNT) % 2, unit="m")
-    message = (
-        r"at none of the 240 poses .*check gripper, unit and frame.*if their lengths are millim"
-    )
+    message = r"all poses \(240\) are far from the object.*if their lengths are in mm"
     with pytest.raises(ContactError, match=message):
         validate_grasps(given, mesh=mesh(), hand=FRANKA, settings=QUICK)
 
