@@ -15,7 +15,7 @@ from grasp3d.hand.reach_settings import ReachSettings
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND
 
-GOLDEN = "39e09fe387d15c4e"
+GOLDEN = "74963f28c6ba63df"
 
 
 def test_labels_are_those_of_this_version_of_the_method() -> None:
