@@ -154,7 +154,7 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
         location_error=labels.model.location_error,
         per_finger=str(labels.model.per_finger),
         **_angle_values(labels),
-        **_verdict_values(labels, best),
+        **_verdict_values(labels),
         **_load_values(labels),
         fractions=tuple(_grid_fractions(labels, settings)),
         grasps=grasps,
@@ -229,11 +229,11 @@ def _angle_values(labels: "SurfaceLabels") -> dict[str, Any]:
     }
 
 
-def _verdict_values(labels: "SurfaceLabels", best: "GraspTable | None") -> dict[str, Any]:
+def _verdict_values(labels: "SurfaceLabels") -> dict[str, Any]:
     from grasp3d.grasps.causes import causes_text
     from grasp3d.grasps.verdict import verdict_of
 
-    verdict, load = verdict_of(labels, best), {}
+    verdict, load = verdict_of(labels), {}
     if (holding := verdict.holding) is not None:
         load = {
             "holds": holding.holds,

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from grasp3d.arrays import Bytes, Ints
 from grasp3d.cli.margin_report import (
     LOAD,
     MARGIN,
@@ -31,7 +32,7 @@ from grasp3d.cli.report import (
 )
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
-from grasp3d.grasps.ranking import ranked_rows
+from grasp3d.grasps.ranking import ranked_rows, stated_label
 from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing
@@ -91,7 +92,11 @@ def print_evaluated(grasps: GraspTable, output: Path) -> None:
     report.line(f"[bold]{escaped(str(verdict_of(grasps)))}[/]")
     print_load(report, grasps.holding)
     report.warnings(grasps.warnings)
-    _print_some(report, [*_columns(grasps), *_conditional_columns(grasps, distances=True)], grasps)
+    _print_some(
+        report,
+        [*_columns(grasps, grasps.label), *_conditional_columns(grasps, distances=True)],
+        grasps,
+    )
     report.line(_legend(grasps))
     report.written(output)
 
@@ -121,7 +126,8 @@ def print_best(
     else:
         what = "best distinct grasp" if grasps.size == 1 else f"{grasps.size} best distinct grasps"
         report.paragraph(f"the {what}:")
-        columns = [*_columns(grasps), *_conditional_columns(grasps)]
+        codes = stated_label(grasps, grasps.closed)  # those in whose order they are
+        columns = [*_columns(grasps, codes), *_conditional_columns(grasps)]
         report.table(table_of_columns(columns, range(grasps.size)), whole=True)
         report.line(_legend(grasps))
         if grasps.has_poses:
@@ -247,11 +253,13 @@ def _distance(grasps: GraspTable, distance: float) -> str:
     return "0" if distance < DISTANCE_ROUNDING * grasps.mesh.size else f"{distance:.3g}"
 
 
-def _columns(grasps: GraspTable | EvaluatedPoses, first: str = "grasp") -> list[Column]:
-    """The columns of every table of grasps."""
+def _columns(
+    grasps: GraspTable | EvaluatedPoses, labels: Ints | Bytes, first: str = "grasp"
+) -> list[Column]:
+    """The columns of every table of grasps, with their `Label` codes (b,)."""
     return [
         (first, lambda row: str(row + 1)),
-        ("label", lambda row: label_name(Label(int(grasps.label[row])))),
+        ("label", lambda row: label_name(Label(int(labels[row])))),
         ("β*", lambda row: angle_text(grasps.critical_angle[row])),
         ("α*", lambda row: _resolution(grasps.max_resolution[row])),
         *margin_columns(grasps),
@@ -346,7 +354,7 @@ def _pose_columns(poses: EvaluatedPoses) -> list[Column]:
         name = state.name.lower().replace("_", " ")
         return f"{name}, collides" if state == Closing.CLOSED and poses.collides[row] else name
 
-    number, label, *measures, opening = _columns(poses, "pose")
+    number, label, *measures, opening = _columns(poses, poses.label, "pose")
     area: Column = ("area", lambda row: f"{poses.jaws.area[row].min():.3g}")
     return [
         number,

@@ -70,7 +70,7 @@ def run(command: Label) -> int:
         refuse_warnings(grasp_report.warnings_of_best(grasps, command.object_pose))
     write(output, labels)
     if not command.quiet:
-        print_labels(labels, output, grasps)
+        print_labels(labels, output)
         for text, vertex in zip(command.at, vertices, strict=True):
             _print_at(labels, text, vertex)
     if grasps is not None:
@@ -151,13 +151,12 @@ def _write_best(command: Label, labels: SurfaceLabels, output: Path, grasps: Gra
         )  # fmt: skip
 
 
-def print_labels(labels: SurfaceLabels, output: Path, best: GraspTable | None = None) -> None:
+def print_labels(labels: SurfaceLabels, output: Path) -> None:
     """Print the settings, area fractions, quantiles, repairs and warnings of a labelled surface.
 
     Args:
         labels: Labels of the surface.
         output: The file that they were written to.
-        best: The best distinct grasps, if they are known.
     """
     report, mesh = Report(), labels.mesh
     _print_settings(report, labels)
@@ -167,9 +166,11 @@ def print_labels(labels: SurfaceLabels, output: Path, best: GraspTable | None = 
         "label", ["area fraction"], lambda code: [percent_text(fractions[code.name])], texts=3
     )
     if labels.sampling is not None:
-        report.line(f"[bold]{escaped(str(verdict_of(labels, best)))}[/]")
+        report.line(f"[bold]{escaped(str(verdict_of(labels)))}[/]")
         if causes := causes_text(labels):
-            report.line(f"U, of the area: {escaped(causes)}")
+            decided = labels.holding is not None and labels.holding.label is not None
+            forced = "U with the force at hand" if decided else "U"
+            report.line(f"{forced}, of the area: {escaped(causes)}")
     angles = ", ".join(map(angle_text, labels.angle_quantiles(LEVELS)))
     report.paragraph(f"critical friction angle, {PERCENTS} of the area: {angles}")
     areas = vertex_weights(mesh, "area")

@@ -4,6 +4,7 @@ import itertools
 import math
 from concurrent.futures import ThreadPoolExecutor
 from functools import reduce
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -33,6 +34,9 @@ of two neighbours is worse after closing, the other one is not lost."""
 SMALL_KIND = 0.002
 """Area fraction up to which the grasps of one kind count as one of many others."""
 
+MOST_DISTINCT = 1000
+"""Distinct grasps that are found at most."""
+
 MAX_PERMUTED = 5
 """Most contacts of grasps whose contacts are matched in every order."""
 
@@ -40,21 +44,13 @@ MAX_PERMUTED = 5
 def best_grasps(labels: SurfaceLabels, count: int, *, distance: float | None = None) -> GraspTable:
     """The best distinct grasps of a labelled surface, best first.
 
-    The grasps are those of the vertices, in the order of `ranked_rows`. A grasp is omitted if its
-    contacts can be matched with those of a better one so that all pairs are nearer than `distance`
-    (non-maximum suppression).
-
-    With a gripper of two fingers the jaws close on a free object at the poses of the candidates, as
-    in `evaluate_grasps`, before they are ranked: labels, margins and forces that count are those at
-    what the jaws touch, `closed` and `holding`. Of grasps with the same label as many kinds as
-    possible are in the list, see `grasp_kinds`. Grasps whose jaws touch the object outside the
-    region of `only` and `avoid` are omitted.
+    The grasps are those of `distinct_grasps`. With a gripper as many kinds as possible, of grasps
+    with the same label, are in the list; see `grasp_kinds`.
 
     Args:
         labels: The labelled surface.
         count: Largest number of grasps; there may be fewer.
-        distance: In the mesh's unit; None: 1/8 of the object's size. 0: only identical grasps are
-            omitted.
+        distance: As in `distinct_grasps`.
 
     Returns:
         At most `count` grasps, each with its first contact at a vertex; with a gripper also how it
@@ -74,26 +70,65 @@ def best_grasps(labels: SurfaceLabels, count: int, *, distance: float | None = N
     """
     if count < 1:
         raise SettingError(f"the number of best grasps must be at least 1; got {count}")
+    ranked = distinct_grasps(labels, distance=distance)
+    rows = np.arange(min(count, ranked.size))
+    if labels.reach is not None:
+        rows = _in_turns(ranked, _kinds_of(labels, ranked), count)
+    return ranked.take(rows).whole()
+
+
+_DISTINCT: WeakKeyDictionary[SurfaceLabels, GraspTable] = WeakKeyDictionary()
+
+
+def distinct_grasps(labels: SurfaceLabels, *, distance: float | None = None) -> GraspTable:
+    """All distinct grasps of a labelled surface in the order of `ranked_rows`, 1,000 at most.
+
+    The grasps are those of the vertices. One is omitted if its contacts can be matched with those
+    of a better one so that all pairs are nearer than `distance` (non-maximum suppression).
+
+    With a gripper of two fingers the jaws close on a free object at the poses of the candidates, as
+    in `evaluate_grasps`, before they are ranked: labels, margins and forces that count are those at
+    what the jaws touch, `closed` and `holding`. Grasps whose jaws touch the object outside the
+    region of `only` and `avoid` are omitted.
+
+    Args:
+        labels: The labelled surface. Its grasps of the default distance are found once.
+        distance: In the mesh's unit; None: 1/8 of the object's size. 0: only identical grasps are
+            omitted.
+
+    Raises:
+        SettingError: A distance that is not a finite length.
+    """
     limit = distance_of_distinct(labels.mesh) if distance is None else distance
     if not (limit >= 0.0 and math.isfinite(limit)):
         raise SettingError(f"distance must be a finite length of at least 0; got {limit:g}")
+    found = _DISTINCT.get(labels) if distance is None else None
+    if found is None:
+        found = _find_distinct(labels, limit)
+        if distance is None:
+            _DISTINCT[labels] = found
+    return found
+
+
+def _find_distinct(labels: SurfaceLabels, limit: float) -> GraspTable:
     grasps = labels.grasps
+    rows, holding = ranked_rows(grasps), grasps.holding
+
+    def distinct(rows: Ints, limit: float) -> Ints:
+        return rows[distinct_rows(grasps.contacts.take(rows).points, MOST_DISTINCT, limit)]
+
     if labels.reach is None:
-        rows = ranked_rows(grasps)
-        points = grasps.contacts.take(rows).points
-        return grasps.take(rows[distinct_rows(points, count, limit)]).whole()
-    near = limit * CANDIDATES
-    rows = ranked_rows(grasps)
-    rows = rows[distinct_rows(grasps.contacts.take(rows).points, len(rows), near)]
-    candidates = grasps.take(rows).after_closing()
+        return grasps.take(distinct(rows, limit))
+    chosen = distinct(rows, limit * CANDIDATES)
+    if holding is not None:  # so that the least force does not depend on that at hand
+        weakest = rows[np.argsort(holding.grip_force_largest[rows], kind="stable")]
+        chosen = np.union1d(chosen, distinct(weakest, limit * CANDIDATES))
+    candidates = grasps.take(rows[np.isin(rows, chosen)]).after_closing()
     if candidates.closed is not None:
-        inside = np.flatnonzero(candidates.closed.allowed(labels.mesh))
-        rows, candidates = rows[inside], candidates.take(inside)
+        candidates = candidates.take(np.flatnonzero(candidates.closed.allowed(labels.mesh)))
     order = ranked_rows(candidates, candidates.closed)
-    order = order[distinct_rows(candidates.contacts.take(order).points, len(order), limit)]
-    kinds = _large_kinds(labels)[labels.vertices[rows[order]]]
-    ranked = candidates.take(order)
-    return ranked.take(_in_turns(ranked, kinds, count)).whole()
+    points = candidates.contacts.take(order).points
+    return candidates.take(order[distinct_rows(points, MOST_DISTINCT, limit)])
 
 
 def distance_of_distinct(mesh: ObjectMesh) -> float:
@@ -117,12 +152,20 @@ def _in_turns(ranked: GraspTable, kinds: Ints, count: int) -> Ints:
     return np.sort(np.lexsort((np.arange(ranked.size), turn, -codes))[:count])
 
 
-def _large_kinds(labels: SurfaceLabels) -> Ints:
-    """Kinds of the vertices' grasps, shape (V,); those of very little area count as one, -1."""
+def _kinds_of(labels: SurfaceLabels, grasps: GraspTable) -> Ints:
+    """Kinds of grasps of the vertices, shape (b,); those of very little area count as one, -1."""
     kinds, areas = grasp_kinds(labels), labels.mesh.vertex_areas
     sizes = np.bincount(kinds[kinds >= 0], areas[kinds >= 0])
     small = np.append(sizes <= SMALL_KIND * areas.sum(), True)  # the last: no grasp
-    return np.where(small[kinds], -1, kinds)
+    own = kinds[first_vertices(grasps)]
+    return np.where(small[own], -1, own)
+
+
+def first_vertices(grasps: GraspTable) -> Ints:
+    """The vertices at which grasps of a labelled surface have their first contact, shape (b,)."""
+    contacts, mesh = grasps.contacts.surface_points, grasps.mesh
+    corners = contacts.weights[:, 0].argmax(axis=1)
+    return np.asarray(mesh.canonical[mesh.faces[contacts.faces[:, 0], corners]])
 
 
 def distinct_rows(points: Floats, count: int, limit: float) -> Ints:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints
+from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.jaws import Jaws
@@ -40,8 +40,8 @@ def ranked_rows(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None
 
     Grasps are compared by, one after the other:
 
-    1. The label that takes everything stated into account, `stated_label`. What the gripper does
-       not reach, or collides at, comes last.
+    1. The label that takes everything stated into account, `stated_label`. Of those that are U,
+       what the gripper does not reach, or collides at, comes last.
     2. How robustly they can be executed: their margins in `margins_in_units`, in steps of a tenth.
        The smallest margins of two grasps are compared first, whichever they are, and where they
        are equal the second smallest ones, and so on.
@@ -60,8 +60,8 @@ def ranked_rows(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None
     margins = np.sort(np.stack(list(margins_in_units(grasps, closed).values()), axis=1), axis=1)
     steps = np.floor(margins / STEP + LEAST)
     keys = [
-        -_executable(grasps),
         -stated_label(grasps, closed),
+        ~_executable(grasps),
         *-steps.T,
         -np.nan_to_num(grasps.epsilon),
         *-margins.T,
@@ -75,15 +75,23 @@ def stated_label(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | Non
 
     With a load whose mass and force are known that is the label with force; else where jaws have
     been closed that at what they touch; else that of the grasp. Where jaws have been closed, but
-    what they touch is not known, as for fingers that push outward, it is M at most. Arguments as in
-    `ranked_rows`.
+    what they touch is not known, as for fingers that push outward, it is M at most; so it is where
+    mass or force are not known and not every force that may be needed exists, and U where none
+    does. What the gripper does not reach is U. Arguments as in `ranked_rows`.
     """
-    held = None if grasps.holding is None else grasps.holding.label
-    own = (grasps.label if held is None else held).astype(np.int64)
-    if closed is None:
-        return own
-    after = closed.label if held is None else own
-    return np.where(closed.label == UNKNOWN, np.minimum(own, Label.M), after)
+    holding = grasps.holding
+    held = None if holding is None else holding.label
+    codes = (grasps.label if held is None else held).astype(np.int64)
+    if closed is not None:
+        unknown = closed.label == UNKNOWN
+        codes = np.where(
+            unknown, np.minimum(codes, Label.M), closed.label if held is None else codes
+        )
+    if holding is not None and held is None:
+        most = np.where(np.isfinite(holding.grip_force_largest), Label.S, Label.M)
+        most[~np.isfinite(holding.grip_force_least)] = Label.U
+        codes = np.minimum(codes, most)
+    return np.where(_executable(grasps), codes, Label.U)
 
 
 def margins_in_units(
@@ -118,12 +126,12 @@ def margins_in_units(
     return {name: np.where(np.isnan(values), -math.inf, values) for name, values in margins.items()}
 
 
-def _executable(grasps: GraspTable | EvaluatedPoses) -> Ints:
-    """Whether the gripper reaches the grasps without collision, 1 or 0, shape (b,)."""
+def _executable(grasps: GraspTable | EvaluatedPoses) -> Bools:
+    """Whether the gripper reaches the grasps without collision, shape (b,)."""
     if isinstance(grasps, EvaluatedPoses):
-        return grasps.reachable.astype(np.int64)
+        return grasps.reachable
     reach = grasps.reach
-    return np.ones(grasps.size, np.int64) if reach is None else reach.reached.astype(np.int64)
+    return np.ones(grasps.size, dtype=bool) if reach is None else reach.reached
 
 
 def _place(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None, jaws: Jaws) -> Floats:

@@ -7,10 +7,15 @@ from typing import Any, Literal
 
 import numpy as np
 
-from grasp3d.arrays import Ints
+from grasp3d.arrays import Floats, Ints
 from grasp3d.errors import GraspError
 from grasp3d.grasps.causes import Cause, cause_fractions
-from grasp3d.grasps.distinct import distance_of_distinct, distinct_rows
+from grasp3d.grasps.distinct import (
+    MOST_DISTINCT,
+    distance_of_distinct,
+    distinct_grasps,
+    distinct_rows,
+)
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.explanations import finger_words
 from grasp3d.grasps.ranking import ranked_rows, stated_label
@@ -21,6 +26,7 @@ from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskText
 from grasp3d.settings import Sampling
 from grasp3d.stability.label import Label
+from grasp3d.surface.closed_grasps import UNKNOWN, ClosedGrasps
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.holding import HARD_FINGERS, Holding
 from grasp3d.surface.labelling import label_surface
@@ -28,9 +34,6 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.context import unreported
 
 Word = Literal["surely", "perhaps", "not"]
-
-MOST_COUNTED = 1000
-"""Distinct grasps that are counted at most."""
 
 MOST_FRICTION = 2.0
 """Largest friction that is named as a remedy: that of rubber."""
@@ -190,6 +193,8 @@ class Verdict:
     """What would make it sure, each by itself."""
     holding: HoldingVerdict | None = None
     """What the load takes; None: there is no load."""
+    lost: bool = False
+    """Whether grasps of ideal points have a better label, which none keeps when the jaws close."""
 
     @property
     def spare_resolution(self) -> float:
@@ -215,18 +220,18 @@ class Verdict:
 
     def _why(self) -> str:
         """What the word rests on."""
-        load = self.holding
+        load, lost = self.holding, "once the jaws close, " if self.lost else ""
         if self.word == "surely":
             return self._sure()
         if self.causes:
             cause, part = next(iter(self.causes.items()))
             return f"{cause}{'' if part > WHOLE else f' on {100.0 * part:.0f} % of the surface'}"
         if load is not None and (load.holds is not None or not math.isfinite(load.needed)):
-            return self._load_unheld(load)
+            return lost + self._load_unheld(load)
         if self.word == "not":
-            return "there is no grasp that may be stable"
+            return f"{lost}there is no grasp that may be stable"
         resolution = f"{_degrees(self.resolution):.4g}°"
-        return f"no grasp is surely stable at a sensor resolution of {resolution}"
+        return f"{lost}no grasp is surely stable at a sensor resolution of {resolution}"
 
     def _load_unheld(self, load: HoldingVerdict) -> str:
         """That the force at hand does not surely hold the load."""
@@ -245,7 +250,7 @@ class Verdict:
             grasps = f"{self.count:,} of {self.of:,} grasps"
         elif self.count == 1:
             grasps = "1 distinct grasp"
-        elif self.count == MOST_COUNTED:
+        elif self.count == MOST_DISTINCT:
             grasps += " or more"
         load = self.holding
         if load is not None and load.holds is not None:
@@ -261,24 +266,22 @@ class Verdict:
         return f"{grasps}; {subject} {' and '.join(parts)}" if parts else grasps
 
 
-def verdict_of(
-    grasps: SurfaceLabels | GraspTable | EvaluatedPoses, best: GraspTable | None = None
-) -> Verdict:
+def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
     """Judge whether an object is surely held; computes epsilon and grip forces, which rank grasps.
 
-    Without a grasp it searches for those of wider jaws, or of more friction, where that may help.
+    With a gripper whose jaws close the grasps of a surface are judged at what these touch, as
+    `best_grasps` lists them. Without a grasp those of wider jaws, or of more friction, are searched
+    where that may help.
 
     Args:
         grasps: A labelled surface, or a table of grasps or poses.
-        best: Of a surface: what `best_grasps` returns, whose first grasp is then the best one, with
-            its numbers at what the jaws touch, if it has the label of the verdict.
 
     Returns:
-        The verdict; its best grasp is else the first one of `ranked_rows`.
+        The verdict; its best grasp is the first one of `ranked_rows`.
     """
     labels = grasps if isinstance(grasps, SurfaceLabels) else None
-    table = grasps.grasps if isinstance(grasps, SurfaceLabels) else grasps
-    scene, codes, rows = grasps.scene, _codes(table), ranked_rows(table)
+    table, distinct = _judged(grasps)
+    codes, rows = _stated(table), ranked_rows(table, _closed(table))
     code = max(codes[rows], default=Label.U)
     rows = rows[codes[rows] == code]
     holding, causes = table.holding, {}
@@ -289,47 +292,55 @@ def verdict_of(
     load = None if holding is None else HoldingVerdict.of(holding)
     verdict = Verdict(
         _WORDS[code],
-        by=finger_words(grasps.model.fingers) if scene is None else scene.hand.name,
+        by=finger_words(grasps.model.fingers) if grasps.scene is None else grasps.scene.hand.name,
         of=table.size if labels is None else None,
         resolution=grasps.model.sensor_resolution,
         holding=load,
+        lost=labels is not None and bool((stated_label(labels.grasps) > code).any()),
     )
-    if causes or not len(rows) or (labels is not None and max(table.label[rows]) == Label.U):
+    if causes or not len(rows) or (labels is not None and not labels.label.any()):
         causes = causes if labels is None else cause_fractions(labels)
         remedies = () if labels is None else _other_remedies(labels, next(iter(causes), None))
         return replace(verdict, causes=causes, remedies=remedies)
-    named, first = table, int(rows[0])
-    if best is not None and best.size and stated_label(best, best.closed)[0] == code:
-        named, first = best, 0
+    first = int(rows[0])
     verdict = replace(
         verdict,
-        max_resolution=float(named.max_resolution[first]),
-        approach_margin=_approach_margin(named, first),
-        grip_force=_grip_force(named, first),
+        max_resolution=float(_max_resolution(table)[first]),
+        approach_margin=_approach_margin(table, first),
+        grip_force=_grip_force(table, first),
     )
     if code != Label.S:
         return replace(verdict, remedies=_remedies(table, rows, load))
-    count = len(rows)
-    if labels is not None:
-        points = labels.grasps.contacts.take(rows).points
-        count = len(distinct_rows(points, MOST_COUNTED, distance_of_distinct(labels.mesh)))
-    return replace(verdict, count=count)
+    return replace(verdict, count=int(np.sum(_stated(distinct) == Label.S)))
 
 
-def _codes(grasps: GraspTable | EvaluatedPoses) -> Ints:
-    """Codes of the labels that the verdict rests on, shape (b,).
+def _judged(
+    grasps: SurfaceLabels | GraspTable | EvaluatedPoses,
+) -> tuple[GraspTable | EvaluatedPoses, GraspTable | EvaluatedPoses]:
+    """The grasps that a verdict rests on, and those that it counts."""
+    if not isinstance(grasps, SurfaceLabels):
+        if isinstance(grasps, GraspTable) and grasps.computed("closed") is None:
+            grasps = grasps.after_closing()
+        return grasps, grasps
+    distinct = distinct_grasps(grasps)
+    return (grasps.grasps if distinct.closed is None else distinct), distinct
 
-    Those of `stated_label`; where the mass or the force at hand is not known, what no force holds
-    is not S either, and what is not reached is U.
-    """
-    codes, holding = stated_label(grasps), grasps.holding
-    if holding is not None and holding.label is None:
-        most = np.where(np.isfinite(holding.grip_force_largest), Label.S, Label.M)
-        most[~np.isfinite(holding.grip_force_least)] = Label.U
-        codes = np.minimum(codes, most)
-    if isinstance(grasps, EvaluatedPoses):
-        codes = np.where(grasps.reachable, codes, Label.U)
-    return codes
+
+def _closed(grasps: GraspTable | EvaluatedPoses) -> ClosedGrasps | None:
+    """What the jaws touch; None: ideal points, or poses, which have `jaws`."""
+    return grasps.closed if isinstance(grasps, GraspTable) else None
+
+
+def _stated(grasps: GraspTable | EvaluatedPoses) -> Ints:
+    return stated_label(grasps, _closed(grasps))
+
+
+def _max_resolution(grasps: GraspTable | EvaluatedPoses) -> Floats:
+    """Coarsest resolutions at which grasps are S, after closing where jaws close [rad], (b,)."""
+    if (closed := _closed(grasps)) is None:
+        return grasps.max_resolution
+    after = np.fmax(grasps.model.sensor_resolution + 2.0 * closed.margin, 0.0)
+    return np.where(closed.label == UNKNOWN, grasps.max_resolution, after)
 
 
 def _approach_margin(grasps: GraspTable | EvaluatedPoses, row: int) -> float:
@@ -369,7 +380,7 @@ def _remedies(
 
 def _candidates(grasps: GraspTable, rows: Ints) -> Ints:
     """A few grasps, of which one is the first to become S: those that need least."""
-    values = [np.arange(len(rows)), -grasps.max_resolution[rows], grasps.located_angles[0][rows]]
+    values = [np.arange(len(rows)), -_max_resolution(grasps)[rows], grasps.located_angles[0][rows]]
     if grasps.holding is not None:
         values += [grasps.holding.grip_force[rows], grasps.holding.grip_force_largest[rows]]
     return np.unique([rows[np.argmin(np.nan_to_num(one, nan=math.inf))] for one in values])
@@ -377,7 +388,8 @@ def _candidates(grasps: GraspTable, rows: Ints) -> Ints:
 
 def _sure(grasps: GraspTable, **changed: Any) -> bool:
     """Whether some of the grasps are S with another model."""
-    return bool((_codes(grasps.using(model=replace(grasps.model, **changed))) == Label.S).any())
+    after = grasps.using(model=replace(grasps.model, **changed)).after_closing()
+    return bool((_stated(after) == Label.S).any())
 
 
 def _friction(grasps: GraspTable) -> list[Remedy]:
@@ -443,7 +455,7 @@ def _more_friction(labels: SurfaceLabels) -> list[Remedy]:
         load=labels.load,
     ).grasps
     rows = ranked_rows(more)
-    rows = rows[_codes(more)[rows] == Label.S]
+    rows = rows[stated_label(more)[rows] == Label.S]
     if not len(rows):
         return []
     return _friction(more.take(_candidates(more, rows)).using(model=labels.model))
@@ -468,7 +480,7 @@ def _wider_jaws(labels: SurfaceLabels) -> list[Remedy]:
         one = free.take(np.array([row]))
         contacts, grip = one.contacts, 1 if one.grip is None else one.grip
         reach = wider.reach(mesh, contacts.points, contacts.normals, grip=grip)
-        one = one.using(scene=wider, reach=reach, load=labels.load)
-        if reach.reached.all() and (_codes(one) == Label.S).all():
+        one = one.using(scene=wider, reach=reach, load=labels.load).after_closing()
+        if (_stated(one) == Label.S).all():
             return [Remedy("max_opening", opening, hand.max_opening)]
     return []

@@ -183,7 +183,7 @@ class _Search:
     def __post_init__(self) -> None:
         mesh, sets = self.mesh, self.mesh.normal_sets
         self.spacing = math.sqrt(2.0 * math.pi * (1.0 - math.cos(self.cone)) / self.sampling.rays)
-        self.vertices = mesh.contact_vertices
+        self.vertices = mesh.contact_vertices.copy()  # kernels are compiled for such arrays
         self.limits = pair_limits(mesh, self.sampling, self.cone, self.ranking)
         self.sets = mesh.contact_normals
         self.surface = mesh.contact_surface

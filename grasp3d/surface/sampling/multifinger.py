@@ -136,7 +136,7 @@ class _Search:
             )
         self.min_separation = separation
         self.on_vertices = sampling.candidate_points == "vertices"
-        self.vertices = mesh.contact_vertices
+        self.vertices = mesh.contact_vertices.copy()  # kernels are compiled for such arrays
         if self.on_vertices and len(self.vertices) < self.fingers:
             raise SettingError(
                 f"{self.fingers} fingers need as many vertices; there are {len(self.vertices)}"

@@ -1,15 +1,13 @@
 """Grasps that a gripper reaches: alternatives through one vertex, and the best of a surface."""
 
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 
-from grasp3d.arrays import Ints, locked
-from grasp3d.grasps.distinct import alternatives_at, best_grasps
+from grasp3d.arrays import Ints
+from grasp3d.grasps.distinct import alternatives_at, best_grasps, first_vertices
 from grasp3d.hand.gripper_pose import has_pose
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.context import report_progress
 from grasp3d.viewer.subjects.subject import Alternatives, Subject
 
@@ -47,15 +45,7 @@ def is_reached(subject: Subject, vertex: int) -> bool:
 
 def best_vertices(subject: Subject, count: int) -> Ints:
     """Vertices of the best distinct grasps, best first; see `best_grasps`."""
-    return _best_vertices(subject.labels, count)
-
-
-@lru_cache(maxsize=4)
-def _best_vertices(labels: SurfaceLabels, count: int) -> Ints:
-    """Vertices at which the best grasps have their first contact."""
-    contacts, mesh = best_grasps(labels, count).contacts.surface_points, labels.mesh
-    corners = contacts.weights[:, 0].argmax(axis=1)
-    return locked(mesh.canonical[mesh.faces[contacts.faces[:, 0], corners]])
+    return first_vertices(best_grasps(subject.labels, count))
 
 
 def _others(subject: Subject, vertex: int, grasps: GraspTable) -> Ints:
