@@ -214,7 +214,7 @@ def test_with_a_gripper_a_row_has_the_verdict_and_poses(tmp_path: Path) -> None:
         mesh, SETTINGS.model, sampling=SETTINGS.search, hand=HAND, table=Table.below(mesh)
     )
     best = best_grasps(labels, 2)
-    verdict = verdict_of(labels, best)
+    verdict = verdict_of(labels)
     assert (row.error, row.gripper) == ("", "hand")
     assert (row.verdict, row.verdict_text) == (verdict.word, str(verdict))
     assert (row.stable_grasps, row.spare_resolution) == (verdict.count, verdict.spare_resolution)
