@@ -196,7 +196,7 @@ def _surface_values(labels: "SurfaceLabels") -> dict[str, Any]:
         "size": mesh.size,
         "unit": mesh.unit,
         "closed": mesh.report.closed,
-        "area": float(mesh.vertex_areas.sum()),
+        "area": mesh.area,
         "volume": _finite_or_none(mesh.volume),
         "center_mass": (x, y, z),
         "torque_scale": mesh.torque_scale,

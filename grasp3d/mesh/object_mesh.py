@@ -149,7 +149,12 @@ class ObjectMesh:
     @cached_property
     def allowed_fraction(self) -> float:
         """Area fraction of the surface where contacts may be."""
-        return float(self.vertex_areas.sum() / face_areas(self.vertices, self.faces).sum())
+        return float(self.vertex_areas.sum()) / self.area
+
+    @cached_property
+    def area(self) -> float:
+        """Area of the whole surface."""
+        return float(face_areas(self.vertices, self.faces).sum())
 
     @property
     def region_notes(self) -> tuple[str, ...]:

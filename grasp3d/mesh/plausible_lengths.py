@@ -130,7 +130,7 @@ class Purpose:
             density, text = mass / volume, f"with {mass:.4g} kg it has"
             if density > DENSEST:
                 yield f"{text} {float(f'{density:.2g}'):,.0f} kg/m^3, more than any material"
-            cover = mass / (float(mesh.vertex_areas.sum()) * metres**2)
+            cover = mass / (mesh.area * metres**2)
             if known and density < LIGHTEST[0] and cover < LIGHTEST[1]:
                 yield f"{text} {density:.2g} kg/m^3 and {cover:.2g} kg/m^2, less than foam or foil"
         if size < SMALLEST * self.pad:

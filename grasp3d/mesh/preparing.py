@@ -93,7 +93,7 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
 
         >>> end = np.flatnonzero(coarse.vertices[:, 0] > 15.0)
         >>> len(grasp3d.load_mesh(coarse, only=end).contact_faces)
-        8
+        16
         >>> round(grasp3d.load_mesh(coarse, only="sphere:20,0,0,25").allowed_fraction, 3)
         0.306
     """

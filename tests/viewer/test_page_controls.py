@@ -30,6 +30,8 @@ pytestmark = pytest.mark.slow
 SIZES = {"wide": (1280, 800), "narrow": (390, 844)}
 TARGETS = {"wide": 13.0, "narrow": 22.0}
 """Least width and height of what can be clicked or touched [pixels]."""
+SEVERAL = 8
+"""A vertex through which several grasps are; through the middle of a side there is only one."""
 REACHED = """one => {
   one.scrollIntoView({block: "center", behavior: "instant"});
   const box = one.getBoundingClientRect();
@@ -208,6 +210,9 @@ def test_keys(seen: Viewed) -> None:
     arrows = {f"Arrow{key}" for key in KEYS if len(key) > 1}
     assert set(KEYS_AND_EFFECTS) == {key for key in KEYS if len(key) == 1} - own | arrows
     for key, done in KEYS_AND_EFFECTS.items():
+        if key == ".":
+            seen.session.click(SEVERAL, inspect=True)
+            seen.waits(lambda state: state.vertex == SEVERAL)
         before = seen.state
         seen.page.keyboard.press(key)
         seen.waits(lambda state, before=before, done=done: state != before and done(state))
@@ -329,16 +334,19 @@ def test_a_vertex_is_explained_and_grasps_are_stepped_through(seen: Viewed) -> N
     numbers = page.locator("#numbers").inner_text()
     assert all(name in numbers for name in ("grip force", "payload", "approach margin", "β*"))
     assert "margin" in page.locator("#budget").inner_text()
+    page.locator("#best-next").click()
+    seen.waits(lambda state: state.vertex != best)
+    page.locator("#best-previous").click()
+    seen.waits(lambda state: state.vertex == best)
+    seen.session.click(SEVERAL, inspect=True)
+    seen.waits(lambda state: state.vertex == SEVERAL)
+    seen.until(lambda: page.locator("#grasp-number").inner_text().startswith("grasp 1 of"))
     seen.until(lambda: "…" not in page.locator("#grasp-number").inner_text())
     page.locator("#grasp-next").click()
     seen.waits(lambda state: state.alternative == 1)
     seen.until(lambda: page.locator("#grasp-number").inner_text().startswith("grasp 2 of"))
     page.locator("#grasp-previous").click()
     seen.waits(lambda state: state.alternative == 0)
-    page.locator("#best-next").click()
-    seen.waits(lambda state: state.vertex != best)
-    page.locator("#best-previous").click()
-    seen.waits(lambda state: state.vertex == best)
     left, top, _, _ = seen.box("#stage")
     page.mouse.click(left + 3.0, top + 3.0)
     page.wait_for_selector("#numbers", state="detached")

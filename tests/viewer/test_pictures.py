@@ -17,7 +17,6 @@ from grasp3d import (
     SurfaceLabels,
     label_surface,
     scan_surface,
-    write_ply,
 )
 from grasp3d.errors import MeshError, OutputError, SettingError
 from grasp3d.mesh.primitives import box_mesh, sphere_mesh
@@ -35,8 +34,7 @@ from grasp3d.viewer.scene.pictures import (
     save_picture,
     save_turntable,
 )
-from grasp3d.viewer.session import session
-from grasp3d.viewer.session.collection import Collection, Item, collection_of, open_collection
+from grasp3d.viewer.session.collection import Collection, Item, collection_of
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import ViewSettings
 
@@ -86,16 +84,6 @@ def test_epsilon_is_computed_before_it_is_drawn(tmp_path: Path) -> None:
     assert (
         middle[..., 0].min() > middle[..., 2].max() + 40
     )  # bright, as epsilon is the same everywhere
-
-
-@pytest.mark.slow
-@needs_opengl
-def test_messages_do_not_prevent_a_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(session, "NOTABLE_DIFFERENCE", -1.0)
-    write_ply(tmp_path / "box.ply", label_surface(box_mesh((1.0, 2.0, 3.0), max_edge=0.5)))
-    collection = open_collection(tmp_path / "box.ply", GraspModel(friction=0.3))
-    save_picture(collection, ViewSettings("epsilon", width=320, height=240), tmp_path / "box.png")
-    assert read(tmp_path / "box.png").shape == (240, 320, 3)
 
 
 @pytest.mark.slow
