@@ -57,8 +57,8 @@ _POSES_LEGEND = (
 )
 _APPROACH = "approach: how far the approach may turn about the closing axis; "
 _CLOSED = (
-    "closed: label at what the jaws touch when they close, and its margin, the friction angle to "
-    "spare; "
+    "label: at what the jaws touch when they close, with the force at hand; closed: the label there "
+    "without a load, and its margin, the friction angle to spare; "
 )
 
 _CONTACTS = {

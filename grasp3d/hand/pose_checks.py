@@ -157,8 +157,8 @@ def check_near(
         Traceback (most recent call last):
             ...
         grasp3d.errors.ContactError: all poses (1) are far from the object, 640 times its size: if \
-        their lengths are in mm, not in m, give their unit: a column unit in their table, in Python \
-        unit=...
+        their lengths are in mm, not in m, give their unit: a column unit in their table, in \
+        Python unit=...
     """
     points = poses[:, :3, 3]
     distances = np.linalg.norm(points - center, axis=1)

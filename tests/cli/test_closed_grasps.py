@@ -56,11 +56,11 @@ def test_printed_and_written_labels_are_those_of_evaluated_poses(tmp_path: Path)
 
 
 def check_rows(text: str, found: list[dict[str, Any]]) -> None:
-    """Check that the table has a row for each grasp, with both labels and the margin, if any."""
+    """Check that the table has a row for each grasp, with its label and its margin, if any."""
     printed = rows_of(text)
     assert len(printed) == len(found)
     for words, grasp in zip(printed, found, strict=True):
-        assert words[2] == grasp["label"]
+        assert words[2] == grasp["closed_label"]
         margin = grasp["closed_margin"]
         shown = [] if margin is None else [f"{math.degrees(margin):.1f}°"]
         assert words[words.index("■", 2) + 1 :] == [grasp["closed_label"], *shown]
