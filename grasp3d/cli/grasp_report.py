@@ -57,7 +57,7 @@ _POSES_LEGEND = (
 )
 _APPROACH = "approach: how far the approach may turn about the closing axis; "
 _CLOSED = (
-    "label: at what the jaws touch when they close, with the force at hand; closed: the label there "
+    "label: at what the jaws touch when they close, with the force at hand; closed: the same "
     "without a load, and its margin, the friction angle to spare; "
 )
 
