@@ -156,9 +156,7 @@ def check_near(
         >>> check_near(pose[None], np.zeros(3), 0.1, "m")
         Traceback (most recent call last):
             ...
-        grasp3d.errors.ContactError: all poses (1) are far from the object, 640 times its size: if \
-        their lengths are in mm, not in m, give their unit: a column unit in their table, in \
-        Python unit=...
+        grasp3d.errors.ContactError: all poses (1) are far from the object, 640 times its size: ...
     """
     points = poses[:, :3, 3]
     distances = np.linalg.norm(points - center, axis=1)
