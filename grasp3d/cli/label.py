@@ -71,8 +71,8 @@ def run(command: Label) -> int:
     write(output, labels)
     if not command.quiet:
         print_labels(labels, output)
-        for text, vertex in zip(command.at, vertices, strict=True):
-            _print_at(labels, text, vertex)
+    for text, vertex in zip(command.at, vertices, strict=True):  # asked for, so also with --quiet
+        _print_at(labels, text, vertex)
     if grasps is not None:
         _write_best(command, labels, grasp_file, grasps)
     return 0

@@ -18,6 +18,7 @@ from grasp3d.stability.label import Label
 from grasp3d.stability.thresholds import margin_budget
 from grasp3d.surface.area_statistics import quantiles
 from grasp3d.surface.holding import Holding
+from grasp3d.system.counts import short_number
 
 MARGIN = "margin: friction angle to spare, S: above 0; "
 LOAD = (
@@ -126,10 +127,14 @@ def print_load(report: Report, holding: Holding | None, areas: Floats | None = N
     """
     if holding is None:
         return
-    mass = "mass not given" if holding.mass is None else f"{holding.mass:.3g} kg"
+    mass = "mass not given" if holding.mass is None else f"{short_number(holding.mass)} kg"
     task = holding.load.task
     text = escaped(str(task)) if isinstance(task, TaskText) else "a given task"
-    force = "none given" if holding.available is None else f"{holding.available:.3g} N per finger"
+    force = (
+        "none given"
+        if holding.available is None
+        else f"{short_number(holding.available)} N per finger"
+    )
     report.line(f"[bold]load[/]: {mass}, {text}; force at hand: {force}")
     if holding.remedy and np.isfinite(holding.grip_force_largest).any():  # else the verdict says it
         report.line(f"  most grasps hold nothing: {escaped(holding.remedy)}")
@@ -144,10 +149,10 @@ def print_load(report: Report, holding: Holding | None, areas: Floats | None = N
     of, per = "grasps" if areas is None else "area", "" if holding.case.decided else " per kg"
     part = _part_text(holding.grip_force_largest, weights, f"of the {of}", "need at most", "N")
     report.line(f"  grip force{per} {_HOW[holding.how]}: enough on {part}")
-    if holding.has_payload:
+    if holding.has_payload and holding.available is not None:
         payloads = np.where(holding.payload > 0.0, holding.payload, math.inf)
         part = _part_text(payloads, weights, f"of the {of}", "hold at most", "kg")
-        report.line(f"  payload with {holding.available:.3g} N: above 0 on {part}")
+        report.line(f"  payload with {short_number(holding.available)} N: above 0 on {part}")
 
 
 def _part_text(values: Floats, weights: Floats, of: str, verb: str, unit: str) -> str:
@@ -157,14 +162,14 @@ def _part_text(values: Floats, weights: Floats, of: str, verb: str, unit: str) -
     if not part > 0.0:
         return f"none {of}"
     numbers = quantiles(values[where], LEVELS, weights[where])
-    texts = ", ".join(f"{number + 0.0:.3g}" for number in numbers)
+    texts = ", ".join(map(short_number, numbers))
     some = "all" if part > 1.0 - ROUNDING else percent_text(part)
     return f"{some} {of}, {PERCENTS} of which {verb} {texts} {unit}"
 
 
 def force_text(force: float) -> str:
     """Format a force; inf: none suffices."""
-    return "none" if not math.isfinite(force) else f"{force + 0.0:.3g}"  # 0, not -0
+    return "none" if not math.isfinite(force) else short_number(force)
 
 
 def holding_columns(holding: Holding | None) -> list[Column]:
@@ -172,5 +177,5 @@ def holding_columns(holding: Holding | None) -> list[Column]:
     if holding is None:
         return []
     force: Column = ("force", lambda row: force_text(holding.grip_force_largest[row]))
-    payload: Column = ("payload", lambda row: f"{holding.payload[row]:.3g}")
+    payload: Column = ("payload", lambda row: short_number(holding.payload[row]))
     return [force, *[payload] * holding.has_payload]

@@ -17,6 +17,7 @@ from tyro.constructors import StructConstructorSpec, StructFieldSpec, StructType
 
 from grasp3d.cli.options import Option, options_of, parted, settings_in
 from grasp3d.errors import SettingError
+from grasp3d.settings.lengths import METRES
 
 GROUPS = {
     "arguments": "",
@@ -80,7 +81,8 @@ def parse(kind: type, words: list[str]) -> Any:
         raise SettingError(_sentence(box.getvalue(), options, prog)) from error
     if extra:
         takes = " ".join(one.metavar for one in options if not one.names) or "options only"
-        raise SettingError(f"{extra[0]!r} is one too many: {prog} takes {takes}")
+        unit = "; a length has its unit without a space, as in 80mm" if extra[0] in METRES else ""
+        raise SettingError(f"{extra[0]!r} is one too many: {prog} takes {takes}{unit}")
     return command
 
 

@@ -32,6 +32,7 @@ from grasp3d.surface.holding import HARD_FINGERS, Holding
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.context import unreported
+from grasp3d.system.counts import short_number
 
 Word = Literal["surely", "perhaps", "not"]
 
@@ -51,8 +52,8 @@ MOST_JAWS = 4
 _WORDS: dict[int, Word] = {Label.S: "surely", Label.M: "perhaps", Label.U: "not"}
 _CHANGES = {
     "sensor_resolution": "with a sensor of {:.1f}° or finer instead of {:.4g}°",
-    "grip_force": "with {:.3g} N instead of {:.3g} N",
-    "mass": "with {:.2g} kg instead of {:.3g} kg",
+    "grip_force": "with {} N instead of {} N",
+    "mass": "with {} kg instead of {} kg",
     "friction": "with a friction of {:.2f} or more instead of {:.4g}",
     "max_opening": "with jaws that open {:.4g} mm instead of {:.4g} mm",
 }
@@ -71,8 +72,9 @@ class Remedy:
 
     def __str__(self) -> str:
         scale = {"sensor_resolution": 180.0 / math.pi, "max_opening": 1000.0}
-        factor = scale.get(self.setting, 1.0)
-        return _CHANGES[self.setting].format(factor * self.value, factor * self.now)
+        factor, text = scale.get(self.setting, 1.0), _CHANGES[self.setting]
+        numbers = factor * self.value, factor * self.now
+        return text.format(*(map(short_number, numbers) if "{}" in text else numbers))
 
 
 @dataclass(frozen=True)
@@ -112,7 +114,7 @@ class HoldingVerdict:
         text = str(task) if isinstance(task, TaskText) else "the given task"
         mass = None if pure else holding.mass
         around = "in any orientation" if task == Load().task else f"against {text}"
-        kilograms = "each kilogram" if mass is None else f"{mass:.3g} kg"
+        kilograms = "each kilogram" if mass is None else f"{short_number(mass)} kg"
         reason = ""
         turns = (
             holding.resistance is not None
@@ -143,10 +145,10 @@ class HoldingVerdict:
         if self.holds is not None or not math.isfinite(self.needed):
             return ""
         if self.available is not None:
-            most = self.what.replace("each kilogram", f"{self.payload:.3g} kg")
-            return f"{self.available:.3g} N {most}."
+            most = self.what.replace("each kilogram", f"{short_number(self.payload)} kg")
+            return f"{short_number(self.available)} N {most}."
         verb, rest = self.what.split(maxsplit=1)
-        return f"{verb.capitalize()}ing {rest} takes {self.needed:.3g} N."
+        return f"{verb.capitalize()}ing {rest} takes {short_number(self.needed)} N."
 
 
 @dataclass(frozen=True)
@@ -235,7 +237,8 @@ class Verdict:
 
     def _load_unheld(self, load: HoldingVerdict) -> str:
         """That the force at hand does not surely hold the load."""
-        force = "any force" if load.holds is None else f"{load.available:.3g} N"
+        known = None if load.holds is None else load.available
+        force = "any force" if known is None else f"{short_number(known)} N"
         if self.word == "perhaps":
             return f"the sensor cannot tell whether {force} can {load.what}"
         if load.reason or load.holds is None:
@@ -253,8 +256,8 @@ class Verdict:
         elif self.count == MOST_DISTINCT:
             grasps += " or more"
         load = self.holding
-        if load is not None and load.holds is not None:
-            force = f"{self.grip_force:.3g} N of {load.available:.3g} N"
+        if load is not None and load.holds is not None and load.available is not None:
+            force = f"{short_number(self.grip_force)} N of {short_number(load.available)} N"
             parts.append(f"needs {force} to {load.what}")
         elif (spare := self.spare_resolution) >= SMALL:
             spares.append(f"{_degrees(spare):.1f}° of resolution")

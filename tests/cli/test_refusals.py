@@ -369,6 +369,7 @@ batch . | grasp3d batch needs -o
 paper | grasp3d paper needs -o
 validate | no input: name files of poses
 label x y | 'y' is one too many: grasp3d label takes FILE
+label x --max-opening 80 mm | 'mm' is one too many | its unit without a space, as in 80mm
 label x -z | '-z' is one too many
 design mug.stl | 'mug.stl' is one too many: grasp3d design takes options only
 label x --frict 1 | grasp3d label has no option --frict; did you mean --friction?

@@ -164,6 +164,12 @@ CASES = {
         ("Not held by franka: 10 N are too little to hold 0.5 kg in any orientation. Surely with "
         "25 N instead of 10 N, or with 0.19 kg instead of 0.5 kg."),
     ),
+    "not, heavy load": (
+        best("not", holding=replace(little, available=999.9, needed=1234.5, what="hold 60 kg"),
+             remedies=(Remedy("grip_force", 1235.0, 999.9), Remedy("mass", 48.0, 60.0))),
+        ("Not held by franka: 1,000 N are too little to hold 60 kg. Surely with 1,235 N instead of "
+        "1,000 N, or with 48 kg instead of 60 kg."),
+    ),
     "not, load, hard fingers": (
         best("not", holding=replace(nothing, reason=HARD_FINGERS)),
         ("Not held by franka: no force suffices to hold 0.5 kg in any orientation: two hard "

@@ -213,7 +213,7 @@ def open_collection(
     if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:/", str(target)):
         raise MeshError(f"{where}: is an address; copy the file or folder to this machine first")
     if not target.exists():
-        raise MeshError(f"{where}: no such file or folder")
+        raise MeshError(f"{where}: there is no such file or folder")
     labels = None
     if target.suffix.lower() in READERS and not target.is_dir():
         labels = labels_in(target, unit=options.unit, max_memory=options.max_memory)
