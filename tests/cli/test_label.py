@@ -142,3 +142,5 @@ def test_a_vertex_is_explained_as_in_the_viewer(tmp_path: Path) -> None:
     assert approach is not None
     assert float(approach[3]) < 0.0  # from above
     assert "U: there are grasps here, but franka reaches none of those tested: " in corner
+    answer = printed("label", source, *options, *at, "-q", "-o", "quiet.npz", cwd=tmp_path)
+    assert answer == text[text.index("at 0,2cm,0") :]
