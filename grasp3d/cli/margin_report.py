@@ -148,7 +148,7 @@ def print_load(report: Report, holding: Holding | None, areas: Floats | None = N
         report.paragraph(f"  held by {number(sums['S'])} of {whole} ({parts})")
     of, per = "grasps" if areas is None else "area", "" if holding.case.decided else " per kg"
     part = _part_text(holding.grip_force_largest, weights, f"of the {of}", "need at most", "N")
-    report.line(f"  grip force{per} {_HOW[holding.how]}: enough on {part}")
+    report.line(f"  grip force{per} {_HOW[holding.how]}: some suffices on {part}")
     if holding.has_payload and holding.available is not None:
         payloads = np.where(holding.payload > 0.0, holding.payload, math.inf)
         part = _part_text(payloads, weights, f"of the {of}", "hold at most", "kg")

@@ -6,12 +6,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from grasp3d.arrays import Bytes
+from grasp3d.grasps.ranking import stated_label
 from grasp3d.plots.figures import PAGE, as_text, label_patches, new_figure, show_picture, styled
 from grasp3d.settings.model_text import model_line
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.closed_grasps import UNKNOWN
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.system.counts import short_number
 
 COLUMNS = 4
 HEIGHT, APPROACH = 1.9, 0.25
@@ -65,7 +67,7 @@ def _short(name: str) -> str:
 
 def _show(axes: Axes, grasps: GraspTable, number: int, picture: Bytes) -> None:
     angle = math.degrees(grasps.critical_angle[number])
-    label = Label(int(grasps.label[number])).name
+    label = Label(int(stated_label(grasps, grasps.closed)[number])).name
     title = (
         rf"$\bf{{{number + 1}}}$  {label}   $\beta^*$ {angle:.1f}°"
         rf"   $\varepsilon$ {grasps.epsilon[number]:.3f}"
@@ -74,10 +76,13 @@ def _show(axes: Axes, grasps: GraspTable, number: int, picture: Bytes) -> None:
 
 
 def _approach(grasps: GraspTable, number: int) -> str:
-    """The approach margin if a gripper reaches the grasp, and the label after closing if known."""
+    """How far the approach may turn, and the force, or else the label after closing."""
     margin = math.nan if grasps.reach is None else float(grasps.reach.approach_margin[number])
     if not math.isfinite(margin):
         return ""
+    text = f"approach ±{math.degrees(margin):.0f}°"
+    if (holding := grasps.holding) is not None:
+        force = float(holding.grip_force_largest[number])
+        return f"{text}, {short_number(force)} N" if math.isfinite(force) else f"{text}, no force"
     code = UNKNOWN if grasps.closed is None else int(grasps.closed.label[number])
-    closed = "" if code == UNKNOWN else f", closed {Label(code).name}"
-    return f"approach ±{math.degrees(margin):.0f}°{closed}"
+    return text if code == UNKNOWN else f"{text}, closed {Label(code).name}"

@@ -282,7 +282,7 @@ batch ball.ply -o out --best -1 | best grasps must be
 batch ball.ply -o out --grid-friction 0 | friction must be
 batch ball.ply -o out --grid-sensor-resolution x | resolution must be an angle (a number of degrees
 batch ball.ply -o out --log no/where.txt | cannot be written
-view none.stl --screenshot a.png | none.stl: no such file or folder
+view none.stl --screenshot a.png | none.stl: there is no such file or folder
 view . --screenshot a.png | was not written by grasp3d batch
 view bad.ply --screenshot a.png | have a property 'label' but no 'critical_angle'
 view prose.stl --screenshot a.png | prose.stl: cannot be read as STL: it holds no triangles
