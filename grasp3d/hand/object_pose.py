@@ -100,8 +100,9 @@ def _of_text(text: str) -> ObjectPose:
     stated = {**dict.fromkeys((*_LENGTHS, *_ANGLES, *_NUMBERS), "0"), "frame": "robot"}
     if not parts or len(dict(parts)) < len(parts) or not dict(parts).keys() <= stated.keys():
         raise ContactError(
-            "the object's pose must be a file, or parts with names: x=0.4m,y=-5cm,z=0.1m,yaw=90deg "
-            f"(also roll, pitch, frame; or qx, qy, qz, qw); got {text!r}"
+            "the object's pose must be parts with names: x=0.4m,y=-5cm,z=0.1m,yaw=90deg (also "
+            "roll, pitch, frame; or qx, qy, qz, qw), or a file of it (in Python "
+            f"read_object_pose of grasp3d.grasps.pose_files.frames); got {text!r}"
         )
     stated |= dict(parts)
     try:

@@ -168,7 +168,7 @@ def _remedies(mesh: ObjectMesh, unit: Unit, purpose: Purpose) -> Iterator[str]:
     if fitting:
         other = min(fitting, key=lambda one: (one not in PREFERRED, one))
         size = length_text(mesh.size * METRES[other])
-        yield f"if its unit is {other} it is {size}: give --unit {other}"
+        yield f"with --unit {other} it is {size}"
     if given is None or unit not in _fitting(mesh.size, PLAUSIBLE):
         return
     if not any(replace(purpose, mass=1e-3 * given).problems(mesh, unit)):

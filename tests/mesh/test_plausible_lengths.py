@@ -113,17 +113,17 @@ def warnings_of(surface: Any, unit: Any, **purpose: Any) -> list[str]:
 FRANKA = {"pad": 0.017, "stroke": 0.08}
 
 IMPLAUSIBLE: dict[str, tuple[tuple[float, float, float], Any, dict[str, Any], list[str]]] = {
-    "boot in cm": ((0.36, 0.1, 0.2), "cm", {"mass": 0.8}, ["more than any", "give --unit m"]),
-    "boot in mm": ((36.0, 10.0, 20.0), "m", {"mass": 0.8}, ["than foam", "42 cm: give --unit cm"]),
+    "boot in cm": ((0.36, 0.1, 0.2), "cm", {"mass": 0.8}, ["more than any", "with --unit m it is"]),
+    "boot in mm": ((36.0, 10.0, 20.0), "m", {"mass": 0.8}, ["than foam", "--unit cm it is 42 cm"]),
     "nut": ((0.03, 0.03, 0.01), "m", {"mass": 200.0}, ["more than", "if its mass is 200 g, give"]),
     "grams for kg": (
         (0.3, 0.2, 0.2),
         "m",
         {"mass": 8e-4},
-        ["than foam", "is 1 cm: give --unit in"],
+        ["than foam", "--unit in it is 1 cm"],
     ),
-    "below the pads": ((1.0, 0.5, 0.5), "mm", FRANKA, ["1.2 mm large: a pad", "give --unit cm"]),
-    "above the strokes": ((80.0, 50.0, 30.0), "cm", FRANKA, ["ten strokes", "give --unit mm"]),
+    "below the pads": ((1.0, 0.5, 0.5), "mm", FRANKA, ["1.2 mm large: a pad", "--unit cm"]),
+    "above the strokes": ((80.0, 50.0, 30.0), "cm", FRANKA, ["ten strokes", "--unit mm"]),
     "a density": ((0.1, 0.1, 0.1), "m", {"mass": 30.0, "has_density": True}, ["is its unit right"]),
     "all at once": ((200.0, 50.0, 50.0), "m", {"mass": 0.5, **FRANKA}, ["foil, and it is", "mm"]),
 }
