@@ -30,6 +30,8 @@ pytestmark = pytest.mark.slow
 SIZES = {"wide": (1280, 800), "narrow": (390, 844)}
 TARGETS = {"wide": 13.0, "narrow": 22.0}
 """Least width and height of what can be clicked or touched [pixels]."""
+DIFFERENT = 0.005
+"""Fraction of the pixels that may differ between pictures of the same view."""
 SEVERAL = 8
 """A vertex through which several grasps are; through the middle of a side there is only one."""
 REACHED = """one => {
@@ -49,6 +51,8 @@ class Viewed(Visitor):
     """A page, and its session in this process."""
 
     sessions: list[Session]
+    first: Any = None
+    """Mask of the object's pixels in the initial view."""
 
     @property
     def session(self) -> Session:
@@ -134,6 +138,8 @@ def opened(request: pytest.FixtureRequest, browser: Any, collection: Any) -> Ite
     made.page.goto(server.address + server.add(start))
     made.page.wait_for_selector("#fractions li[data-fraction]")
     made.until(lambda: coloured(made.picture()).mean() > 0.02)
+    made.page.wait_for_timeout(300)
+    made.first = coloured(made.picture())
     yield made
     context.close()
     assert not made.errors
@@ -150,7 +156,8 @@ def seen(opened: Viewed) -> Viewed:
     session.change(**{name: getattr(initial, name) for name in initial.__dataclass_fields__})
     opened.waits(lambda state: state == initial)
     opened.page.keyboard.press("r")
-    opened.page.wait_for_timeout(300)  # the picture is that of the initial view
+    opened.page.wait_for_timeout(100)
+    opened.until(lambda: (coloured(opened.picture()) != opened.first).mean() < DIFFERENT)
     return opened
 
 
