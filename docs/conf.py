@@ -46,12 +46,12 @@ nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
     ("py:.*", r"grasp3d\.arrays\.ArrayLike"),  # NumPy's
     # Arrays and others, in modules that import them for type checkers only.
     ("py:class", r"Floats|Bools|ArrayLike|ObjectMotion|Progress|Triangles"),
-    ("py:class", r".*\.\w*T|SettingsTs"),  # type variables
+    ("py:class", r".*\.\w*T|SettingsTs|.*\.Annotated"),  # type variables and the like
     ("py:class", r"grasp3d\._kernels\..*|.*\.StabilityProblem|.*\.PairLines"),  # inside results
     ("py:class", r"grasp3d\.hand\.jaws\.Jaws"),  # a part of `ParallelGripper`
     ("py:class", r"grasp3d\.mesh\.\w+\.MovableSurface"),  # a scan that is prepared already
     ("py:class", r"grasp3d\.surface\.fields\.Field"),  # declares columns of files
-    ("py:class", r".*\.tasks\.Terms?|.*\._Part"),  # likewise
+    ("py:class", r".*\.tasks\.Terms?|.*\._Part|.*\.regions\.Parts"),  # likewise
     ("py:obj", r".*"),  # parameters, and words in backticks
 ]
 
