@@ -301,7 +301,8 @@ def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
         holding=load,
         lost=labels is not None and bool((stated_label(labels.grasps) > code).any()),
     )
-    if causes or not len(rows) or (labels is not None and not labels.label.any()):
+    unstable = labels is not None and not labels.label.any()
+    if code == Label.U and (causes or unstable or not len(rows)):
         causes = causes if labels is None else cause_fractions(labels)
         remedies = () if labels is None else _other_remedies(labels, next(iter(causes), None))
         return replace(verdict, causes=causes, remedies=remedies)
