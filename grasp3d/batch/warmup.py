@@ -36,6 +36,9 @@ _FACES = np.array(
 _FACING = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
 """Inward normals of two opposite contacts, which are at the opposite points."""
 
+THIN = np.arctan(0.5) - 1e-12
+"""Angle of normals off the line with which friction 0.5 is hardly enough [rad]."""
+
 _CHILD = """
 import json, logging, sys
 level, settings, sys.path = map(json.loads, sys.argv[1:])
@@ -221,10 +224,14 @@ def _grow_hulls() -> None:
     The wrenches of two hard fingers have rank 5, those of two soft ones rank 6.
     """
     from grasp3d.contact.contacts import Contacts
+    from grasp3d.quality.closure import force_closure
     from grasp3d.quality.ferrari_canny import epsilon
 
     for torsion_radius in (0.0, 0.2):
         epsilon(Contacts(-_FACING, _FACING, 0.5, torsion_radius), edges=8)
+    # The line is only just inside the cones: the hull is too thin for the usual proof of closure.
+    cosine, sine = np.cos(THIN), np.sin(THIN)
+    force_closure(Contacts(-_FACING, [[cosine, sine, 0.0], [-cosine, sine, 0.0]], 0.5))
 
 
 def _reach(mesh: "ObjectMesh", model: GraspModel, sampling: Sampling | None) -> None:

@@ -99,8 +99,8 @@ label box.stl --unit mm --hand franka --best 2 --object-pose qx=0.5,qw=0.5 | len
 label box.stl --unit mm --hand franka --best 2 --object-pose x=400m | 400 m away from the robot, as
 label box.stl --unit mm --hand franka --best 2 --object-pose x=1m,frame=a! | must be one word
 label box.stl --unit mm --hand franka --best 2 --object-pose gone.txt | gone.txt: cannot be read (No
-label box.stl --unit mm --hand franka --best 2 --object-pose gone.tex | must be a file, or parts
-label box.stl --unit mm --hand franka --best 2 --object-pose '' | must be a file, or parts with
+label box.stl --unit mm --hand franka --best 2 --object-pose gone.tex | must be parts with names
+label box.stl --unit mm --hand franka --best 2 --object-pose '' | must be parts with names
 label box.stl --unit mm --hand franka --best 2 --object-pose prose.txt | prose.txt: could not
 label box.stl --unit mm --hand franka --best 2 --object-pose short.txt | shape (k, 4, 4); got (2, 4)
 label box.stl --unit mm --hand franka --best 2 --object-pose double.txt | have the lengths (2, 2, 2)
