@@ -443,6 +443,15 @@ def test_given_grasps_are_judged_by_the_same_words() -> None:
     assert text.startswith("Perhaps held by two fingers: no grasp is surely stable")
 
 
+def test_closing_may_make_sure_what_points_are_not() -> None:
+    """As where pads lie flat on what is rough; here the labels of points are made U."""
+    labels = beside(block())
+    expected = verdict_of(labels)
+    vars(labels)["label"] = np.zeros_like(labels.label)
+    assert str(verdict_of(labels)) == str(expected)
+    assert (expected.word, expected.causes) == ("surely", {})
+
+
 def test_the_word_is_that_of_what_the_jaws_touch() -> None:
     """Points on a cone that the friction just holds; flat jaws touch it where it is wider."""
     apex = load_mesh(shapes.cone(math.radians(14.0), 80.0, 24), unit="mm", max_edge=12.0)

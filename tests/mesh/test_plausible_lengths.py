@@ -122,8 +122,8 @@ IMPLAUSIBLE: dict[str, tuple[tuple[float, float, float], Any, dict[str, Any], li
         {"mass": 8e-4},
         ["than foam", "--unit in it is 1 cm"],
     ),
-    "below the pads": ((1.0, 0.5, 0.5), "mm", FRANKA, ["1.2 mm large: a pad", "--unit cm"]),
-    "above the strokes": ((80.0, 50.0, 30.0), "cm", FRANKA, ["ten strokes", "--unit mm"]),
+    "below the pads": ((1.0, 0.5, 0.5), "mm", FRANKA, ["1.2 mm large: a pad", "with --unit cm it"]),
+    "above the strokes": ((80.0, 50.0, 30.0), "cm", FRANKA, ["ten strokes", "with --unit mm it"]),
     "a density": ((0.1, 0.1, 0.1), "m", {"mass": 30.0, "has_density": True}, ["is its unit right"]),
     "all at once": ((200.0, 50.0, 50.0), "m", {"mass": 0.5, **FRANKA}, ["foil, and it is", "mm"]),
 }
@@ -134,6 +134,18 @@ def test_an_implausible_object_is_named_once_with_what_would_explain_it(name: st
     extents, unit, purpose, words = IMPLAUSIBLE[name]
     (text,) = warnings_of(shapes.box(extents), unit, **purpose)
     assert all(word in text for word in words), text
+
+
+def test_a_part_is_judged_as_the_whole() -> None:
+    """A balloon of half the mass that would be plausible, with contacts on a part of it only."""
+    balloon = load_mesh(shapes.sphere(3, 0.15), unit="m", max_edge=1e9)
+    part = load_mesh(balloon, only="sphere:0.15,0,0,0.1")
+    assert part.area == balloon.area == pytest.approx(4.0 * math.pi * 0.15**2, rel=0.02)
+    assert part.allowed_fraction < 0.2
+    purpose = Purpose(mass=0.01 * balloon.area)
+    texts = [list(object_warnings(mesh, purpose)) for mesh in (balloon, part)]
+    assert texts[0] == texts[1]
+    assert "less than foam or foil" in texts[0][0]
 
 
 PLAUSIBLE: dict[str, tuple[Any, dict[str, Any]]] = {

@@ -35,6 +35,7 @@ from grasp3d.viewer.scene.pictures import (
     save_turntable,
 )
 from grasp3d.viewer.session.collection import Collection, Item, collection_of
+from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import ViewSettings
 
@@ -84,6 +85,24 @@ def test_epsilon_is_computed_before_it_is_drawn(tmp_path: Path) -> None:
     assert (
         middle[..., 0].min() > middle[..., 2].max() + 40
     )  # bright, as epsilon is the same everywhere
+
+
+@pytest.mark.slow
+@needs_opengl
+def test_messages_do_not_prevent_a_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+
+    class Noting(Session):
+        def _show(self, subject: Subject) -> None:
+            super()._show(subject)
+            self.show_message("a note")
+            told.append(self.message)
+
+    monkeypatch.setattr(pictures, "Session", Noting)
+    collection = collection_of(label_surface(box_mesh((1.0, 2.0, 3.0), max_edge=0.5)))
+    save_picture(collection, ViewSettings("epsilon", width=320, height=240), tmp_path / "box.png")
+    assert read(tmp_path / "box.png").shape == (240, 320, 3)
+    assert told == ["a note"]
 
 
 @pytest.mark.slow
