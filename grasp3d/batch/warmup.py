@@ -36,7 +36,7 @@ _FACES = np.array(
 _FACING = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
 """Inward normals of two opposite contacts, which are at the opposite points."""
 
-THIN = np.arctan(0.5) - 1e-12
+_THIN = np.arctan(0.5) - 1e-12
 """Angle of normals off the line with which friction 0.5 is hardly enough [rad]."""
 
 _CHILD = """
@@ -230,7 +230,7 @@ def _grow_hulls() -> None:
     for torsion_radius in (0.0, 0.2):
         epsilon(Contacts(-_FACING, _FACING, 0.5, torsion_radius), edges=8)
     # The line is only just inside the cones: the hull is too thin for the usual proof of closure.
-    cosine, sine = np.cos(THIN), np.sin(THIN)
+    cosine, sine = np.cos(_THIN), np.sin(_THIN)
     force_closure(Contacts(-_FACING, [[cosine, sine, 0.0], [-cosine, sine, 0.0]], 0.5))
 
 

@@ -108,6 +108,18 @@ def test_what_is_compiled_is_compiled_once(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
+def test_the_rare_proof_of_closure_is_compiled_too() -> None:
+    """In a process of its own, where nothing else needs that kernel."""
+    code = (
+        "from grasp3d.batch.warmup import compile_kernels; compile_kernels(2); "
+        "from grasp3d._kernels.hull.wrench_problem import verify; print(len(verify.signatures))"
+    )
+    found = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, check=True)
+    assert int(found.stdout) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
 def test_a_folder_can_be_filled_for_others(tmp_path: Path) -> None:
     grasp3d.warmup()
     stored = cache_folder()
