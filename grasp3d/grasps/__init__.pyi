@@ -2,12 +2,14 @@ from .causes import Cause as Cause
 from .causes import cause_fractions as cause_fractions
 from .distinct import alternatives_at as alternatives_at
 from .distinct import best_grasps as best_grasps
+from .distinct import distinct_grasps as distinct_grasps
 from .distinct import grasp_kinds as grasp_kinds
 from .evaluated_poses import EvaluatedPoses as EvaluatedPoses
 from .evaluation import evaluate_grasps as evaluate_grasps
 from .grasp_files import poses_of as poses_of
 from .grasp_files import read_grasps as read_grasps
 from .grasp_files import write_grasps as write_grasps
+from .pose_files.frames import read_object_pose as read_object_pose
 from .poses import GraspPoses as GraspPoses
 from .ranking import margins_in_units as margins_in_units
 from .ranking import ranked_rows as ranked_rows

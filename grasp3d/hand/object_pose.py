@@ -101,8 +101,8 @@ def _of_text(text: str) -> ObjectPose:
     if not parts or len(dict(parts)) < len(parts) or not dict(parts).keys() <= stated.keys():
         raise ContactError(
             "the object's pose must be parts with names: x=0.4m,y=-5cm,z=0.1m,yaw=90deg (also "
-            "roll, pitch, frame; or qx, qy, qz, qw), or a file of it (in Python "
-            f"read_object_pose of grasp3d.grasps.pose_files.frames); got {text!r}"
+            "roll, pitch, frame; or qx, qy, qz, qw), or a file (.npy, .txt, .json, .yaml; in "
+            f"Python grasp3d.grasps.read_object_pose reads it); got {text!r}"
         )
     stated |= dict(parts)
     try:

@@ -135,7 +135,7 @@ def read_object_pose(source: GivenPose) -> ObjectPose:
 
     Example:
         >>> from pathlib import Path
-        >>> from grasp3d.grasps.pose_files.frames import read_object_pose
+        >>> from grasp3d.grasps import read_object_pose
         >>> _ = Path("mug.yaml").write_text(
         ...     "position: {x: 0.4, y: 0, z: 0.1}\norientation: {x: 0, y: 0, z: 0, w: 1}"
         ... )
