@@ -130,12 +130,9 @@ def print_load(report: Report, holding: Holding | None, areas: Floats | None = N
     mass = "mass not given" if holding.mass is None else f"{short_number(holding.mass)} kg"
     task = holding.load.task
     text = escaped(str(task)) if isinstance(task, TaskText) else "a given task"
-    force = (
-        "none given"
-        if holding.available is None
-        else f"{short_number(holding.available)} N per finger"
-    )
-    report.line(f"[bold]load[/]: {mass}, {text}; force at hand: {force}")
+    force = holding.case.at_hand
+    per_finger = f"{force} per finger" if force else "none given"
+    report.line(f"[bold]load[/]: {mass}, {text}; force at hand: {per_finger}")
     if holding.remedy and np.isfinite(holding.grip_force_largest).any():  # else the verdict says it
         report.line(f"  most grasps hold nothing: {escaped(holding.remedy)}")
     count = len(holding.grip_force)
@@ -149,10 +146,10 @@ def print_load(report: Report, holding: Holding | None, areas: Floats | None = N
     of, per = "grasps" if areas is None else "area", "" if holding.case.decided else " per kg"
     part = _part_text(holding.grip_force_largest, weights, f"of the {of}", "need at most", "N")
     report.line(f"  grip force{per} {_HOW[holding.how]}: some suffices on {part}")
-    if holding.has_payload and holding.available is not None:
+    if holding.has_payload:
         payloads = np.where(holding.payload > 0.0, holding.payload, math.inf)
         part = _part_text(payloads, weights, f"of the {of}", "hold at most", "kg")
-        report.line(f"  payload with {short_number(holding.available)} N: above 0 on {part}")
+        report.line(f"  payload with {force}: above 0 on {part}")
 
 
 def _part_text(values: Floats, weights: Floats, of: str, verb: str, unit: str) -> str:

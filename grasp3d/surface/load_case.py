@@ -16,6 +16,7 @@ from grasp3d.quality.loads import Load
 from grasp3d.quality.tasks import Task
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES, LengthSettings
+from grasp3d.system.counts import short_number
 
 OVERLAP = 0.01
 """Fraction by which volumes of bodies may add to more than that of the object: they overlap."""
@@ -248,8 +249,12 @@ class LoadCase:
         return cls(load, mass, task, force, torsion, load.center_of_mass_radius, pads, own)
 
     def __str__(self) -> str:
-        text = self.to_hold
-        return text if self.available is None else f"{text}, {self.available:.3g} N at hand"
+        return f"{self.to_hold}, {self.at_hand} at hand" if self.at_hand else self.to_hold
+
+    @property
+    def at_hand(self) -> str:
+        """The force at hand as text: '20 N'; empty: it is not known."""
+        return "" if self.available is None else f"{short_number(self.available)} N"
 
     @property
     def by_mass(self) -> bool:
@@ -261,7 +266,7 @@ class LoadCase:
         """What must be held, in a few words."""
         if not self.by_mass:
             return "given wrenches"
-        return "1 kg (no mass is given)" if self.mass is None else f"{self.mass:.3g} kg"
+        return "1 kg (no mass is given)" if self.mass is None else f"{short_number(self.mass)} kg"
 
     @property
     def decided(self) -> bool:

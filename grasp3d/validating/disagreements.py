@@ -15,6 +15,7 @@ from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import GraspModel
+from grasp3d.system.counts import short_number
 
 Kind = Literal["failed", "held", "held_open"]
 
@@ -176,8 +177,8 @@ def failed_hints(
         hints.append(CLEARANCE.format(clearance=f"{1e3 * max(clearance, 0.0):.2g} mm"))
     needed = scores.get("grip_force", math.nan)
     if available is not None and needed > available:
-        text = "no finite force" if math.isinf(needed) else f"{needed:.3g} N"
-        hints.append(FORCE.format(needed=text, available=f"{available:.3g} N"))
+        text = "no finite force" if math.isinf(needed) else f"{short_number(needed)} N"
+        hints.append(FORCE.format(needed=text, available=f"{short_number(available)} N"))
     if not scores["reachable"]:
         hints.append(REACH)
     return tuple(hints) or (NONE,)

@@ -8,6 +8,7 @@ from grasp3d.quality.grip_forces import Resistance
 from grasp3d.stability.thresholds import margin_budget
 from grasp3d.surface.holding import Holding
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.system.counts import short_number
 
 SYMBOLS = {"critical angle": "β*", "sensor resolution": "α/2"}
 """Parts of a budget that have a symbol in the viewer."""
@@ -98,13 +99,13 @@ class HeldGrasp:
         if self.largest > self.grip_force * (1.0 + ALIKE):
             numbers.append(("at worst normals", self._text(self.largest)))
         if math.isfinite(self.payload):
-            numbers.append(("payload", f"{self.payload:.3g} kg with {self.load.available:.3g} N"))
+            numbers.append(("payload", f"{short_number(self.payload)} kg with {self.load.at_hand}"))
         return numbers
 
     def _text(self, force: float) -> str:
         if math.isinf(force):
             return "none suffices"
-        return f"{force:.3g} N{'' if self.load.decided else ' per kg'}"
+        return f"{short_number(force)} N{'' if self.load.decided else ' per kg'}"
 
     def sentence(self) -> str:
         """Whether the force at hand holds the load, or why none does; empty: that is unknown."""
@@ -116,8 +117,8 @@ class HeldGrasp:
         available = self.load.available
         if available is None or not self.load.decided:
             return ""
-        mass = f" of {self.load.mass:.3g} kg" if self.load.by_mass else ""
-        start = f"With {available:.3g} N the load{mass} is"
+        mass = f" of {self.load.to_hold}" if self.load.by_mass else ""
+        start = f"With {self.load.at_hand} the load{mass} is"
         if self.largest <= available:
             return f"{start} held at all normals within the sensor resolution."
         if self.least > available:

@@ -18,6 +18,7 @@ from grasp3d.settings.model_text import epsilon_min_text
 from grasp3d.stability.label import COLORS, GREY, Label
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.system.counts import short_number
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import Paint
 
@@ -87,12 +88,13 @@ class Ramp:
     @property
     def start(self) -> str:
         """The value of the first colour as text."""
-        return f"≤ −{-self.minimum:.3g}{self.unit}" if self.minimum < 0.0 else f"0{self.unit}"
+        least = f"≤ −{short_number(-self.minimum)}" if self.minimum < 0.0 else "0"
+        return f"{least}{self.unit}"
 
     @property
     def end(self) -> str:
         """The value of the last colour as text."""
-        return f"{'≥ ' if self.exceeded else ''}{self.maximum:.3g}{self.unit}"
+        return f"{'≥ ' if self.exceeded else ''}{short_number(self.maximum)}{self.unit}"
 
 
 def labels_at(subject: Subject, model: GraspModel) -> Bytes:
@@ -302,7 +304,7 @@ def _force_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) ->
 def _condition(paint: Paint, load: LoadCase) -> str:
     if paint == "grip_force":
         return f"for {load.to_hold.partition(' (')[0]}"
-    return f"with {load.available:.3g} N at the worst normals"
+    return f"with {load.at_hand} at the worst normals"
 
 
 def same_settings(computed: GraspModel, model: GraspModel) -> bool:
