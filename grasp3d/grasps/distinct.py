@@ -120,7 +120,7 @@ def _find_distinct(labels: SurfaceLabels, limit: float) -> GraspTable:
     if labels.reach is None:
         return grasps.take(distinct(rows, limit))
     chosen = distinct(rows, limit * CANDIDATES)
-    if holding is not None:  # so that the least force does not depend on that at hand
+    if holding is not None:  # those of least force, which are the same whatever is at hand
         weakest = rows[np.argsort(holding.grip_force_largest[rows], kind="stable")]
         chosen = np.union1d(chosen, distinct(weakest, limit * CANDIDATES))
     candidates = grasps.take(rows[np.isin(rows, chosen)]).after_closing()
