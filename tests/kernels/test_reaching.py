@@ -30,8 +30,6 @@ from grasp3d.hand.table import Approach
 from tests.helpers import shapes
 from tests.helpers.grippers import TIPS
 
-RNG = np.random.default_rng(0)
-
 
 def nearest_in_triangle(triangle: np.ndarray, start: np.ndarray, end: np.ndarray) -> float:
     """Smallest distance of points of a triangle from a segment, by a general minimiser."""
@@ -51,9 +49,10 @@ def nearest_in_triangle(triangle: np.ndarray, start: np.ndarray, end: np.ndarray
 
 
 def test_distances_of_points_from_triangles() -> None:
-    triangles = RNG.normal(size=(300, 3, 3))
+    rng = np.random.default_rng(0)
+    triangles = rng.normal(size=(300, 3, 3))
     triangles[::10, 2] = triangles[::10, 0]  # no area
-    points = 2.0 * RNG.normal(size=(300, 3))
+    points = 2.0 * rng.normal(size=(300, 3))
     right = np.linalg.norm(trimesh.triangles.closest_point(triangles, points) - points, axis=1)
     for i in range(300):
         found = math.sqrt(triangle_distance(points[i], triangles[i].ravel()))
@@ -61,9 +60,10 @@ def test_distances_of_points_from_triangles() -> None:
 
 
 def test_distances_of_segments_from_triangles() -> None:
+    rng = np.random.default_rng(0)
     crossing = 0
     for _ in range(60):
-        triangle, ends = RNG.normal(size=9), 1.5 * RNG.normal(size=(2, 3))
+        triangle, ends = rng.normal(size=9), 1.5 * rng.normal(size=(2, 3))
         found = math.sqrt(segment_distance(ends[0], ends[1], triangle))
         assert found == pytest.approx(nearest_in_triangle(triangle, *ends), abs=2e-4)
         crossing += found == 0.0
@@ -71,7 +71,8 @@ def test_distances_of_segments_from_triangles() -> None:
 
 
 def test_a_segment_of_no_length_is_a_point() -> None:
-    triangle, point = RNG.normal(size=9), RNG.normal(size=3)
+    rng = np.random.default_rng(0)
+    triangle, point = rng.normal(size=9), rng.normal(size=3)
     found = segment_distance(point, point, triangle)
     assert found == pytest.approx(triangle_distance(point, triangle))
 
@@ -99,12 +100,13 @@ def test_boxes_contain_the_faces_of_their_nodes(faces: int) -> None:
 
 
 def test_balls_and_capsules_are_free_up_to_the_nearest_face() -> None:
+    rng = np.random.default_rng(0)
     points, faces = shapes.lopsided()
     tree = box_tree(points, faces)
     nodes = make_workspace(8).nodes
     for _ in range(20):
-        start = 2.0 * RNG.normal(size=3)
-        end = start + 0.2 * RNG.normal(size=3)
+        start = 2.0 * rng.normal(size=3)
+        end = start + 0.2 * rng.normal(size=3)
         least = min(
             math.sqrt(segment_distance(start, end, triangle)) for triangle in tree.triangles
         )
