@@ -51,6 +51,9 @@ SPHERE_POINTS = 400
 ROUNDING = 1e-11
 """Rounding errors of unit wrenches along the direction."""
 
+DECIDED = 64
+"""Grasps whose pushes are computed together."""
+
 APART = 1e-9
 """Remainder, relative to the wrench, that is not a rounding error."""
 
@@ -175,22 +178,26 @@ class ForceProblem:
     def _decide(self, grasps: Ints, wrenches: Floats, rtol: float, results: ForceResults) -> None:
         """Prove that no force resists wrenches for which none was found, or find one."""
         flat = self.contacts.reshape((-1,))
-        for g in grasps:
-            sizes = np.append(np.ones(3), np.full(3, self.sizes[g]))
-            direction = separating_direction(
-                flat.points[g] / self.sizes[g],
-                flat.normals[g],
-                self.problem.cones[g, :, 1] / self.problem.cones[g, :, 0],
-                flat.torsion_radius[g] / self.sizes[g],
-                -wrenches[g] / sizes,
-                None if flat.rolling_arms is None else flat.rolling_arms[g] / self.sizes[g],
+        for block in np.split(grasps, range(DECIDED, len(grasps), DECIDED)):
+            size = self.sizes[block, None]
+            generators = pushes(
+                flat.points[block] / size[..., None],
+                flat.normals[block],
+                self.problem.cones[block, :, 1] / self.problem.cones[block, :, 0],
+                flat.torsion_radius[block] / size,
+                None
+                if flat.rolling_arms is None
+                else flat.rolling_arms[block] / size[..., None, None],
             )
-            if direction is None:
-                self._decide_by_hull(int(g), wrenches[g], rtol, results)
-            else:
-                results.lower[g] = results.upper[g] = math.inf
-                results.status[g] = CONVERGED
-                results.direction[g] = direction / sizes
+            for g, pushed in zip(block, generators, strict=True):
+                sizes = np.append(np.ones(3), np.full(3, self.sizes[g]))
+                direction = separating_direction(pushed, -wrenches[g] / sizes)
+                if direction is None:
+                    self._decide_by_hull(int(g), wrenches[g], rtol, results)
+                else:
+                    results.lower[g] = results.upper[g] = math.inf
+                    results.status[g] = CONVERGED
+                    results.direction[g] = direction / sizes
 
     def _decide_by_hull(self, g: int, wrench: Floats, rtol: float, results: ForceResults) -> None:
         """Bounds for one wrench by the growing hull, which may leave it open."""
@@ -207,43 +214,52 @@ class ForceProblem:
             results.reason[g] = max(bounds.reason[0], kernels.NOT_RESISTED)
 
 
-def separating_direction(
+def pushes(
     points: Floats,
     normals: Floats,
     friction: Floats,
     torsion: Floats,
-    wrench: Floats,
     rolling: Floats | None = None,
-) -> Floats | None:
-    """A direction that proves that no contact forces apply a wrench; None: none was found.
+) -> Floats:
+    """Wrenches of which every wrench of the contacts' forces is a combination, without minus.
 
     Args:
-        points: Contact points of one grasp, of a size of about 1 (n, 3).
-        normals: Inward unit normals (n, 3).
-        friction: Coefficients (n,).
-        torsion: Torsion radii in the unit of the points (n,).
-        wrench: Shape (6,).
-        rolling: As `Contacts.rolling_arms` in the unit of the points (n, 2, 3); None: points.
+        points: Contact points of each grasp, of a size of about 1 (b, n, 3).
+        normals: Inward unit normals (b, n, 3).
+        friction: Coefficients (b, n).
+        torsion: Torsion radii in the unit of the points (b, n).
+        rolling: As `Contacts.rolling_arms` in the unit of the points (b, n, 2, 3); None: points.
 
     Returns:
-        Direction (6,) along which the wrench has a positive component and no contact pushes.
+        Shape (b, k, 6).
     """
     if (torsion > 0.0).any():
         sections = _circumscribed_ball()
     else:
         sections = np.pad(_circumscribed_polygon(EDGES), ((0, 0), (0, 1)))
-    forces = normals[:, None] + friction[:, None, None] * (
-        sections[:, 0, None] * tangents(normals)[0][:, None]
-        + sections[:, 1, None] * tangents(normals)[1][:, None]
-    )  # (n, m, 3)
-    moments = np.cross(points[:, None], forces)
-    moments += (torsion[:, None] * sections[:, 2])[..., None] * normals[:, None]
+    across, along = tangents(normals)
+    forces = normals[..., None, :] + friction[..., None, None] * (
+        sections[:, 0, None] * across[..., None, :] + sections[:, 1, None] * along[..., None, :]
+    )  # (b, n, m, 3)
+    moments = np.cross(points[..., None, :], forces)
+    moments += (torsion[..., None] * sections[:, 2])[..., None] * normals[..., None, :]
     if rolling is not None:
-        moments = (
-            moments[:, :, None] + (_circumscribed_polygon(PATCH_CORNERS) @ rolling)[:, None]
-        )  # (n, m, k, 3)
-        forces = np.broadcast_to(forces[:, :, None], moments.shape)
-    generators = np.concatenate([forces, moments], axis=-1).reshape(-1, 6)
+        arms = _circumscribed_polygon(PATCH_CORNERS) @ rolling  # (b, n, k, 3)
+        moments = moments[..., None, :] + arms[:, :, None]  # (b, n, m, k, 3)
+        forces = np.broadcast_to(forces[..., None, :], moments.shape)
+    return np.concatenate([forces, moments], axis=-1).reshape(len(points), -1, 6)
+
+
+def separating_direction(generators: Floats, wrench: Floats) -> Floats | None:
+    """A direction that proves that no contact forces apply a wrench; None: none was found.
+
+    Args:
+        generators: The wrenches that the contacts push with, of `pushes` (k, 6).
+        wrench: Shape (6,).
+
+    Returns:
+        Direction (6,) along which the wrench has a positive component and no contact pushes.
+    """
     size = np.linalg.norm(wrench)
     weights, residual = nnls(generators.T, wrench / size)
     if residual <= APART:
