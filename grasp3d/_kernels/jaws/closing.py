@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import kernel
+from grasp3d._kernels.compiling.decorators import kernel, part
 from grasp3d._kernels.jaws.jaws import (
     gather,
     make_faces,
@@ -21,6 +21,7 @@ from grasp3d._kernels.jaws.jaws import (
 from grasp3d._kernels.jaws.settling import CLEAR, LEAVES, make_settling, settle
 from grasp3d._kernels.jaws.touching import MIN_DEPTH, Patch, add_mean, add_patch, clear, first_touch
 from grasp3d._kernels.surface.face_tree import STACK
+from grasp3d._kernels.surface.vectors import copy_rows
 
 NONE, TOUCHES, INSIDE, LEFT = 0, 1, 2, 3
 """What becomes of a jaw: it meets no surface, it touches it, it starts in the object, or the object
@@ -69,7 +70,8 @@ def close_on(surface, tree, poses, opening, friction, jaw, first_pose, last_pose
     nodes, at_rest = np.empty(STACK, np.int64), without_back(jaw)
     for k in range(first_pose, last_pose):
         pose, distance = found.poses[k], opening[k]
-        pose[:], settled = poses[k], False
+        settled = False
+        copy_rows(poses[k], pose)
         if friction >= 0.0:
             state, width = settle(surface, tree, pose, distance, friction, jaw, nodes, memory)
             if state == LEAVES:
@@ -82,7 +84,7 @@ def close_on(surface, tree, poses, opening, friction, jaw, first_pose, last_pose
         _close(surface, tree, pose, distance, settled, used, k, nodes, faces, scratch, patch, found)
 
 
-@kernel
+@part
 def _close(surface, tree, pose, opening, settled, jaw, k, nodes, faces, scratch, patch, found):
     """Close the jaws on a surface that does not move; see `close_on`."""
     count = gather(surface, tree, pose, jaw, 0.0, nodes, faces)
@@ -113,7 +115,7 @@ def _close(surface, tree, pose, opening, settled, jaw, k, nodes, faces, scratch,
             _write_normal(patch, k, finger, found)
 
 
-@kernel
+@part
 def _write(patch, touched, side, pose, k, finger, found):
     """Write the mean of a patch as a contact."""
     moments = patch.moments
@@ -129,7 +131,7 @@ def _write(patch, touched, side, pose, k, finger, found):
         found.bounds[k, finger, i] = patch.bounds[i]
 
 
-@kernel
+@part
 def _write_normal(patch, k, finger, found):
     """Write the mean normal of a patch."""
     length = 0.0

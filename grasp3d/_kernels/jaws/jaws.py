@@ -6,9 +6,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import inlined, kernel, merged
+from grasp3d._kernels.compiling.decorators import inlined, kernel, merged, part
 from grasp3d._kernels.surface.face_tree import GO_ON, NO_NODE, below, faces_of_leaf, walk
 from grasp3d._kernels.surface.polygons import CORNERS
+from grasp3d._kernels.surface.vectors import copy, copy_rows
 
 ROUNDING = 1e-9
 """Distance, in object sizes, that counts as none: pads that only graze an edge do not touch it."""
@@ -48,6 +49,8 @@ class Faces(NamedTuple):
     """Corners in the frame of the gripper (F, 3, 3)."""
     normals: npt.NDArray[np.float64]
     """Outward unit normals in that frame (F, 3)."""
+    gathered: npt.NDArray[np.int64]
+    """Scratch of `gather` (1,)."""
 
 
 class Scratch(NamedTuple):
@@ -62,7 +65,12 @@ class Scratch(NamedTuple):
 @kernel
 def make_faces(size):
     """Allocate the memory for faces."""
-    return Faces(np.empty(size, np.int64), np.empty((size, 3, 3)), np.empty((size, 3)))
+    return Faces(
+        np.empty(size, np.int64),
+        np.empty((size, 3, 3)),
+        np.empty((size, 3)),
+        np.zeros(1, np.int64),
+    )
 
 
 @kernel
@@ -86,7 +94,7 @@ def without_back(jaw):
     )
 
 
-@kernel
+@part
 def start_before(opening, width, jaw):
     """Position from which jaws that are closed to a width close again after a small motion.
 
@@ -96,13 +104,13 @@ def start_before(opening, width, jaw):
     return -min(0.5 * opening, 0.5 * width + gap)
 
 
-@kernel
+@part
 def nearest(corners, side):
     """Smallest x of a triangle; no jaw touches it at a smaller position."""
     return min(side * corners[0, 0], side * corners[1, 0], side * corners[2, 0])
 
 
-@kernel
+@part
 def nearest_to(corners, side, plane):
     """The same for a face of the jaw that is inclined."""
     low = math.inf
@@ -112,7 +120,7 @@ def nearest_to(corners, side, plane):
     return low
 
 
-@kernel
+@part
 def edge_and_normal(corners, side):
     """First edge of a triangle, and its normal, not scaled."""
     ux, uy = side * (corners[1, 0] - corners[0, 0]), corners[1, 1] - corners[0, 1]
@@ -126,7 +134,7 @@ TURNED_AWAY = 0.2
 """Largest x of a face's normal with which it may face a jaw after a small motion."""
 
 
-@kernel
+@part
 def gather(surface, tree, pose, jaw, margin, nodes, faces):
     """Write the faces within the height and width of the jaws, at any x.
 
@@ -142,25 +150,26 @@ def gather(surface, tree, pose, jaw, margin, nodes, faces):
     Returns:
         Number of faces.
     """
-    count = np.zeros(1, np.int64)
-    walk(_gather_node, (surface, tree, pose, jaw, margin, count, faces), nodes)
-    return count[0]
+    faces.gathered[0] = 0
+    walk(_gather_node, (surface, tree, pose, jaw, margin, faces), nodes)
+    return faces.gathered[0]
 
 
 @merged
 def _gather_node(node, _position, _stale, state):
     """Visit a node of the tree."""
-    surface, tree, pose, jaw, margin, count, faces = state
+    surface, tree, pose, jaw, margin, faces = state
     if not _near(tree.bounds[node], pose, jaw, margin):
         return NO_NODE, NO_NODE, GO_ON
     first, last = faces_of_leaf(node, tree.depth, surface.faces.shape[0])
+    count = faces.gathered
     for i in range(first, last):
         count[0] += _write_face(surface, tree.order[i], pose, jaw, margin, count[0], faces)
     later, sooner = below(node, tree.depth)
     return later, sooner, GO_ON
 
 
-@kernel
+@part
 def _near(ball, pose, jaw, margin):
     """Whether a ball reaches into the height and width of the jaws."""
     y, z, reach = 0.0, 0.0, ball[3] + margin
@@ -174,7 +183,7 @@ def _near(ball, pose, jaw, margin):
     )
 
 
-@kernel
+@part
 def _write_face(surface, face, pose, jaw, margin, row, faces):
     """Write a face in the gripper's frame; returns whether it is within the jaws' bounds."""
     corners, normal = faces.corners[row], faces.normals[row]
@@ -198,7 +207,7 @@ def _write_face(surface, face, pose, jaw, margin, row, faces):
     return True
 
 
-@kernel
+@part
 def is_between(corners, jaw, margin):
     """Whether a triangle reaches into the height and width of the jaws, up to a margin."""
     for k in range(1, 3):
@@ -209,7 +218,7 @@ def is_between(corners, jaw, margin):
     return True
 
 
-@kernel
+@part
 def move(faces, count, motion, jaw, margin, moved):
     """Write the faces, moved with the object, that are within the height and width of the jaws.
 
@@ -245,7 +254,7 @@ def move_face(corners, normal, motion, first, last, moved, turned):
         turned[k] = a * normal[0] + b * normal[1] + c * normal[2]
 
 
-@kernel
+@part
 def keep_near(faces, count, touches, start, margin, jaw):
     """Keep the faces that a jaw may touch, or start in, after a small motion of the object.
 
@@ -281,15 +290,15 @@ def keep_near(faces, count, touches, start, margin, jaw):
     return kept
 
 
-@kernel
+@part
 def _copy(faces, source, target):
     """Copy a face to another row."""
     faces.numbers[target] = faces.numbers[source]
-    faces.corners[target] = faces.corners[source]
-    faces.normals[target] = faces.normals[source]
+    copy_rows(faces.corners[source], faces.corners[target])
+    copy(faces.normals[source], faces.normals[target])
 
 
-@kernel
+@part
 def put_first(faces, count, numbers):
     """Reorder the faces so that those with the given numbers are the first ones.
 
@@ -303,12 +312,13 @@ def put_first(faces, count, numbers):
     """
     front = 0
     for f in range(count):
-        if front < numbers.shape[0] and (faces.numbers[f] == numbers).any():
+        number = faces.numbers[f]
+        if front < 2 and (number == numbers[0] or number == numbers[1]):
             swap(faces, f, front)
             front += 1
 
 
-@kernel
+@part
 def swap(faces, i, j):
     """Swap two faces."""
     faces.numbers[i], faces.numbers[j] = faces.numbers[j], faces.numbers[i]
@@ -319,7 +329,7 @@ def swap(faces, i, j):
             faces.corners[i, c, k], faces.corners[j, c, k] = b, a
 
 
-@kernel
+@part
 def starts_inside(faces, count, side, start, jaw):
     """Whether the middle of a jaw is in the object before it moves.
 
@@ -334,7 +344,7 @@ def starts_inside(faces, count, side, start, jaw):
     return inside(faces, count, side * (start - behind))
 
 
-@kernel
+@part
 def inside(faces, count, start):
     """Whether the point (start, 0, 0) is in the object.
 
@@ -349,7 +359,7 @@ def inside(faces, count, start):
     return _leaving(faces, count, 1.0, start) > 0 and _leaving(faces, count, -1.0, -start) > 0
 
 
-@kernel
+@part
 def _leaving(faces, count, side, start):
     """How many more faces a ray from `start` leaves the object by than it enters.
 
@@ -371,7 +381,7 @@ def _leaving(faces, count, side, start):
     return total
 
 
-@kernel
+@part
 def _crosses(a, b):
     """Whether an edge crosses the half-line y = 0, z > 0, seen along x."""
     if (a[1] > 0.0) == (b[1] > 0.0):

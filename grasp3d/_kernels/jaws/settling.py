@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import kernel
+from grasp3d._kernels.compiling.decorators import kernel, part
 from grasp3d._kernels.jaws.jaws import (
     EDGE_ON,
     Faces,
@@ -38,7 +38,7 @@ from grasp3d._kernels.jaws.jaws import (
     starts_inside,
 )
 from grasp3d._kernels.jaws.touching import slopes, touch_face
-from grasp3d._kernels.surface.vectors import difference
+from grasp3d._kernels.surface.vectors import copy_rows, difference
 
 PARALLEL = 1e-14
 """Determinant, relative to the squares of slopes, below which lines do not meet."""
@@ -47,7 +47,7 @@ EQUALLY_LOW = 1e-13
 """Difference of heights that rounding makes: of points that are equally low the first counts."""
 
 
-@kernel
+@part
 def lowest_point(planes, number, reach, slope):
     """Minimise max over planes of (a + b u + c v) + slope * |(u, v)| for |u|, |v| <= reach.
 
@@ -81,7 +81,7 @@ def lowest_point(planes, number, reach, slope):
     return best
 
 
-@kernel
+@part
 def _height(planes, number, slope, u, v):
     """The function that is minimised."""
     height = -math.inf
@@ -90,7 +90,7 @@ def _height(planes, number, slope, u, v):
     return height + slope * math.hypot(u, v)
 
 
-@kernel
+@part
 def _lower(planes, number, slope, u, v, reach, best):
     """The lower of the best point and another one, if that is in the square."""
     if not (abs(u) <= reach and abs(v) <= reach):
@@ -99,7 +99,7 @@ def _lower(planes, number, slope, u, v, reach, best):
     return (height, u, v) if height < best[0] - EQUALLY_LOW else best
 
 
-@kernel
+@part
 def _balanced(along, slope, distance):
     """Where the cone balances a slope along a line, from the point of it nearest to the origin.
 
@@ -110,7 +110,7 @@ def _balanced(along, slope, distance):
     return -distance * along / math.sqrt(slope * slope - along * along)
 
 
-@kernel
+@part
 def _on_line(planes, number, slope, i, j, reach, best):
     """The best point so far, or a better one on the line where two planes meet."""
     a, b, c = difference(planes[i], planes[j])
@@ -132,7 +132,7 @@ def _on_line(planes, number, slope, i, j, reach, best):
     return best
 
 
-@kernel
+@part
 def _at_corner(planes, number, slope, a, b, c, i, k, reach, best):
     """The best point so far, or a better one where a third plane meets the line a + b u + c v."""
     d, e, f = difference(planes[i], planes[k])
@@ -148,19 +148,19 @@ TURN, ROLL_ON_1, ROLL_ON_2, SHIFT, MOTIONS = 0, 1, 2, 3, 4
 jaw, and along y and z; their number."""
 
 
-@kernel
+@part
 def jaw_size(jaw):
     """Half the diagonal of a jaw."""
     return 0.5 * math.hypot(jaw.bounds[2] - jaw.bounds[0], jaw.bounds[3] - jaw.bounds[1])
 
 
-@kernel
+@part
 def slip_of(kind, width, size):
     """How far the object slips on both jaws per unit of a motion."""
     return 2.0 * size if kind == SHIFT else width
 
 
-@kernel
+@part
 def set_pivot(kind, touches, pivot):
     """Write the point that stays where it is."""
     for k in range(3):
@@ -172,7 +172,7 @@ def set_pivot(kind, touches, pivot):
             pivot[k] = 0.5 * (touches[0, k] + touches[1, k])
 
 
-@kernel
+@part
 def write_motion(kind, u, v, size, pivot, motion):
     """Write a motion of the object: a turn by (0, u, v), or a shift by (0, u, v) jaw sizes."""
     motion[:] = 0.0
@@ -194,7 +194,7 @@ def write_motion(kind, u, v, size, pivot, motion):
             motion[i, 3] -= motion[i, j] * pivot[j]
 
 
-@kernel
+@part
 def write_plane(kind, width, u, v, size, touches, pivot, plane):
     """Write the plane that agrees with the opening at a motion (u, v)."""
     plane[1] = plane[2] = 0.0
@@ -211,7 +211,7 @@ def write_plane(kind, width, u, v, size, touches, pivot, plane):
     plane[0] = width - u * plane[1] - v * plane[2]
 
 
-@kernel
+@part
 def apply_motion(motion, pose, total):
     """Move the object: its motion since faces were written, and the gripper's pose on it."""
     for j in range(4):
@@ -257,7 +257,7 @@ def make_touching():
     )
 
 
-@kernel
+@part
 def touch(faces, count, motion, jaw, start, memory, touches):
     """Close both jaws on an object that has moved.
 
@@ -301,7 +301,7 @@ def touch(faces, count, motion, jaw, start, memory, touches):
     return _write_touches(faces, motion, jaw, memory, touches)
 
 
-@kernel
+@part
 def _write_touches(faces, motion, jaw, memory, touches):
     """Write what was found; returns as `touch`."""
     corners, normal, width = memory.corners, memory.normal, 0.0
@@ -408,7 +408,7 @@ def make_settling(size):
     )
 
 
-@kernel
+@part
 def settle(surface, tree, pose, opening, friction, jaw, nodes, memory):
     """Move an object between the jaws until it is at rest.
 
@@ -470,14 +470,14 @@ def settle(surface, tree, pose, opening, friction, jaw, nodes, memory):
             proven[kind] = outcome == PROVEN
             if outcome == MOVED and rate > (1.0 + TIED) * fastest:
                 fastest, reached, length = rate, lowest, moved
-                memory.chosen[:] = memory.best
-                memory.chosen_motion[:] = memory.best_motion
+                copy_rows(memory.best, memory.chosen)
+                copy_rows(memory.best_motion, memory.chosen_motion)
         if fastest > 0.0:
             # The jaws follow the object, and the gripper is centred.
             left -= 2.0 * _farthest(length, size, start) + width - reached
             width, moves = reached, moves + 1
             apply_motion(memory.chosen_motion, pose, total)
-            memory.touches[:] = memory.chosen
+            copy_rows(memory.chosen, memory.touches)
             proven[:] = False
         elif lost or shorter:
             reach *= SHRINKING
@@ -488,7 +488,7 @@ def settle(surface, tree, pose, opening, friction, jaw, nodes, memory):
     return (LEAVES if leaves else RESTS), width
 
 
-@kernel
+@part
 def _centre(pose, total, touches):
     """Shift the gripper along x so that its jaws are symmetric about the TCP."""
     middle = 0.5 * (touches[0, 5] + touches[1, 5])
@@ -500,7 +500,7 @@ def _centre(pose, total, touches):
         touches[finger, 5] -= middle
 
 
-@kernel
+@part
 def _farthest(length, size, start):
     """Largest distance by which a motion moves a point between the jaws.
 
@@ -509,7 +509,7 @@ def _farthest(length, size, start):
     return length * math.hypot(2.0 * start, 2.0 * size)
 
 
-@kernel
+@part
 def _write_promises(width, size, memory):
     """Write the rate of each motion at its start."""
     plane = memory.planes[0]
@@ -520,17 +520,19 @@ def _write_promises(width, size, memory):
         memory.promises[kind] = math.hypot(plane[1], plane[2]) / max(slip, TOLERANCE)
 
 
-@kernel
+@part
 def _first_of_largest(promises):
     """Index of the first of the largest numbers."""
-    least = (1.0 - TIED) * promises.max()
+    largest = 0.0
     for kind in range(MOTIONS):
-        if promises[kind] >= least:
+        largest = max(largest, promises[kind])
+    for kind in range(MOTIONS):
+        if promises[kind] >= (1.0 - TIED) * largest:
             return kind
     return 0
 
 
-@kernel
+@part
 def _minimise(kind, width, opening, friction, reach, count, jaw, memory):
     """Try motions of one kind, and write the best one.
 
@@ -560,6 +562,6 @@ def _minimise(kind, width, opening, friction, reach, count, jaw, memory):
             length = math.hypot(u, v)
             lowest, found = tried + friction * slip * length, tried
             rate = (width - tried) / max(slip * length, TOLERANCE)
-            memory.best[:] = memory.tried
-            memory.best_motion[:] = memory.motion
+            copy_rows(memory.tried, memory.best)
+            copy_rows(memory.motion, memory.best_motion)
     return (MOVED if found < width else SHORTER), found, rate, length

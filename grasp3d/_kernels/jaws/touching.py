@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import kernel
+from grasp3d._kernels.compiling.decorators import part
 from grasp3d._kernels.jaws.jaws import EDGE_ON, ROUNDING, edge_and_normal, nearest, nearest_to
 from grasp3d._kernels.surface.polygons import (
     clip,
@@ -20,9 +20,10 @@ from grasp3d._kernels.surface.polygons import (
     disc_moments,
     projected_moments,
 )
+from grasp3d._kernels.surface.vectors import copy6
 
 
-@kernel
+@part
 def ball_position(corners, normal, side, jaw, start, scratch):
     """(whether a ball overlaps a face at its start, position at which it touches it, inf: never).
 
@@ -46,7 +47,7 @@ def ball_position(corners, normal, side, jaw, start, scratch):
     return False, position
 
 
-@kernel
+@part
 def _write_on_edge(corners, i, t, side, row):
     """Write the point at fraction t of the edge from corner i to the next."""
     j = (i + 1) % 3
@@ -57,7 +58,7 @@ def _write_on_edge(corners, i, t, side, row):
     row[3 + i], row[3 + j] = 1.0 - t, t
 
 
-@kernel
+@part
 def _touching_plane(corners, normal, side, radius, row):
     """Position at which a ball touches the inside of a face, inf if it does not; writes the point.
 
@@ -80,7 +81,7 @@ def _touching_plane(corners, normal, side, radius, row):
     return x + radius * side * normal[0] + radius
 
 
-@kernel
+@part
 def _touching_edge(corners, i, side, radius):
     """(position at which a ball touches an edge, inf: never; fraction of the edge there).
 
@@ -106,7 +107,7 @@ def _touching_edge(corners, i, side, radius):
     return side * a[0] + t * dx - math.sqrt(square) + radius, t
 
 
-@kernel
+@part
 def _distance(corners, side, x):
     """Distance from a triangle to the point (x, 0, 0)."""
     least, inside = math.inf, True
@@ -136,7 +137,7 @@ TIED = 1e-10
 of a face that lies flat on a pad."""
 
 
-@kernel
+@part
 def first_touch(faces, count, side, jaw, start, scratch):
     """Smallest position at which a jaw touches a face.
 
@@ -168,7 +169,7 @@ def first_touch(faces, count, side, jaw, start, scratch):
     return found, first
 
 
-@kernel
+@part
 def touch_face(corners, normal, side, jaw, start, first, scratch, row):
     """Position at which a jaw touches one face.
 
@@ -199,11 +200,11 @@ def touch_face(corners, normal, side, jaw, start, first, scratch, row):
             return True, math.inf, j
         if facing and position < first - TIED and position <= ROUNDING - start:
             found, first, part = position, position, j
-            row[:] = scratch.mean
+            copy6(scratch.mean, row)
     return False, found, part
 
 
-@kernel
+@part
 def slopes(corners, normal, part, side, jaw, position, row):
     """How the position of a jaw changes as the object that it touches moves along y and z.
 
@@ -248,7 +249,7 @@ def slopes(corners, normal, part, side, jaw, position, row):
     return (uz * tx - ux * tz) / x, (ux * ty - uy * tx) / x
 
 
-@kernel
+@part
 def _pad_position(corners, side, jaw, part, start, scratch):
     """(whether the pad overlaps a face at its start, position at which it touches it, inf: never).
 
@@ -288,7 +289,7 @@ class Patch(NamedTuple):
     """Smallest y and z, largest y and z (4,)."""
 
 
-@kernel
+@part
 def clear(patch):
     """Start a patch."""
     patch.moments[:] = 0.0
@@ -297,7 +298,7 @@ def clear(patch):
     patch.bounds[2:] = -math.inf
 
 
-@kernel
+@part
 def add_patch(faces, count, side, jaw, start, limit, surface, scratch, patch):
     """Add what a jaw touches: the faces up to a limit.
 
@@ -328,7 +329,7 @@ def add_patch(faces, count, side, jaw, start, limit, surface, scratch, patch):
                 add_mean(scratch.mean, area, faces.numbers[i], surface, patch)
 
 
-@kernel
+@part
 def add_mean(mean, area, face, surface, patch):
     """Add an area with its mean as a row of a polygon."""
     patch.moments[0] += area
@@ -346,7 +347,7 @@ def add_mean(mean, area, face, surface, patch):
     patch.normal[2] += scale * z
 
 
-@kernel
+@part
 def _on_pad(faces, i, side, jaw, part, start, limit, scratch, patch):
     """Area of a face on a face of the pad up to a depth; writes `scratch.mean` and the bounds."""
     polygon, spare, mean = scratch.polygon, scratch.spare, scratch.mean
@@ -364,13 +365,13 @@ def _on_pad(faces, i, side, jaw, part, start, limit, scratch, patch):
     return area
 
 
-@kernel
+@part
 def _extend(bounds, y, z):
     bounds[0], bounds[1] = min(bounds[0], y), min(bounds[1], z)
     bounds[2], bounds[3] = max(bounds[2], y), max(bounds[3], z)
 
 
-@kernel
+@part
 def _in_ball(faces, i, side, jaw, limit, scratch, patch):
     """Area of a face in a ball; writes `scratch.mean` and the bounds."""
     corners = faces.corners[i]
@@ -415,7 +416,7 @@ def _in_ball(faces, i, side, jaw, limit, scratch, patch):
     return area
 
 
-@kernel
+@part
 def _extend_by_rim(flat, radius, middle, u, v, bounds):
     """Extend bounds by the extreme points of a disc along y and z that lie in a triangle."""
     for axis in range(2):

@@ -8,7 +8,7 @@ are scratch.
 
 import math
 
-from grasp3d._kernels.compiling.decorators import kernel, merged, scratch_kernel
+from grasp3d._kernels.compiling.decorators import merged, part
 
 MOST_EDGES = 12
 """Most sides of a convex face of a jaw."""
@@ -17,7 +17,7 @@ CORNERS = 2 * MOST_EDGES
 """Rows that a triangle needs when it is cut by the sides of a face and two planes more."""
 
 
-@kernel
+@part
 def write_triangle(corners, side, polygon):
     """Write a triangle (3, 3) as a polygon, with x multiplied by `side`."""
     for i in range(3):
@@ -29,7 +29,7 @@ def write_triangle(corners, side, polygon):
     return 3
 
 
-@kernel
+@part
 def clip(polygon, count, plane, clipped):
     """Write the part of a convex polygon where plane[0] x + plane[1] y + plane[2] z <= plane[3].
 
@@ -60,7 +60,7 @@ def clip(polygon, count, plane, clipped):
     return kept
 
 
-@kernel
+@part
 def clip_to_polygon(corners, side, plane, edges, polygon, spare):
     """Write the part of a triangle that is ahead of a convex face of a jaw.
 
@@ -100,7 +100,7 @@ def clip_to_polygon(corners, side, plane, edges, polygon, spare):
     return count
 
 
-@kernel
+@part
 def projected_moments(polygon, count, mean):
     """Area of a convex polygon seen along x, and its centroid with respect to that area.
 
@@ -121,7 +121,7 @@ def projected_moments(polygon, count, mean):
     return total
 
 
-@kernel
+@part
 def _projected_area(polygon, i):
     """Area of the triangle of the corners 0, i and i + 1, seen along x."""
     ay, az = polygon[i, 1] - polygon[0, 1], polygon[i, 2] - polygon[0, 2]
@@ -129,7 +129,7 @@ def _projected_area(polygon, i):
     return 0.5 * abs(ay * bz - az * by)
 
 
-@kernel
+@part
 def disc_moments(ax, ay, bx, by, radius, totals):
     """Add the area and first moments of a disc's part in the triangle of its centre, a and b.
 
@@ -163,7 +163,7 @@ def disc_moments(ax, ay, bx, by, radius, totals):
             totals[2] += radius**3 / 3.0 * (px / p - qx / q)
 
 
-@kernel
+@part
 def crossings(ax, ay, dx, dy, radius):
     """Where the edge a + t d, 0 <= t <= 1, enters and leaves a disc about the origin.
 
@@ -187,7 +187,7 @@ REGION_CORNERS = 32
 """Most corners of a polygon; each cut adds one, or two by rounding errors."""
 
 
-@scratch_kernel
+@part
 def cut(polygon, size, a, b, c):
     """Cut off the part of a polygon where a x + b y + c > 0; (corners left, least value before).
 

@@ -69,6 +69,14 @@ def copy(source, target):
 
 
 @merged
+def copy_rows(source, target):
+    """Copy an array of rows."""
+    for i in range(source.shape[0]):
+        for k in range(source.shape[1]):
+            target[i, k] = source[i, k]
+
+
+@merged
 def dot6(a, b):
     """Inner product of two vectors of six numbers."""
     return ((a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3])) + (a[4] * b[4] + a[5] * b[5])
