@@ -1,8 +1,8 @@
 # The public names, read by type checkers and, when the package is imported, by Python.
 from . import planar as planar
+from ._kernels.compiling.ahead import warmup as warmup
 from .batch.batch_settings import BatchSettings as BatchSettings
 from .batch.library import label_library as label_library
-from .batch.warmup import warmup as warmup
 from .contact.contacts import Contacts as Contacts
 from .contact.sensor import Sensor as Sensor
 from .errors import GraspError as GraspError

@@ -56,7 +56,7 @@ def compare(path: Path) -> str:
 
 def main() -> None:
     """Compare the meshes."""
-    grasp3d.warmup(gripper=True)
+    grasp3d.warmup()
     given = [Path(name) for name in sys.argv[1:]]
     suffixes = {".ply", ".off", ".obj", ".glb", ".stl"}
     paths = given or sorted(path for path in MESHES.iterdir() if path.suffix in suffixes)

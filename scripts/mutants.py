@@ -259,9 +259,12 @@ def place_of(mutant: Mutant, root: Path) -> tuple[Path, int]:
 
 
 def copy_tree(root: Path, folder: Path) -> None:
-    """Copy what tests need of a checkout; pages and meshes, which they only read, are linked."""
+    """Copy what tests need of a checkout; pages and meshes, which they only read, are linked.
+
+    Machine code is copied, which is that of the kernels unless one of these is changed.
+    """
     for name in ("grasp3d", "tests", "scripts"):
-        shutil.copytree(root / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(root / name, folder / name, ignore=shutil.ignore_patterns("*.pyc"))
     shutil.copy(root / "pyproject.toml", folder)
     for name in ("docs", "meshes", "README.md"):
         (folder / name).symlink_to(root / name)
@@ -269,12 +272,10 @@ def copy_tree(root: Path, folder: Path) -> None:
         (folder.parent / "shared").symlink_to(root.parent / "shared")
 
 
-def run_tests(
-    folder: Path, files: Sequence[str], marked: str, **variables: str
-) -> tuple[int | None, str]:
+def run_tests(folder: Path, files: Sequence[str], marked: str) -> tuple[int | None, str]:
     """Exit code of pytest, None if it did not end in time, and the first test that failed."""
     paths = [str(path) for name in files for path in sorted((folder / "tests").rglob(name))]
-    environment = os.environ | {"PYTHONPATH": str(folder)} | variables
+    environment = os.environ | {"PYTHONPATH": str(folder)}
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", marked]
     try:
         ran = subprocess.run(  # noqa: S603 - the tests of this checkout
@@ -295,13 +296,11 @@ def judge(mutant: Mutant, root: Path) -> Verdict:
         folder = Path(temporary, "grasp3d")
         folder.mkdir()
         copy_tree(root, folder)
-        planted, machine_code = folder / module, {}
-        if "_kernels" in module.parts:
-            machine_code["NUMBA_CACHE_DIR"] = str(Path(temporary, "numba"))
+        planted = folder / module
         text = planted.read_text(encoding="utf-8")
         planted.write_text(text.replace(mutant.text, mutant.replacement), encoding="utf-8")
         for marked in ("not slow", "slow"):
-            code, by = run_tests(folder, mutant.tests.split(), marked, **machine_code)
+            code, by = run_tests(folder, mutant.tests.split(), marked)
             if code not in {0, 5}:  # 5: none has this mark
                 break
     outcome = OUTCOMES.get(code, f"pytest: {code}")

@@ -10,32 +10,18 @@ from typing import Any
 
 import pytest
 
-COMPILE = "from grasp3d.batch.warmup import compile_forces, compile_kernels; "
-WORK = (
-    "compile_kernels(2); compile_kernels(3, True)",
-    "compile_forces(); compile_kernels(2, True)",
-)
-"""What most tests need, for two processes; in this order each finds what the other has made."""
-
 LIBRARIES = {"duckdb", "fcl", "h5py", "nbformat", "pandas", "plyfile", "polars", "sybil", "yaml"}
 """What files of tests import, of the extra `test`; without it they are passed over, not in CI."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile what most tests need, in two processes.
+    """Compile the kernels before there are workers, unless the installation has left them here.
 
-    Otherwise every worker, and every command that a test starts, would compile the same kernels.
+    Otherwise every worker, and every command that a test starts, would compile the same ones.
     """
-    if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
-        return
-    from grasp3d._kernels.compiling.machine_code import cache_folder
-
-    folder = cache_folder()
-    compiled = folder is not None and any(folder.glob("*.nbc"))
-    if not compiled and not os.environ.get("NUMBA_DISABLE_JIT"):
-        processes = [subprocess.Popen([sys.executable, "-c", COMPILE + work]) for work in WORK]
-        failed = [process.wait() for process in processes]
-        if any(failed):
+    if not hasattr(config, "workerinput") and config.getoption("numprocesses", None):
+        words = [sys.executable, "-m", "grasp3d._kernels.compiling.ahead"]
+        if subprocess.run(words, stdout=subprocess.DEVNULL, check=False).returncode:
             raise pytest.UsageError("the kernels could not be compiled, see above")
 
 

@@ -129,12 +129,6 @@ class BatchSettings:
         return _grid_models(self, model, unit)
 
     @property
-    def needs_forces(self) -> bool:
-        """Whether forces are computed: for a load, and for location errors of three fingers."""
-        located = self.model.certainty == "safe" or self.grid_values["location_error"] != (0.0,)
-        return self.load is not None or (self.model.fingers > 2 and located)
-
-    @property
     def search(self) -> AnySampling:
         """How grasps are searched; the search angle covers the model and a grid that is given."""
         if self.sampling.search_angle is not None or self.grid == FractionGrid():

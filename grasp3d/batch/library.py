@@ -17,7 +17,6 @@ from grasp3d.batch.row import Outcome, Row, Summary
 from grasp3d.batch.run import run
 from grasp3d.batch.storage import Folder, local_path
 from grasp3d.batch.store import Store
-from grasp3d.batch.warmup import Kernels
 from grasp3d.errors import OutputError
 from grasp3d.system.context import is_strict
 
@@ -246,9 +245,7 @@ def _rows(
         lost=lost_row,
         cluster=cluster,
         started=lambda job: counter.start(job.mesh),
-        kernels=Kernels(
-            settings.model.fingers, settings.reach.hand is not None, settings.needs_forces
-        ),
+        compiled=True,
     ):
         row = _row_of(result, store.rows)
         if check_shared_folder and row.labels:

@@ -9,9 +9,9 @@ from functools import partial
 from itertools import chain, islice
 from typing import Generic, TypeVar
 
+from grasp3d._kernels.compiling.ahead import warmup
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.job_requests import JobClient, Request, Result, ResultKind, open_local, versions
-from grasp3d.batch.warmup import Kernels, compile_first, compile_kernels
 from grasp3d.system.context import is_strict, running
 from grasp3d.system.isolation import (
     CallFailure,
@@ -44,7 +44,7 @@ def run(
     lost: Callable[[JobT, str], RowT],
     cluster: ClusterSettings,
     started: Callable[[JobT], None] = _ignore_start,
-    kernels: Kernels | None = None,
+    compiled: bool = False,
 ) -> Iterator[RowT]:
     """Run a task for every job and yield each row when it is finished.
 
@@ -59,8 +59,7 @@ def run(
         lost: Makes the row of a job that failed without a row, from the reason.
         cluster: Which processes run the jobs, and the limits of a job.
         started: Called with each job that is taken.
-        kernels: Kernels that are compiled before the jobs, outside their limits and times; None: no
-            job needs any.
+        compiled: Whether the kernels are compiled before the jobs, outside their limits and times.
 
     Raises:
         SettingError: No cluster runs at the given address.
@@ -70,9 +69,9 @@ def run(
     first = list(islice(jobs, 1))
     if not first:
         return
+    if compiled and cluster.scheduler is None:
+        warmup()
     if cluster.workers == 0:
-        if kernels is not None:
-            compile_kernels(*kernels)
         for job in chain(first, jobs):
             started(job)
             yield _run_here(task, job, settings, lost)
@@ -83,15 +82,13 @@ def run(
         if cluster.scheduler is None:
             client = local = stack.enter_context(open_local(cluster))
             first += islice(jobs, local.processes - 1)
-            if kernels is not None:
-                compile_first(kernels, children=len(first))
         else:
             # Imported here: jobs on this machine need no Dask.
             from grasp3d.batch.cluster import open_cluster
 
             client = stack.enter_context(open_cluster(cluster.scheduler))
-            if kernels is not None:
-                preparation = pickle_call(compile_kernels, *kernels)
+            if compiled:
+                preparation = pickle_call(warmup)
         template = Request(
             b"", working_folder(), cluster.worker_memory, cluster.timeout, versions(), preparation
         )

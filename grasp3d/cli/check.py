@@ -19,7 +19,6 @@ from grasp3d.batch.checking import (
 from grasp3d.batch.inputs import MeshFile, find_meshes
 from grasp3d.batch.run import run as run_each
 from grasp3d.batch.storage import local_path
-from grasp3d.batch.warmup import Kernels
 from grasp3d.cli import progress_bars
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.mesh_commands import Check
@@ -70,7 +69,7 @@ def _checked(command: Check, files: list[MeshFile], settings: BatchSettings) -> 
         return [check_file(files[0], settings, force=command.force)]
     check = partial(check_file, force=command.force)
     checks = run_each(
-        check, files, settings, lost=lost_check, cluster=command.cluster, kernels=Kernels(0)
+        check, files, settings, lost=lost_check, cluster=command.cluster, compiled=True
     )
     rows = progress_bars.counted_results(checks, "checking", len(files), quiet=command.quiet)
     return sorted(rows, key=lambda row: row.name)

@@ -18,7 +18,6 @@ from grasp3d.batch.sweeping import (
     sweep_mesh,
     sweep_on_one_thread,
 )
-from grasp3d.batch.warmup import Kernels
 from grasp3d.cli import progress_bars, sweep_report
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.library_commands import FRICTIONS, RESOLUTIONS, Sweep
@@ -150,7 +149,7 @@ def _swept(command: Sweep, targets: list[Target], settings: SweepSettings) -> li
     one_thread = partial(sweep_on_one_thread, force=command.force)
     sweeps = run_each(
         one_thread, meshes, settings, lost=lost_mesh, cluster=command.cluster,
-        kernels=Kernels(command.fingers),
+        compiled=True,
     )  # fmt: skip
     rows = progress_bars.counted_results(sweeps, "sweeping", len(meshes), quiet=command.quiet)
     return sorted(rows, key=lambda row: row.name)

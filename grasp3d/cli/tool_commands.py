@@ -7,8 +7,6 @@ from typing import Annotated
 import tyro
 
 from grasp3d.cli.options import (
-    Flag,
-    Folder,
     LengthOption,
     Overwrite,
     Quiet,
@@ -104,29 +102,13 @@ class Paper:
 class Warmup:
     """Compile the kernels ahead, so that no later command or Python program waits for it.
 
-    They are compiled when they are first needed, once per installation: use it to make the image of
-    a container, or on the machines of a cluster.
+    An installation brings them compiled for the machine that it is made on. On a machine with
+    another processor, or with another version of Numba, they are compiled when they are first
+    needed, once: this command does so before, on all processors.
 
     Example:
-        # Compile the kernels for two fingers
+        # Compile what is not compiled yet
         grasp3d warmup
-        # Also those for three, four and five fingers
-        grasp3d warmup --fingers 3
-        # Into a folder, as for an image of a container
-        grasp3d warmup --cache kernels
     """
-
-    fingers: int = 2
-    """Largest number of fingers, 2 to 5; the kernels for four serve five as well."""
-
-    gripper: Flag = False
-    """Compile the kernels for grippers too."""
-
-    forces: Flag = False
-    """Compile the kernels for grip forces too, which a load needs."""
-
-    cache: Folder = None
-    """Folder for the machine code, such as one of an image; later runs find it, also read-only,
-    where the environment variable NUMBA_CACHE_DIR names it (default: that of the user)."""
 
     quiet: Quiet = False

@@ -2,7 +2,7 @@
 
 import time
 
-from grasp3d.batch.warmup import warmup
+from grasp3d._kernels.compiling.ahead import warmup
 from grasp3d.cli.progress_bars import waiting
 from grasp3d.cli.tool_commands import Warmup
 from grasp3d.system.counts import counted
@@ -12,9 +12,7 @@ def run(command: Warmup) -> int:
     """Run the command, and return the exit code."""
     begun = time.perf_counter()
     with waiting("compiling kernels", quiet=command.quiet):
-        kernels = warmup(
-            command.fingers, gripper=command.gripper, forces=command.forces, cache=command.cache
-        )
+        kernels = warmup()
     if not command.quiet:
         seconds = time.perf_counter() - begun
         text = f"compiled {counted(len(kernels), 'kernels')} in {seconds:.0f} s"

@@ -379,6 +379,7 @@ label x --resolution 3 | did you mean --sensor-resolution?
 label x --colour red | no option --colour; all options: grasp3d label --help-all
 label x --no-mass | --no-mass
 warmup --hand | grasp3d warmup has no option --hand
+warmup --fingers 3 | grasp3d warmup has no option --fingers
 design --fraction 1 | did you mean --friction?
 design --mass 1 | design has no option --mass
 perturb missing.ply --location-error 1mm | no option --location-error
@@ -463,8 +464,6 @@ paper -o notes.csv | notes.csv
 paper -o x --friction 0 | friction must be
 paper -o x --fixed 1 2 3 | needs an object: give its mesh
 paper -o x --sensor-resolution 1 2 3 | one or two sensor resolutions; got 3
-warmup --fingers 9 | fingers must be from 2 to 5
-warmup --cache notes.csv | choose a folder that can be written
 """
 """Wrong inputs that need no mesh: they are refused before one is read."""
 
@@ -492,7 +491,6 @@ design --object box.stl --unit mm --friction 0.5 --figure @.svg
 hand franka -o @.json
 hand franka --picture @.png
 paper --object ball.ply -o @.csv/paper
-warmup --cache @.csv/kernels
 """
 """Every option that names an output, where it cannot be written: @ is a place."""
 
@@ -625,7 +623,6 @@ def unread(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr("grasp3d.mesh.preparing.read_source", read)
     monkeypatch.setattr("grasp3d.viewer.session.collection.read_source", read)
-    monkeypatch.setattr("grasp3d.batch.warmup.subprocess.run", read)
     monkeypatch.setattr("grasp3d.paper.writing.surface_table", read)
 
 
@@ -646,7 +643,7 @@ def test_an_unwritable_output_is_refused_before_the_work(
 ) -> None:
     if place == "taken" and "/" in case:
         pytest.skip("a folder may be there")
-    if place == "missing/result" and case.startswith(("batch ball.ply -o @", "warmup", "paper")):
+    if place == "missing/result" and case.startswith(("batch ball.ply -o @", "paper")):
         pytest.skip("it makes folders")
     error = refusal(case.replace("@", place), folder)
     assert place.partition("/")[0] in error

@@ -46,16 +46,15 @@ def climb(x):
 
 REPORT = """
 import json
-import numba
 from small.callee import called, linked, merged_in
 from small.caller import climb
-from small.compiling.machine_code import cache_folder
+from small.compiling.machine_code import code_folders, is_stored
 print(json.dumps({
     "value": climb(0),
     "signatures": [len(kernel.signatures) for kernel in (called, linked, merged_in)],
     "hits": sum(climb.stats.cache_hits.values()),
-    "folder": str(cache_folder()),
-    "settings": [numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES],
+    "folders": list(map(str, code_folders())),
+    "stored": is_stored(),
 }))
 """
 
@@ -121,41 +120,38 @@ def files(folder: Path) -> dict[Path, int]:
     return {path: path.stat().st_mtime_ns for path in folder.rglob("*.nb[ic]")}
 
 
-def refuse_writing(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
-    """Refuse temporary files in a folder, by which it is tested."""
-    original = machine_code.tempfile.TemporaryFile
-
-    def temporary_file(*, dir: Path) -> Any:  # noqa: A002, its name
-        if dir == folder:
-            raise PermissionError
-        return original(dir=dir)
-
-    monkeypatch.setattr(machine_code.tempfile, "TemporaryFile", temporary_file)
-
-
 @pytest.mark.slow
 def test_machine_code_is_compiled_once_for_each_version_of_the_sources(
     package: Package, tmp_path: Path
 ) -> None:
-    """Also in copies, such as an installed package; a change in one file recompiles its callers."""
+    """Also in copies, as installations are; a change in one file recompiles its callers."""
     first = package.run()
-    assert (first["value"], first["hits"]) == (1111, 0)
-    assert first["settings"] == ["", ""]  # other packages keep their own folder
+    assert (first["value"], first["hits"], first["stored"]) == (1111, 0, True)
     # Parts are compiled into kernels only; a constant in a call has the type of a variable.
     assert first["signatures"] == [1, 1, 1]
-    stored = files(package.home / "cache" / "grasp3d")
+    stored = files(package.folder / "__pycache__")
     assert {path.name.split("-")[0] for path in stored} == {"caller.climb", "callee.called"}
     copy = Package(tmp_path / "elsewhere")
     shutil.copytree(package.folder, copy.folder)
-    for again in (package.run(), copy.run(XDG_CACHE_HOME=str(package.home / "cache"))):
+    carried = files(copy.home)
+    for again in (package.run(), copy.run()):
         assert (again["value"], again["hits"]) == (1111, 1)
-        assert files(package.home) == stored
-    (old,) = package.home.rglob("grasp3d-kernels-*")
+    assert files(package.folder) == stored
+    assert files(copy.home) == carried  # read in place
+    old = Path(first["folders"][0])
     os.utime(old, (0.0, 0.0))
     package.write(step=2)
     changed = package.run()
     assert (changed["value"], changed["hits"]) == (2222, 0)
     assert not old.exists()
+
+
+@pytest.mark.slow
+def test_each_processor_has_its_machine_code(package: Package) -> None:
+    for hits in (0, 1):
+        for processor in ("", "generic"):
+            report = package.run(NUMBA_CPU_NAME=processor)
+            assert (report["value"], report["hits"]) == (1111, hits)
 
 
 @pytest.mark.slow
@@ -183,50 +179,28 @@ def test_a_part_is_a_kernel_where_python_calls_it() -> None:
 
 
 @pytest.mark.slow
-def test_the_package_keeps_the_machine_code_where_the_user_has_no_folder(package: Package) -> None:
-    """As an installation may bring it; it is copied to the user's folder where there is one."""
-    unusable = str(package.folder / "caller.py" / "below")
-    assert package.run(XDG_CACHE_HOME=unusable)["hits"] == 0
-    assert package.run(XDG_CACHE_HOME=unusable)["hits"] == 1
-    assert files(package.folder / "__pycache__")
-    report = package.run()
-    assert (report["value"], report["hits"]) == (1111, 1)
-    assert Path(report["folder"]).parent == package.home / "cache" / "grasp3d"
-    assert files(package.home / "cache")
+def test_machine_code_is_kept_beside_a_package_that_cannot_be_written(package: Package) -> None:
+    """First where NUMBA_CACHE_DIR names a folder, then in the user's cache; both are read."""
+    package.block()
+    chosen, user = package.home / "chosen", package.home / "cache" / "grasp3d"
+    report = package.run(NUMBA_CACHE_DIR=str(chosen))
+    assert (report["hits"], report["stored"]) == (0, True)
+    assert [Path(folder).parent for folder in report["folders"][1:]] == [chosen, user]
+    assert files(chosen) == files(package.home) != {}
+    assert package.run()["hits"] == 0
+    assert files(user)
+    shutil.rmtree(chosen)
+    stored = files(package.home)
+    assert package.run(NUMBA_CACHE_DIR=str(chosen))["hits"] == 1
+    assert files(package.home) == stored
 
 
 @pytest.mark.slow
-def test_kernels_run_where_no_machine_code_can_be_cached(package: Package) -> None:
+def test_kernels_run_where_no_machine_code_can_be_written(package: Package) -> None:
     package.block()
     report = package.run(XDG_CACHE_HOME=str(package.folder / "caller.py" / "below"))
-    assert (report["value"], report["folder"]) == (1111, "None")
+    assert (report["value"], report["stored"]) == (1111, False)
     assert not files(package.home)
-
-
-@pytest.mark.slow
-def test_machine_code_that_only_another_user_can_write_is_copied(
-    package: Package, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """An administrator may write everywhere, so the roots stand for folders without permission."""
-    package.run(NUMBA_CACHE_DIR=str(package.home / "image"))
-    (compiled,) = (package.home / "image").iterdir()
-    written, name = package.home / "cache", compiled.name.removeprefix("grasp3d-kernels-")
-    monkeypatch.setattr(machine_code, "_possible_roots", lambda: [package.home / "image", written])
-    monkeypatch.setattr(machine_code, "fingerprint", lambda _: name)
-    refuse_writing(monkeypatch, compiled)
-    assert machine_code.cache_folder.__wrapped__() == written / compiled.name
-    names = {path.name for path in files(package.home / "image")}
-    assert {path.name for path in files(written)} == names != set()
-
-
-@pytest.mark.slow
-def test_the_folder_set_for_numba_is_preferred(package: Package) -> None:
-    chosen = package.home / "chosen"
-    report = package.run(NUMBA_CACHE_DIR=str(chosen))
-    assert Path(report["folder"]).parent == chosen
-    assert report["settings"] == [str(chosen), ""]
-    assert files(chosen)
-    assert files(chosen) == files(package.home)
 
 
 @pytest.mark.slow
@@ -234,34 +208,32 @@ def test_a_user_without_a_home_folder(package: Package) -> None:
     assert package.run(XDG_CACHE_HOME="", HOME="~")["value"] == 1111  # "~": no home folder
 
 
-def test_machine_code_that_can_only_be_read_is_used(
+def test_machine_code_that_can_only_be_read_is_read_and_completed_elsewhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (brought := tmp_path / "grasp3d-kernels-0").mkdir()
-    (brought / "climb.nbi").write_text("stored")
-    monkeypatch.setattr(machine_code, "_possible_roots", lambda: [tmp_path])
-    monkeypatch.setattr(machine_code, "fingerprint", lambda _: "0")
-    refuse_writing(monkeypatch, brought)
-    kept: list[Any] = []
-    monkeypatch.setattr("atexit.register", kept.append)
-    folder = machine_code.cache_folder.__wrapped__()
-    assert folder is not None
-    assert folder != brought
-    assert folder.name == brought.name  # the version that Numba compares
-    assert (folder / "climb.nbi").read_text() == "stored"
-    (remove,) = kept
-    remove()
-    assert not folder.exists()
-    assert (brought / "climb.nbi").exists()
+    """An administrator may write everywhere, so writing is refused here."""
+    folders = brought, written = tmp_path / "brought", tmp_path / "written"
+    monkeypatch.setattr(numba_internals, "code_folders", lambda: folders)
 
+    def doubled(x: float) -> float:
+        return 2.0 * x
 
-def test_nothing_is_stored_where_there_is_nothing_to_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(machine_code, "_possible_roots", lambda: [tmp_path])
-    monkeypatch.setattr(machine_code, "fingerprint", lambda _: "0")
-    refuse_writing(monkeypatch, tmp_path / "grasp3d-kernels-0")
-    assert machine_code.cache_folder.__wrapped__() is None
+    assert decorators.kernel(doubled)(1.5) == 3.0
+    before = files(tmp_path)
+    assert {path.parent for path in before} == {brought}
+
+    def refuse(folder: Path) -> None:
+        if folder == brought:
+            raise PermissionError
+        folder.mkdir()
+
+    monkeypatch.setattr(numba_internals, "make_folder", refuse)
+    again = decorators.kernel(doubled)
+    assert again(1.5) == 3.0
+    assert sum(again.stats.cache_hits.values()) == 1
+    assert files(tmp_path) == before
+    assert again(3) == 6  # for integers it is compiled
+    assert {path.parent for path in files(tmp_path)} == {brought, written}
 
 
 @dataclass

@@ -6,7 +6,6 @@ from typing import Any
 import numba
 
 from grasp3d._kernels.compiling import numba_internals
-from grasp3d._kernels.compiling.machine_code import cache_folder
 
 _config: Any = numba.config
 
@@ -24,10 +23,10 @@ def _compiled(function: Callable[..., object], **flags: Any) -> Any:
 
 def kernel(function: Callable[..., object], **flags: Any) -> Any:
     """Compile with Numba and cache the machine code."""
-    if cache_folder() is None:
-        return _compiled(function, **flags)
-    with numba_internals.own_cache():
-        return _compiled(function, cache=True, **flags)
+    compiled = _compiled(function, **flags)
+    if not _config.DISABLE_JIT:
+        vars(compiled)["_cache"] = numba_internals.KernelCache(function)
+    return compiled
 
 
 def scratch_kernel(function: Callable[..., object]) -> Any:

@@ -1,12 +1,11 @@
-"""The folder of the kernels' machine code."""
+"""The folders of the kernels' machine code."""
 
-import atexit
 import hashlib
 import os
 import shutil
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -34,66 +33,39 @@ def fingerprint(folder: Path) -> str:
 
 
 @cache
-def cache_folder() -> Path | None:
-    """Folder for compiled kernels, one per version of the sources; None: none can be written.
+def code_folders() -> tuple[Path, ...]:
+    """Folders for machine code of these sources, in the order in which they are read and written.
 
-    NUMBA_CACHE_DIR is preferred where it is set, then the user's cache, then the package's folder.
-    All copies of the same sources use it. Machine code in a folder that cannot be written, as in
-    a container whose user did not compile it, or in the package's folder, as an installation may
-    bring it, is copied to one that can. Where only reading is possible, that is one which this
-    process removes when it ends.
+    The package's own comes first, to which an installation brings machine code; then that which
+    NUMBA_CACHE_DIR names, and the user's cache.
     """
-    name, read_only = f"{FOLDER_PREFIX}{fingerprint(_HERE)}", []
-    *_, brought = folders = [root / name for root in _possible_roots()]
-    for folder in folders:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            tempfile.TemporaryFile(dir=folder).close()
-        except OSError:
-            read_only.append(folder)
-            continue
-        _remove_old_folders(folder)
-        _copy_machine_code([*read_only, *([brought] if brought != folder else [])], folder)
-        return folder
-    return _temporary_copy(read_only)
+    name = f"{FOLDER_PREFIX}{fingerprint(_HERE)}"
+    return tuple(root / name for root in _possible_roots())
 
 
 def _possible_roots() -> Iterator[Path]:
-    """Folders to try, in order of preference; the last one is the package's."""
+    yield _HERE / "__pycache__"
     if _config.CACHE_DIR:
         yield Path(_config.CACHE_DIR)
     home = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111
     if home.is_absolute():  # without a home directory expanduser leaves the "~"
         yield home / "grasp3d"
-    yield _HERE / "__pycache__"
 
 
-def _temporary_copy(sources: Iterable[Path]) -> Path | None:
-    """Copy machine code to a folder of this process; None: there is none, or no such folder."""
-    with suppress(OSError):
-        sources = [source for source in sources if source.is_dir() and any(source.iterdir())]
-        if sources:
-            # Nobody else may put machine code there; it is removed when the interpreter ends.
-            temporary = tempfile.TemporaryDirectory(prefix=FOLDER_PREFIX)
-            atexit.register(temporary.cleanup)
-            folder = Path(temporary.name, sources[0].name)
-            folder.mkdir()
-            _copy_machine_code(sources, folder)
-            return folder
-    return None
+def is_stored() -> bool:
+    """Whether machine code that is compiled now can be written to one of the folders."""
+    for folder in code_folders():
+        with suppress(OSError):
+            make_folder(folder)
+            tempfile.TemporaryFile(dir=folder).close()
+            return True
+    return False
 
 
-def _remove_old_folders(folder: Path) -> None:
-    """Remove machine code of other versions of the sources that is old enough to be unused."""
+def make_folder(folder: Path) -> None:
+    """Make a folder for machine code, in place of those of other versions that are old."""
+    folder.mkdir(parents=True, exist_ok=True)
     for other in folder.parent.glob(f"{FOLDER_PREFIX}*"):
         with suppress(OSError):  # another process may be removing it
             if other != folder and time.time() - other.stat().st_mtime > MAX_AGE:
                 shutil.rmtree(other)
-
-
-def _copy_machine_code(sources: Iterable[Path], folder: Path) -> None:
-    """Copy the files of the first of some folders that has any, if the folder has none."""
-    for source in sources:
-        with suppress(OSError, shutil.Error):
-            if not any(folder.iterdir()) and any(source.iterdir()):
-                shutil.copytree(source, folder, dirs_exist_ok=True)

@@ -7,18 +7,18 @@ are typed and lowered, and optimised within the kernel that Python calls.
 """
 
 import gc
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import cached_property
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numba
 from numba.core import event, types
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache
 from numba.core.dispatcher import Dispatcher
 
-from grasp3d._kernels.compiling.machine_code import cache_folder
+from grasp3d._kernels.compiling.machine_code import code_folders, make_folder
 
 PARTS_TESTED = numba.version_info.short < (0, 69)
 """Whether parts are compiled into their callers only, which later versions of Numba may not allow:
@@ -31,26 +31,21 @@ Compiling makes very many small objects, and Python collects garbage whenever ab
 new. While the kernels of labels were compiled, collections took 4.6 s of 30 s of CPU time; with
 this threshold 1.8 s, with 27 MB more memory (438 MB at the peak)."""
 
-_config: Any = numba.config
-_decorating = threading.Lock()
-
 
 class KernelLocator:
-    """Names a kernel's files for Numba; the interface is Numba's.
+    """Names a kernel's files in a folder for Numba; the interface is Numba's.
 
     Numba's own locators would separate copies of the same sources, such as an installed package and
     its checkout, by their paths. They also detect a change only in a kernel's own file, so a caller
     would keep the old machine code of kernels in other files.
     """
 
-    def __init__(self, folder: Path, first_line: int) -> None:
+    def __init__(self, folder: Path, first_line: int = 0) -> None:
         self._folder, self._first_line = folder, first_line
 
-    @classmethod
-    def from_function(cls, function: Any, _file: str) -> "KernelLocator | None":
-        """Locate a kernel; None: its machine code cannot be cached."""
-        folder = cache_folder()
-        return None if folder is None else cls(folder, function.__code__.co_firstlineno)
+    def from_function(self, function: Any, _file: str) -> "KernelLocator":
+        """Locate a kernel."""
+        return KernelLocator(self._folder, function.__code__.co_firstlineno)
 
     def get_cache_path(self) -> str:
         """Folder of the files."""
@@ -66,19 +61,64 @@ class KernelLocator:
 
     def ensure_cache_path(self) -> None:
         """Make the folder, which may have been removed while this process ran."""
-        self._folder.mkdir(parents=True, exist_ok=True)
+        make_folder(self._folder)
 
 
-@contextmanager
-def own_cache() -> Iterator[None]:
-    """Let `KernelLocator` locate the functions that are decorated meanwhile."""
-    with _decorating:
-        before = _config.CACHE_LOCATOR_CLASSES
-        _config.CACHE_LOCATOR_CLASSES = f"{__name__}.{KernelLocator.__qualname__}"
-        try:
-            yield
-        finally:
-            _config.CACHE_LOCATOR_CLASSES = before
+class _StoredKernel(CompileResultCacheImpl):
+    """How Numba writes a kernel's machine code to one folder."""
+
+    def __init__(self, function: Any, folder: Path) -> None:
+        vars(self)["_locator_classes"] = [KernelLocator(folder)]
+        super().__init__(function)  # type: ignore[no-untyped-call]
+
+
+class _Folder(FunctionCache):
+    """A kernel's machine code in one folder."""
+
+    def __init__(self, function: Any, folder: Path) -> None:
+        vars(self)["_impl_class"] = partial(_StoredKernel, folder=folder)
+        super().__init__(function)  # type: ignore[no-untyped-call]
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Load machine code for a signature; None: there is none that can be read."""
+        with suppress(OSError):
+            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        return None
+
+    def holds(self, sig: Any, target_context: Any) -> bool:
+        """Whether there is machine code for a signature, which is not loaded."""
+        target_context.refresh()
+        with suppress(OSError):
+            return self._index_key(sig, target_context.codegen()) in self._cache_file._load_index()  # noqa: SLF001
+        return False
+
+
+class KernelCache(NullCache):
+    """A kernel's machine code: read where it is first found, written where it first can be."""
+
+    def __init__(self, function: Any) -> None:
+        self._folders = [_Folder(function, folder) for folder in code_folders()]
+
+    @property
+    def cache_path(self) -> str:
+        """The folder that is read first."""
+        return str(self._folders[0].cache_path)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Load machine code for a signature; None: there is none."""
+        found = (folder.load_overload(sig, target_context) for folder in self._folders)
+        return next((one for one in found if one is not None), None)
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Save machine code for a signature, if any folder can be written."""
+        for folder in self._folders:
+            with suppress(OSError):
+                folder.save_overload(sig, data)
+                return
+
+    def holds(self, sig: Any, target_context: Any) -> bool:
+        """Whether there is machine code for a signature."""
+        return any(folder.holds(sig, target_context) for folder in self._folders)
 
 
 def without_literals(compiled: Any) -> Any:

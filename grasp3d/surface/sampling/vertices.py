@@ -4,14 +4,16 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
-from grasp3d.arrays import Floats, Ints, unit_rows
+from grasp3d.arrays import Floats, Ints, locked, unit_rows
 from grasp3d.mesh import ObjectMesh
 
 
 def contact_tree(mesh: ObjectMesh) -> FaceTree:
     """A new tree over the faces in which contacts may be; searches find opposing contacts there."""
     surface, faces = mesh.contact_surface, mesh.contact_faces
-    part = surface._replace(faces=surface.faces[faces], corners=surface.corners[faces])
+    part = surface._replace(
+        faces=locked(surface.faces[faces]), corners=locked(surface.corners[faces])
+    )
     tree: FaceTree = face_tree(part)
     return tree._replace(order=faces[tree.order])
 

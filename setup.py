@@ -1,0 +1,46 @@
+"""Compiles the kernels while the package is built, so that no run waits for it.
+
+`GRASP3D_NO_COMPILE=1 pip install .` leaves that to the first run. All else about the package stands
+in pyproject.toml.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from setuptools import setup
+from setuptools.command.build_py import build_py
+
+HERE = Path(__file__).resolve().parent
+
+
+class BuildWithMachineCode(build_py):
+    """Copies the modules, and the machine code of the kernels beside them."""
+
+    def run(self) -> None:
+        """Compile in this folder, where it is kept for the next build, or else in the copy."""
+        super().run()
+        if os.environ.get("GRASP3D_NO_COMPILE"):
+            return
+        copy = HERE if self.editable_mode else Path(self.build_lib).resolve()
+        root = HERE if os.access(HERE / "grasp3d" / "_kernels", os.W_OK) else copy
+        paths = [str(root), *filter(None, sys.path)]  # what an isolated build has installed
+        compiled = subprocess.run(
+            [sys.executable, "-m", "grasp3d._kernels.compiling.ahead"],
+            cwd=root,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+            stdout=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+        if compiled.returncode:
+            sys.exit("the kernels were not compiled, see above; GRASP3D_NO_COMPILE=1 omits that")
+        for path in compiled.stdout.splitlines() if root != copy else ():
+            target = copy / Path(path).relative_to(root)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(path, target)
+
+
+setup(cmdclass={"build_py": BuildWithMachineCode})

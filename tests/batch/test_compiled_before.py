@@ -1,0 +1,128 @@
+"""Commands compile nothing that was compiled ahead, and runs compile before their first job."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import grasp3d
+from grasp3d.batch import cluster
+from grasp3d.batch.batch_settings import ClusterSettings
+from grasp3d.batch.job_requests import Request
+from grasp3d.batch.run import run
+from grasp3d.system.isolation import CallFailedError, CallFailure
+from tests.helpers import mesh_files
+from tests.helpers.jobs import Work, lost, work
+
+ROOT = Path(grasp3d.__file__).parents[1]
+
+COMMANDS = """
+import sys
+from pathlib import Path
+from grasp3d.cli import main
+from grasp3d.system.compiling import compilations
+
+def run(*words):
+    assert main(list(map(str, words))) == 0, words
+
+if __name__ == "__main__":
+    meshes = Path(sys.argv[1])
+    mug = (meshes / "mug.glb", "--max-edge", "20mm")
+    # Epsilon of soft fingers takes long.
+    small = ("small.off", "--unit", "cm", "--max-edge", "2mm", "--friction", 1)
+    held = ("--hand", "robotiq_2f85", "--table", "as-is", "--mass", "0.1kg")
+    run("label", *mug, "--best", 2)
+    run("label", *mug, "-o", "patches.ply", "--patch-radius", "5mm")
+    run("label", *small, "-o", "extremes.ply", "--method", "extremes", "--edges", 4)
+    run("label", *mug, "-o", "located.ply", "--location-error", "1mm", "--normal-error", 2)
+    run("label", *small, "-o", "soft.ply", "--torsion-radius", "1mm")
+    run("label", *mug, *held, "-o", "held.ply", "--best", 2, "--grasps", "poses.json")
+    run("label", *small, "--fingers", 3, "-o", "three.ply")
+    run("label", *small, "--fingers", 4, "-o", "four.ply")
+    run("evaluate", *mug, "mug_grasps.json", "-q")
+    run("evaluate", *mug, "poses.json", *held, "-q")
+    run("sweep", *mug)
+    run("check", *mug)
+    run("batch", meshes / "cone.off", meshes / "sphere.stl", "-o", "results", "--workers", 1)
+    print("kernels", *compilations.kernels)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
+def test_no_command_compiles_what_was_compiled_ahead(tmp_path: Path) -> None:
+    grasp3d.warmup()
+    code = tmp_path / "commands.py"
+    code.write_text(COMMANDS)
+    (tmp_path / "small.off").write_text(mesh_files.off_text())
+    user = tmp_path / "user"
+    done = subprocess.run(
+        [sys.executable, str(code), str(ROOT / "meshes")],
+        cwd=tmp_path,
+        env={**os.environ, "XDG_CACHE_HOME": str(user), "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "kernels"
+    assert "compiling" not in done.stderr
+    assert not list(user.rglob("*.nb?"))
+
+
+@dataclass
+class Calls:
+    """Calls in child processes, which are recorded but not made."""
+
+    failing: bool = False
+    made: list[tuple[Any, ...]] = field(default_factory=list)
+
+    def __call__(self, function: Callable[..., Any] | bytes, *arguments: Any, **limits: Any) -> str:
+        time.sleep(0.01)
+        self.made.append((function, *arguments))
+        assert not {"memory", "seconds"} & set(limits)
+        if self.failing:
+            raise CallFailedError(CallFailure.CANCELLED, "was cancelled")
+        return ""
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_a_run_compiles_before_its_first_job(workers: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    order: list[object] = []
+    monkeypatch.setattr("grasp3d.batch.run.warmup", lambda: order.append("compiled"))
+    job = Work("well")
+    for compiled in (True, False):
+        options: dict[str, Any] = {"started": order.append, "compiled": compiled}
+        rows = run(work, [job], 0.0, lost=lost, cluster=ClusterSettings(workers=workers), **options)
+        assert len(list(rows)) == 1
+    assert order == ["compiled", job, job]
+
+
+def test_each_worker_of_a_cluster_prepares_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Several threads of a worker get their first requests at once."""
+    calls = Calls()
+    monkeypatch.setattr(cluster, "call_pickled", calls)
+    monkeypatch.setattr(cluster, "_prepared", set())
+    plain = Request(b"job", "", memory=1.0, seconds=1.0, versions="")
+    prepared = Request(b"job", "", 1.0, 1.0, versions="", preparation=b"compile")
+    with ThreadPoolExecutor(4) as threads:
+        for request in [prepared, plain] * 4:
+            threads.submit(cluster.prepare, request, bool)
+    assert calls.made == [(b"compile", "")]
+
+
+def test_a_cancelled_preparation_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = Calls(failing=True)
+    monkeypatch.setattr(cluster, "call_pickled", calls)
+    monkeypatch.setattr(cluster, "_prepared", set())
+    request = Request(b"job", "", 1.0, 1.0, versions="", preparation=b"compile")
+    cluster.prepare(request, bool)
+    cluster.prepare(request, bool)
+    assert len(calls.made) == 2

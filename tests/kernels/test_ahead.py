@@ -1,0 +1,137 @@
+"""Kernels are compiled ahead: all that Python calls, with the types with which it calls them."""
+
+import ast
+import importlib
+import inspect
+import os
+import shutil
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from numba.core.dispatcher import Dispatcher
+
+import grasp3d
+from grasp3d._kernels.compiling import ahead
+from grasp3d._kernels.compiling.machine_code import code_folders
+from grasp3d._kernels.signatures import SIGNATURES
+from grasp3d.errors import OutputError
+from tests.helpers.commands import run_here
+
+PACKAGE = Path(grasp3d.__file__).parent
+KERNELS = "grasp3d._kernels"
+
+jitted = pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
+
+
+def names_of_kernels(source: Path) -> Iterator[tuple[str, str]]:
+    """(module, name) of everything that a file takes from modules of kernels."""
+    tree = ast.parse(source.read_text(encoding="utf-8"))
+    modules = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(KERNELS):
+            for name in node.names:
+                yield str(node.module), name.name
+                modules[name.asname or name.name] = f"{node.module}.{name.name}"
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            yield modules.get(node.value.id, ""), node.attr
+
+
+def called_kernels() -> Iterator[tuple[str, Any]]:
+    for source in PACKAGE.rglob("*.py"):
+        if "_kernels" in source.parts:
+            continue
+        for module, name in names_of_kernels(source):
+            try:
+                found = getattr(importlib.import_module(module), name, None)
+            except (ImportError, ValueError):  # a name that is no module
+                continue
+            if isinstance(found, Dispatcher):
+                yield f"{module}.{name}", found
+
+
+@jitted
+def test_every_kernel_that_python_calls_is_compiled_ahead() -> None:
+    called = dict(called_kernels())
+    assert f"{KERNELS}.hull.wrench_problem.epsilons" in called
+    assert not {name for name, kernel in called.items() if kernel not in SIGNATURES}
+    assert not {ahead.name_of(kernel) for kernel in SIGNATURES} - {
+        ahead.name_of(kernel) for kernel in called.values()
+    }
+
+
+@jitted
+@pytest.mark.parametrize("kernel", SIGNATURES, ids=ahead.name_of)
+def test_each_argument_has_a_type(kernel: Any) -> None:
+    count = len(inspect.signature(kernel.py_func).parameters)
+    assert [len(signature) for signature in SIGNATURES[kernel]] == [count] * len(SIGNATURES[kernel])
+
+
+@jitted
+def test_what_is_compiled_is_not_compiled_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    grasp3d.warmup()
+    monkeypatch.setattr(subprocess, "Popen", None)
+    assert grasp3d.warmup() == ()
+    monkeypatch.undo()
+    done = run_here("warmup", cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "already compiled\n", "")
+    assert run_here("warmup", "--quiet", cwd=tmp_path).stdout == ""
+
+
+@pytest.fixture
+def copied(tmp_path: Path) -> Path:
+    """A copy of what compiles the kernels, with machine code for all but one of them."""
+    grasp3d.warmup()
+    for part in ("_kernels", "system"):
+        shutil.copytree(PACKAGE / part, tmp_path / "grasp3d" / part)
+    for source in PACKAGE.glob("*.py*"):
+        shutil.copy2(source, tmp_path / "grasp3d")
+    folder = tmp_path / code_folders()[0].relative_to(PACKAGE.parent)
+    for file in folder.glob("pair_lines.scan-*"):
+        file.unlink()
+    return tmp_path
+
+
+def build(folder: Path) -> subprocess.CompletedProcess[str]:
+    """Compile as a build does, with an empty folder for the user."""
+    return subprocess.run(
+        [sys.executable, "-m", ahead.__name__],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(folder), "XDG_CACHE_HOME": str(folder / "user")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@jitted
+@pytest.mark.slow
+def test_what_is_missing_is_compiled_beside_the_rest(copied: Path) -> None:
+    done = build(copied)
+    assert done.returncode == 0, done.stderr
+    assert "compiling 1 kernel," in done.stderr
+    listed = [Path(line).relative_to(copied) for line in done.stdout.splitlines()]
+    (index,) = (path for path in listed if path.match("pair_lines.scan-*.nbi"))
+    assert (copied / index).exists()
+    names = Counter(path.name.partition("-")[0] for path in listed if path.suffix == ".nbc")
+    assert names.keys() == {ahead.name_of(kernel) for kernel in SIGNATURES}
+    for kernel, signatures in SIGNATURES.items():  # some are called by others too
+        assert names[ahead.name_of(kernel)] >= len(signatures)
+    assert not (copied / "user").exists()
+    again = build(copied)
+    assert (again.stdout, again.stderr) == (done.stdout, "")
+
+
+@jitted
+def test_a_process_that_ends_early_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ahead, "missing", lambda: ["pair_lines.scan", "descent.descend"])
+    monkeypatch.setattr(ahead, "_CHILD", "import sys; sys.exit(3)")
+    with pytest.raises(OutputError, match=r"kernel \S+ was not compiled: .* with code 3"):
+        grasp3d.warmup()
