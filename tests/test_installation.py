@@ -5,7 +5,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
-from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -14,21 +14,16 @@ from grasp3d._kernels.compiling import ahead
 
 MESHES = Path(__file__).resolve().parents[1] / "meshes"
 
+DESCRIBE = """
+import json
+from importlib.metadata import distribution
+import grasp3d
+found = distribution("grasp3d")
+url = json.loads(found.read_text("direct_url.json") or "{}")
+print(json.dumps([grasp3d.__path__[0], [str(file) for file in found.files or ()], url]))
+"""
+
 pytestmark = pytest.mark.slow
-
-
-@pytest.fixture(scope="module")
-def installed() -> Distribution:
-    """The installed package, which is a copy of this checkout and not the checkout itself."""
-    unusable = pytest.fail if os.environ.get("CI") == "true" else pytest.skip
-    try:
-        found = distribution("grasp3d")
-    except PackageNotFoundError:
-        unusable("grasp3d is not installed")
-    url = json.loads(found.read_text("direct_url.json") or "{}")
-    if url.get("dir_info", {}).get("editable"):
-        unusable("the installation is the checkout itself")
-    return found
 
 
 def in_installation(*words: str, home: Path) -> subprocess.CompletedProcess[str]:
@@ -50,16 +45,34 @@ def machine_code(*folders: Path) -> Iterator[tuple[Path, int]]:
             yield path, path.stat().st_mtime_ns
 
 
-def test_an_installation_brings_machine_code(installed: Distribution) -> None:
-    files = [str(file) for file in installed.files or () if file.suffix == ".nbi"]
-    assert {Path(file).name.partition("-")[0] for file in files} == set(ahead.kernels())
+@dataclass(frozen=True)
+class Installed:
+    """The installed package, seen from a folder without the checkout."""
+
+    package: Path
+    files: list[str]
 
 
-def test_nothing_is_compiled_after_an_installation(installed: Distribution, tmp_path: Path) -> None:
-    place = in_installation("-c", "import grasp3d; print(grasp3d.__path__[0])", home=tmp_path)
-    package = Path(place.stdout.strip())
-    assert package == Path(str(installed.locate_file("grasp3d")))
-    before = dict(machine_code(package))
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
+    """The installed package, which is a copy of this checkout and not the checkout itself."""
+    unusable = pytest.fail if os.environ.get("CI") == "true" else pytest.skip
+    found = in_installation("-c", DESCRIBE, home=tmp_path_factory.mktemp("home"))
+    if found.returncode:
+        unusable("grasp3d is not installed")
+    package, files, url = json.loads(found.stdout)
+    if url.get("dir_info", {}).get("editable"):
+        unusable("the installation is the checkout itself")
+    return Installed(Path(package), files)
+
+
+def test_an_installation_brings_machine_code(installed: Installed) -> None:
+    names = {Path(file).name.partition("-")[0] for file in installed.files if ".nbi" in file}
+    assert names == set(ahead.kernels())
+
+
+def test_nothing_is_compiled_after_an_installation(installed: Installed, tmp_path: Path) -> None:
+    before = dict(machine_code(installed.package))
     main = ("-c", "import sys; from grasp3d.cli import main; sys.exit(main(sys.argv[1:]))")
     gripper = ("--hand", "franka", "--mass", "0.2kg", "--table", "as-is", "--best", "1")
     for options in ((), gripper):
@@ -67,4 +80,4 @@ def test_nothing_is_compiled_after_an_installation(installed: Distribution, tmp_
         done = in_installation(*main, *words, home=tmp_path)
         assert done.returncode == 0, done.stderr
         assert "compiling" not in done.stderr
-    assert dict(machine_code(package, tmp_path)) == before
+    assert dict(machine_code(installed.package, tmp_path)) == before
