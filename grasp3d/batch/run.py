@@ -80,8 +80,7 @@ def run(
         client: JobClient
         preparation = None
         if cluster.scheduler is None:
-            client = local = stack.enter_context(open_local(cluster))
-            first += islice(jobs, local.processes - 1)
+            client = stack.enter_context(open_local(cluster))
         else:
             # Imported here: jobs on this machine need no Dask.
             from grasp3d.batch.cluster import open_cluster

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import trimesh
 
 import grasp3d
 from grasp3d.batch import cluster
@@ -26,6 +27,8 @@ ROOT = Path(grasp3d.__file__).parents[1]
 COMMANDS = """
 import sys
 from pathlib import Path
+from grasp3d._kernels.compiling.ahead import name_of
+from grasp3d._kernels.signatures import SIGNATURES
 from grasp3d.cli import main
 from grasp3d.system.compiling import compilations
 
@@ -46,12 +49,20 @@ if __name__ == "__main__":
     run("label", *mug, *held, "-o", "held.ply", "--best", 2, "--grasps", "poses.json")
     run("label", *small, "--fingers", 3, "-o", "three.ply")
     run("label", *small, "--fingers", 4, "-o", "four.ply")
+    for task in ("weight", "weight within 30 of -z", "wrench 0,0,-5,0,0,0.1"):
+        load = ("--mass", "0.5kg", "--grip-force", 40, "--task", task)
+        load += ("--center-of-mass-radius", "1mm", "--overwrite")
+        for radius in (0, "3mm"):
+            run("label", "block.off", "--unit", "m", *load, "--torsion-radius", radius)
     run("evaluate", *mug, "mug_grasps.json", "-q")
     run("evaluate", *mug, "poses.json", *held, "-q")
     run("sweep", *mug)
     run("check", *mug)
     run("batch", meshes / "cone.off", meshes / "sphere.stl", "-o", "results", "--workers", 1)
     print("kernels", *compilations.kernels)
+    # What other tests have compiled is found, too.
+    called = ((name_of(kernel), kernel.signatures, known) for kernel, known in SIGNATURES.items())
+    print("undeclared", *(name for name, types, known in called if not {*types} <= {*known}))
 """
 
 
@@ -62,6 +73,7 @@ def test_no_command_compiles_what_was_compiled_ahead(tmp_path: Path) -> None:
     code = tmp_path / "commands.py"
     code.write_text(COMMANDS)
     (tmp_path / "small.off").write_text(mesh_files.off_text())
+    trimesh.creation.box([0.08, 0.05, 0.03]).subdivide().export(tmp_path / "block.off")
     user = tmp_path / "user"
     done = subprocess.run(
         [sys.executable, str(code), str(ROOT / "meshes")],
@@ -72,7 +84,7 @@ def test_no_command_compiles_what_was_compiled_ahead(tmp_path: Path) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[-1] == "kernels"
+    assert done.stdout.splitlines()[-2:] == ["kernels", "undeclared"]
     assert "compiling" not in done.stderr
     assert not list(user.rglob("*.nb?"))
 

@@ -48,13 +48,13 @@ REPORT = """
 import json
 from small.callee import called, linked, merged_in
 from small.caller import climb
-from small.compiling.machine_code import code_folders, is_stored
+from small.compiling.machine_code import code_folders, can_be_stored
 print(json.dumps({
     "value": climb(0),
     "signatures": [len(kernel.signatures) for kernel in (called, linked, merged_in)],
     "hits": sum(climb.stats.cache_hits.values()),
     "folders": list(map(str, code_folders())),
-    "stored": is_stored(),
+    "stored": can_be_stored(),
 }))
 """
 

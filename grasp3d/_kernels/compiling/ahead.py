@@ -7,6 +7,7 @@ in the package's own folder. The build of the package runs it; nothing else than
 what this package imports has to be installed for it.
 """
 
+import inspect
 import json
 import logging
 import signal
@@ -15,12 +16,11 @@ import sys
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from threading import Lock
+from contextlib import suppress
 from typing import Any
 
-import numba
-
-from grasp3d._kernels.compiling.machine_code import code_folders, is_stored
+from grasp3d._kernels.compiling.machine_code import can_be_stored, code_folders
+from grasp3d._kernels.compiling.numba_internals import is_compiled
 from grasp3d.errors import OutputError
 from grasp3d.system.compiling import compilations, logger
 from grasp3d.system.context import available_processors
@@ -36,8 +36,6 @@ serve()
 """
 """Program of a process that compiles the kernels whose names it reads."""
 
-_config: Any = numba.config
-
 
 def kernels() -> dict[str, Any]:
     """The kernels that Python calls, by their names, those first that take longest."""
@@ -48,7 +46,7 @@ def kernels() -> dict[str, Any]:
 
 def name_of(kernel: Any) -> str:
     """The name of a kernel as MODULE.FUNCTION."""
-    function = kernel.py_func
+    function = inspect.unwrap(kernel)
     return f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
 
 
@@ -56,14 +54,7 @@ def missing() -> list[str]:
     """Names of the kernels that are not compiled yet, for this processor and version of Numba."""
     from grasp3d._kernels.signatures import SIGNATURES
 
-    if _config.DISABLE_JIT:
-        return []
-    return [
-        name
-        for name, kernel in kernels().items()
-        for cache, target in [(kernel._cache, kernel.targetctx)]  # noqa: SLF001
-        if not all(cache.holds(signature, target) for signature in SIGNATURES[kernel])
-    ]
+    return [name for name, one in kernels().items() if not is_compiled(one, SIGNATURES[one])]
 
 
 def warmup() -> tuple[str, ...]:
@@ -74,8 +65,8 @@ def warmup() -> tuple[str, ...]:
     function, and runs over many meshes, compile all of them before, on several. A line about it
     goes to the logger `grasp3d.compiling`: to standard error, where no logging is configured.
 
-    Machine code is written to, and read from, the first of three folders that can be: that of the
-    package, that which NUMBA_CACHE_DIR names, and the user's cache.
+    Machine code is read from three folders: that of the package, that which NUMBA_CACHE_DIR names,
+    and the user's cache. It is written to the first of them that can be written.
 
     Returns:
         The names of the kernels that were compiled, as 'MODULE.FUNCTION'; empty: all of them were
@@ -92,30 +83,28 @@ def warmup() -> tuple[str, ...]:
     """
     names = missing()
     if names:
-        with compilations.several(names, stored=is_stored()) as begin:
+        with compilations.several(names, stored=can_be_stored()) as begin:
             _share(names, begin)
     return tuple(names)
 
 
 def _share(names: list[str], begin: Callable[[str], None]) -> None:
     """Compile kernels in several processes, each of which takes the next one when it is ready."""
-    left, lock = deque(names), Lock()
-    children: list[subprocess.Popen[str]] = []
-
-    def following() -> str | None:
-        with lock:
-            return left.popleft() if left else None
+    left, children = deque(names), list[subprocess.Popen[bytes]]()
 
     def work() -> None:
         words = [sys.executable, "-c", _CHILD, json.dumps(sys.path)]
         with subprocess.Popen(  # noqa: S603, this interpreter
-            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            words, bufsize=0, stdin=subprocess.PIPE, stdout=subprocess.PIPE
         ) as child:
+            assert child.stdin is not None
+            assert child.stdout is not None
             children.append(child)
-            while name := following():
+            while name := _next(left):
                 begin(name)
-                print(name, file=child.stdin, flush=True)
-                if child.stdout is None or not child.stdout.readline():
+                with suppress(BrokenPipeError):
+                    child.stdin.write(f"{name}\n".encode())
+                if not child.stdout.readline():
                     raise OutputError(
                         f"kernel {name} was not compiled: the process ended with code "
                         f"{child.wait()}; see its lines above"
@@ -126,11 +115,18 @@ def _share(names: list[str], begin: Callable[[str], None]) -> None:
         try:
             for done in [threads.submit(work) for _ in range(count)]:
                 done.result()
-        finally:  # after an interruption, too
+        finally:  # after an interruption or a failure; else all have ended
             left.clear()
             for child in children:
-                if child.poll() is None and child.stdin is not None and not child.stdin.closed:
-                    child.kill()
+                child.kill()
+
+
+def _next(names: deque[str]) -> str | None:
+    """Take the first name; None: there is none left."""
+    try:
+        return names.popleft()
+    except IndexError:
+        return None
 
 
 def serve() -> None:
@@ -151,10 +147,11 @@ def files() -> Iterator[str]:
     """Paths of the files with the machine code of all kernels in the package's own folder."""
     folder = code_folders()[0]
     for name, kernel in kernels().items():
-        line = kernel.py_func.__code__.co_firstlineno
+        line = inspect.unwrap(kernel).__code__.co_firstlineno
         yield from map(str, sorted(folder.glob(f"{name}-{line}.*.nb?")))
 
 
 if __name__ == "__main__":
     warmup()
-    print(*files(), sep="\n")  # noqa: T201
+    for file in files():
+        print(file)  # noqa: T201

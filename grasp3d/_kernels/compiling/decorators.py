@@ -23,10 +23,7 @@ def _compiled(function: Callable[..., object], **flags: Any) -> Any:
 
 def kernel(function: Callable[..., object], **flags: Any) -> Any:
     """Compile with Numba and cache the machine code."""
-    compiled = _compiled(function, **flags)
-    if not _config.DISABLE_JIT:
-        vars(compiled)["_cache"] = numba_internals.KernelCache(function)
-    return compiled
+    return numba_internals.stored(_compiled(function, **flags))
 
 
 def scratch_kernel(function: Callable[..., object]) -> Any:

@@ -52,7 +52,7 @@ def _possible_roots() -> Iterator[Path]:
         yield home / "grasp3d"
 
 
-def is_stored() -> bool:
+def can_be_stored() -> bool:
     """Whether machine code that is compiled now can be written to one of the folders."""
     for folder in code_folders():
         with suppress(OSError):

@@ -7,7 +7,7 @@ are typed and lowered, and optimised within the kernel that Python calls.
 """
 
 import gc
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cached_property, partial
 from pathlib import Path
@@ -119,6 +119,21 @@ class KernelCache(NullCache):
     def holds(self, sig: Any, target_context: Any) -> bool:
         """Whether there is machine code for a signature."""
         return any(folder.holds(sig, target_context) for folder in self._folders)
+
+
+def stored(compiled: Any) -> Any:
+    """Read the machine code of a kernel from the folders, and write there what is compiled."""
+    if isinstance(compiled, Dispatcher):
+        vars(compiled)["_cache"] = KernelCache(compiled.py_func)
+    return compiled
+
+
+def is_compiled(kernel: Any, signatures: Iterable[Any]) -> bool:
+    """Whether one of the folders has machine code of a kernel for all signatures."""
+    if not isinstance(kernel, Dispatcher):  # compilation is switched off
+        return True
+    cache, target = vars(kernel)["_cache"], kernel.targetctx
+    return all(cache.holds(signature, target) for signature in signatures)
 
 
 def without_literals(compiled: Any) -> Any:
