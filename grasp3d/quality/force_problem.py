@@ -178,7 +178,8 @@ class ForceProblem:
     def _decide(self, grasps: Ints, wrenches: Floats, rtol: float, results: ForceResults) -> None:
         """Prove that no force resists wrenches for which none was found, or find one."""
         flat = self.contacts.reshape((-1,))
-        for block in np.split(grasps, range(DECIDED, len(grasps), DECIDED)):
+        soft = (flat.torsion_radius[grasps] > 0.0).any(axis=-1)  # they push in more directions
+        for block in (*blocks_of(grasps[soft]), *blocks_of(grasps[~soft])):
             size = self.sizes[block, None]
             generators = pushes(
                 flat.points[block] / size[..., None],
@@ -214,6 +215,11 @@ class ForceProblem:
             results.reason[g] = max(bounds.reason[0], kernels.NOT_RESISTED)
 
 
+def blocks_of(grasps: Ints) -> list[Ints]:
+    """Grasps whose pushes are computed together; none for no grasps."""
+    return [grasps[start : start + DECIDED] for start in range(0, len(grasps), DECIDED)]
+
+
 def pushes(
     points: Floats,
     normals: Floats,
@@ -227,7 +233,7 @@ def pushes(
         points: Contact points of each grasp, of a size of about 1 (b, n, 3).
         normals: Inward unit normals (b, n, 3).
         friction: Coefficients (b, n).
-        torsion: Torsion radii in the unit of the points (b, n).
+        torsion: Torsion radii in the unit of the points (b, n): all 0, or one of each grasp above.
         rolling: As `Contacts.rolling_arms` in the unit of the points (b, n, 2, 3); None: points.
 
     Returns:
