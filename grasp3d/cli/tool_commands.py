@@ -109,6 +109,8 @@ class Warmup:
     Example:
         # Compile what is not compiled yet
         grasp3d warmup
+        # The same while the image of a container is built, without a message
+        grasp3d warmup --quiet
     """
 
     quiet: Quiet = False
