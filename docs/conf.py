@@ -16,9 +16,11 @@ html_title = f"grasp3d {release}"
 extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
-    "command_page",
+    "sphinx_design",
+    "command_pages",
     "docstrings",
     "offline_math",
     "public_names",
@@ -31,6 +33,7 @@ myst_enable_extensions = ["amsmath", "attrs_block", "attrs_inline", "colon_fence
 myst_heading_anchors = 4
 myst_dmath_double_inline = True
 
+autosummary_generate = False  # a page per name: `public_names`
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
@@ -62,5 +65,7 @@ html_css_files = ["site.css"]
 html_math_renderer = "mathml"
 html_copy_source = False
 html_show_sourcelink = False
+html_use_index = False  # thousands of attributes; the search finds them
+html_search_scorer = str(Path(__file__).parent / "_ext" / "search_scorer.js")
 html_show_search_summary = False  # it would have to read pages, which file:// does not allow
 copybutton_prompt_text = "$ "

@@ -43,7 +43,11 @@ LIBRARY = ROOT / "meshes"
 PAGES = (
     ROOT / "README.md",
     LIBRARY / "README.md",
-    *(page for page in sorted((ROOT / "docs").rglob("*.md")) if "_build" not in page.parts),
+    *(
+        page
+        for page in sorted((ROOT / "docs").rglob("*.md"))
+        if page.relative_to(ROOT).parts[1] not in {"_build", "commands"}  # made from the others
+    ),
 )
 
 OUTPUT = re.compile(

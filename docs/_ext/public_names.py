@@ -1,9 +1,13 @@
-"""Public names, which their packages load when they are first used."""
+"""Public names: a page for each, where their packages load them, and links to them."""
 
 import ast
+import inspect
+import re
 from pathlib import Path
+from pkgutil import resolve_name
 
 from docutils import nodes
+from generated_files import write_pages
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
@@ -11,7 +15,40 @@ from sphinx.pycode import ModuleAnalyzer
 
 import grasp3d
 
+FOLDER = "names"
+"""Folder of the pages, beside those that list the names."""
+
 _MEMBERS = {"attribute", "method", "property"}
+_LISTED = re.compile(r"^   (grasp3d\.[\w.]+)$", re.MULTILINE)
+
+
+def names_on(page: Path) -> list[str]:
+    """The public names that a page lists in its summaries."""
+    return _LISTED.findall(page.read_text(encoding="utf-8"))
+
+
+def page_of(name: str, listed_on: Path) -> str:
+    """The page of a public name, with a link to the page that lists it."""
+    value, title = resolve_name(name), name.rpartition(".")[2]
+    if inspect.isclass(value):
+        directive = "autoclass"
+    else:
+        directive = "autofunction" if callable(value) else "autodata"
+    return (
+        f":orphan:\n\n{title}\n{'=' * len(title)}\n\n:doc:`/api/{listed_on.stem}` of the "
+        f":doc:`/api/index`\n\n.. {directive}:: {name}\n"
+    )
+
+
+def write_all(app: Sphinx) -> None:
+    """Write the page of each name that is listed."""
+    folder = Path(app.srcdir) / "api"
+    pages = {
+        f"{name}.rst": page_of(name, page)
+        for page in sorted(folder.glob("*.md"))
+        for name in names_on(page)
+    }
+    write_pages(folder / FOLDER, pages)
 
 
 def defining_module(name: str) -> str:
@@ -65,7 +102,8 @@ def resolve(
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Resolve what the Python domain has not found."""
+    """Write the pages before they are read; resolve what the Python domain has not found."""
+    app.connect("builder-inited", write_all)
     app.connect("missing-reference", resolve)
     app.connect("autodoc-process-docstring", document_data)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -60,7 +60,7 @@ def test_links_and_anchors_exist(site: Path) -> None:
             )
             if not known:
                 dead.append(f"{page.relative_to(site)}: {address}")
-    assert len(pages(site)) > 30
+    assert len(pages(site)) > 300
     assert not dead
 
 
@@ -86,18 +86,47 @@ def test_nothing_is_loaded_from_a_network(site: Path) -> None:
 
 
 def test_every_public_name_is_documented(site: Path) -> None:
-    documented = set().union(*(anchors(page) for page in (site / "api").glob("*.html")))
-    missing = set(public_names()) - documented
-    assert not missing - {"grasp3d.__version__", "grasp3d.planar"}
+    """On a page of its own, which a page of the API lists."""
+    listed = {
+        str(address).rpartition("/")[2]
+        for page in (site / "api").glob("*.html")
+        for _, _, address in links(page)
+    }
+    for name in set(public_names()) - {"grasp3d.__version__", "grasp3d.planar"}:
+        page = site / "api" / "names" / f"{name}.html"
+        assert name in anchors(page), name
+        assert f"{page.name}#{name}" in listed, name
 
 
 def test_every_command_and_option_is_on_its_page(site: Path) -> None:
-    known = anchors(site / "commands.html")
     for name, kind in KINDS.items():
+        known = anchors(site / "commands" / f"{name}.html")
         options = [one for option in options_of(kind) for one in option.names if one[1] == "-"]
         assert "--quiet" in options or name == "design"
         for option in options:
             assert f"cmdoption-grasp3d-{name}-{option.lstrip('-')}" in known, (name, option)
+
+
+def test_pages_of_commands_show_what_the_guide_prints(site: Path) -> None:
+    """All but those of which the guide shows no output."""
+    shown = {
+        name
+        for name in KINDS
+        if parsed(site / "commands" / f"{name}.html").xpath(
+            f"//p[starts-with(., 'From ')]/following-sibling::div[1][contains(., 'grasp3d {name}')]"
+            "/following-sibling::div[1][contains(@class, 'highlight-text')]"
+        )
+    }
+    assert set(KINDS) - shown == {"paper", "warmup"}
+
+
+def test_pictures_of_the_gallery_stand_above_their_code(site: Path) -> None:
+    page = parsed(site / "gallery.html")
+    pictures = page.xpath("//article//section[.//img]")
+    assert len(pictures) > 15
+    for section in pictures:
+        code = section.xpath(".//*[contains(@class, 'highlight-')]")
+        assert code, section.xpath("string(h2)")
 
 
 def test_formulas_are_drawn_by_the_browser(site: Path) -> None:
