@@ -99,10 +99,41 @@ def largest_sampled(
     Returns:
         The forces (b,) and the normals (b, n, 3) of these tilts.
     """
-    active = np.arange(len(tilt))
-    sampled = _Tilted(np.array(contacts.normals), np.array(nominal.lower))
-    sampled.worsen(active, *_opened(contacts, tilt, options))
-    weakest = nominal.certificate.direction
+    largest, worst = np.array(nominal.upper), contacts.normals.copy()
+    # Where no force suffices none is larger, so nothing is searched there.
+    rows = np.flatnonzero(np.isfinite(largest))
+    normals, force = _opened(contacts.take(rows), tilt[rows], options.take(rows))
+    none = np.isinf(force)
+    largest[rows[none]], worst[rows[none]] = math.inf, normals[none]
+    rows, left = rows[~none], np.flatnonzero(~none)
+    if len(rows):
+        sampled = _Tilted(contacts.normals[rows], nominal.lower[rows])
+        sampled.worsen(np.arange(len(rows)), normals[left], force[left])
+        searched = contacts.take(rows), tilt[rows], options.take(rows), sampled
+        weakest = nominal.certificate.direction[rows]
+        largest[rows], worst[rows] = _worst(*searched, largest[rows], weakest)
+    return largest, worst
+
+
+def _worst(
+    contacts: Contacts,
+    tilt: Floats,
+    options: ForceOptions,
+    sampled: _Tilted,
+    largest: Floats,
+    weakest: Floats,
+) -> tuple[Floats, Floats]:
+    """The results of `largest_sampled` by a search from the worst of some tilts.
+
+    Args:
+        contacts: Grasps that some force holds, a flat batch.
+        tilt: Largest tilts [rad], shape (b, n).
+        options: The task and more.
+        sampled: The worst tilts so far.
+        largest: The largest forces so far, shape (b,).
+        weakest: Directions along which the grasps resist least without tilts, shape (b, 6).
+    """
+    active, worst = np.arange(len(tilt)), contacts.normals.copy()
     wrenches = _hardest(options, -weakest)
     directions, forces = [], []
     for normals in _tilts_around(contacts, tilt):
@@ -118,7 +149,6 @@ def largest_sampled(
     starts += [weakest, *np.take_along_axis(np.stack(directions), order[..., None], axis=0)]
     for start in starts:
         _ascend(contacts, tilt, options, active, start, sampled)
-    largest, worst = np.array(nominal.upper), contacts.normals.copy()
     for _ in range(EVALUATIONS):
         normals = sampled.normals[active]
         evaluated = options.take(active).force(contacts.take(active).with_normals(normals))
