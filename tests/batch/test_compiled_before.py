@@ -38,8 +38,9 @@ def run(*words):
 if __name__ == "__main__":
     meshes = Path(sys.argv[1])
     mug = (meshes / "mug.glb", "--max-edge", "20mm")
-    # Epsilon of soft fingers takes long.
+    # Soft fingers take long.
     small = ("small.off", "--unit", "cm", "--max-edge", "2mm", "--friction", 1)
+    block = ("block.off", "--unit", "m", "--max-edge", "40mm")
     held = ("--hand", "robotiq_2f85", "--table", "as-is", "--mass", "0.1kg")
     run("label", *mug, "--best", 2)
     run("label", *mug, "-o", "patches.ply", "--patch-radius", "5mm")
@@ -53,7 +54,7 @@ if __name__ == "__main__":
         load = ("--mass", "0.5kg", "--grip-force", 40, "--task", task)
         load += ("--center-of-mass-radius", "1mm", "--overwrite")
         for radius in (0, "3mm"):
-            run("label", "block.off", "--unit", "m", *load, "--torsion-radius", radius)
+            run("label", *block, *load, "--torsion-radius", radius)
     run("evaluate", *mug, "mug_grasps.json", "-q")
     run("evaluate", *mug, "poses.json", *held, "-q")
     run("sweep", *mug)
