@@ -290,7 +290,7 @@ def surface_net(surface: Triangles) -> GeodesicMesh:
     order = np.argsort(faces.ravel(), kind="stable")
     counts = np.bincount(faces.ravel(), minlength=len(surface.vertices))
     return GeodesicMesh(
-        faces=faces,
+        faces=np.array(faces),  # a copy: for read-only arrays kernels would be compiled once more
         sides=surface.sides,
         cosines=np.cos(surface.angles),
         sines=np.sin(surface.angles),

@@ -55,6 +55,8 @@ if __name__ == "__main__":
         load += ("--center-of-mass-radius", "1mm", "--overwrite")
         for radius in (0, "3mm"):
             run("label", *block, *load, "--torsion-radius", radius)
+    noise = ("--noise", "0.3mm", "--copies", 2, "--patch-radius", "3mm")
+    run("perturb", *block, *noise, "-o", "noise.ply")
     run("evaluate", *mug, "mug_grasps.json", "-q")
     run("evaluate", *mug, "poses.json", *held, "-q")
     run("sweep", *mug)
