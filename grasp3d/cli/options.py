@@ -7,7 +7,7 @@ docstrings as help. Angles without a unit are degrees there.
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import GenericAlias, NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -172,6 +172,7 @@ def _texts(parsed: Any, default: Any) -> tuple[str, str]:
     return "FILE", _NONE if default is None else str(default)
 
 
+@cache
 def _help_texts(kind: Any) -> dict[str, str]:
     """Return the texts on the fields in the docstrings of a class, by name, in one line each.
 
