@@ -63,6 +63,7 @@ def test_labels_of_a_surface() -> None:
     assert scan.label.shape == labels.label.shape
 
 
+@pytest.mark.slow
 def test_grasps_of_a_gripper_go_to_a_file_and_back(tmp_path: Path) -> None:
     gripper = grasp3d.ParallelGripper.preset("franka")
     mesh = grasp3d.load_mesh(shapes.box((0.06, 0.04, 0.08)), unit="m", max_edge=0.02)

@@ -199,6 +199,7 @@ def test_a_replaced_file_with_the_same_date_is_labelled_again(tmp_path: Path) ->
     assert path.stat().st_size == done.rows["a.stl"].bytes
 
 
+@pytest.mark.slow
 def test_a_changed_side_file_of_a_gltf_is_labelled_again(tmp_path: Path) -> None:
     source, out = tmp_path / "in", tmp_path / "out"
     source.mkdir()

@@ -37,7 +37,10 @@ from tests.helpers.shapes import LIBRARY
 playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 BROWSER = next(filter(None, map(shutil.which, BROWSERS)), None)
-pytestmark = pytest.mark.skipif(BROWSER is None, reason="needs Chromium")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(BROWSER is None, reason="needs Chromium"),
+]
 
 OPTIONS = [
     "--no-sandbox",
@@ -180,7 +183,6 @@ def picture(page: Any) -> NDArray[np.float64]:
     return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB"), dtype=float)
 
 
-@pytest.mark.slow
 def test_table_sorts_by_numbers_with_rows_without_one_last(page: Any, report: Report) -> None:
     opened(page, report.address())
     assert names(page) == [row.mesh for row in report.rows]
@@ -216,7 +218,6 @@ def test_table_shows_the_values_of_the_rows(page: Any, report: Report) -> None:
     assert sizes == [128] * 4
 
 
-@pytest.mark.slow
 def test_objects_come_first_and_every_column_is_visible(browser: Any, report: Report) -> None:
     context = browser.new_context(viewport={"width": 1280, "height": 900})
     page = opened(context.new_page(), report.address())
@@ -241,7 +242,6 @@ def test_objects_come_first_and_every_column_is_visible(browser: Any, report: Re
     context.close()
 
 
-@pytest.mark.slow
 def test_filters_by_name_outcome_and_limits(page: Any, report: Report) -> None:
     opened(page, report.address())
     page.locator("#search").fill("KITCHEN")
@@ -298,7 +298,6 @@ def test_curves_are_shown_at_the_selected_friction(page: Any, report: Report) ->
     assert cells[2] == f"{100.0 * median:.1f} %"
 
 
-@pytest.mark.slow
 def test_each_varying_axis_of_the_grid_has_its_own_list(
     page: Any, report: Report, tmp_path: Path
 ) -> None:
@@ -339,7 +338,6 @@ def test_page_without_any_label_opens(page: Any, report: Report, tmp_path: Path)
     assert "no such object" in page.locator("#name").inner_text()
 
 
-@pytest.mark.slow
 def test_ten_thousand_rows_sort_and_scroll(page: Any, report: Report, tmp_path: Path) -> None:
     rows = [
         replace(report.rows[0], mesh=f"{k}.ply", thumbnail="", vertices=(k * 7919) % 10_007)
@@ -355,7 +353,6 @@ def test_ten_thousand_rows_sort_and_scroll(page: Any, report: Report, tmp_path: 
     page.locator("#table").get_by_text(least.mesh, exact=True).wait_for()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["spray", "box", "cone", "cylinder"])
 def test_fractions_follow_the_sliders(page: Any, report: Report, name: str) -> None:
     opened_object(page, report, name)
@@ -372,7 +369,6 @@ def test_fractions_follow_the_sliders(page: Any, report: Report, name: str) -> N
     assert fractions(page) == pytest.approx(expected, abs=1e-3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("per_finger", ["", "normal_error=3; friction=0.3..0.6"])
 def test_fractions_follow_the_sliders_of_further_uncertainties(
     page: Any, tmp_path: Path, per_finger: str
@@ -414,7 +410,6 @@ def test_fractions_follow_the_sliders_of_further_uncertainties(
     assert ("of β" in text) == (not per_finger)
 
 
-@pytest.mark.slow
 def test_uncertain_labels_show_their_margin_in_a_table_that_fits(
     browser: Any, report: Report, tmp_path: Path
 ) -> None:
@@ -432,7 +427,6 @@ def test_uncertain_labels_show_their_margin_in_a_table_that_fits(
     context.close()
 
 
-@pytest.mark.slow
 def test_three_fingers_are_never_surely_unstable_from_90_degrees_on(
     page: Any, report: Report, tmp_path: Path
 ) -> None:
@@ -450,7 +444,6 @@ def test_three_fingers_are_never_surely_unstable_from_90_degrees_on(
         assert fractions(page) == pytest.approx(relabelled.fractions(), abs=1e-3)
 
 
-@pytest.mark.slow
 def test_labels_beyond_the_searched_cone_are_marked(page: Any, report: Report) -> None:
     opened_object(page, report, "spray")
     labels = report.labels["spray"]
@@ -466,7 +459,6 @@ def test_labels_beyond_the_searched_cone_are_marked(page: Any, report: Report) -
     assert "cannot be distinguished" in page.locator("#unsearched").inner_text()
 
 
-@pytest.mark.slow
 def test_picture_has_the_colours_of_the_labels(page: Any, report: Report) -> None:
     opened_object(page, report, "spray")
     drawn = picture(page)
@@ -496,7 +488,6 @@ def first_hit(
     return int(corners[distances.argmin()])
 
 
-@pytest.mark.slow
 def test_click_picks_the_vertex_nearest_to_the_ray(page: Any, report: Report) -> None:
     opened_object(page, report, "spray")
     labels = report.labels["spray"]
@@ -520,7 +511,6 @@ def test_click_picks_the_vertex_nearest_to_the_ray(page: Any, report: Report) ->
     assert len(picked) > 3
 
 
-@pytest.mark.slow
 def test_drag_rotates_and_does_not_pick(page: Any, report: Report) -> None:
     opened_object(page, report, "spray")
     before = picture(page)
@@ -538,7 +528,6 @@ def test_drag_rotates_and_does_not_pick(page: Any, report: Report) -> None:
     assert np.abs(picture(page) - before).mean() < 0.5
 
 
-@pytest.mark.slow
 def test_keys_rotate_the_view(page: Any, report: Report) -> None:
     opened_object(page, report, "box")
     before = picture(page)
@@ -550,7 +539,6 @@ def test_keys_rotate_the_view(page: Any, report: Report) -> None:
     assert np.abs(picture(page) - turned).mean() > 1.0
 
 
-@pytest.mark.slow
 def test_best_grasps_are_listed_and_drawn(page: Any, report: Report) -> None:
     opened_object(page, report, "box")
     buttons = page.locator("#grasps button")
@@ -564,7 +552,6 @@ def test_best_grasps_are_listed_and_drawn(page: Any, report: Report) -> None:
     assert dark[1] - dark[0] > 0.0015  # arrows, not only the contacts
 
 
-@pytest.mark.slow
 def test_previous_and_next_step_through_the_library(page: Any, report: Report) -> None:
     opened(page, report.address())
     page.locator("#table").get_by_role("link", name=report.rows[0].mesh, exact=True).click()
@@ -597,7 +584,6 @@ def test_a_note_distinguishes_sampled_labels_from_exact_ones(
     assert fractions(page) == pytest.approx(labels.fractions(), abs=1e-3)
 
 
-@pytest.mark.slow
 def test_a_missing_file_of_an_object_is_reported(
     browser: Any, report: Report, tmp_path: Path
 ) -> None:
@@ -612,7 +598,6 @@ def test_addresses_outside_the_library_load_nothing(page: Any, report: Report) -
     assert page.locator("script[src*=evil]").count() == 0
 
 
-@pytest.mark.slow
 def test_without_webgl_the_values_are_shown(driver: Any, report: Report) -> None:
     without_webgl = driver.launch(
         executable_path=BROWSER, args=["--no-sandbox", "--disable-3d-apis"]

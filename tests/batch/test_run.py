@@ -146,6 +146,7 @@ print(*(row.name for row in rows), "distributed" in sys.modules)
 """
 
 
+@pytest.mark.slow
 def test_jobs_on_this_machine_need_no_dask() -> None:
     script = started("-c", LOCAL, cwd=Path(grasp3d.__file__).parents[1])
     assert script.communicate(timeout=20.0) == ("well False\n", "")

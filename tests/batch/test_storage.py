@@ -174,6 +174,7 @@ def test_side_files_outside_the_folder_of_a_gltf_are_not_downloaded() -> None:
     system.store.clear()
 
 
+@pytest.mark.slow
 def test_errors_of_file_systems_become_one_sentence(
     s3: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -144,6 +144,7 @@ def test_strictly_a_mesh_with_warnings_fails_and_only_then(tmp_path: Path) -> No
     assert labelled(tmp_path / "out") == 2
 
 
+@pytest.mark.slow
 def test_the_same_command_again_labels_nothing(undisturbed: Path) -> None:
     before = summary(undisturbed / "out")
     run = resumed(undisturbed)
@@ -238,6 +239,7 @@ def test_the_death_of_a_worker_and_the_client_does_not_change_the_rows(
     check_no_unfinished_files(out)
 
 
+@pytest.mark.slow
 def test_a_missing_scheduler_is_an_error_of_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -87,6 +87,7 @@ def test_a_folder_has_a_line_for_each_mesh_after_an_error_too(folder: Path) -> N
     assert sound["refusal"] is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
 def test_a_table_has_a_row_for_each_mesh(folder: Path, suffix: str) -> None:
     vertices, faces = shapes.sphere(2, 0.05)
@@ -143,6 +144,7 @@ def test_quiet_prints_nothing(folder: Path) -> None:
     assert printed("check", "box.stl", "-q", cwd=folder) == ""
 
 
+@pytest.mark.slow
 def test_lengths_that_cannot_be_meant_are_accepted_with_force(folder: Path) -> None:
     run = grasp3d("check", "box.stl", "--max-opening", "80", cwd=folder)
     assert (run.returncode, "labels can be trusted: no" in run.stdout) == (1, True)

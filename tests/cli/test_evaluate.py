@@ -131,6 +131,7 @@ def posed(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_poses_of_a_gripper_are_evaluated(posed: Path) -> None:
     arguments = ("small.stl", "poses.csv", "--unit", "mm", "--hand", "franka")
     run = grasp3d("evaluate", *arguments, "-o", "out.csv", cwd=posed)

@@ -41,6 +41,7 @@ def test_the_version_is_listed() -> None:
     assert grasp3d("--version", cwd=Path()).stdout.startswith("grasp3d 0.")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", KINDS)
 def test_help_is_one_screen_of_what_matters_and_help_all_has_every_option(command: str) -> None:
     options = list(options_of(KINDS[command]))

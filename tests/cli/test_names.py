@@ -85,6 +85,7 @@ def test_all_files_named_after_an_input_have_safe_names(
     assert "a\n$b$:c.stl" in json.dumps(data, ensure_ascii=False).replace("\\n", "\n")
 
 
+@pytest.mark.slow
 def test_the_error_of_an_unreadable_mesh_is_one_line_for_every_name(tmp_path: Path) -> None:
     for stem in STEMS:
         (tmp_path / f"{stem}.stl").touch()

@@ -26,6 +26,7 @@ def scan(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_it_prints_what_to_enter_and_writes_the_results(scan: Path) -> None:
     text = printed("perturb", scan.name, "--noise", "0.2mm", *QUICK, cwd=scan.parent)
     noise = "noise of each of the 3 copies: 0.2 mm along the normals (as given), independent at"

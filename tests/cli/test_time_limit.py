@@ -122,6 +122,7 @@ def test_the_unit_of_a_mesh_to_view_is_read_within_the_limit(
     assert ended.stderr.startswith("grasp3d: a.off: took longer than 3 s (--timeout): reading")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["label", "view"])
 def test_a_time_limit_that_is_none(tmp_path: Path, command: str) -> None:
     for value in ("0", "-1", "inf", "nan"):

@@ -101,6 +101,7 @@ def test_the_report_of_labels_has_the_uncertainties_and_the_mean_budget(tmp_path
     assert heading.split()[:5] == ["grasp", "label", "β*", "α*", "margin"]
 
 
+@pytest.mark.slow
 def test_without_further_uncertainties_the_report_has_no_margin(tmp_path: Path) -> None:
     export(tmp_path / "box.stl", shapes.box((40.0, 60.0, 80.0)))
     text = printed("label", "box.stl", *COARSE, "--best", "1", cwd=tmp_path)
@@ -138,6 +139,7 @@ def test_a_sweep_over_location_errors(tmp_path: Path) -> None:
     assert (tmp_path / "sweep.svg").exists()
 
 
+@pytest.mark.slow
 def test_every_line_of_the_required_resolutions_has_its_name(tmp_path: Path) -> None:
     words = ("--location-error", "0", "0.1", "--fraction", "0.1", "0.2")
     done = grasp3d("sweep", "circle", "square", *words, cwd=tmp_path, columns=80)
@@ -184,6 +186,7 @@ def test_the_required_resolution_over_two_errors_is_printed(tmp_path: Path) -> N
     assert printed == pytest.approx(expected.tolist(), abs=0.051)
 
 
+@pytest.mark.slow
 def test_reports_have_millimetres_and_the_meaning_of_safe_labels(tmp_path: Path) -> None:
     export(tmp_path / "box.stl", shapes.box((0.04, 0.06, 0.08)))
     fingers = "location_error=0.5mm; normal_error=2, friction=0.3..0.4"
@@ -213,6 +216,7 @@ def test_a_batch_refuses_a_location_error_that_cannot_be_meant(tmp_path: Path) -
         assert "failed: location_error is 500 mm, 4.64 times the size of box.stl" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_sweep_states_the_unit_of_its_values(tmp_path: Path) -> None:
     export(tmp_path / "box.stl", shapes.box((40.0, 60.0, 80.0)))
     words = ("--max-edge", "inf", "--rays", "8", "--friction", "0.5", "--sensor-resolution", "10")

@@ -28,6 +28,7 @@ others = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(critical_angles, frictions, openings, others)
 def test_the_parts_and_the_margin_add_up_to_the_friction_angle(

@@ -47,6 +47,7 @@ def test_other_libraries_read_a_row_for_each_vertex(tmp_path: Path) -> None:
         assert np.array_equal(reasons, labels().reason)
 
 
+@pytest.mark.slow
 def test_the_schema_has_small_codes_all_digits_and_the_settings(tmp_path: Path) -> None:
     write_fields(tmp_path / "out.parquet", labels())
     file = pq.ParquetFile(tmp_path / "out.parquet")

@@ -167,6 +167,7 @@ def test_meshlab_reads_surface_and_colours_of_the_ply(tmp_path: Path) -> None:
     assert (colors[labels().label == Label.S] == COLORS[Label.S]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["open3d", "pymeshlab", "pyvista", "trimesh", "meshio"])
 def test_other_programs_read_the_ply_of_a_gripper(tmp_path: Path, name: str) -> None:
     """Its settings are longer than the lines that they read: MeshLab's 512, Open3D's 1,024."""
@@ -259,6 +260,7 @@ def test_coordinates_far_from_the_origin_keep_their_digits(tmp_path: Path) -> No
     assert np.array_equal(mesh.vertices[: len(vertices)], vertices + 1e6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_a_missing_folder_or_one_with_the_files_name_is_an_error(
     tmp_path: Path, suffix: str

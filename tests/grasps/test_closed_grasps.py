@@ -122,6 +122,7 @@ def test_no_grasp_is_before_one_with_a_better_label_after_closing(name: str) -> 
     assert len(set(codes)) > 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LABELS)
 def test_as_many_kinds_as_possible_are_among_grasps_of_the_same_label(name: str) -> None:
     labels = LABELS[name]()

@@ -107,6 +107,7 @@ def placed(pose: ObjectPose, unit: Any) -> np.ndarray:
     return matrix
 
 
+@pytest.mark.slow
 @given(poses=some_poses(), pose=object_poses(), unit=st.sampled_from(["m", "mm", "in"]))
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @pytest.mark.parametrize("name", OWN)
@@ -153,6 +154,7 @@ def test_moveit_has_the_robots_frame_by_name(
         read_poses(path, hand=poses.hand)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_formats_in_the_objects_frame_refuse_another_but_not_what_was_read_from_one(
     tmp_path: Path,
 ) -> None:

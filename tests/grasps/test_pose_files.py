@@ -721,6 +721,7 @@ def link(target: Any) -> Any:
     return lambda file: file.__setitem__("grasps/transforms", target)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "message"),
     [

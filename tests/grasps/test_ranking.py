@@ -113,6 +113,7 @@ def assert_lawful(values: np.ndarray) -> None:
         assert not any(is_above(below, values[place]) for below in values[place + 1 :])
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.too_slow])  # the first one labels a block
 @given(tables())
 def test_no_grasp_is_above_one_that_is_as_good_in_everything_and_better_in_one(
@@ -124,6 +125,7 @@ def test_no_grasp_is_above_one_that_is_as_good_in_everything_and_better_in_one(
     assert (np.diff(stated_label(*case)[rows]) <= 0).all()
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.too_slow])
 @given(tables(), st.permutations(range(SIZE)))
 def test_the_order_does_not_depend_on_that_of_the_table(
@@ -221,6 +223,7 @@ def test_a_pose_that_collides_comes_last() -> None:
     assert int(ranked_rows(lost)[-1]) == first
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("load", [None, Load(mass=0.1)], ids=["no load", "load"])
 def test_the_first_grasp_of_a_mug_can_be_executed(load: Load | None) -> None:
     """Before there was a grasp of no approach margin at the front."""
@@ -236,6 +239,7 @@ def test_the_first_grasp_of_a_mug_can_be_executed(load: Load | None) -> None:
         assert best.holding.payload[0] > 0.1
 
 
+@pytest.mark.slow
 def test_forces_of_the_best_are_those_at_what_the_jaws_touch() -> None:
     load = Load(mass=0.3)
     labels = label_surface(load_mesh("meshes/mug.glb"), hand=read_hand("franka"), load=load)
@@ -253,6 +257,7 @@ def test_forces_of_the_best_are_those_at_what_the_jaws_touch() -> None:
     np.testing.assert_array_equal(stated_label(best, best.closed), best.holding.label)
 
 
+@pytest.mark.slow
 def test_fingers_that_push_outward_are_not_surely_stable_with_a_load_either() -> None:
     """What the jaws touch is not known of them."""
     corners, faces = shapes.tube(sections=24)

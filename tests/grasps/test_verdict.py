@@ -320,6 +320,7 @@ def test_what_is_not_reached_has_the_cause_of_most_of_the_surface() -> None:
         assert math.isnan(verdict.approach_margin)
 
 
+@pytest.mark.slow
 def test_what_is_too_wide_needs_jaws_that_open_wider() -> None:
     large = load_mesh(shapes.box((100.0, 110.0, 90.0)), unit="mm", max_edge=15.0)
     labels = beside(large)

@@ -285,6 +285,7 @@ def test_symmetric_poses_on_a_symmetric_object_have_symmetric_contacts() -> None
     np.testing.assert_allclose(found.area[:, 0], found.area[:, 1], rtol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hand", [pads(), tips()])
 def test_units_and_motions_of_everything_change_nothing(blob: ObjectMesh, hand: Any) -> None:
     matrices = random_poses(40, 0.01, seed=2)

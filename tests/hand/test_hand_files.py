@@ -47,6 +47,7 @@ def grippers(draw: st.DrawFn) -> ParallelGripper:
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(grippers())
 def test_what_is_written_is_read_again(tmp_path: Path, gripper: ParallelGripper) -> None:

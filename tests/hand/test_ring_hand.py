@@ -186,6 +186,7 @@ def test_reached_vertices_of_a_ball_are_those_of_the_formula(hand: RingHand, hei
     assert labels.reach.reached.any()
 
 
+@pytest.mark.slow
 def test_labels_are_those_of_ideal_points_where_the_hand_reaches() -> None:
     labels, reached = labelled(), labelled().reachable
     assert 0 < reached.sum() < len(reached)

@@ -231,6 +231,7 @@ def test_centres_of_pressure_are_on_one_line_where_patches_overlap() -> None:
     np.testing.assert_allclose(apart[0, :, 1], [0.3, 1.2])
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.tuples(*[st.floats(-1.0, 1.0) for _ in range(3)]), min_size=1, max_size=6),
     st.floats(0.0, 1.0),

@@ -55,6 +55,7 @@ def called_kernels() -> Iterator[tuple[str, Any]]:
                 yield f"{module}.{name}", found
 
 
+@pytest.mark.slow
 @jitted
 def test_every_kernel_that_python_calls_is_compiled_ahead() -> None:
     called = dict(called_kernels())

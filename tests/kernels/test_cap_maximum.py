@@ -55,6 +55,7 @@ def test_no_point_of_the_cap_exceeds_the_bound(seed: int, cosine: float, start: 
         assert value <= bound + 1e-9 * size
 
 
+@pytest.mark.slow
 def test_the_bound_is_mostly_attained() -> None:
     attained = 0
     for seed in range(300):

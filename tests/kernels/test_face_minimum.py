@@ -122,6 +122,7 @@ def test_a_node_with_a_good_contact_is_not_left_out(seed: int, shape: str) -> No
             assert largest_rank(row, vertex, own, domain, math.cos(limit), math.sin(limit)) < 0.0
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_a_cut_polygon_contains_what_is_on_the_right_side_of_all_lines(seed: int) -> None:

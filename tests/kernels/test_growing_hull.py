@@ -112,6 +112,7 @@ def test_coplanar_wrenches_make_a_closed_polytope_too(name: str, edges: int) -> 
     check_neighbours(grown)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3, 4, 5, 6])
 @pytest.mark.parametrize("goal", [EXACT, (0.1, 0.0, math.inf, 0.0), (0.01, 0.0, math.inf, 0.0)])
 def test_words_and_walks_find_the_same_neighbours(dimension: int, goal: Any) -> None:

@@ -103,6 +103,7 @@ def test_two_fingers_against_the_definition(seed: int) -> None:
     assert critical_angle(*grasp) == pytest.approx(oracles.critical_angle(*grasp), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_two_fingers_against_reference_grasps() -> None:
     cases = json.loads(shapes.shared("reference", "epsilon.json").read_text())
     compared = 0
@@ -134,6 +135,7 @@ def initial_directions(sets: ContactNormals, centre: Floats, radius: float, cone
     return np.array(rays.closing)
 
 
+@pytest.mark.slow
 def test_initial_directions_fill_their_cone_and_begin_with_the_normal() -> None:
     normal, cone = np.array([0.0, 0.0, 1.0]), 0.7
     sets = ContactNormals(np.array([0, 1]), np.array([1]), normal[None])

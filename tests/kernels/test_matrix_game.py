@@ -63,6 +63,7 @@ def test_games_with_equal_entries(seed: int, rows: int, columns: int) -> None:
         assert (tied @ weights).max() == pytest.approx(bound, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_known_game() -> None:
     bound, weights, prices = solved(np.array([[1.0, -1.0], [-1.0, 1.0]]))
     assert bound == pytest.approx(0.0, abs=1e-15)

@@ -48,6 +48,7 @@ def nearest_in_triangle(triangle: np.ndarray, start: np.ndarray, end: np.ndarray
     return math.sqrt(max(min(found), 0.0))
 
 
+@pytest.mark.slow
 def test_distances_of_points_from_triangles() -> None:
     rng = np.random.default_rng(0)
     triangles = rng.normal(size=(300, 3, 3))
@@ -59,6 +60,7 @@ def test_distances_of_points_from_triangles() -> None:
         assert found == pytest.approx(right[i], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_distances_of_segments_from_triangles() -> None:
     rng = np.random.default_rng(0)
     crossing = 0
@@ -99,6 +101,7 @@ def test_boxes_contain_the_faces_of_their_nodes(faces: int) -> None:
             assert np.abs(heights).max() == pytest.approx(box[11], abs=2e-12)
 
 
+@pytest.mark.slow
 def test_balls_and_capsules_are_free_up_to_the_nearest_face() -> None:
     rng = np.random.default_rng(0)
     points, faces = shapes.lopsided()

@@ -41,6 +41,7 @@ def test_on_a_ball_a_walk_follows_a_great_circle(length: float) -> None:
             assert turned == pytest.approx(length, abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_walk_over_an_edge_of_a_box_is_straight_on_the_unfolded_faces() -> None:
     mesh = load_mesh(shapes.box((2.0, 2.0, 2.0)), max_edge=0.3)
     rng = np.random.default_rng(0)

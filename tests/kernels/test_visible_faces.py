@@ -68,6 +68,7 @@ def traced(positions: Floats, faces: NDArray[np.int64], codes: NDArray[np.uint8]
     return samples.reshape(HEIGHT, FINE, WIDTH, FINE, 4).mean(axis=(1, 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", SURFACES)
 def test_pictures_are_those_of_rays(name: str, seed: int) -> None:

@@ -207,6 +207,7 @@ def test_more_fingers_cost_more(tmp_path: Path) -> None:
     assert three.memory > two.memory
 
 
+@pytest.mark.slow
 def test_the_diagnosis_does_not_depend_on_position_and_scale(tmp_path: Path) -> None:
     vertices, faces = shapes.torus(1.0, 0.3)
     kept = faces[5:]

@@ -170,6 +170,7 @@ def test_an_open_surface_is_judged_by_the_ball_around_it() -> None:
     assert "more than any material" in text
 
 
+@pytest.mark.slow
 @given(size=st.floats(1e-3, 10.0), mass=st.floats(1e-5, 1e3), unit=st.sampled_from(list(METRES)))
 def test_what_is_advised_is_plausible(size: float, mass: float, unit: Any) -> None:
     extents = (size, 0.5 * size, 0.4 * size)
@@ -184,6 +185,7 @@ def test_what_is_advised_is_plausible(size: float, mass: float, unit: Any) -> No
 MESHES = [path for path in shapes.LIBRARY.iterdir() if path.suffix not in {".md", ".png"}]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
 @pytest.mark.parametrize("gripper", ["franka", "robotiq_2f85", None])
 def test_nothing_is_said_of_the_shipped_meshes(path: Path, gripper: str | None) -> None:

@@ -150,6 +150,7 @@ def test_a_long_chain_of_cubes_is_one_bar(seed: int) -> None:
     assert counts(bar)["united"] == 60
 
 
+@pytest.mark.slow
 def test_many_pairs_are_each_united() -> None:
     """Vertices of distant groups are not confused."""
     pair = joined(shapes.box(), moved(shapes.box(), (0.5, 0.2, 0.1)))

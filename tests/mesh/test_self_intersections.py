@@ -63,6 +63,7 @@ def check(found: np.ndarray, shape: Surface) -> set[tuple[int, int]]:
     return pairs
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32), count=st.integers(2, 40), size=st.floats(0.1, 1.0))
 def test_crossings_of_random_triangles_are_true_and_no_sure_one_is_missed(

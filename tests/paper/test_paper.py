@@ -276,6 +276,7 @@ def test_the_map_has_the_fractions_of_the_circle() -> None:
         assert found.ambiguous[row, column] == pytest.approx(exact["M"], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_fractions_of_the_circle_agree_with_their_closed_form(page: str) -> None:
     for friction in (1.0, SLIPPERY):
         beta = math.degrees(math.atan(friction))

@@ -64,6 +64,7 @@ def test_labels_are_those_of_what_is_perceived_within_the_uncertainty_of_what_is
     assert np.bincount(drawn.label).tolist() == [4, 4, 4]
 
 
+@pytest.mark.slow
 def test_true_contacts_are_on_the_surface_and_within_the_tips() -> None:
     drawn, one = found().grasps, found()
     on_face = np.abs(np.abs(drawn.points) / [2.0, 3.0, 5.0] - 1.0).min(axis=2)

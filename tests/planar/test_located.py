@@ -235,6 +235,7 @@ def test_on_a_circle_no_line_is_nearer_to_both_normals() -> None:
     np.testing.assert_allclose(worst[1:], np.minimum(expected, math.pi), atol=1e-9)
 
 
+@pytest.mark.slow
 @given(st.floats(0.0, 1.2), st.floats(0.0, math.pi / 2.0))
 def test_the_worst_angle_has_its_inverse(ratio: float, angle: float) -> None:
     worst = worst_angle(angle, ratio)
@@ -293,6 +294,7 @@ def test_fractions_of_polygons_agree_with_the_angles_along_them(seed: int, locat
         np.testing.assert_allclose(exact, counted, atol=4e-3)
 
 
+@pytest.mark.slow
 @given(frictions, resolutions, st.floats(0.0, 1.5), st.floats(-20.0, 20.0))
 @few
 def test_all_forms_of_a_square_have_the_same_fractions(
@@ -340,6 +342,7 @@ def test_polygons_of_many_sides_approach_the_circle() -> None:
 # Laws
 
 
+@pytest.mark.slow
 @given(
     seeds,
     frictions,
@@ -563,6 +566,7 @@ def test_labels_agree_with_those_of_contacts_in_space(outline: Outline) -> None:
         np.testing.assert_array_equal(label, space)
 
 
+@pytest.mark.slow
 def test_the_sphere_agrees_with_a_scan_of_one() -> None:
     mesh = load_mesh(shapes.sphere(5))
     radius = float(np.linalg.norm(mesh.vertices, axis=1).max())

@@ -141,6 +141,7 @@ def smooth(found: PlanarScan) -> NDArray[np.bool_]:
 # Laws of the fractions
 
 
+@pytest.mark.slow
 @given(seeds, frictions, resolutions, st.floats(0.0, 7.0), st.floats(1e-6, 1e6))
 @few
 def test_fractions_do_not_depend_on_pose_unit_or_order_of_corners(
@@ -183,6 +184,7 @@ def test_more_friction_and_a_finer_sensor_never_reduce_stability(
     assert sum(worse.values()) == pytest.approx(1.0, abs=1e-12)
 
 
+@pytest.mark.slow
 @given(seeds)
 @few
 def test_distributions_rise_from_0_to_1_and_best_is_at_least_worst(seed: int) -> None:
@@ -197,6 +199,7 @@ def test_distributions_rise_from_0_to_1_and_best_is_at_least_worst(seed: int) ->
         assert (fractions[angles.ravel() <= 0.0] == 0.0).all()
 
 
+@pytest.mark.slow
 @given(seeds, st.floats(0.05, 0.95))
 @few
 def test_quantiles_invert_the_distribution(seed: int, fraction: float) -> None:
@@ -209,6 +212,7 @@ def test_quantiles_invert_the_distribution(seed: int, fraction: float) -> None:
 # The definition, sampled
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(9))
 def test_fractions_agree_with_the_definition(seed: int) -> None:
     outline = random_outline(seed)

@@ -72,6 +72,7 @@ def legends(figure: Figure) -> list[str]:
     return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
 
 
+@pytest.mark.slow
 def test_what_is_not_possible_is_hatched_and_named() -> None:
     swept = errors()
     figure = heat_map_figure([swept], fractions=[0.2])
@@ -86,6 +87,7 @@ def test_what_is_not_possible_is_hatched_and_named() -> None:
     check_texts(figure)
 
 
+@pytest.mark.slow
 def test_a_map_without_any_value_has_no_scale() -> None:
     swept = sweep(
         SphereAngles(), friction=0.3, sensor_resolution=1.0, normal_error=NORMALS,
@@ -160,6 +162,7 @@ def test_the_maps_of_several_sweeps_share_their_colours_and_are_saved(tmp_path: 
         assert len(data) > 5_000
 
 
+@pytest.mark.slow
 def test_panels_are_stacked_over_any_uncertainty() -> None:
     swept = sweep(
         SphereAngles(), friction=1.0, sensor_resolution=0.2, normal_error=NORMALS[:3],

@@ -45,6 +45,7 @@ def fake_python(folder: Path, script: str) -> str:
     return str(path)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a shell script")
 @pytest.mark.parametrize("script", ["kill -SEGV $$", "exit 1", "exec sleep 60"])
 @pytest.mark.usefixtures("without_cache")
@@ -121,6 +122,7 @@ def test_a_picture_is_filled_by_the_whole_surface(size: tuple[int, int]) -> None
     assert middle == pytest.approx(((size[0] - 1) / 2.0, (size[1] - 1) / 2.0), abs=1.5)
 
 
+@pytest.mark.slow
 @needs_opengl
 def test_right_and_up_of_pictures() -> None:
     vertices, faces = shapes.sphere(3)
@@ -147,6 +149,7 @@ def test_light_changes_only_the_brightness_up_to_the_exact_colour() -> None:
     assert kept[:, 0].min() > 0.4 * color[0]
 
 
+@pytest.mark.slow
 @needs_opengl
 def test_the_same_picture_every_time() -> None:
     scanned = scan_surface(box_mesh(max_edge=0.5), GraspModel(friction=1.0), fixed=(0, 0, -1))
@@ -157,6 +160,7 @@ def test_the_same_picture_every_time() -> None:
     assert (first == second).all()
 
 
+@pytest.mark.slow
 @needs_opengl
 def test_a_finger_is_visible_and_its_hidden_parts_are_transparent() -> None:
     vertices, faces = shapes.box((2.0, 2.0, 2.0))

@@ -98,6 +98,7 @@ def random_grasp(kind: str, seed: int) -> Contacts:
     return patches.shifted(contacts.reshape(()), np.array([0.2, -0.1, 0.3]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", QUALITIES)
 @given(st.data(), st.integers(0, 10_000), st.sampled_from([1e-6, 1e-3, 1.0, 25.4, 1e6]))
 @settings(max_examples=40, deadline=None)

@@ -199,6 +199,7 @@ def test_rotations_matter_less_to_the_internal_force_margin_the_more_edges_there
     assert again == pytest.approx(margin, rel=5e-3, abs=5e-4, nan_ok=True)
 
 
+@pytest.mark.slow
 @few
 @given(kinds, seeds, st.floats(0.01, 100.0))
 @example(Shape(2, 8, soft=True), 5427, 1.0)  # only without a presolver the moved one is solved

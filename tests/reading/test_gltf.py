@@ -38,6 +38,7 @@ def nothing(_: Tree) -> None:
     pass
 
 
+@pytest.mark.slow
 def test_a_glb_and_a_gltf_with_side_files_or_embedded_data(tmp_path: Path) -> None:
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "my data.bin").write_bytes(DATA)

@@ -349,6 +349,7 @@ ARCHIVES: dict[str, tuple[bytes, str]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ARCHIVES)
 def test_malicious_archives_and_documents_are_rejected(tmp_path: Path, name: str) -> None:
     data, message = ARCHIVES[name]

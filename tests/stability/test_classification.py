@@ -201,6 +201,7 @@ def test_epsilons_are_those_of_the_range_over_tilts(
     assert found.epsilon_effective == pytest.approx(effective.lower, rel=2.0 * RTOL, abs=ROUNDING)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fingers", [2, 3])
 @pytest.mark.parametrize("method", ["exact", "extremes"])
 def test_the_smallest_friction_decides_s_and_epsilon_min_and_the_largest_the_others(

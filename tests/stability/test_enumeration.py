@@ -55,6 +55,7 @@ def combinations_of(contacts: Contacts, tested: Tested, b: int) -> Contacts:
 # The oracle: every combination, one by one
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edges", [None, 6])
 @pytest.mark.parametrize(("fingers", "crease"), [(1, False), (2, False), (2, True), (3, True)])
 def test_closure_is_that_of_all_combinations(fingers: int, crease: bool, edges: int | None) -> None:
@@ -211,6 +212,7 @@ def test_a_pair_that_is_open_only_at_the_rim() -> None:
     np.testing.assert_array_equal(found.best_normals[0], pair.normals[0])
 
 
+@pytest.mark.slow
 def test_without_tilt_all_combinations_are_the_same_grasp() -> None:
     contacts = grasps.stacked([grasps.regular_on_ball("triangle")])
     tested = extreme_normals(contacts, np.zeros((1, 3)), count=3)

@@ -214,6 +214,7 @@ def test_cosines_to_the_best_and_worst_normals_of_creases(seed: int) -> None:
         )
 
 
+@pytest.mark.slow
 def test_search_directions_turn_with_the_object() -> None:
     vertices, faces = shapes.lopsided()
     turn = shapes.rotation(7)

@@ -84,6 +84,7 @@ def test_a_block_on_a_table_is_held_by_its_sides() -> None:
     assert (labels.label[flat & (z < 0.0)] == 0).all()
 
 
+@pytest.mark.slow
 def test_a_block_on_a_table_is_approached_from_above() -> None:
     """As far aside as the lower corners of the fingers, and of the palm, are above the table."""
     labels = block()

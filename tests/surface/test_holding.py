@@ -286,6 +286,7 @@ def test_the_nominal_force_is_that_of_the_contacts() -> None:
         assert value == pytest.approx(force.value[0], rel=FORCE_RTOL)
 
 
+@pytest.mark.slow
 def test_three_fingers_hold_with_hard_contacts() -> None:
     ball = load_mesh(shapes.sphere(2), unit="cm", max_edge=0.5)
     model = GraspModel(fingers=3, sensor_resolution=0.1)

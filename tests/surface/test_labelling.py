@@ -32,6 +32,7 @@ def ball() -> SurfaceLabels:
     return label_surface(mesh, GraspModel(), sampling=Sampling(search_angle=math.pi / 2.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("friction", "resolution"), [(0.5, 22.6), (0.2, 20.0), (1.0, 80.0)])
 def test_a_ball_is_s_if_the_tilt_is_below_the_friction_angle(
     friction: float, resolution: float
@@ -171,6 +172,7 @@ def test_a_vertex_on_an_edge_of_one_face_only_is_on_a_crease() -> None:
     assert (labels.label[on_edge] <= Label.M).all()
 
 
+@pytest.mark.slow
 def test_the_reason_is_the_opening_if_no_grasp_fits() -> None:
     mesh = load_mesh(shapes.sphere(3))
     labels = label_surface(mesh, sampling=Sampling(max_opening=0.5))

@@ -118,6 +118,7 @@ def test_more_fingers_never_make_a_vertex_worse(shape: str) -> None:
     assert (angles[1] < angles[0] - 0.01).any() or shape == "box"
 
 
+@pytest.mark.slow
 def test_labels_are_monotone_in_friction_and_antitone_in_resolution() -> None:
     labels = labelled("wedge", 3)
     before = None
@@ -147,6 +148,7 @@ def test_contacts_keep_the_limits_of_distances() -> None:
     assert labels.opening[vertices] == pytest.approx(distances_of_pairs.max(axis=1))
 
 
+@pytest.mark.slow
 def test_contacts_are_separated_by_default() -> None:
     labels = labelled("tapered", 5)
     contacts = contacts_of(labels, np.flatnonzero(np.isfinite(labels.critical_angle)))

@@ -112,6 +112,7 @@ def test_payloads_beside_a_push_have_the_least_torsion() -> None:
     assert (interval.payload < nominal * (1.0 - FORCE_RTOL)).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(low=st.floats(0.15, 0.9), width=st.floats(0.02, 0.6), part=st.floats(0.0, 1.0))
 def test_an_interval_contains_the_forces_of_its_frictions(

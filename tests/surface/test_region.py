@@ -124,6 +124,7 @@ def check_contacts(labels: SurfaceLabels) -> None:
     assert sum(labels.fractions().values()) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(regions(), st.data())
 def test_the_best_grasps_are_those_of_an_exhaustive_search_of_the_region(
@@ -149,6 +150,7 @@ def test_contacts_of_searches_by_rays_are_allowed(
     check_contacts(label_surface(mesh, model, sampling=Sampling(grip=grip)))  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None)
 @given(regions(), st.sampled_from(["surface", "vertices"]))
 def test_contacts_of_three_fingers_are_allowed(mesh: ObjectMesh, points: str) -> None:

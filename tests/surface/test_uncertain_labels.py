@@ -51,6 +51,7 @@ def test_zero_errors_change_nothing(labels: SurfaceLabels) -> None:
     assert relabelled.label.tolist() == labels.label.tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(ERRORS))
 def test_less_knowledge_turns_labels_to_m_only(labels: SurfaceLabels, name: str) -> None:
     before = labels
@@ -116,6 +117,7 @@ def test_one_worse_finger_costs_at_most_what_is_worse_about_it() -> None:
         assert (searched.margin > each.margin - 2e-3).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("worse", [0, 1])
 def test_the_search_turns_the_line_away_from_the_worse_finger(
     labels: SurfaceLabels, worse: int

@@ -22,6 +22,7 @@ def columns_of(text: str) -> dict[str, list[object]]:
         return {name: values.tolist() for name, values in read_columns(path).items()}
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(rows=TABLES)
 def test_delimiters_and_decimal_commas_change_no_bit(rows: list[tuple[float, float, int]]) -> None:

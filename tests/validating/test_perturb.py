@@ -38,6 +38,7 @@ def test_fractions_of_every_vertex_add_up() -> None:
     assert all(array.shape == (len(one.mesh.vertices),) for array in one.columns().values())
 
 
+@pytest.mark.slow
 def test_they_count_the_labels_of_the_copies() -> None:
     copies = list(noisy_copies(clean(), 0.01, 0.0, 0, 6))
     labels = [label_surface(copy) for copy in copies]

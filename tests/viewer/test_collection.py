@@ -200,6 +200,7 @@ def _held() -> SurfaceLabels:
     return label_surface(mesh, hand=ParallelGripper.preset("franka"), load=Load(mass="200 g"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".ply", ".npz", ".vtp", ".parquet"])
 @pytest.mark.parametrize("make", [viewing.labels, viewing.scan, viewing.three_fingers, _held])
 def test_a_labelled_file_is_read_once_and_shown_without_a_search(

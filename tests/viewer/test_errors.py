@@ -156,6 +156,7 @@ def tube() -> SurfaceLabels:
     return label_surface(load_mesh(mesh, unit="m", max_edge=0.02), sampling=WIDE)
 
 
+@pytest.mark.slow
 def test_a_location_error_has_grasps_of_its_own() -> None:
     session = ready_session(tube())
     pinched = 1.5e-3  # turns the line of a pinch by 49 degrees

@@ -221,6 +221,7 @@ def test_with_fixed_fingers_there_are_no_forces(session: Session) -> None:
     assert session.offers("grip_force")
 
 
+@pytest.mark.slow
 def test_a_new_search_keeps_the_load(session: Session) -> None:
     session.change(fingers=3)
     wait_until_idle(session)
@@ -310,6 +311,7 @@ class Own(Weight):
     """A task that a file cannot name."""
 
 
+@pytest.mark.slow
 def test_a_task_of_an_own_class_leaves_a_note(tmp_path: Path) -> None:
     path = tmp_path / "task.ply"
     task = Own(0.5, direction=(0, 0, -1))

@@ -361,6 +361,7 @@ def test_settings_of_the_gripper_are_one_json_line() -> None:
 # Pictures
 
 
+@pytest.mark.slow
 @needs_opengl
 def test_a_picture_shows_the_best_grasp_that_is_reached() -> None:
     with open_renderer(collection_of(held_box()), ViewSettings()) as renderer:
@@ -486,6 +487,7 @@ def test_the_table_is_level_in_the_picture() -> None:
 numbers = st.floats(-1.0, 1.0, width=32)
 
 
+@pytest.mark.slow
 @given(arrays(float, (6, 3), elements=numbers), arrays(float, (5, 3), elements=numbers))
 def test_the_object_stays_in_the_frame_and_does_not_become_tiny(points: Any, beside: Any) -> None:
     points = np.concatenate([points, np.eye(3), -np.eye(3)])

@@ -316,6 +316,7 @@ def test_an_angle_has_enough_decimals_to_differ_from_its_limit() -> None:
     assert re.fullmatch(r"28\.\d{4}°", angle_text(0.5, 0.5 + 1e-9))
 
 
+@pytest.mark.slow
 def test_every_explanation_is_one_complete_line() -> None:
     subject = subject_of(viewing.labels())
     for vertex in range(0, len(subject.mesh.vertices), 5):

@@ -52,6 +52,8 @@ MODEL = GraspModel(friction=0.3, sensor_resolution=20.0 * DEGREE)
 SAMPLING = Sampling(rays=8, search_angle=80.0 * DEGREE)
 NAME = "knob.ply"
 
+pytestmark = pytest.mark.slow
+
 SERVER = """
 import sys
 from dataclasses import replace
@@ -240,7 +242,6 @@ def fractions(labels: SurfaceLabels, friction: float, degrees: float = 20.0) -> 
     return labels.relabel(friction=friction, sensor_resolution=degrees * DEGREE).fractions()
 
 
-@pytest.mark.slow
 def test_surface_has_the_colours_of_its_labels(seen: Visitor, labels: SurfaceLabels) -> None:
     seen.shows(labels.fractions())
     before = hues(seen.picture())
@@ -251,7 +252,6 @@ def test_surface_has_the_colours_of_its_labels(seen: Visitor, labels: SurfaceLab
     seen.until(lambda: hues(seen.picture())["S"] > before["S"] + 0.02)
 
 
-@pytest.mark.slow
 def test_sliders_follow_keyboard_and_mouse(seen: Visitor, labels: SurfaceLabels) -> None:
     seen.page.locator("#friction").focus()
     for _ in range(7):
@@ -269,7 +269,6 @@ def test_sliders_follow_keyboard_and_mouse(seen: Visitor, labels: SurfaceLabels)
     seen.shows(fractions(labels, 0.37, degrees))
 
 
-@pytest.mark.slow
 def test_errors_of_friction_and_normals(seen: Visitor, labels: SurfaceLabels) -> None:
     assert seen.page.locator("#normal-error").count() == 0
     seen.page.locator("#show-errors").check()
@@ -291,7 +290,6 @@ def test_errors_of_friction_and_normals(seen: Visitor, labels: SurfaceLabels) ->
     assert not seen.errors
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("field", ["#friction-number", "#opening"])
 def test_a_number_that_is_being_typed_is_kept_when_the_page_changes(
     seen: Visitor, field: str
@@ -306,7 +304,6 @@ def test_a_number_that_is_being_typed_is_kept_when_the_page_changes(
     assert not seen.errors
 
 
-@pytest.mark.slow
 def test_invalid_values_are_refused_with_a_message(seen: Visitor) -> None:
     values = (
         ("friction", "-1"), ("resolution", "200"), ("friction", "1e9"), ("resolution", ""),
@@ -329,7 +326,6 @@ def test_invalid_values_are_refused_with_a_message(seen: Visitor) -> None:
     assert not seen.errors
 
 
-@pytest.mark.slow
 def test_second_resolution_is_shown_beside_the_first(seen: Visitor, labels: SurfaceLabels) -> None:
     seen.page.locator("#comparing").check()
     seen.page.locator("#compare-number").fill("50")
@@ -345,7 +341,6 @@ def test_second_resolution_is_shown_beside_the_first(seen: Visitor, labels: Surf
     seen.until(two)
 
 
-@pytest.mark.slow
 def test_colours_without_a_resolution_are_not_compared(seen: Visitor) -> None:
     page = seen.page
     page.locator("#comparing").check()
@@ -363,7 +358,6 @@ def test_colours_without_a_resolution_are_not_compared(seen: Visitor) -> None:
     page.wait_for_selector("#compare")
 
 
-@pytest.mark.slow
 def test_nothing_moves_while_a_slider_is_dragged(browser: Any, server: Served) -> None:
     seen = visitor(browser, server, 800, 520)
     seen.click_middle()
@@ -392,7 +386,6 @@ def test_nothing_moves_while_a_slider_is_dragged(browser: Any, server: Served) -
     seen.page.context.close()
 
 
-@pytest.mark.slow
 def test_keys_work_except_while_typing(seen: Visitor) -> None:
     page = seen.page
     page.keyboard.press("2")
@@ -420,7 +413,6 @@ def test_keys_work_except_while_typing(seen: Visitor) -> None:
     page.wait_for_function("document.querySelector('#paint').value === 'label'")
 
 
-@pytest.mark.slow
 def test_fields_of_the_section_and_of_the_gripper(seen: Visitor, labels: SurfaceLabels) -> None:
     page = seen.page
     page.locator("#axis-z").click()
@@ -441,7 +433,6 @@ def test_fields_of_the_section_and_of_the_gripper(seen: Visitor, labels: Surface
     seen.until(lambda: label.inner_text() == "largest spread")
 
 
-@pytest.mark.slow
 def test_visitors_have_separate_sessions(
     browser: Any, server: Served, seen: Visitor, labels: SurfaceLabels
 ) -> None:
@@ -459,7 +450,6 @@ def test_visitors_have_separate_sessions(
     other.page.context.close()
 
 
-@pytest.mark.slow
 def test_downloads(seen: Visitor, labels: SurfaceLabels, tmp_path: Path) -> None:
     seen.page.locator("#friction-number").fill("0.5")
     seen.page.locator("#friction-number").press("Enter")
@@ -483,7 +473,6 @@ def test_downloads(seen: Visitor, labels: SurfaceLabels, tmp_path: Path) -> None
     assert not (shown[corner].max(axis=-1) < 150.0).any()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("size", [(1280, 800), (390, 844)])
 def test_layout_is_constant_and_the_inspected_vertex_is_visible(
     browser: Any, server: Served, size: tuple[int, int]
@@ -506,7 +495,6 @@ def test_layout_is_constant_and_the_inspected_vertex_is_visible(
     seen.page.context.close()
 
 
-@pytest.mark.slow
 def test_narrow_page_has_the_scene_above_the_panel(browser: Any, server: Served) -> None:
     seen = visitor(browser, server, 360, 740)
     stage = seen.page.locator("#stage").bounding_box()
@@ -562,7 +550,6 @@ def test_files_outside_the_static_folders_are_not_served(server: Served) -> None
     assert response(server, "/a/unknown/")[0] == 404
 
 
-@pytest.mark.slow
 def test_ctrl_c_stops_the_server() -> None:
     assert ended(started(IDLE), signal.SIGINT) == 130
 
@@ -714,7 +701,6 @@ def test_the_page_shows_what_a_click_does(labels: SurfaceLabels) -> None:
     session.close()
 
 
-@pytest.mark.slow
 def test_fractions_are_not_shown_while_grasps_are_searched(labels: SurfaceLabels) -> None:
     from grasp3d.viewer.web.page_state import click_hint, page_state
 
@@ -735,7 +721,6 @@ def test_fractions_are_not_shown_while_grasps_are_searched(labels: SurfaceLabels
     session.close()
 
 
-@pytest.mark.slow
 def test_help_has_only_available_keys(labels: SurfaceLabels) -> None:
     from grasp3d.viewer.web.page_state import constant_state
 

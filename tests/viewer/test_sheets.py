@@ -207,6 +207,7 @@ def test_arrows_inside_a_tube_are_seen_through_its_end() -> None:
     assert view.elevation > math.radians(40.0)
 
 
+@pytest.mark.slow
 @needs_opengl
 def test_pictures_of_a_sheet_have_one_scale(monkeypatch: pytest.MonkeyPatch) -> None:
     scales: list[float] = []
@@ -226,6 +227,7 @@ def test_pictures_of_a_sheet_have_one_scale(monkeypatch: pytest.MonkeyPatch) -> 
     assert scales[2] != scales[3]
 
 
+@pytest.mark.slow
 @needs_opengl
 def test_every_grasp_is_drawn_with_its_contacts_and_cones() -> None:
     progress: list[float] = []

@@ -21,7 +21,7 @@ from grasp3d.viewer.window.display import check_display
 from tests.helpers.shapes import LIBRARY
 from tests.helpers.windows import Image8, Window, needs_screen, wait_for
 
-pytestmark = needs_screen
+pytestmark = [pytest.mark.slow, needs_screen]
 
 WIDTH, HEIGHT, SCENE = 1000, 700, 680
 """Size of the window, and a width that only the scene has [pixels]."""
@@ -131,7 +131,6 @@ def changed(one: Image8, other: Image8, columns: slice = slice(SCENE)) -> float:
     return float((one[:, columns] != other[:, columns]).any(axis=2).mean())
 
 
-@pytest.mark.slow
 def test_sliders_change_colours_and_fractions(window: Window, labels: SurfaceLabels) -> None:
     assert agrees(window.state["fractions"], labels, 0.5, 22.6 * DEGREE)
     before = window.picture()
@@ -157,7 +156,6 @@ def test_sliders_change_colours_and_fractions(window: Window, labels: SurfaceLab
     window.key("z")
 
 
-@pytest.mark.slow
 def test_a_click_inspects_and_a_drag_does_not(window: Window) -> None:
     before = window.picture()
     x, y = pixel_of_object(before)
@@ -183,7 +181,6 @@ def test_the_mouse_on_the_panel_does_not_turn_the_object(window: Window) -> None
     wait_for(lambda: changed(before, window.picture()) < 0.001, "the same view")
 
 
-@pytest.mark.slow
 def test_keys_choose_what_is_shown(window: Window, labels: SurfaceLabels) -> None:
     window.key("2")
     window.until(lambda state: state["paint"] == "critical_angle", "colours")
@@ -257,7 +254,6 @@ def test_the_layout_follows_the_size_of_the_window(window: Window) -> None:
         assert window.picture()[5:-5, -3].min() > 235  # no text is cut off
 
 
-@pytest.mark.slow
 def test_the_key_w_opens_the_same_object_in_a_browser(window: Window) -> None:
     window.key("Right", "b")
     before = window.until(lambda state: state["vertex"] is not None, "the best grasp")
@@ -275,7 +271,6 @@ def test_the_key_w_opens_the_same_object_in_a_browser(window: Window) -> None:
     window.key("z", "Left")
 
 
-@pytest.mark.slow
 def test_files_are_saved_under_unused_names(window: Window, labels: SurfaceLabels) -> None:
     for name in ("spray_labeled.ply", "spray_labeled_2.ply"):
         window.key("s")
@@ -299,21 +294,18 @@ def test_files_are_saved_under_unused_names(window: Window, labels: SurfaceLabel
     window.folder.chmod(0o755)
 
 
-@pytest.mark.slow
 def test_the_key_q_closes_the_window(tmp_path: Path) -> None:
     with opened(tmp_path, "cone.off") as window:
         window.key("q")
         assert window.ended() == (0, "closed\n", "")
 
 
-@pytest.mark.slow
 def test_the_close_button_closes_the_window(tmp_path: Path) -> None:
     with opened(tmp_path, "cone.off") as window:
         window.close()
         assert window.ended() == (0, "closed\n", "")
 
 
-@pytest.mark.slow
 def test_the_error_without_a_display_names_the_alternatives(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
