@@ -218,6 +218,17 @@ def test_table_shows_the_values_of_the_rows(page: Any, report: Report) -> None:
     assert sizes == [128] * 4
 
 
+def test_a_telephone_shows_the_whole_verdict(browser: Any, report: Report) -> None:
+    context = browser.new_context(viewport={"width": 390, "height": 900})
+    page = opened(context.new_page(), report.address())
+    table = page.locator(".tabulator-tableholder").bounding_box()
+    for name in ("Name", "Verdict"):
+        column = page.locator("[role=columnheader]", has_text=name).bounding_box()
+        assert column["x"] >= table["x"]
+        assert column["x"] + column["width"] <= table["x"] + table["width"]
+    context.close()
+
+
 def test_objects_come_first_and_every_column_is_visible(browser: Any, report: Report) -> None:
     context = browser.new_context(viewport={"width": 1280, "height": 900})
     page = opened(context.new_page(), report.address())

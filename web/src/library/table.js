@@ -26,7 +26,7 @@ Tabulator.registerModule([
 
 const ROW_HEIGHT = 66;
 const HEAD_HEIGHT = 70;
-const NARROW = 700;
+const NARROW = 700; // of a window that shows picture, name and verdict, if these are narrow
 
 /** Sorts by a number; rows without one are last in both directions. */
 function byNumber(valueOf) {
@@ -162,12 +162,13 @@ const VERDICTS = ["not", "perhaps", "surely"];
 function columns(rows, uncertain) {
   const loaded = rows.some((row) => row.task);
   const frozen = window.innerWidth > NARROW;
+  const [pictureWidth, nameWidth] = frozen ? [98, 144] : [70, 92];
   return [
-    { title: "", field: "thumbnail", width: 98, headerSort: false, formatter: picture, frozen, print: false },
+    { title: "", field: "thumbnail", width: pictureWidth, headerSort: false, formatter: picture, frozen, print: false },
     {
       ...headed("Name", "Path of the mesh; the link opens its page"),
       field: "name",
-      width: 144,
+      width: nameWidth,
       frozen,
       formatter: nameCell,
       sorter: (a, b) => order.compare(a, b),

@@ -1,5 +1,5 @@
 /*!
-grasp3d, sources b8496e1f86d7d5ea290494f5ce74a3fbcfbac1b18d892483a7389f5fffcd8f2f
+grasp3d, sources 8bba64cf3c59aaa1cbd11c9f589c30e698bad8f8296eddec0f3997cafca2530e
 
 ----
 
