@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from docstring_parser import parse_from_object
-from generated_files import write_pages
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 
@@ -91,6 +90,23 @@ def _code(language: str, lines: str) -> str:
 def _prose(text: str) -> str:
     """Text as Markdown that shows every character as it is, with options as code."""
     return _OPTION.sub(r"`\g<0>`", _MARKUP.sub(r"\\\g<0>", text))
+
+
+def write_pages(folder: Path, pages: dict[str, str]) -> None:
+    """Make the pages of a folder, which has no others, these; one that stays keeps its date.
+
+    Args:
+        folder: Made if it is missing.
+        pages: Text by the name of the file.
+    """
+    folder.mkdir(exist_ok=True)
+    for path in folder.iterdir():
+        if path.name not in pages:
+            path.unlink()
+    for name, text in pages.items():
+        path = folder / name
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
 
 
 def _write_pages(app: Sphinx) -> None:

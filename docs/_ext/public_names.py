@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 from pkgutil import resolve_name
 
+from command_pages import write_pages
 from docutils import nodes
-from generated_files import write_pages
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
@@ -43,11 +43,13 @@ def page_of(name: str, listed_on: Path) -> str:
 def write_all(app: Sphinx) -> None:
     """Write the page of each name that is listed."""
     folder = Path(app.srcdir) / "api"
-    pages = {
-        f"{name}.rst": page_of(name, page)
-        for page in sorted(folder.glob("*.md"))
-        for name in names_on(page)
-    }
+    listed = {name: page for page in sorted(folder.glob("*.md")) for name in names_on(page)}
+    pages: dict[str, str] = {}
+    taken: set[str] = set()  # in small letters, as some file systems do not tell them apart
+    for name in sorted(listed, reverse=True):
+        file = name if name.lower() not in taken else f"{name}-2"
+        taken.add(file.lower())
+        pages[f"{file}.rst"] = page_of(name, listed[name])
     write_pages(folder / FOLDER, pages)
 
 
