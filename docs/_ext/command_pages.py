@@ -18,7 +18,7 @@ from grasp3d.cli.usage import GROUPS, examples_of, groups_of, invocation, usage_
 
 PAGE, FOLDER, MARKER = "commands", "commands", "<!-- commands -->"
 MOST_EXAMPLES = 2
-"""Most blocks of the guide that are shown on the page of a command."""
+"""Most pages of the guide whose first block is shown on the page of a command."""
 
 _OPTION = re.compile(r"(?<![\w`-])--[a-z][a-z0-9-]*")
 _MARKUP = re.compile(r"[\\`*_{}\[\]<>#|$~]")
@@ -67,14 +67,15 @@ def _shown_in_the_guide(name: str, docs: Path) -> Iterator[str]:
     shown = 0
     for path in [docs / "quickstart.md", *sorted((docs / "guide").glob("*.md"))]:
         text = path.read_text(encoding="utf-8")
-        for block in _RUN.finditer(text):
-            if shown < MOST_EXAMPLES and begins.search(block["lines"]):
-                shown += 1
-                found = _TITLE.search(text)
-                title = found[1] if found else path.stem
-                yield f"From [{title}](/{path.relative_to(docs).as_posix()}):"
-                yield _code("sh", block["lines"].rstrip())
-                yield _code("text", block["printed"].rstrip())
+        block = next((one for one in _RUN.finditer(text) if begins.search(one["lines"])), None)
+        if block is None or shown == MOST_EXAMPLES:
+            continue
+        shown += 1
+        title = _TITLE.search(text)
+        name = title[1] if title else path.stem
+        yield f"From [{name}](/{path.relative_to(docs).as_posix()}):"
+        yield _code("sh", block["lines"].rstrip())
+        yield _code("text", block["printed"].rstrip())
 
 
 def _group(command: str, name: str, options: list[Option]) -> str:
