@@ -1,8 +1,6 @@
 """The command `grasp3d label`: labels one mesh, writes it, and prints its report."""
 
 import math
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +63,10 @@ def run(command: Label) -> int:
     for path in (output, *grasp_files):
         check_not_task(path, command.load)
         check_output(path, overwrite=command.overwrite, sources=[command.file])
-    drawable = _drawable() if command.best else None
+    if command.best:
+        from grasp3d.plots.rendering import begin_render_test
+
+        begin_render_test()  # beside the work
     with time_limit(command.timeout, printable(str(command.file))):
         labels, vertices = _labels(command, (output, *grasp_files[:1]))
     grasps = best_grasps(labels, command.best) if command.best else None
@@ -76,19 +77,9 @@ def run(command: Label) -> int:
         print_labels(labels, output)
     for text, vertex in zip(command.at, vertices, strict=True):  # asked for, so also with --quiet
         _print_at(labels, text, vertex)
-    if grasps is not None and drawable is not None:
-        _write_best(command, labels, grasp_file, grasps, drawable)
+    if grasps is not None:
+        _write_best(command, labels, grasp_file, grasps)
     return 0
-
-
-def _drawable() -> Callable[[], bool]:
-    """Find out beside the work, in a process of its own, whether pictures can be rendered."""
-    from grasp3d.plots.rendering import can_render
-
-    thread = ThreadPoolExecutor(1)
-    answer = thread.submit(can_render)
-    thread.shutdown(wait=False)
-    return answer.result
 
 
 def _check_grasp_file(command: Label, path: Path) -> None:
@@ -141,23 +132,18 @@ def _print_at(labels: SurfaceLabels, text: str, vertex: int) -> None:
     report.fields([("label", Letter(labels.label[vertex]).name), *shown.numbers, *others])
 
 
-def _write_best(
-    command: Label,
-    labels: SurfaceLabels,
-    output: Path,
-    grasps: GraspTable,
-    drawable: Callable[[], bool],
-) -> None:
+def _write_best(command: Label, labels: SurfaceLabels, output: Path, grasps: GraspTable) -> None:
     """Print and write the best distinct grasps, and draw them if OpenGL is available."""
     from grasp3d.plots.figures import save_as
     from grasp3d.plots.grasps import grasp_figure
+    from grasp3d.plots.rendering import can_render
     from grasp3d.viewer.scene.sheets import draw_grasps
 
     count = command.best or 0
     has_file = grasps.size > 0 or labels.reach is None  # files of poses cannot be empty
     if has_file:
         write_grasps(output, grasps, format=command.grasps_format, object_pose=command.object_pose)
-    has_pictures = grasps.size > 0 and drawable()
+    has_pictures = grasps.size > 0 and can_render()
     if has_pictures:
         with progress_bars.progress("drawing grasps", quiet=command.quiet):
             pictures = draw_grasps(labels, grasps)

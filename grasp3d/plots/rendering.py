@@ -109,21 +109,42 @@ class Finger:
 @cache
 def can_render() -> bool:
     """Return whether pictures can be rendered; tested once, in a separate process."""
+    return _ended_cleanly(begin_render_test())
+
+
+@cache
+def begin_render_test() -> subprocess.Popen[bytes] | None:
+    """Start what `can_render` waits for, so that other work can be done in the meantime."""
     choose_window()
-    return exits_cleanly(
+    return _started(
         "from grasp3d.plots import rendering; raise SystemExit(not rendering.draws_a_triangle())"
     )
 
 
 def exits_cleanly(code: str) -> bool:
     """Return whether code succeeds in a separate process, as VTK may end the whole process."""
+    return _ended_cleanly(_started(code))
+
+
+def _started(code: str) -> subprocess.Popen[bytes] | None:
+    """A process that runs code; None: it cannot be started."""
+    silent = subprocess.DEVNULL
     try:
-        process = subprocess.run(  # noqa: S603
-            [sys.executable, "-c", code], check=False, capture_output=True, timeout=TIMEOUT
-        )
-    except (OSError, subprocess.TimeoutExpired):
+        return subprocess.Popen([sys.executable, "-c", code], stdout=silent, stderr=silent)  # noqa: S603
+    except OSError:
+        return None
+
+
+def _ended_cleanly(process: subprocess.Popen[bytes] | None) -> bool:
+    """Wait for a process, and return whether it succeeded."""
+    if process is None:
         return False
-    return process.returncode == 0
+    try:
+        return process.wait(TIMEOUT) == 0
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+        return False
 
 
 def check_rendering() -> None:

@@ -33,9 +33,11 @@ needs_opengl = pytest.mark.skipif(not (os.environ.get("CI") or can_render()), re
 @pytest.fixture
 def without_cache() -> object:
     """Clear the cached result of `can_render` before and after the test."""
-    can_render.cache_clear()
+    for cached in (can_render, rendering.begin_render_test):
+        cached.cache_clear()
     yield None
-    can_render.cache_clear()
+    for cached in (can_render, rendering.begin_render_test):
+        cached.cache_clear()
 
 
 def fake_python(folder: Path, script: str) -> str:
@@ -62,7 +64,7 @@ def test_a_process_that_dies_or_hangs_means_no_rendering(
 @pytest.mark.usefixtures("without_cache")
 def test_the_separate_process_finds_what_it_imports(monkeypatch: pytest.MonkeyPatch) -> None:
     codes: list[str] = []
-    monkeypatch.setattr(rendering, "exits_cleanly", codes.append)
+    monkeypatch.setattr(rendering, "_started", codes.append)
     can_render()
     imports, _, _ = codes[0].partition(";")
     exec(imports)  # noqa: S102
