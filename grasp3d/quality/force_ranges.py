@@ -103,12 +103,12 @@ def largest_sampled(
     # Where no force suffices none is larger, so nothing is searched there.
     rows = np.flatnonzero(np.isfinite(largest))
     normals, force = _opened(contacts.take(rows), tilt[rows], options.take(rows))
-    none = np.isinf(force)
-    largest[rows[none]], worst[rows[none]] = math.inf, normals[none]
-    rows, left = rows[~none], np.flatnonzero(~none)
+    held = np.isfinite(force)
+    largest[rows[~held]], worst[rows[~held]] = math.inf, normals[~held]
+    rows = rows[held]
     if len(rows):
         sampled = _Tilted(contacts.normals[rows], nominal.lower[rows])
-        sampled.worsen(np.arange(len(rows)), normals[left], force[left])
+        sampled.worsen(np.arange(len(rows)), normals[held], force[held])
         searched = contacts.take(rows), tilt[rows], options.take(rows), sampled
         weakest = nominal.certificate.direction[rows]
         largest[rows], worst[rows] = _worst(*searched, largest[rows], weakest)

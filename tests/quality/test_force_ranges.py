@@ -8,7 +8,8 @@ from random_grasps import Shape, random_contacts
 from grasp3d import Contacts, force_closure, grip_force
 from grasp3d.contact.friction_cones import tilted_normals, turned
 from grasp3d.errors import SettingError
-from grasp3d.quality import Acceleration, Weight, Wrenches, force_range, payload
+from grasp3d.quality import Acceleration, Weight, Wrenches, force_range, force_ranges, payload
+from grasp3d.quality.force_ranges import _opened
 from tests.helpers import grasps
 from tests.helpers.forces import GRAVITY, moved, opposed
 
@@ -112,6 +113,26 @@ def test_soft_fingers_that_some_tilt_opens_need_an_infinite_force() -> None:
     assert math.isfinite(found.nominal)
     assert found.largest == math.inf
     assert math.isfinite(force_range(contacts, NEWTON, math.radians(4.0)).largest)
+
+
+def test_nothing_is_searched_where_no_force_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both fingers push the same way, or some tilt opens the grasp: no other tilt is worse."""
+    points = np.array([[-0.02, 0.0, 0.0], [0.02, 0.0, 0.0]])
+    pushing = Contacts(points, np.eye(3)[[0, 0]], friction=0.3, torsion_radius=0.003)
+    opening = Contacts(points, [[1, 0, 0], [-1, 0, 0]], friction=0.3, torsion_radius=0.003)
+    tilted: list[int] = []
+
+    def counted(grasps: Contacts, *settings: Any) -> Any:
+        tilted.append(len(grasps.points))
+        return _opened(grasps, *settings)
+
+    monkeypatch.setattr(force_ranges, "_opened", counted)
+    monkeypatch.setattr(force_ranges, "_worst", None)
+    for contacts, tilt in ((pushing, 5.0), (opening, 25.0)):
+        forces = force_range(contacts, Weight(0.5), math.radians(tilt))
+        assert forces.largest == math.inf
+        assert math.isinf(forces.nominal) == (contacts is pushing)
+    assert tilted == [0, 1]
 
 
 def test_tilts_can_close_soft_fingers_that_are_open() -> None:
