@@ -4,7 +4,6 @@ It replaces its own results. Files of other programs, and labels made with other
 replaced only with `--overwrite`.
 """
 
-import json
 import math
 import re
 from collections.abc import Iterable
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from grasp3d.errors import OutputError
 from grasp3d.quality.loads import Load, load_settings
 from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
+from grasp3d.system.documents import parse_json
 from grasp3d.system.files import check_suffix, check_writable
 
 if TYPE_CHECKING:
@@ -209,7 +209,7 @@ def _grippers(there: str, here: str) -> tuple[str, str]:
 def _gripper(text: str) -> dict[str, Any]:
     """Fields of a stored gripper; empty: none, or it is damaged."""
     try:
-        fields = json.loads(text)
+        fields = parse_json(text)
     except ValueError:
         fields = None
     return fields if isinstance(fields, dict) else {}

@@ -1,6 +1,5 @@
 """Parquet tables of vertices."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from grasp3d.reading.sources import Source, check_memory
 from grasp3d.surface.fields import Array, Arrays, Field
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
+from grasp3d.system.documents import parse_json
 
 SURFACE_KEY = "grasp3d_surface"
 """Key of the file's metadata with the arrays that are no columns: an NPZ in base64."""
@@ -62,7 +62,7 @@ def read_fields(source: Source) -> Stored | None:
         if "grasp3d" not in metadata:
             return None
         settings = {
-            str(name): str(value) for name, value in dict(json.loads(metadata["grasp3d"])).items()
+            str(name): str(value) for name, value in dict(parse_json(metadata["grasp3d"])).items()
         }
         values = _values(columns, fingers_of(settings))
         values |= unpacked(source, metadata[SURFACE_KEY])
@@ -88,8 +88,8 @@ def _values(columns: Arrays, fingers: int) -> Arrays:
 def codes_of(field: Field, texts: Array) -> Array:
     """Codes of texts. Raises ValueError."""
     names, positions = np.unique(texts.astype(str), return_inverse=True)
-    unknown = set(names.tolist()) - set(field.texts)
+    unknown = [name for name in names.tolist() if name not in field.texts]
     if unknown:
-        raise ValueError(f"its {field.name} is {unknown.pop()[:20]!r} somewhere")
+        raise ValueError(f"its {field.name} is {unknown[0][:20]!r} somewhere")
     codes = np.array([field.texts.index(text) for text in names.tolist()], dtype=field.kind)
     return codes[positions] if len(codes) else np.empty(0, dtype=field.kind)

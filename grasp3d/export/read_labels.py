@@ -1,6 +1,5 @@
 """Reading of labelled files: labels, and their surface as a mesh without repair."""
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -34,6 +33,7 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.vertex_fields import LOCATED, VERTICES, unpacked_bits
 from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.system.documents import parse_json
 from grasp3d.system.names import printable
 
 READERS: dict[str, Callable[[Source], Stored | None]] = {
@@ -218,7 +218,7 @@ UNREADABLE_TASK = (
 
 def _complete_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
     """The same mesh as was labelled."""
-    surface = dict(json.loads(stored.settings["surface"]))
+    surface = dict(parse_json(stored.settings["surface"]))
     vertices, faces, canonical = map(stored.field, ("vertices", "faces", "canonical"))
     if (canonical[canonical] != canonical).any() or (canonical[faces] != faces).any():
         raise ValueError("its faces do not use canonical vertices")

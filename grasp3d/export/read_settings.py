@@ -24,6 +24,7 @@ from grasp3d.settings.parsing import settings_of_texts
 from grasp3d.stability.label import Mode
 from grasp3d.surface.label_settings import GIVEN_ANGLE, SETTING
 from grasp3d.surface.vertex_grasps import SearchReport
+from grasp3d.system.documents import parse_json
 from grasp3d.system.ply_files import settings_of_header
 from grasp3d.system.tables import read_settings
 
@@ -90,7 +91,7 @@ def settings_from(texts: Mapping[str, str]) -> FileSettings:
         )
     except KeyError as error:
         raise ValueError(f"there is no comment {error.args[0]!r}") from error
-    except (TypeError, GraspError, RecursionError) as error:
+    except (TypeError, OverflowError, GraspError) as error:
         raise ValueError(str(error)) from error
 
 
@@ -103,7 +104,7 @@ def _search(values: Mapping[str, str]) -> tuple[SearchReport, str]:
     }
     angle = values["search_angle"]
     if "search" in values:
-        extent = dict(json.loads(values["search"]))
+        extent = dict(parse_json(values["search"]))
         angle = str(extent.pop(GIVEN_ANGLE))
     report = SearchReport(**extent)
     if not (isinstance(report.cone, float) and 0.0 < report.cone <= math.pi):
@@ -138,6 +139,8 @@ def _numbers(values: Mapping[str, str], name: str, count: int) -> Floats | None:
 FORMAT_KEYS = frozenset({"format", "version", "unit"})
 """Keys of a gripper in JSON that describe the format."""
 
+_DAMAGE = (OSError, ValueError, KeyError, TypeError)
+
 _GLB_HEAD = struct.Struct("<4sIIII")
 
 
@@ -153,7 +156,15 @@ def stored_settings(path: Path) -> dict[str, str] | None:
     reader = _READERS.get(path.suffix.lower())
     try:
         settings = None if reader is None else reader(path)
-    except (OSError, ValueError, KeyError, TypeError, struct.error, zipfile.BadZipFile):
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        MemoryError,
+        struct.error,
+        zipfile.BadZipFile,
+    ):
         return None
     return {str(name): str(value) for name, value in settings.items()} if settings else None
 
@@ -173,14 +184,14 @@ def _from_npz(path: Path) -> dict[str, str]:
 def _from_glb(path: Path) -> dict[str, Any]:
     with path.open("rb") as stream:
         length = _GLB_HEAD.unpack(stream.read(_GLB_HEAD.size))[3]
-        tree = json.loads(stream.read(length))
+        tree = parse_json(stream.read(length))
     return dict(tree["asset"]["extras"]["grasp3d"])
 
 
 def _from_json(path: Path) -> dict[str, Any]:
     """Settings in the first line of a file of grasps."""
     with path.open(encoding="utf-8") as stream:
-        values = dict(json.loads(stream.readline().rstrip().removesuffix(",") + "}")["grasp3d"])
+        values = dict(parse_json(stream.readline().rstrip().removesuffix(",") + "}")["grasp3d"])
     if isinstance(values.get("gripper"), dict):  # as in other labelled files
         gripper = {k: v for k, v in values["gripper"].items() if k not in FORMAT_KEYS}
         values["gripper"] = json.dumps(gripper)

@@ -31,6 +31,7 @@ from grasp3d.settings import MAX_FINGERS, PoseFormat
 from grasp3d.settings.lengths import Unit
 from grasp3d.surface.fields import FOUND_POSES, columns_of
 from grasp3d.surface.grasp_table import NO_POSES, GraspTable
+from grasp3d.system.documents import described, number_of
 from grasp3d.system.files import check_suffix
 from grasp3d.system.names import unsupported
 
@@ -128,7 +129,7 @@ def read_contacts(path: str | Path) -> Floats:
         return _from_json(path) if suffix == ".json" else _from_table(path)
     except OSError as error:
         raise ContactError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (ContactError, ValueError, RecursionError) as error:
+    except (ContactError, ValueError) as error:
         raise ContactError(f"{path}: {error}") from error
 
 
@@ -167,7 +168,7 @@ def _check_count(count: int) -> None:
 
 def _column(name: str, values: npt.NDArray[Any]) -> Floats:
     """Finite numbers of a column. Raises ContactError."""
-    numbers = np.array([_number(value) for value in values.tolist()])
+    numbers = np.array([number_of(value) for value in values.tolist()])
     bad = np.flatnonzero(~np.isfinite(numbers))
     if len(bad):
         value = values[bad[0]]
@@ -177,24 +178,14 @@ def _column(name: str, values: npt.NDArray[Any]) -> Floats:
     return numbers
 
 
-def _number(value: object) -> float:
-    """The number that a value is or spells, nan if none."""
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        return math.nan
-    try:
-        return float(value)
-    except (ValueError, OverflowError):
-        return math.nan
-
-
 def _from_json(path: Path) -> Floats:
-    """Contacts of a JSON file. Raises ContactError, ValueError, OSError, RecursionError."""
+    """Contacts of a JSON file. Raises ContactError, ValueError, OSError."""
     content = load_json(path)
     if isinstance(content, dict):
         check_object_frame([content.get("frame")])
         content = _from_written(content)
     if not isinstance(content, list):
-        raise ContactError(f"expected {GRASPS}; found {_kind(content)}")
+        raise ContactError(f"expected {GRASPS}; found {described(content)}")
     if not content:
         raise ContactError("there are no grasps in it")
     rows = [_grasp(number, grasp) for number, grasp in enumerate(content, 1)]
@@ -227,14 +218,14 @@ def _from_written(content: dict[str, Any]) -> object:
 def _grasp(number: int, grasp: object) -> list[list[float]]:
     """Contacts of one grasp, counted from 1. Raises ContactError."""
     if not isinstance(grasp, list):
-        raise ContactError(f"grasp {number}: expected a list of contacts; found {_kind(grasp)}")
+        raise ContactError(f"grasp {number}: expected a list of contacts; found {described(grasp)}")
     for which, contact in enumerate(grasp, 1):
         if not isinstance(contact, list) or len(contact) != 3:
             raise ContactError(
-                f"grasp {number}, contact {which}: expected [x, y, z]; found {_kind(contact)}"
+                f"grasp {number}, contact {which}: expected [x, y, z]; found {described(contact)}"
             )
         for value in contact:
-            if isinstance(value, str) or not math.isfinite(_number(value)):
+            if isinstance(value, str) or not math.isfinite(number_of(value)):
                 raise ContactError(
                     f"grasp {number}, contact {which}: {json.dumps(value)[:40]} is no finite number"
                 )
@@ -243,13 +234,6 @@ def _grasp(number: int, grasp: object) -> list[list[float]]:
     except ContactError as error:
         raise ContactError(f"grasp {number}: {error}") from error
     return grasp
-
-
-def _kind(value: object) -> str:
-    """Short description of a value read from JSON."""
-    if isinstance(value, list):
-        return f"a list of {len(value)}"
-    return "an object" if isinstance(value, dict) else json.dumps(value)[:40]
 
 
 def write_grasps(

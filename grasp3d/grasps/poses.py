@@ -227,7 +227,7 @@ def _numbers(name: str, values: ArrayLike, count: int) -> Floats:
     try:
         numbers = np.asarray(values, dtype=np.float64)
         return locked(np.broadcast_to(numbers, (count,)))
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ContactError(
             f"{name} must be numbers of shape ({count},); got shape {np.shape(values)}"
         ) from error

@@ -8,6 +8,7 @@ from typing import Any, get_type_hints
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.jaws import Corners
+from grasp3d.system.documents import load_json
 from grasp3d.system.names import printable
 
 FORMAT, VERSION = "grasp3d gripper", 1
@@ -51,7 +52,7 @@ def fields_in_json(content: object, kind: type) -> dict[str, Any]:
             got = json.dumps(content.get(key))[:40]
             raise SettingError(f"{key} must be {json.dumps(value)}; got {got}")
     known = {field.name: field for field in fields(kind)}
-    for key in content.keys() - {*KEYS, NOTES} - known.keys():
+    for key in (one for one in content if one not in {*KEYS, NOTES, *known}):
         near = get_close_matches(key, known, 1)
         guess = f" (did you mean {near[0]}?)" if near else ""
         raise SettingError(f"no field is called {key[:40]!r}{guess}; known: {', '.join(known)}")
@@ -66,19 +67,11 @@ def fields_in_json(content: object, kind: type) -> dict[str, Any]:
 
 def read_json(path: Path) -> object:
     """The content of a JSON file of a hand. Raises SettingError."""
-    where = printable(str(path))
     try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise SettingError(f"{where}: is no gripper: larger than {LARGEST_FILE} bytes")
-        return json.loads(path.read_text(encoding="utf-8-sig"), parse_constant=_refuse_constant)
-    except OSError as error:
-        raise SettingError(f"{where}: cannot be read ({error.strerror or error})") from error
-    except (ValueError, RecursionError) as error:
-        raise SettingError(printable(f"{where}: is no JSON: {error}")) from error
-
-
-def _refuse_constant(name: str) -> None:
-    raise ValueError(f"{name} is no finite number")
+        return load_json(path, LARGEST_FILE, finite=True)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise SettingError(printable(f"{path}: {reason}")) from error
 
 
 def _typed(name: str, value: object, kind: Any) -> Any:

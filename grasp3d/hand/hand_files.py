@@ -9,6 +9,7 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.gripper_json import FORMAT, KEYS, VERSION, read_json
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, gripper_of, preset
+from grasp3d.system.documents import is_file, parse_json, problem_of_file
 from grasp3d.system.files import atomic_write, check_suffix
 from grasp3d.system.names import printable, unsupported
 
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
 
 READERS: dict[str, Callable[[Any], Hand]] = {FORMAT: gripper_of}
 """What makes hands of descriptions, by their "format": functions that raise SettingError."""
+
+MEMORY, SECONDS, BYTES_PER_SECOND = 4.0, 15.0, 1e6
+"""Limits of the process that reads a robot's description: memory [GB]; time for one without meshes
+[s]; and bytes of all its files for which it has one second more."""
 
 SUFFIXES = (".json", ".urdf", ".xml", ".mjcf")
 
@@ -55,7 +60,7 @@ def read_hand(
     """
     links_given = fingers is not None or palm is not None or tcp is not None
     path, suffix = Path(source), Path(source).suffix.lower()
-    is_file_name = suffix in SUFFIXES or len(path.parts) > 1 or path.is_file()
+    is_file_name = suffix in SUFFIXES or len(path.parts) > 1 or is_file(path)
     if str(source) in {*PRESETS, *ALIASES} or not is_file_name:
         if links_given:
             raise SettingError(
@@ -64,8 +69,7 @@ def read_hand(
         return preset(str(source))
     if suffix not in SUFFIXES:
         raise SettingError(unsupported(path, SUFFIXES, "gripper"))
-    if not path.is_file():
-        problem = "is a folder; name a file" if path.is_dir() else "there is no such file"
+    if problem := problem_of_file(path):
         raise SettingError(printable(f"{path}: {problem}"))
     if suffix == ".json":
         if links_given:
@@ -86,6 +90,32 @@ def read_hand(
         )
     if len(fingers) != 2 or fingers[0] == fingers[1]:
         raise SettingError(printable(f"{path}: a gripper needs two different finger links"))
+    return _watched(path, fingers, palm, tcp)
+
+
+def _watched(path: Path, *arguments: Any) -> Hand:
+    """The gripper of a robot's description, read in a child process. Raises SettingError.
+
+    Such files, and those that they name, can ask for any memory and time, and end the process.
+    """
+    from grasp3d.hand.description_xml import size_of_model, size_of_urdf
+    from grasp3d.system.isolation import CallFailedError, call
+
+    size = size_of_urdf(path) if path.suffix.lower() == ".urdf" else size_of_model(path)
+    seconds = SECONDS + size / BYTES_PER_SECOND
+    try:
+        return call(_gripper_of_links, path, *arguments, memory=MEMORY, seconds=seconds)
+    except SettingError as error:
+        raise SettingError(str(error)) from None  # without the traceback of the child
+    except CallFailedError as failure:
+        raise SettingError(
+            printable(f"{path}: the process that reads it {failure}; describe the gripper in JSON")
+        ) from failure
+
+
+def _gripper_of_links(
+    path: Path, fingers: tuple[str, str], palm: str | None, tcp: float | None
+) -> Hand:
     from grasp3d.hand.hand_geometry import gripper_of_hand
 
     return gripper_of_hand(read_links(path).sliding_hand(fingers, palm), tcp=tcp)
@@ -132,9 +162,9 @@ def hand_line(hand: Hand) -> str:
 def hand_of_line(line: str) -> Hand:
     """The hand of which `hand_line` is that line. Raises SettingError."""
     try:
-        content = json.loads(line)
-    except (ValueError, RecursionError) as error:
-        raise SettingError(f"its gripper is no JSON: {error}") from error
+        content = parse_json(line)
+    except ValueError as error:
+        raise SettingError(f"its gripper {error}") from error
     if isinstance(content, dict) and "format" not in content:
         content = {"format": FORMAT, "version": VERSION, "unit": "m", **content}
     return hand_of(content)

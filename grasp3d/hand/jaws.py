@@ -8,6 +8,7 @@ from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel, Radians
 from grasp3d.settings.lengths import METRES
+from grasp3d.system.documents import check_text, described, number_of
 
 if TYPE_CHECKING:
     from grasp3d.arrays import Floats
@@ -74,6 +75,11 @@ class Jaws:
     source: str = ""
 
     def __post_init__(self) -> None:
+        for text in (self.name, self.source, *self.joint_names):
+            try:
+                check_text(text)
+            except ValueError as error:
+                raise SettingError(f"gripper {self.name!a} {error}") from error
         for name in (
             "max_opening", "finger_thickness", "finger_width", "finger_length", "palm_thickness",
             "palm_width", "palm_length",
@@ -244,16 +250,18 @@ def check_metres(gripper: str, name: str, value: object, *, positive: bool = Fal
     Raises:
         SettingError: It is no length in metres.
     """
-    if not (isinstance(value, int | float) and math.isfinite(value) and value >= 0.0):
+    metres = math.nan if isinstance(value, str) else number_of(value)
+    if not 0.0 <= metres < math.inf:
         raise SettingError(
-            f"gripper {gripper!r}: {name} must be a length in metres of at least 0; got {value!r}"
+            f"gripper {gripper!r}: {name} must be a length in metres of at least 0; "
+            f"got {described(value)}"
         )
-    if positive and value == 0.0:
+    if positive and metres == 0.0:
         raise SettingError(f"gripper {gripper!r}: {name} must be above 0")
-    if value > LARGEST:
+    if metres > LARGEST:
         raise SettingError(
             f"gripper {gripper!r}: {name} must be in metres, at most {LARGEST:g}; "
-            f"got {value:g}: is it in millimetres?"
+            f"got {metres:g}: is it in millimetres?"
         )
 
 

@@ -2,9 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
-from xml.parsers import expat
 
 import numpy as np
 
@@ -13,8 +11,8 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.hand_geometry import SlidingFinger, SlidingHand
 from grasp3d.system.names import printable
 
-LARGEST_FILE = 16 * 2**20
-"""Largest robot description [bytes], without its meshes."""
+FARTHEST = 1e4
+"""Distance of geometry from its frame that no hand has [m]."""
 
 MAX_LISTED = 40
 """Most links that an error message lists."""
@@ -50,6 +48,15 @@ class LinkTree:
     """The joint that moves each link, by the name of the link; the root has none."""
     geometry: Callable[[str], Floats]
     """Corners of the collision geometry of a link in its frame, shape (n, 3, 3)."""
+
+    def __post_init__(self) -> None:
+        reached = {name for name in self.links if name not in self.joints}
+        for name in self.links:  # in an order in which parents come first, if there is one
+            if name in self.joints and self.joints[name].parent in reached:
+                reached.add(name)
+        for name in self.links:
+            if name not in reached:
+                raise self._error(f"joint {self.joints[name].name} is part of a loop of joints")
 
     def children(self, link: str) -> tuple[str, ...]:
         """The links whose joints a link carries, in their order."""
@@ -150,7 +157,10 @@ class LinkTree:
 
     def _triangles(self, poses: Mapping[str, Floats]) -> Floats:
         parts = [self.geometry(link) @ pose[:3, :3].T + pose[:3, 3] for link, pose in poses.items()]
-        return np.concatenate([np.zeros((0, 3, 3)), *parts])
+        triangles = np.concatenate([np.zeros((0, 3, 3)), *parts])
+        if not np.abs(triangles).max(initial=0.0) < FARTHEST:
+            raise self._error(f"collision geometry is {FARTHEST:g} m away, or has infinite numbers")
+        return triangles
 
 
 def _coupling(one: Joint, two: Joint) -> float | None:
@@ -162,28 +172,3 @@ def _coupling(one: Joint, two: Joint) -> float | None:
     if one.follows is not None and two.follows is not None and one.follows[0] == two.follows[0]:
         return two.follows[1] / one.follows[1] if one.follows[1] else None
     return None
-
-
-def check_xml(path: Path) -> None:
-    """Check that a file is XML of a moderate size without a document type or entities.
-
-    Raises:
-        SettingError: It is not.
-    """
-    where = printable(str(path))
-    parser = expat.ParserCreate()
-
-    def reject(*_: object) -> None:
-        raise SettingError(
-            f"{where}: declares a document type or entities, which are not supported"
-        )
-
-    parser.StartDoctypeDeclHandler = reject
-    try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise SettingError(f"{where}: is larger than {LARGEST_FILE / 2**20:g} MB")
-        parser.Parse(path.read_bytes(), True)  # noqa: FBT003
-    except OSError as error:
-        raise SettingError(f"{where}: cannot be read ({error.strerror or error})") from error
-    except (expat.ExpatError, LookupError, ValueError) as error:
-        raise SettingError(printable(f"{where}: is no XML: {error}")) from error

@@ -8,7 +8,7 @@ from trimesh import creation, transformations
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
-from grasp3d.hand.link_tree import Joint, LinkTree, check_xml
+from grasp3d.hand.link_tree import Joint, LinkTree
 from grasp3d.system.names import printable
 
 if TYPE_CHECKING:
@@ -28,7 +28,6 @@ def read_mjcf(path: Path) -> LinkTree:
     Raises:
         SettingError: MuJoCo cannot read it.
     """
-    check_xml(path)
     model = _loaded(path)
     names = [model.body(number).name or f"body {number}" for number in range(model.nbody)]
     joints = {names[number]: _joint(model, number, names) for number in range(1, model.nbody)}
@@ -44,14 +43,14 @@ def read_mjcf(path: Path) -> LinkTree:
 
 def _loaded(path: Path) -> "MjModel":
     try:
-        from mujoco import MjModel
+        from mujoco import FatalError, MjModel, UnexpectedError
     except ImportError as error:
         raise SettingError(
             "reading a MuJoCo model needs mujoco; install it with: pip install 'grasp3d[grippers]'"
         ) from error
     try:
         return MjModel.from_xml_path(str(path))
-    except ValueError as error:
+    except (ValueError, RuntimeError, FatalError, UnexpectedError) as error:
         reason = " ".join(str(error).split())
         raise SettingError(printable(f"{path}: MuJoCo cannot read it ({reason})")) from error
 

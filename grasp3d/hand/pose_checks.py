@@ -45,7 +45,7 @@ def checked_poses(values: ArrayLike) -> Floats:
     """
     try:
         poses = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ContactError(f"poses must be 4x4 matrices of numbers: {error}") from error
     if poses.ndim == 2:
         poses = poses[None]

@@ -1,27 +1,24 @@
 """Links and joints of a robot in a URDF file."""
 
-import logging
-from collections.abc import Mapping
+from collections.abc import Iterable
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Literal
+from xml.etree.ElementTree import Element
 
 import numpy as np
-import trimesh
+from trimesh import creation, transformations
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import MeshError, SettingError
-from grasp3d.hand.link_tree import Joint, LinkTree, check_xml
+from grasp3d.hand.description_xml import mesh_file, xml_tree
+from grasp3d.hand.link_tree import Joint, LinkTree
 from grasp3d.reading.mesh_files import read_mesh
+from grasp3d.system.documents import numbers_of
 from grasp3d.system.names import printable
-
-if TYPE_CHECKING:
-    from yourdfpy import URDF
 
 _KINDS: dict[str, Literal["fixed", "slides", "turns"]] = {"fixed": "fixed", "prismatic": "slides"}
 """Kinds of joints; all others turn, or do both."""
-
-_BAD = (ValueError, TypeError, AttributeError, KeyError, IndexError)
-"""What the parser raises for elements and numbers that are missing or wrong."""
 
 
 def read_urdf(path: Path) -> LinkTree:
@@ -35,91 +32,131 @@ def read_urdf(path: Path) -> LinkTree:
         SettingError: It is no URDF. A mesh that is missing or damaged is refused when the geometry
             of its link is asked for.
     """
-    check_xml(path)
-    robot = _parsed(path).robot
-    where = str(path)
-    links = {link.name: link for link in robot.links}
-    joints: dict[str, Joint] = {}
-    for joint in robot.joints:
-        if joint.child in joints or joint.parent not in links or joint.child not in links:
-            raise SettingError(
-                printable(f"{where}: joint {joint.name} joins no two links of its own")
-            )
-        joints[joint.child] = _joint(joint)
+    root = xml_tree(path)
+    try:
+        links = _links(root)
+        joints = _joints(root, links)
+    except ValueError as error:
+        raise SettingError(printable(f"{path}: is no URDF: {error}")) from error
 
     def geometry(name: str) -> Floats:
-        parts = [_triangles(part, name, path) for part in links[name].collisions]
+        try:
+            parts = [_triangles(part, name, path) for part in links[name].findall("collision")]
+        except ValueError as error:
+            raise SettingError(printable(f"{path}: link {name}: {error}")) from error
         return np.concatenate([np.zeros((0, 3, 3)), *parts])
 
-    order = _from_root(list(links), joints)
-    return LinkTree(where, order, joints, geometry)
+    return LinkTree(str(path), _from_root(links, joints), joints, geometry)
 
 
-def _parsed(path: Path) -> "URDF":
+def _links(root: Element) -> dict[str, Element]:
+    """Links by name. Raises ValueError."""
+    if root.tag != "robot":
+        raise ValueError(f"its first element is {root.tag[:40]}, and must be robot")
+    return {_text(link, "name"): link for link in root.findall("link")}
+
+
+def _joints(root: Element, links: dict[str, Element]) -> dict[str, Joint]:
+    """Joints by the links that they move. Raises ValueError."""
+    joints: dict[str, Joint] = {}
+    for element in root.findall("joint"):
+        parent, child = (_text(_part(element, end), "link") for end in ("parent", "child"))
+        name = _text(element, "name")
+        if child in joints or parent not in links or child not in links:
+            raise ValueError(f"joint {name} joins no two links of its own")
+        try:
+            joints[child] = _joint(element, name, parent)
+        except ValueError as error:
+            raise ValueError(f"joint {name}: {error}") from error
+    return joints
+
+
+def _from_root(links: Iterable[str], joints: dict[str, Joint]) -> tuple[str, ...]:
+    """Links in an order in which parents come before their children, where there is one."""
+    above = {name: [joints[name].parent] if name in joints else [] for name in links}
     try:
-        from yourdfpy import URDF
-    except ImportError as error:
-        raise SettingError(
-            "reading a URDF needs yourdfpy; install it with: pip install 'grasp3d[grippers]'"
-        ) from error
-    # It reports prefixes that are not declared, and reads the file nevertheless.
-    logging.getLogger("yourdfpy.urdf").setLevel(logging.CRITICAL)
-    try:
-        return URDF.load(
-            str(path),
-            build_scene_graph=False,
-            build_collision_scene_graph=False,
-            load_meshes=False,
-            load_collision_meshes=False,
-        )
-    except _BAD as error:
-        raise SettingError(printable(f"{path}: is no URDF ({error})")) from error
+        return tuple(TopologicalSorter(above).static_order())
+    except CycleError:
+        return tuple(links)
 
 
-def _from_root(links: list[str], joints: Mapping[str, Joint]) -> tuple[str, ...]:
-    """Links in an order in which parents come before their children."""
-
-    def depth(name: str) -> int:
-        count = 0
-        while name in joints and count <= len(links):  # a cycle has no root
-            name, count = joints[name].parent, count + 1
-        return count
-
-    return tuple(sorted(links, key=depth))
-
-
-def _joint(joint: Any) -> Joint:
-    limit, mimic = joint.limit, joint.mimic
-    has_limits = limit is not None and limit.lower is not None and limit.upper is not None
-    axis = np.array([1.0, 0.0, 0.0]) if joint.axis is None else np.asarray(joint.axis, np.float64)
-    length = float(np.linalg.norm(axis))
+def _joint(element: Element, name: str, parent: str) -> Joint:
+    axis, limit, mimic = (element.find(part) for part in ("axis", "limit", "mimic"))
+    direction = np.array([1.0, 0.0, 0.0] if axis is None else _numbers(axis, "xyz", 3))
+    length = float(np.linalg.norm(direction))
+    limits = follows = None
+    if limit is not None and {"lower", "upper"} <= {*limit.keys()}:
+        limits = _number(limit, "lower"), _number(limit, "upper")
+    if mimic is not None:
+        factor, offset = _number(mimic, "multiplier", "1"), _number(mimic, "offset", "0")
+        follows = _text(mimic, "joint"), factor, offset
     return Joint(
-        joint.name,
-        _KINDS.get(joint.type, "turns"),
-        joint.parent,
-        np.eye(4) if joint.origin is None else np.asarray(joint.origin, np.float64),
-        axis / length if length > 0.0 else np.array([1.0, 0.0, 0.0]),
-        (float(limit.lower), float(limit.upper)) if has_limits else None,
-        None if mimic is None else (mimic.joint, float(mimic.multiplier), float(mimic.offset)),
+        name,
+        _KINDS.get(element.get("type", ""), "turns"),
+        parent,
+        _pose(element),
+        direction / length if length > 0.0 else np.array([1.0, 0.0, 0.0]),
+        limits,
+        follows,
     )
 
 
-def _triangles(collision: Any, link: str, path: Path) -> Floats:
+def _triangles(collision: Element, link: str, path: Path) -> Floats:
     """Corners of one piece of collision geometry in the frame of its link, shape (n, 3, 3)."""
-    shape = collision.geometry
-    if shape.box is not None:
-        faces = trimesh.creation.box(shape.box.size).triangles
-    elif shape.cylinder is not None:
-        faces = trimesh.creation.cylinder(shape.cylinder.radius, shape.cylinder.length).triangles
-    elif shape.sphere is not None:
-        faces = trimesh.creation.icosphere(radius=shape.sphere.radius).triangles
-    elif shape.mesh is not None:
-        raw = read_collision_mesh(shape.mesh.filename, link, path)
-        faces = raw * (1.0 if shape.mesh.scale is None else np.asarray(shape.mesh.scale))
+    geometry = _part(collision, "geometry")
+    shape = next(iter(geometry), geometry)
+    if shape.tag == "box":
+        faces = creation.box(_numbers(shape, "size", 3)).triangles
+    elif shape.tag == "cylinder":
+        faces = creation.cylinder(_number(shape, "radius"), _number(shape, "length")).triangles
+    elif shape.tag == "sphere":
+        faces = creation.icosphere(radius=_number(shape, "radius")).triangles
+    elif shape.tag == "mesh":
+        raw = read_collision_mesh(_text(shape, "filename"), link, path)
+        scale = shape.get("scale", "1")
+        faces = raw * numbers_of(scale, 1 if len(scale.split()) == 1 else 3)
     else:
         raise SettingError(printable(f"{path}: collision geometry of {link} is of no known kind"))
-    pose = np.eye(4) if collision.origin is None else collision.origin
+    pose = _pose(collision)
     return np.asarray(faces @ pose[:3, :3].T + pose[:3, 3])
+
+
+def _pose(element: Element) -> Floats:
+    """The origin that an element states, shape (4, 4); without one the identity."""
+    origin = element.find("origin")
+    if origin is None:
+        return np.eye(4)
+    angles = _numbers(origin, "rpy", 3, "0 0 0")
+    pose = np.array(transformations.euler_matrix(*angles), dtype=np.float64)
+    pose[:3, 3] = _numbers(origin, "xyz", 3, "0 0 0")
+    return pose
+
+
+def _part(element: Element, name: str) -> Element:
+    part = element.find(name)
+    if part is None:
+        raise ValueError(f"{element.tag} has no {name}")
+    return part
+
+
+def _text(element: Element, name: str) -> str:
+    text = element.get(name)
+    if text is None:
+        raise ValueError(f"{element.tag} has no {name}")
+    return text
+
+
+def _number(element: Element, name: str, default: str | None = None) -> float:
+    return _numbers(element, name, 1, default)[0]
+
+
+def _numbers(element: Element, name: str, count: int, default: str | None = None) -> list[float]:
+    """Numbers of an attribute. Raises ValueError."""
+    text = _text(element, name) if default is None else element.get(name, default)
+    try:
+        return numbers_of(text, count)
+    except ValueError as error:
+        raise ValueError(f"{name} of {element.tag} {error}") from error
 
 
 def read_collision_mesh(name: str, link: str, path: Path) -> Floats:
@@ -128,15 +165,7 @@ def read_collision_mesh(name: str, link: str, path: Path) -> Floats:
     Raises:
         SettingError: There is no such file, or it is no mesh.
     """
-    scheme, _, rest = name.rpartition("://")
-    folders = path.absolute().parents
-    if scheme in {"package", "model"}:
-        package, _, inside = rest.partition("/")
-        candidates = [folder / package / inside for folder in folders]
-        candidates += [folder / inside for folder in folders if folder.name == package]
-    else:
-        candidates = [path.absolute().parent / rest]  # an absolute path stays what it is
-    file = next(filter(Path.is_file, candidates), None)
+    file = mesh_file(name, path)
     if file is None:
         raise SettingError(
             printable(f"{path}: there is no mesh {name} of link {link}; put it where the file says")

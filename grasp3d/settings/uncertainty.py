@@ -137,7 +137,7 @@ def friction_interval(value: object) -> Interval:
     parts = value.split(_BETWEEN) if isinstance(value, str) else value
     try:
         ends = [float(one) for one in parts] if isinstance(parts, Sequence) else [float(parts)]  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         ends = []
     if len(ends) == 1:
         ends *= 2

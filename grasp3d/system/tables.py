@@ -22,6 +22,7 @@ import pyarrow.csv as pc
 import pyarrow.parquet as pq
 
 from grasp3d.errors import OutputError
+from grasp3d.system.documents import parse_json
 from grasp3d.system.files import atomic_write, check_suffix
 from grasp3d.system.names import as_unicode
 
@@ -192,7 +193,7 @@ def read_settings(path: Path) -> dict[str, Any] | None:
     """
     try:
         metadata = pq.read_schema(path).metadata or {}
-        settings = json.loads(metadata[b"grasp3d"])
+        settings = parse_json(metadata[b"grasp3d"])
     except (OSError, ValueError, KeyError):  # pyarrow's errors are ValueErrors
         return None
     return settings if isinstance(settings, dict) else None

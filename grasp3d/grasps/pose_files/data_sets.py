@@ -1,7 +1,6 @@
 """Poses of data sets: GraspGen's JSON, and the (k, 17) array of graspnetAPI in a .npy file."""
 
 from pathlib import Path
-from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from grasp3d.grasps.pose_files.documents import (
     grasp_list,
     json_numbers,
     json_text,
+    load_array,
     mapping,
     number_or_none,
     numbers,
@@ -109,12 +109,6 @@ HEIGHT = 0.02
 NO_OBJECT = -1.0
 """Number of an object that is not known."""
 
-_HEADER_ERRORS = (
-    ValueError, TypeError, OverflowError, EOFError, SyntaxError, MemoryError, RecursionError,
-    TokenError,
-)  # fmt: skip
-"""What NumPy raises for headers, which are the text of a Python dictionary."""
-
 BEST_SCORE = 1.1
 """Scores of the data set are 1.1 minus the smallest coefficient of friction that holds."""
 
@@ -167,14 +161,7 @@ def read_graspnet(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPose
 
 def _graspnet_rows(path: Path) -> Floats:
     """Rows of the array, whose shape and type are checked before they are loaded."""
-    with path.open("rb") as stream:
-        if stream.read(6) != b"\x93NUMPY":
-            raise ContactError("is no .npy file")
-    try:
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except _HEADER_ERRORS as error:
-        reason = " ".join(str(error).split())[:200]
-        raise ContactError(f"is no .npy file of numbers ({reason})") from error
+    array = load_array(path)
     fits = array.ndim == 2 and array.shape[1] == LENGTH and array.dtype.kind in "fiu"
     if not fits or len(array) > MOST_ROWS:
         raise ContactError(

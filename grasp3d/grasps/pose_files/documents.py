@@ -6,9 +6,11 @@ many times, so that a short file stands for more values than memory holds.
 
 import json
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -16,36 +18,52 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError
+from grasp3d.system import documents
+from grasp3d.system.documents import (
+    DEEPEST,
+    MEGABYTE,
+    MOST_DIGITS,
+    check_digits,
+    described,
+    file_bytes,
+    problem_of_file,
+)
 from grasp3d.system.files import atomic_write
+from grasp3d.system.names import printable
 
-DEEPEST = 32
-"""Deepest nesting that is read: libyaml's constructor overflows the stack at some thousands."""
+LARGEST_JSON, LARGEST_YAML = 256 * MEGABYTE, 32 * MEGABYTE
+"""Largest files [bytes]: what they stand for takes up to 5 GB, and YAML a minute."""
+
+_WHOLE = re.compile(r"[-+]?(0[xob])?[\da-fA-F_:]+")
+"""Whole numbers of YAML."""
 
 _PYTHON = "tag:yaml.org,2002:python"
+
+_HEADER_ERRORS = (
+    ValueError, TypeError, OverflowError, EOFError, SyntaxError, MemoryError, RecursionError,
+    TokenError,
+)  # fmt: skip
+"""What NumPy raises for headers, which are the text of a Python dictionary."""
 
 Entries = Sequence[Mapping[str, Any]]
 
 
 def check_file(path: Path) -> None:
     """Raise ContactError unless there is such a file."""
-    if not path.is_file():
-        problem = "is a folder; name a file" if path.is_dir() else "there is no such file"
-        raise ContactError(f"{path}: {problem}")
+    if problem := problem_of_file(path):
+        raise ContactError(printable(f"{path}: {problem}"))
 
 
 def load_json(path: Path) -> Any:
-    """Content of a JSON file. Raises ContactError, OSError."""
-    try:
-        return json.loads(path.read_text(encoding="utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise ContactError(f"is no JSON: {error}") from error
+    """Content of a JSON file. Raises ValueError, OSError."""
+    return documents.load_json(path, LARGEST_JSON)
 
 
 def load_yaml(path: Path) -> Any:
-    """Content of a YAML file of plain values. Raises ContactError, OSError."""
+    """Content of a YAML file of plain values. Raises ContactError, ValueError, OSError."""
     yaml = yaml_module()
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    text = path.read_bytes()
+    text = file_bytes(path, LARGEST_YAML)
     try:
         _check_events(yaml, text, loader)
         return yaml.load(text, loader)
@@ -66,8 +84,24 @@ def _check_events(yaml: Any, text: bytes, loader: Any) -> None:
             raise ContactError(f"it is nested more than {DEEPEST} levels deep")
         if str(getattr(event, "tag", None)).startswith(_PYTHON):
             raise ContactError("it contains objects of Python, which are not read: plain YAML only")
-        if getattr(event, "value", None) == "<<":
+        value = getattr(event, "value", "")
+        if value == "<<":
             raise ContactError("it merges keys (<<), which is not read: write the keys out")
+        if len(value) > MOST_DIGITS and _WHOLE.fullmatch(value):
+            check_digits(value)
+
+
+def load_array(path: Path) -> npt.NDArray[Any]:
+    """Numbers of a .npy file, which are not in memory. Raises ContactError, OSError."""
+    with path.open("rb") as stream:
+        if stream.read(6) != b"\x93NUMPY":
+            raise ContactError("is no .npy file")
+    try:
+        array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    except _HEADER_ERRORS as error:
+        reason = " ".join(str(error).split())[:200]
+        raise ContactError(f"is no .npy file of numbers ({reason})") from error
+    return array
 
 
 def yaml_module() -> Any:
@@ -82,14 +116,14 @@ def yaml_module() -> Any:
 def mapping(value: object, what: str) -> dict[str, Any]:
     """The value, if it is an object of keys and values. Raises ContactError."""
     if not isinstance(value, dict):
-        raise ContactError(f"{what} must be an object of keys and values; got {kind(value)}")
+        raise ContactError(f"{what} must be an object of keys and values; got {described(value)}")
     return value
 
 
 def grasp_list(value: object, what: str) -> list[Any]:
     """The value, if it is a list of at least one grasp. Raises ContactError."""
     if not isinstance(value, list):
-        raise ContactError(f"{what} must be a list; got {kind(value)}")
+        raise ContactError(f"{what} must be a list; got {described(value)}")
     if not value:
         raise ContactError("there are no grasps in it")
     return value
@@ -133,7 +167,7 @@ def numbers(values: Sequence[Any], shape: tuple[int, ...], what: str) -> Floats:
             flat += _flattened(value, shape)
         except (TypeError, ValueError, OverflowError) as error:
             raise ContactError(
-                f"grasp {number}: {what} must be {_expected(shape)}; got {kind(value)}"
+                f"grasp {number}: {what} must be {_expected(shape)}; got {described(value)}"
             ) from error
     return np.array(flat, dtype=np.float64).reshape(len(values), *shape)
 
@@ -150,7 +184,7 @@ def one_number(value: object, what: str) -> float:
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
-        raise ContactError(f"{what} must be a finite number; got {kind(value)}")
+        raise ContactError(f"{what} must be a finite number; got {described(value)}")
     return number
 
 
@@ -162,17 +196,8 @@ def number_or_none(value: object, what: str) -> float | None:
 def text_or_none(value: object, what: str) -> str | None:
     """A text, or none. Raises ContactError."""
     if value is not None and not isinstance(value, str):
-        raise ContactError(f"{what} must be text; got {kind(value)}")
+        raise ContactError(f"{what} must be text; got {described(value)}")
     return value
-
-
-def kind(value: object) -> str:
-    """Short description of a value."""
-    if isinstance(value, list | tuple):
-        return f"a list of {len(value)}"
-    if isinstance(value, dict):
-        return "an object"
-    return "nothing" if value is None else ascii(value)[:40]
 
 
 def json_numbers(values: npt.NDArray[Any]) -> Any:

@@ -10,13 +10,22 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.errors import ContactError, OutputError
-from grasp3d.grasps.pose_files.documents import load_json, load_yaml, mapping, required
+from grasp3d.grasps.pose_files.documents import (
+    check_file,
+    load_array,
+    load_json,
+    load_yaml,
+    mapping,
+    required,
+)
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.pose_checks import checked_quaternions
 from grasp3d.settings.lengths import METRES, Unit
+from grasp3d.system.documents import MEGABYTE, file_bytes
+from grasp3d.system.names import printable
 
 
 def for_robots(poses: GraspPoses, what: str) -> tuple[ParallelGripper, GraspPoses]:
@@ -146,22 +155,23 @@ def read_object_pose(source: GivenPose) -> ObjectPose:
     reader = None if path is None else _READERS.get(path.suffix.lower())
     if path is None or reader is None:
         return ObjectPose.of(str(path) if isinstance(source, Path) else source)
+    check_file(path)
     try:
         return _pose_of(reader(path))
     except OSError as error:
         raise ContactError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (ContactError, ValueError, EOFError) as error:
-        raise ContactError(f"{path}: {error}") from error
+    except (ContactError, ValueError) as error:
+        raise ContactError(printable(f"{path}: {error}")) from error
 
 
 def _text_or_rows(path: Path) -> Any:
-    text = path.read_text(encoding="utf-8-sig")
+    text = file_bytes(path, MEGABYTE).decode("utf-8-sig")
     rows = [line.replace(",", " ").split() for line in text.splitlines() if line.strip()]
     return text if "=" in text else np.array(rows, dtype=np.float64)
 
 
 _READERS: dict[str, Callable[[Path], Any]] = {
-    ".npy": np.load, ".txt": _text_or_rows,
+    ".npy": load_array, ".txt": _text_or_rows,
     ".json": load_json, ".yaml": load_yaml, ".yml": load_yaml,
 }  # fmt: skip
 

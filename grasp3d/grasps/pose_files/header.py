@@ -9,12 +9,13 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.grasps.pose_files.documents import kind, number_or_none, text_or_none
+from grasp3d.grasps.pose_files.documents import number_or_none, text_or_none
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_of
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.settings.lengths import Unit
+from grasp3d.system.documents import described
 from grasp3d.system.versions import package_version
 
 FRAME = (
@@ -71,7 +72,7 @@ def fields_of(
     stated = text_or_none(header.get("object_pose"), "object_pose")
     for name, value in (("normals", NORMALS), ("angles", ANGLES)):
         if header.get(name, value) != value:
-            raise ContactError(f"{name} must be {value}; got {kind(header[name])}")
+            raise ContactError(f"{name} must be {value}; got {described(header[name])}")
     frame = text_or_none(header.get("frame"), "frame") or ""
     known = (*OBJECT_FRAMES, ROBOT_FRAME) if stated else OBJECT_FRAMES
     other = {} if frame in known else {"frame": frame}
@@ -104,7 +105,7 @@ def stated_unit(stated: object, default: Unit | None) -> Unit | None:
     unit = units.get(stated) if isinstance(stated, str) else None
     if unit is None:
         raise ContactError(
-            f"the unit must be one of {', '.join(units.values())}; got {kind(stated)}"
+            f"the unit must be one of {', '.join(units.values())}; got {described(stated)}"
         )
     if default not in {None, unit}:
         raise ContactError(f"it states the unit {unit}, not {default}: read it without a unit")
@@ -167,7 +168,7 @@ def _outcomes(values: npt.NDArray[Any], name: str) -> Floats:
     if len(bad):
         raise ContactError(
             f"grasp {bad[0] + 1}: {name} must be 1, true or yes (it held), 0, false or no (it "
-            f"failed), or empty (not tried); got {kind(values.tolist()[bad[0]])}"
+            f"failed), or empty (not tried); got {described(values.tolist()[bad[0]])}"
         )
     return numbers
 

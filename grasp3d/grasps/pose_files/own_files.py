@@ -17,7 +17,6 @@ from grasp3d.grasps.pose_files.documents import (
     grasp_list,
     json_numbers,
     json_text,
-    kind,
     mapping,
     numbers,
     required,
@@ -28,6 +27,7 @@ from grasp3d.grasps.pose_files.header import OUTCOMES, fields_of, header_of, out
 from grasp3d.grasps.poses import OWN_NAMES, GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.settings.lengths import Unit
+from grasp3d.system.documents import described
 
 Columns = Mapping[str, npt.NDArray[Any]]
 
@@ -179,7 +179,7 @@ def _column(values: list[Any], key: str) -> npt.NDArray[Any]:
     if any(isinstance(value, str) for value in values):
         wrong = next((v for v in values if isinstance(v, list | dict)), None)
         if wrong is not None:
-            raise ContactError(f"{key} must be text in all grasps; got {kind(wrong)}")
+            raise ContactError(f"{key} must be text in all grasps; got {described(wrong)}")
         return np.array([_text(value) for value in values])
     return numbers(values, (), key)
 
@@ -193,7 +193,7 @@ def _vectors(entries: Entries) -> dict[str, Floats]:
         contacts = entry.get("contacts")
         if not isinstance(contacts, list) or len(contacts) != fingers:
             raise ContactError(
-                f"grasp {number}: contacts must be a list of {fingers}; got {kind(contacts)}"
+                f"grasp {number}: contacts must be a list of {fingers}; got {described(contacts)}"
             )
         grasps.append([mapping(contact, f"grasp {number}: a contact") for contact in contacts])
     return {
@@ -246,7 +246,7 @@ def read_table(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
 def _stated(columns: Mapping[str, Iterable[Any]]) -> dict[str, str]:
     """What all rows of a file state, as its header may."""
     stated: dict[str, str] = {}
-    for name in {"unit", "object_pose", "frame"} & columns.keys():
+    for name in filter(columns.__contains__, ("unit", "object_pose", "frame")):
         stated[name], *others = {_text(value) for value in columns[name]}
         if others:
             raise ContactError(f"all grasps must have the same {name}")

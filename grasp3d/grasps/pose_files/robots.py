@@ -19,7 +19,6 @@ from grasp3d.grasps.pose_files.documents import (
     grasp_list,
     json_numbers,
     json_text,
-    kind,
     load_yaml,
     mapping,
     number_or_none,
@@ -41,6 +40,7 @@ from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.settings.lengths import Unit
+from grasp3d.system.documents import described
 from grasp3d.system.files import atomic_write
 from grasp3d.system.versions import package_version
 
@@ -112,7 +112,7 @@ def read_isaac(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     """Grasps in the order of the file. Raises ContactError, OSError."""
     document = mapping(load_yaml(path), "the file")
     if required(document, "format") != ISAAC:
-        raise ContactError(f"format must be {ISAAC}; got {kind(document['format'])}")
+        raise ContactError(f"format must be {ISAAC}; got {described(document['format'])}")
     version = one_number(document.get("format_version", ISAAC_VERSION), "format_version")
     if int(version) != int(ISAAC_VERSION):
         raise ContactError(f"format_version must be {ISAAC_VERSION}; got {version:g}")
@@ -290,7 +290,7 @@ def _moveit_openings(hand: ParallelGripper, messages: list[dict[str, Any]], key:
         if not isinstance(positions, list) or (points and len(positions) != len(names)):
             raise ContactError(
                 f"{where} must have a position of each of {len(names)} joints; got "
-                f"{kind(positions)}"
+                f"{described(positions)}"
             )
         joints.append(dict(zip(map(str, names), positions, strict=False)))
     return _openings_of_joints(hand, joints)

@@ -1,0 +1,160 @@
+"""Files that people give: whether they are files at all, and the numbers and texts in them.
+
+All readers of JSON, YAML, XML, tables and arrays read and check with these. Whoever calls them adds
+the name of the file to the message.
+"""
+
+import json
+import math
+import os
+import re
+import stat
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+DEEPEST = 32
+"""Deepest nesting of lists and objects that is read, so that nothing later exceeds the stack."""
+
+MOST_DIGITS = 300
+"""Most digits of a whole number; the largest floating-point number has 309."""
+
+MEGABYTE = 2**20
+
+_TOO_DEEP = f"is no JSON that is read: it is nested more than {DEEPEST} levels deep"
+
+_ESCAPED_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
+
+
+def is_file(path: str | Path) -> bool:
+    """Whether there is a regular file; there is none where no file can be called so."""
+    return os.path.isfile(path)  # noqa: PTH113, pathlib's raises for names that are too long
+
+
+def problem_of_file(path: Path, largest: int | None = None) -> str | None:
+    """Why a path names no regular file that is read: a phrase for its name; None: it names one.
+
+    Args:
+        path: The path.
+        largest: Largest size of the file [bytes]; None: any.
+    """
+    try:
+        status = path.stat()
+    except FileNotFoundError:
+        return "there is no such file"
+    except (OSError, ValueError) as error:
+        return f"cannot be opened ({getattr(error, 'strerror', None) or error})"
+    if stat.S_ISDIR(status.st_mode):
+        return "is a folder; name a file"
+    if not stat.S_ISREG(status.st_mode):
+        return "is a pipe or a device, not a file"
+    if largest is not None and status.st_size > largest:
+        return f"is larger than {largest / MEGABYTE:g} MB, the most that is read of such files"
+    return None
+
+
+def file_bytes(path: Path, largest: int) -> bytes:
+    """Content of a regular file. Raises ValueError with the reason, OSError.
+
+    Args:
+        path: The path.
+        largest: Largest size of the file [bytes].
+    """
+    if problem := problem_of_file(path, largest):
+        raise ValueError(problem)
+    return path.read_bytes()
+
+
+def load_json(path: Path, largest: int, *, finite: bool = False) -> Any:
+    """Content of a JSON file; see `parse_json`. Raises ValueError with the reason, OSError."""
+    return parse_json(file_bytes(path, largest), finite=finite)
+
+
+def parse_json(text: str | bytes, *, finite: bool = False) -> Any:
+    """Values of a JSON text, which later code can compute with, write and print.
+
+    Args:
+        text: The text, or UTF-8.
+        finite: Whether to refuse NaN and Infinity, which are no JSON but often in it.
+
+    Raises:
+        ValueError: It is no JSON; or has whole numbers beyond `MOST_DIGITS`, texts that are no
+            Unicode, or lists and objects within more than `DEEPEST` others. With the reason.
+    """
+    try:
+        text = text if isinstance(text, str) else text.decode("utf-8-sig")
+        content = json.loads(text, parse_int=_whole, parse_constant=_refuse if finite else None)
+    except RecursionError as error:
+        raise ValueError(_TOO_DEEP) from error
+    except ValueError as error:
+        raise ValueError(f"is no JSON: {error}") from error
+    _check_depth(content)
+    if _ESCAPED_SURROGATE.search(text):
+        check_text(json.dumps(content, ensure_ascii=False))
+    return content
+
+
+def check_text(text: str) -> None:
+    """Refuse text with halves of characters, which no file can have. Raises ValueError."""
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise ValueError(f"has a text with half a character, {text[error.start]!a}") from error
+
+
+def check_digits(text: str) -> None:
+    """Refuse a whole number with more digits than can be computed with. Raises ValueError."""
+    if len(text) > MOST_DIGITS:
+        raise ValueError(f"a number has {len(text)} digits, and at most {MOST_DIGITS} are read")
+
+
+def number_of(value: object) -> float:
+    """The number that a value is or spells; nan: it is none, or too large."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return math.nan
+    try:
+        return float(value)
+    except (ValueError, OverflowError):
+        return math.nan
+
+
+def numbers_of(text: str, count: int) -> list[float]:
+    """As many finite numbers in a text, separated by spaces. Raises ValueError with the reason."""
+    numbers = [number_of(word) for word in text.split()]
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        expected = "a finite number" if count == 1 else f"{count} finite numbers"
+        raise ValueError(f"must be {expected}; got {described(text)}")
+    return numbers
+
+
+def described(value: object) -> str:
+    """Short description of a value of a document."""
+    if isinstance(value, list | tuple):
+        return f"a list of {len(value)}"
+    if isinstance(value, dict):
+        return "an object"
+    return "nothing" if value is None else ascii(value)[:40]
+
+
+def _refuse(name: str) -> None:
+    raise ValueError(f"{name} is no finite number")
+
+
+def _whole(text: str) -> int:
+    check_digits(text)
+    return int(text)
+
+
+def _check_depth(content: object) -> None:
+    """Raise ValueError if a document is nested more deeply than is read."""
+    inner, depth = [content], 0
+    while inner := [one for part in inner for one in _parts(part) if isinstance(one, list | dict)]:
+        depth += 1
+        if depth > DEEPEST:
+            raise ValueError(_TOO_DEEP)
+
+
+def _parts(value: object) -> Sequence[object]:
+    if isinstance(value, dict):
+        return list(value.values())
+    return value if isinstance(value, list) else ()
