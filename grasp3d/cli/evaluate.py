@@ -7,11 +7,11 @@ from grasp3d.arrays import Floats
 from grasp3d.cli import grasp_report, progress_bars
 from grasp3d.cli.existing_files import check_not_source, check_not_task, check_output
 from grasp3d.cli.grasp_commands import Evaluate
-from grasp3d.errors import SettingError
+from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps, in_stated_scale
-from grasp3d.grasps.grasp_files import SUFFIXES, read_grasps, write_grasps
-from grasp3d.grasps.pose_files import holds_poses
+from grasp3d.grasps.grasp_files import SUFFIXES, read_contacts, read_grasps, write_grasps
+from grasp3d.grasps.pose_files import holds_poses, read_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import load_mesh
@@ -51,7 +51,11 @@ def _check_gripper(command: Evaluate, *, poses: bool) -> None:
         raise SettingError(
             "the measures of --metrics are those of point contacts: use --contact soft, or point"
         )
-    if command.reach.hand is not None and not poses and command.contacts.is_file():
+    if command.reach.hand is not None and not poses:
+        try:
+            read_contacts(command.contacts)
+        except ContactError:
+            read_poses(command.contacts, hand=command.reach.hand)  # says why it contains neither
         raise SettingError(
             f"{command.contacts}: contains no poses; a gripper applies to poses, not to contacts"
         )

@@ -24,7 +24,7 @@ from grasp3d.settings.parsing import settings_of_texts
 from grasp3d.stability.label import Mode
 from grasp3d.surface.label_settings import GIVEN_ANGLE, SETTING
 from grasp3d.surface.vertex_grasps import SearchReport
-from grasp3d.system.documents import parse_json
+from grasp3d.system.documents import parse_json, problem_of_file
 from grasp3d.system.ply_files import settings_of_header
 from grasp3d.system.tables import read_settings
 
@@ -155,7 +155,7 @@ def stored_settings(path: Path) -> dict[str, str] | None:
     """
     reader = _READERS.get(path.suffix.lower())
     try:
-        settings = None if reader is None else reader(path)
+        settings = None if reader is None or problem_of_file(path) else reader(path)
     except (
         OSError,
         ValueError,

@@ -5,11 +5,14 @@ numbers, booleans, enumerations of text, nested dataclasses, `tuple[X, ...]` as 
 `tuple[X, X, X]` as lists of fixed length.
 """
 
+import csv
 import json
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import is_dataclass
 from enum import StrEnum
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from types import NoneType
@@ -18,11 +21,12 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_h
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+import pyarrow.compute
 import pyarrow.csv as pc
 import pyarrow.parquet as pq
 
 from grasp3d.errors import OutputError
-from grasp3d.system.documents import parse_json
+from grasp3d.system.documents import MEGABYTE, parse_json, problem_of_file
 from grasp3d.system.files import atomic_write, check_suffix
 from grasp3d.system.names import as_unicode
 
@@ -32,7 +36,22 @@ if TYPE_CHECKING:
 SUFFIXES = (".csv", ".parquet")
 """Endings of the files that tables are written to."""
 
+LARGEST_FILE = 4096 * MEGABYTE
+"""Largest table [bytes]."""
+
+MOST_COLUMNS, MOST_VALUES = 4096, 250_000_000
+"""Most columns and values that are read, of 8 bytes each: 10 million grasps with 25 columns."""
+
+ROWS = 16_384
+"""Rows of Parquet that are read at a time."""
+
+LONGEST_LINE = MEGABYTE
+"""Bytes of a CSV file in which its first line must end."""
+
 _NUMBER = re.compile(r"[-+\d.,;\se]+", re.IGNORECASE)
+
+_FORMULA = r"^('*[=+@\t\r-])"
+"""Start of texts that spreadsheets take for formulas: one ' more before it makes them texts."""
 
 _QUOTED = re.compile(r'"[^"]*"')
 
@@ -166,7 +185,7 @@ def read_arrow(
     if any(column.null_count for column in table.columns):
         raise ValueError("values are missing")
     columns = {
-        name: column.to_numpy()
+        name: _values_of(column)
         for name, column in zip(table.column_names, table.columns, strict=True)
     }
     texts = {name.decode(): text.decode() for name, text in (metadata.metadata or {}).items()}
@@ -214,38 +233,112 @@ def read_columns(path: Path) -> dict[str, npt.NDArray[Any]]:
         ValueError: The content is not a valid table; the message gives the reason.
         OSError: The file cannot be read.
     """
+    if problem := problem_of_file(path, LARGEST_FILE):
+        raise ValueError(problem)
     try:
-        table = _read_csv(path) if path.suffix.lower() == ".csv" else pq.read_table(path)
-        names = [name.strip() for name in table.column_names]
-        if all(_NUMBER.fullmatch(name) for name in names):
-            raise ValueError(f"its first line must be names of columns; found {' '.join(names)}")
-        duplicates = [name for number, name in enumerate(names) if name in names[:number]]
-        if duplicates:
-            raise ValueError(f"two columns are called {duplicates[0]!r}")
-        return {
-            name: column.to_numpy(zero_copy_only=False)
-            for name, column in zip(names, table.columns, strict=True)
-        }
+        table = _read_csv(path) if path.suffix.lower() == ".csv" else _read_parquet(path)
+        names = _checked_names(table.column_names)
+        return {name: _values_of(one) for name, one in zip(names, table.columns, strict=True)}
     except pa.ArrowException as error:
         raise ValueError(str(error).splitlines()[0]) from error
 
 
-def _read_csv(path: Path) -> pa.Table:
-    """A CSV file, with the delimiter and the decimal separator that it has."""
-    with path.open(encoding="utf-8-sig", errors="replace") as lines:
-        head = next((line for line in lines if line.strip()), "")
+def column_names(path: Path) -> list[str]:
+    """Names of the columns of a CSV or Parquet table, which is not read. As `read_columns`."""
+    if problem := problem_of_file(path, LARGEST_FILE):
+        raise ValueError(problem)
+    try:
+        if path.suffix.lower() == ".csv":
+            return _checked_names(_head_of_csv(path)[0])
+        return _checked_names(pq.read_schema(path).names)
+    except pa.ArrowException as error:
+        raise ValueError(str(error).splitlines()[0]) from error
+
+
+def _checked_names(stated: Sequence[str]) -> list[str]:
+    """Names of columns, which differ. Raises ValueError."""
+    names = [name.strip() for name in stated]
+    if len(names) > MOST_COLUMNS:
+        raise ValueError(f"it has {len(names):,} columns, and at most {MOST_COLUMNS:,} are read")
+    if all(_NUMBER.fullmatch(name) for name in names):
+        raise ValueError(f"its first line must be names of columns; found {' '.join(names)[:80]}")
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ValueError(f"two columns are called {twice[0]!r}")
+    return names
+
+
+def _values_of(column: pa.ChunkedArray) -> npt.NDArray[Any]:
+    """Values of a column; texts that are stored as codes become the texts."""
+    if not pa.types.is_dictionary(column.type):
+        return np.asarray(column.to_numpy(zero_copy_only=False))
+    coded = column.combine_chunks()  # pyarrow's own conversion gives missing ones the last text
+    codes = coded.indices.fill_null(len(coded.dictionary)).to_numpy(zero_copy_only=False)
+    texts = np.array([*coded.dictionary.to_pylist(), None], dtype=object)
+    return np.asarray(texts[codes])
+
+
+def _read_parquet(path: Path) -> pa.Table:
+    """A Parquet file, whose few bytes may stand for very many values."""
+    with pq.ParquetFile(path) as file:
+        schema, metadata = file.schema_arrow, file.metadata
+    _checked_names(schema.names)
+    texts = [field.name for field in schema if pa.types.is_string(field.type)]
+    costs = {field.name: _cost(field.type) for field in schema}
+    groups = [metadata.row_group(number) for number in range(metadata.num_row_groups)]
+    parts = [group.column(k) for group in groups for k in range(group.num_columns)]
+    _check_values(sum(one.num_values * costs[one.path_in_schema.split(".")[0]] for one in parts))
+    batches, size = [], 0
+    with pq.ParquetFile(path, read_dictionary=texts) as file:
+        for batch in file.iter_batches(ROWS):
+            batches.append(batch)
+            size += batch.nbytes
+            _check_values(size / 8)
+        return pa.Table.from_batches(batches, file.schema_arrow)
+
+
+def _cost(kind: pa.DataType) -> float:
+    """Memory of a value, in numbers; what is no number or text becomes objects of Python."""
+    if pa.types.is_fixed_size_binary(kind):
+        return 25.0 + float(kind.byte_width) / 8
+    is_plain = pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_string(kind)
+    return 1.0 if is_plain or pa.types.is_boolean(kind) else 25.0
+
+
+def _check_values(count: float) -> None:
+    if count > MOST_VALUES:
+        raise ValueError(
+            f"it stands for {count:,.0f} values, and at most {MOST_VALUES:,} are read; divide it "
+            "into several files"
+        )
+
+
+def _head_of_csv(path: Path) -> tuple[list[str], str]:
+    """Names in the first line of a CSV file, and its delimiter. Raises ValueError."""
+    with path.open("rb") as stream:
+        data = stream.read(LONGEST_LINE)
+    lines = data.decode("utf-8-sig", "replace").splitlines()
+    head = next((line for line in lines if line.strip()), "")
     if not head:
         raise ValueError("the file is empty")
-    if "\0" in head:
-        raise ValueError("it is no text in UTF-8")
+    if "\0" in head or data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise ValueError("it is no text in UTF-8; write it in that encoding")
     delimiter = max(",;\t", key=_QUOTED.sub("", head).count)
+    names = next(csv.reader([head], delimiter=delimiter))
+    return [re.sub(f"^'{_FORMULA[1:]}", r"\1", name) for name in names], delimiter
+
+
+def _read_csv(path: Path) -> pa.Table:
+    """A CSV file, with the delimiter and the decimal separator that it has."""
+    names, delimiter = _head_of_csv(path)
+    _checked_names(names)
     options = pc.ParseOptions(delimiter=delimiter)
     table = pc.read_csv(path, parse_options=options)
-    if delimiter != ";":
-        return table
-    convert = pc.ConvertOptions(decimal_point=",")
-    other = pc.read_csv(path, parse_options=options, convert_options=convert)
-    return other if _numeric(table) < _numeric(other) else table
+    if delimiter == ";":
+        convert = pc.ConvertOptions(decimal_point=",")
+        other = pc.read_csv(path, parse_options=options, convert_options=convert)
+        table = other if _numeric(table) < _numeric(other) else table
+    return _without_formulas(table, f"^'{_FORMULA[1:]}", r"\1")
 
 
 def _numeric(table: pa.Table) -> set[str]:
@@ -256,9 +349,18 @@ def _write(path: Path, table: pa.Table) -> None:
     check_suffix(path, SUFFIXES, "table")
     with atomic_write(path) as temporary:
         if path.suffix.lower() == ".csv":
-            pc.write_csv(table, temporary)
+            pc.write_csv(_without_formulas(table, _FORMULA, r"'\1"), temporary)
         else:
             pq.write_table(table, temporary)
+
+
+def _without_formulas(table: pa.Table, pattern: str, replacement: str) -> pa.Table:
+    """A table of which texts and names of columns that match are replaced."""
+    replace = partial(pa.compute.replace_substring_regex, pattern=pattern, replacement=replacement)
+    for number, field in enumerate(table.schema):
+        if pa.types.is_string(field.type):
+            table = table.set_column(number, field, replace(table.column(number)))
+    return table.rename_columns(replace(pa.array(table.column_names, pa.string())).to_pylist())
 
 
 def _unicode(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -337,7 +439,7 @@ def _check_origin(table: pa.Table) -> None:
 
 
 def _check_complete(table: pa.Table, hints: Mapping[str, Any]) -> None:
-    for name in set(hints) & set(table.column_names):
+    for name in filter(hints.__contains__, table.column_names):
         if NoneType not in get_args(hints[name]) and table.column(name).null_count:
             raise ValueError(f"its column {name} has missing values")
 

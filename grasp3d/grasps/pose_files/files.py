@@ -222,9 +222,9 @@ def holds_poses(path: str | Path) -> bool:
     try:
         if suffix == ".json":
             return _json_format(load_json(path)) is not None
-        from grasp3d.system.tables import read_columns
+        from grasp3d.system.tables import column_names
 
-        return are_poses(list(read_columns(path)))
+        return are_poses(column_names(path))
     except (OSError, ValueError, ContactError):
         return False
 
