@@ -147,7 +147,8 @@ def _whole(text: str) -> int:
 
 def _check_depth(content: object) -> None:
     """Raise ValueError if a document is nested more deeply than is read."""
-    inner, depth = [content], 0
+    inner: list[object] = [[content]]
+    depth = 0
     while inner := [one for part in inner for one in _parts(part) if isinstance(one, list | dict)]:
         depth += 1
         if depth > DEEPEST:

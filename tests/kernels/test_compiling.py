@@ -4,7 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -144,6 +144,47 @@ def test_machine_code_is_compiled_once_for_each_version_of_the_sources(
     changed = package.run()
     assert (changed["value"], changed["hits"]) == (2222, 0)
     assert not old.exists()
+
+
+DAMAGES: tuple[Callable[[bytes], bytes], ...] = (
+    lambda _: b"",
+    lambda data: data[: len(data) // 2],
+    lambda data: data[:-9] + bytes([data[-9] ^ 1]) + data[-8:],
+    lambda data: data + b"more",
+)
+"""As after a full disk, a crash, and an error of the disk."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_damaged_machine_code_is_compiled_again(
+    package: Package, damage: Callable[[bytes], bytes]
+) -> None:
+    package.run()
+    for path in files(package.folder / "__pycache__"):
+        path.write_bytes(damage(path.read_bytes()))
+    again, then = package.run(), package.run()
+    assert [(one["value"], one["hits"]) for one in (again, then)] == [(1111, 0), (1111, 1)]
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+def test_damaged_machine_code_is_missing(
+    tmp_path: Path, damage: Callable[[bytes], bytes], suffix: str
+) -> None:
+    stored = numba_internals.CheckedFiles(str(tmp_path), "kernel", "stamp")
+    stored.save("key", ["code"])
+    assert (stored.load("key"), stored.holds("key"), stored.holds("other")) == (
+        ["code"],
+        True,
+        False,
+    )
+    (path,) = tmp_path.glob(f"*.{suffix}")
+    path.write_bytes(damage(path.read_bytes()))
+    assert (stored.load("key"), stored.holds("key")) == (None, False)
+    stored.save("key", ["code"])
+    assert stored.load("key") == ["code"]
+    assert sorted(one.suffix for one in tmp_path.iterdir()) == [".nbc", ".nbi"]
 
 
 @pytest.mark.slow

@@ -6,7 +6,10 @@ and does so again for the caller, which contains it. For parts only the last of 
 are typed and lowered, and optimised within the kernel that Python calls.
 """
 
+import errno
 import gc
+import hashlib
+import pickle
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cached_property, partial
@@ -15,7 +18,7 @@ from typing import Any
 
 import numba
 from numba.core import event, types
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, NullCache
 from numba.core.dispatcher import Dispatcher
 
 from grasp3d._kernels.compiling.machine_code import code_folders, make_folder
@@ -23,6 +26,9 @@ from grasp3d._kernels.compiling.machine_code import code_folders, make_folder
 PARTS_TESTED = numba.version_info.short < (0, 69)
 """Whether parts are compiled into their callers only, which later versions of Numba may not allow:
 there they are compiled like kernels, and the first run takes longer."""
+
+DIGEST = 32
+"""Bytes of a checksum, at the start of each file of machine code."""
 
 YOUNG_OBJECTS = 200_000
 """New objects before a garbage collection, while a kernel is compiled.
@@ -72,12 +78,59 @@ class _StoredKernel(CompileResultCacheImpl):
         super().__init__(function)  # type: ignore[no-untyped-call]
 
 
+class CheckedFiles(IndexDataCacheFile):
+    """A kernel's files, each with a checksum: one that is empty, cut or altered is not there.
+
+    Numba would unpickle it, and fail for ever.
+    """
+
+    def holds(self, key: Any) -> bool:
+        """Whether there is sound machine code for a key."""
+        with suppress(OSError):
+            name = self._load_index().get(key)
+            return name is not None and bool(_content(Path(self._data_path(name))))
+        return False
+
+    def _load_index(self) -> Any:
+        with suppress(OSError):
+            version, stamp, overloads = pickle.loads(_content(Path(self._index_path)))  # noqa: S301
+            if (version, stamp) == (self._version, self._source_stamp):
+                return overloads
+        return {}
+
+    def _save_index(self, overloads: Any) -> None:
+        self._save(self._index_path, (self._version, self._source_stamp, overloads))
+
+    def _load_data(self, name: str) -> Any:
+        return pickle.loads(_content(Path(self._data_path(name))))  # noqa: S301, of this program
+
+    def _save_data(self, name: str, data: Any) -> None:
+        self._save(self._data_path(name), data)
+
+    def _save(self, path: str, values: Any) -> None:
+        content = self._dump(values)
+        with self._open_for_write(path) as file:  # beside it, and renamed
+            file.write(hashlib.sha256(content).digest() + content)
+
+
+def _content(path: Path) -> bytes:
+    """What a file has after its checksum. Raises OSError if that is of something else."""
+    data = path.read_bytes()
+    if data[:DIGEST] != hashlib.sha256(data[DIGEST:]).digest():
+        raise OSError(errno.EIO, "is damaged", str(path))
+    return data[DIGEST:]
+
+
 class _Folder(FunctionCache):
     """A kernel's machine code in one folder."""
 
     def __init__(self, function: Any, folder: Path) -> None:
         vars(self)["_impl_class"] = partial(_StoredKernel, folder=folder)
         super().__init__(function)  # type: ignore[no-untyped-call]
+        stored = vars(self)["_impl"]
+        self._files = vars(self)["_cache_file"] = CheckedFiles(
+            self.cache_path, stored.filename_base, stored.locator.get_source_stamp()
+        )
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Load machine code for a signature; None: there is none that can be read."""
@@ -88,9 +141,7 @@ class _Folder(FunctionCache):
     def holds(self, sig: Any, target_context: Any) -> bool:
         """Whether there is machine code for a signature, which is not loaded."""
         target_context.refresh()
-        with suppress(OSError):
-            return self._index_key(sig, target_context.codegen()) in self._cache_file._load_index()  # noqa: SLF001
-        return False
+        return self._files.holds(self._index_key(sig, target_context.codegen()))
 
 
 class KernelCache(NullCache):
