@@ -66,7 +66,6 @@ ENGINES = {
     "trame_rca": {"viewer"},
     "imageio_ffmpeg": {"viewer"},
     "aiohttp": {"viewer"},
-    "yourdfpy": {"hand.urdf"},
     "mujoco": {"hand.mjcf", "physics.engine"},
     "coacd": {"physics.parts"},
     "yaml": {"grasps.pose_files"},

@@ -98,11 +98,10 @@ def _watched(path: Path, *arguments: Any) -> Hand:
 
     Such files, and those that they name, can ask for any memory and time, and end the process.
     """
-    from grasp3d.hand.description_xml import size_of_model, size_of_urdf
+    from grasp3d.hand.description_xml import size_of_files
     from grasp3d.system.isolation import CallFailedError, call
 
-    size = size_of_urdf(path) if path.suffix.lower() == ".urdf" else size_of_model(path)
-    seconds = SECONDS + size / BYTES_PER_SECOND
+    seconds = SECONDS + size_of_files(path) / BYTES_PER_SECOND
     try:
         return call(_gripper_of_links, path, *arguments, memory=MEMORY, seconds=seconds)
     except SettingError as error:

@@ -45,11 +45,10 @@ def test_json_and_picture_are_written_and_read_again(tmp_path: Path) -> None:
     assert printed("hand", "g.json", "-q", "-o", "g.json", "--overwrite", cwd=tmp_path) == ""
 
 
-@pytest.mark.parametrize(("kind", "library"), [(urdf, "yourdfpy"), (mjcf, "mujoco")])
+@pytest.mark.parametrize("kind", [urdf, mjcf])
 def test_robots_are_read_by_their_finger_links(
-    tmp_path: Path, kind: Callable[[Path], Path], library: str
+    tmp_path: Path, kind: Callable[[Path], Path]
 ) -> None:
-    pytest.importorskip(library)
     path = kind(tmp_path)
     words = ("--fingers", "left", "right")
     printed("hand", path, *words, "--tcp", "9cm", "-o", "g.json", cwd=tmp_path)

@@ -98,7 +98,7 @@ label box.stl --unit mm --hand franka --best 2 --object-pose x=1m,yaw=90deg,qz=1
 label box.stl --unit mm --hand franka --best 2 --object-pose qx=0.5,qw=0.5 | length 1; got 0.7071
 label box.stl --unit mm --hand franka --best 2 --object-pose x=400m | 400 m away from the robot, as
 label box.stl --unit mm --hand franka --best 2 --object-pose x=1m,frame=a! | must be one word
-label box.stl --unit mm --hand franka --best 2 --object-pose gone.txt | gone.txt: cannot be read (No
+label box.stl --unit mm --hand franka --best 2 --object-pose gone.txt | gone.txt: there is no such
 label box.stl --unit mm --hand franka --best 2 --object-pose gone.tex | must be parts with names
 label box.stl --unit mm --hand franka --best 2 --object-pose '' | must be parts with names
 label box.stl --unit mm --hand franka --best 2 --object-pose prose.txt | prose.txt: could not
@@ -156,6 +156,10 @@ evaluate box.stl pair.json -o task_link.csv --task task.csv --overwrite | is the
 evaluate box.stl pair.json --unit mm --object-pose x=1m | object_pose applies to poses, not to
 evaluate box.stl robot.csv --unit mm --hand franka --object-pose x=1m | it states the object's pose
 evaluate box.stl robots.csv --unit mm --hand franka | all grasps must have the same object_pose
+evaluate box.stl short.csv --unit mm --hand franka | Expected 7 columns, got 3
+evaluate box.stl wide.csv --unit mm --hand franka | it is no text in UTF-8
+evaluate box.stl twice.csv --unit mm --hand franka | two columns are called 'px'
+evaluate box.stl bad.csv --unit mm --hand franka | column px is missing of px py pz qx qy qz qw
 evaluate box.stl unitless.csv --unit mm --hand franka --object-pose x=1m | the unit of the poses
 simulate box.stl --unit mm --object-pose x=1m | that of given poses; name their file with --grasps
 evaluate box.stl zero.csv | zero.csv: the file is empty
@@ -565,6 +569,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "perhaps.csv": f"{columns}0,0,40,1,0,0,0,mm,no\n0,0,40,1,0,0,0,mm,perhaps\n",
         "robot.csv": f"{framed}x=1m\n",
         "robots.csv": f"{framed}x=1m\n0,0,40,1,0,0,0,mm,x=2m\n",
+        "short.csv": f"{','.join(columns.split(',')[:7])}\n0,0,40,1,0,0,0\n0,0,40\n",
+        "wide.csv": f"{columns}\n0,0,40,1,0,0,0,mm\n".encode("utf-16").decode("latin-1"),
+        "twice.csv": f"px,{columns}0,0,0,40,1,0,0,0,mm,1\n",
         "unitless.csv": f"{','.join(columns.split(',')[:7])}\n0,0,40,1,0,0,0\n",
         "prose.txt": "Over there.\n",
         "short.txt": "1 0 0 0\n0 1 0 0\n",

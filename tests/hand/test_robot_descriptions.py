@@ -67,7 +67,6 @@ MJCF = """<mujoco>
 
 
 def urdf(folder: Path, **changed: str) -> Path:
-    pytest.importorskip("yourdfpy")
     values = {"kind": "prismatic", "axis": "0 1 0", "right": BOX, "limit": LIMIT} | changed
     path = folder / "hand.urdf"
     path.write_text(URDF.format(**values), encoding="utf-8")

@@ -1,14 +1,19 @@
 """Tables that other programs wrote: delimiters, decimal commas, and files that are none."""
 
+import csv
+import io
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp3d.system.tables import read_columns
+from grasp3d.system import tables
+from grasp3d.system.tables import column_names, read_columns, write_columns, write_table
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 TABLES = st.lists(st.tuples(NUMBERS, NUMBERS, st.integers(-9, 9)), min_size=1, max_size=5)
@@ -53,8 +58,98 @@ def test_decimal_points_and_commas_in_one_file_are_not_guessed() -> None:
         ("0,5;0,5;1e-3\n", "its first line must be names of columns"),
         ("a,b\n1\n", "Expected 2 columns, got 1"),
         ("a\0,b\n", "no text in UTF-8"),
+        ("a,b,a\n1,2,3\n", "two columns are called 'a'"),
     ],
 )
 def test_what_is_no_table_is_refused(text: str, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         columns_of(text)
+
+
+TEXTS = ["=1+2", "+3", "-4", "@a", "\tb", "\rc", "'=d", "'e", "", "-5", "plain", "a=b", "''@"]
+
+
+def test_formulas_are_written_as_texts_and_read_back(tmp_path: Path) -> None:
+    """Also names of columns; numbers stay numbers."""
+    path = tmp_path / "t.csv"
+    numbers = np.arange(-1.0, len(TEXTS) - 1.0)
+    write_columns(path, {"name": np.array(TEXTS), "=x": numbers}, settings={})
+    cells = [row[0] for row in csv.reader(io.StringIO(path.read_bytes().decode(), newline=""))]
+    kept = {"'e", "", "plain", "a=b"}
+    assert cells == ["name", *(one if one in kept else f"'{one}" for one in TEXTS)]
+    found = read_columns(path)
+    assert found["name"].tolist() == TEXTS
+    assert found["=x"].tolist() == numbers.tolist()
+    assert column_names(path) == ["name", "=x"]
+    rows = [{"n": "-1", "v": -2.0}, {"n": "b", "v": 0.5}]
+    write_table(path, rows, {"n": str, "v": float}, settings={})
+    assert path.read_text(encoding="utf-8").splitlines()[1] == '"\'-1",-2'
+
+
+def test_parquet_keeps_texts_as_they_are(tmp_path: Path) -> None:
+    path = tmp_path / "t.parquet"
+    write_columns(path, {"name": np.array(TEXTS)}, settings={})
+    assert pq.read_table(path)["name"].to_pylist() == TEXTS
+    assert read_columns(path)["name"].tolist() == TEXTS
+
+
+def test_missing_texts_of_codes_are_missing(tmp_path: Path) -> None:
+    path = tmp_path / "t.parquet"
+    texts = pa.array(["x", None, "y", None]).dictionary_encode()
+    pq.write_table(pa.table({"name": texts, "n": pa.array([1, None, 3, 4])}), path)
+    found = read_columns(path)
+    assert found["name"].tolist() == ["x", None, "y", None]
+    assert np.array_equal(found["n"], [1.0, np.nan, 3.0, 4.0], equal_nan=True)
+
+
+def parquet(path: Path, kind: pa.DataType, rows: int, value: object) -> Path:
+    """A table of one value in all rows, of few bytes."""
+    values = pa.array([value], kind).take(pa.array(np.zeros(rows, dtype=np.int64)))
+    pq.write_table(pa.table({"px": values}), path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("kind", "rows", "value", "words"),
+    [
+        (pa.float64(), 3_000, 0.0, "stands for 3,000 values, and at most 1,000 are read"),
+        (pa.string(), 3_000, "a", "stands for 3,000 values"),
+        (pa.string(), 900, "a" * 100_000, "stands for"),
+        (pa.list_(pa.float64()), 90, [0.0] * 50, "stands for 112,500 values"),
+        (pa.decimal128(9), 90, 1, "stands for 2,250 values"),
+        (pa.binary(100_000), 2, b"a" * 100_000, "stands for"),
+    ],
+)
+def test_few_bytes_for_very_many_values_are_refused(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    kind: pa.DataType,
+    rows: int,
+    value: object,
+    words: str,
+) -> None:
+    path = parquet(tmp_path / "t.parquet", kind, rows, value)
+    assert path.stat().st_size < 210_000
+    monkeypatch.setattr(tables, "MOST_VALUES", 1_000)
+    with pytest.raises(ValueError, match=words):
+        read_columns(path)
+
+
+def test_texts_that_are_equal_take_little_memory(tmp_path: Path) -> None:
+    path = parquet(tmp_path / "t.parquet", pa.string(), 10_000, "a" * 10_000)
+    found = read_columns(path)["px"]
+    assert len(found) == 10_000
+    assert len(set(map(id, found))) == 1
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_tables_of_too_many_columns_are_refused_at_once(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"t{suffix}"
+    names = [f"c{number}" for number in range(5_000)]
+    if suffix == ".csv":
+        path.write_text(",".join(names) + "\n" + ",".join("0" for _ in names), encoding="utf-8")
+    else:
+        pq.write_table(pa.table({name: [0] for name in names}), path)
+    for read in (read_columns, column_names):
+        with pytest.raises(ValueError, match="it has 5,000 columns, and at most 4,096 are read"):
+            read(path)
