@@ -2,18 +2,17 @@
 
 import asyncio
 import contextlib
-import logging
-import secrets
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
-from functools import partial
+from functools import cache, partial
 from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import pyvista
-from aiohttp import WSMessage, web
+import trame_client.module  # type: ignore[import-untyped]
+from aiohttp import WSCloseCode, WSMessage, web
 from trame.app import get_server
 from trame.app.core import AVAILABLE_SERVERS
 from trame.ui.vuetify3 import VAppLayout
@@ -28,15 +27,30 @@ from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session.controls import CONTROLS, control_values, handle_key
 from grasp3d.viewer.session.history import History
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.web.messages import MessageError, check_message, guarded, one_line
+from grasp3d.viewer.web.messages import (
+    EVENTS,
+    LOG,
+    VIEW,
+    MessageError,
+    check_message,
+    checked_event,
+    guarded,
+    one_line,
+)
 from grasp3d.viewer.web.page_state import constant_state, page_state, progress_state
-
-LOG = logging.getLogger(__name__)
 
 POLL_INTERVAL = 0.1
 """Time between two polls of the background job [s]."""
 FRAMES = 30.0
 """Largest number of pictures per second."""
+RENDERING = 0.25
+"""Largest part of the time in which pictures are rendered if several visitors drag at once."""
+ACTIVE = 2.0
+"""How long a visitor counts as active after a message [s]."""
+SLOW_READER = 10.0
+"""Longest wait for a browser to take a message [s]."""
+MAX_SOCKETS = 4
+"""Largest number of sockets of one page; a page that is loaded again may leave one behind."""
 ZOOMS = {"+": 1.2, "-": 1.0 / 1.2}
 QUALITY, STILL_QUALITY = 70, 95
 """JPEG quality of the pictures during and after interaction [percent]."""
@@ -45,6 +59,8 @@ Receive = Callable[[WSMessage], Awaitable[None]]
 STATIC = files("grasp3d.viewer.web") / "static"
 
 
+MAX_SIDE = 8192
+"""Largest width and height of a picture [pixels]."""
 MAX_PIXELS = 4_000_000
 """Largest number of pixels rendered for a browser, which enlarges the picture if it needs more."""
 
@@ -52,8 +68,8 @@ MAX_PIXELS = 4_000_000
 class Client:
     """Everything that belongs to one visitor; used only in the thread of the event loop."""
 
-    def __init__(self, session: Session) -> None:
-        self.token = secrets.token_hex(16)
+    def __init__(self, token: str, session: Session) -> None:
+        self.token = token
         self.session = session
         self._plotter = new_plotter(session.settings, off_screen=True)
         self._plotter.enable_trackball_style()  # type: ignore[call-arg]
@@ -63,14 +79,11 @@ class Client:
         self._server = get_server(self.token, client_type="vue3")
         self._wake, self._polled = asyncio.Event(), asyncio.Event()
         self._saving, self._open = asyncio.Lock(), True
-        self.browser = ""
-        """Identifier of its browser."""
-        self.page_sent = False
-        """Whether the page was sent to a browser."""
         self._drawn = -1
-        self._connections = 0
+        self._sockets: list[web.WebSocketResponse] = []
         self._guarded, self._failure = False, ""
-        self._idle_since = time.monotonic()
+        self.last_used = time.monotonic()
+        """When it sent its last message, or its last connection ended."""
         self._remote_view = RemoteView(self._plotter)
         self._build()
         self._bound: list[Any] = []
@@ -84,13 +97,17 @@ class Client:
     @property
     def idle_time(self) -> float:
         """Time without connections [s]; 0 if there is one."""
-        return 0.0 if self._connections else time.monotonic() - self._idle_since
+        return 0.0 if self._sockets else time.monotonic() - self.last_used
 
     @property
-    def folders(self) -> dict[str, Path]:
-        """Folders of the page's static files, by the beginning of their path."""
-        served = {name: Path(folder) for name, folder in self._server.serve.items()}
-        return {**served, "": Path(self._server._www)}  # noqa: SLF001
+    def is_active(self) -> bool:
+        """Whether it has sent a message just now."""
+        return time.monotonic() - self.last_used < ACTIVE
+
+    def share_time(self, others: int) -> None:
+        """Render as often as the event loop has time for, with some other active clients."""
+        share = RENDERING / (others + 1) / max(self._remote_view.duration, 1e-3)
+        self._view.target_fps = max(1.0, min(FRAMES, share)) if others else FRAMES
 
     @contextlib.asynccontextmanager
     async def connected(self, socket: web.WebSocketResponse) -> AsyncIterator[Receive]:
@@ -102,22 +119,31 @@ class Client:
 
         async def send(binary: bool, data: Any) -> None:
             with contextlib.suppress(ConnectionError):  # the browser disconnected; handled below
-                await (socket.send_bytes(data) if binary else socket.send_str(data))
+                try:
+                    async with asyncio.timeout(SLOW_READER):
+                        await (socket.send_bytes(data) if binary else socket.send_str(data))
+                except TimeoutError:  # pictures for it would fill the memory
+                    await _close(socket)
 
         async def receive(message: WSMessage) -> None:
             check_message(message, endpoint.functionMap)
+            self.last_used = time.monotonic()
             await link.send(True, message)  # noqa: FBT003
+            await asyncio.sleep(0)  # no visitor has the event loop alone
             if self._failure:
                 failure, self._failure = self._failure, ""
                 raise MessageError(failure)
 
         link.on_message(send)
-        self._connections += 1
+        while len(self._sockets) >= MAX_SOCKETS:
+            await _close(self._sockets.pop(0))
+        self._sockets.append(socket)
         try:
             yield receive
         finally:
-            self._connections -= 1
-            self._idle_since = time.monotonic()
+            if socket in self._sockets:
+                self._sockets.remove(socket)
+            self.last_used = time.monotonic()
             await link.close()
 
     def _guard(self, endpoint: Any) -> None:
@@ -157,33 +183,41 @@ class Client:
 
     async def _written(self, name: str) -> bytes:
         with TemporaryDirectory() as folder:
-            path = Path(folder) / name
-            self.session.save_in_background(path)
-            while self.session.working is not None and not self.session.message and self._open:
+            path, session = Path(folder) / name, self.session
+            session.save_in_background(path)
+            while session.working is not None and not session.message and self._open:
                 self._polled.clear()
                 await self._polled.wait()
             if not path.exists():
-                raise SettingError(self.session.message or "nothing was saved")
+                raise SettingError(session.message or "nothing was saved")
             data = path.read_bytes()
         self.show_message(f"saved: {name}")
         return data
 
     def show_message(self, message: str) -> None:
-        """Display a message on the page."""
-        self.session.show_message(message)
-        self._wake.set()
+        """Display a message on the page, unless it was closed."""
+        if self._open:
+            self.session.show_message(message)
+            self._wake.set()
 
     async def close(self) -> None:
         """Release everything that belongs to the visitor."""
         self._open = False
         self._polled.set()  # for a request that waits for a file
+        sockets, self._sockets = self._sockets, []
+        await asyncio.gather(*map(_close, sockets))
         self.session.close()
         self._watching.cancel()
+        self._running.cancel()  # trame would wait for ever if it has only just started
         await self._view.close()
         await self._server.stop()
         await asyncio.gather(self._watching, self._running, return_exceptions=True)
         AVAILABLE_SERVERS.pop(self.token, None)
         self._plotter.close()
+        # trame's objects refer to this one and to each other until their cycles are collected,
+        # which may take a hundred visits; what is large is released now.
+        del self._plotter, self._scene, self._clicks, self._view, self._remote_view, self._history
+        del self.session
 
     def _build(self) -> None:
         """Make the page and connect its events."""
@@ -197,7 +231,7 @@ class Client:
             with html.Div(classes="page"):
                 with html.Main(classes="stage", id="stage", aria_label=("`Surface of ${title}`",)):
                     view = rca.RemoteControlledArea(
-                        name="view", display="image", event_throttle_ms=20
+                        name=VIEW, display="image", event_throttle_ms=20
                     )
                     html.Div(_template("stage.html"), classes="over")
                 html.Aside(_template("panel.html"), classes="panel", id="panel")
@@ -272,6 +306,23 @@ class Client:
             state.update(progress_state(self.session))
 
 
+@cache
+def static_folders() -> dict[str, Path]:
+    """Folders of every page's static files, by the beginning of their path."""
+    server = get_server("static", client_type="vue3")
+    with VAppLayout(server):
+        rca.RemoteControlledArea(name=VIEW)
+    server.enable_module(trame_client.module)
+    AVAILABLE_SERVERS.pop("static")
+    served = {name: Path(folder) for name, folder in server.serve.items()}
+    return {"own": Path(str(STATIC)), **served, "": Path(server._www)}  # noqa: SLF001
+
+
+async def _close(socket: web.WebSocketResponse) -> None:
+    with contextlib.suppress(ConnectionError):
+        await socket.close(code=WSCloseCode.GOING_AWAY)
+
+
 def _template(name: str) -> str:
     return (STATIC / name).read_text(encoding="utf-8")
 
@@ -281,8 +332,22 @@ class RemoteView(VtkRemoteControlledArea):  # type: ignore[misc]
 
     def __init__(self, plotter: pyvista.Plotter) -> None:
         super().__init__(plotter.render_window)
+        self.duration = 0.0
+        """Time that the last picture took [s]."""
+
+    @property
+    def img_cols_rows(self) -> tuple[Any, int, int]:
+        """Render a picture; its pixels, width and height."""
+        began = time.monotonic()
+        picture: tuple[Any, int, int] = super().img_cols_rows
+        self.duration = time.monotonic() - began
+        return picture
 
     def process_interaction_event(self, event: dict[str, Any]) -> None:
-        """Forward mouse events, but no key events."""
-        if not str(event.get("type", "")).startswith("Key"):
-            super().process_interaction_event(event)
+        """Forward events of the mouse and of fingers, but no key events."""
+        if event.get("type") in EVENTS:
+            super().process_interaction_event(checked_event(event))
+
+    def process_resize_event(self, width: int, height: int) -> None:
+        """Resize the picture, within what can be rendered."""
+        super().process_resize_event(min(width, MAX_SIDE), min(height, MAX_SIDE))

@@ -200,12 +200,13 @@ def background_server() -> BackgroundServer:
 @contextlib.asynccontextmanager
 async def serving(server: "ViewerServer", listener: socket.socket) -> AsyncIterator[None]:
     """Accept connections while the block runs."""
-    web = import_module("aiohttp.web")
-    runner = web.AppRunner(server.app, access_log=None, shutdown_timeout=1.0)
+    runner = import_module("aiohttp.web").AppRunner(server.app, shutdown_timeout=1.0)
     await runner.setup()
     try:
-        await web.SockSite(runner, listener).start()
+        connections = import_module("grasp3d.viewer.web.connections")
+        accepting = await connections.accept(runner.server, listener)
         yield
+        accepting.close()
     finally:
         await runner.cleanup()
 

@@ -1,13 +1,16 @@
 """The HTTP server: creates a client for every visitor and forwards requests to it."""
 
 import asyncio
+import contextlib
 import io
 import ipaddress
-import logging
 import re
 import secrets
+import time
+from collections import Counter
 from collections.abc import AsyncIterator, Callable
-from pathlib import Path
+from dataclasses import dataclass, field
+from functools import cache
 from urllib.parse import quote, urlsplit
 
 from aiohttp import WSCloseCode, web
@@ -16,12 +19,13 @@ from PIL import Image
 
 from grasp3d.errors import GraspError
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.web.client import STATIC, Client
-from grasp3d.viewer.web.messages import MAX_MESSAGE_BYTES, MessageError
-
-LOG = logging.getLogger(__name__)
+from grasp3d.viewer.web.client import Client, static_folders
+from grasp3d.viewer.web.connections import answering
+from grasp3d.viewer.web.messages import LOG, MAX_MESSAGE_BYTES, MessageError
 
 MAX_CLIENTS = 16
+MAX_VISITS, MAX_WAITING = 1000, 8
+"""Largest number of known visits, and of those of one address that wait for their client."""
 IDLE_TIMEOUT = 60.0
 """How long a client is kept without connections [s]."""
 COOKIE = "grasp3d"
@@ -29,17 +33,42 @@ COOKIE = "grasp3d"
 CLOSE_TIMEOUT = 0.3
 """Longest wait for a browser to confirm that its connection is closed [s]."""
 
+CLOSED = "This view has been closed."
 FULL = "The viewer has too many visitors. Try again in a minute."
 ASSETS = re.compile(r'<script type="module"[^>]*></script>|<link rel="stylesheet"[^>]*>')
 """Scripts and styles in trame's own page; their names change with its version."""
 
+MAX_PATH = 1024
+"""Largest number of characters of a path."""
+
+PAGE_POLICY = (
+    # Vue compiles the templates that trame sends, for which it needs unsafe-eval, and Vuetify adds
+    # styles to the page, for which it needs unsafe-inline.
+    "default-src 'none'; script-src 'self' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws: wss:; "
+    "base-uri 'self'; form-action 'none'"
+)
 HEADERS = {
     "Cache-Control": "no-store",
-    "Content-Security-Policy": "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; "
-    "connect-src 'self' ws: wss:; object-src 'none'; base-uri 'self'",
+    "Content-Security-Policy": "default-src 'none'",
     "Referrer-Policy": "no-referrer",  # the address contains the client's token
     "X-Content-Type-Options": "nosniff",
 }
+
+
+@dataclass(eq=False)
+class Visit:
+    """One visitor's page; what it shows is made when it connects."""
+
+    content: str
+    """Name of what it shows."""
+    address: str
+    browser: str
+    """Identifier of its browser."""
+    token: str = field(default_factory=lambda: secrets.token_hex(16))
+    sent: bool = False
+    """Whether the page was sent to a browser."""
+    client: Client | None = None
 
 
 class ViewerServer:
@@ -64,9 +93,11 @@ class ViewerServer:
         self._max_clients = max_clients
         self._idle_timeout = idle_timeout
         self._contents: dict[str, Callable[[], Session]] = {}
-        self._clients: dict[str, Client] = {}
+        self._visits: dict[str, Visit] = {}
         self._content_of: dict[str, str] = {}
-        self.app = web.Application(middlewares=[_with_headers, self._check_host])
+        self._making = asyncio.Lock()
+        self._waiting: Counter[str] = Counter()
+        self.app = web.Application(middlewares=[_with_headers, self._answer])
         self.app.add_routes([
             web.get("/", self._enter),
             web.get("/a/{content}/", self._enter),
@@ -93,77 +124,136 @@ class ViewerServer:
         self._contents[name] = start
         return f"a/{name}/" if name else ""
 
+    @property
+    def _clients(self) -> list[tuple[Visit, Client]]:
+        return [(one, one.client) for one in self._visits.values() if one.client is not None]
+
     async def _enter(self, request: web.Request) -> web.StreamResponse:
-        """Make a new client and redirect the browser to it."""
+        """Note a new visit and redirect the browser to it."""
         name = request.match_info.get("content", "")
-        start = self._contents.get(name)
-        if start is None:
+        if name not in self._contents:
             raise web.HTTPNotFound(text="There is no object here.")
-        await self._limit_clients()
-        client = Client(start())
-        self._clients[client.token] = client
-        self._content_of[client.token] = name
+        await self._make_room()
         browser = request.cookies.get(COOKIE) or secrets.token_hex(16)
-        client.browser = browser
-        response = web.HTTPFound(f"{'../../' if name else ''}s/{client.token}/")
+        visit = Visit(name, request.remote or "", browser)
+        self._visits[visit.token] = visit
+        self._content_of[visit.token] = name
+        self._forget_visits()
+        response = web.HTTPFound(f"{'../../' if name else ''}s/{visit.token}/")
         response.set_cookie(COOKIE, browser, httponly=True, samesite="Lax")
         raise response
 
-    async def _limit_clients(self) -> None:
-        """Close the client that has been idle longest if there are too many."""
-        if len(self._clients) < self._max_clients:
-            return
-        idle = max(self._clients.values(), key=lambda client: client.idle_time)
-        if not idle.idle_time:
-            raise web.HTTPServiceUnavailable(text=FULL)
-        await self._close(idle)
+    def _forget_visits(self) -> None:
+        """Forget the oldest visits that have no client if there are too many."""
+        for known in (self._visits, self._content_of):
+            extra = len(known) - MAX_VISITS
+            for token in list(known)[: max(0, extra)]:
+                if token not in self._visits or self._visits[token].client is None:
+                    known.pop(token)
 
-    async def _close(self, client: Client) -> None:
-        self._clients.pop(client.token, None)
+    async def _make_room(self) -> None:
+        """Close a client if there are too many: one without connections, or without messages.
+
+        Raises:
+            HTTPServiceUnavailable: All are in use, each by another address.
+        """
+        clients = self._clients
+        if len(clients) < self._max_clients:
+            return
+        visit, client = max(clients, key=lambda one: one[1].idle_time)
+        if not client.idle_time:
+            address, count = Counter(one.address for one, _ in clients).most_common(1)[0]
+            if count == 1:
+                raise web.HTTPServiceUnavailable(text=FULL)
+            of_address = [one for one in clients if one[0].address == address]
+            visit, _ = min(of_address, key=lambda one: one[1].last_used)
+        await self._close(visit)
+
+    async def _client_of(self, visit: Visit) -> Client:
+        """The client of a visit, made now if there is none.
+
+        Raises:
+            HTTPServiceUnavailable: There is no room for it.
+        """
+        if visit.client is None:
+            if self._waiting[visit.address] >= MAX_WAITING:
+                raise web.HTTPServiceUnavailable(text=FULL)
+            self._waiting[visit.address] += 1
+            try:
+                async with self._making:
+                    await self._make_client(visit)
+            finally:
+                self._waiting[visit.address] -= 1
+                self._waiting += Counter()  # only what is above 0
+        if visit.client is None:
+            raise web.HTTPNotFound(text=CLOSED)
+        return visit.client
+
+    async def _make_client(self, visit: Visit) -> None:
+        if visit.client is None and visit.token in self._visits:
+            await self._make_room()
+            began = time.monotonic()
+            visit.client = Client(visit.token, self._contents[visit.content]())
+            await asyncio.sleep(time.monotonic() - began)  # half of the time is for the others
+
+    async def _close(self, visit: Visit) -> None:
+        self._visits.pop(visit.token, None)
+        client, visit.client = visit.client, None
         try:
-            await client.close()
-        except Exception:  # the other clients must not be affected
+            if client is not None:
+                await client.close()
+        except Exception:  # noqa: BLE001 - the other clients must not be affected
             LOG.exception("a client could not be closed")
 
     @web.middleware
-    async def _check_host(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+    async def _answer(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         if self.local_only and not _is_local(request.host):
             raise web.HTTPForbidden(text="Use the address 127.0.0.1 or localhost.")
-        return await handler(request)
+        with answering(request):
+            return await handler(request)
+
+    def _visit(self, request: web.Request) -> Visit:
+        visit = self._visits.get(request.match_info["token"])
+        if visit is None:
+            raise web.HTTPNotFound(text=CLOSED)
+        return visit
 
     def _client(self, request: web.Request) -> Client:
-        client = self._clients.get(request.match_info["token"])
+        client = self._visit(request).client
         if client is None:
-            raise web.HTTPNotFound(text="This view has been closed.")
+            raise web.HTTPNotFound(text=CLOSED)
         return client
 
     async def _page(self, request: web.Request) -> web.StreamResponse:
         token = request.match_info["token"]
-        client = self._clients.get(token)
+        visit = self._visits.get(token)
         # The first page is sent without the cookie as well, as frames may not store cookies.
         browser = request.cookies.get(COOKIE)
-        if client is None or (client.page_sent and client.browser != browser):
+        if visit is None or (visit.sent and visit.browser != browser):
             # The client was closed, or belongs to another browser: make a new client.
             name = self._content_of.get(token, "")
             raise web.HTTPFound(f"../../a/{name}/" if name else "../../")
-        client.page_sent = True
-        return web.Response(text=_page_of(client), content_type="text/html")
+        visit.sent = True
+        headers = {**HEADERS, "Content-Security-Policy": PAGE_POLICY}
+        return web.Response(text=_page(), content_type="text/html", headers=headers)
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
-        client = self._client(request)
+        visit = self._visit(request)
         if not _is_same_origin(request):
             raise web.HTTPForbidden(text="Connections from other sites are not allowed.")
         socket = web.WebSocketResponse(
             max_msg_size=MAX_MESSAGE_BYTES, heartbeat=30.0, timeout=CLOSE_TIMEOUT
         )
-        await socket.prepare(request)
-        async with client.connected(socket) as receive:
-            try:
-                async for message in socket:
-                    await receive(message)
-            except MessageError as error:
-                LOG.warning("a connection was closed after a malformed message: %s", error)
-                await socket.close(code=WSCloseCode.POLICY_VIOLATION)
+        with contextlib.suppress(ConnectionError):  # the browser has gone meanwhile
+            client = await self._client_of(visit)
+            await socket.prepare(request)
+            async with client.connected(socket) as receive:
+                try:
+                    async for message in socket:
+                        await receive(message)
+                except MessageError as error:
+                    LOG.warning("a connection was closed after a malformed message: %s", error)
+                    await socket.close(code=WSCloseCode.POLICY_VIOLATION)
         return socket
 
     async def _labels(self, request: web.Request) -> web.StreamResponse:
@@ -189,10 +279,17 @@ class ViewerServer:
     async def _file(self, request: web.Request) -> web.StreamResponse:
         name = request.match_info["name"]
         top, _, rest = name.partition("/")
-        folders = {"own": Path(str(STATIC)), **self._client(request).folders}
+        self._visit(request)
+        folders = static_folders()
         folder, rest = (folders[top], rest) if top in folders else (folders[""], name)
-        path = (folder / rest).resolve()
-        if not path.is_relative_to(folder.resolve()) or not path.is_file():
+        try:
+            if len(name) > MAX_PATH:
+                raise ValueError  # noqa: TRY301
+            path = (folder / rest).resolve()
+            found = path.is_relative_to(folder.resolve()) and path.is_file()
+        except (OSError, ValueError):  # a null character, or a name that no file may have
+            raise web.HTTPBadRequest(text="The path is malformed.") from None
+        if not found:
             raise web.HTTPNotFound(text="There is no such file.")
         return web.FileResponse(path)
 
@@ -201,15 +298,19 @@ class ViewerServer:
         task = asyncio.create_task(self._close_idle())
         yield
         task.cancel()
-        for client in list(self._clients.values()):
-            await self._close(client)
+        for visit in [one for one, _ in self._clients]:
+            await self._close(visit)
 
     async def _close_idle(self) -> None:
         while True:
             await asyncio.sleep(min(1.0, self._idle_timeout / 4.0))
-            idle = [one for one in self._clients.values() if one.idle_time > self._idle_timeout]
-            for client in idle:
-                await self._close(client)
+            clients = self._clients
+            active = sum(client.is_active for _, client in clients)
+            for _, client in clients:
+                client.share_time(active - client.is_active)
+            for visit, client in clients:
+                if client.idle_time > self._idle_timeout:
+                    await self._close(visit)
 
 
 @web.middleware
@@ -220,13 +321,20 @@ async def _with_headers(request: web.Request, handler: Handler) -> web.StreamRes
         answer.headers.update(HEADERS)
         raise
     if not response.prepared:
-        response.headers.update(HEADERS)
+        response.headers.update({**HEADERS, **response.headers})
     return response
 
 
 def _is_local(host: str) -> bool:
-    """Whether a Host header is an IP address or localhost; other names may be rebound by DNS."""
-    name = urlsplit(f"//{host}").hostname or ""
+    """Whether a Host header is an IP address or localhost; other names may be rebound by DNS.
+
+    Raises:
+        HTTPBadRequest: It is no host.
+    """
+    try:
+        name = urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        raise web.HTTPBadRequest(text="The host is malformed.") from None
     try:
         ipaddress.ip_address(name)
     except ValueError:
@@ -236,14 +344,19 @@ def _is_local(host: str) -> bool:
 
 def _is_same_origin(request: web.Request) -> bool:
     """Whether a request comes from a page of this server, directly or through a proxy."""
-    origin = urlsplit(request.headers.get("Origin", "")).netloc
+    try:
+        origin = urlsplit(request.headers.get("Origin", "")).netloc
+    except ValueError:
+        return False
     return bool(origin) and origin in {request.host, request.headers.get("X-Forwarded-Host")}
 
 
-def _page_of(client: Client) -> str:
+@cache
+def _page() -> str:
     """The page, with the scripts and styles of trame's own page."""
-    trame = (client.folders[""] / "index.html").read_text(encoding="utf-8")
-    page = (Path(str(STATIC)) / "index.html").read_text(encoding="utf-8")
+    folders = static_folders()
+    trame = (folders[""] / "index.html").read_text(encoding="utf-8")
+    page = (folders["own"] / "index.html").read_text(encoding="utf-8")
     return page.replace("TRAME", "\n    ".join(ASSETS.findall(trame)))
 
 
