@@ -204,7 +204,7 @@ async def idle(one: Besieged, seconds: float) -> str:
     for first in range(0, 2000, 500):
         await asyncio.gather(*(connect(first + number) for number in range(500)))
     await asyncio.sleep(seconds)
-    kept = sum(not reader.at_eof() for reader, _ in made)
+    kept = sum(not (reader.at_eof() or reader.exception()) for reader, _ in made)
     for _, writer in made:
         writer.close()
     return f"{len(made)} made, {kept} still open after {seconds:.0f} s"

@@ -48,6 +48,10 @@ def call(method: object, *args: object, number: object = "rpc:1") -> bytes:
     return chunk(msgpack.packb({"id": number, "method": method, "args": list(args)}))
 
 
+def event(**values: object) -> bytes:
+    return frame(call("trame.rca.event", "view", "origin", values))
+
+
 HELLO = frame(call("wslink.hello", SECRET, number="system:1"))
 MALFORMED = {
     "a frame of 4 GB": frame(b"abc", length=1 << 32),
@@ -64,6 +68,10 @@ MALFORMED = {
     "too few arguments": HELLO + frame(call("trame.trigger")),
     "wrong arguments": HELLO + frame(call("trame.trigger", "step", ["x"], {})),
     "a wrong event": HELLO + frame(call("trame.rca.event", "view", "o", 5)),
+    "a picture that is not there": HELLO + frame(call("trame.rca.event", "no", "o", {})),
+    "an event without numbers": HELLO + event(type="MouseMove", x="a"),
+    "a gesture of no fingers": HELLO + event(type="Pinch", positions=5),
+    "half a translation": HELLO + event(type="Pan", translation=[1]),
     "a wrong state": HELLO + frame(call("trame.state.update", [1, 2])),
 }
 
@@ -143,6 +151,22 @@ def test_a_malformed_message_closes_its_connection_with_one_line(served: Served)
     with served.web_socket(path) as made:  # the visitor's view is still there
         made.sendall(HELLO)
         assert b"clientID" in made.recv(4096)
+
+
+@pytest.mark.slow
+def test_events_without_values_do_not_end_the_server(served: Served) -> None:
+    path = served.entered()
+    before = served.log.read_text(encoding="utf-8")
+    kinds = ("MouseMove", "LeftButtonPress", "MouseWheel", "StartPinch", "Rotate", "EndPan", "Key")
+    for kind in kinds:
+        with served.web_socket(path) as made:
+            made.sendall(HELLO + event(type=kind) + event(type=kind, w=300, h=200) + HELLO)
+            assert b"clientID" in made.recv(4096)
+    with served.web_socket(path) as made:
+        size = call("trame.rca.size", "view", "origin", {"w": 4_000_000, "h": 1, "p": 1})
+        made.sendall(HELLO + frame(size) + HELLO)
+        assert b"clientID" in made.recv(4096)
+    assert served.log.read_text(encoding="utf-8") == before
 
 
 def message(kind: Any, data: Any) -> Any:

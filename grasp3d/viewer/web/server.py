@@ -18,6 +18,7 @@ from aiohttp.typedefs import Handler
 from PIL import Image
 
 from grasp3d.errors import GraspError
+from grasp3d.system.isolation.limits import return_memory
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.web.client import Client, static_folders
 from grasp3d.viewer.web.connections import answering
@@ -97,6 +98,7 @@ class ViewerServer:
         self._content_of: dict[str, str] = {}
         self._making = asyncio.Lock()
         self._waiting: Counter[str] = Counter()
+        self._has_closed = False
         self.app = web.Application(middlewares=[_with_headers, self._answer])
         self.app.add_routes([
             web.get("/", self._enter),
@@ -201,6 +203,7 @@ class ViewerServer:
         client, visit.client = visit.client, None
         try:
             if client is not None:
+                self._has_closed = True
                 await client.close()
         except Exception:  # noqa: BLE001 - the other clients must not be affected
             LOG.exception("a client could not be closed")
@@ -311,6 +314,9 @@ class ViewerServer:
             for visit, client in clients:
                 if client.idle_time > self._idle_timeout:
                     await self._close(visit)
+            if self._has_closed:
+                self._has_closed = False
+                return_memory()
 
 
 @web.middleware
