@@ -60,14 +60,14 @@ _fixed_f1, _fixed_f2, _fixed_f3 = (_array(_f, ndim, readonly=True) for ndim in r
 _fixed_i1, _fixed_i2 = (_array(_i, ndim, readonly=True) for ndim in range(1, 3))
 
 # Wrenches, epsilon and forces.
-_FORM = _tuple(None, _i, _b, _i, _b)
+_FORM, _FORCE_FORM = _tuple(None, _i, _b, _i, _b), _tuple(None, _i, _b, _i, _i)
 _GOAL = types.UniTuple(_f, 4)
 _WORKSPACE = typeof(wrench_problem.make_workspace(TOTAL, 2))
 _POLYTOPE = typeof(make_polytope(1))
 _RESULTS = _tuple(wrench_problem.Results, _f1, _f1, _i1, _u8_1, _b1, _f2, _f3, _f1)
 _TASK = typeof(grip_force.make_scratch(1, 2))
 _FORCES = _tuple(grip_force.ForceResults, _f1, _f1, _i1, _u8_1, _u8_1, _f2, _f3)
-_CONTACTS = (_FORM, _f4, _f2, _f3)
+_CONTACTS, _HELD = (_FORM, _f4, _f2, _f3), (_FORCE_FORM, _f4, _f2, _f3)
 
 # Surfaces.
 _SURFACE = _tuple(surface_contacts.Surface, _fixed_f2, _fixed_i2, _fixed_i2, _fixed_f2, _i3)
@@ -114,7 +114,7 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     # Those that take longest come first, so that processes end at the same time.
     closing.close_on: [(_SURFACE, _FACE_TREE, _f3, _f1, _f, _JAW, _i, _i, _CLOSED)],
     grip_force.task_forces: [
-        (*_CONTACTS, *[_f2] * 3, _f1, _f, _f1, _f, _i, _WORKSPACE, _POLYTOPE, _TASK, _FORCES),
+        (*_HELD, *[_f2] * 3, _f1, _f, _f1, _f, _i, _WORKSPACE, _POLYTOPE, _TASK, _FORCES),
     ],
     wrench_problem.epsilons: [
         (*_CONTACTS, _f2, _f, _GOAL, _i, _b, _i, _i, dims, _WORKSPACE, _POLYTOPE, _RESULTS)
@@ -138,7 +138,7 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     rays.evaluate_crossings: [
         (_i, _i32_1, _f32_1, _RAYS, _SURFACE, _SETS, _PAIR_LIMITS, _PAIRS),
     ],
-    grip_force.wrench_forces: [(*_CONTACTS, _f2, _f2, _f1, _f, _WORKSPACE, _f2, _FORCES)],
+    grip_force.wrench_forces: [(*_HELD, _f2, _f2, _f1, _f, _WORKSPACE, _f2, _FORCES)],
     reachable_partners.search_reachable: [(_i1, _b, _f, _f, _i, _i, _DOMAIN, _BESIDE)],
     frictionless_closure.frictionless_depth: [
         (_f3, _i, _f, _i, typeof(frictionless_closure.make_cells(3))),

@@ -22,10 +22,18 @@ from grasp3d._kernels.hull.polytope import SCRATCH_ROWS
 from grasp3d._kernels.hull.support_functions import ELLIPTIC, LINEAR, NO_TORSION
 from grasp3d._kernels.hull.wrench_problem import Workspace
 from grasp3d.arrays import ArrayLike, Floats, Ints
-from grasp3d.contact.contacts import Contacts
+from grasp3d.contact.contacts import Contacts, per_contact
 from grasp3d.contact.friction_cones import edge_angles, tangents
+from grasp3d.errors import SettingError
 from grasp3d.quality.closure import forces_of_components
 from grasp3d.quality.tasks import Task, Terms
+from grasp3d.quality.tilted_forces import (
+    PATCH_POINTS,
+    SURFACES,
+    Side,
+    pressed_at_points,
+    problem_over_tilts,
+)
 from grasp3d.quality.wrench_problem import WrenchProblem, part_of
 from grasp3d.quality.wrenches import EpsilonOptions, check_rtol
 from grasp3d.settings import check_choice
@@ -34,16 +42,14 @@ ForceBound = Literal["normal", "norm", "total"]
 """What of the contact forces is limited: the normal component of each, the length of each, or the
 sum of the normal components of all."""
 
-LimitSurface = Literal["none", "ellipse", "linear"]
+LimitSurface = Literal["none", "ellipse", "linear", "points"]
 """What soft fingers were taken to resist: nothing, for hard fingers; the elliptic limit surface of
-Howe & Cutkosky (IJRR 1996), for circular cones; or, for polygonal cones, the convex hull of the
-cone's edges and of the pure normal force with its torsional moment, as epsilon takes it."""
+Howe & Cutkosky (IJRR 1996), for circular cones; for polygonal cones, the convex hull of the cone's
+edges and of the pure normal force with its torsional moment, as epsilon takes it; or, of patches,
+what hard fingers at points of them do (see `tilted_forces`)."""
 
 EDGES = 64
 """Edges of the circumscribed polygon of a friction cone."""
-
-PATCH_CORNERS = 16
-"""Corners of the circumscribed polygon of a patch."""
 
 SPHERE_POINTS = 400
 """Vertices of the circumscribed polyhedron of the elliptic limit surface."""
@@ -69,9 +75,12 @@ class ForceProblem:
     """Largest distance of a contact from the centre of mass; 1 where that is 0 (b,)."""
     limit_surface: LimitSurface
     bound: ForceBound
-    plain: bool
-    """Whether cones are circular, of the contacts' own angles, and forces bounded as `bound`
-    says."""
+    torsion: int
+    """Limit surface, as in `WrenchSpace`."""
+    group: int = 1
+    """As in `WrenchSpace`."""
+    plain: bool = False
+    """Whether contacts are points with circular cones of their own angles and normals."""
 
     @classmethod
     def of_contacts(
@@ -79,7 +88,6 @@ class ForceProblem:
         contacts: Contacts,
         *,
         bound: ForceBound,
-        lengths: bool = False,
         edges: int | None = None,
         cone_offset: ArrayLike = 0.0,
     ) -> "ForceProblem":
@@ -88,30 +96,72 @@ class ForceProblem:
         Args:
             contacts: The contacts.
             bound: As in `grip_force`.
-            lengths: Whether lengths of forces are bounded, or their sum, instead of normal
-                components; so they are for 'norm'.
             edges: As in `grip_force`.
             cone_offset: As in `grip_force`.
         """
         check_choice("bound", bound, ForceBound)
-        sizes = np.linalg.norm(contacts.points, axis=-1).max(axis=-1)
-        sizes = np.where(sizes > 0.0, sizes, 1.0)
-        scaled = contacts.of_size(contacts.points / sizes[..., None, None], sizes)
+        if contacts.patch is not None:
+            if edges is not None:
+                raise SettingError(
+                    "grip forces of contacts with patches have circular cones: leave edges out"
+                )
+            return cls.over_tilts(contacts, 0.0, "sure", bound=bound, cone_offset=cone_offset)
+        sizes = _sizes(contacts)
         problem = WrenchProblem.of_contacts(
-            scaled,
+            contacts.of_size(contacts.points / sizes[..., None, None], sizes),
             EpsilonOptions(edges, "total" if bound == "total" else "per_finger"),
             cone_offset=cone_offset,
-            bounded="force" if lengths or bound == "norm" else "normal",
+            bounded="force" if bound == "norm" else "normal",
         )
-        soft: LimitSurface = "ellipse" if edges is None else "linear"
-        plain = edges is None and not (lengths and bound != "norm") and not np.any(cone_offset)
-        surface: LimitSurface = soft if problem.soft else "none"
-        return cls(problem, contacts, sizes.reshape(-1), surface, bound, plain)
+        surface: LimitSurface = "none"
+        if problem.soft:
+            surface = "ellipse" if edges is None else "linear"
+        return cls(
+            problem, contacts, sizes.reshape(-1), surface, bound,
+            torsion={"none": NO_TORSION, "ellipse": ELLIPTIC, "linear": LINEAR}[surface],
+            plain=edges is None and not np.any(cone_offset),
+        )  # fmt: skip
+
+    @classmethod
+    def over_tilts(
+        cls,
+        contacts: Contacts,
+        tilt: ArrayLike,
+        side: Side,
+        *,
+        bound: ForceBound,
+        cone_offset: ArrayLike = 0.0,
+    ) -> "ForceProblem":
+        """The problem of the forces that contacts surely, or possibly, apply.
+
+        Args:
+            contacts: The contacts.
+            tilt: Largest tilts [rad], one value or shape (..., n).
+            side: See `tilted_forces`.
+            bound: As in `grip_force`.
+            cone_offset: As in `grip_force`.
+        """
+        sizes = _sizes(contacts)
+        flat = contacts.of_size(contacts.points / sizes[..., None, None], sizes).reshape((-1,))
+        tilts, offset = (
+            per_contact(name, value, contacts).reshape(flat.friction.shape)
+            for name, value in (("tilt", tilt), ("cone_offset", cone_offset))
+        )
+        surface: LimitSurface = "ellipse" if (flat.torsion_radius > 0.0).any() else "none"
+        group = 1
+        if flat.patch is not None:
+            flat, group, surface = pressed_at_points(flat, side), PATCH_POINTS, "points"
+            tilts, offset = (np.repeat(one, group, axis=1) for one in (tilts, offset))
+        problem = problem_over_tilts(
+            flat, tilts, side, spherical=bound == "norm", offset=offset, soft=bound != "total"
+        )
+        group = flat.count if bound == "total" else group
+        code = SURFACES[side]
+        return cls(problem, contacts, sizes.reshape(-1), surface, bound, code, group)
 
     @property
-    def _form(self) -> tuple[int, bool, int, bool]:
-        torsion = {"none": NO_TORSION, "ellipse": ELLIPTIC, "linear": LINEAR}[self.limit_surface]
-        return self.problem.kind, self.problem.spherical, torsion, self.problem.rolling
+    def _form(self) -> tuple[int, bool, int, int]:
+        return self.problem.kind, self.problem.spherical, self.torsion, self.group
 
     def of_task(self, task: Task, rtol: float, masses: Floats | None = None) -> ForceResults:
         """Bounds of the force that resists a whole task, for masses (b,) or the task's own."""
@@ -120,13 +170,14 @@ class ForceProblem:
             return self.of_terms(task.arrays(), np.ones(self.problem.size), rtol)
         return self.of_terms(task.scaled_to(1.0).arrays(), masses, rtol)
 
-    def of_wrenches(self, wrenches: Floats, rtol: float, *, proven: bool = True) -> ForceResults:
+    def of_wrenches(self, wrenches: Floats, rtol: float, *, certified: bool = True) -> ForceResults:
         """Bounds of the force that resists one wrench for each grasp (b, 6), and contact forces.
 
         Args:
             wrenches: Shape (b, 6).
             rtol: As in `grip_force`.
-            proven: Whether it is proven that no force suffices where none was found.
+            certified: Whether the directions that prove that no force suffices are those of a
+                linear program, which are more accurate than those of a hull.
         """
         check_rtol(rtol)
         problem = self.problem
@@ -143,13 +194,23 @@ class ForceProblem:
         problem.in_chunks(evaluate, 1)
         unfinished = np.flatnonzero(results.status == kernels.UNFINISHED)
         results.reason[unfinished] = kernels.NOT_RESISTED
-        if proven and unfinished.size:
-            self._decide(unfinished, wrenches, rtol, results)
+        if certified and self.torsion not in SURFACES.values():
+            unfinished = self._decide(unfinished, wrenches, results)
+        if unfinished.size:
+            self._decide_by_hulls(unfinished, wrenches, rtol, results)
         return results
 
     def in_contact_frame(self, components: Floats) -> Floats:
         """Contact forces as of `ForceCertificate` from components along axes (b, n, 4 or 6)."""
-        return forces_of_components(self.contacts, components)
+        if self.contacts.patch is None:
+            return forces_of_components(self.contacts, components)
+        contacts = self.contacts.reshape((-1,))
+        points = pressed_at_points(contacts, "sure")
+        forces = forces_of_components(points, components)[..., :3]  # (b, n k, 3)
+        forces = forces.reshape(len(forces), contacts.count, -1, 3)
+        arms = points.points.reshape(forces.shape) - contacts.points[..., None, :]
+        moments = np.cross(arms, forces).sum(axis=-2)
+        return np.concatenate([forces.sum(axis=-2), moments], axis=-1)
 
     def of_terms(
         self, terms: Terms, masses: Floats, rtol: float, *, small: bool = False
@@ -175,9 +236,9 @@ class ForceProblem:
         problem.in_chunks(evaluate, 1)
         return results
 
-    def _decide(self, grasps: Ints, wrenches: Floats, rtol: float, results: ForceResults) -> None:
-        """Prove that no force resists wrenches for which none was found, or find one."""
-        flat = self.contacts.reshape((-1,))
+    def _decide(self, grasps: Ints, wrenches: Floats, results: ForceResults) -> Ints:
+        """Prove that no force resists wrenches for which none was found; returns the others."""
+        flat, left = self.contacts.reshape((-1,)), []
         soft = (flat.torsion_radius[grasps] > 0.0).any(axis=-1)  # they push in more directions
         for block in (*blocks_of(grasps[soft]), *blocks_of(grasps[~soft])):
             size = self.sizes[block, None]
@@ -186,33 +247,34 @@ class ForceProblem:
                 flat.normals[block],
                 self.problem.cones[block, :, 1] / self.problem.cones[block, :, 0],
                 flat.torsion_radius[block] / size,
-                None
-                if flat.rolling_arms is None
-                else flat.rolling_arms[block] / size[..., None, None],
             )
             for g, pushed in zip(block, generators, strict=True):
                 sizes = np.append(np.ones(3), np.full(3, self.sizes[g]))
                 direction = separating_direction(pushed, -wrenches[g] / sizes)
                 if direction is None:
-                    self._decide_by_hull(int(g), wrenches[g], rtol, results)
+                    left.append(int(g))
                 else:
                     results.lower[g] = results.upper[g] = math.inf
                     results.status[g] = CONVERGED
                     results.direction[g] = direction / sizes
+        return np.array(left, dtype=int)
 
-    def _decide_by_hull(self, g: int, wrench: Floats, rtol: float, results: ForceResults) -> None:
-        """Bounds for one wrench by the growing hull, which may leave it open."""
-        row = np.zeros((1, TERM))
-        row[0, :3] = POINTS, 0, 1
-        single = replace(
-            self, problem=self.problem.take(np.array([g])), sizes=self.sizes[g : g + 1]
-        )
-        terms = Terms(row, wrench[None].copy())
-        bounds = single.of_terms(terms, np.ones(1), rtol, small=True)
-        for name in ("lower", "upper", "status", "reason", "direction"):
-            getattr(results, name)[g] = getattr(bounds, name)[0]
-        if math.isinf(bounds.upper[0]):
-            results.reason[g] = max(bounds.reason[0], kernels.NOT_RESISTED)
+    def _decide_by_hulls(
+        self, grasps: Ints, wrenches: Floats, rtol: float, results: ForceResults
+    ) -> None:
+        """Bounds for single wrenches by the growing hull, which may leave them open."""
+        different, which = np.unique(wrenches[grasps], axis=0, return_inverse=True)
+        for k, wrench in enumerate(different):
+            rows = grasps[which.reshape(-1) == k]
+            row = np.zeros((1, TERM))
+            row[0, :3] = POINTS, 0, 1
+            some = replace(self, problem=self.problem.take(rows), sizes=self.sizes[rows])
+            terms = Terms(row, wrench[None].copy())
+            bounds = some.of_terms(terms, np.ones(len(rows)), rtol, small=True)
+            for name in ("lower", "upper", "status", "reason", "direction"):
+                getattr(results, name)[rows] = getattr(bounds, name)
+            open_ = rows[np.isinf(bounds.upper)]
+            results.reason[open_] = np.maximum(results.reason[open_], kernels.NOT_RESISTED)
 
 
 def blocks_of(grasps: Ints) -> list[Ints]:
@@ -225,7 +287,6 @@ def pushes(
     normals: Floats,
     friction: Floats,
     torsion: Floats,
-    rolling: Floats | None = None,
 ) -> Floats:
     """Wrenches of which every wrench of the contacts' forces is a combination, without minus.
 
@@ -234,7 +295,6 @@ def pushes(
         normals: Inward unit normals (b, n, 3).
         friction: Coefficients (b, n).
         torsion: Torsion radii in the unit of the points (b, n): all 0, or one of each grasp above.
-        rolling: As `Contacts.rolling_arms` in the unit of the points (b, n, 2, 3); None: points.
 
     Returns:
         Shape (b, k, 6).
@@ -249,10 +309,6 @@ def pushes(
     )  # (b, n, m, 3)
     moments = np.cross(points[..., None, :], forces)
     moments += (torsion[..., None] * sections[:, 2])[..., None] * normals[..., None, :]
-    if rolling is not None:
-        arms = _circumscribed_polygon(PATCH_CORNERS) @ rolling  # (b, n, k, 3)
-        moments = moments[..., None, :] + arms[:, :, None]  # (b, n, m, k, 3)
-        forces = np.broadcast_to(forces[..., None, :], moments.shape)
     return np.concatenate([forces, moments], axis=-1).reshape(len(points), -1, 6)
 
 
@@ -274,6 +330,12 @@ def separating_direction(generators: Floats, wrench: Floats) -> Floats | None:
     lengths = np.linalg.norm(generators, axis=-1)
     separates = ((generators @ direction) <= ROUNDING * lengths).all()
     return np.asarray(direction) if separates else None
+
+
+def _sizes(contacts: Contacts) -> Floats:
+    """Largest distance of a contact from the centre of mass, 1 where that is 0, (...)."""
+    sizes = np.linalg.norm(contacts.points, axis=-1).max(axis=-1)
+    return np.asarray(np.where(sizes > 0.0, sizes, 1.0))
 
 
 @cache

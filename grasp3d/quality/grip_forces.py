@@ -188,10 +188,12 @@ def _torsion(normal: Floats, least: Floats, contacts: Contacts, twist: Floats) -
     return np.asarray(most * part[:, None] * np.array([1.0, -1.0]))
 
 
-def _hardest(problem: ForceProblem, wrenches: Floats, rtol: float) -> tuple[ForceResults, Floats]:
+def _hardest(
+    problem: ForceProblem, wrenches: Floats, rtol: float, *, certified: bool
+) -> tuple[ForceResults, Floats]:
     """Grip force of the hardest of k wrenches (b, k, 6) for each grasp, and that wrench (b, 6)."""
     size, count = wrenches.shape[:2]
-    each = [_against(problem, wrenches[:, k], rtol) for k in range(count)]
+    each = [_against(problem, wrenches[:, k], rtol, certified) for k in range(count)]
     columns = ForceResults(*map(np.stack, zip(*each, strict=True)))  # (k, b, ...)
     grasps = np.arange(size)
     worst, best = columns.upper.argmax(axis=0), columns.lower.argmax(axis=0)
@@ -200,12 +202,12 @@ def _hardest(problem: ForceProblem, wrenches: Floats, rtol: float) -> tuple[Forc
     return results._replace(**proof), wrenches[grasps, worst]
 
 
-def _against(problem: ForceProblem, wrenches: Floats, rtol: float) -> ForceResults:
+def _against(problem: ForceProblem, wrenches: Floats, rtol: float, certified: bool) -> ForceResults:
     """Grip force against one wrench for each grasp, shape (b, 6); opposed fingers: closed form.
 
     Forces are those of `ForceCertificate`.
     """
-    results = problem.of_wrenches(wrenches, rtol)
+    results = problem.of_wrenches(wrenches, rtol, certified=certified)
     forces = problem.in_contact_frame(results.forces)
     if problem.plain:
         contacts = problem.contacts.reshape((-1,))
@@ -383,19 +385,16 @@ class ForceOptions:
         masses = None if self.masses is None else np.asarray(self.masses)[rows]
         return replace(self, task=task, masses=masses)
 
-    def force(self, contacts: Contacts) -> GripForce:
-        """Grip force of the contacts."""
-        return self.solve(ForceProblem.of_contacts(contacts, bound=self.bound))
-
-    def force_of_lengths(self, contacts: Contacts, offset: Floats) -> GripForce:
-        """Grip force with the forces' lengths, or their sum, bounded, at cones of other angles."""
-        return self.solve(
-            ForceProblem.of_contacts(contacts, bound=self.bound, lengths=True, cone_offset=offset)
-        )
-
     def solve(self, problem: ForceProblem) -> GripForce:
         """Grip force of contacts whose wrench spaces are known."""
-        results, wrenches = self._results(problem)
+        options = self.flat(problem.contacts)
+        results, wrenches = options.found(problem, certified=True)
+        if wrenches is None:
+            assert isinstance(options.task, Task)
+            masses = None if options.masses is None else np.asarray(options.masses)
+            wrenches = options.task.farthest_for(masses, -results.direction)
+            forces = problem.of_wrenches(wrenches, self.rtol).forces
+            results = results._replace(forces=problem.in_contact_frame(forces))
         batch = problem.contacts.batch
         return GripForce(
             lower=shaped(results.lower, batch),
@@ -411,16 +410,23 @@ class ForceOptions:
             ),
         )
 
-    def _results(self, problem: ForceProblem) -> tuple[ForceResults, Floats]:
-        """Results of a flat batch, forces as of `ForceCertificate`, and the hardest wrenches."""
-        task, contacts = self.task, problem.contacts
-        if not isinstance(task, Task):
-            return _hardest(problem, wrenches_of(task, contacts)[:, None], self.rtol)
-        masses = None if self.masses is None else masses_of(self.masses, contacts)
-        corners = task.corners_for(masses, problem.problem.size)
-        if corners is not None:
-            return _hardest(problem, corners, self.rtol)
-        results = problem.of_task(task, self.rtol, masses)
-        wrenches = task.farthest_for(masses, -results.direction)
-        forces = problem.of_wrenches(wrenches, self.rtol).forces
-        return results._replace(forces=problem.in_contact_frame(forces)), wrenches
+    def bounds(self, problem: ForceProblem) -> ForceResults:
+        """Bounds for options of a flat batch, without the contact forces that prove them."""
+        return self.found(problem, certified=False)[0]
+
+    def found(
+        self, problem: ForceProblem, *, certified: bool
+    ) -> tuple[ForceResults, Floats | None]:
+        """Results of a flat batch, and the hardest wrenches (b, 6), of which the forces are.
+
+        Without these wrenches, and forces, where the task was taken as a whole.
+        """
+        task = self.task
+        if isinstance(task, Task):
+            masses = None if self.masses is None else np.asarray(self.masses)
+            wrenches = task.corners_for(masses, problem.problem.size)
+            if wrenches is None:
+                return problem.of_task(task, self.rtol, masses), None
+        else:
+            wrenches = np.asarray(task)[:, None]
+        return _hardest(problem, wrenches, self.rtol, certified=certified)

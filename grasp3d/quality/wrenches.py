@@ -72,9 +72,9 @@ def wrench_axes(
     rows = 4 if rolling is None else 6
     axes = np.zeros((*points.shape[:-1], rows, 6))
     write_axes(
-        _read_only(points, (-1, 3)),
-        _read_only(np.broadcast_to(normals, points.shape), (-1, 3)),
-        _read_only(np.broadcast_to(torsion_radius, points.shape[:-1]), (-1,)),
+        read_only(points, (-1, 3)),
+        read_only(np.broadcast_to(normals, points.shape), (-1, 3)),
+        read_only(np.broadcast_to(torsion_radius, points.shape[:-1]), (-1,)),
         float(torque_scale),
         NEAR_X_AXIS,
         axes.reshape(-1, rows, 6),
@@ -84,7 +84,7 @@ def wrench_axes(
     return axes
 
 
-def _read_only(values: Floats, shape: tuple[int, ...]) -> Floats:
+def read_only(values: Floats, shape: tuple[int, ...]) -> Floats:
     """View of contiguous values that is always read-only: a kernel is compiled for one kind."""
     view = np.ascontiguousarray(values, dtype=np.float64).reshape(shape).view()
     view.flags.writeable = False

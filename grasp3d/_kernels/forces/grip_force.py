@@ -225,7 +225,7 @@ def task_forces(
     """Bounds of the force that resists a whole task.
 
     Args:
-        form: (kind, spherical, torsion, rolling) of `WrenchSpace`; not ROWS.
+        form: (kind, spherical, torsion, group) of `WrenchSpace`; not ROWS.
         axes: Axes of contacts, (b, n, 4, 6) or where they resist rolling (b, n, 6, 6), torques
             divided by the torque scale.
         tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
@@ -246,7 +246,7 @@ def task_forces(
     Returns:
         The first grasp for which the polytope was too small, b if none; its bounds hold.
     """
-    kind, spherical, torsion, rolling = form
+    kind, spherical, torsion, group = form
     goal = (rtol, 0.0, math.inf, 0.0)
     for g in range(first, axes.shape[0]):
         _reset(results, g)
@@ -262,7 +262,7 @@ def task_forces(
             continue
         task = TaskInSpan(scratch.frame, rank, scratch.extents, own, points)
         _write_task(own, points, rank, scale, workspace, task)
-        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, rolling)
+        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, group)
         force = _force_in_all_directions(own) if rank == 6 else 0.0
         if force > 0.0:
             status, lower, upper = _grow_slice(
@@ -340,7 +340,7 @@ def wrench_forces(
         vectors: Scratch (18, 8).
         results: `ForceResults`; status UNFINISHED where the search did not end.
     """
-    kind, spherical, torsion, rolling = form
+    kind, spherical, torsion, group = form
     for g in range(axes.shape[0]):
         _reset(results, g)
         erase_forces(results, g)
@@ -358,7 +358,7 @@ def wrench_forces(
                 for k in range(results.forces.shape[2]):
                     results.forces[g, i, k] = 0.0
             continue
-        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, rolling)
+        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, group)
         if rank == 6:
             status, lower, upper = resist(space, SIX, goal, rtol, vectors, results.forces[g])
         else:

@@ -20,6 +20,12 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.compiling.decorators import merged, part, scratch_kernel
+from grasp3d._kernels.hull.tilted_forces import (
+    SURE,
+    add_tilted_forces,
+    best_level,
+    farthest_tilted,
+)
 from grasp3d._kernels.surface.vectors import clear6, dot6
 
 TINY = 1e-300
@@ -53,14 +59,17 @@ class WrenchSpace(NamedTuple):
     spherical: bool
     """Whether the length of a contact force is bounded by 1, instead of its normal component."""
     torsion: int
-    """NO_TORSION, LINEAR or ELLIPTIC."""
+    """NO_TORSION, LINEAR or ELLIPTIC; SURE or POSSIBLE: over all normals, see `tilted_forces`."""
     axes: npt.NDArray[np.float64]
     """ROWS: the wrenches in columns (1, 6, n). Otherwise each contact's axes (n, 4, 6)."""
     cones: npt.NDArray[np.float64]
-    """Normal and tangential part of a force on the rim of each contact's cone (n, 2)."""
+    """Normal and tangential part of a force on the rim of each contact's cone (n, 2); or what
+    `tilted_forces` says (n, c)."""
     rim: npt.NDArray[np.float64]
     """Cosine and sine of the cone's edges about the normal (m, 2); m = 0: a circular cone. The
     patches of contacts with polygonal cones are polygons of as many corners, too."""
+    group: int = 1
+    """SURE and POSSIBLE: contacts, one after the other, that share the bound of their forces."""
     rolling: bool = False
     """Whether contacts resist rolling: then they have six axes each (n, 6, 6)."""
 
@@ -223,6 +232,8 @@ def farthest(space, u, point, force):
         negative components; a number that identifies the vertex (-1: none, as on circular cones);
         the index of its row or contact.
     """
+    if space.torsion >= SURE:
+        return farthest_tilted(space, u, point), -1, -1
     axes = space.axes
     if space.kind == ROWS:
         height, identifier = _farthest_row(axes[0], u)
@@ -283,6 +294,9 @@ def contact_forces(space, u, weight, force, forces):
         force: Scratch (6,).
         forces: Changed, forces in the contacts' axes, (n, 4) or where they resist rolling (n, 6).
     """
+    if space.torsion >= SURE:
+        add_tilted_forces(space, u, best_level(space, u), weight, forces, force, 1)
+        return
     best, owner = 0.0, -1
     for i in range(space.axes.shape[0]):
         height, _, f0, f1, f2, f3, c1, c2 = _farthest_force(space, i, u)

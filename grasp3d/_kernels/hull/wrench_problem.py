@@ -274,7 +274,7 @@ def verify(form, wrenches, tangential, cones, rim, tolerance, workspace, scratch
     rank = load(form, wrenches, tangential, tolerance, workspace)
     total = ROWS if kind == ROWS else TOTAL
     project(total, wrenches, workspace, rank)
-    space = WrenchSpace(total, spherical, torsion, workspace.axes, cones, rim, rolling)
+    space = WrenchSpace(total, spherical, torsion, workspace.axes, cones, rim, 1, rolling)
     return balance(space, rank, workspace.extents, forces, scratch)
 
 
@@ -332,7 +332,7 @@ def epsilons(
             return g
         project(kind, wrenches[g], workspace, rank)
         # Within a group, growing stops when epsilon cannot be smaller than those before it.
-        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, rolling)
+        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, 1, rolling)
         limit = min(cutoff, smallest) if group > 1 else cutoff
         status, lower, upper, vertices, used = _grow(
             space, dims, rank, workspace.metric, (rtol, atol, limit, sign), polytope
@@ -353,7 +353,7 @@ def epsilons(
         if closed and (with_forces or not clear) and _is_convex(kind, cones[g]):
             if kind == PER_FINGER:  # the hull contains the origin where the sum does
                 space = WrenchSpace(
-                    TOTAL, spherical, torsion, workspace.axes, cones[g], rim, rolling
+                    TOTAL, spherical, torsion, workspace.axes, cones[g], rim, 1, rolling
                 )
                 _, _, _, vertices, used = _grow(space, dims, rank, workspace.metric, SIGN, polytope)
             slack = math.inf

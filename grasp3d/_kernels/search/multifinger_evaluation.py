@@ -232,7 +232,7 @@ def _hull_force_closed(candidate, hull, n, angle):
     for i in range(n):
         cones[i, 0], cones[i, 1] = normal, tangential
     spherical, rolling = True, False
-    space = WrenchSpace(TOTAL, spherical, NO_TORSION, axes[:n], cones[:n], hull.rim, rolling)
+    space = WrenchSpace(TOTAL, spherical, NO_TORSION, axes[:n], cones[:n], hull.rim, 1, rolling)
     _, lower, _, _, facets = grow(space, SIX, hull.metric, None, AROUND_ORIGIN, SIGN, polytope)
     if facets > 0 and lower > ROUNDING:
         return True

@@ -1,0 +1,184 @@
+"""Support functions of contact forces over all normals within a tilt of the given ones.
+
+A contact has its axes, as in `support_functions`, and a row of numbers in `WrenchSpace.cones`:
+
+* SURE: forces that a contact can apply whichever its normal is, for each of several levels of the
+  torsional moment that all contacts apply together. They are the convex hull of a force along the
+  normal, of a part of a ball about it and of a circle of forces, the corner. The fourth axis is the
+  moment.
+* POSSIBLE: what it can apply at some normal, force and moment each at one of its own. The fourth to
+  sixth axis are the moments about the normal and the two tangents.
+
+Contacts next to each other may share a bound, as the points of a patch do: `WrenchSpace.group`.
+"""
+
+import math
+
+from grasp3d._kernels.compiling.decorators import merged, part, scratch_kernel
+from grasp3d._kernels.surface.vectors import clear6, dot6
+
+SURE, POSSIBLE = 3, 4
+"""Kinds of limit surfaces, besides those of `support_functions`."""
+
+TINY = 1e-300
+"""Smallest divisor."""
+
+
+COLUMNS = 7
+"""Numbers of a level of SURE forces: the torsional moment, times the fourth axis; the shortest
+force along the normal that it needs; radius of the ball, cosine and sine of the largest angle of
+its forces; normal and tangential component of the corner."""
+
+
+@merged
+def _sure(row, first, z0, tangent):
+    """(support, f_normal, f_tangential) of one contact at a level, whose columns start at first."""
+    apex = row[first + 1]
+    best, normal, tangential = apex * z0, apex, 0.0
+    length, cosine, sine = row[first + 2], row[first + 3], row[first + 4]
+    if tangent * cosine <= z0 * sine and z0 > 0.0:
+        size = math.sqrt(z0 * z0 + tangent * tangent)
+        cosine, sine = z0 / size, tangent / size
+    height = length * (cosine * z0 + sine * tangent)
+    if height > best:
+        best, normal, tangential = height, length * cosine, length * sine
+    height = row[first + 5] * z0 + row[first + 6] * tangent
+    if height > best:
+        best, normal, tangential = height, row[first + 5], row[first + 6]
+    return best, normal, tangential
+
+
+@merged
+def _possible(spherical, row, z0, tangent, w0, twist):
+    """(support, f_normal, f_tangential, m_normal, m_tangential) over the normals of one contact.
+
+    Args:
+        spherical: As in `WrenchSpace`.
+        row: Friction, tilt and friction angle.
+        z0: Component of the direction of forces along the normal.
+        tangent: And across it.
+        w0: The same of the direction of moments.
+        twist: The same of the direction of moments.
+    """
+    friction, tilt, beta = row[0], row[1], row[2]
+    # The moment is about an axis within the tilt of the normal, in either sense.
+    size = math.sqrt(w0 * w0 + twist * twist)
+    turned = math.atan2(twist, abs(w0))
+    turn = min(turned, tilt)
+    moment = size * math.cos(turned - turn)
+    m0, m1 = math.copysign(math.cos(turn), w0), math.sin(turn)
+    length, phi = math.sqrt(z0 * z0 + tangent * tangent), math.atan2(tangent, z0)
+    if spherical:
+        angle = min(phi, beta + tilt)
+        height = length * math.cos(phi - angle)
+        share = 1.0 if height > 0.0 else 0.0
+        return (
+            max(height, 0.0) + moment, share * math.cos(angle), share * math.sin(angle), m0, m1,
+        )  # fmt: skip
+    # Of all angles between g and a normal this one would be the best.
+    best, square = 0.0, friction * friction
+    ratio = moment * moment / max(length * length, TINY)
+    cosine = (square + ratio) / max(square * square + square, TINY)
+    if cosine < 1.0:
+        best = math.acos(math.sqrt(cosine))
+    angle = min(max(best, phi - tilt), phi + tilt)
+    away = friction * length * math.sin(angle)
+    root = math.sqrt(away * away + moment * moment)
+    slide, share = friction * away / max(root, TINY), moment / max(root, TINY)
+    delta = phi - angle  # of the normal from the given one, toward g
+    c, s = math.cos(delta), math.sin(delta)
+    height = length * math.cos(angle) + root
+    return height, c - slide * s, s + slide * c, share * m0, share * m1
+
+
+@merged
+def _of_contact(space, i, first, u):
+    """(support, force and moment along six axes) of one contact; SURE: without its moment."""
+    axes = space.axes[i]
+    z0, z1, z2 = dot6(axes[0], u), dot6(axes[1], u), dot6(axes[2], u)
+    tangent = math.sqrt(z1 * z1 + z2 * z2)
+    scale = 1.0 / max(tangent, TINY)
+    if space.torsion == SURE:
+        height, f0, across = _sure(space.cones[i], first, z0, tangent)
+        return height, f0, scale * across * z1, scale * across * z2, 0.0, 0.0, 0.0
+    w0 = w1 = w2 = 0.0
+    if axes.shape[0] == 6:
+        w0, w1, w2 = dot6(axes[3], u), dot6(axes[4], u), dot6(axes[5], u)
+    twist = math.sqrt(w1 * w1 + w2 * w2)
+    height, f0, across, m0, m1 = _possible(space.spherical, space.cones[i], z0, tangent, w0, twist)
+    f1, f2 = (scale * across * z1, scale * across * z2) if tangent > 0.0 else (across, 0.0)
+    turn = m1 / max(twist, TINY)
+    return height, f0, f1, f2, m0, turn * w1, turn * w2
+
+
+@merged
+def _moments(space, first, u):
+    """Support of the moments of a level, all in the same sense, and that sense."""
+    height = 0.0
+    for i in range(space.axes.shape[0]):
+        height += space.cones[i, first] * dot6(space.axes[i, 3], u)
+    return abs(height), math.copysign(1.0, height)
+
+
+@part
+def add_tilted_forces(space, u, first, weight, forces, point, has_forces):
+    """Support of one level; add its contact forces, times a weight, and its wrench, if wanted.
+
+    Args:
+        space: `WrenchSpace` of SURE or POSSIBLE forces.
+        u: Direction (6,).
+        first: First column of the level.
+        weight: Factor of the forces.
+        forces: Changed, in the contacts' axes (n, 4 or 6); read only where `has_forces` is 0.
+        point: Changed, the wrench (6,), where `has_forces` is 0.
+        has_forces: 1: forces are added; 0: the wrench is; -1: neither.
+    """
+    total, sense = 0.0, 1.0
+    if space.torsion == SURE:
+        total, sense = _moments(space, first, u)
+    count, width = space.axes.shape[0], space.axes.shape[1]
+    for start in range(0, count, space.group):
+        best, chosen = 0.0, -1
+        for i in range(start, min(start + space.group, count)):
+            height, _, _, _, _, _, _ = _of_contact(space, i, first, u)
+            # The moment of a level needs a force, even one that pushes the wrong way.
+            if height > best or (space.torsion == SURE and space.group == 1):
+                best, chosen = height, i
+        total += best
+        if chosen < 0 or has_forces < 0:
+            continue
+        _, f0, f1, f2, f3, f4, f5 = _of_contact(space, chosen, first, u)
+        if space.torsion == SURE:
+            f3 = sense * space.cones[chosen, first]
+        if has_forces == 1:
+            forces[chosen, 0] += weight * f0
+            forces[chosen, 1] += weight * f1
+            forces[chosen, 2] += weight * f2
+            forces[chosen, 3] += weight * f3
+            continue
+        axes = space.axes[chosen]
+        for k in range(6):
+            point[k] += (f0 * axes[0, k] + f1 * axes[1, k]) + (f2 * axes[2, k] + f3 * axes[3, k])
+        if width == 6:
+            for k in range(6):
+                point[k] += f4 * axes[4, k] + f5 * axes[5, k]
+    return total
+
+
+@scratch_kernel
+def best_level(space, u):
+    """First column of the level that reaches farthest in a direction."""
+    best, chosen = -math.inf, 0
+    levels = space.cones.shape[1] // COLUMNS if space.torsion == SURE else 1
+    for level in range(levels):
+        height = add_tilted_forces(space, u, level * COLUMNS, 0.0, space.cones, u, -1)
+        if height > best:
+            best, chosen = height, level * COLUMNS
+    return chosen
+
+
+@scratch_kernel
+def farthest_tilted(space, u, point):
+    """Write the farthest wrench (6,) in a direction; returns the support."""
+    clear6(point)
+    return add_tilted_forces(space, u, best_level(space, u), 0.0, space.cones, point, 0)
