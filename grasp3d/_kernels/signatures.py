@@ -9,7 +9,7 @@ from typing import Any
 from numba import typeof
 from numba.core import types
 
-from grasp3d._kernels.forces import grip_force, tasks
+from grasp3d._kernels.forces import grip_force, sure_forces, tasks
 from grasp3d._kernels.hull import frictionless_closure, pair_epsilon, wrench_problem, wrenches
 from grasp3d._kernels.hull.polytope import make_polytope
 from grasp3d._kernels.hull.support_functions import TOTAL
@@ -139,6 +139,9 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
         (_i, _i32_1, _f32_1, _RAYS, _SURFACE, _SETS, _PAIR_LIMITS, _PAIRS),
     ],
     grip_force.wrench_forces: [(*_HELD, _f2, _f2, _f1, _f, _WORKSPACE, _f2, _FORCES)],
+    sure_forces.write_sure_forces: [
+        (_b, _fixed_f3, _fixed_f3, _fixed_f2, _f2, _f2, _f1, _f1, _f3, _f3),
+    ],
     reachable_partners.search_reachable: [(_i1, _b, _f, _f, _i, _i, _DOMAIN, _BESIDE)],
     frictionless_closure.frictionless_depth: [
         (_f3, _i, _f, _i, typeof(frictionless_closure.make_cells(3))),

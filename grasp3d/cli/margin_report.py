@@ -30,7 +30,6 @@ LOAD = (
 _HOW: dict[Certainty, str] = {
     "exact": "at the worst normals",
     "bound": "at the worst normals, a safe bound",
-    "sampled": "at the worst of sampled normals",
 }
 
 

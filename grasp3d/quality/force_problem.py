@@ -48,6 +48,7 @@ Howe & Cutkosky (IJRR 1996), for circular cones; for polygonal cones, the convex
 edges and of the pure normal force with its torsional moment, as epsilon takes it; or, of patches,
 what hard fingers at points of them do (see `tilted_forces`)."""
 
+
 EDGES = 64
 """Edges of the circumscribed polygon of a friction cone."""
 
@@ -88,6 +89,7 @@ class ForceProblem:
         contacts: Contacts,
         *,
         bound: ForceBound,
+        lengths: bool = False,
         edges: int | None = None,
         cone_offset: ArrayLike = 0.0,
     ) -> "ForceProblem":
@@ -96,6 +98,8 @@ class ForceProblem:
         Args:
             contacts: The contacts.
             bound: As in `grip_force`.
+            lengths: Whether lengths of forces are bounded, or their sum, instead of normal
+                components; so they are for 'norm'.
             edges: As in `grip_force`.
             cone_offset: As in `grip_force`.
         """
@@ -111,7 +115,7 @@ class ForceProblem:
             contacts.of_size(contacts.points / sizes[..., None, None], sizes),
             EpsilonOptions(edges, "total" if bound == "total" else "per_finger"),
             cone_offset=cone_offset,
-            bounded="force" if bound == "norm" else "normal",
+            bounded="force" if lengths or bound == "norm" else "normal",
         )
         surface: LimitSurface = "none"
         if problem.soft:
@@ -176,8 +180,7 @@ class ForceProblem:
         Args:
             wrenches: Shape (b, 6).
             rtol: As in `grip_force`.
-            certified: Whether the directions that prove that no force suffices are those of a
-                linear program, which are more accurate than those of a hull.
+            certified: Whether a linear program proves that no force suffices, where none was found.
         """
         check_rtol(rtol)
         problem = self.problem
@@ -196,8 +199,7 @@ class ForceProblem:
         results.reason[unfinished] = kernels.NOT_RESISTED
         if certified and self.torsion not in SURFACES.values():
             unfinished = self._decide(unfinished, wrenches, results)
-        if unfinished.size:
-            self._decide_by_hulls(unfinished, wrenches, rtol, results)
+        self._decide_by_hulls(unfinished, wrenches, rtol, results)
         return results
 
     def in_contact_frame(self, components: Floats) -> Floats:
@@ -207,7 +209,7 @@ class ForceProblem:
         contacts = self.contacts.reshape((-1,))
         points = pressed_at_points(contacts, "sure")
         forces = forces_of_components(points, components)[..., :3]  # (b, n k, 3)
-        forces = forces.reshape(len(forces), contacts.count, -1, 3)
+        forces = forces.reshape(len(forces), contacts.count, PATCH_POINTS, 3)
         arms = points.points.reshape(forces.shape) - contacts.points[..., None, :]
         moments = np.cross(arms, forces).sum(axis=-2)
         return np.concatenate([forces.sum(axis=-2), moments], axis=-1)
@@ -262,7 +264,7 @@ class ForceProblem:
     def _decide_by_hulls(
         self, grasps: Ints, wrenches: Floats, rtol: float, results: ForceResults
     ) -> None:
-        """Bounds for single wrenches by the growing hull, which may leave them open."""
+        """Prove by the growing hull that no force resists single wrenches, or find one."""
         different, which = np.unique(wrenches[grasps], axis=0, return_inverse=True)
         for k, wrench in enumerate(different):
             rows = grasps[which.reshape(-1) == k]

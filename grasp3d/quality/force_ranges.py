@@ -104,7 +104,7 @@ def force_range(
         if tilts[rows].any():
             possible = ForceProblem.over_tilts(grasps, tilts[rows], "possible", bound=bound)
             least = part.bounds(possible).lower
-            largest = np.maximum(largest_force(grasps, tilts[rows], part), nominal.upper)
+            largest = np.maximum(largest_force(grasps, tilts[rows], part), largest)
         values[:, rows] = nominal.upper, np.minimum(least, nominal.upper), largest
         resistance[rows] = nominal.reason
         report_progress(min(1.0, (first + CHUNK) / len(tilts)))
@@ -121,6 +121,8 @@ def force_range(
 def largest_force(contacts: Contacts, tilts: Floats, options: ForceOptions) -> Floats:
     """A force that suffices at all tilts of a flat batch, with tilts (b, n), shape (b,)."""
     bound = options.bound
+    if not tilts.any():
+        return options.bounds(ForceProblem.of_contacts(contacts, bound=bound)).upper
     sure = ForceProblem.over_tilts(contacts, tilts, "sure", bound=bound)
     largest = options.bounds(sure).upper
     if bound == "total" and (contacts.torsion_radius > 0.0).any():

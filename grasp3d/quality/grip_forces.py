@@ -193,7 +193,7 @@ def _hardest(
 ) -> tuple[ForceResults, Floats]:
     """Grip force of the hardest of k wrenches (b, k, 6) for each grasp, and that wrench (b, 6)."""
     size, count = wrenches.shape[:2]
-    each = [_against(problem, wrenches[:, k], rtol, certified) for k in range(count)]
+    each = [_against(problem, wrenches[:, k], rtol, certified=certified) for k in range(count)]
     columns = ForceResults(*map(np.stack, zip(*each, strict=True)))  # (k, b, ...)
     grasps = np.arange(size)
     worst, best = columns.upper.argmax(axis=0), columns.lower.argmax(axis=0)
@@ -202,7 +202,9 @@ def _hardest(
     return results._replace(**proof), wrenches[grasps, worst]
 
 
-def _against(problem: ForceProblem, wrenches: Floats, rtol: float, certified: bool) -> ForceResults:
+def _against(
+    problem: ForceProblem, wrenches: Floats, rtol: float, *, certified: bool
+) -> ForceResults:
     """Grip force against one wrench for each grasp, shape (b, 6); opposed fingers: closed form.
 
     Forces are those of `ForceCertificate`.

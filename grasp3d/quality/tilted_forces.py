@@ -25,7 +25,7 @@ import numpy as np
 
 from grasp3d._kernels.forces.sure_forces import write_sure_forces
 from grasp3d._kernels.hull.support_functions import PER_FINGER
-from grasp3d._kernels.hull.tilted_forces import COLUMNS, POSSIBLE, SURE
+from grasp3d._kernels.hull.tilted_forces import COLUMNS, MODES, POSSIBLE, SURE
 from grasp3d.arrays import Floats, Ints
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import edge_angles, tangents
@@ -38,8 +38,8 @@ Side = Literal["sure", "possible"]
 SURFACES = {"sure": SURE, "possible": POSSIBLE}
 """Limit surfaces of the kernels."""
 
-LEVELS = 10
-"""Torsional moments of two soft fingers at which their sure forces are computed, 0 among them."""
+LEVELS = 5
+"""Largest torsional moments of two soft fingers for which their sure forces are computed."""
 
 PATCH_POINTS = 8
 """Points at which a patch is pressed."""
@@ -55,9 +55,8 @@ def pressed_at_points(contacts: Contacts, side: Side) -> Contacts:
     points = contacts.points[..., None, :] + corners @ contacts.patch  # (b, n, k, 3)
     normals = np.broadcast_to(contacts.normals[..., None, :], points.shape)
     friction = np.repeat(contacts.friction, PATCH_POINTS, axis=-1)
-    return Contacts(
-        points.reshape(len(points), -1, 3), normals.reshape(len(points), -1, 3), friction
-    )
+    shape = (*friction.shape, 3)
+    return Contacts(points.reshape(shape), normals.reshape(shape), friction)
 
 
 def problem_over_tilts(
@@ -79,8 +78,8 @@ def problem_over_tilts(
     tilts = np.ascontiguousarray(tilts)
     turning = np.zeros((*tilts.shape, 2, 3))
     if side == "sure":
-        levels = LEVELS if any_soft and soft and contacts.count == 2 else 1
-        cones, moments = np.empty((*tilts.shape, COLUMNS * levels)), np.empty(points.shape)
+        modes = LEVELS * MODES if any_soft and soft and contacts.count == 2 else 1
+        cones, moments = np.empty((*tilts.shape, modes * COLUMNS)), np.empty(points.shape)
         given = (read_only(one, one.shape) for one in (points, normals, torsion))
         write_sure_forces(
             spherical, *given, angles, tilts, np.zeros(2), np.zeros(2), cones, moments

@@ -133,28 +133,32 @@ def best_line(points: Floats, first: Floats, second: Floats, patch: Floats) -> t
     return (math.inf if cosine < 1e-6 else math.acos(min(cosine, 1.0))), line @ x
 
 
-def force_by_program(contacts: Contacts, wrench: Floats) -> float:
-    """Least normal force per finger that resists a wrench, elliptic limit surface; inf: none."""
+def force_by_program(contacts: Contacts, wrench: Floats, bound: str = "normal") -> float:
+    """Least force per patch that resists a wrench, by hard contacts at eight points of its rim.
+
+    The normal components at the points of a patch, or the lengths, together are bounded.
+    """
     assert contacts.patch is not None
-    count = contacts.count
-    columns = 6 * count + 1  # each contact's force, torsion and rolling; then the bound
-    balance = np.zeros((6, columns))
+    angles = 0.25 * math.pi * np.arange(8)
+    rim = np.stack([np.cos(angles), np.sin(angles)], axis=-1) @ contacts.patch  # (n, 8, 3)
+    count = 8 * contacts.count
+    columns = 4 * count + 1  # each point's force and share of the bound; then the bound
+    balance, below = np.zeros((6, columns)), np.zeros((contacts.count, columns))
     rows, cones = [], [clarabel.ZeroConeT(6)]
-    below = []
-    for i in range(count):
-        normal, friction = contacts.normals[i], contacts.friction[i]
-        part = np.zeros((6, 6))
-        part[:3, :3] = np.eye(3)
-        part[3:, :3] = np.cross(contacts.points[i], np.eye(3)).T
-        part[3:, 3] = contacts.torsion_radius[i] * normal
-        part[3:, 4:] = np.cross(contacts.patch[i], normal).T
-        balance[:, 6 * i : 6 * i + 6] = part
-        local = np.eye(columns)[6 * i : 6 * i + 6]
+    for k in range(count):
+        i = k // 8
+        point, normal = contacts.points[i] + rim[i, k % 8], contacts.normals[i]
+        balance[:3, 4 * k : 4 * k + 3] = np.eye(3)
+        balance[3:, 4 * k : 4 * k + 3] = np.cross(point, np.eye(3)).T
+        local = np.eye(columns)[4 * k : 4 * k + 4]
         pressing = normal @ local[:3]
         sideways = (np.eye(3) - np.outer(normal, normal)) @ local[:3]
-        rows += [-pressing, *(-sideways / friction), -local[3], -pressing, -local[4], -local[5]]
-        cones += [clarabel.SecondOrderConeT(5), clarabel.SecondOrderConeT(3)]
-        below.append(pressing - np.eye(columns)[-1])
-    cones.append(clarabel.NonnegativeConeT(count))
-    constants = [*-wrench, *[0.0] * (len(rows) + count)]
+        rows += [-contacts.friction[i] * pressing, *-sideways]
+        cones.append(clarabel.SecondOrderConeT(4))
+        rows += [-local[3], *-(local[:3] if bound == "norm" else np.outer(normal, pressing))]
+        cones.append(clarabel.SecondOrderConeT(4))
+        below[i] += local[3]
+    below[:, -1] = -1.0
+    cones.append(clarabel.NonnegativeConeT(contacts.count))
+    constants = [*-wrench, *[0.0] * (len(rows) + contacts.count)]
     return _solve(np.eye(columns)[-1], [*balance, *rows, *below], constants, cones)[0]

@@ -1,6 +1,7 @@
 """Wrench spaces of contacts with patches: epsilon, force closure and grip force."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -189,13 +190,14 @@ def test_ranges_over_tilts_hold_what_tilts_have(torsion: float) -> None:
     assert (wide <= 1.0).all()
 
 
-@pytest.mark.parametrize(("fingers", "torsion"), [(2, 0.06), (3, 0.0), (3, 0.1)])
-def test_grip_forces_are_those_of_a_cone_program(fingers: int, torsion: float) -> None:
-    contacts = patches.random_patches(12, fingers, 10, torsion=torsion)
+@pytest.mark.parametrize("bound", ["normal", "norm"])
+@pytest.mark.parametrize("fingers", [2, 3])
+def test_grip_forces_are_those_of_a_cone_program(fingers: int, bound: Any) -> None:
+    contacts = patches.random_patches(12, fingers, 10)
     wrench = np.random.default_rng(0).normal(size=(12, 6)) * [1, 1, 1, 0.2, 0.2, 0.2]
-    found = grip_force(contacts, wrench, rtol=1e-4)
+    found = grip_force(contacts, wrench, bound=bound, rtol=1e-4)
     expected = [
-        patches.force_by_program(contacts.take(slice(g, g + 1)).reshape(()), wrench[g])
+        patches.force_by_program(contacts.take(slice(g, g + 1)).reshape(()), wrench[g], bound)
         for g in range(12)
     ]
     finite = np.isfinite(expected)
@@ -233,9 +235,11 @@ def test_payload_and_force_range_take_patches() -> None:
     exact = grip_force(hard, Weight(0.2), bound="norm", cone_offset=-0.1)
     assert found.how == "exact"
     assert found.largest == pytest.approx(exact.upper, rel=3 * RTOL)
-    soft = force_range(large, Weight(0.2), 0.1)
-    assert soft.how == "sampled"
-    assert soft.least <= soft.nominal <= soft.largest < math.inf
+    pressed = force_range(large, Weight(0.2), 0.1)
+    assert pressed.how == "bound"
+    assert pressed.least <= pressed.nominal <= pressed.largest < math.inf
+    with pytest.raises(SettingError, match="leave edges out"):
+        grip_force(large, Weight(0.2), edges=8)
 
 
 def test_one_patch_resists_no_torque_beyond_its_rim() -> None:

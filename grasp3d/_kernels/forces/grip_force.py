@@ -25,6 +25,9 @@ from grasp3d._kernels.hull.wrench_problem import erase_forces, load, project, wr
 from grasp3d._kernels.hull.wrenches import RANK_TOLERANCE
 from grasp3d._kernels.surface.vectors import add6, clear6, dot6
 
+NO_ROLLING = False
+"""Patches are pressed at points of them, as `WrenchSpace.rolling`."""
+
 THREE = (0, 0, 0)
 """A tuple as long as the rank of forces, for which `grow` is compiled."""
 
@@ -262,7 +265,9 @@ def task_forces(
             continue
         task = TaskInSpan(scratch.frame, rank, scratch.extents, own, points)
         _write_task(own, points, rank, scale, workspace, task)
-        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, group)
+        space = WrenchSpace(
+            kind, spherical, torsion, workspace.axes, cones[g], rim, group, NO_ROLLING
+        )
         force = _force_in_all_directions(own) if rank == 6 else 0.0
         if force > 0.0:
             status, lower, upper = _grow_slice(
@@ -358,7 +363,9 @@ def wrench_forces(
                 for k in range(results.forces.shape[2]):
                     results.forces[g, i, k] = 0.0
             continue
-        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, group)
+        space = WrenchSpace(
+            kind, spherical, torsion, workspace.axes, cones[g], rim, group, NO_ROLLING
+        )
         if rank == 6:
             status, lower, upper = resist(space, SIX, goal, rtol, vectors, results.forces[g])
         else:

@@ -21,7 +21,7 @@ with |f + c|. This is certain for all normals, and somewhat less than what they 
 import math
 
 from grasp3d._kernels.compiling.decorators import merged, scratch_kernel
-from grasp3d._kernels.hull.tilted_forces import COLUMNS
+from grasp3d._kernels.hull.tilted_forces import COLUMNS, MODES
 from grasp3d._kernels.surface.vectors import angle_between, difference, dot, norm
 
 HALVINGS = 26
@@ -103,10 +103,10 @@ def _possible_share(spherical, share, angles, tilts, phi, moments, distance):
 
 
 @merged
-def _write_level(spherical, i, share, angles, tilts, phi, moments, distance, row):
-    """Write a level of one contact, whose moments both can apply."""
+def _write_mode(spherical, i, share, most, angles, tilts, phi, moments, distance, row):
+    """Write a mode of one contact: a share of its moment, on the level of the largest share."""
     beta, tilt, part = angles[i], tilts[i], share if moments[i] > 0.0 else 0.0
-    couple, lost = _couple(i, share, tilts, phi, moments, distance)
+    couple, lost = _couple(i, most, tilts, phi, moments, distance)
     straight = _longest(spherical, tilt, phi[i], couple, lost, 0.0)
     corner, above = 0.0, beta - tilt
     apex, below = straight, 0.0
@@ -132,7 +132,7 @@ def _write_level(spherical, i, share, angles, tilts, phi, moments, distance, row
                 ball = middle
             else:
                 above = middle
-    row[0], row[1] = share, apex
+    row[0], row[1] = part, apex
     row[2], row[3], row[4] = radius, math.cos(ball), math.sin(ball)
     row[5], row[6] = length * math.cos(corner), length * math.sin(corner)
 
@@ -162,14 +162,15 @@ def write_sure_forces(spherical, points, normals, radii, angles, tilts, phi, mom
         tilts: Largest tilts, below pi/2 (b, n).
         phi: Scratch (2,).
         moments: Scratch (2,).
-        cones: Written (b, n, k COLUMNS); of hard contacts, and other than two, k - 1 levels are 0.
+        cones: Written, the modes of each level (b, n, k MODES COLUMNS), the first of which is that
+            of hard contacts; or only that (b, n, COLUMNS).
         axes: Written, the moments of the fourth axis (b, n, 3).
     """
     size, count = tilts.shape
-    levels = cones.shape[2] // COLUMNS
+    levels = cones.shape[2] // (MODES * COLUMNS)  # 0: one of one mode
     for g in range(size):
         for i in range(count):
-            for k in range(COLUMNS, levels * COLUMNS):
+            for k in range(COLUMNS, cones.shape[2]):
                 cones[g, i, k] = 0.0
             for k in range(3):
                 axes[g, i, k] = 0.0
@@ -198,7 +199,9 @@ def write_sure_forces(spherical, points, normals, radii, angles, tilts, phi, mom
         for i in range(2):
             _write_axis(line, normals[g, i], phi[i], tilts[g, i], moments[i], axes[g, i])
             for level in range(1, levels):
-                share = low * CLEAR * math.sin(0.5 * math.pi * level / (levels - 1))
-                first = level * COLUMNS
-                row = cones[g, i, first : first + COLUMNS]
-                _write_level(spherical, i, share, *own, row)
+                most = low * CLEAR * level / (levels - 1)
+                for mode in range(MODES):
+                    share = most * math.sin(0.5 * math.pi * mode / (MODES - 1))
+                    first = (level * MODES + mode) * COLUMNS
+                    row = cones[g, i, first : first + COLUMNS]
+                    _write_mode(spherical, i, share, most, *own, row)

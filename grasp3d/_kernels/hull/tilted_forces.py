@@ -2,10 +2,10 @@
 
 A contact has its axes, as in `support_functions`, and a row of numbers in `WrenchSpace.cones`:
 
-* SURE: forces that a contact can apply whichever its normal is, for each of several levels of the
-  torsional moment that all contacts apply together. They are the convex hull of a force along the
-  normal, of a part of a ball about it and of a circle of forces, the corner. The fourth axis is the
-  moment.
+* SURE: forces that a contact can apply whichever its normal is, on one of several levels, the same
+  for all contacts of the grasp, and in one of several modes, its own. They are the convex hull of a
+  force along the normal, of a part of a ball about it and of a circle of forces, the corner. The
+  fourth axis is the torsional moment, which has a size in each mode.
 * POSSIBLE: what it can apply at some normal, force and moment each at one of its own. The fourth to
   sixth axis are the moments about the normal and the two tangents.
 
@@ -14,7 +14,7 @@ Contacts next to each other may share a bound, as the points of a patch do: `Wre
 
 import math
 
-from grasp3d._kernels.compiling.decorators import merged, part, scratch_kernel
+from grasp3d._kernels.compiling.decorators import merged, scratch_kernel
 from grasp3d._kernels.surface.vectors import clear6, dot6
 
 SURE, POSSIBLE = 3, 4
@@ -25,14 +25,17 @@ TINY = 1e-300
 
 
 COLUMNS = 7
-"""Numbers of a level of SURE forces: the torsional moment, times the fourth axis; the shortest
-force along the normal that it needs; radius of the ball, cosine and sine of the largest angle of
-its forces; normal and tangential component of the corner."""
+"""Numbers of a mode of SURE forces: the torsional moment, times the fourth axis; the shortest force
+along the normal that it needs; radius of the ball, cosine and sine of the largest angle of its
+forces; normal and tangential component of the corner."""
+
+MODES = 6
+"""Modes of a level, where contacts are soft; otherwise there is one level of one mode."""
 
 
 @merged
 def _sure(row, first, z0, tangent):
-    """(support, f_normal, f_tangential) of one contact at a level, whose columns start at first."""
+    """(support, f_normal, f_tangential) of one contact in the mode whose columns start at first."""
     apex = row[first + 1]
     best, normal, tangential = apex * z0, apex, 0.0
     length, cosine, sine = row[first + 2], row[first + 3], row[first + 4]
@@ -92,15 +95,33 @@ def _possible(spherical, row, z0, tangent, w0, twist):
 
 
 @merged
+def _width(space):
+    """Columns of a level."""
+    columns = space.cones.shape[1]
+    return MODES * COLUMNS if space.torsion == SURE and columns > COLUMNS else columns
+
+
+@merged
 def _of_contact(space, i, first, u):
-    """(support, force and moment along six axes) of one contact; SURE: without its moment."""
+    """(support, force and moment along six axes) of one contact; the level starts at first."""
     axes = space.axes[i]
     z0, z1, z2 = dot6(axes[0], u), dot6(axes[1], u), dot6(axes[2], u)
     tangent = math.sqrt(z1 * z1 + z2 * z2)
     scale = 1.0 / max(tangent, TINY)
     if space.torsion == SURE:
-        height, f0, across = _sure(space.cones[i], first, z0, tangent)
-        return height, f0, scale * across * z1, scale * across * z2, 0.0, 0.0, 0.0
+        row, z3 = space.cones[i], dot6(axes[3], u)
+        height, f0, across, f3 = -math.inf, 0.0, 0.0, 0.0
+        for column in range(first, first + _width(space), COLUMNS):
+            reach, pressing, sliding = _sure(row, column, z0, tangent)
+            if reach + row[column] * abs(z3) > height:
+                height, f0, across, f3 = (
+                    reach + row[column] * abs(z3),
+                    pressing,
+                    sliding,
+                    row[column],
+                )
+        f3 = math.copysign(f3, z3)
+        return height, f0, scale * across * z1, scale * across * z2, f3, 0.0, 0.0
     w0 = w1 = w2 = 0.0
     if axes.shape[0] == 6:
         w0, w1, w2 = dot6(axes[3], u), dot6(axes[4], u), dot6(axes[5], u)
@@ -111,16 +132,7 @@ def _of_contact(space, i, first, u):
     return height, f0, f1, f2, m0, turn * w1, turn * w2
 
 
-@merged
-def _moments(space, first, u):
-    """Support of the moments of a level, all in the same sense, and that sense."""
-    height = 0.0
-    for i in range(space.axes.shape[0]):
-        height += space.cones[i, first] * dot6(space.axes[i, 3], u)
-    return abs(height), math.copysign(1.0, height)
-
-
-@part
+@scratch_kernel
 def add_tilted_forces(space, u, first, weight, forces, point, has_forces):
     """Support of one level; add its contact forces, times a weight, and its wrench, if wanted.
 
@@ -133,23 +145,19 @@ def add_tilted_forces(space, u, first, weight, forces, point, has_forces):
         point: Changed, the wrench (6,), where `has_forces` is 0.
         has_forces: 1: forces are added; 0: the wrench is; -1: neither.
     """
-    total, sense = 0.0, 1.0
-    if space.torsion == SURE:
-        total, sense = _moments(space, first, u)
+    total = 0.0
     count, width = space.axes.shape[0], space.axes.shape[1]
     for start in range(0, count, space.group):
         best, chosen = 0.0, -1
         for i in range(start, min(start + space.group, count)):
             height, _, _, _, _, _, _ = _of_contact(space, i, first, u)
-            # The moment of a level needs a force, even one that pushes the wrong way.
+            # A level with moments needs a force, even one that pushes the wrong way.
             if height > best or (space.torsion == SURE and space.group == 1):
                 best, chosen = height, i
         total += best
         if chosen < 0 or has_forces < 0:
             continue
         _, f0, f1, f2, f3, f4, f5 = _of_contact(space, chosen, first, u)
-        if space.torsion == SURE:
-            f3 = sense * space.cones[chosen, first]
         if has_forces == 1:
             forces[chosen, 0] += weight * f0
             forces[chosen, 1] += weight * f1
@@ -169,11 +177,10 @@ def add_tilted_forces(space, u, first, weight, forces, point, has_forces):
 def best_level(space, u):
     """First column of the level that reaches farthest in a direction."""
     best, chosen = -math.inf, 0
-    levels = space.cones.shape[1] // COLUMNS if space.torsion == SURE else 1
-    for level in range(levels):
-        height = add_tilted_forces(space, u, level * COLUMNS, 0.0, space.cones, u, -1)
+    for first in range(0, space.cones.shape[1], _width(space)):
+        height = add_tilted_forces(space, u, first, 0.0, space.cones, u, -1)
         if height > best:
-            best, chosen = height, level * COLUMNS
+            best, chosen = height, first
     return chosen
 
 
