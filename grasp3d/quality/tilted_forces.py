@@ -86,7 +86,9 @@ def problem_over_tilts(
         )
         tangential = cones[..., COLUMNS - 1] > 0.0
     else:
-        cones = np.stack([contacts.friction, tilts, angles], axis=-1)
+        widest = np.minimum(angles + tilts, math.pi)
+        turns = (turn(angle) for angle in (tilts, widest) for turn in (np.cos, np.sin))
+        cones = np.stack([contacts.friction, *turns], axis=-1)
         moments = torsion[..., None] * normals
         tangential = angles + tilts > 0.0
         # Moments about other axes than the given normal.

@@ -57,41 +57,46 @@ def _possible(spherical, row, z0, tangent, w0, twist):
 
     Args:
         spherical: As in `WrenchSpace`.
-        row: Friction, tilt and friction angle.
+        row: Friction; cosine and sine of the tilt; and of the friction angle plus the tilt, which
+            is at most pi.
         z0: Component of the direction of forces along the normal.
         tangent: And across it.
         w0: The same of the direction of moments.
         twist: The same of the direction of moments.
     """
-    friction, tilt, beta = row[0], row[1], row[2]
+    square, turned, aside = row[0] * row[0], row[1], row[2]
     # The moment is about an axis within the tilt of the normal, in either sense.
     size = math.sqrt(w0 * w0 + twist * twist)
-    turned = math.atan2(twist, abs(w0))
-    turn = min(turned, tilt)
-    moment = size * math.cos(turned - turn)
-    m0, m1 = math.copysign(math.cos(turn), w0), math.sin(turn)
-    length, phi = math.sqrt(z0 * z0 + tangent * tangent), math.atan2(tangent, z0)
+    m0, m1 = turned, aside
+    if twist * turned <= abs(w0) * aside:
+        m0, m1 = abs(w0) / max(size, TINY), twist / max(size, TINY)
+    moment = abs(w0) * m0 + twist * m1
+    m0 = math.copysign(m0, w0)
+    length = math.sqrt(z0 * z0 + tangent * tangent)
+    cosine, sine = z0 / max(length, TINY), tangent / max(length, TINY)
+    if length == 0.0:
+        cosine = 1.0
     if spherical:
-        angle = min(phi, beta + tilt)
-        height = length * math.cos(phi - angle)
+        f0, f1 = (cosine, sine) if cosine >= row[3] else (row[3], row[4])
+        height = z0 * f0 + tangent * f1
         share = 1.0 if height > 0.0 else 0.0
-        return (
-            max(height, 0.0) + moment, share * math.cos(angle), share * math.sin(angle), m0, m1,
-        )  # fmt: skip
-    # Of all angles between g and a normal this one would be the best.
-    best, square = 0.0, friction * friction
+        return share * height + moment, share * f0, share * f1, m0, m1
+    # Of all angles between g and a normal this one would be the best; those between two are left.
     ratio = moment * moment / max(length * length, TINY)
-    cosine = (square + ratio) / max(square * square + square, TINY)
-    if cosine < 1.0:
-        best = math.acos(math.sqrt(cosine))
-    angle = min(max(best, phi - tilt), phi + tilt)
-    away = friction * length * math.sin(angle)
+    c = min(math.sqrt((square + ratio) / max(square * square + square, TINY)), 1.0)
+    s = math.sqrt(1.0 - c * c)
+    if cosine < turned and c > cosine * turned + sine * aside:
+        c, s = cosine * turned + sine * aside, sine * turned - cosine * aside
+    elif cosine > -turned and c < cosine * turned - sine * aside:
+        c, s = cosine * turned - sine * aside, sine * turned + cosine * aside
+    away = row[0] * length * s
     root = math.sqrt(away * away + moment * moment)
-    slide, share = friction * away / max(root, TINY), moment / max(root, TINY)
-    delta = phi - angle  # of the normal from the given one, toward g
-    c, s = math.cos(delta), math.sin(delta)
-    height = length * math.cos(angle) + root
-    return height, c - slide * s, s + slide * c, share * m0, share * m1
+    slide, share = row[0] * away / max(root, TINY), moment / max(root, TINY)
+    # Of the normal from the given one, toward g.
+    along, across = cosine * c + sine * s, sine * c - cosine * s
+    height = length * c + root
+    f0, f1 = along - slide * across, across + slide * along
+    return height, f0, f1, share * m0, share * m1
 
 
 @merged
@@ -148,16 +153,17 @@ def add_tilted_forces(space, u, first, weight, forces, point, has_forces):
     total = 0.0
     count, width = space.axes.shape[0], space.axes.shape[1]
     for start in range(0, count, space.group):
-        best, chosen = 0.0, -1
+        # On a level with moments a contact presses, even where that pushes the wrong way.
+        best, chosen = -math.inf if space.torsion == SURE and space.group == 1 else 0.0, -1
+        f0 = f1 = f2 = f3 = f4 = f5 = 0.0
         for i in range(start, min(start + space.group, count)):
-            height, _, _, _, _, _, _ = _of_contact(space, i, first, u)
-            # A level with moments needs a force, even one that pushes the wrong way.
-            if height > best or (space.torsion == SURE and space.group == 1):
-                best, chosen = height, i
+            found = _of_contact(space, i, first, u)
+            if found[0] > best:
+                best, f0, f1, f2, f3, f4, f5 = found
+                chosen = i
         total += best
         if chosen < 0 or has_forces < 0:
             continue
-        _, f0, f1, f2, f3, f4, f5 = _of_contact(space, chosen, first, u)
         if has_forces == 1:
             forces[chosen, 0] += weight * f0
             forces[chosen, 1] += weight * f1
@@ -177,6 +183,8 @@ def add_tilted_forces(space, u, first, weight, forces, point, has_forces):
 def best_level(space, u):
     """First column of the level that reaches farthest in a direction."""
     best, chosen = -math.inf, 0
+    if space.cones.shape[1] == _width(space):
+        return 0
     for first in range(0, space.cones.shape[1], _width(space)):
         height = add_tilted_forces(space, u, first, 0.0, space.cones, u, -1)
         if height > best:
