@@ -68,8 +68,8 @@ def force_range(
         task: As in `grip_force`.
         tilt: Largest angle a between true and given normals [rad], from 0 to below pi/2: one value,
             or shape (..., n).
-        bound: As in `grip_force`. With 'norm' the largest force of hard fingers is exact, where no
-            tilt exceeds a contact's friction angle; otherwise it is a safe bound.
+        bound: As in `grip_force`. With 'norm' the largest force of hard fingers and of patches is
+            exact, where no tilt exceeds a contact's friction angle; otherwise it is a safe bound.
         masses: As in `grip_force`.
         rtol: As in `grip_force`.
 
@@ -100,11 +100,13 @@ def force_range(
         rows = slice(first, first + CHUNK)
         grasps, part = flat.take(rows), options.take(rows)
         nominal = part.bounds(ForceProblem.of_contacts(grasps, bound=bound))
-        least, largest = nominal.lower, nominal.upper
+        least, largest = nominal.lower, np.array(nominal.upper)
         if tilts[rows].any():
             possible = ForceProblem.over_tilts(grasps, tilts[rows], "possible", bound=bound)
             least = part.bounds(possible).lower
-            largest = np.maximum(largest_force(grasps, tilts[rows], part), largest)
+            held = np.flatnonzero(np.isfinite(largest))
+            sure = largest_force(grasps.take(held), tilts[rows][held], part.take(held))
+            largest[held] = np.maximum(sure, largest[held])
         values[:, rows] = nominal.upper, np.minimum(least, nominal.upper), largest
         resistance[rows] = nominal.reason
         report_progress(min(1.0, (first + CHUNK) / len(tilts)))

@@ -127,7 +127,7 @@ def test_more_force_never_makes_a_label_worse(low: float, more: float) -> None:
 def test_forces_are_ordered_and_contain_the_nominal_one() -> None:
     holding = labels().holding
     assert holding is not None
-    assert holding.how == "sampled"
+    assert holding.how == "bound"
     assert (holding.grip_force_least <= holding.grip_force).all()
     assert (holding.grip_force <= holding.grip_force_largest).all()
 
