@@ -114,12 +114,15 @@ def test_a_pad_turned_half_about_its_approach_is_the_same_pad() -> None:
 
 
 def test_a_small_patch_needs_more_force_for_a_weight_beside_it() -> None:
-    """At the edge the pads touch 0.8 mm of their height: the same points, but the box turns."""
-    for contact in ("soft", "patch"):
+    """At the edge the pads touch 0.8 mm of their height: the same points, but the box turns.
+
+    The ends of that strip bear more of a torque than pressure that is even.
+    """
+    for contact, factor in (("soft", 1.5), ("patch", 1.4)):
         found = evaluated(BOX, at_heights(0.0, 0.018), contact=contact)
         assert found.jaws.area[1, 0] < 0.1 * found.jaws.area[0, 0]
-        assert found.holding.grip_force[1] > 1.5 * found.holding.grip_force[0]
-        assert found.holding.payload[1] < found.holding.payload[0] / 1.5
+        assert found.holding.grip_force[1] > factor * found.holding.grip_force[0]
+        assert found.holding.payload[1] < found.holding.payload[0] / factor
     soft, patch = (
         evaluated(BOX, at_heights(0.0), contact=name).holding for name in ("soft", "patch")
     )
