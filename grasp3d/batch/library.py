@@ -193,6 +193,7 @@ def label_library(
         for row in _rows(jobs, settings, cluster, store, counter, force=force):
             store.add(row)
             counter.finish(row)
+        store.verify([mesh.name for mesh in meshes])
     finally:  # also when interrupted
         store.close()
     if report:

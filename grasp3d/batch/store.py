@@ -177,6 +177,28 @@ class Store:
         if len(self._in_journal) >= MERGE_ROWS or age >= MERGE_SECONDS:
             self._merge_journal()
 
+    def verify(self, names: Iterable[str]) -> None:
+        """Check that what the summary states is there, as somebody may have removed it meanwhile.
+
+        Labelled meshes whose results are missing get rows that say so; files of the summary that
+        are missing are written again.
+
+        Args:
+            names: Names of the meshes of this run; if the marker is missing, all are checked.
+
+        Raises:
+            OutputError: A row cannot be written.
+        """
+        if MARKER not in self.output.names():
+            self.output.write(MARKER, self._marker)
+            names = list(self._rows)
+        vars(self).pop("_file_stamps", None)
+        for name in names:
+            row = self._rows[name]
+            if row.outcome is Outcome.LABELLED and not self._has_results(row):
+                self.add(_removed_row(row))
+        self._shards.restore()
+
     def close(self) -> None:
         """Move all rows into the summary and empty the journal.
 
@@ -274,6 +296,10 @@ class Store:
         """Whether a row is valid provided that the content of its mesh has not changed."""
         if row.outcome is Outcome.LOST or not row.content or not self._is_current(row):
             return False
+        return self._has_results(row)
+
+    def _has_results(self, row: Row) -> bool:
+        """Whether all result files of a row are there, and none is empty."""
         return not any(
             self._file_stamps.get(name, "0-").startswith("0-") for name in _result_files(row)
         )
@@ -299,6 +325,19 @@ class Store:
 
 def _identity(row: Row) -> str:
     return f"{row.content} {row.stamp}"
+
+
+def _removed_row(row: Row) -> Row:
+    """Row of a mesh whose results have been removed."""
+    return Row(
+        mesh=row.mesh,
+        source=row.source,
+        outcome=Outcome.LOST,
+        error=f"{row.source}: its results were removed while the batch ran; run it again",
+        bytes=row.bytes,
+        version=row.version,
+        method=row.method,
+    )
 
 
 def _result_files(row: Row) -> list[str]:

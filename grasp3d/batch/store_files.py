@@ -154,6 +154,12 @@ class Shards:
             if len(latest) < len(rows) or name in self.outdated:
                 self._write(name, latest)
 
+    def restore(self) -> None:
+        """Write shards again whose files were removed since they were read or written."""
+        present = set(self.output.names("summary"))
+        for name in self.shards.keys() - present:
+            self._write(name, self.shards[name])
+
     def rows_to_merge(self) -> PackedRows:
         """Rows of small shards if there are too many of these; else none."""
         names = [name for name, rows in self.shards.items() if len(rows) < SMALL]

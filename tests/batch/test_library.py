@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import shutil
 import signal
 import time
 from collections import Counter
@@ -227,6 +228,38 @@ def test_temporary_failures_are_tried_again(
     assert {row.outcome for row in done.failed} == {Outcome.LOST}
     monkeypatch.undo()
     assert len(label(source, out)[1]) == 5
+
+
+def test_results_that_are_removed_meanwhile_are_not_claimed(tmp_path: Path) -> None:
+    inputs, output = small_library(tmp_path / "in"), tmp_path / "out"
+
+    def remove_once(progress: BatchProgress) -> None:
+        if progress.labelled == 2 and progress.row is not None:
+            shutil.rmtree(output)
+
+    done, _ = label(inputs, output, progress=remove_once)
+    lost = [row for row in done.failed if "removed while the batch ran" in str(row.error)]
+    assert len(lost) == 2
+    assert not any(row.labels for row in lost)
+    assert {name: row.outcome for name, row in done.rows.items()} == {
+        row.mesh: row.outcome for row in read_summary(output)
+    }
+    again, labelled = label(inputs, output)
+    assert sorted(labelled) == sorted(row.mesh for row in lost)
+    assert [row.mesh for row in again.failed] == ["bad.stl"]
+
+
+def test_a_summary_that_is_removed_meanwhile_is_written_again(tmp_path: Path) -> None:
+    inputs, output = small_library(tmp_path / "in"), tmp_path / "out"
+    first, _ = label(inputs, output)
+    mesh(inputs / "e.ply", 5.0)
+
+    def remove_summary(progress: BatchProgress) -> None:
+        if progress.row is not None:
+            shutil.rmtree(output / "summary")
+
+    second, _ = label(inputs, output, progress=remove_summary)
+    assert len(read_summary(output)) == len(first.rows) + 1 == len(second.rows)
 
 
 def test_no_mesh_is_an_error_and_writes_nothing(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import gc
 import io
 import ipaddress
 import re
@@ -316,6 +317,8 @@ class ViewerServer:
                     await self._close(visit)
             if self._has_closed:
                 self._has_closed = False
+                if not self._clients:
+                    gc.collect()  # what trame holds in cycles; nobody waits now
                 return_memory()
 
 
