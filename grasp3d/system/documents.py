@@ -31,6 +31,11 @@ def is_file(path: str | Path) -> bool:
     return os.path.isfile(path)  # noqa: PTH113, pathlib's raises for names that are too long
 
 
+def is_folder(path: str | Path) -> bool:
+    """Whether there is such a folder."""
+    return os.path.isdir(path)  # noqa: PTH112, as above
+
+
 def problem_of_file(path: Path, largest: int | None = None) -> str | None:
     """Why a path names no regular file that is read: a phrase for its name; None: it names one.
 

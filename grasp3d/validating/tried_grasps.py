@@ -20,6 +20,7 @@ from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.quality.loads import Load
 from grasp3d.settings import MeshOptions
 from grasp3d.surface.load_case import loaded_mesh, mass_of
+from grasp3d.system.documents import is_file, is_folder
 
 ACRONYM = (".h5", ".hdf5")
 """Endings of files whose grasps are of a Franka hand where they state no gripper."""
@@ -51,8 +52,8 @@ class MeshFolder:
     folder: Path | None = None
 
     def __post_init__(self) -> None:
-        if self.folder is not None and not self.folder.is_dir():
-            problem = "is a file" if self.folder.exists() else "there is no such folder"
+        if self.folder is not None and not is_folder(self.folder):
+            problem = "is a file" if is_file(self.folder) else "there is no such folder"
             raise MeshError(f"{self.folder}: {problem}; name the folder of the meshes")
 
     def find(self, stated: str | None, grasps: Path) -> Path:
@@ -109,7 +110,7 @@ def _safe(stated: str) -> PurePosixPath:
 
 def _distinct(paths: list[Path]) -> list[Path]:
     """Files that exist, each once."""
-    files = {path.resolve(): path for path in reversed(paths) if path.is_file()}
+    files = {path.resolve(): path for path in reversed(paths) if is_file(path)}
     return list(reversed(files.values()))
 
 

@@ -21,6 +21,8 @@ from grasp3d.hand.hand_files import hand_of_line, read_hand
 from grasp3d.hand.parallel_gripper import preset
 from grasp3d.settings.uncertainty import Uncertainty
 from grasp3d.system.documents import DEEPEST, MOST_DIGITS, parse_json
+from grasp3d.validating.tried_grasps import MeshFolder
+from grasp3d.viewer.session.collection import open_collection
 from tests.hand.test_robot_descriptions import BOX, URDF
 
 POSE = "[[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]]"
@@ -177,6 +179,9 @@ LONG = "a" * 300
         lambda: read_object_pose(f"{LONG}.json"),
         lambda: grasp3d.load_mesh(f"{LONG}.stl"),
         lambda: grasp3d.read_labels(f"{LONG}.npz"),
+        lambda: open_collection(Path(f"{LONG}.stl")),
+        lambda: MeshFolder(Path(LONG)),
+        lambda: MeshFolder().find(f"{LONG}.stl", Path("log.csv")),
     ],
 )
 def test_names_that_no_file_can_have_are_refused(read: Callable[[], object]) -> None:

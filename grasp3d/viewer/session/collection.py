@@ -28,6 +28,7 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import Labelling, label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.context import current_progress, report_progress, running, within
+from grasp3d.system.documents import is_file, is_folder
 from grasp3d.system.names import as_unicode, printable
 from grasp3d.viewer.session.computations import search_grasps
 from grasp3d.viewer.session.inspection import warm_up
@@ -212,7 +213,7 @@ def open_collection(
     reach = reach or ReachSettings()
     if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:/", str(target)):
         raise MeshError(f"{where}: is an address; copy the file or folder to this machine first")
-    if not target.exists():
+    if not (is_file(target) or is_folder(target)):
         raise MeshError(f"{where}: there is no such file or folder")
     labels = None
     if target.suffix.lower() in READERS and not target.is_dir():
