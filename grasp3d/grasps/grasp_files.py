@@ -20,6 +20,7 @@ from grasp3d.grasps.pose_files.documents import (
     json_numbers,
     json_text,
     load_json,
+    one_line,
     write_rows,
 )
 from grasp3d.grasps.pose_files.frames import GivenPose
@@ -128,9 +129,9 @@ def read_contacts(path: str | Path) -> Floats:
     try:
         return _from_json(path) if suffix == ".json" else _from_table(path)
     except OSError as error:
-        raise ContactError(f"{path}: cannot be read ({error.strerror or error})") from error
+        raise one_line(path, f"cannot be read ({error.strerror or error})") from error
     except (ContactError, ValueError) as error:
-        raise ContactError(f"{path}: {error}") from error
+        raise one_line(path, str(error)) from error
 
 
 def _from_table(path: Path) -> Floats:

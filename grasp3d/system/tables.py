@@ -42,6 +42,9 @@ LARGEST_FILE = 4096 * MEGABYTE
 MOST_COLUMNS, MOST_VALUES = 4096, 250_000_000
 """Most columns and values that are read, of 8 bytes each: 10 million grasps with 25 columns."""
 
+OBJECT = 25.0
+"""Memory of an object of Python, in numbers."""
+
 ROWS = 16_384
 """Rows of Parquet that are read at a time."""
 
@@ -287,7 +290,7 @@ def _read_parquet(path: Path) -> pa.Table:
     costs = {field.name: _cost(field.type) for field in schema}
     groups = [metadata.row_group(number) for number in range(metadata.num_row_groups)]
     parts = [group.column(k) for group in groups for k in range(group.num_columns)]
-    _check_values(sum(one.num_values * costs[one.path_in_schema.split(".")[0]] for one in parts))
+    _check_values(sum(one.num_values * costs.get(one.path_in_schema, OBJECT) for one in parts))
     batches, size = [], 0
     with pq.ParquetFile(path, read_dictionary=texts) as file:
         for batch in file.iter_batches(ROWS):
@@ -300,9 +303,9 @@ def _read_parquet(path: Path) -> pa.Table:
 def _cost(kind: pa.DataType) -> float:
     """Memory of a value, in numbers; what is no number or text becomes objects of Python."""
     if pa.types.is_fixed_size_binary(kind):
-        return 25.0 + float(kind.byte_width) / 8
+        return OBJECT + float(kind.byte_width) / 8
     is_plain = pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_string(kind)
-    return 1.0 if is_plain or pa.types.is_boolean(kind) else 25.0
+    return 1.0 if is_plain or pa.types.is_boolean(kind) else OBJECT
 
 
 def _check_values(count: float) -> None:

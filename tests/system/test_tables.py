@@ -96,7 +96,7 @@ def test_parquet_keeps_texts_as_they_are(tmp_path: Path) -> None:
 def test_missing_texts_of_codes_are_missing(tmp_path: Path) -> None:
     path = tmp_path / "t.parquet"
     texts = pa.array(["x", None, "y", None]).dictionary_encode()
-    pq.write_table(pa.table({"name": texts, "n": pa.array([1, None, 3, 4])}), path)
+    pq.write_table(pa.table({"name": texts, "n": pa.array([1, None, 3, 4]), "a.b": [0] * 4}), path)
     found = read_columns(path)
     assert found["name"].tolist() == ["x", None, "y", None]
     assert np.array_equal(found["n"], [1.0, np.nan, 3.0, 4.0], equal_nan=True)

@@ -54,6 +54,11 @@ def check_file(path: Path) -> None:
         raise ContactError(printable(f"{path}: {problem}"))
 
 
+def one_line(path: Path, problem: str) -> ContactError:
+    """The error of a file; the messages of libraries can have several lines."""
+    return ContactError(printable(f"{path}: {' '.join(problem.split())}"))
+
+
 def load_json(path: Path) -> Any:
     """Content of a JSON file. Raises ValueError, OSError."""
     return documents.load_json(path, LARGEST_JSON)

@@ -16,7 +16,12 @@ from grasp3d.grasps.pose_files.data_sets import (
     write_graspgen,
     write_graspnet,
 )
-from grasp3d.grasps.pose_files.documents import check_file, load_json, yaml_module
+from grasp3d.grasps.pose_files.documents import (
+    check_file,
+    load_json,
+    one_line,
+    yaml_module,
+)
 from grasp3d.grasps.pose_files.frames import GivenPose, missing_of_hand, read_object_pose
 from grasp3d.grasps.pose_files.header import OBJECT_FRAMES
 from grasp3d.grasps.pose_files.own_files import (
@@ -40,7 +45,7 @@ from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.settings import PoseFormat, check_choice
 from grasp3d.settings.lengths import Unit
 from grasp3d.system.files import check_suffix
-from grasp3d.system.names import printable, unsupported
+from grasp3d.system.names import unsupported
 
 
 @dataclass(frozen=True)
@@ -179,9 +184,9 @@ def read_poses(
     try:
         return _relative(_read(path, format, hand, unit), pose)
     except OSError as error:
-        raise _one_line(path, f"cannot be read ({error.strerror or error})") from error
+        raise one_line(path, f"cannot be read ({error.strerror or error})") from error
     except (ContactError, ValueError) as error:
-        raise _one_line(path, str(error)) from error
+        raise one_line(path, str(error)) from error
 
 
 def _relative(poses: GraspPoses, object_pose: ObjectPose | None) -> GraspPoses:
@@ -299,8 +304,3 @@ def _unknown_json(content: object) -> str:
         "contains no poses: expected the key grasps with poses (as write_poses writes them) or "
         "transforms (GraspGen), or a list of messages with grasp_pose (moveit_msgs/Grasp)"
     )
-
-
-def _one_line(path: Path, problem: str) -> ContactError:
-    """The error of a file; the messages of libraries can have several lines."""
-    return ContactError(printable(f"{path}: {' '.join(problem.split())}"))
