@@ -43,16 +43,19 @@ def read_mjcf(path: Path) -> LinkTree:
 
 def _loaded(path: Path) -> "MjModel":
     try:
-        from mujoco import FatalError, MjModel, UnexpectedError
+        from mujoco import FatalError, MjModel, UnexpectedError, set_mju_user_warning
     except ImportError as error:
         raise SettingError(
             "reading a MuJoCo model needs mujoco; install it with: pip install 'grasp3d[grippers]'"
         ) from error
+    set_mju_user_warning(lambda _: None)  # otherwise it writes a log into the working folder
     try:
         return MjModel.from_xml_path(str(path))
     except (ValueError, RuntimeError, FatalError, UnexpectedError) as error:
         reason = " ".join(str(error).split())
         raise SettingError(printable(f"{path}: MuJoCo cannot read it ({reason})")) from error
+    finally:
+        set_mju_user_warning(None)
 
 
 def _joint(model: "MjModel", body: int, names: list[str]) -> Joint:

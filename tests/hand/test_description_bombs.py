@@ -110,6 +110,13 @@ def test_what_passes_the_look_is_read_with_limits(
         read_hand(path, fingers=FINGERS)
 
 
+def test_no_log_of_mujoco_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = model(tmp_path, '<worldbody><body pos="nan 0 0"/></worldbody>')
+    monkeypatch.chdir(tmp_path)
+    hand_files.read_links(path)
+    assert [one.name for one in tmp_path.iterdir()] == [path.name]
+
+
 def test_meshes_give_more_time(tmp_path: Path) -> None:
     mesh = tmp_path / "f.stl"
     trimesh.creation.icosphere(4).export(mesh)
