@@ -179,7 +179,8 @@ def main() -> None:
                 extreme = getattr(adversary, side)(settings.starts, settings.steps, rng)
                 if side == "largest":
                     beyond = extreme > found.largest
-                    ratio = found.largest / extreme
+                    with np.errstate(invalid="ignore"):  # both may be infinite
+                        ratio = found.largest / extreme
                 else:
                     beyond = extreme < found.least
                     ratio = extreme / found.least
