@@ -43,6 +43,9 @@ NO_PICTURES = "There are no pictures of them: they need OpenGL, which is not ava
 QUALITY = 85
 """Quality of the pictures' compression, from 0 to 100."""
 
+POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'"
+"""What the page may load: nothing but what is in it, and no scripts at all."""
+
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1d232b; background: #fff;
   max-width: 62rem; margin: 0 auto; padding: 1.5rem; }
@@ -313,6 +316,7 @@ def page(title: str, parts: Iterable[str]) -> str:
     """
     head = (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         '<meta name="generator" content="grasp3d"><link rel="icon" href="data:,">'
         f"<title>{text(title)}</title><style>{STYLE}</style></head>\n<body>\n"

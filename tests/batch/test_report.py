@@ -1,3 +1,4 @@
+import base64
 import hashlib
 import io
 import json
@@ -400,6 +401,22 @@ def test_report_is_a_folder_of_four_files(tmp_path: Path, box: SurfaceLabels) ->
     page = (tmp_path / "report" / "index.html").read_text(encoding="utf-8")
     assert "<!--STYLE-->" not in page
     assert not re.search(r'(src|href)="(https?:)?//', page)
+
+
+def test_pages_run_only_their_own_scripts(tmp_path: Path, box: SurfaceLabels) -> None:
+    write_report(Folder(str(tmp_path)), [row_of(box, "box.ply", "box")], BatchSettings(MODEL))
+    for name in ("index.html", "object.html"):
+        page = (tmp_path / "report" / name).read_text(encoding="utf-8")
+        policy = re.search(r'Content-Security-Policy" content="([^"]+)"', page)
+        assert policy is not None
+        scripts = policy[1].partition("script-src ")[2].partition(";")[0]
+        inline = re.findall(r"<script>(.*?)</script>", page, re.DOTALL)
+        hashes = [
+            f"'sha256-{base64.b64encode(hashlib.sha256(one.encode()).digest()).decode()}'"
+            for one in inline
+        ]
+        assert scripts == (" ".join(hashes) or "'self' file:")
+        assert policy[1].startswith("default-src 'none'")
 
 
 def test_names_and_errors_of_meshes_are_not_markup(tmp_path: Path, box: SurfaceLabels) -> None:

@@ -1,5 +1,7 @@
 """Writing the report's pages: the library page and the object page."""
 
+import base64
+import hashlib
 import re
 from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
@@ -14,6 +16,13 @@ from grasp3d.system.versions import package_version
 
 COPIED = ("viewer.js", "viewer.css")
 """Files of the object page; the library page contains its scripts and styles."""
+
+CHARSET = '<meta charset="utf-8">'
+POLICY = (
+    "default-src 'none'; script-src {scripts}; style-src 'self' file: 'unsafe-inline'; "
+    "img-src 'self' file: data:; base-uri 'none'; form-action 'none'"
+)
+"""What a page may load: its own files, also from a disk, where no file is of the same origin."""
 
 _PLACEHOLDER = re.compile(r"<!--(STYLE|SCRIPT|DATA)-->")
 
@@ -35,9 +44,11 @@ def write_report(output: Folder, rows: Collection[Row], settings: BatchSettings)
         **library_data(rows, settings),
     }
     parts = {"STYLE": _static("library.css"), "SCRIPT": _static("library.js")}
+    hashed = base64.b64encode(hashlib.sha256(parts["SCRIPT"].encode("utf-8")).digest()).decode()
+    parts["DATA"], objects = json_text(data), {"DATA": json_text(object_list(rows))}
     pages = {
-        "index.html": _filled(_static("index.html"), {**parts, "DATA": json_text(data)}),
-        "object.html": _filled(_static("object.html"), {"DATA": json_text(object_list(rows))}),
+        "index.html": _filled(_with_policy("index.html", f"'sha256-{hashed}'"), parts),
+        "object.html": _filled(_with_policy("object.html", "'self' file:"), objects),
         **{name: _static(name) for name in COPIED},
     }
     for name, text in pages.items():
@@ -46,6 +57,13 @@ def write_report(output: Folder, rows: Collection[Row], settings: BatchSettings)
 
 def _static(name: str) -> str:
     return files(__package__).joinpath("static", name).read_text(encoding="utf-8")
+
+
+def _with_policy(name: str, scripts: str) -> str:
+    """A page that runs only some scripts."""
+    policy = POLICY.format(scripts=scripts)
+    meta = f'{CHARSET}\n<meta http-equiv="Content-Security-Policy" content="{policy}">'
+    return _static(name).replace(CHARSET, meta, 1)
 
 
 def _filled(page: str, parts: Mapping[str, str]) -> str:
