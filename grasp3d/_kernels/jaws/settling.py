@@ -1,10 +1,11 @@
 """A free object that settles between the jaws of a gripper.
 
-The jaws squeeze the object with a force N. It moves as long as that releases more energy than
-friction takes: a motion by which the opening w changes by -dw releases N dw, and an object that
-slips by s1 on one jaw and s2 on the other takes mu N (s1 + s2). It is at rest where no small motion
-makes the opening, with mu times the slips added, smaller: with mu = 0 where the opening is locally
-smallest, in general where friction can hold the squeezed object.
+The jaws squeeze the object. It is at rest where forces within the friction cones of what touches
+balance each other. By duality that is where every small motion opens the jaws at which the contacts
+do not slide along each other, but part at the angle of friction from their common plane: a slip by
+s on a face of slope t opens a jaw by s (tan t - tan(t - phi)) more than one without friction, which
+is mu s where the face is flush with the jaw. Without friction the object is at rest where the
+opening is locally smallest.
 
 Everything is in the frame of the gripper, in object sizes. Motions that change what the jaws touch
 are turns about y and z, about a point midway between the contacts or about either contact, which
@@ -38,7 +39,7 @@ from grasp3d._kernels.jaws.jaws import (
     starts_inside,
 )
 from grasp3d._kernels.jaws.touching import slopes, touch_face
-from grasp3d._kernels.surface.vectors import copy_rows, difference
+from grasp3d._kernels.surface.vectors import copy_rows, cross, difference, dot, norm
 
 PARALLEL = 1e-14
 """Determinant, relative to the squares of slopes, below which lines do not meet."""
@@ -154,10 +155,84 @@ def jaw_size(jaw):
     return 0.5 * math.hypot(jaw.bounds[2] - jaw.bounds[0], jaw.bounds[3] - jaw.bounds[1])
 
 
+FRICTIONLESS, JAMMED = 1e-9, 1e3
+"""Least friction that is computed with, and most that a slip may open a jaw, relative to it."""
+
+AIMING = (0.4, 0.2, 0.1, 0.05, 0.025)
+"""Turns by which the direction of a motion is varied for that which friction prevents last [rad]."""
+
+
 @part
-def slip_of(kind, width, size):
-    """How far the object slips on both jaws per unit of a motion."""
-    return 2.0 * size if kind == SHIFT else width
+def squared_sine(friction):
+    """Of the angle of friction."""
+    mu = max(friction, FRICTIONLESS)
+    return mu * mu / (1.0 + mu * mu)
+
+
+@part
+def _parting(row, dy, dz, sine_squared):
+    """How far a jaw opens beyond what a frictionless slip takes where contacts part.
+
+    Args:
+        row: What it touches, as in `Settling`.
+        dy: Slip of the object along y.
+        dz: Slip along z.
+        sine_squared: Squared sine of the angle of friction.
+    """
+    along = row[3] * dy + row[4] * dz
+    slip = dy * dy + dz * dz
+    curvature = 1.0 / (1.0 + row[3] ** 2 + row[4] ** 2) - sine_squared
+    square, most = slip + along * along, JAMMED * math.sqrt(slip)
+    root = (sine_squared * along) ** 2 + curvature * sine_squared * square
+    if root <= 0.0:
+        return most
+    below = sine_squared * along + math.sqrt(root)
+    return min(sine_squared * square / below, most) if below > 0.0 else most
+
+
+@part
+def _parting_of(kind, u, v, size, touches, pivot, sine_squared):
+    """How far both jaws open so per unit of a motion in a direction (u, v)."""
+    total = 0.0
+    for finger in range(2):
+        row = touches[finger]
+        x = row[0] - pivot[0]
+        dy, dz = (size * u, size * v) if kind == SHIFT else (x * v, -x * u)
+        total += _parting(row, dy, dz, sine_squared)
+    return total
+
+
+@part
+def resistance(kind, size, friction, touches, pivot, plane):
+    """How friction resists a motion from what the jaws touch.
+
+    Args:
+        kind: The motion.
+        size: Half the diagonal of a jaw.
+        friction: Coulomb coefficient.
+        touches: As in `Settling` (2, 7).
+        pivot: Point about which the object turns (3,).
+        plane: The opening there as in `write_plane` (3,).
+
+    Returns:
+        (slope of the opening that friction prevents just so; slope of the plane relative to it).
+    """
+    steepness = math.hypot(plane[1], plane[2])
+    sine_squared = squared_sine(friction)
+    angle = math.atan2(-plane[2], -plane[1])
+    best = 0.0
+    for step in (0.0, *AIMING):
+        middle = angle
+        for side in (-1.0, 1.0):
+            turned = middle + side * step
+            u, v = math.cos(turned), math.sin(turned)
+            parting = _parting_of(kind, u, v, size, touches, pivot, sine_squared)
+            rate = -(plane[1] * u + plane[2] * v) / max(parting, 1e-300)
+            if rate > best:
+                best, angle = rate, turned
+    if best == 0.0:
+        return JAMMED, 0.0
+    return steepness / best, best
 
 
 @part
@@ -336,11 +411,14 @@ SHRINKING = 0.3
 GATHERED = 1.2
 """Largest motions for which faces around the jaws are looked for at once."""
 
-PLANES = 6
+PLANES = 12
 """Most planes of one minimisation."""
 
-TOLERANCE = 3e-6
+TOLERANCE = 1e-8
 """Decrease of the opening, in object sizes, that counts as none."""
+
+PINCHED = 1e-5
+"""Opening, in object sizes, at which jaws that are not on both sides of a sheet pinch an edge."""
 
 TIED = 1e-9
 """Relative difference of rates that rounding makes: of a symmetric object's motions the same one
@@ -452,12 +530,12 @@ def settle(surface, tree, pose, opening, friction, jaw, nodes, memory):
         count = move(memory.near, near, total, jaw, margin, memory.faces)
         count = keep_near(memory.faces, count, memory.touches, start, margin, jaw)
         put_first(memory.faces, count, memory.touches[:, 6])
-        _write_promises(width, size, memory)
+        _write_promises(width, size, friction, memory)
         fastest, reached, length, lost, shorter = 0.0, width, 0.0, False, False
         for _ in range(MOTIONS):
             kind = _first_of_largest(memory.promises)
             # No motion pays more than it promises at its start.
-            if memory.promises[kind] <= max(friction, fastest):
+            if memory.promises[kind] <= max(1.0, fastest):
                 break
             memory.promises[kind] = 0.0
             if proven[kind]:
@@ -479,13 +557,33 @@ def settle(surface, tree, pose, opening, friction, jaw, nodes, memory):
             apply_motion(memory.chosen_motion, pose, total)
             copy_rows(memory.chosen, memory.touches)
             proven[:] = False
+            if width < PINCHED and _parts(surface, memory.touches, friction):
+                return LEAVES, width
         elif lost or shorter:
             reach *= SHRINKING
         else:
             break
     _centre(pose, total, memory.touches)
-    leaves = moves == MOST_MOVES or (lost and reach <= SMALLEST_TURN)
+    leaves = moves == MOST_MOVES or reach <= SMALLEST_TURN
     return (LEAVES if leaves else RESTS), width
+
+
+@part
+def _parts(surface, touches, friction):
+    """Whether the faces that both jaws touch are inclined by more than friction holds together."""
+    one, two = np.int64(touches[0, 6]), np.int64(touches[1, 6])
+    a, b = _normal_of(surface, one), _normal_of(surface, two)
+    cosine = -dot(a, b) / (norm(a) * norm(b))
+    square = squared_sine(friction)  # cos(2 phi) = 1 - 2 sin(phi)^2
+    return cosine < 1.0 - 2.0 * square
+
+
+@part
+def _normal_of(surface, face):
+    """Normal of a face, not scaled."""
+    corner = surface.points[surface.faces[face, 0]]
+    one = difference(surface.points[surface.faces[face, 1]], corner)
+    return cross(one, difference(surface.points[surface.faces[face, 2]], corner))
 
 
 @part
@@ -510,14 +608,15 @@ def _farthest(length, size, start):
 
 
 @part
-def _write_promises(width, size, memory):
+def _write_promises(width, size, friction, memory):
     """Write the rate of each motion at its start."""
     plane = memory.planes[0]
     for kind in range(MOTIONS):
         set_pivot(kind, memory.touches, memory.pivot)
         write_plane(kind, width, 0.0, 0.0, size, memory.touches, memory.pivot, plane)
-        slip = slip_of(kind, width, size)
-        memory.promises[kind] = math.hypot(plane[1], plane[2]) / max(slip, TOLERANCE)
+        _, memory.promises[kind] = resistance(
+            kind, size, friction, memory.touches, memory.pivot, plane
+        )
 
 
 @part
@@ -536,18 +635,20 @@ def _first_of_largest(promises):
 def _minimise(kind, width, opening, friction, reach, count, jaw, memory):
     """Try motions of one kind, and write the best one.
 
-    Returns (outcome, opening, rate, length of the motion). The rate is that of closing per slip:
-    the friction that would prevent the motion.
+    Returns (outcome, opening, rate, length of the motion). The rate is that of closing relative to
+    the one that friction prevents just so.
     """
     planes, size = memory.planes, jaw_size(jaw)
-    slip = slip_of(kind, width, size)
     set_pivot(kind, memory.touches, memory.pivot)
     write_plane(kind, width, 0.0, 0.0, size, memory.touches, memory.pivot, planes[0])
+    slope, _ = resistance(kind, size, friction, memory.touches, memory.pivot, planes[0])
+    sine_squared, tolerance = squared_sine(friction), TOLERANCE * min(1.0, width / PINCHED)
     start = start_before(opening, width, jaw)
-    lowest, found, number, rate, length = width, width, 1, 0.0, 0.0
+    found, number, rate, length = width, 1, 0.0, 0.0
     while number < PLANES:
-        promise, u, v = lowest_point(planes, number, reach, friction * slip)
-        if promise >= lowest - TOLERANCE:
+        lowest = found + slope * length
+        promise, u, v = lowest_point(planes, number, reach, slope)
+        if promise >= lowest - tolerance:
             return (MOVED if found < width else PROVEN), found, rate, length
         write_motion(kind, u, v, size, memory.pivot, memory.motion)
         code, tried = touch(
@@ -556,12 +657,16 @@ def _minimise(kind, width, opening, friction, reach, count, jaw, memory):
         if code < 0:
             outcome = LOST if code == -1 else SHORTER
             return (MOVED if found < width else outcome), found, rate, length
-        write_plane(kind, tried, u, v, size, memory.tried, memory.pivot, planes[number])
+        plane = planes[number]
+        write_plane(kind, tried, u, v, size, memory.tried, memory.pivot, plane)
         number += 1
-        if tried + friction * slip * math.hypot(u, v) < lowest - TOLERANCE and tried < width:
-            length = math.hypot(u, v)
-            lowest, found = tried + friction * slip * length, tried
-            rate = (width - tried) / max(slip * length, TOLERANCE)
+        if tried + slope * math.hypot(u, v) < lowest - tolerance and tried < width:
+            length, found = math.hypot(u, v), tried
+            rate = (width - tried) / (slope * length)
+            # Friction at the end of the motion says whether it goes on.
+            slope = _parting_of(
+                kind, u / length, v / length, size, memory.tried, memory.pivot, sine_squared
+            )
             copy_rows(memory.tried, memory.best)
             copy_rows(memory.motion, memory.best_motion)
     return (MOVED if found < width else SHORTER), found, rate, length
