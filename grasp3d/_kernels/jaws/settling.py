@@ -553,10 +553,20 @@ def settle(surface, tree, pose, opening, friction, jaw, nodes, memory):
         if fastest > 0.0:
             # The jaws follow the object, and the gripper is centred.
             left -= 2.0 * _farthest(length, size, start) + width - reached
-            width, moves = reached, moves + 1
+            moves += 1
             apply_motion(memory.chosen_motion, pose, total)
             copy_rows(memory.chosen, memory.touches)
             proven[:] = False
+            if width - reached > margin:  # a jaw may have passed what had not been kept
+                left = -1.0
+                near = gather(surface, tree, pose, jaw, 0.0, nodes, memory.near)
+                write_motion(SHIFT, 0.0, 0.0, size, memory.pivot, total)
+                found, reached = touch(
+                    memory.near, near, total, jaw, start, memory.touching, memory.touches
+                )
+                if found < 0:
+                    return LEAVES, width
+            width = reached
             if width < PINCHED and _parts(surface, memory.touches, friction):
                 return LEAVES, width
         elif lost or shorter:
@@ -646,7 +656,7 @@ def _minimise(kind, width, opening, friction, reach, count, jaw, memory):
     start = start_before(opening, width, jaw)
     found, number, rate, length = width, 1, 0.0, 0.0
     while number < PLANES:
-        lowest = found + slope * length
+        lowest = min(width, found + slope * length)
         promise, u, v = lowest_point(planes, number, reach, slope)
         if promise >= lowest - tolerance:
             return (MOVED if found < width else PROVEN), found, rate, length

@@ -132,6 +132,9 @@ def _distance(corners, side, x):
 ON_SIDE = 1e-9
 """Barycentric coordinate, or sine of an angle, below which features are not distinguished."""
 
+ALONG = 1e-5
+"""Sine of the angle between a side of the jaw and an edge below which they are parallel."""
+
 TIED = 1e-10
 """Difference of positions, in object sizes, that rounding makes: it must not choose what is touched
 of a face that lies flat on a pad."""
@@ -227,26 +230,28 @@ def slopes(corners, normal, part, side, jaw, position, row):
         x = position - jaw.radius - row[0]
         return -row[1] / x, -row[2] / x
     near, plane, edges = 0, jaw.planes[part], jaw.edges[part]
-    for k in range(3):
-        if row[3 + k] > 1.0 - ON_SIDE:
-            return -plane[1], -plane[2]
-        if row[3 + k] < row[3 + near]:
-            near = k
-    if row[3 + near] > ON_SIDE:  # within the object's face: a corner of the jaw
-        return side * normal[1] / normal[0], side * normal[2] / normal[0]
     crossed, gap = 0, math.inf
     for e in range(edges.shape[0]):
         distance = edges[e, 2] - edges[e, 0] * row[1] - edges[e, 1] * row[2]
         if distance < gap:
             crossed, gap = e, distance
-    ty, tz = -edges[crossed, 1], edges[crossed, 0]
-    tx = plane[1] * ty + plane[2] * tz
-    a, b = corners[(near + 1) % 3], corners[(near + 2) % 3]
-    ux, uy, uz = side * (b[0] - a[0]), b[1] - a[1], b[2] - a[2]
-    x = uy * tz - uz * ty
-    if abs(x) <= ON_SIDE * (abs(uy) + abs(uz)):  # parallel: the edge slides on the jaw's face
+    at_vertex = False
+    for k in range(3):
+        at_vertex |= row[3 + k] > 1.0 - ON_SIDE
+        if row[3 + k] < row[3 + near]:
+            near = k
+    if at_vertex and gap > ON_SIDE:
         return -plane[1], -plane[2]
-    return (uz * tx - ux * tz) / x, (ux * ty - uy * tx) / x
+    if not at_vertex and row[3 + near] <= ON_SIDE:
+        ty, tz = -edges[crossed, 1], edges[crossed, 0]
+        tx = plane[1] * ty + plane[2] * tz
+        a, b = corners[(near + 1) % 3], corners[(near + 2) % 3]
+        ux, uy, uz = side * (b[0] - a[0]), b[1] - a[1], b[2] - a[2]
+        x = uy * tz - uz * ty
+        if abs(x) > ALONG * (abs(uy) + abs(uz)):
+            return (uz * tx - ux * tz) / x, (ux * ty - uy * tx) / x
+    # A corner of the jaw, or its side where the object's edge or vertex is about to leave it.
+    return side * normal[1] / normal[0], side * normal[2] / normal[0]
 
 
 @part
