@@ -203,6 +203,16 @@ def _parting_of(kind, u, v, size, touches, pivot, sine_squared):
 
 
 @part
+def _least_parting(kind, size, touches, pivot, sine_squared):
+    """The same in the one of eight directions in which that is least."""
+    least = math.inf
+    for k in range(8):
+        u, v = math.cos(k * math.pi / 4.0), math.sin(k * math.pi / 4.0)
+        least = min(least, _parting_of(kind, u, v, size, touches, pivot, sine_squared))
+    return least
+
+
+@part
 def resistance(kind, size, friction, touches, pivot, plane):
     """How friction resists a motion from what the jaws touch.
 
@@ -215,9 +225,8 @@ def resistance(kind, size, friction, touches, pivot, plane):
         plane: The opening there as in `write_plane` (3,).
 
     Returns:
-        (slope of the opening that friction prevents just so; slope of the plane relative to it).
+        The largest slope of the opening relative to that which friction prevents just so.
     """
-    steepness = math.hypot(plane[1], plane[2])
     sine_squared = squared_sine(friction)
     angle = math.atan2(-plane[2], -plane[1])
     best = 0.0
@@ -230,9 +239,7 @@ def resistance(kind, size, friction, touches, pivot, plane):
             rate = -(plane[1] * u + plane[2] * v) / max(parting, 1e-300)
             if rate > best:
                 best, angle = rate, turned
-    if best == 0.0:
-        return JAMMED, 0.0
-    return steepness / best, best
+    return best
 
 
 @part
@@ -624,7 +631,7 @@ def _write_promises(width, size, friction, memory):
     for kind in range(MOTIONS):
         set_pivot(kind, memory.touches, memory.pivot)
         write_plane(kind, width, 0.0, 0.0, size, memory.touches, memory.pivot, plane)
-        _, memory.promises[kind] = resistance(
+        memory.promises[kind] = resistance(
             kind, size, friction, memory.touches, memory.pivot, plane
         )
 
@@ -651,13 +658,20 @@ def _minimise(kind, width, opening, friction, reach, count, jaw, memory):
     planes, size = memory.planes, jaw_size(jaw)
     set_pivot(kind, memory.touches, memory.pivot)
     write_plane(kind, width, 0.0, 0.0, size, memory.touches, memory.pivot, planes[0])
-    slope, _ = resistance(kind, size, friction, memory.touches, memory.pivot, planes[0])
     sine_squared, tolerance = squared_sine(friction), TOLERANCE * min(1.0, width / PINCHED)
+    slope = _least_parting(kind, size, memory.touches, memory.pivot, sine_squared)
     start = start_before(opening, width, jaw)
     found, number, rate, length = width, 1, 0.0, 0.0
     while number < PLANES:
         lowest = min(width, found + slope * length)
         promise, u, v = lowest_point(planes, number, reach, slope)
+        tried_length = math.hypot(u, v)
+        if length == 0.0 and tried_length > 0.0:  # what friction takes depends on the direction
+            slope = _parting_of(
+                kind, u / tried_length, v / tried_length, size, memory.touches, memory.pivot,
+                sine_squared,
+            )  # fmt: skip
+            promise, u, v = lowest_point(planes, number, reach, slope)
         if promise >= lowest - tolerance:
             return (MOVED if found < width else PROVEN), found, rate, length
         write_motion(kind, u, v, size, memory.pivot, memory.motion)
