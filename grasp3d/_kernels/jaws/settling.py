@@ -159,7 +159,7 @@ FRICTIONLESS, JAMMED = 1e-9, 1e3
 """Least friction that is computed with, and most that a slip may open a jaw, relative to it."""
 
 AIMING = (0.4, 0.2, 0.1, 0.05, 0.025)
-"""Turns by which the direction of a motion is varied for that which friction prevents last [rad]."""
+"""Turns of a direction in the search for that in which friction prevents a motion last [rad]."""
 
 
 @part
@@ -203,43 +203,32 @@ def _parting_of(kind, u, v, size, touches, pivot, sine_squared):
 
 
 @part
-def _least_parting(kind, size, touches, pivot, sine_squared):
-    """The same in the one of eight directions in which that is least."""
-    least = math.inf
-    for k in range(8):
-        u, v = math.cos(k * math.pi / 4.0), math.sin(k * math.pi / 4.0)
-        least = min(least, _parting_of(kind, u, v, size, touches, pivot, sine_squared))
-    return least
-
-
-@part
-def resistance(kind, size, friction, touches, pivot, plane):
-    """How friction resists a motion from what the jaws touch.
+def resistance(kind, size, touches, pivot, plane, sine_squared):
+    """How friction resists motions of a kind.
 
     Args:
         kind: The motion.
         size: Half the diagonal of a jaw.
-        friction: Coulomb coefficient.
         touches: As in `Settling` (2, 7).
         pivot: Point about which the object turns (3,).
         plane: The opening there as in `write_plane` (3,).
+        sine_squared: Squared sine of the angle of friction.
 
     Returns:
-        The largest slope of the opening relative to that which friction prevents just so.
+        (least that the jaws open per unit of a motion in directions about that of the plane;
+        largest slope of the plane relative to what they open).
     """
-    sine_squared = squared_sine(friction)
-    angle = math.atan2(-plane[2], -plane[1])
-    best = 0.0
+    angle, least, best = math.atan2(-plane[2], -plane[1]), math.inf, 0.0
     for step in (0.0, *AIMING):
         middle = angle
         for side in (-1.0, 1.0):
             turned = middle + side * step
             u, v = math.cos(turned), math.sin(turned)
             parting = _parting_of(kind, u, v, size, touches, pivot, sine_squared)
-            rate = -(plane[1] * u + plane[2] * v) / max(parting, 1e-300)
+            rate, least = -(plane[1] * u + plane[2] * v) / parting, min(least, parting)
             if rate > best:
                 best, angle = rate, turned
-    return best
+    return least, best
 
 
 @part
@@ -588,11 +577,10 @@ def settle(surface, tree, pose, opening, friction, jaw, nodes, memory):
 @part
 def _parts(surface, touches, friction):
     """Whether the faces that both jaws touch are inclined by more than friction holds together."""
-    one, two = np.int64(touches[0, 6]), np.int64(touches[1, 6])
-    a, b = _normal_of(surface, one), _normal_of(surface, two)
-    cosine = -dot(a, b) / (norm(a) * norm(b))
-    square = squared_sine(friction)  # cos(2 phi) = 1 - 2 sin(phi)^2
-    return cosine < 1.0 - 2.0 * square
+    one = _normal_of(surface, np.int64(touches[0, 6]))
+    two = _normal_of(surface, np.int64(touches[1, 6]))
+    twice = 1.0 - 2.0 * squared_sine(friction)  # the cosine of twice the angle of friction
+    return -dot(one, two) < twice * norm(one) * norm(two)
 
 
 @part
@@ -631,8 +619,8 @@ def _write_promises(width, size, friction, memory):
     for kind in range(MOTIONS):
         set_pivot(kind, memory.touches, memory.pivot)
         write_plane(kind, width, 0.0, 0.0, size, memory.touches, memory.pivot, plane)
-        memory.promises[kind] = resistance(
-            kind, size, friction, memory.touches, memory.pivot, plane
+        _, memory.promises[kind] = resistance(
+            kind, size, memory.touches, memory.pivot, plane, squared_sine(friction)
         )
 
 
@@ -659,18 +647,15 @@ def _minimise(kind, width, opening, friction, reach, count, jaw, memory):
     set_pivot(kind, memory.touches, memory.pivot)
     write_plane(kind, width, 0.0, 0.0, size, memory.touches, memory.pivot, planes[0])
     sine_squared, tolerance = squared_sine(friction), TOLERANCE * min(1.0, width / PINCHED)
-    slope = _least_parting(kind, size, memory.touches, memory.pivot, sine_squared)
+    slope, _ = resistance(kind, size, memory.touches, memory.pivot, planes[0], sine_squared)
     start = start_before(opening, width, jaw)
     found, number, rate, length = width, 1, 0.0, 0.0
     while number < PLANES:
         lowest = min(width, found + slope * length)
         promise, u, v = lowest_point(planes, number, reach, slope)
-        tried_length = math.hypot(u, v)
-        if length == 0.0 and tried_length > 0.0:  # what friction takes depends on the direction
-            slope = _parting_of(
-                kind, u / tried_length, v / tried_length, size, memory.touches, memory.pivot,
-                sine_squared,
-            )  # fmt: skip
+        if length == 0.0 and (u != 0.0 or v != 0.0):  # friction depends on the direction
+            slope = _parting_of(kind, u, v, size, memory.touches, memory.pivot, sine_squared)
+            slope /= math.hypot(u, v)
             promise, u, v = lowest_point(planes, number, reach, slope)
         if promise >= lowest - tolerance:
             return (MOVED if found < width else PROVEN), found, rate, length
@@ -688,9 +673,8 @@ def _minimise(kind, width, opening, friction, reach, count, jaw, memory):
             length, found = math.hypot(u, v), tried
             rate = (width - tried) / (slope * length)
             # Friction at the end of the motion says whether it goes on.
-            slope = _parting_of(
-                kind, u / length, v / length, size, memory.tried, memory.pivot, sine_squared
-            )
+            slope = _parting_of(kind, u, v, size, memory.tried, memory.pivot, sine_squared)
+            slope /= length
             copy_rows(memory.tried, memory.best)
             copy_rows(memory.motion, memory.best_motion)
     return (MOVED if found < width else SHORTER), found, rate, length
