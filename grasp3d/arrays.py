@@ -3,6 +3,7 @@
 import math
 import textwrap
 from dataclasses import fields, is_dataclass
+from tokenize import TokenError
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +26,24 @@ Bools = npt.NDArray[np.bool_]
 Bytes = npt.NDArray[np.uint8]
 
 RIGHT_ANGLE = math.pi / 2.0
+
+HEADER_ERRORS = (
+    ValueError, TypeError, OverflowError, EOFError, SyntaxError, MemoryError, RecursionError,
+    TokenError,
+)  # fmt: skip
+"""What NumPy raises for headers of its files, which are the text of a Python dictionary."""
+
+
+def text_of(array: npt.NDArray[Any]) -> str:
+    """The text that an array holds; NumPy's own conversion may end with a SystemError.
+
+    Raises:
+        ValueError: It is no text.
+    """
+    if array.dtype.kind != "U":
+        raise ValueError("it is no text")
+    ordered = array.astype(array.dtype.newbyteorder("<"))
+    return ordered.tobytes().decode("utf-32-le").rstrip("\0")
 
 
 def locked(array: ArrayLike, dtype: npt.DTypeLike | None = None) -> npt.NDArray[Any]:

@@ -340,7 +340,7 @@ def _in_words(text: str, rng: np.random.Generator) -> str:
 
 
 def _in_lines(text: str, rng: np.random.Generator) -> str:
-    lines = text.splitlines(keepends=True) or [text]
+    lines = text.splitlines(keepends=True) or ["\n"]
     at, kind = int(rng.integers(len(lines))), int(rng.integers(4))
     other = lines[int(rng.integers(len(lines)))]
     if kind == 0:
@@ -468,10 +468,9 @@ def serve(name: str, numbers: range, seed: int, folder: str, state: Any, answers
         (here / "finger.stl").write_bytes(seeds["finger.stl"])
         path = here / f"{name}{reader.suffix}"
         for number in numbers:
-            state[1] = time.time()
+            state[0], state[1] = number, time.time()
             path.write_bytes(file_of(name, reader, number, seed, seeds))
             started = state[1] = time.time()
-            state[0] = number
             try:
                 reader.read(path)
                 outcome = "read"

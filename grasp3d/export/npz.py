@@ -11,6 +11,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from grasp3d.arrays import HEADER_ERRORS, text_of
 from grasp3d.export.stored import FIELDS, Stored
 from grasp3d.reading.sources import Source, check_memory
 from grasp3d.surface.fields import Array, Arrays, Field, present
@@ -64,7 +65,7 @@ MEMORY = 4.0
 """Memory for reading, per byte of the arrays: they are copied, checked and arranged anew."""
 
 _DAMAGE = (
-    zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, NotImplementedError, RuntimeError
+    zipfile.BadZipFile, zlib.error, OSError, NotImplementedError, RuntimeError
 )  # fmt: skip
 """Errors that zipfile and NumPy raise for damaged archives."""
 
@@ -98,7 +99,7 @@ def arrays_of_npz(source: Source, stream: IO[bytes]) -> Arrays:
             entries = archive.infolist()
             check_memory(source, sum(entry.file_size for entry in entries), MEMORY)
             return dict(_arrays(archive, entries))
-    except (*_DAMAGE, MemoryError) as error:
+    except (*_DAMAGE, *HEADER_ERRORS) as error:
         reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise source.error(f"its arrays cannot be read ({reason}); label the mesh again") from error
 
@@ -129,4 +130,7 @@ def _array(content: bytes, name: str) -> Array:
     size = math.prod(shape) * kind.itemsize
     if kind.hasobject or by_column or size != len(content) - stream.tell():
         raise ValueError(f"{name} is not an array of its size")
-    return np.frombuffer(content, kind, offset=stream.tell()).reshape(shape)
+    array = np.frombuffer(content, kind, offset=stream.tell()).reshape(shape)
+    if kind.kind == "U":
+        text_of(array)
+    return array

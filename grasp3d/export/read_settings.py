@@ -4,6 +4,7 @@ import json
 import math
 import struct
 import zipfile
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from grasp3d.arrays import Floats
+from grasp3d.arrays import HEADER_ERRORS, Floats, text_of
 from grasp3d.errors import GraspError
 from grasp3d.hand.hand_files import hand_of_line
 from grasp3d.hand.scene import Scene
@@ -139,7 +140,7 @@ def _numbers(values: Mapping[str, str], name: str, count: int) -> Floats | None:
 FORMAT_KEYS = frozenset({"format", "version", "unit"})
 """Keys of a gripper in JSON that describe the format."""
 
-_DAMAGE = (OSError, ValueError, KeyError, TypeError)
+_DAMAGE = (OSError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error, struct.error)
 
 _GLB_HEAD = struct.Struct("<4sIIII")
 
@@ -156,15 +157,7 @@ def stored_settings(path: Path) -> dict[str, str] | None:
     reader = _READERS.get(path.suffix.lower())
     try:
         settings = None if reader is None or problem_of_file(path) else reader(path)
-    except (
-        OSError,
-        ValueError,
-        KeyError,
-        TypeError,
-        MemoryError,
-        struct.error,
-        zipfile.BadZipFile,
-    ):
+    except (*_DAMAGE, *HEADER_ERRORS):
         return None
     return {str(name): str(value) for name, value in settings.items()} if settings else None
 
@@ -178,7 +171,7 @@ def _from_ply(path: Path) -> dict[str, str]:
 def _from_npz(path: Path) -> dict[str, str]:
     with path.open("rb") as stream, np.load(stream) as arrays:
         names = [name for name in arrays.files if name.startswith(SETTING)]
-        return {name.removeprefix(SETTING): str(arrays[name]) for name in names}
+        return {name.removeprefix(SETTING): text_of(arrays[name]) for name in names}
 
 
 def _from_glb(path: Path) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Labels that are read again are those that were written, as far as their format stores them."""
 
 import math
+import zipfile
 from collections.abc import Callable
 from dataclasses import asdict
 from functools import cache
@@ -30,6 +31,7 @@ from grasp3d import (
 )
 from grasp3d.errors import GraspError, MeshError
 from grasp3d.export.read_labels import labels_in
+from grasp3d.export.read_settings import stored_settings
 from grasp3d.export.writers import writer_for
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality import Weight
@@ -341,6 +343,27 @@ def test_impossible_values_are_refused(tmp_path: Path, case: str) -> None:
     arrays, message = bad_values()[case]
     with pytest.raises(MeshError, match=message):
         read_labels(rewritten(path, **arrays))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b"'shape': ()", b"'shape': (("),  # NumPy reads the header as Python's own text
+        (b"'<U", b"'>U"),  # letters beyond Unicode
+    ],
+)
+def test_damaged_headers_and_texts_are_refused(tmp_path: Path, old: bytes, new: bytes) -> None:
+    """Also where an existing result is looked at before it is replaced."""
+    path = tmp_path / "f.npz"
+    writer_for(path)(path, gripper())
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content.replace(old, new))
+    with pytest.raises(MeshError, match="its arrays cannot be read"):
+        read_labels(path)
+    assert stored_settings(path) is None
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".vtp"])

@@ -10,13 +10,12 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from tokenize import TokenError
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import Floats
+from grasp3d.arrays import HEADER_ERRORS, Floats
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.system import documents
 from grasp3d.system.documents import (
@@ -38,12 +37,6 @@ _WHOLE = re.compile(r"[-+]?(0[xob])?[\da-fA-F_:]+")
 """Whole numbers of YAML."""
 
 _PYTHON = "tag:yaml.org,2002:python"
-
-_HEADER_ERRORS = (
-    ValueError, TypeError, OverflowError, EOFError, SyntaxError, MemoryError, RecursionError,
-    TokenError,
-)  # fmt: skip
-"""What NumPy raises for headers, which are the text of a Python dictionary."""
 
 Entries = Sequence[Mapping[str, Any]]
 
@@ -103,7 +96,7 @@ def load_array(path: Path) -> npt.NDArray[Any]:
             raise ContactError("is no .npy file")
     try:
         array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
-    except _HEADER_ERRORS as error:
+    except HEADER_ERRORS as error:
         reason = " ".join(str(error).split())[:200]
         raise ContactError(f"is no .npy file of numbers ({reason})") from error
     return array
