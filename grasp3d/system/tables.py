@@ -282,22 +282,23 @@ def _values_of(column: pa.ChunkedArray) -> npt.NDArray[Any]:
 
 
 def _read_parquet(path: Path) -> pa.Table:
-    """A Parquet file, whose few bytes may stand for very many values."""
+    """A Parquet file, whose few bytes may stand for very many values; without columns of lists.
+
+    Metadata of its columns is not looked at: where it is damaged, pyarrow ends the process.
+    """
     with pq.ParquetFile(path) as file:
-        schema, metadata = file.schema_arrow, file.metadata
+        schema, rows = file.schema_arrow, file.metadata.num_rows
     _checked_names(schema.names)
-    texts = [field.name for field in schema if pa.types.is_string(field.type)]
-    costs = {field.name: _cost(field.type) for field in schema}
-    groups = [metadata.row_group(number) for number in range(metadata.num_row_groups)]
-    parts = [group.column(k) for group in groups for k in range(group.num_columns)]
-    _check_values(sum(one.num_values * costs.get(one.path_in_schema, OBJECT) for one in parts))
+    flat = [field for field in schema if not pa.types.is_nested(field.type)]
+    _check_values(rows * sum(_cost(field.type) for field in flat))
+    texts = [field.name for field in flat if pa.types.is_string(field.type)]
     batches, size = [], 0
     with pq.ParquetFile(path, read_dictionary=texts) as file:
-        for batch in file.iter_batches(ROWS):
+        for batch in file.iter_batches(ROWS, columns=[field.name for field in flat]):
             batches.append(batch)
             size += batch.nbytes
             _check_values(size / 8)
-        return pa.Table.from_batches(batches, file.schema_arrow)
+    return pa.Table.from_batches(batches) if batches else schema.empty_table()
 
 
 def _cost(kind: pa.DataType) -> float:
