@@ -40,7 +40,7 @@ def text_of(array: npt.NDArray[Any]) -> str:
     Raises:
         ValueError: It is no text.
     """
-    if array.dtype.kind != "U":
+    if not isinstance(array, np.ndarray) or array.dtype.kind != "U":
         raise ValueError("it is no text")
     ordered = array.astype(array.dtype.newbyteorder("<"))
     return ordered.tobytes().decode("utf-32-le").rstrip("\0")

@@ -26,6 +26,7 @@ from grasp3d.stability.label import Mode
 from grasp3d.surface.label_settings import GIVEN_ANGLE, SETTING
 from grasp3d.surface.vertex_grasps import SearchReport
 from grasp3d.system.documents import parse_json, problem_of_file
+from grasp3d.system.isolation import CallFailedError, call
 from grasp3d.system.ply_files import settings_of_header
 from grasp3d.system.tables import read_settings
 
@@ -140,7 +141,12 @@ def _numbers(values: Mapping[str, str], name: str, count: int) -> Floats | None:
 FORMAT_KEYS = frozenset({"format", "version", "unit"})
 """Keys of a gripper in JSON that describe the format."""
 
-_DAMAGE = (OSError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error, struct.error)
+_DAMAGE = (
+    OSError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error, struct.error, CallFailedError
+)  # fmt: skip
+
+MEMORY, SECONDS, BYTES_PER_SECOND = 4.0, 15.0, 1e6
+"""Limits of the process that reads a VTP: memory [GB], time of an empty file [s], and its speed."""
 
 _GLB_HEAD = struct.Struct("<4sIIII")
 
@@ -192,14 +198,20 @@ def _from_json(path: Path) -> dict[str, Any]:
 
 
 def _from_vtp(path: Path) -> dict[str, str]:
-    import pyvista
-
     with path.open("rb") as stream:
         if b"VTKFile" not in stream.read(LONGEST_HEADER):  # VTK prints its errors
             return {}
+    seconds = SECONDS + path.stat().st_size / BYTES_PER_SECOND
+    return call(_vtp_settings, str(path.absolute()), memory=MEMORY, seconds=seconds)
+
+
+def _vtp_settings(path: str) -> dict[str, str]:
+    """Settings of a VTP, in a child process: VTK crashes at damaged ones, or takes all memory."""
+    import pyvista
+
     fields = pyvista.read(path).field_data
     names = [name for name in fields.keys() if name.startswith(SETTING)]  # noqa: SIM118
-    return {name.removeprefix(SETTING): str(fields[name][0]) for name in names}
+    return {name.removeprefix(SETTING): str(fields[name][0]) for name in names if len(fields[name])}
 
 
 _READERS: dict[str, Callable[[Path], dict[str, Any] | None]] = {

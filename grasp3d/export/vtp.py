@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 
 from grasp3d.export.npz import MEMORY
+from grasp3d.export.read_settings import BYTES_PER_SECOND, SECONDS
 from grasp3d.export.stored import Stored, damaged, fingers_of
 from grasp3d.export.vtp_arrays import vtp_arrays
 from grasp3d.reading.sources import Source, check_memory
@@ -41,13 +42,6 @@ def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
     writer.Write()
     with atomic_write(Path(path)) as part:
         part.write_text(writer.GetOutputString(), encoding="ascii")
-
-
-SECONDS = 60.0
-"""Time limit of reading, with the start of the process [s]."""
-
-BYTES_PER_SECOND = 1e6
-"""Speed of reading, with a safety factor [bytes/s]."""
 
 
 def read_vtp(source: Source) -> Stored | None:

@@ -1,6 +1,7 @@
 """Labels that are read again are those that were written, as far as their format stores them."""
 
 import math
+import re
 import zipfile
 from collections.abc import Callable
 from dataclasses import asdict
@@ -268,6 +269,17 @@ def test_an_incomplete_vtp_says_so(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:2000])
     with pytest.raises(MeshError, match="is no surface of triangles, or incomplete"):
         read_labels(path)
+
+
+@pytest.mark.slow
+def test_a_vtp_that_would_take_all_memory_is_no_result(tmp_path: Path) -> None:
+    """Where an existing file is looked at before it is replaced."""
+    path = tmp_path / "f.vtp"
+    writer_for(path)(path, gripper())
+    assert stored_settings(path)
+    text = path.read_text(encoding="ascii")
+    path.write_text(re.sub('NumberOfPoints="[0-9]+"', 'NumberOfPoints="2000000000"', text))
+    assert stored_settings(path) is None
 
 
 def test_other_formats_are_named(tmp_path: Path) -> None:
