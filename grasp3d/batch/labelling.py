@@ -87,16 +87,7 @@ def lost_row(job: Job, reason: str) -> Row:
         job: The mesh.
         reason: What ended the process.
     """
-    mesh = job.mesh
-    return Row(
-        mesh=mesh.name,
-        source=mesh.source,
-        outcome=Outcome.LOST,
-        error=f"{mesh.source}: {reason}",
-        bytes=mesh.size,
-        version=package_version(),
-        method=METHOD,
-    )
+    return Row.lost(job.mesh.name, job.mesh.source, job.mesh.size, reason)
 
 
 def _unlabelled_row(job: Job, settings: BatchSettings) -> Row:

@@ -7,7 +7,9 @@ from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import Any
 
+from grasp3d.batch.identity import METHOD
 from grasp3d.system.tables import data_frame, table_of_records
+from grasp3d.system.versions import package_version
 
 
 class Outcome(StrEnum):
@@ -206,6 +208,26 @@ class Row:
     """Version of grasp3d."""
     method: int | None = None
     """Version of the method, which changes when labels of the same mesh change."""
+
+    @classmethod
+    def lost(cls, mesh: str, source: str, size: int | None, reason: str) -> "Row":
+        """Row of a mesh whose process failed, or whose results are gone.
+
+        Args:
+            mesh: Name of the mesh.
+            source: Its path or address.
+            size: Size of its file.
+            reason: What happened.
+        """
+        return cls(
+            mesh=mesh,
+            source=source,
+            outcome=Outcome.LOST,
+            error=f"{source}: {reason}",
+            bytes=size,
+            version=package_version(),
+            method=METHOD,
+        )
 
 
 TIMINGS = frozenset({"seconds", "seconds_reading", "seconds_labelling", "seconds_writing"})

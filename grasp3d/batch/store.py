@@ -196,7 +196,8 @@ class Store:
         for name in names:
             row = self._rows[name]
             if row.outcome is Outcome.LABELLED and not self._has_results(row):
-                self.add(_removed_row(row))
+                reason = "its results were removed while the batch ran; run it again"
+                self.add(Row.lost(row.mesh, row.source, row.bytes, reason))
         self._shards.restore()
 
     def close(self) -> None:
@@ -325,19 +326,6 @@ class Store:
 
 def _identity(row: Row) -> str:
     return f"{row.content} {row.stamp}"
-
-
-def _removed_row(row: Row) -> Row:
-    """Row of a mesh whose results have been removed."""
-    return Row(
-        mesh=row.mesh,
-        source=row.source,
-        outcome=Outcome.LOST,
-        error=f"{row.source}: its results were removed while the batch ran; run it again",
-        bytes=row.bytes,
-        version=row.version,
-        method=row.method,
-    )
 
 
 def _result_files(row: Row) -> list[str]:

@@ -91,7 +91,7 @@ def parse_json(text: str | bytes, *, finite: bool = False) -> Any:
         content = json.loads(text, parse_int=_whole, parse_constant=_refuse if finite else None)
     except RecursionError as error:
         raise ValueError(_TOO_DEEP) from error
-    except ValueError as error:
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"is no JSON: {error}") from error
     _check_depth(content)
     if _ESCAPED_SURROGATE.search(text):
@@ -142,7 +142,7 @@ def described(value: object) -> str:
 
 
 def _refuse(name: str) -> None:
-    raise ValueError(f"{name} is no finite number")
+    raise ValueError(f"is no JSON: {name} is no finite number")
 
 
 def _whole(text: str) -> int:

@@ -80,6 +80,23 @@ def test_bounds_of_normal_forces_are_safe(bound: Any) -> None:
         assert (force.upper >= found.least).all()
 
 
+@pytest.mark.parametrize("bound", ["normal", "norm"])
+def test_without_friction_tilts_need_no_less_than_the_least_force(bound: Any) -> None:
+    normals = np.concatenate([np.eye(3), -np.eye(3)])
+    offsets = 0.4 * np.roll(normals, 1, axis=1)
+    contacts = Contacts(
+        np.concatenate([offsets - normals, -offsets - normals])[None],
+        np.concatenate([normals, normals])[None],
+        friction=0.0,
+    )
+    wrench = np.random.default_rng(3).normal(size=(1, 6))
+    found = force_range(contacts, wrench, 0.1, bound=bound)
+    assert 0.0 < found.least[0] < found.nominal[0] < math.inf
+    for tilted in random_tilts(contacts, 0.1, 200, 9):
+        force = grip_force(contacts.with_normals(tilted), wrench, bound=bound)
+        assert (force.upper >= found.least).all()
+
+
 def test_a_tilt_beyond_friction_has_no_safe_force_and_wide_cones_a_small_one() -> None:
     """The cones of all normals together are wider than 90 degrees: they are not convex."""
     contacts = hard_grasps(3, 20, 0.0)

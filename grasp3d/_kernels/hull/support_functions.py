@@ -22,14 +22,11 @@ import numpy.typing as npt
 from grasp3d._kernels.compiling.decorators import merged, part, scratch_kernel
 from grasp3d._kernels.hull.tilted_forces import (
     SURE,
+    TINY,
     add_tilted_forces,
-    best_level,
     farthest_tilted,
 )
 from grasp3d._kernels.surface.vectors import clear6, dot6
-
-TINY = 1e-300
-"""Smallest divisor."""
 
 NO_TORSION, LINEAR, ELLIPTIC = 0, 1, 2
 """What soft fingers resist: no torsional moment; one coupled to a pure normal force, so that the
@@ -295,7 +292,7 @@ def contact_forces(space, u, weight, force, forces):
         forces: Changed, forces in the contacts' axes, (n, 4) or where they resist rolling (n, 6).
     """
     if space.torsion >= SURE:
-        add_tilted_forces(space, u, best_level(space, u), weight, forces, force, 1)
+        add_tilted_forces(space, u, weight, forces)
         return
     best, owner = 0.0, -1
     for i in range(space.axes.shape[0]):

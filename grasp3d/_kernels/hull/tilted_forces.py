@@ -83,7 +83,9 @@ def _possible(spherical, row, z0, tangent, w0, twist):
         return share * height + moment, share * f0, share * f1, m0, m1
     # Of all angles between g and a normal this one would be the best; those between two are left.
     ratio = moment * moment / max(length * length, TINY)
-    c = min(math.sqrt((square + ratio) / max(square * square + square, TINY)), 1.0)
+    c = 1.0
+    if square > TINY:
+        c = min(math.sqrt((square + ratio) / (square * square + square)), 1.0)
     s = math.sqrt(1.0 - c * c)
     if cosine < turned and c > cosine * turned + sine * aside:
         c, s = cosine * turned + sine * aside, sine * turned - cosine * aside
@@ -137,56 +139,33 @@ def _of_contact(space, i, first, u):
     return height, f0, f1, f2, m0, turn * w1, turn * w2
 
 
-@scratch_kernel
-def add_tilted_forces(space, u, first, weight, forces, point, has_forces):
-    """Support of one level; add its contact forces, times a weight, and its wrench, if wanted.
+@merged
+def _of_group(space, start, first, u):
+    """The contact that reaches farthest of those that share a bound, and `_of_contact` of it.
 
-    Args:
-        space: `WrenchSpace` of SURE or POSSIBLE forces.
-        u: Direction (6,).
-        first: First column of the level.
-        weight: Factor of the forces.
-        forces: Changed, in the contacts' axes (n, 4 or 6); read only where `has_forces` is 0.
-        point: Changed, the wrench (6,), where `has_forces` is 0.
-        has_forces: 1: forces are added; 0: the wrench is; -1: neither.
+    The contact is -1 where none pushes that way. On a level with moments a contact presses, even
+    where that pushes the wrong way.
     """
-    total = 0.0
-    count, width = space.axes.shape[0], space.axes.shape[1]
-    for start in range(0, count, space.group):
-        # On a level with moments a contact presses, even where that pushes the wrong way.
-        best, chosen = -math.inf if space.torsion == SURE and space.group == 1 else 0.0, -1
-        f0 = f1 = f2 = f3 = f4 = f5 = 0.0
-        for i in range(start, min(start + space.group, count)):
-            found = _of_contact(space, i, first, u)
-            if found[0] > best:
-                best, f0, f1, f2, f3, f4, f5 = found
-                chosen = i
-        total += best
-        if chosen < 0 or has_forces < 0:
-            continue
-        if has_forces == 1:
-            forces[chosen, 0] += weight * f0
-            forces[chosen, 1] += weight * f1
-            forces[chosen, 2] += weight * f2
-            forces[chosen, 3] += weight * f3
-            continue
-        axes = space.axes[chosen]
-        for k in range(6):
-            point[k] += (f0 * axes[0, k] + f1 * axes[1, k]) + (f2 * axes[2, k] + f3 * axes[3, k])
-        if width == 6:
-            for k in range(6):
-                point[k] += f4 * axes[4, k] + f5 * axes[5, k]
-    return total
+    best, chosen = -math.inf if space.torsion == SURE and space.group == 1 else 0.0, -1
+    f0 = f1 = f2 = f3 = f4 = f5 = 0.0
+    for i in range(start, min(start + space.group, space.axes.shape[0])):
+        found = _of_contact(space, i, first, u)
+        if found[0] > best:
+            best, f0, f1, f2, f3, f4, f5 = found
+            chosen = i
+    return chosen, best, f0, f1, f2, f3, f4, f5
 
 
 @scratch_kernel
-def best_level(space, u):
+def _best_level(space, u):
     """First column of the level that reaches farthest in a direction."""
-    best, chosen = -math.inf, 0
-    if space.cones.shape[1] == _width(space):
+    best, chosen, width = -math.inf, 0, _width(space)
+    if space.cones.shape[1] == width:
         return 0
-    for first in range(0, space.cones.shape[1], _width(space)):
-        height = add_tilted_forces(space, u, first, 0.0, space.cones, u, -1)
+    for first in range(0, space.cones.shape[1], width):
+        height = 0.0
+        for start in range(0, space.axes.shape[0], space.group):
+            height += _of_group(space, start, first, u)[1]
         if height > best:
             best, chosen = height, first
     return chosen
@@ -194,6 +173,34 @@ def best_level(space, u):
 
 @scratch_kernel
 def farthest_tilted(space, u, point):
-    """Write the farthest wrench (6,) in a direction; returns the support."""
+    """Write the farthest wrench (6,) in a direction (6,); returns the support.
+
+    `space` is a `WrenchSpace` of SURE or POSSIBLE forces.
+    """
     clear6(point)
-    return add_tilted_forces(space, u, best_level(space, u), 0.0, space.cones, point, 0)
+    first, total = _best_level(space, u), 0.0
+    for start in range(0, space.axes.shape[0], space.group):
+        chosen, height, f0, f1, f2, f3, f4, f5 = _of_group(space, start, first, u)
+        total += height
+        if chosen < 0:
+            continue
+        axes = space.axes[chosen]
+        for k in range(6):
+            point[k] += (f0 * axes[0, k] + f1 * axes[1, k]) + (f2 * axes[2, k] + f3 * axes[3, k])
+        if axes.shape[0] == 6:
+            for k in range(6):
+                point[k] += f4 * axes[4, k] + f5 * axes[5, k]
+    return total
+
+
+@scratch_kernel
+def add_tilted_forces(space, u, weight, forces):
+    """Add the contact forces of the farthest wrench, times a weight, to forces (n, 4 or 6)."""
+    first = _best_level(space, u)
+    for start in range(0, space.axes.shape[0], space.group):
+        chosen, _, f0, f1, f2, f3, _, _ = _of_group(space, start, first, u)
+        if chosen >= 0:
+            forces[chosen, 0] += weight * f0
+            forces[chosen, 1] += weight * f1
+            forces[chosen, 2] += weight * f2
+            forces[chosen, 3] += weight * f3
