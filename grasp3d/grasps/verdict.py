@@ -314,7 +314,10 @@ def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
         grip_force=_grip_force(table, first),
     )
     if code != Label.S:
-        return replace(verdict, remedies=_remedies(table, rows, load))
+        remedies = _remedies(table, rows, load)
+        if labels is not None and _closed(distinct) is not None:
+            remedies = tuple(one for one in remedies if _lists_a_sure_one(labels, one))
+        return replace(verdict, remedies=remedies)
     return replace(verdict, count=int(np.sum(_stated(distinct) == Label.S)))
 
 
@@ -380,6 +383,16 @@ def _remedies(
         if load.mass and load.payload > 0.0:
             remedies.append(Remedy("mass", _rounded(load.payload, 2, math.floor), load.mass))
     return tuple(remedies)
+
+
+def _lists_a_sure_one(labels: SurfaceLabels, remedy: Remedy) -> bool:
+    """Whether the list of a surface has an S with a finer sensor, which may list others."""
+    if remedy.setting != "sensor_resolution":
+        return True
+    model = replace(labels.model, sensor_resolution=remedy.value)
+    with unreported():
+        found = distinct_grasps(labels.using(model=model))
+    return bool((_stated(found) == Label.S).any())
 
 
 def _candidates(grasps: GraspTable, rows: Ints) -> Ints:

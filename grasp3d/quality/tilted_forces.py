@@ -75,7 +75,7 @@ def problem_over_tilts(
     points, normals, torsion = contacts.points, contacts.normals, contacts.torsion_radius
     any_soft = bool((torsion > 0.0).any())
     angles = np.clip(contacts.friction_angle + offset, 0.0, None)
-    tilts = np.ascontiguousarray(tilts)
+    tilts = np.array(tilts, order="C")  # one that kernels are compiled for
     turning = np.zeros((*tilts.shape, 2, 3))
     if side == "sure":
         modes = LEVELS * MODES if any_soft and soft and contacts.count == 2 else 1

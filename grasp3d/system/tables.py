@@ -282,7 +282,7 @@ def _values_of(column: pa.ChunkedArray) -> npt.NDArray[Any]:
 
 
 def _read_parquet(path: Path) -> pa.Table:
-    """A Parquet file, whose few bytes may stand for very many values; without columns of lists.
+    """A Parquet file, whose few bytes may stand for very many values; lists are not read.
 
     Metadata of its columns is not looked at: where it is damaged, pyarrow ends the process.
     """
@@ -298,7 +298,12 @@ def _read_parquet(path: Path) -> pa.Table:
             batches.append(batch)
             size += batch.nbytes
             _check_values(size / 8)
-    return pa.Table.from_batches(batches) if batches else schema.empty_table()
+    table = pa.Table.from_batches(batches) if batches else schema.empty_table()
+    for field in schema:
+        if field not in flat:  # whoever needs the column says what it is
+            values = pa.repeat(str(field.type), len(table)).dictionary_encode()
+            table = table.append_column(field.name, values)
+    return table
 
 
 def _cost(kind: pa.DataType) -> float:
