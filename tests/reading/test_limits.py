@@ -15,10 +15,11 @@ import psutil
 import pytest
 
 import grasp3d
+from grasp3d.cli import begin_reading
 from grasp3d.errors import MeshError, MeshUnreadError
 from grasp3d.reading import archives
 from grasp3d.reading.mesh_files import read_mesh
-from grasp3d.system.isolation import CallFailedError, CallFailure
+from grasp3d.system.isolation import CallFailedError, CallFailure, call, end_idle
 from tests.helpers import mesh_files
 from tests.helpers.mesh_files import DATA, VERTICES, written
 
@@ -51,6 +52,26 @@ def large(folder: Path, parts: int) -> Path:
 
 def is_read(path: Path) -> bool:
     return np.array_equal(read_mesh(path).vertices, VERTICES)
+
+
+def children() -> set[int]:
+    return {child.pid for child in psutil.Process().children()}
+
+
+@pytest.mark.slow
+def test_the_process_that_reads_a_file_can_be_begun_before(tmp_path: Path) -> None:
+    path, direct = good(tmp_path), written(tmp_path, "part.stl", mesh_files.stl_text().encode())
+    end_idle()
+    before = children()
+    begin_reading(tmp_path / "missing.glb")
+    begin_reading(direct)
+    assert children() == before  # nothing to read, or nothing that another process reads
+    begin_reading(path)
+    begun = children() - before
+    assert len(begun) == 1
+    assert call(eval, "'trimesh' in __import__('sys').modules")
+    assert is_read(path)
+    assert children() - before == begun
 
 
 @pytest.mark.slow

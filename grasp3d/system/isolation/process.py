@@ -35,25 +35,29 @@ _ONE_THREAD = {
 """Environment for one thread per child process, since each processor has a child already."""
 
 _START = """
-import sys, typing
-package, *paths = sys.argv[1:]
+import gc, importlib, sys, typing
+gc.disable()  # nothing that modules make is garbage
+package, needed, *paths = sys.argv[1:]
 sys.path.insert(0, package)
 import grasp3d
 sys.path[:] = sys.path[1:] + [path for path in paths if path not in sys.path[1:]]
 from grasp3d.system.isolation.child import main
+importlib.import_module(needed)
+gc.enable()
 main()
 """
-"""Start code of a child: imports this process's own copy of the package. Modules in the package's
-parent folder or in the working folder must not shadow those of Python."""
+"""Start code of a child: imports this process's own copy of the package, and the module that the
+first call needs. Modules in the package's parent folder or in the working folder must not shadow
+those of Python."""
 
 
 class ChildProcess:
-    """A child process, and the pipes to it."""
+    """A child process, and the pipes to it; `needed`: a module that its first call needs."""
 
-    def __init__(self) -> None:
+    def __init__(self, needed: str = "grasp3d") -> None:
         package = str(Path(grasp3d.__file__).parents[1])
         self.process = subprocess.Popen(  # noqa: S603, the command contains no user input
-            [sys.executable, *_flags(), "-c", _START, package, *_paths()],
+            [sys.executable, *_flags(), "-c", _START, package, needed, *_paths()],
             bufsize=0,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -156,6 +160,11 @@ class ProcessPool:
             if child.alive:
                 return child
             child.close()
+
+    def begin(self, needed: str) -> None:
+        """Start a child that imports a module and then waits for a request."""
+        with contextlib.suppress(OSError):  # the request will say that no process can be started
+            self.give_back(ChildProcess(needed))
 
     def give_back(self, child: ChildProcess) -> None:
         """Return a child to the pool for the next request."""
