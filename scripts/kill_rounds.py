@@ -139,6 +139,8 @@ def main() -> None:
             if any(seen.values()):
                 name = f"round {number}, {signal.Signals(signal_number).name} to the {target}"
                 print(f"{name}: {seen}", flush=True)
+            elif number % 10 == 9:
+                print(f"{number + 1} rounds, {faults} faults", flush=True)
     print(f"{faults} of {options.rounds} rounds left a difference, a file or a process")
     raise SystemExit(bool(faults))
 

@@ -24,6 +24,7 @@ from grasp3d._kernels.search import (
     multifinger_evaluation,
     multifinger_grasps,
     pair_lines,
+    ranked_outcomes,
     rays,
     reachable_partners,
 )
@@ -73,7 +74,7 @@ _CONTACTS, _HELD = (_FORM, _f4, _f2, _f3), (_FORCE_FORM, _f4, _f2, _f3)
 _SURFACE = _tuple(surface_contacts.Surface, _fixed_f2, _fixed_i2, _fixed_i2, _fixed_f2, _i3)
 _SETS = _tuple(normal_sets.ContactNormals, _fixed_i1, _fixed_i1, _fixed_f2)
 _FACE_TREE = _tuple(face_tree.FaceTree, _i1, _i, _f2)
-_BOX_TREE = _tuple(box_tree.BoxTree, _i, _f2, _f2)
+_BOX_TREE = _tuple(box_tree.BoxTree, _i, _i1, _f2, _f2)
 _GEODESICS = _tuple(patches.GeodesicMesh, _i2, _f2, _f2, _f2, _f1, _f2, _i1, _i1)
 _FRONT = typeof(patches.make_front(1, 1))
 
@@ -160,6 +161,7 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     ],
     pair_lines.pair_angles: [(_f3, _i1, _i1, _f2, _f2, _f2, _f2, _f1)],
     box_tree.box_tree: [(_fixed_f2, _fixed_i2)],
+    box_tree.nearest_faces: [(_f2, _f, _i, _i, _BOX_TREE, _i1)],
     rays.exploring_rays: [(_i1, _f, _f, _ORIGINS, _PAIRS)],
     wrench_problem.verify: [(_FORM, _f3, _f1, _f2, _f2, _f, _WORKSPACE, _f2, _f2)],
     patches.measure_distances: [(_i, _f, _GEODESICS, _FRONT)],
@@ -179,5 +181,6 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     rays.starting_rays: [(_i32_1, _f2, _i8_1, _i)],
     rays.write_rays: [(_i, _RAYS, _fixed_f2, _f32_2, _f32_2)],
     patches.reset_front: [(_FRONT,)],
+    ranked_outcomes.rank_outcomes: [(_i1, _i1, _b1, _i1)],
 }
 """Kernels, and for each the types of its arguments in every way that it is called."""

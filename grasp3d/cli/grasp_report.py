@@ -30,6 +30,7 @@ from grasp3d.cli.report import (
     table_of,
     table_of_columns,
 )
+from grasp3d.grasps.evaluated_parts import PartsSummary
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
 from grasp3d.grasps.ranking import ranked_rows, stated_label
@@ -60,6 +61,8 @@ _CLOSED = (
     "label: at what the jaws touch when they close, with the force at hand; closed: the same "
     "without a load, and its margin, the friction angle to spare; "
 )
+
+_EXCLUDED = "have a contact that --only and --avoid exclude: U"
 
 _CONTACTS = {
     "point": "",
@@ -98,6 +101,41 @@ def print_evaluated(grasps: GraspTable, output: Path) -> None:
         grasps,
     )
     report.line(_legend(grasps))
+    report.written(output)
+
+
+def print_parts(parts: PartsSummary, best: GraspTable, numbers: Ints, output: Path) -> None:
+    """Print the numbers of many grasps, as of few, and a table of the best ones.
+
+    Args:
+        parts: What is known of all.
+        best: The best grasps of each part.
+        numbers: Their rows in the file.
+        output: The file that all were written to.
+    """
+    report = Report()
+    count = f"{counted(parts.count, 'grasps')} of {best.model.fingers} fingers"
+    report.heading(best.mesh.report.source, f"{count}; {model_words(best.model)}")
+    report.labels(
+        "scan",
+        ("grasps", "fraction"),
+        lambda label: _number_of(int(parts.labels[label]), parts.count),
+    )
+    angles = np.quantile(np.concatenate(parts.angles), LEVELS)
+    texts = ", ".join(map(angle_text, angles))
+    report.paragraph(f"critical friction angle, {PERCENTS} of the grasps: {texts}")
+    if best.mesh.region is not None:
+        report.line(f"{parts.excluded} of {parts.count} {_EXCLUDED}")
+    unit = best.mesh.unit or "(unit not stated)"
+    most = _distance(best, parts.largest_distance)
+    report.paragraph(f"distance of the contacts from the surface: at most {most} {unit}")
+    report.warnings(list(parts.warnings))
+    _, *columns = [*_columns(best, best.label), *_conditional_columns(best, distances=True)]
+    rows = ranked_rows(best)[:MAX_ROWS]
+    report.paragraph(f"the best {len(rows)} of {parts.count}:")
+    named = [("grasp", lambda row: str(numbers[row] + 1)), *columns]
+    report.table(table_of_columns(named, rows), whole=True)
+    report.line(_legend(best))
     report.written(output)
 
 
@@ -328,7 +366,7 @@ def _outside(grasps: GraspTable | EvaluatedPoses) -> tuple[str, ...]:
     if grasps.mesh.region is None:
         return ()
     count = int(np.isinf(grasps.critical_angle).sum())
-    return (f"{count} of {grasps.size} have a contact that --only and --avoid exclude: U",)
+    return (f"{count} of {grasps.size} {_EXCLUDED}",)
 
 
 def _outcomes(poses: EvaluatedPoses) -> str:

@@ -165,7 +165,7 @@ def evaluate_grasps(
             raise SettingError(
                 "a gripper applies to poses, not to contacts; give poses, of shape (k, 4, 4)"
             )
-        return _evaluate_contacts(mesh, grasps, model, max_distance, load)
+        return evaluate_contacts(mesh, grasps, model, max_distance=max_distance, load=load)
     if max_distance is not None:
         raise SettingError("max_distance applies to contacts, not to poses of a gripper")
     if scene is None:
@@ -192,14 +192,19 @@ def _poses_or_contacts(grasps: GraspPoses | ArrayLike) -> GraspPoses | ArrayLike
     return GraspPoses(poses=np.asarray(grasps)) if shape[-2:] == (4, 4) else grasps
 
 
-def _evaluate_contacts(
+def evaluate_contacts(
     mesh: MeshSource,
     points: ArrayLike,
-    model: GraspModel | None,
-    max_distance: GivenLength | None,
-    load: Load | None,
+    model: GraspModel | None = None,
+    *,
+    max_distance: GivenLength | None = None,
+    load: Load | None = None,
+    first: int = 0,
 ) -> GraspTable:
-    """Move contacts (b, n, 3) to the surface, and evaluate the grasps."""
+    """Move contacts (b, n, 3) to the surface, and evaluate the grasps, as `evaluate_grasps` does.
+
+    `first` is the number of grasps before these in their file, for messages.
+    """
     mesh, positions = load_mesh(mesh), _checked(points)
     mesh, load = loaded_mesh(mesh, load)
     (own_model,) = mesh.in_own_unit(model or GraspModel())
@@ -212,7 +217,7 @@ def _evaluate_contacts(
     if load is not None:
         LoadCase.of(load, mesh, own_model)  # refuse it before the work
     with within(0.0, PROJECTED):
-        contacts, distances = _on_surface(mesh, positions, limit)
+        contacts, distances = _on_surface(mesh, positions, limit, first)
     end = ANGLES_COMPUTED if own_model.method == "extremes" else 1.0
     with within(PROJECTED, end):
         angles = critical_angles(contacts)
@@ -229,7 +234,9 @@ def _evaluate_contacts(
     return grasps
 
 
-def _on_surface(mesh: ObjectMesh, points: Floats, limit: float) -> tuple[SurfaceContacts, Floats]:
+def _on_surface(
+    mesh: ObjectMesh, points: Floats, limit: float, first: int
+) -> tuple[SurfaceContacts, Floats]:
     """Contacts (b, n, 3) moved to the surface, and their distances from it before (b, n)."""
     size, count = points.shape[:2]
     nearest, _, gaps = nearest_surface_points(
@@ -238,7 +245,7 @@ def _on_surface(mesh: ObjectMesh, points: Floats, limit: float) -> tuple[Surface
         limit=limit + DISTANCE_ROUNDING * mesh.size,
     )
     distances = gaps.reshape(size, count)
-    _check_near(mesh, points, distances, limit)
+    _check_near(mesh, points, distances, limit, first)
     faces, weights = nearest.faces.reshape(size, count), nearest.weights.reshape(size, count, 3)
     return SurfaceContacts(mesh, SurfacePoints(locked(faces), locked(weights))), locked(distances)
 
@@ -267,7 +274,9 @@ def _checked(points: ArrayLike) -> Floats:
     return array
 
 
-def _check_near(mesh: ObjectMesh, array: Floats, distances: Floats, limit: float) -> None:
+def _check_near(
+    mesh: ObjectMesh, array: Floats, distances: Floats, limit: float, first: int
+) -> None:
     """Raise ContactError if contacts are too far from the surface."""
     off = np.argwhere(np.isinf(distances))
     if not len(off):
@@ -278,10 +287,10 @@ def _check_near(mesh: ObjectMesh, array: Floats, distances: Floats, limit: float
     distance = float(np.linalg.norm(nearest - point)) * mesh.size
     unit = mesh.unit or "(unit not stated)"
     raise ContactError(
-        f"{_name(grasp, contact)} at {numbers_text(array[grasp, contact])} is {distance:.4g} from "
-        f"the surface, more than the allowed {limit:.4g}, as are {len(off)} of {distances.size} "
-        f"contacts; are they in the frame and unit of {mesh.report.source}, which is "
-        f"{mesh.size:.4g} {unit} in size? max_distance (--max-distance) allows more"
+        f"{_name(first + grasp, contact)} at {numbers_text(array[grasp, contact])} is "
+        f"{distance:.4g} from the surface, more than the allowed {limit:.4g}, as are {len(off)} "
+        f"of {distances.size} contacts; are they in the frame and unit of {mesh.report.source}, "
+        f"which is {mesh.size:.4g} {unit} in size? max_distance (--max-distance) allows more"
     )
 
 

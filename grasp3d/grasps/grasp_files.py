@@ -3,7 +3,7 @@
 import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -134,6 +134,46 @@ def read_contacts(path: str | Path) -> Floats:
         raise one_line(path, str(error)) from error
 
 
+def contact_parts(path: Path) -> Iterator[tuple[float, Floats]] | None:
+    """Read the contacts of a table with many grasps in parts, as `read_contacts` does.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The fraction of the file that is read, and contacts in the order of the file, shape
+        (b, n, 3), of each part; None: it is no such table, or small enough to be read as a whole.
+
+    Raises:
+        ContactError: The file is missing, or contains no such contacts; also while it is read.
+    """
+    if path.suffix.lower() not in SUFFIXES[:2] or not path.is_file():
+        return None
+    from grasp3d.system.tables import column_names, column_parts
+
+    try:
+        names = column_names(path)
+        required = _coordinate_columns(names)
+        parts = column_parts(path, [*required, *({"frame"} & set(names))])
+    except (OSError, ValueError, ContactError):
+        return None  # reading it as a whole says why
+    return None if parts is None else _parts_of(path, required, parts)
+
+
+def _parts_of(
+    path: Path, names: Sequence[str], parts: Iterator[tuple[float, dict[str, npt.NDArray[Any]]]]
+) -> Iterator[tuple[float, Floats]]:
+    first = 0
+    try:
+        for fraction, table in parts:
+            check_object_frame(set(table.get("frame", ())))
+            columns = [_column(name, table[name], first) for name in names]
+            first += len(columns[0])
+            yield fraction, np.stack(columns, axis=1).reshape(len(columns[0]), -1, 3)
+    except (ContactError, ValueError) as error:
+        raise one_line(path, str(error)) from error
+
+
 def _from_table(path: Path) -> Floats:
     """Contacts of a CSV or Parquet file. Raises ContactError, ValueError, OSError."""
     from grasp3d.system.tables import read_columns
@@ -167,15 +207,20 @@ def _check_count(count: int) -> None:
         raise ContactError(f"a grasp has 2 to {MAX_FINGERS} contacts; got {number}")
 
 
-def _column(name: str, values: npt.NDArray[Any]) -> Floats:
-    """Finite numbers of a column. Raises ContactError."""
-    numbers = np.array([number_of(value) for value in values.tolist()])
+def _column(name: str, values: npt.NDArray[Any], first: int = 0) -> Floats:
+    """Finite numbers of a column, with some grasps before these. Raises ContactError."""
+    is_plain = values.dtype.kind in "fiu"
+    numbers = (
+        values.astype(np.float64)
+        if is_plain
+        else np.array([number_of(value) for value in values.tolist()])
+    )
     bad = np.flatnonzero(~np.isfinite(numbers))
     if len(bad):
         value = values[bad[0]]
         empty = value is None or value == "" or (isinstance(value, float) and math.isnan(value))
         problem = "is empty or no number" if empty else f"is no finite number: {str(value)[:40]!r}"
-        raise ContactError(f"grasp {bad[0] + 1}: {name} {problem}")
+        raise ContactError(f"grasp {first + bad[0] + 1}: {name} {problem}")
     return numbers
 
 

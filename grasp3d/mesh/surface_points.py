@@ -1,15 +1,15 @@
 """Points on a surface, by face and barycentric coordinates; nearest surface points."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import chain
-from typing import NamedTuple
 
 import numpy as np
 import trimesh
-from scipy.spatial import KDTree
 
+from grasp3d._kernels.surface.box_tree import BoxTree, box_tree, nearest_faces
 from grasp3d.arrays import Floats, Ints, short_repr, unit_rows
 from grasp3d.errors import SettingError
 from grasp3d.mesh.object_mesh import ObjectMesh
@@ -24,9 +24,6 @@ NEAR = 0.05
 
 POINTS = 1 << 14
 """Points whose nearest surface points are searched at once."""
-
-PAIRS = 1 << 18
-"""Pairs of a point and a face near it that are in memory at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,20 +54,19 @@ def nearest_surface_points(
     Args:
         mesh: The surface.
         points: Finite positions in the mesh's frame and unit, shape (k, 3).
-        limit: Largest distance to search, in the mesh's unit. Without a limit, points far from the
-            surface take long, as much of it is almost equally near.
+        limit: Largest distance to search, in the mesh's unit.
 
     Returns:
         The surface points (k,); their positions (k, 3) in the mesh's frame and unit; the distances
         (k,). Points farther away than `limit` have face -1, nan and inf.
     """
-    faces = _Faces.of(mesh.normalized[mesh.faces])
+    tree = box_tree(mesh.normalized, mesh.faces)
     numbers, weights = np.full(len(points), -1, dtype=np.int64), np.zeros((len(points), 3))
     reach = limit / mesh.size
     for start in range(0, len(points), POINTS):
         part = slice(start, start + POINTS)
         normalized = (points[part] - mesh.center) / mesh.size
-        numbers[part], weights[part] = faces.nearest(normalized, reach)
+        numbers[part], weights[part] = _nearest(mesh, tree, normalized, reach)
         report_progress(min(part.stop / len(points), 1.0))
     surface_points = SurfacePoints(numbers, weights)
     missing = numbers < 0
@@ -91,10 +87,10 @@ def nearest_surface_point(mesh: ObjectMesh, point: Floats) -> tuple[Floats, int,
     Returns:
         Its position (3,) in the normalised frame, its face, and its barycentric coordinates (3,).
     """
-    corners = mesh.normalized[mesh.faces]
-    faces, weights = _Faces.of(corners).nearest(point[None], math.inf)
+    tree = box_tree(mesh.normalized, mesh.faces)
+    faces, weights = _nearest(mesh, tree, np.array(point[None], dtype=np.float64), math.inf)
     face = int(faces[0])
-    return weights[0] @ corners[face], face, weights[0]
+    return weights[0] @ mesh.normalized[mesh.faces[face]], face, weights[0]
 
 
 def nearest_vertex(mesh: ObjectMesh, name: str, position: Sequence[GivenLength]) -> int:
@@ -124,105 +120,34 @@ def nearest_vertex(mesh: ObjectMesh, name: str, position: Sequence[GivenLength])
     return int(mesh.faces[face, np.argmax(weights)])
 
 
-class _SizeGroup(NamedTuple):
-    """Faces of similar size: within a factor of two."""
+def _nearest(mesh: ObjectMesh, tree: BoxTree, points: Floats, limit: float) -> tuple[Ints, Floats]:
+    """Face nearest to each point (k,) and barycentric coordinates of the nearest point (k, 3).
 
-    numbers: Ints
-    tree: KDTree
-    """Of the faces' centroids."""
-    radius: float
-    """Largest of the faces' radii."""
+    Points and limit are in the normalised frame; points beyond the limit have face -1.
+    """
+    faces, weights = np.full(len(points), -1, dtype=np.int64), np.zeros((len(points), 3))
+    part = -(-len(points) // max(1, thread_count()))
 
+    def search(first: int) -> None:
+        nearest_faces(points, limit, first, min(first + part, len(points)), tree, faces)
 
-@dataclass(frozen=True, eq=False)
-class _Faces:
-    """The faces of a surface in the normalised frame, with search trees."""
-
-    corners: Floats
-    """Shape (F, 3, 3)."""
-    radii: Floats
-    """Largest distance of a corner from the centroid, shape (F,)."""
-    tree: KDTree
-    """Of the centroids."""
-    groups: tuple[_SizeGroup, ...]
-    """All faces by size: the radius of a few large faces must not widen the search of all."""
-
-    @classmethod
-    def of(cls, corners: Floats) -> "_Faces":
-        centroids = corners.mean(axis=1)
-        radii = np.linalg.norm(corners - centroids[:, None], axis=2).max(axis=1)
-        sizes = np.ceil(np.log2(radii))
-        groups = []
-        for size in np.unique(sizes):
-            numbers = np.flatnonzero(sizes == size)
-            groups.append(
-                _SizeGroup(numbers, KDTree(centroids[numbers]), float(radii[numbers].max()))
-            )
-        return cls(corners, radii, KDTree(centroids), tuple(groups))
-
-    def nearest(self, points: Floats, limit: float) -> tuple[Ints, Floats]:
-        """Face nearest to each point (k,) and barycentric coordinates of the nearest point (k, 3).
-
-        Points that are surely beyond the limit have face -1.
-        """
-        _, first = self.tree.query(
-            points, distance_upper_bound=limit + self.radii.max(), workers=thread_count()
-        )
-        first = np.asarray(first, dtype=np.int64)
-        near = np.flatnonzero(first < len(self.radii))
-        faces, weights = np.full(len(points), -1, dtype=np.int64), np.zeros((len(points), 3))
-        queried, nearest = points[near], first[near]
-        least = self._distances(queried, nearest)
-        for group in self.groups:
-            for rows, tested in _pairs(group, queried, least):
-                which, faces_here, least_here = self._best(queried, rows, tested)
-                better = (least_here < least[which]) | (
-                    (least_here == least[which]) & (faces_here < nearest[which])
-                )
-                nearest[which[better]] = faces_here[better]
-                least[which[better]] = least_here[better]
-        faces[near] = nearest
-        weights[near] = _weights(self.corners[nearest], self._closest(queried, nearest))
-        return faces, weights
-
-    def _best(self, points: Floats, rows: Ints, tested: Ints) -> tuple[Ints, Ints, Floats]:
-        """Nearest tested face of each point, the first of equals: (points, faces, distances)."""
-        distances = self._distances(points[rows], tested)
-        start = np.flatnonzero(np.diff(rows, prepend=-1))
-        least = np.minimum.reduceat(distances, start)
-        count = np.diff(start, append=len(rows))
-        nearest = np.where(distances == np.repeat(least, count), tested, len(self.radii))
-        return rows[start], np.minimum.reduceat(nearest, start), least
-
-    def _distances(self, points: Floats, faces: Ints) -> Floats:
-        """Distance of each point (k, 3) from one face, shape (k,)."""
-        return np.asarray(np.linalg.norm(self._closest(points, faces) - points, axis=1))
-
-    def _closest(self, points: Floats, faces: Ints) -> Floats:
-        """Nearest point of one face to each point, shape (k, 3)."""
-        corners, scale = self.corners[faces], self.radii[faces][:, None]
-        origin = corners[:, 0]
-        # In units of the face: trimesh's tolerances are absolute and too large for small faces.
-        closest = trimesh.triangles.closest_point(
-            (corners - origin[:, None]) / scale[..., None], (points - origin) / scale
-        )
-        return np.asarray(origin + closest * scale)
+    with ThreadPoolExecutor(thread_count()) as executor:
+        deque(executor.map(search, range(0, len(points), max(1, part))), maxlen=0)
+    near = faces >= 0
+    corners = mesh.normalized[mesh.faces[faces[near]]]
+    weights[near] = _weights(corners, _closest(corners, points[near]))
+    return faces, weights
 
 
-def _pairs(group: _SizeGroup, points: Floats, least: Floats) -> Iterator[tuple[Ints, Ints]]:
-    """Pairs of a point, by row and in order, and a face that may be nearer to it than `least`."""
-    reach = least + group.radius
-    reach *= 1.0 + 1e-12  # rounding must not exclude the nearest face itself
-    counts = np.asarray(
-        group.tree.query_ball_point(points, reach, return_length=True, workers=thread_count())
+def _closest(corners: Floats, points: Floats) -> Floats:
+    """Nearest point of a triangle (k, 3, 3) to each point, shape (k, 3)."""
+    origin = corners[:, 0]
+    scale = np.abs(corners - origin[:, None]).max(axis=(1, 2))[:, None]
+    # In units of the face: trimesh's tolerances are absolute and too large for small faces.
+    closest = trimesh.triangles.closest_point(
+        (corners - origin[:, None]) / scale[..., None], (points - origin) / scale
     )
-    near = np.flatnonzero(counts)
-    part = np.cumsum(counts[near]) // PAIRS
-    for number in np.unique(part):
-        rows = near[part == number]
-        lists = group.tree.query_ball_point(points[rows], reach[rows])
-        tested = np.fromiter(chain.from_iterable(lists), np.int64, int(counts[rows].sum()))
-        yield np.repeat(rows, counts[rows]), group.numbers[tested]
+    return np.asarray(origin + closest * scale)
 
 
 def _weights(corners: Floats, points: Floats) -> Floats:

@@ -9,7 +9,8 @@ import csv
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import is_dataclass
 from enum import StrEnum
 from functools import partial
@@ -47,6 +48,9 @@ OBJECT = 25.0
 
 ROWS = 16_384
 """Rows of Parquet that are read at a time."""
+
+PART_ROWS, PART_BYTES = 100_000, 8 * MEGABYTE
+"""Rows of Parquet, and bytes of CSV, of the parts in which a large table is read."""
 
 LONGEST_LINE = MEGABYTE
 """Bytes of a CSV file in which its first line must end."""
@@ -258,6 +262,68 @@ def column_names(path: Path) -> list[str]:
         raise ValueError(str(error).splitlines()[0]) from error
 
 
+def column_parts(
+    path: Path, names: Sequence[str]
+) -> Iterator[tuple[float, dict[str, npt.NDArray[Any]]]] | None:
+    """Read some columns of a large CSV or Parquet table in parts; as `read_columns`.
+
+    Args:
+        path: The file.
+        names: Names of columns that it has; all but `frame` are numbers.
+
+    Returns:
+        The fraction of the file that is read, and the columns, of each part; None: the table is of
+        one part, or has decimal commas.
+
+    Raises:
+        ValueError: It is no valid table; also while it is read.
+        OSError: The file cannot be read.
+    """
+    if path.suffix.lower() == ".csv":
+        stated, delimiter = _head_of_csv(path)
+        if path.stat().st_size <= PART_BYTES or delimiter == ";":
+            return None
+        return _parts(_csv_batches(path, [one for one in stated if one.strip() in names]))
+    with pq.ParquetFile(path) as file:
+        count = file.metadata.num_rows
+    _check_values(count * len(names))
+    return _parts(_parquet_batches(path, names)) if count > PART_ROWS else None
+
+
+def _parts(
+    batches: Iterator[tuple[float, pa.RecordBatch]],
+) -> Iterator[tuple[float, dict[str, npt.NDArray[Any]]]]:
+    try:
+        for fraction, batch in batches:
+            table = pa.Table.from_batches([batch])
+            names = [name.strip() for name in table.column_names]
+            yield fraction, dict(zip(names, map(_values_of, table.columns), strict=True))
+    except pa.ArrowException as error:
+        raise ValueError(str(error).splitlines()[0]) from error
+
+
+def _parquet_batches(path: Path, names: Sequence[str]) -> Iterator[tuple[float, pa.RecordBatch]]:
+    read = 0
+    with pq.ParquetFile(path) as file:
+        for batch in file.iter_batches(PART_ROWS, columns=list(names)):
+            read += batch.num_rows
+            yield read / file.metadata.num_rows, batch
+
+
+def _csv_batches(path: Path, names: Sequence[str]) -> Iterator[tuple[float, pa.RecordBatch]]:
+    kinds = {name: pa.float64() for name in names if name.strip() != "frame"}
+    with path.open("rb") as stream:
+        reader = pc.open_csv(
+            stream,
+            read_options=pc.ReadOptions(block_size=PART_BYTES),
+            parse_options=pc.ParseOptions(delimiter=_head_of_csv(path)[1]),
+            convert_options=pc.ConvertOptions(include_columns=names, column_types=kinds),
+        )
+        for batch in reader:
+            if batch.num_rows:
+                yield stream.tell() / path.stat().st_size, batch
+
+
 def _checked_names(stated: Sequence[str]) -> list[str]:
     """Names of columns, which differ. Raises ValueError."""
     names = [name.strip() for name in stated]
@@ -354,13 +420,29 @@ def _numeric(table: pa.Table) -> set[str]:
     return {field.name for field in table.schema if not pa.types.is_string(field.type)}
 
 
-def _write(path: Path, table: pa.Table) -> None:
+def write_parts(path: Path, parts: Iterable[pa.Table]) -> None:
+    """Write tables with the same columns below each other, each before the next one is made.
+
+    Args:
+        path: As in `write_table`.
+        parts: The tables, at least one.
+
+    Raises:
+        OutputError: The suffix is unknown, or the file cannot be written.
+    """
     check_suffix(path, SUFFIXES, "table")
-    with atomic_write(path) as temporary:
-        if path.suffix.lower() == ".csv":
-            pc.write_csv(_without_formulas(table, _FORMULA, r"'\1"), temporary)
-        else:
-            pq.write_table(table, temporary)
+    is_csv, writer = path.suffix.lower() == ".csv", None
+    with atomic_write(path) as temporary, ExitStack() as stack:
+        for part in parts:
+            table = _without_formulas(part, _FORMULA, r"'\1") if is_csv else part
+            if writer is None:
+                kind = pc.CSVWriter if is_csv else pq.ParquetWriter
+                writer = stack.enter_context(kind(temporary, table.schema))
+            writer.write_table(table)
+
+
+def _write(path: Path, table: pa.Table) -> None:
+    write_parts(path, [table])
 
 
 def _without_formulas(table: pa.Table, pattern: str, replacement: str) -> pa.Table:

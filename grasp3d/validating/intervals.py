@@ -1,12 +1,14 @@
 """Intervals of fractions and of measures of ranking."""
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import repeat
 
 import numpy as np
 from scipy.stats import binomtest
 
 from grasp3d.arrays import Floats, Ints
-from grasp3d.system.context import report_progress
+from grasp3d.system.context import report_progress, thread_count
 
 LEVEL = 0.95
 """Confidence level of all intervals."""
@@ -14,8 +16,8 @@ LEVEL = 0.95
 FEW_OBJECTS = 10
 """Objects below which intervals by object are too narrow: their spread is estimated from few."""
 
-Measure = Callable[[Ints], float]
-"""A measure of grasps that count as often as weights (n,) state."""
+Measure = Callable[[Ints], float | Sequence[float]]
+"""A measure, or several, of grasps that count as often as weights (n,) state."""
 
 
 def wilson(held: int, count: int) -> tuple[float, float]:
@@ -67,7 +69,7 @@ def bootstrap(measures: Sequence[Measure], clusters: Ints, *, resamples: int, se
         seed: Seed of the draws.
 
     Returns:
-        Low and high ends, shape (len(measures), 2); nan without any resample with a value.
+        Low and high ends of each measure, shape (m, 2); nan without any resample with a value.
 
     Example:
         The mean of ten numbers, drawn one by one:
@@ -80,11 +82,14 @@ def bootstrap(measures: Sequence[Measure], clusters: Ints, *, resamples: int, se
         >>> bool(2.0 < ends[0, 0] < 3.5 and 5.5 < ends[0, 1] < 7.0)
         True
     """
-    values = np.full((len(measures), resamples), np.nan)
-    for number, weights in enumerate(resampled_weights(clusters, resamples, seed)):
-        values[:, number] = [measure(weights) for measure in measures]
-        report_progress((number + 1) / resamples)
-    ends = np.full((len(measures), 2), np.nan)
+    rows: list[Floats] = []
+    with ThreadPoolExecutor(thread_count()) as executor:
+        for weights in resampled_weights(clusters, resamples, seed):
+            parts = executor.map(lambda measure, each: measure(each), measures, repeat(weights))
+            rows.append(np.ravel(list(parts)))
+            report_progress(len(rows) / resamples)
+    values = np.stack(rows, axis=1)
+    ends = np.full((len(values), 2), np.nan)
     defined = ~np.isnan(values).all(axis=1)
     tail = 0.5 * (1.0 - LEVEL)
     if defined.any():

@@ -1,11 +1,12 @@
 """How well a score ranks grasps that held above grasps that failed."""
 
-import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.stats import rankdata
 
+from grasp3d._kernels.search.ranked_outcomes import rank_outcomes
 from grasp3d.arrays import Bools, Floats, Ints
 
 
@@ -43,18 +44,15 @@ class RankedOutcomes:
         compared = -scores.astype(np.float32)
         return cls(held, rankdata(compared, method="dense").astype(np.int64) - 1)
 
-    def counts(self, weights: Ints | None = None) -> tuple[Floats, Floats]:
-        """Grasps of each group that held, and that failed, from the best group, shape (g,) each.
+    @cached_property
+    def _order(self) -> Ints:
+        """Grasps from the best group to the worst, shape (n,)."""
+        return np.argsort(self.groups, kind="stable")
 
-        Args:
-            weights: How often each grasp counts, shape (n,); None: once.
-        """
-        each = np.ones(len(self.held)) if weights is None else weights.astype(np.float64)
-        held, failed = (
-            np.asarray(np.bincount(self.groups, weights=each * outcomes), dtype=np.float64)
-            for outcomes in (self.held, ~self.held)
-        )
-        return held, failed
+    @cached_property
+    def _starts(self) -> Ints:
+        """Where each group begins in that order, shape (g,)."""
+        return np.flatnonzero(np.diff(self.groups[self._order], prepend=-1))
 
     def roc_auc(self, weights: Ints | None = None) -> float:
         """Area under the ROC curve: the probability that a held grasp ranks above a failed one.
@@ -67,12 +65,7 @@ class RankedOutcomes:
         Returns:
             From 0 to 1; nan where all outcomes are the same.
         """
-        held, failed = self.counts(weights)
-        pairs = held.sum() * failed.sum()
-        if not pairs:
-            return math.nan
-        below = failed.sum() - np.cumsum(failed)
-        return float((held * (below + 0.5 * failed)).sum() / pairs)
+        return self.measures(weights)[0]
 
     def average_precision(self, weights: Ints | None = None) -> float:
         """Average precision: the sum of precision times gain of recall, over the groups.
@@ -86,13 +79,13 @@ class RankedOutcomes:
             Above 0, at most 1; the fraction that held for a score without information; nan where
             no grasp held.
         """
-        held, failed = self.counts(weights)
-        total = held.sum()
-        if not total:
-            return math.nan
-        accepted = np.cumsum(held + failed)
-        precision = np.cumsum(held) / np.maximum(accepted, 1.0)
-        return float((precision * held).sum() / total)
+        return self.measures(weights)[1]
+
+    def measures(self, weights: Ints | None = None) -> tuple[float, float]:
+        """The area under the ROC curve and the average precision; arguments as there."""
+        each = np.ones(len(self.held), dtype=np.int64) if weights is None else weights
+        area, precision = rank_outcomes(self._order, self._starts, self.held, each)
+        return float(area), float(precision)
 
     def roc_curve(self) -> tuple[Floats, Floats]:
         """Fractions of the failed and of the held grasps that are accepted, from none to all.
@@ -100,7 +93,9 @@ class RankedOutcomes:
         Returns:
             Both of shape (g + 1,); nan where there are none.
         """
-        held, failed = self.counts()
+        held, failed = (
+            np.bincount(self.groups, weights=outcomes) for outcomes in (self.held, ~self.held)
+        )
         with np.errstate(invalid="ignore"):
             return (
                 np.append(0.0, np.cumsum(failed)) / failed.sum(),

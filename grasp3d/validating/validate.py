@@ -337,7 +337,7 @@ def _qualities(
     """ROC-AUC and average precision of each score, with intervals."""
     scores = [score for score in SCORES if score.name in grasps.scores]
     ranked = [RankedOutcomes.of(grasps.held, grasps.ranked(score)) for score in scores]
-    measures = [measure for one in ranked for measure in (one.roc_auc, one.average_precision)]
+    measures = [one.measures for one in ranked]
     clusters = grasps.object_number if by_object else np.arange(grasps.size)
     ends = bootstrap(measures, clusters, resamples=resamples, seed=seed).reshape(len(scores), 2, 2)
     return tuple(

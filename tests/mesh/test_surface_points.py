@@ -93,7 +93,6 @@ def test_single_points_all_points_and_parts_give_the_same(monkeypatch: pytest.Mo
         assert face == found.faces[number]
         assert np.array_equal(weights, found.weights[number])
         assert mesh.from_normalized(position) == pytest.approx(positions[number])
-    monkeypatch.setattr(surface_points, "PAIRS", 64)
     monkeypatch.setattr(surface_points, "POINTS", 17)
     again, _, _ = running(threads=2)(nearest_surface_points)(mesh, points)
     assert np.array_equal(again.faces, found.faces)

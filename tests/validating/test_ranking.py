@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import mannwhitneyu
 
@@ -39,6 +39,7 @@ def precision_over_thresholds(held: np.ndarray, scores: np.ndarray) -> float:
     return found
 
 
+@settings(deadline=None)  # the kernel is read, or compiled, at its first call
 @given(SEED, COUNT)
 def test_the_area_counts_pairs(seed: int, count: int) -> None:
     held, scores = drawn(seed, count)
@@ -65,6 +66,7 @@ def test_published_examples() -> None:
     assert four.average_precision() == pytest.approx(0.8333, abs=1e-4)
 
 
+@settings(deadline=None)  # the kernel is read, or compiled, at its first call
 @given(SEED, COUNT)
 def test_weights_count_as_repeated_grasps(seed: int, count: int) -> None:
     held, scores = drawn(seed, count)
@@ -76,6 +78,7 @@ def test_weights_count_as_repeated_grasps(seed: int, count: int) -> None:
     np.testing.assert_allclose(precision, other.average_precision(), atol=1e-12)
 
 
+@settings(deadline=None)  # the kernel is read, or compiled, at its first call
 @given(SEED, COUNT)
 def test_only_the_order_matters_and_the_reverse_is_the_rest(seed: int, count: int) -> None:
     held, scores = drawn(seed, count)
@@ -85,6 +88,7 @@ def test_only_the_order_matters_and_the_reverse_is_the_rest(seed: int, count: in
     assert reverse == pytest.approx(1.0 - area, nan_ok=True)
 
 
+@settings(deadline=None)  # the kernel is read, or compiled, at its first call
 @given(SEED, COUNT)
 def test_the_curve_encloses_the_area(seed: int, count: int) -> None:
     held, scores = drawn(seed, count)

@@ -1,4 +1,4 @@
-"""A tree of boxes over the faces of a surface: what is near a ball or a capsule.
+"""A tree of boxes over the faces of a surface: what is near a point, a ball or a capsule.
 
 Like `face_tree`, but with boxes along the axes, with slabs across the mean normals, which are thin
 about smooth parts in any position, and with the faces' corners in the order of the leaves, which
@@ -15,6 +15,7 @@ from grasp3d._kernels.compiling.decorators import kernel, merged, part
 from grasp3d._kernels.surface.face_tree import (
     GO_ON,
     NO_NODE,
+    STACK,
     STOP,
     below,
     divide,
@@ -36,6 +37,9 @@ from grasp3d._kernels.surface.vectors import (
 LEAF = 2
 """Most faces of a leaf."""
 
+EQUALLY_NEAR = 1e-12
+"""Difference of distances that rounding makes: of faces that are equally near the first counts."""
+
 RADIUS, NORMAL, HEIGHT, THICKNESS, COLUMNS = 6, 7, 10, 11, 12
 """Columns of `BoxTree.boxes` behind the centre and the half sizes; and their number."""
 
@@ -45,6 +49,8 @@ class BoxTree(NamedTuple):
 
     depth: int
     """Divisions from the root to a leaf."""
+    order: npt.NDArray[np.int64]
+    """Faces in the order of the leaves (F,)."""
     triangles: npt.NDArray[np.float64]
     """Corners of the faces, in the order of the leaves (F, 9)."""
     boxes: npt.NDArray[np.float64]
@@ -86,7 +92,7 @@ def box_tree(points, faces):
         for j in range(1 << level):
             first, last = size * j >> level, size * (j + 1) >> level
             _bound(triangles[first:last], boxes[(1 << level) - 1 + j])
-    return BoxTree(depth, triangles, boxes)
+    return BoxTree(depth, order, triangles, boxes)
 
 
 @kernel
@@ -212,6 +218,47 @@ def ball_is_free(px, py, pz, radius, tree, nodes):
     """
     state = (px, py, pz), radius, tree
     return radius <= 0.0 or not walk(_visit_with_ball, state, nodes)
+
+
+@kernel
+def nearest_faces(points, limit, first, last, tree, found):
+    """Find the face that is nearest to each point.
+
+    Args:
+        points: In the frame of the tree (k, 3).
+        limit: Largest distance.
+        first: First point.
+        last: The one after the last.
+        tree: `BoxTree`.
+        found: Written: the face, of those that are equally near the first one; -1: all are farther
+            away (k,).
+    """
+    nodes = np.empty(STACK, np.int64)
+    for k in range(first, last):
+        p = triple(points[k], 0)
+        least, face = limit * limit, -1
+        nodes[0], top = 0, 1
+        while top > 0:
+            top -= 1
+            node = nodes[top]
+            if _distance_to_box(p, tree.boxes[node]) > least:
+                continue
+            low, high = leaf_rows(node, tree)
+            for i in range(low, high):
+                square = triangle_distance(p, tree.triangles[i])
+                if square > least:
+                    continue
+                equal = math.sqrt(least) - math.sqrt(square) <= EQUALLY_NEAR
+                if face < 0 or not equal or tree.order[i] < face:
+                    face = tree.order[i]
+                least = square
+            one, other = below(node, tree.depth)
+            if one == NO_NODE:
+                continue
+            farther = _distance_to_box(p, tree.boxes[one]) > _distance_to_box(p, tree.boxes[other])
+            nodes[top], nodes[top + 1] = (one, other) if farther else (other, one)
+            top += 2
+        found[k] = face
 
 
 @part
