@@ -11,8 +11,10 @@ import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
+from grasp3d.grasps.grasp_files import contact_parts
 from grasp3d.plots import rendering
 from grasp3d.quality import METRICS, metric_names
+from grasp3d.system import tables
 from tests.helpers import shapes
 from tests.helpers.commands import export, printed
 from tests.helpers.commands import run_here as grasp3d
@@ -106,6 +108,59 @@ def test_all_metrics_of_three_fingers_are_written(folder: Path) -> None:
     assert "min_weight: no weights of sum 1 balance" in beside["undefined_metrics"]
     assert coincident["grasp_isotropy"] is None
     assert "grasp_isotropy: the grasp matrix has rank 3" in coincident["undefined_metrics"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_a_large_table_is_evaluated_in_parts_like_a_small_one(
+    tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh = export(tmp_path / "box.stl", shapes.box((1.0, 2.0, 3.0)))
+    random = np.random.default_rng(0)
+    points = random.uniform(-1.0, 1.0, (2500, 2, 3)) * (0.5, 1.0, 1.5)
+    axes = random.integers(3, size=(2500, 2))
+    size = np.array([0.5, 1.0, 1.5])
+    for contact in range(2):
+        at = axes[:, contact]
+        points[np.arange(2500), contact, at] = (1 - 2 * contact) * size[at]
+    columns = {f"{axis}{c + 1}": points[:, c, k] for c in range(2) for k, axis in enumerate("xyz")}
+    given = tmp_path / f"grasps.{suffix}"
+    tables.write_columns(given, columns, settings={})
+    words = ["evaluate", str(mesh), str(given), "--overwrite", "-o"]
+    _, whole, _ = printed(*words, str(tmp_path / f"whole.{suffix}"))
+    monkeypatch.setattr(tables, "PART_ROWS", 1000)
+    monkeypatch.setattr(tables, "PART_BYTES", 100_000)
+    assert contact_parts(given) is not None
+    _, parts, _ = printed(*words, str(tmp_path / f"parts.{suffix}"))
+    one, other = (tables.read_columns(tmp_path / f"{name}.{suffix}") for name in ("whole", "parts"))
+    assert list(one) == list(other)
+    for name, values in one.items():
+        np.testing.assert_array_equal(other[name], values, err_msg=name)
+    assert other["grasp"].tolist() == list(range(1, 2501))
+    settings = [tables.read_settings(tmp_path / f"{name}.{suffix}") for name in ("whole", "parts")]
+    assert settings[0] == settings[1]
+    for line in whole.splitlines()[:5]:  # heading, numbers of labels and angles
+        assert line in parts
+    assert printed_rows(whole)[:3] == printed_rows(parts)[:3]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_messages_on_large_tables_name_the_grasp(
+    tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh = export(tmp_path / "box.stl", shapes.box((1.0, 2.0, 3.0)))
+    points = np.tile([0.5, 0.0, 0.0, -0.5, 0.0, 0.0], (50, 1))
+    given, names = tmp_path / f"grasps.{suffix}", ["x1", "y1", "z1", "x2", "y2", "z2"]
+    monkeypatch.setattr(tables, "PART_ROWS", 10)
+    monkeypatch.setattr(tables, "PART_BYTES", 400)
+    for value, message in ((9.0, "grasp 36, contact 2 at"), (math.nan, "grasp 36: y2 is empty")):
+        points[35, 4] = value
+        tables.write_columns(given, dict(zip(names, points.T, strict=True)), settings={})
+        code, _, errors = printed("evaluate", str(mesh), str(given), "-o", str(tmp_path / "o.csv"))
+        assert code == 1
+        assert message in errors
+        assert not (tmp_path / "o.csv").exists()
 
 
 def test_of_many_grasps_only_the_first_are_printed(folder: Path) -> None:
