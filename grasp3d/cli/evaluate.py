@@ -1,24 +1,23 @@
 """The command `grasp3d evaluate`: evaluates given grasps on a mesh."""
 
-from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from grasp3d.arrays import Floats
 from grasp3d.cli import grasp_report, progress_bars
 from grasp3d.cli.existing_files import check_not_source, check_not_task, check_output
 from grasp3d.cli.grasp_commands import Evaluate
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.grasps.evaluated_parts import PartsSummary
+from grasp3d.grasps.evaluated_parts import EvaluatedParts
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.evaluation import evaluate_contacts, evaluate_grasps, in_stated_scale
+from grasp3d.grasps.evaluation import evaluate_grasps, in_stated_scale
 from grasp3d.grasps.grasp_files import (
     SUFFIXES,
     contact_parts,
     read_contacts,
     read_grasps,
     write_grasps,
+    write_parts,
 )
 from grasp3d.grasps.pose_files import holds_poses, read_poses
 from grasp3d.grasps.poses import GraspPoses
@@ -26,11 +25,13 @@ from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.quality.loads import Load
-from grasp3d.quality.measures.measuring import metric_names
+from grasp3d.quality.measures.measuring import MetricValues, metric_names
 from grasp3d.settings import GraspModel, with_fingers
+from grasp3d.settings.lengths import Unit
 from grasp3d.surface.load_case import loaded_mesh
-from grasp3d.system.context import within
 from grasp3d.system.names import safe_stem
+
+Measures = tuple[MetricValues, Unit | None]
 
 
 def run(command: Evaluate) -> int:
@@ -43,13 +44,9 @@ def run(command: Evaluate) -> int:
     _check_gripper(command, poses=poses)
     check_not_source(output, command.contacts, "poses" if poses else "contacts")
     check_output(output, SUFFIXES, "table", overwrite=command.overwrite, sources=[command.file])
-    in_parts = not poses and command.metrics is None and command.object_pose is None
-    parts = contact_parts(command.contacts) if in_parts and output.suffix != ".json" else None
-    if parts is not None:
-        _evaluate_parts(command, parts, output)
-        return 0
-    grasps = read_grasps(command.contacts, hand=command.reach.hand, object_pose=command.object_pose)
-    _evaluate(command, grasps, output)
+    metrics = (_evaluate_poses if poses else _evaluate_contacts)(command, output)
+    if metrics is not None and not command.quiet:
+        grasp_report.print_metrics(*metrics)
     return 0
 
 
@@ -77,31 +74,48 @@ def _check_gripper(command: Evaluate, *, poses: bool) -> None:
         )
 
 
-def _evaluate(command: Evaluate, grasps: GraspPoses | Floats, output: Path) -> None:
-    """Evaluate grasps, write and print the results."""
-    if isinstance(grasps, GraspPoses):
-        model = command.reach.touching(command.model)
-    else:
-        model = with_fingers(command.model, grasps.shape[1])
-    mesh = in_stated_scale(load_mesh(command.file, command.mesh), grasps)
+def _evaluate_poses(command: Evaluate, output: Path) -> Measures | None:
+    """Evaluate poses, write and print the results."""
+    hand, at = command.reach.hand, command.object_pose
+    poses = read_grasps(command.contacts, hand=hand, object_pose=at)
+    assert isinstance(poses, GraspPoses)
+    model = command.reach.touching(command.model)
+    mesh = in_stated_scale(load_mesh(command.file, command.mesh), poses)
     mesh, load = _loaded(command, mesh, model)
     with progress_bars.progress(f"evaluating {command.contacts.name}", quiet=command.quiet):
         options: dict[str, Any] = {
             "scene": Scene.of(command.reach, mesh), "object_motion": command.object_motion,
-            "max_distance": command.max_distance, "load": load,
         }  # fmt: skip
-        results = evaluate_grasps(mesh, grasps, model, **options)
+        results = evaluate_grasps(mesh, poses, model, load=load, **options)
     progress_bars.measure(lambda: results.epsilon_range, "measuring epsilon", quiet=command.quiet)
     metrics = None if command.metrics is None else results.metrics(command.metrics)
     write_grasps(output, results, metrics=metrics)
-    if command.quiet:
-        return
-    if isinstance(results, EvaluatedPoses):
+    if not command.quiet:
+        assert isinstance(results, EvaluatedPoses)
         grasp_report.print_poses(results, output)
-    else:
-        grasp_report.print_evaluated(results, output)
-    if metrics is not None:
-        grasp_report.print_metrics(metrics, mesh.unit)
+    return None if metrics is None else (metrics, mesh.unit)
+
+
+def _evaluate_contacts(command: Evaluate, output: Path) -> Measures | None:
+    """Evaluate contacts, of which many are read and written in parts; print the results."""
+    if command.object_pose is not None:
+        read_grasps(command.contacts, object_pose=command.object_pose)  # says that it is for poses
+    parts, metrics = contact_parts(command.contacts), None
+    if command.metrics is not None:
+        parts = iter([(1.0, read_contacts(command.contacts))])
+    first = next(parts)
+    model = with_fingers(command.model, first[1].shape[1])
+    mesh, load = _loaded(command, load_mesh(command.file, command.mesh), model)
+    evaluated = EvaluatedParts(mesh, model, max_distance=command.max_distance, load=load)
+    with progress_bars.progress(f"evaluating {command.contacts.name}", quiet=command.quiet):
+        tables = evaluated.evaluate(chain([first], parts))
+        if command.metrics is not None:
+            whole = next(tables)
+            tables, metrics = iter([whole]), whole.metrics(command.metrics)
+        write_parts(output, tables, metrics)
+    if not command.quiet:
+        grasp_report.print_evaluated(evaluated, output)
+    return None if metrics is None else (metrics, mesh.unit)
 
 
 def _loaded(
@@ -112,39 +126,3 @@ def _loaded(
     if not command.force:
         refuse_lengths(mesh, model, load, max_distance=command.max_distance)
     return mesh, load
-
-
-def _evaluate_parts(command: Evaluate, parts: Iterator[tuple[float, Floats]], output: Path) -> None:
-    """Evaluate the contacts of a large table, and write the results, a part at a time."""
-    from grasp3d.system.tables import table_of_columns, write_parts
-
-    first = next(parts)
-    model = with_fingers(command.model, first[1].shape[1])
-    mesh, load = _loaded(command, load_mesh(command.file, command.mesh), model)
-    summary = PartsSummary(mesh)
-
-    def tables() -> Iterator[Any]:
-        done = 0.0
-        for fraction, contacts in chain([first], parts):
-            with within(done, fraction):
-                with within(0.0, 0.7):
-                    grasps = evaluate_contacts(
-                        mesh, contacts, model, max_distance=command.max_distance, load=load,
-                        first=summary.count,
-                    )  # fmt: skip
-                with within(0.7, 1.0):
-                    grasps.compute("epsilon_range")
-            columns = grasps.table_columns()
-            columns["grasp"] = columns["grasp"] + summary.count
-            summary.add(grasps, contacts)
-            done = fraction
-            yield table_of_columns(columns, settings=grasps.settings())
-
-    with progress_bars.progress(f"evaluating {command.contacts.name}", quiet=command.quiet):
-        write_parts(output, tables())
-    if not command.quiet:
-        numbers, contacts = summary.best()
-        best = evaluate_contacts(
-            mesh, contacts, model, max_distance=command.max_distance, load=load
-        )
-        grasp_report.print_parts(summary, best, numbers, output)

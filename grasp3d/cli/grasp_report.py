@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp3d.arrays import Bytes, Ints
+from grasp3d.arrays import Bytes, Floats, Ints
 from grasp3d.cli.margin_report import (
     LOAD,
     MARGIN,
@@ -30,10 +30,10 @@ from grasp3d.cli.report import (
     table_of,
     table_of_columns,
 )
-from grasp3d.grasps.evaluated_parts import PartsSummary
+from grasp3d.grasps.evaluated_parts import EvaluatedParts
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
-from grasp3d.grasps.ranking import ranked_rows, stated_label
+from grasp3d.grasps.ranking import listed_rows, stated_label
 from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing
@@ -62,8 +62,6 @@ _CLOSED = (
     "without a load, and its margin, the friction angle to spare; "
 )
 
-_EXCLUDED = "have a contact that --only and --avoid exclude: U"
-
 _CONTACTS = {
     "point": "",
     "soft": "; contacts resist torsion",
@@ -72,70 +70,34 @@ _CONTACTS = {
 """What contacts are, beside points."""
 
 
-def print_evaluated(grasps: GraspTable, output: Path) -> None:
+def print_evaluated(evaluated: EvaluatedParts, output: Path) -> None:
     """Print the number of grasps of each label, and a table of the best grasps.
 
     Args:
-        grasps: Evaluated grasps.
+        evaluated: Evaluated grasps.
         output: The file that they were written to.
     """
-    report, mesh = Report(), grasps.mesh
-    count = f"{counted(grasps.size, 'grasps')} of {grasps.model.fingers} fingers"
+    report, mesh, size = Report(), evaluated.mesh, evaluated.size
+    (grasps, rows), holding = evaluated.few(), evaluated.holding
+    count = f"{counted(size, 'grasps')} of {grasps.model.fingers} fingers"
     report.heading(mesh.report.source, f"{count}; {model_words(grasps.model)}")
-    counts = np.bincount(grasps.label, minlength=len(Label))
+    counts = np.bincount(evaluated.all("label"), minlength=len(Label))
     report.labels(
-        "scan", ("grasps", "fraction"), lambda label: _number_of(int(counts[label]), grasps.size)
+        "scan", ("grasps", "fraction"), lambda label: _number_of(int(counts[label]), size)
     )
-    angles = quantiles(grasps.critical_angle, LEVELS, np.ones(grasps.size))
+    angles = quantiles(evaluated.critical_angle, LEVELS, np.ones(size))
     texts = ", ".join(map(angle_text, angles))
     report.paragraph(f"critical friction angle, {PERCENTS} of the grasps: {texts}")
-    report.lines(uncertainty_lines(grasps, None, of="grasps", unit=mesh.unit))
-    report.lines(_outside(grasps))
-    report.paragraph(_distance_text(grasps))
-    report.line(f"[bold]{escaped(str(verdict_of(grasps)))}[/]")
-    print_load(report, grasps.holding)
+    report.lines(uncertainty_lines(evaluated, None, of="grasps", unit=mesh.unit))
+    report.lines(_outside(evaluated))
+    report.paragraph(_distance_text(grasps, evaluated.all("distance")))
+    report.line(f"[bold]{escaped(str(evaluated.verdict(grasps, holding)))}[/]")
+    print_load(report, holding)
     report.warnings(grasps.warnings)
-    _print_some(
-        report,
-        [*_columns(grasps, grasps.label), *_conditional_columns(grasps, distances=True)],
-        grasps,
-    )
+    _, *columns = _columns(grasps, grasps.label)
+    columns += _conditional_columns(grasps, distances=True)
+    _print_some(report, [("grasp", lambda row: str(rows[row] + 1)), *columns], grasps, size)
     report.line(_legend(grasps))
-    report.written(output)
-
-
-def print_parts(parts: PartsSummary, best: GraspTable, numbers: Ints, output: Path) -> None:
-    """Print the numbers of many grasps, as of few, and a table of the best ones.
-
-    Args:
-        parts: What is known of all.
-        best: The best grasps of each part.
-        numbers: Their rows in the file.
-        output: The file that all were written to.
-    """
-    report = Report()
-    count = f"{counted(parts.count, 'grasps')} of {best.model.fingers} fingers"
-    report.heading(best.mesh.report.source, f"{count}; {model_words(best.model)}")
-    report.labels(
-        "scan",
-        ("grasps", "fraction"),
-        lambda label: _number_of(int(parts.labels[label]), parts.count),
-    )
-    angles = np.quantile(np.concatenate(parts.angles), LEVELS)
-    texts = ", ".join(map(angle_text, angles))
-    report.paragraph(f"critical friction angle, {PERCENTS} of the grasps: {texts}")
-    if best.mesh.region is not None:
-        report.line(f"{parts.excluded} of {parts.count} {_EXCLUDED}")
-    unit = best.mesh.unit or "(unit not stated)"
-    most = _distance(best, parts.largest_distance)
-    report.paragraph(f"distance of the contacts from the surface: at most {most} {unit}")
-    report.warnings(list(parts.warnings))
-    _, *columns = [*_columns(best, best.label), *_conditional_columns(best, distances=True)]
-    rows = ranked_rows(best)[:MAX_ROWS]
-    report.paragraph(f"the best {len(rows)} of {parts.count}:")
-    named = [("grasp", lambda row: str(numbers[row] + 1)), *columns]
-    report.table(table_of_columns(named, rows), whole=True)
-    report.line(_legend(best))
     report.written(output)
 
 
@@ -210,7 +172,7 @@ def print_poses(poses: EvaluatedPoses, output: Path) -> None:
     report.line(f"[bold]{escaped(str(verdict_of(poses)))}[/]")
     print_load(report, poses.holding)
     report.warnings(poses.warnings)
-    _print_some(report, _pose_columns(poses), poses)
+    _print_some(report, _pose_columns(poses), poses, poses.size)
     report.line(f"{_added_legend(poses)}{_POSES_LEGEND}{mesh.unit}")
     report.line(_frame_text(poses.given.object_pose))
     report.written(output)
@@ -242,14 +204,13 @@ def print_metrics(metrics: MetricValues, unit: str | None) -> None:
 
 
 def _print_some(
-    report: Report, columns: Sequence[Column], grasps: GraspTable | EvaluatedPoses
+    report: Report, columns: Sequence[Column], grasps: GraspTable | EvaluatedPoses, size: int
 ) -> None:
-    """Print a table of the grasps; of many those to be taken first."""
+    """Print a table of the grasps; where all are many, `size`, of those to be taken first."""
     rows = np.arange(grasps.size)
-    if grasps.size > MAX_ROWS:
-        ranked = ranked_rows(grasps)
-        rows = np.concatenate([ranked, np.setdiff1d(rows, ranked)])[:MAX_ROWS]
-        report.paragraph(f"the best {MAX_ROWS} of {grasps.size}:")
+    if size > MAX_ROWS:
+        rows = listed_rows(grasps, MAX_ROWS)
+        report.paragraph(f"the best {MAX_ROWS} of {size}:")
     report.table(table_of_columns(columns, rows), whole=True)
 
 
@@ -279,10 +240,10 @@ def _frame_text(pose: ObjectPose | None) -> str:
     return f"poses in the file: in the {frame}"
 
 
-def _distance_text(grasps: GraspTable) -> str:
+def _distance_text(grasps: GraspTable, distances: Floats) -> str:
     """Return the median and the largest distance of the contacts from the surface."""
     unit = grasps.mesh.unit or "(unit not stated)"
-    median, most = (_distance(grasps, value) for value in np.quantile(grasps.distance, [0.5, 1.0]))
+    median, most = (_distance(grasps, value) for value in np.quantile(distances, [0.5, 1.0]))
     return f"distance of the contacts from the surface: median {median}, at most {most} {unit}"
 
 
@@ -361,12 +322,12 @@ def _pose_counts(poses: EvaluatedPoses) -> list[tuple[tuple[str, str], int]]:
     ]
 
 
-def _outside(grasps: GraspTable | EvaluatedPoses) -> tuple[str, ...]:
+def _outside(grasps: EvaluatedParts | EvaluatedPoses) -> tuple[str, ...]:
     """Return how many grasps have a contact outside the region, in one line, if there is one."""
     if grasps.mesh.region is None:
         return ()
     count = int(np.isinf(grasps.critical_angle).sum())
-    return (f"{count} of {grasps.size} {_EXCLUDED}",)
+    return (f"{count} of {grasps.size} have a contact that --only and --avoid exclude: U",)
 
 
 def _outcomes(poses: EvaluatedPoses) -> str:

@@ -1,49 +1,113 @@
-"""What is kept of many contacts that are evaluated in parts: numbers for a report, and the best."""
+"""Contacts that are evaluated in parts: what reports need of all grasps, and few of them whole."""
 
-from dataclasses import dataclass, field
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints
-from grasp3d.grasps.ranking import ranked_rows
+from grasp3d.grasps.evaluation import evaluate_contacts
+from grasp3d.grasps.ranking import listed_rows, stated_label
+from grasp3d.grasps.verdict import HoldingVerdict, Verdict, deciding_rows, verdict_of
 from grasp3d.mesh import ObjectMesh
+from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.holding import Holding
+from grasp3d.system.context import begin_step, within
 
-BEST = 10
+LISTED = 10
 """Best grasps that are kept of each part."""
 
+EPSILON_FROM = 0.7
+"""Fraction of the work on a part after which epsilon is measured."""
 
-@dataclass
-class PartsSummary:
-    """Numbers of the grasps of all parts so far."""
 
-    mesh: ObjectMesh
-    count: int = 0
-    labels: Ints = field(default_factory=lambda: np.zeros(len(Label), dtype=np.int64))
-    """Number of grasps of each label."""
-    excluded: int = 0
-    """Grasps with a contact outside the region."""
-    largest_distance: float = 0.0
-    """Of a contact from the surface, in the mesh's unit."""
-    angles: list[Floats] = field(default_factory=list)
-    """Critical angles of each part [rad]."""
-    warnings: dict[str, None] = field(default_factory=dict)
-    _numbers: list[Ints] = field(default_factory=list)
-    _contacts: list[Floats] = field(default_factory=list)
+class EvaluatedParts:
+    """All grasps of the parts so far, of which few are kept whole.
 
-    def add(self, grasps: GraspTable, contacts: Floats) -> None:
-        """Add a part: its grasps, and their contacts as they were given, shape (b, n, 3)."""
-        self.labels += np.bincount(grasps.label, minlength=len(Label))
-        self.excluded += int(np.isinf(grasps.critical_angle).sum())
-        self.largest_distance = max(self.largest_distance, float(grasps.distance.max()))
-        self.angles.append(grasps.critical_angle.astype(np.float32))
-        self.warnings |= dict.fromkeys(grasps.warnings)
-        best = ranked_rows(grasps)[:BEST]
-        self._numbers.append(self.count + best)
-        self._contacts.append(contacts[best])
-        self.count += grasps.size
+    Args:
+        mesh: The object.
+        model: Friction and sensor resolution, with as many fingers as the grasps have contacts.
+        options: `max_distance` and `load`, as in `evaluate_grasps`.
+    """
 
-    def best(self) -> tuple[Ints, Floats]:
-        """Rows in the file, and contacts as given, of the best grasps of every part."""
-        return np.concatenate(self._numbers), np.concatenate(self._contacts)
+    def __init__(self, mesh: ObjectMesh, model: GraspModel, **options: Any) -> None:
+        self.mesh, self.model, self.size = mesh, model, 0
+        self._options = options
+        self._values: dict[str, list[Any]] = defaultdict(list)
+        self._holdings: list[Holding] = []
+        self._last: GraspTable | None = None
+
+    def evaluate(self, parts: Iterable[tuple[float, Floats]]) -> Iterator[GraspTable]:
+        """Evaluate the grasps of each part, when it is needed, and report the progress.
+
+        Args:
+            parts: From `contact_parts`.
+
+        Raises:
+            ContactError, SettingError: As `evaluate_grasps` does.
+        """
+        done = 0.0
+        for fraction, contacts in parts:
+            with within(done, fraction):
+                grasps = self._evaluated(contacts)
+            done = fraction
+            self._keep(grasps, contacts)
+            yield grasps
+
+    def _evaluated(self, contacts: Floats) -> GraspTable:
+        with within(0.0, EPSILON_FROM):
+            grasps = evaluate_contacts(
+                self.mesh, contacts, self.model, first=self.size, **self._options
+            )
+        begin_step("measuring epsilon")
+        with within(EPSILON_FROM, 1.0):
+            grasps.compute("epsilon_range")
+        return grasps
+
+    def _keep(self, grasps: GraspTable, contacts: Floats) -> None:
+        rows = np.union1d(listed_rows(grasps, LISTED), deciding_rows(grasps))
+        numbers = {"critical_angle", "margin", "distance"}
+        kept = {name: getattr(grasps, name).astype(np.float32) for name in numbers}
+        kept |= {"label": grasps.label, "rows": self.size + rows, "contacts": contacts[rows]}
+        kept["sure"] = np.array([np.sum(stated_label(grasps) == Label.S)])
+        for name, values in kept.items():
+            self._values[name].append(values)
+        self._holdings += [] if grasps.holding is None else [grasps.holding]
+        self.size += grasps.size
+        self._last = grasps
+
+    def all(self, name: str) -> Any:
+        """Values of all grasps: `label`, `critical_angle` or `margin` (b,), `distance` (b, n)."""
+        return np.concatenate(self._values[name])
+
+    @property
+    def critical_angle(self) -> Floats:
+        """Of all grasps [rad], shape (b,)."""
+        return np.asarray(self.all("critical_angle"))
+
+    @property
+    def margin(self) -> Floats:
+        """Of all grasps [rad], shape (b,)."""
+        return np.asarray(self.all("margin"))
+
+    @property
+    def holding(self) -> Holding | None:
+        """Of all grasps; None: there is no load."""
+        return self._holdings[0].followed_by(self._holdings[1:]) if self._holdings else None
+
+    def few(self) -> tuple[GraspTable, Ints]:
+        """All grasps of a single part, else the best of every part; and their rows in the file."""
+        if self._last is not None and self._last.size == self.size:
+            return self._last, np.arange(self.size)
+        grasps = evaluate_contacts(self.mesh, self.all("contacts"), self.model, **self._options)
+        return grasps, self.all("rows")
+
+    def verdict(self, few: GraspTable, holding: Holding | None) -> Verdict:
+        """The verdict on all grasps, from those of `few` and `holding`."""
+        load = None if holding is None else HoldingVerdict.of(holding)
+        count = int(self.all("sure").sum())
+        return replace(verdict_of(few), count=count, of=self.size, holding=load)

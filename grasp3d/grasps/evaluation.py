@@ -289,8 +289,9 @@ def _check_near(
     raise ContactError(
         f"{_name(first + grasp, contact)} at {numbers_text(array[grasp, contact])} is "
         f"{distance:.4g} from the surface, more than the allowed {limit:.4g}, as are {len(off)} "
-        f"of {distances.size} contacts; are they in the frame and unit of {mesh.report.source}, "
-        f"which is {mesh.size:.4g} {unit} in size? max_distance (--max-distance) allows more"
+        f"of {distances.size + first * distances.shape[1]} contacts{' so far' if first else ''}; "
+        f"are they in the frame and unit of {mesh.report.source}, which is {mesh.size:.4g} {unit} "
+        "in size? max_distance (--max-distance) allows more"
     )
 
 

@@ -3,8 +3,9 @@
 import json
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from grasp3d.grasps.pose_files.documents import (
     json_text,
     load_json,
     one_line,
+    rows_of,
     write_rows,
 )
 from grasp3d.grasps.pose_files.frames import GivenPose
@@ -31,7 +33,7 @@ from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.settings import MAX_FINGERS, PoseFormat
 from grasp3d.settings.lengths import Unit
 from grasp3d.surface.fields import FOUND_POSES, columns_of
-from grasp3d.surface.grasp_table import NO_POSES, GraspTable
+from grasp3d.surface.grasp_table import NO_POSES, Columns, GraspTable
 from grasp3d.system.documents import described, number_of
 from grasp3d.system.files import check_suffix
 from grasp3d.system.names import unsupported
@@ -43,6 +45,9 @@ COLUMNS = "x1 y1 z1 x2 y2 z2 ..."
 
 GRASPS = "a list of grasps, each a list of two or more contacts [x, y, z]"
 """Content of a JSON file, for error messages."""
+
+PART = 100_000
+"""Most grasps that are evaluated, and written, at a time."""
 
 MAX_LISTED = 12
 """Most columns of a file that an error message lists."""
@@ -121,69 +126,54 @@ def read_contacts(path: str | Path) -> Floats:
     Raises:
         ContactError: The file is missing, or contains no such contacts.
     """
-    path = Path(path)
+    return np.concatenate([contacts for _, contacts in contact_parts(Path(path))])
+
+
+def contact_parts(path: Path) -> Iterator[tuple[float, Floats]]:
+    """Read contacts as `read_contacts` does, a part at a time where there are many.
+
+    Args:
+        path: As there.
+
+    Returns:
+        Of each part, of which none is empty, the fraction of the file that has been read, and
+        contacts in the order of the file, shape (b, n, 3).
+
+    Raises:
+        ContactError: As there; also while parts are read.
+    """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise ContactError(unsupported(path, SUFFIXES, "contacts"))
     check_file(path)
     try:
-        return _from_json(path) if suffix == ".json" else _from_table(path)
+        for fraction, contacts in _from_json(path) if suffix == ".json" else _from_table(path):
+            for start in range(0, len(contacts), PART):
+                yield fraction, contacts[start : start + PART]
     except OSError as error:
         raise one_line(path, f"cannot be read ({error.strerror or error})") from error
     except (ContactError, ValueError) as error:
         raise one_line(path, str(error)) from error
 
 
-def contact_parts(path: Path) -> Iterator[tuple[float, Floats]] | None:
-    """Read the contacts of a table with many grasps in parts, as `read_contacts` does.
-
-    Args:
-        path: The file.
-
-    Returns:
-        The fraction of the file that is read, and contacts in the order of the file, shape
-        (b, n, 3), of each part; None: it is no such table, or small enough to be read as a whole.
-
-    Raises:
-        ContactError: The file is missing, or contains no such contacts; also while it is read.
-    """
-    if path.suffix.lower() not in SUFFIXES[:2] or not path.is_file():
-        return None
-    from grasp3d.system.tables import column_names, column_parts
-
-    try:
-        names = column_names(path)
-        required = _coordinate_columns(names)
-        parts = column_parts(path, [*required, *({"frame"} & set(names))])
-    except (OSError, ValueError, ContactError):
-        return None  # reading it as a whole says why
-    return None if parts is None else _parts_of(path, required, parts)
-
-
-def _parts_of(
-    path: Path, names: Sequence[str], parts: Iterator[tuple[float, dict[str, npt.NDArray[Any]]]]
-) -> Iterator[tuple[float, Floats]]:
-    first = 0
-    try:
-        for fraction, table in parts:
-            check_object_frame(set(table.get("frame", ())))
-            columns = [_column(name, table[name], first) for name in names]
-            first += len(columns[0])
-            yield fraction, np.stack(columns, axis=1).reshape(len(columns[0]), -1, 3)
-    except (ContactError, ValueError) as error:
-        raise one_line(path, str(error)) from error
-
-
-def _from_table(path: Path) -> Floats:
+def _from_table(path: Path) -> Iterator[tuple[float, Floats]]:
     """Contacts of a CSV or Parquet file. Raises ContactError, ValueError, OSError."""
-    from grasp3d.system.tables import read_columns
+    from grasp3d.system.tables import column_parts
 
-    table = read_columns(path)
-    check_object_frame(table.get("frame", ()))
-    columns = [_column(name, table[name]) for name in _coordinate_columns(list(table))]
-    if not len(columns[0]):
+    required: list[str] = []
+
+    def wanted(names: list[str]) -> list[str]:
+        required.extend(_coordinate_columns(names))
+        return [*required, "frame"]
+
+    first = 0
+    for fraction, table in column_parts(path, wanted):
+        check_object_frame(set(table.get("frame", ())))
+        columns = [_column(name, table[name], first) for name in required]
+        first += len(columns[0])
+        yield fraction, np.stack(columns, axis=1).reshape(len(columns[0]), -1, 3)
+    if not first:
         raise ContactError("there are no grasps in it, only column names")
-    return np.stack(columns, axis=1).reshape(len(columns[0]), -1, 3)
 
 
 def _coordinate_columns(names: Sequence[str]) -> list[str]:
@@ -224,8 +214,8 @@ def _column(name: str, values: npt.NDArray[Any], first: int = 0) -> Floats:
     return numbers
 
 
-def _from_json(path: Path) -> Floats:
-    """Contacts of a JSON file. Raises ContactError, ValueError, OSError."""
+def _from_json(path: Path) -> Iterator[tuple[float, Floats]]:
+    """Contacts of a JSON file, as one part. Raises ContactError, ValueError, OSError."""
     content = load_json(path)
     if isinstance(content, dict):
         check_object_frame([content.get("frame")])
@@ -242,7 +232,7 @@ def _from_json(path: Path) -> Floats:
             f"all grasps need the same number of contacts: grasp 1 has {counts[0]}, grasp "
             f"{other + 1} has {counts[other]}; put them into separate files"
         )
-    return np.array(rows, dtype=np.float64)
+    yield 1.0, np.array(rows, dtype=np.float64)
 
 
 def _from_written(content: dict[str, Any]) -> object:
@@ -349,18 +339,49 @@ def write_grasps(
     if isinstance(grasps, GraspPoses):
         write_poses(path, grasps, format=format, object_pose=object_pose)
         return
+    write_parts(path, iter([grasps]), metrics)
+
+
+def write_parts(
+    path: Path, parts: Iterator[GraspTable], metrics: MetricValues | None = None
+) -> None:
+    """Write grasps without poses as `write_grasps` does, each part before the next one is made.
+
+    Args:
+        path: As there.
+        parts: Consecutive grasps with the same settings, at least one part.
+        metrics: As there, where there is one part.
+
+    Raises:
+        OutputError: The suffix is unknown, or the file cannot be written.
+    """
     check_suffix(path, SUFFIXES, "table")
+    first = next(parts)
+    parts, settings = chain([first], parts), first.settings()
     if path.suffix.lower() == ".json":
-        _write_json(path, grasps, metrics)
+        rows = (row for one in _numbered(parts, metrics) for row in _json_rows(*one))
+        write_rows(path, json_text({k: _or_null(value) for k, value in settings.items()}), rows)
         return
-    from grasp3d.system.tables import write_columns
+    from grasp3d.system.tables import table_of_columns, write_tables
 
-    write_columns(path, grasps.table_columns(metrics), settings=grasps.settings())
+    columns = ({**one.table_columns(), **own} for one, own in _numbered(parts, metrics))
+    write_tables(path, (table_of_columns(one, settings=settings) for one in columns))
 
 
-def _write_json(path: Path, grasps: GraspTable, metrics: MetricValues | None) -> None:
-    """Write the settings, then one line for each grasp; what is not finite is null."""
-    columns = {name: json_numbers(values) for name, values in grasps.columns(metrics).items()}
+def _numbered(
+    parts: Iterable[GraspTable], metrics: MetricValues | None
+) -> Iterator[tuple[GraspTable, Columns]]:
+    """Parts, each with what files have of its grasps as a whole, numbered over all parts."""
+    before = 0
+    for grasps in parts:
+        columns = grasps.columns(metrics)
+        yield grasps, {**columns, "grasp": before + columns["grasp"]}
+        before += grasps.size
+
+
+def _json_rows(grasps: GraspTable, own: Columns) -> Iterator[dict[str, Any]]:
+    """An entry for each grasp; what is not finite is null."""
+    columns = {name: json_numbers(values) for name, values in own.items()}
     contacts = {field.name: json_numbers(values) for field, values in grasps.contact_values()}
     columns["contacts"] = [
         [
@@ -369,11 +390,11 @@ def _write_json(path: Path, grasps: GraspTable, metrics: MetricValues | None) ->
         ]
         for row in range(grasps.size)
     ]
-    settings = {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in grasps.settings().items()
-    }
-    write_rows(path, json_text(settings), columns, grasps.size)
+    return rows_of(columns, grasps.size)
+
+
+def _or_null(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def poses_of(grasps: GraspTable) -> GraspPoses:

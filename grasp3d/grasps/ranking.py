@@ -70,6 +70,12 @@ def ranked_rows(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None
     return np.asarray(order[np.isfinite(angles[order])])
 
 
+def listed_rows(grasps: GraspTable | EvaluatedPoses, count: int) -> Ints:
+    """So many rows for a list: of `ranked_rows`, then of those without a critical angle."""
+    ranked = ranked_rows(grasps)
+    return np.concatenate([ranked, np.setdiff1d(np.arange(grasps.size), ranked)])[:count]
+
+
 def stated_label(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None = None) -> Ints:
     """`Label` codes that take everything stated into account, shape (b,).
 

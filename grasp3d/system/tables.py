@@ -9,12 +9,13 @@ import csv
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import is_dataclass
 from enum import StrEnum
 from functools import partial
 from importlib.util import find_spec
+from itertools import chain
 from pathlib import Path
 from types import NoneType
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
@@ -85,7 +86,7 @@ def write_table(
     Raises:
         OutputError: The suffix is unknown, or the file cannot be written.
     """
-    _write(path, table_of_rows(rows, columns, settings=settings))
+    write_tables(path, [table_of_rows(rows, columns, settings=settings)])
 
 
 def table_of_rows(
@@ -112,7 +113,7 @@ def write_columns(
     Raises:
         OutputError: The suffix is unknown, or the file cannot be written.
     """
-    _write(path, table_of_columns(columns, settings=settings))
+    write_tables(path, [table_of_columns(columns, settings=settings)])
 
 
 def table_of_columns(
@@ -263,65 +264,59 @@ def column_names(path: Path) -> list[str]:
 
 
 def column_parts(
-    path: Path, names: Sequence[str]
-) -> Iterator[tuple[float, dict[str, npt.NDArray[Any]]]] | None:
-    """Read some columns of a large CSV or Parquet table in parts; as `read_columns`.
+    path: Path, wanted: Callable[[list[str]], Container[str]]
+) -> Iterator[tuple[float, dict[str, npt.NDArray[Any]]]]:
+    """Read some columns of a CSV or Parquet table, a part at a time where it is large.
 
     Args:
-        path: The file.
-        names: Names of columns that it has; all but `frame` are numbers.
+        path: As in `read_columns`; CSV with semicolons is read as a whole.
+        wanted: Returns which columns of those in the table are read.
 
     Returns:
-        The fraction of the file that is read, and the columns, of each part; None: the table is of
-        one part, or has decimal commas.
+        Of each part the fraction of the file that has been read, and the columns, as in
+        `read_columns`.
 
     Raises:
-        ValueError: It is no valid table; also while it is read.
+        ValueError: It is no valid table; the message gives the reason.
         OSError: The file cannot be read.
     """
-    if path.suffix.lower() == ".csv":
-        stated, delimiter = _head_of_csv(path)
-        if path.stat().st_size <= PART_BYTES or delimiter == ";":
-            return None
-        return _parts(_csv_batches(path, [one for one in stated if one.strip() in names]))
-    with pq.ParquetFile(path) as file:
-        count = file.metadata.num_rows
-    _check_values(count * len(names))
-    return _parts(_parquet_batches(path, names)) if count > PART_ROWS else None
-
-
-def _parts(
-    batches: Iterator[tuple[float, pa.RecordBatch]],
-) -> Iterator[tuple[float, dict[str, npt.NDArray[Any]]]]:
+    chosen = wanted(column_names(path))
+    is_csv, size = path.suffix.lower() == ".csv", path.stat().st_size
+    if is_csv and (size <= PART_BYTES or _head_of_csv(path)[1] == ";"):
+        yield 1.0, {name: one for name, one in read_columns(path).items() if name in chosen}
+        return
     try:
-        for fraction, batch in batches:
-            table = pa.Table.from_batches([batch])
+        for fraction, table in (_csv_parts if is_csv else _parquet_parts)(path, chosen):
             names = [name.strip() for name in table.column_names]
             yield fraction, dict(zip(names, map(_values_of, table.columns), strict=True))
     except pa.ArrowException as error:
         raise ValueError(str(error).splitlines()[0]) from error
 
 
-def _parquet_batches(path: Path, names: Sequence[str]) -> Iterator[tuple[float, pa.RecordBatch]]:
-    read = 0
-    with pq.ParquetFile(path) as file:
-        for batch in file.iter_batches(PART_ROWS, columns=list(names)):
-            read += batch.num_rows
-            yield read / file.metadata.num_rows, batch
-
-
-def _csv_batches(path: Path, names: Sequence[str]) -> Iterator[tuple[float, pa.RecordBatch]]:
-    kinds = {name: pa.float64() for name in names if name.strip() != "frame"}
+def _csv_parts(path: Path, wanted: Container[str]) -> Iterator[tuple[float, pa.Table]]:
+    """Fractions of a CSV file that has rows, and columns: of numbers, else of texts."""
+    stated, delimiter = _head_of_csv(path)
+    kinds = {name: pa.string() for name in stated if name.strip() in wanted}
+    options = pc.ConvertOptions(
+        include_columns=list(kinds), column_types=kinds, strings_can_be_null=True
+    )
     with path.open("rb") as stream:
-        reader = pc.open_csv(
+        for batch in pc.open_csv(
             stream,
             read_options=pc.ReadOptions(block_size=PART_BYTES),
-            parse_options=pc.ParseOptions(delimiter=_head_of_csv(path)[1]),
-            convert_options=pc.ConvertOptions(include_columns=names, column_types=kinds),
-        )
-        for batch in reader:
-            if batch.num_rows:
-                yield stream.tell() / path.stat().st_size, batch
+            parse_options=pc.ParseOptions(delimiter=delimiter),
+            convert_options=options,
+        ):
+            columns = list(map(_as_numbers, batch.columns))
+            yield stream.tell() / path.stat().st_size, pa.table(columns, list(kinds))
+
+
+def _as_numbers(texts: pa.Array) -> pa.Array:
+    """The numbers that texts spell, or the texts."""
+    try:
+        return texts.cast(pa.float64())
+    except pa.ArrowInvalid:
+        return texts
 
 
 def _checked_names(stated: Sequence[str]) -> list[str]:
@@ -348,28 +343,40 @@ def _values_of(column: pa.ChunkedArray) -> npt.NDArray[Any]:
 
 
 def _read_parquet(path: Path) -> pa.Table:
-    """A Parquet file, whose few bytes may stand for very many values; lists are not read.
+    """A Parquet file, whose few bytes may stand for very many values."""
+    tables, size = [], 0
+    for _, table in _parquet_parts(path):
+        tables.append(table)
+        size += table.nbytes
+        _check_values(size / 8)
+    return pa.concat_tables(tables)
+
+
+def _parquet_parts(
+    path: Path, wanted: Container[str] | None = None
+) -> Iterator[tuple[float, pa.Table]]:
+    """Fractions of a Parquet file, and columns, at least one part; lists are not read.
 
     Metadata of its columns is not looked at: where it is damaged, pyarrow ends the process.
     """
     with pq.ParquetFile(path) as file:
-        schema, rows = file.schema_arrow, file.metadata.num_rows
+        schema, count = file.schema_arrow, file.metadata.num_rows
     _checked_names(schema.names)
-    flat = [field for field in schema if not pa.types.is_nested(field.type)]
-    _check_values(rows * sum(_cost(field.type) for field in flat))
+    fields = [field for field in schema if wanted is None or field.name.strip() in wanted]
+    flat = [field for field in fields if not pa.types.is_nested(field.type)]
+    _check_values(count * sum(_cost(field.type) for field in flat))
     texts = [field.name for field in flat if pa.types.is_string(field.type)]
-    batches, size = [], 0
+    rows, read = PART_ROWS if wanted and not texts else ROWS, 0
     with pq.ParquetFile(path, read_dictionary=texts) as file:
-        for batch in file.iter_batches(ROWS, columns=[field.name for field in flat]):
-            batches.append(batch)
-            size += batch.nbytes
-            _check_values(size / 8)
-    table = pa.Table.from_batches(batches) if batches else schema.empty_table()
-    for field in schema:
-        if field not in flat:  # whoever needs the column says what it is
-            values = pa.repeat(str(field.type), len(table)).dictionary_encode()
-            table = table.append_column(field.name, values)
-    return table
+        batches = file.iter_batches(rows, columns=[field.name for field in flat])
+        for batch in chain(batches, [] if count else [pa.schema(flat).empty_table()]):
+            read += batch.num_rows
+            table = pa.Table.from_batches([batch]) if count else batch
+            for field in fields:
+                if field not in flat:  # whoever needs the column says what it is
+                    values = pa.repeat(str(field.type), len(table)).dictionary_encode()
+                    table = table.append_column(field.name, values)
+            yield read / max(count, 1), table
 
 
 def _cost(kind: pa.DataType) -> float:
@@ -420,12 +427,12 @@ def _numeric(table: pa.Table) -> set[str]:
     return {field.name for field in table.schema if not pa.types.is_string(field.type)}
 
 
-def write_parts(path: Path, parts: Iterable[pa.Table]) -> None:
+def write_tables(path: Path, tables: Iterable[pa.Table]) -> None:
     """Write tables with the same columns below each other, each before the next one is made.
 
     Args:
         path: As in `write_table`.
-        parts: The tables, at least one.
+        tables: At least one.
 
     Raises:
         OutputError: The suffix is unknown, or the file cannot be written.
@@ -433,16 +440,12 @@ def write_parts(path: Path, parts: Iterable[pa.Table]) -> None:
     check_suffix(path, SUFFIXES, "table")
     is_csv, writer = path.suffix.lower() == ".csv", None
     with atomic_write(path) as temporary, ExitStack() as stack:
-        for part in parts:
-            table = _without_formulas(part, _FORMULA, r"'\1") if is_csv else part
+        for one in tables:
+            table = _without_formulas(one, _FORMULA, r"'\1") if is_csv else one
             if writer is None:
                 kind = pc.CSVWriter if is_csv else pq.ParquetWriter
                 writer = stack.enter_context(kind(temporary, table.schema))
             writer.write_table(table)
-
-
-def _write(path: Path, table: pa.Table) -> None:
-    write_parts(path, [table])
 
 
 def _without_formulas(table: pa.Table, pattern: str, replacement: str) -> pa.Table:

@@ -3,17 +3,23 @@
 import json
 import math
 import re
+from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.csv as pc
 import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
-from grasp3d.grasps.grasp_files import contact_parts
+from grasp3d.errors import ContactError
+from grasp3d.grasps import evaluated_parts, evaluation, grasp_files
 from grasp3d.plots import rendering
 from grasp3d.quality import METRICS, metric_names
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system import tables
 from tests.helpers import shapes
 from tests.helpers.commands import export, printed
@@ -110,57 +116,146 @@ def test_all_metrics_of_three_fingers_are_written(folder: Path) -> None:
     assert "grasp_isotropy: the grasp matrix has rank 3" in coincident["undefined_metrics"]
 
 
+def random_pairs(count: int) -> np.ndarray:
+    """Contacts on opposite or adjacent sides of a box of 1 x 2 x 3, shape (count, 2, 3)."""
+    random, size, every = np.random.default_rng(0), np.array([0.5, 1.0, 1.5]), np.arange(count)
+    points = random.uniform(-1.0, 1.0, (count, 2, 3)) * size
+    for contact, sides in enumerate(random.integers(3, size=(2, count))):
+        points[every, contact, sides] = (1 - 2 * contact) * size[sides]
+    return points
+
+
+def write_contacts(path: Path, points: np.ndarray) -> None:
+    names = [f"{axis}{contact + 1}" for contact in range(2) for axis in "xyz"]
+    columns = points.reshape(-1, 6).T
+    tables.write_columns(path, dict(zip(names, columns, strict=True)), settings={})
+
+
+@pytest.fixture
+def in_parts(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """A function from whose call on tables of more than some ten grasps are large."""
+
+    def begin() -> None:
+        for module, name, value in (
+            (tables, "PART_ROWS", 30), (tables, "ROWS", 20), (tables, "PART_BYTES", 3000),
+            (grasp_files, "PART", 30),
+        ):  # fmt: skip
+            monkeypatch.setattr(module, name, value)
+
+    return begin
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", ["csv", "parquet"])
-def test_a_large_table_is_evaluated_in_parts_like_a_small_one(
-    tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("csv", ()),
+        (
+            "parquet",
+            (
+                "--friction",
+                "0.3..0.6",
+                "--only",
+                "box:-1,-1,-1,1,1,0.7",
+                "--location-error",
+                "0.01",
+            ),
+        ),
+        ("json", ("--fingers", "2", "--torsion-radius", "3mm", "--mass", "0.5kg")),
+        ("parquet", ("--mass", "0.5kg", "--grip-force", "40", "--torsion-radius", "2cm")),
+        ("csv", ("--friction", "0.05", "--sensor-resolution", "40")),
+    ],
+)
+def test_many_grasps_are_evaluated_in_parts_as_a_whole(
+    tmp_path: Path, given: str, words: tuple[str, ...], in_parts: Callable[[], None]
 ) -> None:
-    mesh = export(tmp_path / "box.stl", shapes.box((1.0, 2.0, 3.0)))
-    random = np.random.default_rng(0)
-    points = random.uniform(-1.0, 1.0, (2500, 2, 3)) * (0.5, 1.0, 1.5)
-    axes = random.integers(3, size=(2500, 2))
-    size = np.array([0.5, 1.0, 1.5])
-    for contact in range(2):
-        at = axes[:, contact]
-        points[np.arange(2500), contact, at] = (1 - 2 * contact) * size[at]
-    columns = {f"{axis}{c + 1}": points[:, c, k] for c in range(2) for k, axis in enumerate("xyz")}
-    given = tmp_path / f"grasps.{suffix}"
-    tables.write_columns(given, columns, settings={})
-    words = ["evaluate", str(mesh), str(given), "--overwrite", "-o"]
-    _, whole, _ = printed(*words, str(tmp_path / f"whole.{suffix}"))
-    monkeypatch.setattr(tables, "PART_ROWS", 1000)
-    monkeypatch.setattr(tables, "PART_BYTES", 100_000)
-    assert contact_parts(given) is not None
-    _, parts, _ = printed(*words, str(tmp_path / f"parts.{suffix}"))
-    one, other = (tables.read_columns(tmp_path / f"{name}.{suffix}") for name in ("whole", "parts"))
-    assert list(one) == list(other)
-    for name, values in one.items():
-        np.testing.assert_array_equal(other[name], values, err_msg=name)
-    assert other["grasp"].tolist() == list(range(1, 2501))
-    settings = [tables.read_settings(tmp_path / f"{name}.{suffix}") for name in ("whole", "parts")]
-    assert settings[0] == settings[1]
-    for line in whole.splitlines()[:5]:  # heading, numbers of labels and angles
-        assert line in parts
-    assert printed_rows(whole)[:3] == printed_rows(parts)[:3]
+    export(tmp_path / "box.stl", shapes.box((1.0, 2.0, 3.0)))
+    points = random_pairs(100)
+    write_contacts(tmp_path / "grasps.csv", points)
+    write_contacts(tmp_path / "grasps.parquet", points)
+    (tmp_path / "grasps.json").write_text(json.dumps(points.tolist()), encoding="utf-8")
+    command = ("evaluate", "box.stl", f"grasps.{given}", "--unit", "m", "--force", "--overwrite")
+    outputs = ("results.csv", "results.parquet", "results.json")
+    whole, parts = {}, {}
+    for results in (whole, parts):
+        for name in outputs:
+            text = printed(*command, *words, "-o", name, cwd=tmp_path)
+            results[name] = text, (tmp_path / name).read_bytes()
+        in_parts()
+    assert len(list(grasp_files.contact_parts(tmp_path / f"grasps.{given}"))) > 2
+    for name in outputs[::2]:
+        assert whole[name] == parts[name]
+    texts, files = zip(whole["results.parquet"], parts["results.parquet"], strict=True)
+    one, other = (pq.read_table(BytesIO(file)) for file in files)
+    assert texts[0] == texts[1]
+    assert one.equals(other, check_metadata=True)
+    assert other["grasp"].to_pylist() == list(range(1, 101))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
-def test_messages_on_large_tables_name_the_grasp(
-    tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
+def test_errors_in_a_later_part_name_the_grasp_and_leave_no_file(
+    tmp_path: Path, suffix: str, in_parts: Callable[[], None]
 ) -> None:
-    mesh = export(tmp_path / "box.stl", shapes.box((1.0, 2.0, 3.0)))
-    points = np.tile([0.5, 0.0, 0.0, -0.5, 0.0, 0.0], (50, 1))
-    given, names = tmp_path / f"grasps.{suffix}", ["x1", "y1", "z1", "x2", "y2", "z2"]
-    monkeypatch.setattr(tables, "PART_ROWS", 10)
-    monkeypatch.setattr(tables, "PART_BYTES", 400)
-    for value, message in ((9.0, "grasp 36, contact 2 at"), (math.nan, "grasp 36: y2 is empty")):
-        points[35, 4] = value
-        tables.write_columns(given, dict(zip(names, points.T, strict=True)), settings={})
-        code, _, errors = printed("evaluate", str(mesh), str(given), "-o", str(tmp_path / "o.csv"))
-        assert code == 1
-        assert message in errors
-        assert not (tmp_path / "o.csv").exists()
+    export(tmp_path / "box.stl", shapes.box((1.0, 2.0, 3.0)))
+    points, given = random_pairs(100), tmp_path / f"grasps.{suffix}"
+    in_parts()
+    for value, message in ((9.0, "grasp 96, contact 2 at"), (math.nan, "grasp 96: y2 is empty")):
+        points[95, 1, 1] = value
+        write_contacts(given, points)
+        failed = grasp3d("evaluate", "box.stl", given.name, "-o", "results.csv", cwd=tmp_path)
+        assert failed.returncode == 2
+        assert message in failed.stderr
+        assert {path.name for path in tmp_path.iterdir()} == {"box.stl", given.name}
+
+
+def test_a_text_in_a_later_part_is_named_with_its_row(
+    tmp_path: Path, in_parts: Callable[[], None]
+) -> None:
+    write_contacts(tmp_path / "grasps.csv", random_pairs(100))
+    lines = (tmp_path / "grasps.csv").read_text(encoding="utf-8").splitlines()
+    lines[96] = lines[96].rpartition(",")[0] + ",oops"
+    (tmp_path / "grasps.csv").write_text("\n".join(lines), encoding="utf-8")
+    in_parts()
+    with pytest.raises(ContactError, match="grasp 96: z2 is no finite number: 'oops'"):
+        grasp_files.read_contacts(tmp_path / "grasps.csv")
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet", "json"])
+def test_an_interruption_between_parts_leaves_no_file(
+    tmp_path: Path, suffix: str, in_parts: Callable[[], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    export(tmp_path / "box.stl", shapes.box((1.0, 2.0, 3.0)))
+    write_contacts(tmp_path / "grasps.csv", random_pairs(100))
+    in_parts()
+    written: list[int] = []
+
+    def interrupted(*given: Any, first: int, **options: Any) -> GraspTable:
+        written.append(first)
+        if len(written) == 3:
+            raise KeyboardInterrupt
+        return evaluation.evaluate_contacts(*given, first=first, **options)
+
+    monkeypatch.setattr(evaluated_parts, "evaluate_contacts", interrupted)
+    words = ("evaluate", "box.stl", "grasps.csv", "-o", f"results.{suffix}")
+    assert grasp3d(*words, cwd=tmp_path).returncode == 130
+    assert len(written) == 3
+    assert written[1] > 0
+    assert {path.name for path in tmp_path.iterdir()} == {"box.stl", "grasps.csv"}
+
+
+def test_columns_of_large_tables_are_read_in_parts_and_lists_are_not(
+    tmp_path: Path, in_parts: Callable[[], None]
+) -> None:
+    path, numbers = tmp_path / "lists.parquet", np.arange(100.0)
+    names = ["y1", "z1", "x2", "y2", "z2"]
+    pq.write_table(pa.table({"x1": [[1.0]] * 100, **dict.fromkeys(names, numbers)}), path)
+    in_parts()
+    with pytest.raises(ContactError, match=r"grasp 1: x1 is no finite number: 'list<"):
+        grasp_files.read_contacts(path)
+    first = next(tables.column_parts(path, lambda found: found[1:3]))
+    assert first[0] == pytest.approx(0.3)
+    assert {name: len(values) for name, values in first[1].items()} == {"y1": 30, "z1": 30}
 
 
 def test_of_many_grasps_only_the_first_are_printed(folder: Path) -> None:

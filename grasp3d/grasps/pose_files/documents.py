@@ -7,7 +7,7 @@ many times, so that a short file stands for more values than memory holds.
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -212,20 +212,23 @@ def json_text(values: object) -> str:
     return json.dumps(values, allow_nan=False)
 
 
-def write_rows(path: Path, header: str, columns: Mapping[str, Sequence[Any]], count: int) -> None:
+def rows_of(columns: Mapping[str, Any], count: int) -> Iterator[dict[str, Any]]:
+    """An entry for each grasp, from the values of all, as JSON has them."""
+    return ({name: values[row] for name, values in columns.items()} for row in range(count))
+
+
+def write_rows(path: Path, header: str, rows: Iterable[Mapping[str, Any]]) -> None:
     """Write what applies to all grasps, then one line for each grasp.
 
     Args:
         path: JSON file to make or replace.
         header: JSON text of what applies to all.
-        columns: Values of each grasp, as JSON has them.
-        count: Number of grasps.
+        rows: The entries.
     """
     with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
         stream.write(f'{{"grasp3d": {header},\n"grasps": [')
-        for row in range(count):
-            entry = {name: values[row] for name, values in columns.items()}
-            stream.write(("," if row else "") + "\n" + json_text(entry))
+        for number, row in enumerate(rows):
+            stream.write(("," if number else "") + "\n" + json_text(row))
         stream.write("\n]}\n")
 
 

@@ -20,6 +20,7 @@ from grasp3d.grasps.pose_files.documents import (
     mapping,
     numbers,
     required,
+    rows_of,
     write_rows,
 )
 from grasp3d.grasps.pose_files.frames import from_quaternions, quaternions
@@ -65,7 +66,7 @@ def write_json(path: Path, poses: GraspPoses) -> None:
         header = json_text(header_of(poses))
     except (TypeError, ValueError) as error:
         raise OutputError(f"{path}: the settings of the poses are no JSON: {error}") from error
-    write_rows(path, header, columns, poses.count)
+    write_rows(path, header, rows_of(columns, poses.count))
 
 
 def write_table(path: Path, poses: GraspPoses) -> None:
