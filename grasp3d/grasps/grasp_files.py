@@ -357,30 +357,34 @@ def write_parts(
     """
     check_suffix(path, SUFFIXES, "table")
     first = next(parts)
-    parts, settings = chain([first], parts), first.settings()
+    placed, settings = _placed(chain([first], parts)), first.settings()
     if path.suffix.lower() == ".json":
-        rows = (row for one in _numbered(parts, metrics) for row in _json_rows(*one))
+        rows = (row for before, one in placed for row in _json_rows(one, before, metrics))
         write_rows(path, json_text({k: _or_null(value) for k, value in settings.items()}), rows)
         return
     from grasp3d.system.tables import table_of_columns, write_tables
 
-    columns = ({**one.table_columns(), **own} for one, own in _numbered(parts, metrics))
+    columns = (_numbered(one.table_columns(metrics), before) for before, one in placed)
     write_tables(path, (table_of_columns(one, settings=settings) for one in columns))
 
 
-def _numbered(
-    parts: Iterable[GraspTable], metrics: MetricValues | None
-) -> Iterator[tuple[GraspTable, Columns]]:
-    """Parts, each with what files have of its grasps as a whole, numbered over all parts."""
+def _placed(parts: Iterable[GraspTable]) -> Iterator[tuple[int, GraspTable]]:
+    """Parts, each with the number of grasps before it."""
     before = 0
     for grasps in parts:
-        columns = grasps.columns(metrics)
-        yield grasps, {**columns, "grasp": before + columns["grasp"]}
+        yield before, grasps
         before += grasps.size
 
 
-def _json_rows(grasps: GraspTable, own: Columns) -> Iterator[dict[str, Any]]:
+def _numbered(columns: Columns, before: int) -> Columns:
+    return {**columns, "grasp": before + columns["grasp"]}
+
+
+def _json_rows(
+    grasps: GraspTable, before: int, metrics: MetricValues | None
+) -> Iterator[dict[str, Any]]:
     """An entry for each grasp; what is not finite is null."""
+    own = _numbered(grasps.columns(metrics), before)
     columns = {name: json_numbers(values) for name, values in own.items()}
     contacts = {field.name: json_numbers(values) for field, values in grasps.contact_values()}
     columns["contacts"] = [

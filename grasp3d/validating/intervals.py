@@ -1,14 +1,12 @@
 """Intervals of fractions and of measures of ranking."""
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from itertools import repeat
 
 import numpy as np
 from scipy.stats import binomtest
 
 from grasp3d.arrays import Floats, Ints
-from grasp3d.system.context import report_progress, thread_count
+from grasp3d.system.context import report_progress
 
 LEVEL = 0.95
 """Confidence level of all intervals."""
@@ -83,11 +81,9 @@ def bootstrap(measures: Sequence[Measure], clusters: Ints, *, resamples: int, se
         True
     """
     rows: list[Floats] = []
-    with ThreadPoolExecutor(thread_count()) as executor:
-        for weights in resampled_weights(clusters, resamples, seed):
-            parts = executor.map(lambda measure, each: measure(each), measures, repeat(weights))
-            rows.append(np.ravel(list(parts)))
-            report_progress(len(rows) / resamples)
+    for weights in resampled_weights(clusters, resamples, seed):
+        rows.append(np.ravel([measure(weights) for measure in measures]))
+        report_progress(len(rows) / resamples)
     values = np.stack(rows, axis=1)
     ends = np.full((len(values), 2), np.nan)
     defined = ~np.isnan(values).all(axis=1)

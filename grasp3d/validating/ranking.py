@@ -54,38 +54,32 @@ class RankedOutcomes:
         """Where each group begins in that order, shape (g,)."""
         return np.flatnonzero(np.diff(self.groups[self._order], prepend=-1))
 
-    def roc_auc(self, weights: Ints | None = None) -> float:
-        """Area under the ROC curve: the probability that a held grasp ranks above a failed one.
-
-        Equal scores count half (Mann & Whitney 1947; Fawcett 2006, Sec. 7).
-
-        Args:
-            weights: How often each grasp counts, shape (n,); None: once.
-
-        Returns:
-            From 0 to 1; nan where all outcomes are the same.
-        """
-        return self.measures(weights)[0]
-
-    def average_precision(self, weights: Ints | None = None) -> float:
-        """Average precision: the sum of precision times gain of recall, over the groups.
-
-        Without interpolation; equal scores are accepted together.
-
-        Args:
-            weights: How often each grasp counts, shape (n,); None: once.
-
-        Returns:
-            Above 0, at most 1; the fraction that held for a score without information; nan where
-            no grasp held.
-        """
-        return self.measures(weights)[1]
-
     def measures(self, weights: Ints | None = None) -> tuple[float, float]:
-        """The area under the ROC curve and the average precision; arguments as there."""
+        """The area under the ROC curve, and the average precision.
+
+        The area is the probability that a held grasp ranks above a failed one; equal scores count
+        half (Mann & Whitney 1947; Fawcett 2006, Sec. 7). The average precision is the sum of
+        precision times gain of recall, over the groups, without interpolation: equal scores are
+        accepted together.
+
+        Args:
+            weights: How often each grasp counts, shape (n,); None: once.
+
+        Returns:
+            From 0 to 1, nan where all outcomes are the same; and above 0, at most 1, the fraction
+            that held for a score without information, nan where no grasp held.
+        """
         each = np.ones(len(self.held), dtype=np.int64) if weights is None else weights
         area, precision = rank_outcomes(self._order, self._starts, self.held, each)
         return float(area), float(precision)
+
+    def roc_auc(self, weights: Ints | None = None) -> float:
+        """The area; see `measures`."""
+        return self.measures(weights)[0]
+
+    def average_precision(self, weights: Ints | None = None) -> float:
+        """The average precision; see `measures`."""
+        return self.measures(weights)[1]
 
     def roc_curve(self) -> tuple[Floats, Floats]:
         """Fractions of the failed and of the held grasps that are accepted, from none to all.
