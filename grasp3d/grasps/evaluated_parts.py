@@ -21,6 +21,13 @@ from grasp3d.system.context import begin_step, within
 LISTED = 10
 """Best grasps that are kept of each part."""
 
+OF_ALL = ("label", "critical_angle", "margin", "distance")
+FORCES = ("grip_force", "grip_force_least", "grip_force_largest", "payload", "resistance")
+"""What is kept of all grasps; under a load also of their `Holding`."""
+
+TYPES = {"label": "u1", "resistance": "u1", "rows": "i8", **dict.fromkeys(OF_ALL[1:], "f4")}
+"""NumPy types in which it is kept, f8 else: one buffer each, as many arrays would be scattered."""
+
 EPSILON_FROM = 0.7
 """Fraction of the work on a part after which epsilon is measured."""
 
@@ -36,9 +43,8 @@ class EvaluatedParts:
 
     def __init__(self, mesh: ObjectMesh, model: GraspModel, **options: Any) -> None:
         self.mesh, self.model, self.size = mesh, model, 0
-        self._options = options
-        self._values: dict[str, list[Any]] = defaultdict(list)
-        self._holdings: list[Holding] = []
+        self._options, self._sure = options, 0
+        self._values: dict[str, bytearray] = defaultdict(bytearray)
         self._last: GraspTable | None = None
 
     def evaluate(self, parts: Iterable[tuple[float, Floats]]) -> Iterator[GraspTable]:
@@ -70,19 +76,19 @@ class EvaluatedParts:
 
     def _keep(self, grasps: GraspTable, contacts: Floats) -> None:
         rows = np.union1d(listed_rows(grasps, LISTED), deciding_rows(grasps))
-        numbers = {"critical_angle", "margin", "distance"}
-        kept = {name: getattr(grasps, name).astype(np.float32) for name in numbers}
-        kept |= {"label": grasps.label, "rows": self.size + rows, "contacts": contacts[rows]}
-        kept["sure"] = np.array([np.sum(stated_label(grasps) == Label.S)])
+        kept = {name: getattr(grasps, name) for name in OF_ALL}
+        kept |= {"rows": self.size + rows, "contacts": contacts[rows]}
+        if grasps.holding is not None:
+            kept |= {name: getattr(grasps.holding, name) for name in FORCES}
         for name, values in kept.items():
-            self._values[name].append(values)
-        self._holdings += [] if grasps.holding is None else [grasps.holding]
+            self._values[name] += values.astype(TYPES.get(name, "f8")).tobytes()
+        self._sure += int(np.sum(stated_label(grasps) == Label.S))
         self.size += grasps.size
         self._last = grasps
 
     def all(self, name: str) -> Any:
-        """Values of all grasps: `label`, `critical_angle` or `margin` (b,), `distance` (b, n)."""
-        return np.concatenate(self._values[name])
+        """Values of all grasps: `label`, `critical_angle`, `margin`, or `distance` of contacts."""
+        return np.frombuffer(self._values[name], TYPES.get(name, "f8"))
 
     @property
     def critical_angle(self) -> Floats:
@@ -97,17 +103,18 @@ class EvaluatedParts:
     @property
     def holding(self) -> Holding | None:
         """Of all grasps; None: there is no load."""
-        return self._holdings[0].followed_by(self._holdings[1:]) if self._holdings else None
+        one = None if self._last is None else self._last.holding
+        return None if one is None else replace(one, **{name: self.all(name) for name in FORCES})
 
     def few(self) -> tuple[GraspTable, Ints]:
         """All grasps of a single part, else the best of every part; and their rows in the file."""
         if self._last is not None and self._last.size == self.size:
             return self._last, np.arange(self.size)
-        grasps = evaluate_contacts(self.mesh, self.all("contacts"), self.model, **self._options)
+        contacts = self.all("contacts").reshape(-1, self.model.fingers, 3)
+        grasps = evaluate_contacts(self.mesh, contacts, self.model, **self._options)
         return grasps, self.all("rows")
 
     def verdict(self, few: GraspTable, holding: Holding | None) -> Verdict:
         """The verdict on all grasps, from those of `few` and `holding`."""
         load = None if holding is None else HoldingVerdict.of(holding)
-        count = int(self.all("sure").sum())
-        return replace(verdict_of(few), count=count, of=self.size, holding=load)
+        return replace(verdict_of(few), count=self._sure, of=self.size, holding=load)

@@ -171,7 +171,7 @@ def _from_table(path: Path) -> Iterator[tuple[float, Floats]]:
         check_object_frame(set(table.get("frame", ())))
         columns = [_column(name, table[name], first) for name in required]
         first += len(columns[0])
-        yield fraction, np.stack(columns, axis=1).reshape(len(columns[0]), -1, 3)
+        yield fraction, np.stack(columns, axis=1).reshape(-1, len(required) // 3, 3)
     if not first:
         raise ContactError("there are no grasps in it, only column names")
 

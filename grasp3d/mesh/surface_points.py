@@ -142,7 +142,8 @@ def _nearest(mesh: ObjectMesh, tree: BoxTree, points: Floats, limit: float) -> t
 def _closest(corners: Floats, points: Floats) -> Floats:
     """Nearest point of a triangle (k, 3, 3) to each point, shape (k, 3)."""
     origin = corners[:, 0]
-    scale = np.abs(corners - origin[:, None]).max(axis=(1, 2))[:, None]
+    middle = corners.mean(axis=1, keepdims=True)
+    scale = np.linalg.norm(corners - middle, axis=2).max(axis=1)[:, None]
     # In units of the face: trimesh's tolerances are absolute and too large for small faces.
     closest = trimesh.triangles.closest_point(
         (corners - origin[:, None]) / scale[..., None], (points - origin) / scale

@@ -1,6 +1,5 @@
 """Grip forces and payloads of grasps under a load."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -172,11 +171,6 @@ class Holding:
                 for name, values in self._arrays().items()
             }
         )
-
-    def followed_by(self, others: Sequence["Holding"]) -> "Holding":
-        """The rows of this and of others under the same load."""
-        names, all_of = self._arrays(), [self, *others]
-        return self._with({k: np.concatenate([getattr(one, k) for one in all_of]) for k in names})
 
     def settings(self) -> dict[str, Any]:
         """Settings in files, with how the least and the largest forces are known."""
