@@ -15,15 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from grasp3d.batch.library import REPORT, BatchProgress, LibraryLabels
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.cli.margin_report import MARGIN, is_uncertain, margin_text
-from grasp3d.cli.report import (
-    CHECK_HINT,
-    FAILED,
-    WARNING,
-    Report,
-    angle_text,
-    escaped,
-    table_of,
-)
+from grasp3d.cli.report import CHECK_HINT, FAILED, WARNING, Report, angle_text, escaped, table_of
 from grasp3d.errors import OutputError
 from grasp3d.grasps.verdict import Word
 from grasp3d.settings import GraspModel

@@ -22,9 +22,7 @@ from grasp3d.batch.storage import local_path
 from grasp3d.cli import progress_bars
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.mesh_commands import Check
-from grasp3d.cli.options import (
-    given_sampling,
-)
+from grasp3d.cli.options import given_sampling
 from grasp3d.cli.report import FAILED, Report, escaped, table_of
 from grasp3d.mesh.diagnosis import MeshDiagnosis, SurfaceMeasures, Trust
 from grasp3d.system.counts import counted, noun

@@ -32,7 +32,7 @@ FrictionList = Annotated[
     tuple[Annotated[Interval, _INTERVAL], ...],
     tyro.conf.arg(
         help="Coulomb coefficient of friction between fingertip and object, above 0, or the "
-        "interval in which it lies, 0.4..0.6. One value or more.",
+        "interval in which it lies, 0.4..0.6. One value or more."
     ),
     Group("sensor"),
     Main("frictions, or intervals: 0.4..0.6"),

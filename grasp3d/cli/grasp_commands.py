@@ -118,9 +118,7 @@ class Validate:
     """
 
     grasps: Annotated[
-        tuple[Path, ...],
-        tyro.conf.Positional,
-        Main("poses with outcomes: .csv .parquet .h5 .json"),
+        tuple[Path, ...], tyro.conf.Positional, Main("poses with outcomes: .csv .parquet .h5 .json")
     ]
     """Files of poses with outcomes: tables (.csv, .parquet) with px py pz qx qy qz qw and a column
     success (or outcome) of 1 or 0, true or false, yes or no, empty where it was not tried; ACRONYM

@@ -47,9 +47,7 @@ class Batch:
     inputs: Inputs
 
     output: Annotated[
-        str,
-        tyro.conf.arg(metavar="FOLDER"),
-        Main("folder for labels, tables and report"),
+        str, tyro.conf.arg(metavar="FOLDER"), Main("folder for labels, tables and report")
     ]
     """Folder for the results: labels/, fields/, summary/ and report/; also on an object store."""
 

@@ -445,8 +445,7 @@ Inputs = Annotated[
 """Meshes, as `batch.inputs.find_meshes` takes them."""
 
 Multifinger = Annotated[
-    MultifingerSampling,
-    partial(MultifingerSampling, **MultifingerSampling().common),
+    MultifingerSampling, partial(MultifingerSampling, **MultifingerSampling().common)
 ]
 """The options of a search of three fingers and more that a search of two fingers does not have."""
 

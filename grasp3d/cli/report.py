@@ -123,11 +123,7 @@ class Report:
 
 
 def table_of(
-    headings: Sequence[str],
-    rows: Iterable[Sequence[str]],
-    *,
-    texts: int = 1,
-    folded: bool = False,
+    headings: Sequence[str], rows: Iterable[Sequence[str]], *, texts: int = 1, folded: bool = False
 ) -> "Table":
     """Make a table whose first columns are texts, which are folded where the console is narrow.
 

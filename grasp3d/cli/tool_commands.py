@@ -6,11 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from grasp3d.cli.options import (
-    LengthOption,
-    Overwrite,
-    Quiet,
-)
+from grasp3d.cli.options import LengthOption, Overwrite, Quiet
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE, Radians
 

@@ -3,12 +3,8 @@
 from grasp3d.cli import progress_bars
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.mesh_commands import View
-from grasp3d.cli.options import (
-    given_sampling,
-)
-from grasp3d.cli.time_limit import (
-    time_limit,
-)
+from grasp3d.cli.options import given_sampling
+from grasp3d.cli.time_limit import time_limit
 from grasp3d.errors import GraspError, WarningError
 from grasp3d.system.context import refuse_warnings
 from grasp3d.system.names import printable

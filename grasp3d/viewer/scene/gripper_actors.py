@@ -55,11 +55,7 @@ class GripperActors:
         """Points of the table that is drawn, shape (n, 3)."""
 
     def show(
-        self,
-        subject: Subject,
-        hand: Hand | None,
-        pose: GripperPose | None,
-        table: Table | None,
+        self, subject: Subject, hand: Hand | None, pose: GripperPose | None, table: Table | None
     ) -> bool:
         """Draw a gripper and a table; returns whether another gripper is drawn than before.
 

@@ -15,12 +15,7 @@ from grasp3d.viewer.scene.gripper_actors import GripperActors
 from grasp3d.viewer.scene.marks import NO_POINTS, MarkedContacts, Marks
 from grasp3d.viewer.scene.overlays import Overlay
 from grasp3d.viewer.session.inspection import Inspection
-from grasp3d.viewer.session.painting import (
-    HEX_PALETTE,
-    faded,
-    texture_coordinates,
-    texture_image,
-)
+from grasp3d.viewer.session.painting import HEX_PALETTE, faded, texture_coordinates, texture_image
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import Paint
 

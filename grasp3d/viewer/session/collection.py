@@ -169,10 +169,7 @@ def collection_of_grasps(grasps: GraspTable) -> Collection:
         raise SettingError("there are no grasps to view")
     cache, source = SubjectCache(), as_unicode(grasps.mesh.report.source)
     items = tuple(
-        Item(
-            f"{source}, grasp {row + 1}",
-            cache.cached(partial(scan_of_grasp, grasps, row)),
-        )
+        Item(f"{source}, grasp {row + 1}", cache.cached(partial(scan_of_grasp, grasps, row)))
         for row in range(grasps.size)
     )
     return Collection(items, grasps.model, _default(grasps.model))
@@ -371,11 +368,7 @@ def _with_gripper(subject: Subject, search: Search) -> Subject:
 
 
 def _open_mesh(
-    path: Path,
-    search: Search,
-    options: MeshOptions,
-    load: Load | None,
-    force: bool,
+    path: Path, search: Search, options: MeshOptions, load: Load | None, force: bool
 ) -> Subject:
     reach, model, sampling = search
     task = Labelling.read(path, model, sampling, reach, load, options, force=force)

@@ -70,11 +70,7 @@ def _opposing_contacts(subject: Subject, fixed: FixedPoints) -> SurfacePoints:
 def scan_of_grasp(grasps: GraspTable, row: int) -> Subject:
     """The surface with all fingers of a grasp fixed but the first."""
     contacts = grasps.contacts.take(slice(row, row + 1))
-    labels = scan_surface(
-        grasps.mesh,
-        grasps.model,
-        fixed=contacts.points[0, 1:],
-    )
+    labels = scan_surface(grasps.mesh, grasps.model, fixed=contacts.points[0, 1:])
     contact = LastContact(
         points=contacts.points[0],
         normals=contacts.normals[0],

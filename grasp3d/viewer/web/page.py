@@ -212,10 +212,7 @@ async def serving(server: "ViewerServer", listener: socket.socket) -> AsyncItera
 
 
 async def _serve(
-    server: "ViewerServer",
-    listener: socket.socket,
-    host: str,
-    ready: Callable[[str], None] | None,
+    server: "ViewerServer", listener: socket.socket, host: str, ready: Callable[[str], None] | None
 ) -> int:
     """Serve until a signal is received; returns its number."""
     loop = asyncio.get_running_loop()
