@@ -9,7 +9,7 @@ import tyro
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import (
     DegreeRanges,
-    Force,
+    Guarded,
     LengthOption,
     MeshFile,
     NumberRanges,
@@ -32,7 +32,7 @@ from grasp3d.validating.validation_settings import ValidationSettings
 
 
 @dataclass(frozen=True)
-class Evaluate:
+class Evaluate(Guarded):
     """Evaluate given grasps: label, critical friction angle and epsilon of each.
 
     Each contact is moved to the closest point of the surface. At poses of a gripper its jaws are
@@ -91,14 +91,6 @@ class Evaluate:
     load: Load = field(default_factory=Load)
 
     mesh: MeshOptions = field(default_factory=MeshOptions)
-
-    force: Force = False
-
-    strict: Strict = False
-
-    overwrite: Overwrite = False
-
-    quiet: Quiet = False
 
 
 @dataclass(frozen=True)
@@ -183,7 +175,7 @@ class Validate:
 
 
 @dataclass(frozen=True)
-class Simulate:
+class Simulate(Guarded):
     """Simulate labelled grasps in MuJoCo: do S hold, and U fail?
 
     Draws pairs of contacts from the surface, labels them from what a sensor perceives of them, and
@@ -237,11 +229,3 @@ class Simulate:
     mesh: Annotated[MeshOptions, WholeMesh] = field(default_factory=MeshOptions)
 
     cluster: ClusterSettings = field(default_factory=ClusterSettings)
-
-    force: Force = False
-
-    strict: Strict = False
-
-    overwrite: Overwrite = False
-
-    quiet: Quiet = False

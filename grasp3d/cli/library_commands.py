@@ -10,20 +10,17 @@ from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import (
     DegreeRanges,
     Flag,
-    Force,
+    Guarded,
     Inputs,
+    Labelling,
     LengthRanges,
     Multifinger,
     NumberRanges,
-    Overwrite,
-    Quiet,
-    Strict,
     model_help,
 )
 from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.quality.loads import Load
-from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
+from grasp3d.settings import MeshOptions, MultifingerSampling, Sampling
 from grasp3d.settings.parsing import Group, Main
 
 FRICTIONS, RESOLUTIONS = ("0.2", "0.5", "1.0"), ("0:60:1", "22.6")
@@ -31,7 +28,7 @@ FRICTIONS, RESOLUTIONS = ("0.2", "0.5", "1.0"), ("0:60:1", "22.6")
 
 
 @dataclass(frozen=True)
-class Batch:
+class Batch(Labelling):
     """Label every mesh of a library, and write a summary and a report.
 
     It resumes an earlier run of the same command: meshes whose content and settings are unchanged
@@ -53,12 +50,8 @@ class Batch:
 
     cluster: ClusterSettings = field(default_factory=ClusterSettings)
 
-    overwrite: Annotated[Flag, Main("label all meshes again")] = False
+    overwrite: Annotated[Flag, Main("label all meshes again")] = field(default=False, kw_only=True)
     """Label all meshes again, and remove labels of other meshes made with other settings."""
-
-    force: Force = False
-
-    strict: Strict = False
 
     grid_friction: NumberRanges = ()
     """Coulomb coefficients at which area fractions are computed besides the labels (default: the
@@ -88,27 +81,13 @@ class Batch:
     log: Path | None = None
     """File to which a line for each mesh is appended."""
 
-    model: GraspModel = field(default_factory=GraspModel)
-
-    sampling: Sampling = field(default_factory=Sampling)
-
-    multifinger: Multifinger = field(default_factory=MultifingerSampling)
-
-    reach: ReachSettings = field(default_factory=ReachSettings)
-
-    load: Load = field(default_factory=Load)
-
-    mesh: MeshOptions = field(default_factory=MeshOptions)
-
-    quiet: Quiet = False
-
     def __post_init__(self) -> None:
         if not self.inputs:
             raise SettingError("no input: name a folder of meshes, or mesh files")
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(Guarded):
     """Compute area fractions of S, M and U over friction and sensor resolution.
 
     Or over any two of the uncertainties: those that have several values. Also prints the sensor
@@ -182,14 +161,6 @@ class Sweep:
     mesh: MeshOptions = field(default_factory=MeshOptions)
 
     cluster: ClusterSettings = field(default_factory=ClusterSettings)
-
-    force: Force = False
-
-    strict: Strict = False
-
-    overwrite: Overwrite = False
-
-    quiet: Quiet = False
 
     def __post_init__(self) -> None:
         for fraction in self.fraction:

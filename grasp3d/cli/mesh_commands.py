@@ -9,30 +9,18 @@ import tyro
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import (
     Flag,
-    Force,
     Inputs,
+    Labelling,
     MeshFile,
-    Multifinger,
     ObjectPoseOption,
-    Overwrite,
-    Quiet,
-    Strict,
+    Searching,
     WholeMesh,
     without,
 )
 from grasp3d.cli.time_limit import DEFAULT_TIMEOUT, Timeout, check_timeout
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.quality.loads import Load
-from grasp3d.settings import (
-    GraspModel,
-    MeshOptions,
-    MultifingerSampling,
-    PoseFormat,
-    Sampling,
-    check_per_finger,
-)
+from grasp3d.settings import GraspModel, MeshOptions, PoseFormat, check_per_finger
 from grasp3d.settings.lengths import parse_position
 from grasp3d.settings.parsing import Main
 from grasp3d.validating.perturbing.noise_settings import NoiseSettings
@@ -43,7 +31,7 @@ At = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar
 
 
 @dataclass(frozen=True)
-class Label:
+class Label(Labelling):
     """Label one mesh: print area fractions of S, M and U, write the labelled mesh.
 
     Example:
@@ -81,27 +69,7 @@ class Label:
     """Also print the label, the grasp and the reason at the vertex nearest to this point of the
     surface; may be stated several times."""
 
-    model: GraspModel = field(default_factory=GraspModel)
-
-    sampling: Sampling = field(default_factory=Sampling)
-
-    multifinger: Multifinger = field(default_factory=MultifingerSampling)
-
-    reach: ReachSettings = field(default_factory=ReachSettings)
-
-    load: Load = field(default_factory=Load)
-
-    mesh: MeshOptions = field(default_factory=MeshOptions)
-
     timeout: Timeout = DEFAULT_TIMEOUT
-
-    force: Force = False
-
-    strict: Strict = False
-
-    overwrite: Overwrite = False
-
-    quiet: Quiet = False
 
     def __post_init__(self) -> None:
         if self.best is not None and self.best < 1:
@@ -132,7 +100,7 @@ class Label:
 
 
 @dataclass(frozen=True)
-class Check:
+class Check(Searching):
     """Diagnose meshes: unit, holes, orientation, bodies, self-intersections, noise.
 
     With the options of label it reports whether labels can be trusted. Exit code 0: for all
@@ -153,24 +121,14 @@ class Check:
     json: Annotated[Flag, Main("print JSON instead of tables")] = False
     """Print JSON instead of tables."""
 
-    strict: Annotated[Flag, Main("exit code 1 also where care is needed")] = False
+    strict: Annotated[Flag, Main("exit code 1 also where care is needed")] = field(
+        default=False, kw_only=True
+    )
     """Exit code 1 also for meshes whose labels can be trusted with care only."""
-
-    model: GraspModel = field(default_factory=GraspModel)
-
-    sampling: Sampling = field(default_factory=Sampling)
-
-    multifinger: Multifinger = field(default_factory=MultifingerSampling)
 
     mesh: Annotated[MeshOptions, WholeMesh] = field(default_factory=MeshOptions)
 
     cluster: ClusterSettings = field(default_factory=ClusterSettings)
-
-    force: Force = False
-
-    overwrite: Overwrite = False
-
-    quiet: Quiet = False
 
     def __post_init__(self) -> None:
         if not self.inputs:
@@ -178,7 +136,7 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Perturb:
+class Perturb(Searching):
     """Label noisy copies of a scan, and print the errors to enter for it.
 
     A scan is off by the scanner's noise. This command adds such noise to it again and again, labels
@@ -205,25 +163,13 @@ class Perturb:
 
     model: Annotated[
         GraspModel, without(GraspModel, "location_error", "per_finger", "method", "extreme_normals")
-    ] = field(default_factory=GraspModel)
-
-    sampling: Sampling = field(default_factory=Sampling)
-
-    multifinger: Multifinger = field(default_factory=MultifingerSampling)
+    ] = field(default_factory=GraspModel, kw_only=True)
 
     mesh: Annotated[MeshOptions, WholeMesh] = field(default_factory=MeshOptions)
 
-    force: Force = False
-
-    strict: Strict = False
-
-    overwrite: Overwrite = False
-
-    quiet: Quiet = False
-
 
 @dataclass(frozen=True)
-class View:
+class View(Labelling):
     """View an object: rotate it, change friction and resolution, click for reasons.
 
     Of a labelled file, options with their default are taken from the file.
@@ -261,27 +207,7 @@ class View:
 
     view: ViewSettings = field(default_factory=ViewSettings)
 
-    model: GraspModel = field(default_factory=GraspModel)
-
-    sampling: Sampling = field(default_factory=Sampling)
-
-    multifinger: Multifinger = field(default_factory=MultifingerSampling)
-
-    reach: ReachSettings = field(default_factory=ReachSettings)
-
-    load: Load = field(default_factory=Load)
-
-    mesh: MeshOptions = field(default_factory=MeshOptions)
-
     timeout: Timeout = DEFAULT_TIMEOUT
-
-    force: Force = False
-
-    strict: Strict = False
-
-    overwrite: Overwrite = False
-
-    quiet: Quiet = False
 
     def __post_init__(self) -> None:
         check_timeout(self.timeout)

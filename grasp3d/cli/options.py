@@ -6,7 +6,7 @@ docstrings as help. Angles without a unit are degrees there.
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import MISSING, Field, dataclass, fields, is_dataclass, replace
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from types import GenericAlias, NoneType, UnionType
@@ -19,6 +19,8 @@ from tyro.constructors import PrimitiveConstructorSpec
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
+from grasp3d.hand.reach_settings import ReachSettings
+from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskField, TaskText
 from grasp3d.settings import (
     AnySampling,
@@ -95,14 +97,14 @@ def options_of(kind: Any, group: str = "output") -> Iterator[Option]:
     """
     plain, constants = parted(kind)
     hints, helps = get_type_hints(plain, include_extras=True), _help_texts(plain)
-    for field in fields(plain):
-        if field.name in constants:
+    for one in sorted(fields(plain), key=lambda one: one.kw_only):  # as in their class's call
+        if one.name in constants:
             continue
-        hint = hints[field.name]
+        hint = hints[one.name]
         if settings := settings_in(hint):
-            yield from options_of(settings, _GROUPS.get(field.name, field.name))
+            yield from options_of(settings, _GROUPS.get(one.name, one.name))
         else:
-            yield _option(field, hint, helps.get(field.name, ""), group)
+            yield _option(one, hint, helps.get(one.name, ""), group)
 
 
 def parted(kind: Any) -> tuple[Any, dict[str, Any]]:
@@ -477,3 +479,31 @@ def given_sampling(sampling: Sampling, multifinger: MultifingerSampling) -> AnyS
 def without(kind: Any, *names: str) -> "partial[Any]":
     """Return how a command makes settings of whose fields it does not take some."""
     return partial(kind, **{name: getattr(kind, name) for name in names})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Guarded:
+    """The options of what is accepted, replaced and printed."""
+
+    force: Force = False
+    strict: Strict = False
+    overwrite: Overwrite = False
+    quiet: Quiet = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Searching(Guarded):
+    """The options of commands that search grasps on one mesh or many."""
+
+    model: GraspModel = field(default_factory=GraspModel)
+    sampling: Sampling = field(default_factory=Sampling)
+    multifinger: Multifinger = field(default_factory=MultifingerSampling)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Labelling(Searching):
+    """The options of commands that label meshes, also for a gripper and a load."""
+
+    reach: ReachSettings = field(default_factory=ReachSettings)
+    load: Load = field(default_factory=Load)
+    mesh: MeshOptions = field(default_factory=MeshOptions)
