@@ -97,7 +97,7 @@ def options_of(kind: Any, group: str = "output") -> Iterator[Option]:
     """
     plain, constants = parted(kind)
     hints, helps = get_type_hints(plain, include_extras=True), _help_texts(plain)
-    for one in sorted(fields(plain), key=lambda one: one.kw_only):  # as in their class's call
+    for one in sorted(fields(plain), key=lambda one: bool(one.kw_only)):  # as they are given
         if one.name in constants:
             continue
         hint = hints[one.name]

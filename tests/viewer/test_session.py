@@ -473,7 +473,7 @@ def test_the_best_contact_of_the_last_finger_is_not_worse_than_the_vertices() ->
         assert found.last_contact is not None
         assert found.last_contact.worst <= found.labels.critical_angle.min() + 1e-9
         assert found.last_contact.best <= found.labels.critical_angle_best.min() + 1e-9
-        assert len(found.last_contact.points) == len(fixed) + 1
+        assert found.last_contact.grasp.count == len(fixed) + 1
 
 
 def test_two_of_three_fingers_are_fixed_one_after_the_other() -> None:

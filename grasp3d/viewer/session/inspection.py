@@ -10,14 +10,14 @@ from grasp3d.grasps.causes import cause_at
 from grasp3d.grasps.explanations import PAIR, Case, explain
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import EPSILON_MIN
 from grasp3d.stability.thresholds import label_angles
-from grasp3d.surface.contacts import GraspContacts, SurfaceContacts
+from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.grasp_numbers import surface_epsilons, surface_holding
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.rows import NO_ROW
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.viewer.session.grasp_texts import HeldGrasp, angle_numbers, budget_text
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
@@ -118,12 +118,9 @@ def _inspect_alternative(
     """Inspect one of the other grasps of a vertex, whose label does not depend on the search."""
     perceived = grasps.critical_angle[row], grasps.critical_angle_best[row]
     contacts = grasps.contacts.take(slice(row, row + 1))
-    angles = located_grasp(contacts, *perceived, model)
-    points, normals = contacts.points[0], contacts.normals[0]
-    on_crease = tuple(int(finger) for finger in np.flatnonzero(contacts.on_crease[0]))
     return _inspection(
-        subject, _case_of_grasp(subject, model, points, normals, angles, perceived, on_crease),
-        points, normals,
+        subject, _case_of_grasp(subject, model, contacts, *perceived),
+        contacts.points[0], contacts.normals[0],
         vertex=vertex,
         epsilons=_epsilons_of(contacts, model),
         opening=grasps.opening[row],
@@ -142,10 +139,8 @@ def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | No
     contact = subject.last_contact
     if contact is None:
         return None
-    points, normals, perceived = contact.points, contact.normals, (contact.worst, contact.best)
-    case = _case_of_grasp(
-        subject, model, points, normals, contact.angles(model), perceived, contact.creases
-    )
+    case = _case_of_grasp(subject, model, contact.grasp, contact.worst, contact.best)
+    points, normals = contact.grasp.points[0], contact.grasp.normals[0]
     gaps = np.linalg.norm(points[:, None] - points, axis=2)
     return _inspection(
         subject, case, points, normals,
@@ -154,27 +149,22 @@ def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | No
 
 
 def _case_of_grasp(
-    subject: Subject,
-    model: GraspModel,
-    points: Floats,
-    normals: Floats,
-    angles: tuple[float, float],
-    perceived: tuple[float, float],
-    creases: tuple[int, ...],
+    subject: Subject, model: GraspModel, grasp: GraspContacts, worst: float, best: float
 ) -> Case:
-    """What decides the label of a given grasp, which is labelled as those of a scan are."""
-    worst, best = angles
+    """What decides the label of a given grasp (1, n), which is labelled as those of a scan are."""
+    located = located_grasp(grasp, worst, best, model)
+    over_worst, over_best = (np.array([angle]) for angle in located)
     return Case(
         model=model,
         mode="scan",
-        code=int(label_angles(np.array([worst]), np.array([best]), model)[0]),
-        worst=float(worst),
-        best=float(best),
+        code=int(label_angles(over_worst, over_best, model)[0]),
+        worst=located[0],
+        best=located[1],
         cone=subject.cone,
         cause=None,
-        off_line=_off_line(points, normals),
-        creases=creases,
-        perceived=_perceived(model, *perceived),
+        off_line=_off_line(grasp.points[0], grasp.normals[0]),
+        creases=_fingers_on_creases(grasp),
+        perceived=_perceived(model, worst, best),
     )
 
 
@@ -314,25 +304,21 @@ def _epsilons(subject: Subject, vertex: int, model: GraspModel) -> tuple[float, 
 def _creases(subject: Subject, vertex: int, *, several: bool) -> tuple[int, ...]:
     """Fingers that are on sharp edges; without labels only the vertex itself is examined."""
     labels = subject.labels
-    if several and (labels.partner_points.faces[vertex, 0] >= 0).all():
-        return tuple(int(finger) for finger in np.flatnonzero(_grasp(labels, vertex).on_crease[0]))
+    if several and labels.row[vertex] != NO_ROW:
+        return _fingers_on_creases(_grasp(labels, vertex))
     sides = np.count_nonzero(subject.mesh.corner_normals.vertices == vertex)
     return (0,) if sides > 1 else ()
 
 
-def _grasp(labels: SurfaceLabels, vertex: int) -> SurfaceContacts:
-    """A vertex and the other contacts of its grasp."""
-    mesh, points = labels.mesh, labels.partner_points
-    own = int(mesh.canonical[vertex])
-    face, corner = divmod(int(np.argmax(mesh.faces.ravel() == own)), 3)
-    first = SurfacePoints(np.array([[face]]), np.eye(3)[corner][None, None])
-    return SurfaceContacts(
-        mesh,
-        SurfacePoints(
-            np.concatenate([first.faces, points.faces[vertex, 0][None]], axis=1),
-            np.concatenate([first.weights, points.weights[vertex, 0][None]], axis=1),
-        ),
-    )
+def _grasp(labels: SurfaceLabels, vertex: int) -> GraspContacts:
+    """A vertex that has a grasp, and the other contacts of it, (1, n)."""
+    row = labels.row[vertex]
+    return labels.grasps.contacts.take(slice(row, row + 1))
+
+
+def _fingers_on_creases(grasp: GraspContacts) -> tuple[int, ...]:
+    """Indices of the fingers of a grasp (1, n) that are on sharp edges, from 0."""
+    return tuple(int(finger) for finger in np.flatnonzero(grasp.on_crease[0]))
 
 
 def _epsilons_of(grasp: GraspContacts, model: GraspModel) -> tuple[float, float, float]:

@@ -21,7 +21,7 @@ from grasp3d.viewer.session.painting import (
 )
 from grasp3d.viewer.session.planning import ranked_otherwise
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.subjects.subject import Subject
+from grasp3d.viewer.subjects.subject import Subject, located_grasp
 
 HINTS = {
     "inspect": "Click the surface to see the best grasp there, and why it is S, M or U.",
@@ -221,5 +221,6 @@ def _label_between(subject: Subject, model: GraspModel) -> int | None:
     contact = subject.last_contact
     if contact is None or not contact.between:
         return None
-    worst, best = (np.array([angle]) for angle in contact.angles(model))
+    angles = located_grasp(contact.grasp, contact.worst, contact.best, model)
+    worst, best = (np.array([angle]) for angle in angles)
     return int(label_codes(subject, worst, best, model)[0])

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints, locked
+from grasp3d.arrays import Floats, Ints
 from grasp3d.grasps.explanations import PAIR
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.mesh.surface_points import SurfacePoints
@@ -72,14 +72,10 @@ def scan_of_grasp(grasps: GraspTable, row: int) -> Subject:
     contacts = grasps.contacts.take(slice(row, row + 1))
     labels = scan_surface(grasps.mesh, grasps.model, fixed=contacts.points[0, 1:])
     contact = LastContact(
-        points=contacts.points[0],
-        normals=contacts.normals[0],
-        worst=float(grasps.critical_angle[row]),
-        best=float(grasps.critical_angle_best[row]),
-        between=bool(contacts.surface_points.weights[0, 0].max() < 1.0),
-        creases=tuple(int(finger) for finger in np.flatnonzero(contacts.on_crease[0])),
-        held=GripperPose.of(grasps.reach, row),
-        grasp=contacts,
+        contacts,
+        float(grasps.critical_angle[row]),
+        float(grasps.critical_angle_best[row]),
+        GripperPose.of(grasps.reach, row),
     )
     return warm_up(replace(subject_of(labels.using(scene=grasps.scene)), last_contact=contact))
 
@@ -152,17 +148,8 @@ class _Candidates:
         row = int(np.lexsort((self.smallest, self.worst))[0])
         if np.isinf(self.worst[row]):
             row = int(np.argmin(self.smallest))
-        candidate = self._take(np.array([row]))
-        grasp = _grasps(scan, candidate.points)
-        return LastContact(
-            points=locked(grasp.points[0]),
-            normals=locked(grasp.normals[0]),
-            worst=float(self.worst.min()),
-            best=float(self.smallest.min()),
-            between=bool(candidate.points.weights.max() < 1.0),
-            creases=tuple(int(finger) for finger in np.flatnonzero(grasp.on_crease[0])),
-            grasp=grasp,
-        )
+        grasp = _grasps(scan, self._take(np.array([row])).points)
+        return LastContact(grasp, float(self.worst.min()), float(self.smallest.min()))
 
     def _take(self, rows: Ints) -> "_Candidates":
         points = SurfacePoints(self.points.faces[rows], self.points.weights[rows])

@@ -31,30 +31,21 @@ KEPT = 4
 class LastContact:
     """The best contact found for the last finger when the others are fixed."""
 
-    points: Floats
-    """The contact and the fixed contacts, shape (n, 3)."""
-    normals: Floats
-    """Inward unit normals there, (n, 3)."""
+    grasp: GraspContacts
+    """The contact and the fixed contacts, (1, n)."""
     worst: float
     """Smallest critical friction angle over the worst normals of the contacts [rad]; inf: none."""
     best: float
     """The same over the best normals, possibly of another contact."""
-    between: bool
-    """Whether the contact is between vertices, which are the only points with a colour."""
-    creases: tuple[int, ...] = ()
-    """Indices of the fingers that are on sharp edges (creases), from 0."""
     held: GripperPose | None = None
     """Pose of a gripper, if it reaches the grasp."""
-    grasp: GraspContacts | None = None
-    """The contacts on the surface, (1, n); None: unknown."""
 
     __repr__ = short_repr
 
-    def angles(self, model: GraspModel) -> tuple[float, float]:
-        """Angles that decide its label for a model, over the worst and the best normals [rad]."""
-        if self.grasp is None:
-            return self.worst, self.best
-        return located_grasp(self.grasp, self.worst, self.best, model)
+    @property
+    def between(self) -> bool:
+        """Whether the contact is between vertices, which are the only points with a colour."""
+        return bool(self.grasp.surface_points.weights[0, 0].max() < 1.0)
 
 
 @dataclass(frozen=True, eq=False)
