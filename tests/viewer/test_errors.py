@@ -344,6 +344,7 @@ def test_saved_labels_have_the_chosen_errors(session: Session, tmp_path: Path) -
     session.change(friction=0.4, **errors)
     wait_until_idle(session)
     session.save(tmp_path / "saved.ply")
+    wait_until_idle(session)
     model = read_subject(tmp_path / "saved.ply").labels.model
     assert model == replace(slab().model, friction=0.4, **errors)
     again = ready_session(open_collection(tmp_path / "saved.ply"))

@@ -323,11 +323,8 @@ def test_old_grasps_are_not_shown_while_new_ones_are_searched(
     assert session.stale
     assert text.stale
     assert (text.fractions, text.other_fractions, text.inspection) == ((), (), None)
-    for save in (session.save, session.save_in_background):
-        with pytest.raises(
-            SettingError, match=f"the {missing} are still being searched; save when"
-        ):
-            save(tmp_path / "a.ply")
+    with pytest.raises(SettingError, match=f"the {missing} are still being searched; save when"):
+        session.save(tmp_path / "a.ply")
     session.click(9, inspect=True)
     assert session.inspection is None
     wait_until_idle(session)
@@ -337,6 +334,7 @@ def test_old_grasps_are_not_shown_while_new_ones_are_searched(
     assert text.inspection is not None
     assert text.inspection.vertex == 9
     session.save(tmp_path / "a.ply")
+    wait_until_idle(session)
     assert read_subject(tmp_path / "a.ply").labels.model.fingers == session.state.model.fingers
 
 
@@ -622,6 +620,7 @@ def test_a_scanned_file_is_saved_for_other_settings(tmp_path: Path) -> None:
     session.change(paint="epsilon", friction=0.9)
     wait_until_idle(session)
     session.save(tmp_path / "again.ply")
+    wait_until_idle(session)
     expected = viewing.scan().relabel(friction=0.9)
     assert np.array_equal(read_subject(tmp_path / "again.ply").labels.label, expected.label)
 
@@ -638,6 +637,7 @@ def test_the_displayed_labels_are_saved(tmp_path: Path) -> None:
     session = ready_session(viewing.labels())
     session.change(friction=0.6, sensor_resolution=0.2)
     session.save(tmp_path / "a.ply")
+    wait_until_idle(session)
     assert session.message.endswith("a.ply")
     displayed = {one.letter: one.fraction for one in panel_text(session).fractions}
     assert _fractions(tmp_path / "a.ply") == pytest.approx(displayed, abs=1e-6)
@@ -650,19 +650,19 @@ def test_the_displayed_labels_are_saved(tmp_path: Path) -> None:
 def test_files_are_saved_in_the_background(tmp_path: Path, file: Path) -> None:
     session = ready_session(open_collection(file))
     session.change(friction=0.6)
-    session.save_in_background(tmp_path / "a.npz")
+    session.save(tmp_path / "a.npz")
     assert has_begun(session, "saving a.npz")
     session.change(paint="critical_angle")
     wait_until_idle(session)
     assert session.message == f"saved: {tmp_path / 'a.npz'}"
     with np.load(tmp_path / "a.npz") as data:
         assert str(data["setting_friction"]) == "0.6"
-    session.save_in_background(tmp_path / "none" / "a.ply")
+    session.save(tmp_path / "none" / "a.ply")
     wait_until_idle(session)
     assert "none" in session.message
     assert not session.message.startswith("saved")
     with pytest.raises(OutputError, match="unsupported format"):
-        session.save_in_background(tmp_path / "a.txt")
+        session.save(tmp_path / "a.txt")
 
 
 def test_scans_are_saved_with_their_fixed_finger(tmp_path: Path) -> None:
@@ -670,6 +670,7 @@ def test_scans_are_saved_with_their_fixed_finger(tmp_path: Path) -> None:
     session.change(fixed=(tuple(map(float, viewing.labels().mesh.vertices[30])),))
     wait_until_idle(session)
     session.save(tmp_path / "scan.ply")
+    wait_until_idle(session)
     assert read_subject(tmp_path / "scan.ply").labels.mode == "scan"
     assert session.subject is not None
     assert session.subject.labels.mode == "scan"
@@ -678,9 +679,8 @@ def test_scans_are_saved_with_their_fixed_finger(tmp_path: Path) -> None:
 def test_labels_beyond_the_search_cannot_be_saved(tmp_path: Path) -> None:
     session = ready_session(viewing.labels())
     session.change(friction=3.0)
-    for save in (session.save, session.save_in_background):
-        with pytest.raises(GraspError, match="are not searched yet"):
-            save(tmp_path / "a.ply")
+    with pytest.raises(GraspError, match="are not searched yet"):
+        session.save(tmp_path / "a.ply")
     session.close()
 
 

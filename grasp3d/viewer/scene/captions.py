@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from grasp3d.arrays import Bytes
 from grasp3d.grasps.explanations import UNSEARCHED, finger_words
 from grasp3d.settings import GraspModel, sampling_kind
+from grasp3d.settings.model_text import error_texts
 from grasp3d.stability.label import MEANING, Label, Mode
 from grasp3d.viewer.scene.overlays import (
     EDGE,
@@ -177,28 +178,15 @@ def _caption(session: Session, model: GraspModel, *, full: bool) -> tuple[str, .
     friction = f"μ {round(model.friction, 4):g}"
     if model.friction_error > 0.0:
         friction += f" ± {round(model.friction_error, 4):g}"
-    errors = _errors(session, model)
+    unit = session.subject.mesh.unit if session.subject else None
     return (
         resolution,
         friction,
-        *errors,
+        *error_texts(model, unit),
         finger_words(model.fingers),
         *_limit(session),
         *_gripper(session),
     )
-
-
-def _errors(session: Session, model: GraspModel) -> tuple[str, ...]:
-    """The errors of normals and contact locations."""
-    parts = []
-    if model.normal_error > 0.0:
-        parts.append(f"normals ± {round(math.degrees(model.normal_error), 2):g}°")
-    if model.location_error > 0.0:
-        unit = session.subject.mesh.unit if session.subject else None
-        parts.append(f"locations ± {model.location_error:.4g} {unit or ''}".rstrip())
-    if model.per_finger:
-        parts.append("errors of each finger")
-    return tuple(parts)
 
 
 def _gripper(session: Session) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ between S, M and U are as sharp as the labels; a slider changes only the texture
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import epsilon_min_text
 from grasp3d.stability.label import COLORS, GREY, Label
 from grasp3d.stability.thresholds import label_angles
+from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.counts import short_number
 from grasp3d.viewer.subjects.subject import Subject
@@ -155,18 +157,10 @@ def texture_coordinates(
     # Located angles of different fingers may be below 0.
     values = np.clip(worst, -math.pi, math.pi) / (2.0 * math.pi) + 0.5
     finite = np.isfinite(worst)
-    if paint in {"epsilon", "epsilon_min"}:
-        epsilon = _epsilon(subject, paint)
-        finite = np.isfinite(epsilon)
-        values = np.minimum(np.nan_to_num(epsilon) / _max_epsilon(subject), 1.0)
-    elif paint == "approach_margin":
-        margins = _approach_margin(subject)
-        finite = np.isfinite(margins)
-        values = np.nan_to_num(margins) / _max_margin(subject)
-    elif paint in FORCE_PAINTS:
-        forces = _forces(subject, paint)
-        finite = np.isfinite(forces)
-        values = np.minimum(np.where(finite, forces, 0.0) / _top(subject, forces), 1.0)
+    if paint in _SOURCES:
+        numbers = _numbers(subject, paint)
+        finite = np.isfinite(numbers)
+        values = np.minimum(np.where(finite, numbers, 0.0) / _most(subject, paint), 1.0)
     return np.stack([values, np.where(finite, 0.25, 0.75)], axis=1).astype(np.float32)
 
 
@@ -228,18 +222,11 @@ def ramp_of(subject: Subject, paint: Paint, model: GraspModel) -> Ramp | None:
         return Ramp(text, 2.0 * math.degrees(most), "°", none)
     if paint == "margin":
         return _margin_ramp(model, none)
-    return _other_ramp(subject, paint, model, none)
-
-
-def _other_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) -> Ramp | None:
-    """Legend of a quantity that does not follow from critical angles; None: labels."""
-    if paint in {"epsilon", "epsilon_min"}:
-        return _epsilon_ramp(subject, paint, model, none)
     if paint == "approach_margin":
         return _approach_ramp(subject)
     if paint in FORCE_PAINTS:
         return _force_ramp(subject, paint, model, none)
-    return None
+    return None if paint == "label" else _epsilon_ramp(subject, paint, model, none)
 
 
 def _margin_ramp(model: GraspModel, none: str) -> Ramp:
@@ -256,12 +243,8 @@ def _approach_ramp(subject: Subject) -> Ramp:
         return Ramp("approach margin: for two fingers only", 180.0, "°", "no palm is tested")
     unreached = np.isnan(labels.approach_margin) & (subject.weights > 0.0)
     grey = "not reached" if unreached.any() else ""
-    return Ramp(
-        "approach margin: half the free approach angles",
-        math.degrees(_max_margin(subject)),
-        "°",
-        grey,
-    )
+    most = math.degrees(_most(subject, "approach_margin"))
+    return Ramp("approach margin: half the free approach angles", most, "°", grey)
 
 
 def _epsilon_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) -> Ramp:
@@ -271,10 +254,8 @@ def _epsilon_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) 
         text = epsilon_min_text(model if epsilons is None else epsilons.model)
     if epsilons is None:
         return Ramp(f"{text}; being computed", 1.0, "", "not computed yet", EQUAL_GRASPS)
-    if not same_settings(epsilons.model, model):
-        friction, degrees = epsilons.model.friction, math.degrees(epsilons.model.sensor_resolution)
-        text = f"{text}, for μ {friction:.3g}, α {degrees:.1f}°; being computed"
-    return Ramp(text, _max_epsilon(subject), "", none, EQUAL_GRASPS)
+    text += _other_settings(epsilons.model, model)
+    return Ramp(text, _most(subject, paint), "", none, EQUAL_GRASPS)
 
 
 def _force_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) -> Ramp:
@@ -290,13 +271,10 @@ def _force_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) ->
     forces = subject.forces
     if forces is None:
         return Ramp(f"{text}; being computed", 1.0, unit, "not computed yet")
-    if not same_settings(forces.model, model):
-        friction, degrees = forces.model.friction, math.degrees(forces.model.sensor_resolution)
-        text = f"{text}, for μ {friction:.3g}, α {degrees:.1f}°; being computed"
-    values = _forces(subject, paint)
+    text += _other_settings(forces.model, model)
+    values, top = _numbers(subject, paint), _most(subject, paint)
     weighed = subject.weights > 0.0
     meanings = [none] * bool(none) + ["no force suffices"] * bool(np.isinf(values[weighed]).any())
-    top = _top(subject, values)
     exceeded = bool((values[weighed & np.isfinite(values)] > top).any())
     return Ramp(text, top, unit, ", ".join(meanings), exceeded=exceeded)
 
@@ -305,6 +283,14 @@ def _condition(paint: Paint, load: LoadCase) -> str:
     if paint == "grip_force":
         return f"for {load.to_hold.partition(' (')[0]}"
     return f"with {load.at_hand} at the worst normals"
+
+
+def _other_settings(computed: GraspModel, model: GraspModel) -> str:
+    """For which model the numbers are that are shown, if not for the chosen one."""
+    if same_settings(computed, model):
+        return ""
+    degrees = math.degrees(computed.sensor_resolution)
+    return f", for μ {computed.friction:.3g}, α {degrees:.1f}°; being computed"
 
 
 def same_settings(computed: GraspModel, model: GraspModel) -> bool:
@@ -321,31 +307,29 @@ def _labels(subject: Subject, model: GraspModel) -> Bytes:
     return np.asarray(PALETTE[[[Label.S, between], [Label.S, beyond]]])
 
 
-def _epsilon(subject: Subject, paint: Paint) -> Floats:
-    if subject.epsilons is None:
-        return np.full(len(subject.mesh.vertices), math.nan)
-    return subject.epsilons.epsilon if paint == "epsilon" else subject.epsilons.epsilon_min
+_SOURCES: dict[Paint, Callable[[Subject], SurfaceLabels | None]] = {
+    "epsilon": lambda subject: subject.epsilons,
+    "epsilon_min": lambda subject: subject.epsilons,
+    "approach_margin": lambda subject: subject.labels,
+    "grip_force": lambda subject: subject.forces,
+    "payload": lambda subject: subject.forces,
+}
+"""Labels with an attribute of that name, which does not follow from critical angles."""
 
 
-def _approach_margin(subject: Subject) -> Floats:
-    margin = subject.labels.approach_margin
-    return np.full(len(subject.mesh.vertices), math.nan) if margin is None else margin
-
-
-def _max_margin(subject: Subject) -> float:
-    """Largest approach margin of the surface [rad]."""
-    return float(np.nanmax(_approach_margin(subject), initial=0.0)) or math.pi
-
-
-def _forces(subject: Subject, paint: Paint) -> Floats:
-    values = None
-    if subject.forces is not None:
-        values = subject.forces.grip_force if paint == "grip_force" else subject.forces.payload
+def _numbers(subject: Subject, paint: Paint) -> Floats:
+    """Value of such a quantity at each vertex, shape (V,); nan where it is not known."""
+    values = getattr(_SOURCES[paint](subject), paint, None)
     return np.full(len(subject.mesh.vertices), math.nan) if values is None else values
 
 
-def _top(subject: Subject, values: Floats) -> float:
-    """Value that a fraction `MOST` of the area does not exceed."""
+def _most(subject: Subject, paint: Paint) -> float:
+    """Value of such a quantity that has the last colour; both epsilons have the same."""
+    if paint == "approach_margin":
+        return float(np.nanmax(_numbers(subject, paint), initial=0.0)) or math.pi
+    if paint not in FORCE_PAINTS:
+        return float(np.nanmax(_numbers(subject, "epsilon"), initial=0.0)) or 1.0
+    values = _numbers(subject, paint)
     vertices = np.flatnonzero(np.isfinite(values) & (subject.weights > 0.0))
     if not len(vertices):
         return 1.0
@@ -353,9 +337,3 @@ def _top(subject: Subject, values: Floats) -> float:
     areas = np.cumsum(subject.weights[order])
     top = float(values[order[np.searchsorted(areas, MOST * areas[-1])]])
     return top or float(values[vertices].max()) or 1.0
-
-
-def _max_epsilon(subject: Subject) -> float:
-    """Largest epsilon of the surface, used for both ramps."""
-    values = _epsilon(subject, "epsilon")
-    return float(np.nanmax(values, initial=0.0)) or 1.0

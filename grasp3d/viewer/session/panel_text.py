@@ -10,6 +10,7 @@ from grasp3d.grasps.explanations import UNSEARCHED
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import SAFE_LABELS
 from grasp3d.stability.label import MEANING, Label
+from grasp3d.system.counts import counted, noun
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.painting import (
     HEX_PALETTE,
@@ -138,12 +139,8 @@ def _facts(subject: Subject, fixed: int, *, stale: bool) -> str:
         facts += f"; load {subject.labels.load_case}"
     if subject.labels.mode == "scan" and not stale:
         count = fixed or subject.labels.model.fingers - 1
-        facts += f", {_fingers(count)} fixed"
+        facts += f", {counted(count, 'fingers')} fixed"
     return facts
-
-
-def _fingers(count: int) -> str:
-    return f"{count} {'finger' if count == 1 else 'fingers'}"
 
 
 def _notes(session: Session) -> Iterator[str]:
@@ -155,8 +152,8 @@ def _notes(session: Session) -> Iterator[str]:
         yield "with fixed fingers the labels are those of ideal points: the gripper is not tested"
     missing = state.model.fingers - 1 - len(state.fixed)
     if state.fixed and missing > 0:
-        more = "finger" if missing == 1 else "fingers"
-        yield f"fix {missing} more {more}: these are labels for {len(state.fixed) + 1} fingers"
+        more = f"{missing} more {noun(missing, 'fingers')}"
+        yield f"fix {more}: these are labels for {len(state.fixed) + 1} fingers"
     if not state.fixed and ranked_otherwise(subject, state):
         yield (
             "these are the best grasps for another location error, until a search has found those "

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from grasp3d.settings import AnySampling, GraspModel, Sampling, sampling_kind
 from grasp3d.settings.lengths import METRES
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.system.counts import noun
 from grasp3d.viewer.session.background import Job
 from grasp3d.viewer.session.computations import (
     compute_epsilon,
@@ -144,12 +145,13 @@ def is_stale(viewed: ViewedItem, state: ViewState, sampling: AnySampling) -> boo
 
 def _locates(subject: Subject, state: ViewState) -> bool:
     """Whether the labels for the chosen errors of contact locations are known."""
-    return subject.locates(_model_for(subject, state))
+    return subject.locates(model_for(subject, state))
 
 
-def _model_for(subject: Subject, state: ViewState) -> GraspModel:
-    """The chosen model, with a surface's number of fingers."""
+def model_for(subject: Subject, state: ViewState) -> GraspModel:
+    """The chosen friction and resolution, with a surface's number of fingers."""
     model, fingers = state.model, subject.labels.model.fingers
+    # A copy checks all settings again, which takes longer than the labels of a small surface.
     return model if model.fingers == fingers else replace(model, fingers=fingers)
 
 
@@ -157,8 +159,7 @@ def missing_result(subject: Subject, state: ViewState) -> str:
     """Name of the result that a stale surface lacks, for messages."""
     fingers = state.model.fingers
     if state.fixed:
-        count = len(state.fixed)
-        return f"labels for {count} fixed {'finger' if count == 1 else 'fingers'}"
+        return f"labels for {len(state.fixed)} fixed {noun(len(state.fixed), 'fingers')}"
     if subject.labels.model.fingers != fingers:
         return f"grasps for {fingers} fingers"
     if not _locates(subject, state):
@@ -216,7 +217,7 @@ def _located_job(subject: Subject, state: ViewState, number: int) -> SubjectJob 
     """Compute how far uncertain contact locations affect three fingers and more."""
     if _locates(subject, state):
         return None
-    model = _model_for(subject, state)
+    model = model_for(subject, state)
     key = ("located", number, dependence(model), model.fingers, state.fixed, state.max_opening)
     return Job(key, "computing labels with errors", partial(locate_contacts, subject, model), DELAY)
 
@@ -239,7 +240,7 @@ def _numbers_job(subject: Subject, state: ViewState, number: int) -> SubjectJob 
     kind, text, compute = "epsilon", "computing ε", compute_epsilon
     if state.paint in FORCE_PAINTS:
         kind, text, compute = "forces", "computing grip forces", compute_forces
-    model = _model_for(subject, state)
+    model = model_for(subject, state)
     key = (kind, number, model, state.fixed, state.max_opening)
     return Job(key, text, partial(compute, subject, model), DELAY)
 

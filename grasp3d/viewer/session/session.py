@@ -9,7 +9,7 @@ from grasp3d.hand.scene import Scene
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel
 from grasp3d.viewer.session.background import Finished, Worker
 from grasp3d.viewer.session.collection import Collection
-from grasp3d.viewer.session.computations import check_savable, write_labels
+from grasp3d.viewer.session.computations import check_savable
 from grasp3d.viewer.session.inspection import Inspection, inspect, inspect_last_contact
 from grasp3d.viewer.session.painting import FORCE_PAINTS
 from grasp3d.viewer.session.planning import (
@@ -18,6 +18,7 @@ from grasp3d.viewer.session.planning import (
     ViewedItem,
     is_stale,
     missing_result,
+    model_for,
     needs_search,
     next_job,
 )
@@ -111,10 +112,7 @@ class Session:
     def model(self) -> GraspModel:
         """Chosen friction and resolution, with the displayed surface's number of fingers."""
         subject = self.subject
-        fingers = self.state.model.fingers if subject is None else subject.labels.model.fingers
-        model = self.state.model
-        # A copy checks all settings again, which takes longer than the labels of a small surface.
-        return model if model.fingers == fingers else replace(model, fingers=fingers)
+        return self.state.model if subject is None else model_for(subject, self.state)
 
     @property
     def other_model(self) -> GraspModel | None:
@@ -337,28 +335,19 @@ class Session:
         self._start_next_job()
 
     def save(self, path: Path) -> None:
-        """Write the displayed labels at the chosen friction and resolution.
+        """Write the displayed labels at the chosen friction and resolution, in the background.
 
-        Returns when the file is complete, which takes as long as computing epsilon; see also
-        `save_in_background`.
+        It takes as long as computing epsilon; a message reports the result.
 
         Args:
             path: File to create or replace.
 
         Raises:
-            GraspError: There are no labels yet, or the file cannot be written.
-        """
-        ready = write_labels(self._savable(), self.model, path)
-        self._replace(ready)
-        self.show_message(f"saved: {path}")
-
-    def save_in_background(self, path: Path) -> None:
-        """Write the same file in the background; a message reports the result.
-
-        Raises:
             GraspError: There are no labels yet, or no format has that suffix.
         """
-        subject = self._savable()
+        self.check_current()
+        subject = self.subject
+        assert subject is not None
         check_savable(subject, self.model, path)
         self._saving = SaveRequest(path, subject, self.model)
         self._message = ""
@@ -400,11 +389,6 @@ class Session:
         raise SettingError(
             f"the {missing} are still being searched; save when the search is finished"
         )
-
-    def _savable(self) -> Subject:
-        self.check_current()
-        assert self.subject is not None
-        return self.subject
 
     def _set_state(self, state: ViewState) -> None:
         if state == self.state:

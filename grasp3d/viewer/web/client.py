@@ -184,7 +184,7 @@ class Client:
     async def _written(self, name: str) -> bytes:
         with TemporaryDirectory() as folder:
             path, session = Path(folder) / name, self.session
-            session.save_in_background(path)
+            session.save(path)
             while session.working is not None and not session.message and self._open:
                 self._polled.clear()
                 await self._polled.wait()

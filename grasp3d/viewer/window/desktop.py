@@ -217,7 +217,7 @@ class Window:
             "r": lambda: self._scene.look(self._session), "z": self._history.undo,
             "+": lambda: self._scene.camera.zoom(ZOOM),
             "-": lambda: self._scene.camera.zoom(1.0 / ZOOM),
-            "s": lambda: self._session.save_in_background(self._unused_path("labeled", ".ply")),
+            "s": lambda: self._session.save(self._unused_path("labeled", ".ply")),
             "g": self._save_picture,
         }  # fmt: skip
         if key in actions:
