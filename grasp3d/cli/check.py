@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import partial
 
+from rich.filesize import decimal
 from rich.table import Table
 
 from grasp3d.batch.batch_settings import BatchSettings
@@ -25,7 +26,7 @@ from grasp3d.cli.mesh_commands import Check
 from grasp3d.cli.options import given_sampling
 from grasp3d.cli.report import FAILED, Report, escaped, table_of
 from grasp3d.mesh.diagnosis import MeshDiagnosis, SurfaceMeasures, Trust
-from grasp3d.system.counts import counted, noun
+from grasp3d.system.counts import counted
 
 MAX_PAGES = 3
 """Largest number of meshes with a page each."""
@@ -78,7 +79,7 @@ def _print_page(report: Report, mesh: CheckedMesh) -> None:
     if diagnosis is None:
         report.lines([mesh.refusal], FAILED)
         return
-    file = f"{diagnosis.format.upper()}, {_bytes(diagnosis)}"
+    file = f"{diagnosis.format.upper()}, {decimal(diagnosis.file_bytes or 0)}"
     report.paragraph(f"[bold]{escaped(diagnosis.mesh)}[/]: {file}")
     report.lines([_unit(diagnosis)], "unit:")
     extents = " x ".join(f"{extent:.4g}" for extent in diagnosis.extents)
@@ -172,15 +173,6 @@ def _change(before: float | None, after: float | None) -> str:
         return "new"
     percent = 100.0 * (after / before - 1.0)
     return f"{percent:+.2g} %" if abs(percent) < 99.5 else f"{percent:+,.0f} %"
-
-
-def _bytes(diagnosis: MeshDiagnosis) -> str:
-    size = float(diagnosis.file_bytes or 0)
-    for unit in ("bytes", "kB", "MB"):
-        if size < 1000.0:
-            return f"{size:.3g} {noun(int(size), unit)}"
-        size /= 1000.0
-    return f"{size:.3g} GB"
 
 
 def _seconds(seconds: float) -> str:

@@ -5,7 +5,9 @@ import io
 import math
 from collections.abc import Iterable, Sequence
 from html import escape
+from importlib.resources import files
 from pathlib import Path
+from string import Template
 
 from matplotlib.figure import Figure
 from PIL import Image
@@ -43,31 +45,8 @@ NO_PICTURES = "There are no pictures of them: they need OpenGL, which is not ava
 QUALITY = 85
 """Quality of the pictures' compression, from 0 to 100."""
 
-POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'"
-"""What the page may load: nothing but what is in it, and no scripts at all."""
-
-STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; color: #1d232b; background: #fff;
-  max-width: 62rem; margin: 0 auto; padding: 1.5rem; }
-h1 { font-size: 1.6rem; } h2 { font-size: 1.2rem; margin-top: 2.2rem; }
-h3 { font-size: 1rem; }
-table { border-collapse: collapse; margin: .8rem 0; font-variant-numeric: tabular-nums; }
-th, td { padding: .2rem .7rem; border-bottom: 1px solid #d9dde3; text-align: right; }
-th:first-child, td:first-child, td.text, th.text { text-align: left; }
-td { white-space: nowrap; }
-td.text { white-space: normal; overflow-wrap: anywhere; min-width: 5rem; }
-thead th { border-bottom: 2px solid #9aa3ae; }
-img.figure { display: block; max-width: 100%; height: auto; }
-.scroll { overflow-x: auto; }
-.quiet { color: #596472; }
-.warning { border-left: 4px solid #d55e00; padding: .2rem .8rem; background: #fdf1e8; }
-.cards { display: grid; grid-template-columns: repeat(auto-fill, minmax(17rem, 1fr)); gap: 1rem; }
-.card { border: 1px solid #d9dde3; border-radius: .4rem; padding: .7rem;
-  overflow-wrap: anywhere; }
-.card img { width: 100%; height: auto; }
-.card p { margin: .3rem 0; }
-ul { padding-left: 1.2rem; }
-"""
+TEMPLATE = "validation.html"
+"""The page without a result; it loads nothing but what is in it, and no scripts at all."""
 
 
 def write_report(folder: str | Path, result: Validation) -> None:
@@ -112,23 +91,18 @@ def page_of(result: Validation) -> str:
         result: The result.
     """
     pictures = _pictures(result.disagreements)
-    footer = f"Made by grasp3d {package_version()}; the tables {', '.join(TABLES)} are beside it."
-    parts = [
-        "<h1>Do the labels predict what became of the grasps?</h1>",
-        *_summary(result),
-        "<h2>Scores</h2>",
-        *_scores(result),
-        "<h2>Success by label</h2>",
-        *_labels(result),
-        "<h2>Calibration of the margin</h2>",
-        *_calibration(result),
-        "<h2>Greatest disagreements</h2>",
-        *_disagreements(result, pictures),
-        "<h2>Files</h2>",
-        _files(result),
-        f'<p class="quiet">{footer}</p>',
-    ]
-    return page("grasp3d: labels and outcomes", parts)
+    parts = {
+        "summary": _summary(result),
+        "scores": _scores(result),
+        "labels": _labels(result),
+        "calibration": _calibration(result),
+        "disagreements": _disagreements(result, pictures),
+        "files": [_files(result)],
+        "version": [package_version()],
+        "tables": [", ".join(TABLES)],
+    }
+    page = files(__package__).joinpath("static", TEMPLATE).read_text(encoding="utf-8")
+    return Template(page).substitute({name: "\n".join(part) for name, part in parts.items()})
 
 
 def _summary(result: Validation) -> list[str]:
@@ -179,12 +153,7 @@ def _labels(result: Validation) -> list[str]:
             )
         rows.append([*cells, "yes" if one.is_ordered else "no"])
     heads = ["μ", "α", *(f"{label.name} {LABELS['scan'][label]}" for label in order), "S > M > U"]
-    note = "Fractions that held, with 95 % intervals (Wilson) in percent."
-    return [
-        figure_tag(label_figure(result), "Success within S, M and U"),
-        table(heads, rows),
-        f'<p class="quiet">{note}</p>',
-    ]
+    return [figure_tag(label_figure(result), "Success within S, M and U"), table(heads, rows)]
 
 
 def _calibration(result: Validation) -> list[str]:
@@ -204,15 +173,10 @@ def _calibration(result: Validation) -> list[str]:
         ends = interval(wilson(held, count))
         cells = ["jaws do not close", f"{count:,}", f"{held:,}", percent(held / count), ends]
         rows.insert(0, cells)
-    note = (
-        "Thresholds are chosen on these grasps, so new ones do slightly worse. Isotonic regression "
-        "is the nearest success that never falls."
-    )
     return [
         figure_tag(calibration_figure(result), "Success over the margin"),
         bullets(sentences.calibration_of(result)),
         table(["margin", "grasps", "held", "success", "95 %"], rows),
-        f'<p class="quiet">{note}</p>',
     ]
 
 
@@ -305,23 +269,6 @@ def _pictures(grasps: Sequence[Disagreement]) -> list[Bytes] | None:
         pictures.append(draw_disagreement(one))
         report_progress(len(pictures) / len(grasps))
     return pictures
-
-
-def page(title: str, parts: Iterable[str]) -> str:
-    """A whole page.
-
-    Args:
-        title: Its title.
-        parts: Content of its body, HTML.
-    """
-    head = (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        '<meta name="generator" content="grasp3d"><link rel="icon" href="data:,">'
-        f"<title>{text(title)}</title><style>{STYLE}</style></head>\n<body>\n"
-    )
-    return head + "\n".join(parts) + "\n</body></html>\n"
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]], texts: Sequence[int] = ()) -> str:

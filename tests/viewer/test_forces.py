@@ -16,6 +16,7 @@ from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.loads import Load
 from grasp3d.quality.tasks import Weight, Wrenches
 from grasp3d.surface import Reason
+from grasp3d.surface.holding import Holding
 from grasp3d.viewer.session import planning
 from grasp3d.viewer.session.collection import collection_of, open_collection
 from grasp3d.viewer.session.controls import handle_key
@@ -117,14 +118,21 @@ def test_the_sentence_is_that_of_the_label_with_force(
 ) -> None:
     case = held().load_case
     assert case is not None
-    found = HeldGrasp(
-        case, nominal, least, largest, 1.0, 3, resistance=Resistance.NO_SUCH_WRENCH,
-    )  # fmt: skip
+    forces = (np.array([force]) for force in (nominal, least, largest, 1.0))
+    holding = Holding(case, *forces, np.array([Resistance.NO_SUCH_WRENCH]), "exact")
+    found = HeldGrasp(holding, 0, 3)
     assert sentence in found.sentence()
     assert bool(found.sentence()) == bool(sentence)
     if math.isinf(nominal):
         assert found.numbers()[0] == ("grip force", "none suffices")
-    unknown = replace(found, load=replace(case, mass=None, available=None), payload=math.nan)
+    unknown = HeldGrasp(
+        replace(
+            holding,
+            case=replace(case, mass=None, available=None),
+            payload=np.array([math.nan]),
+        ),
+        0, 3,
+    )  # fmt: skip
     assert not (math.isfinite(nominal) and unknown.sentence())
     if math.isfinite(nominal):
         assert "N per kg" in unknown.numbers()[0][1]

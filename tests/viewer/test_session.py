@@ -3,6 +3,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +36,7 @@ from grasp3d.viewer.session.computations import (
     compute_epsilon,
     write_labels,
 )
-from grasp3d.viewer.session.controls import DRAWING, handle_key
+from grasp3d.viewer.session.controls import handle_key
 from grasp3d.viewer.session.painting import UNSEARCHED
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.scans import scan_with_fixed
@@ -576,8 +577,8 @@ def test_a_given_unit_is_shown_for_a_file_without_one(tmp_path: Path) -> None:
 
 
 def test_arrows_are_described_as_the_direction_of_the_push() -> None:
-    meaning = dict(DRAWING)["arrow"]
-    assert meaning == "inward contact normal, along which the finger pushes"
+    meaning = "<dt>arrow</dt><dd>inward contact normal, along which the finger pushes</dd>"
+    assert meaning in (files("grasp3d.viewer.web") / "static" / "help.html").read_text("utf-8")
 
 
 @pytest.fixture

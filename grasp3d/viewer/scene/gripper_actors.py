@@ -14,10 +14,9 @@ from grasp3d.hand.shapes import (
 )
 from grasp3d.hand.table import Table
 from grasp3d.hand.triangles import COLORS, Part, Triangles
-from grasp3d.plots.rendering import AMBIENT
 from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.framing import pixel_ratio
-from grasp3d.viewer.scene.marks import NO_POINTS
+from grasp3d.viewer.scene.marks import NO_POINTS, new_actor
 from grasp3d.viewer.subjects.subject import Subject
 
 ARC_OPACITY, TABLE_OPACITY = 0.4, 0.6
@@ -43,10 +42,15 @@ class GripperActors:
 
     def __init__(self, renderer: pyvista.Renderer) -> None:
         self._renderer = renderer
-        self._table = _actor(renderer, TABLE_COLOR, TABLE_OPACITY)
-        self._arc = _actor(renderer, ARC_COLOR, ARC_OPACITY, lighting=False)
-        self._gripper = _actor(renderer, EDGE, 1.0, colored=True)
-        self._edges = _actor(renderer, EDGE, 1.0, lighting=False)
+        self._table = new_actor(renderer, TABLE_COLOR, opacity=TABLE_OPACITY)
+        self._arc = new_actor(renderer, ARC_COLOR, opacity=ARC_OPACITY, lighting=False)
+        self._gripper = new_actor(renderer, EDGE, culling="back")
+        self._edges = new_actor(renderer, EDGE, lighting=False)
+        mapper = self._gripper.mapper
+        mapper.SetScalarVisibility(True)  # noqa: FBT003
+        mapper.SetScalarModeToUseCellFieldData()
+        mapper.SelectColorArray("color")  # red, green, blue, opacity
+        mapper.SetColorModeToDirectScalars()
         self._drawn: tuple[object, ...] = (None,) * 3
         self.table_mapper = self._table.mapper
         self.points = NO_POINTS
@@ -118,29 +122,3 @@ def surface_of(triangles: Triangles) -> pyvista.PolyData:
     faces = triangles.faces.astype(int)
     surface: pyvista.PolyData = pyvista.PolyData.from_regular_faces(triangles.vertices, faces)
     return surface
-
-
-def _actor(
-    renderer: pyvista.Renderer,
-    color: str | tuple[int, int, int],
-    opacity: float,
-    *,
-    lighting: bool = True,
-    colored: bool = False,
-) -> pyvista.Actor:
-    """An empty, hidden actor of one colour, or with the colours of its faces."""
-    mapper = pyvista.DataSetMapper()
-    mapper.SetScalarVisibility(colored)
-    if colored:
-        mapper.SetScalarModeToUseCellFieldData()
-        mapper.SelectColorArray("color")  # red, green, blue, opacity
-        mapper.SetColorModeToDirectScalars()
-    actor = pyvista.Actor(mapper=mapper)
-    look = actor.prop
-    look.color, look.lighting, look.opacity = color, lighting, opacity
-    look.ambient, look.diffuse = AMBIENT, 1.0 - AMBIENT
-    look.culling = "back" if colored else "none"
-    actor.PickableOff()
-    actor.visibility = False
-    renderer.AddActor(actor)
-    return actor

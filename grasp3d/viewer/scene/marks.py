@@ -14,6 +14,7 @@ from grasp3d.contact.friction_cones import tangents
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.shapes import ARC_COLOR
+from grasp3d.plots.rendering import AMBIENT
 from grasp3d.plots.views import ARROW, approach_ends
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
@@ -221,29 +222,53 @@ class _Marker:
             hidden: Show it faintly in front of the surface that hides it.
             width: Line width [pixels at 72 per inch]; 0: triangles.
         """
-        self._mapper = pyvista.DataSetMapper()
-        self._actor = pyvista.Actor(mapper=self._mapper)
         self._renderer, self._width = renderer, width
-        look = self._actor.prop
-        look.color, look.lighting = color, False
-        look.opacity = HIDDEN_OPACITY * opacity if hidden else opacity
-        look.culling = "front" if rim else "none"
+        self._actor = new_actor(
+            renderer, color, opacity=HIDDEN_OPACITY * opacity if hidden else opacity,
+            lighting=False, culling="front" if rim else "none",
+        )  # fmt: skip
         if hidden:
             vtkMapper.SetResolveCoincidentTopologyToPolygonOffset()
-            self._mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(0.0, DEPTH_OFFSET)
+            mapper = self._actor.mapper
+            mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(0.0, DEPTH_OFFSET)
         if not width:
             self._actor.ForceTranslucentOn()  # drawn in the order in which they are made
-        self._actor.PickableOff()
-        self._actor.VisibilityOff()
-        renderer.AddActor(self._actor)
 
     def show(self, shapes: Sequence[pyvista.PolyData]) -> None:
         """Draw triangles or lines; hide the actor if there are none."""
         if shapes:
-            self._mapper.SetInputData(shapes[0].append_polydata(*shapes[1:]))
+            self._actor.mapper.SetInputData(shapes[0].append_polydata(*shapes[1:]))
         if self._width:
             self._actor.prop.line_width = self._width * pixel_ratio(self._renderer)
         self._actor.visibility = bool(shapes)
+
+
+def new_actor(
+    renderer: pyvista.Renderer,
+    color: str | tuple[int, int, int],
+    *,
+    opacity: float = 1.0,
+    lighting: bool = True,
+    culling: str = "none",
+) -> pyvista.Actor:
+    """An actor of one colour without content, which is hidden.
+
+    Args:
+        renderer: Renderer that draws it.
+        color: Any colour of PyVista.
+        opacity: From 0 to 1.
+        lighting: Whether its brightness depends on its direction.
+        culling: Faces that are not drawn: 'front', 'back' or 'none'.
+    """
+    actor = pyvista.Actor(mapper=pyvista.DataSetMapper())
+    actor.mapper.SetScalarVisibility(False)  # noqa: FBT003
+    look = actor.prop
+    look.color, look.opacity, look.lighting, look.culling = color, opacity, lighting, culling
+    look.ambient, look.diffuse = AMBIENT, 1.0 - AMBIENT
+    actor.PickableOff()
+    actor.VisibilityOff()
+    renderer.AddActor(actor)
+    return actor
 
 
 def spheres(centers: Floats, radius: float) -> list[pyvista.PolyData]:

@@ -8,11 +8,11 @@ from vtkmodules.vtkRenderingCore import vtkTexture
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.table import Table
-from grasp3d.plots.rendering import AMBIENT, LIGHT
+from grasp3d.plots.rendering import LIGHT
 from grasp3d.settings import GraspModel
 from grasp3d.viewer.scene.framing import pixel_ratio
 from grasp3d.viewer.scene.gripper_actors import GripperActors
-from grasp3d.viewer.scene.marks import NO_POINTS, MarkedContacts, Marks
+from grasp3d.viewer.scene.marks import NO_POINTS, MarkedContacts, Marks, new_actor
 from grasp3d.viewer.scene.overlays import Overlay
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.painting import HEX_PALETTE, faded, texture_coordinates, texture_image
@@ -36,13 +36,14 @@ class Pane:
         self._painted: tuple[Subject, Paint, GraspModel, bool] | None = None
         self._located: Floats | None = None
         self._data: pyvista.PolyData | None = None
-        self._mappers = [pyvista.DataSetMapper() for _ in range(3)]
-        self._mapper, self._back_mapper, self._excluded_mapper = self._mappers
         self._texture, self._image = vtkTexture(), pyvista.ImageData()
         self._rows = np.empty((0, 3), dtype=np.uint8)
-        self._front = self._actor(self._mapper, "white", "back")
-        self._back = self._actor(self._back_mapper, INSIDE, "front")
-        self._excluded = self._actor(self._excluded_mapper, HEX_PALETTE[-1], "back")
+        self._front = new_actor(renderer, "white", culling="back")
+        self._back = new_actor(renderer, INSIDE, culling="front")
+        self._excluded = new_actor(renderer, HEX_PALETTE[-1], culling="back")
+        self._surfaces = self._front, self._excluded, self._back
+        for actor in self._surfaces:
+            actor.prop.interpolation = "Phong"
         self._texture.SetInputDataObject(self._image)
         self._texture.RepeatOff()  # the first and the last column are not neighbours
         self._texture.EdgeClampOn()
@@ -50,10 +51,7 @@ class Pane:
         self._front.SetTexture(self._texture)
         self._plane = vtkPlane()
         self._cut: tuple[bytes, bytes] | None = None
-        self._outline = pyvista.Actor(mapper=pyvista.DataSetMapper())
-        self._outline.prop.color, self._outline.prop.lighting = FRAME, False
-        self._outline.VisibilityOff()
-        renderer.AddActor(self._outline)
+        self._outline = new_actor(renderer, FRAME, lighting=False)
         # What is made later covers what was made before it.
         self.gripper, self.marks = GripperActors(renderer), Marks(renderer)
         self.captions, self.numbers = Overlay(renderer), Overlay(renderer)
@@ -90,10 +88,8 @@ class Pane:
         """Show nothing but texts."""
         self.gripper.hide()
         self.marks.hide()
-        self._front.VisibilityOff()
-        self._back.VisibilityOff()
-        self._excluded.VisibilityOff()
-        self._outline.VisibilityOff()
+        for actor in (*self._surfaces, self._outline):
+            actor.VisibilityOff()
         self._subject = self._painted = self._cut = None
 
     def cut(self, plane: tuple[Floats, Floats] | None) -> None:
@@ -110,7 +106,7 @@ class Pane:
         if key == self._cut:
             return
         self._cut = key
-        mappers = (*self._mappers, self.gripper.table_mapper)
+        mappers = (*(actor.mapper for actor in self._surfaces), self.gripper.table_mapper)
         for mapper in mappers:
             mapper.RemoveAllClippingPlanes()
         if plane is not None:
@@ -157,26 +153,19 @@ class Pane:
         """Points of what is drawn beside the object: of a gripper or of arrows, (n, 3)."""
         return np.concatenate([self.gripper.points, self.marks.points])
 
-    def _actor(self, mapper: pyvista.DataSetMapper, color: str, culled: str) -> pyvista.Actor:
-        actor = pyvista.Actor(mapper=mapper)
-        look = actor.prop
-        look.color, look.culling, look.interpolation = color, culled, "Phong"
-        look.ambient, look.diffuse = AMBIENT, 1.0 - AMBIENT
-        actor.VisibilityOff()
-        self.renderer.AddActor(actor)
-        return actor
-
     def _draw(self, subject: Subject) -> None:
         """Set the mesh; corners with different normals at a crease become separate points."""
         corners, faces = subject.mesh.corner_normals, subject.mesh.contact_faces
         allowed = np.isin(np.arange(len(corners.corners)), faces)
-        points, parts = subject.mesh.vertices[corners.vertices], []
-        for rows in (allowed, ~allowed, slice(None)):
-            data = pyvista.PolyData.from_regular_faces(points, corners.corners[rows].astype(int))
+        points, every = subject.mesh.vertices[corners.vertices], slice(None)
+        parts = [
+            pyvista.PolyData.from_regular_faces(points, corners.corners[rows].astype(int))
+            for rows in (allowed, ~allowed, every)
+        ]
+        for actor, data in zip(self._surfaces, parts, strict=True):
             data.point_data.active_normals = -corners.normals
-            parts.append(data)
-        self._data = self._mapper.dataset = parts[0]
-        self._excluded_mapper.dataset, self._back_mapper.dataset = parts[1:]
+            actor.mapper.dataset = data
+        self._data = parts[0]
         self._excluded.SetVisibility(not allowed.all())
         self._front.VisibilityOn()
         self._cut = None

@@ -209,7 +209,7 @@ def render_copy(session: Session, camera: pyvista.Camera, width: int, height: in
     try:
         scene = Scene(plotter)
         scene.update(session)
-        _copy_camera(scene.camera, camera)
+        scene.camera.DeepCopy(camera)
         return scene.screenshot()
     finally:
         plotter.close()
@@ -218,14 +218,6 @@ def render_copy(session: Session, camera: pyvista.Camera, width: int, height: in
 def file_name(session: Session, kind: str, suffix: str) -> str:
     """Name of a file of the current object, valid on all systems."""
     return f"{safe_stem(Path(session.name).stem)}_{kind}{suffix}"
-
-
-def _copy_camera(camera: pyvista.Camera, source: pyvista.Camera) -> None:
-    camera.parallel_projection = source.parallel_projection
-    camera.focal_point, camera.position = source.focal_point, source.position
-    camera.up = source.up
-    camera.parallel_scale = source.parallel_scale
-    camera.clipping_range = source.clipping_range
 
 
 def _wait(session: Session) -> None:

@@ -2,7 +2,6 @@
 
 import re
 import threading
-from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
@@ -82,7 +81,7 @@ class SubjectCache:
     """
 
     def __init__(self) -> None:
-        self._subjects: OrderedDict[int, Subject] = OrderedDict()
+        self._subjects: dict[int, Subject] = {}
         self._lock = threading.Lock()
         self._count = 0
 
@@ -110,24 +109,18 @@ class SubjectCache:
                 # Of the other thread; raises if this opening is cancelled.
                 report_progress(fraction[0])
             try:
-                return self._get(number) or self._store(number, recorded())
+                with self._lock:
+                    subject = self._subjects.pop(number, None)
+                subject = subject or recorded()
+                with self._lock:  # as the one that was opened last
+                    self._subjects[number] = subject
+                    while len(self._subjects) > MAX_OPEN:
+                        self._subjects.pop(next(iter(self._subjects)))
+                return subject
             finally:
                 opening.release()
 
         return read_cached
-
-    def _get(self, number: int) -> Subject | None:
-        with self._lock:
-            if number in self._subjects:
-                self._subjects.move_to_end(number)
-            return self._subjects.get(number)
-
-    def _store(self, number: int, subject: Subject) -> Subject:
-        with self._lock:
-            self._subjects[number] = subject
-            while len(self._subjects) > MAX_OPEN:
-                self._subjects.popitem(last=False)
-        return subject
 
 
 def collection_of(labels: SurfaceLabels) -> Collection:

@@ -362,24 +362,3 @@ KEYS: dict[str, Key] = {
     "h": Key("show this help"),
     "q": Key("quit"),
 }
-
-MOUSE: tuple[tuple[str, str], ...] = (
-    ("drag", "rotate"),
-    ("shift drag", "pan"),
-    ("wheel", "zoom"),
-    ("click", "inspect, or fix a finger"),
-    ("shift click", "always inspect"),
-)
-"""Mouse actions on the scene."""
-
-DRAWING: tuple[tuple[str, str], ...] = (
-    ("white balls, 1, 2, …", "contacts of the best grasp; 1 is where you clicked"),
-    ("rod between them", "line through the contacts, visible through the object"),
-    ("arrow", "inward contact normal, along which the finger pushes"),
-    ("grey cone", "friction cone, half-angle β"),
-    ("blue cone", "its part that is safe for all normals and frictions within their errors"),
-    ("thin outlines", "friction cones of the extreme normals, tilted to either side"),
-    ("black balls", "fixed fingers"),
-    ("blue fan", "free approach angles of the gripper about its closing axis"),
-)
-"""Symbols in the scene and their meanings."""

@@ -3,11 +3,11 @@
 import math
 from dataclasses import dataclass
 
+from grasp3d.arrays import Floats
 from grasp3d.grasps.explanations import PAIR, Case
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.stability.thresholds import margin_budget
 from grasp3d.surface.holding import Holding
-from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.counts import short_number
 
 SYMBOLS = {"critical angle": "β*", "sensor resolution": "α/2"}
@@ -64,70 +64,57 @@ def _signed(angle: float, *, always: bool = False) -> str:
     return f"{degrees:{'+' if always else ''}.1f}°".replace("-", "−")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HeldGrasp:
-    """Force and payload of one grasp under a load."""
+    """Force and payload of one of several grasps under a load."""
 
-    load: LoadCase
-    grip_force: float
-    """[N]; inf: none suffices; nan: no grasp."""
-    least: float
-    largest: float
-    payload: float
-    """[kg]; nan: no force at hand, or a task without a mass."""
+    holding: Holding
+    row: int
     fingers: int
-    resistance: Resistance | None
-    """Why no force suffices; None: unknown."""
-
-    @classmethod
-    def of(cls, holding: Holding, row: int, fingers: int) -> "HeldGrasp":
-        """Force and payload of one of several grasps."""
-        numbers = (
-            holding.grip_force, holding.grip_force_least, holding.grip_force_largest,
-            holding.payload,
-        )  # fmt: skip
-        force, least, largest, payload = (float(values[row]) for values in numbers)
-        codes = holding.resistance
-        resistance = None if codes is None else Resistance(int(codes[row]))
-        return cls(holding.case, force, least, largest, payload, fingers, resistance)
 
     def numbers(self) -> list[tuple[str, str]]:
         """Names and values that a load adds."""
-        if math.isnan(self.grip_force):
+        holding = self.holding
+        force, largest = self._of(holding.grip_force), self._of(holding.grip_force_largest)
+        if math.isnan(force):
             return []
-        numbers = [("grip force", self._text(self.grip_force))]
-        if self.largest > self.grip_force * (1.0 + ALIKE):
-            numbers.append(("at worst normals", self._text(self.largest)))
-        if math.isfinite(self.payload):
-            numbers.append(("payload", f"{short_number(self.payload)} kg with {self.load.at_hand}"))
+        numbers = [("grip force", self._text(force))]
+        if largest > force * (1.0 + ALIKE):
+            numbers.append(("at worst normals", self._text(largest)))
+        if math.isfinite(payload := self._of(holding.payload)):
+            numbers.append(("payload", f"{short_number(payload)} kg with {holding.case.at_hand}"))
         return numbers
+
+    def _of(self, values: Floats) -> float:
+        return float(values[self.row])
 
     def _text(self, force: float) -> str:
         if math.isinf(force):
             return "none suffices"
-        return f"{short_number(force)} N{'' if self.load.decided else ' per kg'}"
+        return f"{short_number(force)} N{'' if self.holding.case.decided else ' per kg'}"
 
     def sentence(self) -> str:
         """Whether the force at hand holds the load, or why none does; empty: that is unknown."""
-        if math.isnan(self.grip_force):
+        load, least = self.holding.case, self._of(self.holding.grip_force_least)
+        if math.isnan(force := self._of(self.holding.grip_force)):
             return ""
-        if math.isinf(self.grip_force):
-            where = "" if math.isinf(self.least) else " at the nominal normals"
+        if math.isinf(force):
+            where = "" if math.isinf(least) else " at the nominal normals"
             return f"No force holds it{where}: {self._why()}."
-        available = self.load.available
-        if available is None or not self.load.decided:
+        if load.available is None or not load.decided:
             return ""
-        mass = f" of {self.load.to_hold}" if self.load.by_mass else ""
-        start = f"With {self.load.at_hand} the load{mass} is"
-        if self.largest <= available:
+        mass = f" of {load.to_hold}" if load.by_mass else ""
+        start = f"With {load.at_hand} the load{mass} is"
+        if self._of(self.holding.grip_force_largest) <= load.available:
             return f"{start} held at all normals within the sensor resolution."
-        if self.least > available:
+        if least > load.available:
             return f"{start} not held at any of these normals."
         return f"{start} held at some of the normals within the sensor resolution only."
 
     def _why(self) -> str:
-        if self.resistance == Resistance.NO_SUCH_WRENCH:
-            if self.fingers == PAIR and self.load.hard:
+        codes = self.holding.resistance
+        if codes is not None and codes[self.row] == Resistance.NO_SUCH_WRENCH:
+            if self.fingers == PAIR and self.holding.case.hard:
                 return (
                     "two hard fingers cannot resist a torque about the line through them; give a "
                     "torsion radius, or a gripper, whose pads have one"

@@ -259,7 +259,7 @@ def _force_of(subject: Subject, vertex: int, model: GraspModel) -> HeldGrasp | N
         return None
     if forces is not None and same_settings(forces.model, model):
         assert forces.holding is not None
-        return HeldGrasp.of(forces.holding, vertex, labels.model.fingers)
+        return HeldGrasp(forces.holding, vertex, labels.model.fingers)
     return _held_by(subject, _grasp(labels, vertex), model)
 
 
@@ -269,7 +269,7 @@ def _held_by(subject: Subject, grasp: GraspContacts, model: GraspModel) -> HeldG
     if case is None:
         return None
     holding = surface_holding(grasp, replace(model, fingers=grasp.count), case)
-    return HeldGrasp.of(holding, 0, grasp.count)
+    return HeldGrasp(holding, 0, grasp.count)
 
 
 def _gripper_numbers(pose: GripperPose | None, unit: str) -> list[tuple[str, str]]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from grasp3d.stability.label import MEANING, Label
-from grasp3d.viewer.session.controls import CONTROLS, DRAWING, KEYS, MOUSE, PAINTS, control_values
+from grasp3d.viewer.session.controls import CONTROLS, KEYS, PAINTS, control_values
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.painting import HEX_PALETTE, Ramp
 from grasp3d.viewer.session.panel_text import (
@@ -40,8 +40,6 @@ def constant_state(session: Session) -> dict[str, Any]:
         "keys": [
             {"key": name, "text": key.text} for name, key in KEYS.items() if name not in hidden
         ],
-        "mouse": [{"key": name, "text": text} for name, text in MOUSE],
-        "drawing": [{"symbol": symbol, "text": text} for symbol, text in DRAWING],
     }
 
 
