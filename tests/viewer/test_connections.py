@@ -44,10 +44,10 @@ async def served(server: Any) -> AsyncIterator[int]:
             yield listener.getsockname()[1]
 
 
-def new_server(**options: Any) -> Any:
+def new_server() -> Any:
     from grasp3d.viewer.web.server import ViewerServer
 
-    server = ViewerServer(**options)
+    server = ViewerServer()
     server.add(partial(Session, collection_of(box())), main=True)
     return server
 
@@ -155,11 +155,15 @@ def test_only_the_page_may_evaluate_and_nothing_runs_inline() -> None:
 
 
 @pytest.mark.usefixtures("_opengl")
-def test_the_page_that_is_used_least_gives_way_to_another_of_its_address() -> None:
+def test_the_page_that_is_used_least_gives_way_to_another_of_its_address(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     import aiohttp
 
+    monkeypatch.setattr("grasp3d.viewer.web.server.MAX_CLIENTS", 2)
+
     async def attack() -> None:
-        server = new_server(max_clients=2)
+        server = new_server()
         async with served(server) as port, aiohttp.ClientSession() as browser:
             own = f"http://127.0.0.1:{port}"
             links = []

@@ -162,8 +162,8 @@ def test_a_location_error_has_grasps_of_its_own() -> None:
     pinched = 1.5e-3  # turns the line of a pinch by 49 degrees
     session.change(location_error=pinched)
     immediate, text = fractions(session), panel_text(session)
-    assert text.working is not None
-    assert "searching" in text.working[0]
+    assert session.working is not None
+    assert "searching" in session.working[0]
     assert not text.stale
     assert any("another location error" in note for note in text.notes)
     wait_until_idle(session)

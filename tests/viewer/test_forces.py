@@ -291,9 +291,9 @@ def test_a_task_of_wrenches_mentions_no_mass(tmp_path: Path, force: float | None
         text = panel_text(session)
         assert text.ramp is not None
         assert text.ramp.text.startswith("grip force of each finger for given wrenches")
-        assert text.inspection is not None
-        numbers = [value for _, value in text.inspection.numbers]
-        shown = " ".join([text.facts, text.inspection.reason, *numbers])
+        assert session.inspection is not None
+        numbers = [value for _, value in session.inspection.numbers]
+        shown = " ".join([text.facts, session.inspection.reason, *numbers])
         assert "kg" not in shown
         assert "given wrenches" in text.facts
         assert not session.offers("payload")

@@ -38,12 +38,12 @@ session = Session(collection_of(labels), ViewSettings(width=1000, height=700))
 lines = open(sys.argv[1], "w", encoding="utf-8")
 def watch():
     text = panel_text(session)
-    state, seen, ramp = session.state, text.inspection, text.ramp
+    state, seen, ramp = session.state, session.inspection, text.ramp
     print(json.dumps(dict(
         fractions=dict((one.letter, one.fraction) for one in text.fractions),
         vertex=state.vertex, paint=state.paint, gripper=state.show_gripper,
-        table=state.show_table, grasp=seen and grasp_number(seen), working=text.working,
-        message=text.message, ramp=ramp.text + ramp.end if ramp else "",
+        table=state.show_table, grasp=seen and grasp_number(seen), working=session.working,
+        message=session.message, ramp=ramp.text + ramp.end if ramp else "",
         reason=seen.reason if seen else "", numbers=dict(seen.numbers) if seen else dict(),
     )), file=lines, flush=True)
 show_window(session, title="a window to test", watch=watch)

@@ -605,16 +605,20 @@ def test_a_page_is_opened_with_the_choices_of_a_session(
         one.close()
 
 
-def test_idle_clients_are_closed_and_clients_are_limited(labels: SurfaceLabels) -> None:
+def test_idle_clients_are_closed_and_clients_are_limited(
+    labels: SurfaceLabels, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from aiohttp import ClientSession
     from aiohttp.test_utils import TestClient, TestServer
 
-    from grasp3d.viewer.web.server import ViewerServer
+    from grasp3d.viewer.web import server as web
 
     os.environ["TRAME_ARGS"] = ""
+    monkeypatch.setattr(web, "MAX_CLIENTS", 1)
+    monkeypatch.setattr(web, "IDLE_TIMEOUT", 0.5)
 
     async def run() -> None:
-        server = ViewerServer(max_clients=1, idle_timeout=0.5)
+        server = web.ViewerServer()
         server.add(partial(Session, collection_of(labels)), main=True)
         path = server.add(partial(Session, collection_of(labels)))
         async with TestClient(TestServer(server.app)) as client:

@@ -49,7 +49,7 @@ def watch():
         friction=state.model.friction, resolution=state.model.sensor_resolution,
         paint=state.paint, compare=state.compare, click=state.click, vertex=state.vertex,
         fixed=state.fixed, section=state.section and state.section.axis,
-        message=text.message, working=text.working,
+        message=session.message, working=session.working,
     )), file=lines, flush=True)
 show_window(session, title="a window to test", watch=watch)
 print("closed")

@@ -22,39 +22,17 @@ from grasp3d.viewer.scene.overlays import (
     text_width,
     wrapped,
 )
-from grasp3d.viewer.session.painting import HEX_PALETTE, RAMP
-from grasp3d.viewer.session.panel_text import LabelFraction, PanelText, panel_text
+from grasp3d.viewer.session.painting import HEX_PALETTE, Ramp
+from grasp3d.viewer.session.panel_text import EVERYTHING, LabelFraction, PanelText, panel_text
 from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.subjects.subject import Subject
 
 GREY = HEX_PALETTE[UNSEARCHED]
 
 BANDS = 64
 """Rectangles that draw a ramp."""
 
-WIDEST = "100.0 %"
 GAP = "   "
-
-
-@dataclass(frozen=True)
-class LegendEntry:
-    """Meaning of a colour."""
-
-    color: str
-    letter: str
-    meaning: str
-    number: str
-    """Its area fraction, or empty."""
-
-    def text(self, *, full: bool) -> str:
-        """The whole entry, or only its letter and number."""
-        parts = (self.letter, self.meaning, self.number) if full else (self.letter, self.number)
-        return " ".join(part for part in parts if part)
-
-    def width(self, size: int, *, full: bool) -> float:
-        """Width of the entry, for the widest number [pixels]."""
-        number = WIDEST if self.number else ""
-        widest = LegendEntry(self.color, self.letter, self.meaning, number).text(full=full)
-        return 1.5 * size + text_width(widest, size)
 
 
 @dataclass(frozen=True)
@@ -96,9 +74,7 @@ class Captions:
         if subject is None:
             return cls(placeholder=_placeholder(session))
         models = [session.model] if other is None else [session.model, other]
-        captions: list[tuple[str, ...]] = [
-            _caption(session, model, full=legend) for model in models
-        ]
+        captions = [_caption(session, subject, model, full=legend) for model in models]
         if not legend and other is None:
             captions = [()]
         text = panel_text(session) if legend else None
@@ -146,19 +122,16 @@ class Captions:
         ramp = text.ramp
         if ramp is None:
             fractions = text.other_fractions if number else text.fractions
-            return legend_items(area, layout, [_entry(fraction) for fraction in fractions])
-        grey = LegendEntry(GREY, "", ramp.grey, "") if ramp.grey else None
-        ends = ramp.start, ramp.end
-        return ramp_items(area, layout, ramp.text, ends, grey, ramp.colors)
+            return legend_items(area, layout, fractions)
+        return ramp_items(area, layout, ramp)
 
     def _layout(self, area: TextArea) -> LegendLayout:
         """Layout of the label legend, which also determines the height of a ramp's legend."""
         if area not in self._legends:
-            entries = [
-                LegendEntry(GREY, label.name, MEANING[self.mode][label], "0") for label in Label
-            ]
+            meaning = MEANING[self.mode]
+            entries = [LabelFraction(label.name, meaning[label], GREY, 0.0) for label in Label]
             if self.text is not None and len(self.text.fractions) > len(entries):
-                entries.append(_entry(self.text.fractions[-1]))
+                entries.append(self.text.fractions[-1])
             self._legends[area] = layout_legend(area, entries)
         return self._legends[area]
 
@@ -171,41 +144,21 @@ def _placeholder(session: Session) -> str:
     return session.message or f"{session.name} cannot be shown"
 
 
-def _caption(session: Session, model: GraspModel, *, full: bool) -> tuple[str, ...]:
+def _caption(
+    session: Session, subject: Subject, model: GraspModel, *, full: bool
+) -> tuple[str, ...]:
     resolution = f"α {round(math.degrees(model.sensor_resolution), 2):g}°"
     if not full:
         return (resolution,)
     friction = f"μ {round(model.friction, 4):g}"
     if model.friction_error > 0.0:
         friction += f" ± {round(model.friction_error, 4):g}"
-    unit = session.subject.mesh.unit if session.subject else None
-    return (
-        resolution,
-        friction,
-        *error_texts(model, unit),
-        finger_words(model.fingers),
-        *_limit(session),
-        *_gripper(session),
-    )
-
-
-def _gripper(session: Session) -> tuple[str, ...]:
-    """Name of the gripper that must reach each grasp."""
-    scene = session.scene
-    return () if scene is None else (f"gripper {scene.hand.name}",)
-
-
-def _limit(session: Session) -> tuple[str, ...]:
-    """Limit of the distance between contacts, if the search had one."""
-    subject, limit = session.subject, session.state.max_opening
-    if subject is None or subject.labels.mode == "scan" or math.isinf(limit):
-        return ()
-    name = sampling_kind(subject.labels.model.fingers).span
-    return (f"{name} ≤ {limit:.4g} {subject.mesh.unit or ''}".rstrip(),)
-
-
-def _entry(fraction: LabelFraction) -> LegendEntry:
-    return LegendEntry(fraction.color, fraction.letter, fraction.text, fraction.percent)
+    unit, limit, scene = subject.mesh.unit, session.state.max_opening, session.scene
+    parts = [resolution, friction, *error_texts(model, unit), finger_words(model.fingers)]
+    if subject.labels.mode != "scan" and math.isfinite(limit):  # the search had a limit
+        name = sampling_kind(subject.labels.model.fingers).span
+        parts.append(f"{name} ≤ {limit:.4g} {unit or ''}".rstrip())
+    return (*parts, *([] if scene is None else [f"gripper {scene.hand.name}"]))
 
 
 def _centred(area: TextArea, sentence: str) -> list[OverlayItem]:
@@ -291,7 +244,7 @@ def max_bar_width(area: TextArea) -> float:
     return min(7.0 * area.size, 0.5 * area.width)
 
 
-def layout_legend(area: TextArea, entries: Sequence[LegendEntry]) -> LegendLayout:
+def layout_legend(area: TextArea, entries: Sequence[LabelFraction]) -> LegendLayout:
     """Lay out entries beside the scale bar in at most two lines, or above it."""
     beside = area.width - 2.5 * area.margin - max_bar_width(area)
     whole = area.width - 2.0 * area.margin
@@ -315,7 +268,7 @@ def bar_height(area: TextArea) -> float:
 
 
 def legend_items(
-    area: TextArea, layout: LegendLayout, entries: Sequence[LegendEntry]
+    area: TextArea, layout: LegendLayout, entries: Sequence[LabelFraction]
 ) -> list[OverlayItem]:
     """Coloured squares with their meanings."""
     items: list[OverlayItem] = []
@@ -328,41 +281,43 @@ def legend_items(
             if entry is None:
                 break
             items += _square(area, entry.color, x, y)
-            text = entry.text(full=layout.full)
+            text = _entry_text(entry, entry.percent, full=layout.full)
             items.append(TextLine(text, x + 1.3 * area.size, y, area.size))
-            x += entry.width(area.size, full=layout.full) + 0.9 * area.size
+            x += _entry_width(entry, area.size, full=layout.full) + 0.9 * area.size
     return items
 
 
-def ramp_items(
-    area: TextArea,
-    layout: LegendLayout,
-    text: str,
-    ends: tuple[str, str],
-    grey: LegendEntry | None,
-    colors: Bytes = RAMP,
-) -> list[OverlayItem]:
+def ramp_items(area: TextArea, layout: LegendLayout, ramp: Ramp) -> list[OverlayItem]:
     """A colour ramp with its name above, and the meaning of grey beside it if grey occurs."""
-    begin, end = ends
     size, space = area.size, area.width - 2.0 * area.margin
     if layout.bottom < area.line:
         space -= max_bar_width(area) + area.margin
     start, y = area.margin, layout.bottom
-    first, last = text_width(begin, size), text_width(end, size)
+    first, last = text_width(ramp.start, size), text_width(ramp.end, size)
     width = min(12.0 * size, space - first - last - size)
     left = start + first + 0.5 * size
-    name = shortened(_brief(text, size, space), space, size)
+    name = shortened(_brief(ramp.text, size, space), space, size)
     items: list[OverlayItem] = [
         TextLine(name, start, y + area.line, size),
-        TextLine(begin, start, y, size, QUIET),
-        *_bands(left, y + 0.15 * size, width, 0.8 * size, colors),
-        TextLine(end, left + width + 0.5 * size, y, size, QUIET),
+        TextLine(ramp.start, start, y, size, QUIET),
+        *_bands(left, y + 0.15 * size, width, 0.8 * size, ramp.colors),
+        TextLine(ramp.end, left + width + 0.5 * size, y, size, QUIET),
     ]
     x = left + width + last + 1.8 * size
-    if grey is not None and x + grey.width(size, full=True) <= start + space:
-        items += _square(area, grey.color, x, y)
-        items.append(TextLine(grey.text(full=True), x + 1.3 * size, y, size))
+    if ramp.grey and x + 1.5 * size + text_width(ramp.grey, size) <= start + space:
+        items += _square(area, GREY, x, y)
+        items.append(TextLine(ramp.grey, x + 1.3 * size, y, size))
     return items
+
+
+def _entry_text(entry: LabelFraction, number: str, *, full: bool) -> str:
+    """A whole entry of the legend, or only its letter and number."""
+    return f"{entry.letter} {entry.text} {number}" if full else f"{entry.letter} {number}"
+
+
+def _entry_width(entry: LabelFraction, size: int, *, full: bool) -> float:
+    """Width of an entry, for the widest number [pixels]."""
+    return 1.5 * size + text_width(_entry_text(entry, EVERYTHING, full=full), size)
 
 
 def _brief(text: str, size: int, space: float) -> str:
@@ -385,12 +340,12 @@ def _square(area: TextArea, color: str, x: float, y: float) -> list[OverlayItem]
 
 
 def _flowed(
-    area: TextArea, entries: Sequence[LegendEntry], space: float, *, full: bool
+    area: TextArea, entries: Sequence[LabelFraction], space: float, *, full: bool
 ) -> tuple[int, ...]:
     """Number of entries that fit into each line, one after the other."""
     lines, x = [0], 0.0
     for entry in entries:
-        width = entry.width(area.size, full=full)
+        width = _entry_width(entry, area.size, full=full)
         if lines[-1] and x + width > space:
             lines.append(0)
             x = 0.0

@@ -78,12 +78,6 @@ class PanelText:
     """The same at the second resolution; empty: there is none."""
     ramp: Ramp | None
     """Legend of the colours; None: labels."""
-    inspection: Inspection | None
-    """The inspected vertex."""
-    working: tuple[str, float] | None
-    """Description and finished fraction of the background job."""
-    message: str
-    """The last message."""
     notes: tuple[str, ...]
     """Warnings that concern the labels."""
     stale: bool = False
@@ -104,9 +98,6 @@ def panel_text(session: Session) -> PanelText:
         fractions=_fractions(current, model) if current else (),
         other_fractions=_fractions(current, other) if current and other else (),
         ramp=ramp_of(subject, session.state.paint, model) if subject else None,
-        inspection=session.inspection,
-        working=session.working,
-        message=session.message,
         notes=(*_notes(session), *(subject.notes if subject else ()), *session.collection.notes),
         stale=stale,
     )

@@ -46,6 +46,7 @@ def constant_state(session: Session) -> dict[str, Any]:
 def page_state(session: Session) -> dict[str, Any]:
     """State that depends on the session's choices and results."""
     text, subject, scene = panel_text(session), session.subject, session.scene
+    inspection = session.inspection
     return {
         **control_values(session),
         "controls": _controls(session),
@@ -62,11 +63,11 @@ def page_state(session: Session) -> dict[str, Any]:
         "rules": list(text.rules),
         **_table(session, text),
         "ramp": text.ramp and _ramp(text.ramp, stale=text.stale),
-        "inspection": text.inspection and _inspection(text.inspection),
+        "inspection": inspection and _inspection(inspection),
         "hint": click_hint(session),
         "stale": text.stale,
         "size": 0.0 if subject is None else subject.mesh.size,
-        "message": text.message,
+        "message": session.message,
         "notes": list(text.notes),
         "ready": subject is not None,
         "unit": (subject and subject.mesh.unit) or "",

@@ -76,24 +76,11 @@ class Visit:
 class ViewerServer:
     """Gives every visitor a client of their own, at an address with a random token."""
 
-    def __init__(
-        self,
-        *,
-        local_only: bool = True,
-        max_clients: int = MAX_CLIENTS,
-        idle_timeout: float = IDLE_TIMEOUT,
-    ) -> None:
-        """Make a server without content.
-
-        Args:
-            local_only: Refuse requests for other host names than localhost and IP addresses, as
-                protection against DNS rebinding.
-            max_clients: Largest number of clients at the same time.
-            idle_timeout: How long a client is kept without connections [s].
-        """
-        self.local_only = local_only
-        self._max_clients = max_clients
-        self._idle_timeout = idle_timeout
+    def __init__(self) -> None:
+        """Make a server without content."""
+        self.local_only = True
+        """Refuse requests for other host names than localhost and IP addresses, as protection
+        against DNS rebinding."""
         self._contents: dict[str, Callable[[], Session]] = {}
         self._visits: dict[str, Visit] = {}
         self._content_of: dict[str, str] = {}
@@ -161,7 +148,7 @@ class ViewerServer:
             HTTPServiceUnavailable: All are in use, each by another address.
         """
         clients = self._clients
-        if len(clients) < self._max_clients:
+        if len(clients) < MAX_CLIENTS:
             return
         visit, client = max(clients, key=lambda one: one[1].idle_time)
         if not client.idle_time:
@@ -307,13 +294,13 @@ class ViewerServer:
 
     async def _close_idle(self) -> None:
         while True:
-            await asyncio.sleep(min(1.0, self._idle_timeout / 4.0))
+            await asyncio.sleep(min(1.0, IDLE_TIMEOUT / 4.0))
             clients = self._clients
             active = sum(client.is_active for _, client in clients)
             for _, client in clients:
                 client.share_time(active - client.is_active)
             for visit, client in clients:
-                if client.idle_time > self._idle_timeout:
+                if client.idle_time > IDLE_TIMEOUT:
                     await self._close(visit)
             if self._has_closed:
                 self._has_closed = False
