@@ -131,7 +131,12 @@ def print_designs(
         report.table(_losses(designs, grasps))
         report.paragraph(_OBJECT_NOTE)
     report.paragraph("\n[bold]Limits[/]")
-    report.table(_limits(unit, tip, designs, grasps, FRACTIONS if source else (1.0,)))
+    limits = [
+        dict(_limits(unit, tip, design, grasps, fraction))
+        for design in designs
+        for fraction in (FRACTIONS if source else (1.0,))
+    ]
+    report.table(table_of([*limits[0]], ([*row.values()] for row in limits), folded=True))
     report.paragraph(_LIMITS_NOTE)
     if not np.isfinite(grasps.opening).any():
         report.paragraph(_LOCATIONS_NOTE)
@@ -225,44 +230,24 @@ def _losses(designs: Sequence[FingerDesign], grasps: GraspSamples) -> Table:
 
 
 def _limits(
-    unit: Unit,
-    tip: Tip,
-    designs: Sequence[FingerDesign],
-    grasps: GraspSamples,
-    fractions: Sequence[float],
-) -> Table:
-    """Limits of every uncertainty, a row for each friction and fraction."""
-    located = bool(np.isfinite(grasps.opening).any())
-    several = len(fractions) > 1
-    headings = ["friction", *(["S on"] if several else []), "least friction\nabove"]
-    headings += [f"receptive field\nbelow, {unit}"]
-    headings += [] if _is_flat(tip) else ["resolution\nbelow"]
-    headings += ["counts\nat least"] if designs[0].encoders else []
-    headings += [f"other location\nerror below, {unit}"] if located else []
-    rows = []
-    for design in designs:
-        for fraction in fractions:
-            row = [friction_text(friction_interval(design.friction))]
-            row += [f"{100.0 * fraction:g} %"] if several else []
-            row += _limits_of(design, grasps, fraction, tip, located=located)
-            rows.append(row)
-    return table_of(headings, rows, folded=True)
-
-
-def _limits_of(
-    design: FingerDesign, grasps: GraspSamples, fraction: float, tip: Tip, *, located: bool
-) -> Iterator[str]:
+    unit: Unit, tip: Tip, design: FingerDesign, grasps: GraspSamples, fraction: float
+) -> Iterator[tuple[str, str]]:
+    """Headings of a table, and the limit of every uncertainty at a friction and a fraction of S."""
+    yield "friction", friction_text(friction_interval(design.friction))
+    if fraction < 1.0:
+        yield "S on", f"{100.0 * fraction:g} %"
     friction = design.required_friction(grasps, fraction)
-    yield f"{friction:.4g}" if math.isfinite(friction) else "none"
+    yield "least friction\nabove", f"{friction:.4g}" if math.isfinite(friction) else "none"
     field = design.required_field(grasps, fraction, tip=tip)
-    yield _limit(field)
+    yield f"receptive field\nbelow, {unit}", _limit(field)
     if not _is_flat(tip):
-        yield _resolution(field, tip)
+        yield "resolution\nbelow", _resolution(field, tip)
     if design.encoders is not None:
         counts = design.required_counts(grasps, fraction)
-        yield "none" if counts is None else f"{counts:,}"
-    if located:
-        yield _limit(design.required_location(grasps, fraction))
+        yield "counts\nat least", "none" if counts is None else f"{counts:,}"
+    if np.isfinite(grasps.opening).any():
+        location = design.required_location(grasps, fraction)
+        yield f"other location\nerror below, {unit}", _limit(location)
 
 
 def _is_flat(tip: Tip) -> bool:
