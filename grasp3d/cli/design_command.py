@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from grasp3d.cli.options import Flag, Force, LengthOption, Overwrite, Strict
+from grasp3d.cli.options import Flag, Forced, LengthOption, Overwriting, Strict
 from grasp3d.contact.sensor import JointEncoders, radius_of
 from grasp3d.errors import SettingError
 from grasp3d.settings import Radians
@@ -137,7 +137,7 @@ DEFAULT_RADIUS: dict[Unit, float] = {"m": 0.01, "cm": 1.0, "mm": 10.0, "in": 10.
 
 
 @dataclass(frozen=True)
-class Design:
+class Design(Overwriting, Strict, Forced):
     """Compute the sensor for a friction, the friction for a sensor, or the budget of a finger.
 
     With --friction: the coarsest sensor for surely stable grasps. With a sensor, given by
@@ -203,12 +203,6 @@ class Design:
 
     print_unit: Unit = "mm"
     """Unit of the printed lengths, and of lengths without a unit."""
-
-    force: Force = False
-
-    strict: Strict = False
-
-    overwrite: Overwrite = False
 
     def __post_init__(self) -> None:
         self._check_tip()

@@ -14,7 +14,7 @@ from grasp3d.cli.options import (
     MeshFile,
     NumberRanges,
     ObjectPoseOption,
-    Overwrite,
+    Overwriting,
     Quiet,
     Strict,
     WholeMesh,
@@ -94,7 +94,7 @@ class Evaluate(Guarded):
 
 
 @dataclass(frozen=True)
-class Validate:
+class Validate(Quiet, Overwriting, Strict):
     """Compare labels and scores of grasps with what became of them.
 
     Closes the gripper's jaws at poses of which it is known whether the grasp held, and prints how
@@ -162,12 +162,6 @@ class Validate:
 
     object_motion: Annotated[ObjectMotion, Group("gripper")] = "free"
     """Whether objects give way to the closing jaws: they settle between them, or do not move."""
-
-    strict: Strict = False
-
-    overwrite: Overwrite = False
-
-    quiet: Quiet = False
 
     def __post_init__(self) -> None:
         if not self.grasps:

@@ -396,32 +396,6 @@ ObjectPoseOption = Annotated[
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 """An option without a value."""
 
-Quiet = Annotated[Flag, tyro.conf.arg(help="Print nothing but errors.")]
-"""Whether a command prints errors only."""
-
-Force = Annotated[
-    Flag,
-    tyro.conf.arg(
-        help="Accept lengths that cannot be meant, such as an opening 500 times the object's size. "
-        "It replaces no files: see --overwrite."
-    ),
-]
-"""Whether lengths are accepted that are most likely in another unit."""
-
-Strict = Annotated[
-    Flag,
-    tyro.conf.arg(help="Take warnings as errors: what they are of is refused, and not written."),
-]
-"""Whether warnings are errors."""
-
-Overwrite = Annotated[
-    Flag,
-    tyro.conf.arg(
-        help="Replace existing files, also those made with other settings or by other programs."
-    ),
-]
-"""Whether existing files are replaced that this command would not write again just so."""
-
 MeshFile = Annotated[
     Path,
     tyro.conf.Positional,
@@ -482,13 +456,41 @@ def without(kind: Any, *names: str) -> "partial[Any]":
 
 
 @dataclass(frozen=True, kw_only=True)
-class Guarded:
-    """The options of what is accepted, replaced and printed."""
+class Forced:
+    """The option of commands that refuse lengths which are most likely in another unit."""
 
-    force: Force = False
-    strict: Strict = False
-    overwrite: Overwrite = False
-    quiet: Quiet = False
+    force: Flag = False
+    """Accept lengths that cannot be meant, such as an opening 500 times the object's size. It
+    replaces no files: see --overwrite."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Strict:
+    """The option of commands that warn."""
+
+    strict: Flag = False
+    """Take warnings as errors: what they are of is refused, and not written."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Overwriting:
+    """The option of commands that write files."""
+
+    overwrite: Flag = False
+    """Replace existing files, also those made with other settings or by other programs."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quiet:
+    """The option of commands that print."""
+
+    quiet: Flag = False
+    """Print nothing but errors."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Guarded(Quiet, Overwriting, Strict, Forced):
+    """The options of what is accepted, replaced and printed."""
 
 
 @dataclass(frozen=True, kw_only=True)

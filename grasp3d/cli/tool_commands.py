@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from grasp3d.cli.options import LengthOption, Overwrite, Quiet
+from grasp3d.cli.options import LengthOption, Overwriting, Quiet
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE, Radians
 
@@ -16,7 +16,7 @@ _LINK = tyro.conf.arg(metavar="LINK")
 
 
 @dataclass(frozen=True)
-class Hand:
+class Hand(Quiet, Overwriting):
     """Print the lengths, frame, force and touch of a gripper; draw it, write it as JSON.
 
     Without a gripper: list the ones that are known by name.
@@ -49,10 +49,6 @@ class Hand:
     picture: Path | None = None
     """Picture of the gripper with its frame and dimensions (.png, .svg or .pdf)."""
 
-    overwrite: Overwrite = False
-
-    quiet: Quiet = False
-
     def __post_init__(self) -> None:
         options = ("fingers", "palm", "tcp", "output", "picture")
         names = [name for name in options if getattr(self, name) is not None]
@@ -61,7 +57,7 @@ class Hand:
 
 
 @dataclass(frozen=True)
-class Paper:
+class Paper(Quiet):
     """Recompute Wan & Howe 2018: figures 4 to 11, their 3-D counterparts, numbers.
 
     Without options friction and sensor resolutions are those of the paper.
@@ -91,11 +87,9 @@ class Paper:
     """Position of the fixed finger on the object, in the mesh's frame and unit (default: a contact
     of the two-finger grasp with the largest maximum sensor resolution)."""
 
-    quiet: Quiet = False
-
 
 @dataclass(frozen=True)
-class Warmup:
+class Warmup(Quiet):
     """Compile the kernels ahead, so that no later command or Python program waits for it.
 
     An installation brings them compiled for the machine that it is made on. On a machine with
@@ -108,5 +102,3 @@ class Warmup:
         # The same while the image of a container is built, without a message
         grasp3d warmup --quiet
     """
-
-    quiet: Quiet = False
