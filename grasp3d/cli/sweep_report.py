@@ -10,8 +10,8 @@ from rich.table import Table
 
 from grasp3d.batch.sweeping import SweptMesh, SweptTarget, Target
 from grasp3d.cli.report import FAILED, NOTE, Report, escaped, table_of
+from grasp3d.plots.fractions import meaning_in
 from grasp3d.settings import GraspModel
-from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.sweeps import Sweep
 from grasp3d.surface.sweeps.axes import AXES, FRICTION, RESOLUTION, AxisName, describe_value
 
@@ -47,7 +47,8 @@ def print_sweeps(targets: Sequence[SweptTarget], fractions: Sequence[float]) -> 
         for one in sweeps
     )
     report.table(_grid_table(sweeps, fractions_of))
-    report.line(escaped(_legend(sweeps)))
+    legend = ", ".join(f"{label.name} {words}" for label, words in meaning_in(sweeps).items())
+    report.line(escaped(legend))
     if not fractions:
         return
     report.line(
@@ -182,15 +183,6 @@ def _row_texts(sweep: Sweep) -> dict[int, str]:
     few = sweep.axes.is_default or count <= MAX_ROWS
     rows = range(count) if few else map(round, np.linspace(0, count - 1, MAX_ROWS))
     return {row: describe_value(sweep.rows, float(values[row]), sweep.unit) for row in rows}
-
-
-def _legend(sweeps: Sequence[Sweep]) -> str:
-    meaning = MEANING[sweeps[0].mode]
-    if len({sweep.mode for sweep in sweeps}) > 1:
-        names = ", ".join(sweep.name for sweep in sweeps if sweep.mode == "scan")
-        searched, scanned = (MEANING[mode][Label.U] for mode in ("label", "scan"))
-        meaning = {**meaning, Label.U: f"{searched} (on {names}: {scanned})"}
-    return ", ".join(f"{label.name} {words}" for label, words in meaning.items())
 
 
 def _required_table(sweeps: Sequence[Sweep], fractions: Sequence[float]) -> Table:

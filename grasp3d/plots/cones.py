@@ -36,6 +36,8 @@ TOLERATED = 1.0 / 3.0
 
 _PERCEIVED: dict[str, Any] = {"color": DARK, "linewidth": 0.8, "linestyle": (0, (3, 2))}
 
+_ARROW: dict[str, Any] = {"marker": r"$\rightarrow$", "linestyle": "none", "markersize": 9.0}
+
 _RESULTS = {
     (True, True): "line in both cones:\nstable",
     (True, False): "line outside cone 2:\nnot stable",
@@ -276,11 +278,9 @@ def cones_with_line(points: Floats, normals: Floats, friction_angle: float) -> B
 
 
 def _combination_handles() -> list[Line2D]:
-    arrow = Line2D([], [], color=DARK, marker=r"$\rightarrow$", linestyle="none", markersize=9.0)
-    arrow.set_label("extreme normal")
     return [
         Line2D([], [], label="perceived normal", **_PERCEIVED),
-        arrow,
+        Line2D([], [], color=DARK, label="extreme normal", **_ARROW),
         Line2D([], [], color=LABEL_COLORS[Label.S], linewidth=1.8, label="line in both cones"),
         Line2D([], [], color=LABEL_COLORS[Label.U], linewidth=1.8, label="line outside a cone"),
     ]
@@ -358,10 +358,8 @@ def _round_tip(tip: Sensor, _: float) -> tuple[Floats, Floats]:
 
 
 def _tip_handles() -> list[Line2D]:
-    perceived, extreme = (
-        Line2D([], [], color=color, marker=r"$\rightarrow$", linestyle="none", markersize=9.0)
-        for color in ("black", LINES[0]["color"])
-    )
-    perceived.set_label("perceived contact and normal")
-    extreme.set_label("normals at the ends of the field")
-    return [Line2D([], [], label="contacts not distinguished", **_FIELD), perceived, extreme]
+    return [
+        Line2D([], [], label="contacts not distinguished", **_FIELD),
+        Line2D([], [], color="black", label="perceived contact and normal", **_ARROW),
+        Line2D([], [], **LINES[0] | _ARROW, label="normals at the ends of the field"),
+    ]

@@ -71,16 +71,11 @@ def stack_fractions(
         Label.M: (stable, certain),
         Label.U: (certain, np.full_like(stable, 100.0)),
     }
-    required = {
-        fraction: math.degrees(sweep.required_resolution(fraction)[row])
-        for fraction in fractions
-        if sweep.columns == RESOLUTION
-    }
-    marks = {
-        fraction: resolution
-        for fraction, resolution in required.items()
-        if max(degrees[0], 0.05) < resolution <= degrees[-1]
-    }
+    marks = {}
+    for fraction in fractions if sweep.columns == RESOLUTION else ():
+        resolution = math.degrees(sweep.required_resolution(fraction)[row])
+        if max(degrees[0], 0.05) < resolution <= degrees[-1]:
+            marks[fraction] = resolution
     for label, (low, high) in edges.items():
         axes.fill_between(degrees, low, high, color=LABEL_COLORS[label], linewidth=0.0)
         _write_letter(axes, label, degrees, low, high, list(marks.values()))
@@ -222,13 +217,22 @@ def _legend_lines(fractions: Sequence[float], means: bool) -> list[Line2D]:
     return lines
 
 
-def _add_legend(figure: Figure, lines: Sequence[Line2D], sweeps: Sequence[Sweep]) -> None:
+def meaning_in(sweeps: Sequence[Sweep]) -> dict[Label, str]:
+    """Meaning of each label in sweeps, of which some may be of given grasps.
+
+    Args:
+        sweeps: At least one.
+    """
     meaning = MEANING[sweeps[0].mode]
     if len({sweep.mode for sweep in sweeps}) > 1:
         names = ", ".join(as_text(sweep.name) for sweep in sweeps if sweep.mode == "scan")
         searched, scanned = (MEANING[mode][Label.U] for mode in ("label", "scan"))
-        meaning = {**meaning, Label.U: f"{searched} ({names}: {scanned})"}
-    handles = [*label_patches(meaning), *lines]
+        meaning = {**meaning, Label.U: f"{searched} (on {names}: {scanned})"}
+    return meaning
+
+
+def _add_legend(figure: Figure, lines: Sequence[Line2D], sweeps: Sequence[Sweep]) -> None:
+    handles = [*label_patches(meaning_in(sweeps)), *lines]
     figure.legend(handles=handles, loc="outside lower center", ncols=math.ceil(len(handles) / 3))
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Rectangle
+from matplotlib.patches import Circle, Patch, Rectangle
 from matplotlib.patheffects import withStroke
 
 from grasp3d.hand.parallel_gripper import ParallelGripper
@@ -34,6 +34,9 @@ TITLES = 0.6
 FILL = {part: "#{:02X}{:02X}{:02X}".format(*color) for part, color in COLORS.items()}
 
 
+Point = tuple[float, float]
+
+
 @dataclass(frozen=True)
 class _Drawing:
     """One view; lengths in millimetres, z downward, since grippers are mostly seen from above."""
@@ -46,39 +49,42 @@ class _Drawing:
     def box(self, part: Part, left: float, right: float, low: float, high: float) -> None:
         """Fill a rectangle."""
         patch = Rectangle((left, low), right - left, high - low)
-        patch.set(facecolor=FILL[part], edgecolor=LINE, linewidth=0.6, zorder=2 + part)
-        self.axes.add_patch(patch)
+        self._add(patch, facecolor=FILL[part], edgecolor=LINE, zorder=2 + part)
 
     def outline(self, left: float, right: float, low: float, high: float) -> None:
         """Draw the dashed edges of a rectangle."""
         patch = Rectangle((left, low), right - left, high - low, fill=False)
-        patch.set(edgecolor=FAINT, linestyle="--", linewidth=0.6, zorder=1)
-        self.axes.add_patch(patch)
+        self._add(patch, edgecolor=FAINT, linestyle="--", zorder=1)
 
     def ball(self, x: float, radius: float) -> None:
         """Fill a round tip."""
-        patch = Circle((x, 0.0), radius)
-        patch.set(facecolor=FILL[Part.TIP], edgecolor=LINE, linewidth=0.6, zorder=5)
+        self._add(Circle((x, 0.0), radius), facecolor=FILL[Part.TIP], edgecolor=LINE, zorder=5)
+
+    def _add(self, patch: Patch, **look: Any) -> None:
+        patch.set(linewidth=0.6, **look)
         self.axes.add_patch(patch)
 
     def across(self, left: float, right: float, z: float, text: str, *, at: float) -> None:
         """Dimension line along the horizontal axis at the height `at`, of something at z."""
-        for x in (left, right):
-            self._extension((x, x), (z, at))
-        self._arrow((left, at), (right, at))
+        self._measure([(left, z), (right, z)], [(left, at), (right, at)])
         below = at > z
         position = 0.5 * (left + right), at + (0.25 if below else -0.25) * self.step
         self.axes.text(*position, text, ha="center", va="top" if below else "bottom", **TEXT)
 
     def along(self, low: float, high: float, x: float, text: str, *, at: float) -> None:
         """Dimension line along z at the horizontal position `at`, of something at x."""
-        for z in (low, high):
-            self._extension((x, at), (z, z))
-        self._arrow((at, low), (at, high))
+        self._measure([(x, low), (x, high)], [(at, low), (at, high)])
         right = at > x
         position = at + (0.25 if right else -0.25) * self.step, 0.5 * (low + high)
-        side = "left" if right else "right"
-        self.axes.text(*position, text, ha=side, va="center", **TEXT)
+        self.axes.text(*position, text, ha="left" if right else "right", va="center", **TEXT)
+
+    def _measure(self, points: list[Point], ends: list[Point]) -> None:
+        """An arrow between two ends, and lines from them to the points that it measures."""
+        for point, end in zip(points, ends, strict=True):
+            self.axes.plot(*zip(point, end, strict=True), color=FAINT, linewidth=0.4, zorder=1)
+        style = {"arrowstyle": "<|-|>", "color": LINE, "linewidth": 0.6, "shrinkA": 0.0,
+                 "shrinkB": 0.0, "mutation_scale": 5.0}  # fmt: skip
+        self.axes.annotate("", ends[1], ends[0], arrowprops=style, zorder=6)
 
     def frame(self, horizontal: str) -> None:
         """Draw the axes of the gripper's frame at the TCP."""
@@ -93,14 +99,6 @@ class _Drawing:
                 fontweight="bold", path_effects=[withStroke(linewidth=2.0, foreground="white")],
             )  # fmt: skip
         self.axes.plot(0.0, 0.0, "o", color=LINE, markersize=3.0, zorder=9)
-
-    def _extension(self, xs: tuple[float, float], zs: tuple[float, float]) -> None:
-        self.axes.plot(xs, zs, color=FAINT, linewidth=0.4, zorder=1)
-
-    def _arrow(self, start: tuple[float, float], end: tuple[float, float]) -> None:
-        style = {"arrowstyle": "<|-|>", "color": LINE, "linewidth": 0.6, "shrinkA": 0.0,
-                 "shrinkB": 0.0, "mutation_scale": 5.0}  # fmt: skip
-        self.axes.annotate("", end, start, arrowprops=style, zorder=6)
 
 
 @styled

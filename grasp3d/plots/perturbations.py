@@ -23,6 +23,7 @@ from grasp3d.plots.rendering import View, picture
 from grasp3d.settings.model_text import error_texts
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.labelling import label_surface
+from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.validating.perturbing.perturbation import Perturbation
 
 HEIGHT = 3.1
@@ -44,25 +45,17 @@ def perturbation_figure(noisy: Perturbation, *, view: View | None = None) -> Fig
         OutputError: OpenGL is not available.
     """
     labels = noisy.labels
-    panels = [
-        (
-            "as scanned",
-            paint_labels(labels, view=view, size=PIXELS),
-            fractions_text(labels.fractions()),
-        ),
-        (
-            f"fraction of {noisy.settings.copies} noisy copies that are S",
-            _paint_fractions(noisy, view),
-            "",
-        ),
-    ]
+
+    def panel(title: str, shown: SurfaceLabels) -> tuple[str, Bytes, str]:
+        picture_ = paint_labels(shown, view=view, size=PIXELS)
+        return title, picture_, fractions_text(shown.fractions())
+
+    copies = f"fraction of {noisy.settings.copies} noisy copies that are S"
+    panels = [panel("as scanned", labels), (copies, _paint_fractions(noisy, view), "")]
     if noisy.advice.stable_fraction > 0.0:
         advised = label_surface(labels.mesh, noisy.model, sampling=labels.sampling)
         errors = ",\n".join(error_texts(noisy.model, labels.mesh.unit))
-        picture_ = paint_labels(advised, view=view, size=PIXELS)
-        panels.append(
-            (f"with {errors or 'no further error'}", picture_, fractions_text(advised.fractions()))
-        )
+        panels.append(panel(f"with {errors or 'no further error'}", advised))
     figure = new_figure(PAGE, HEIGHT)
     grid = figure.subplots(1, len(panels), squeeze=False)[0]
     for axes, (title, image, below) in zip(grid, panels, strict=True):

@@ -106,7 +106,7 @@ def test_nothing_is_cut_off_and_no_panels_overlap() -> None:
             apart_x = box.x0 >= other.x1 - 1 or other.x0 >= box.x1 - 1
             apart_y = box.y0 >= other.y1 - 1 or other.y0 >= box.y1 - 1
             assert apart_x or apart_y
-    assert "U  no grasp found (sphere: surely unstable)" in texts(figure)
+    assert "U  no grasp found (on sphere: surely unstable)" in texts(figure)
     assert "S of each mesh" in texts(figure)
 
 

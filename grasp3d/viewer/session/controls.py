@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from operator import attrgetter, not_
 from typing import Any, get_args
 
 from grasp3d.errors import SettingError
@@ -197,13 +198,7 @@ def _degrees(angle: float) -> float:
     return round(math.degrees(angle), 9)
 
 
-def _negated(now: bool) -> bool:
-    return not now
-
-
-def _shows_errors(session: Session) -> bool:
-    return session.state.show_errors
-
+_shows_errors = attrgetter("state.show_errors")
 
 AXES = ("off", *get_args(Axis))
 
@@ -253,7 +248,7 @@ CONTROLS: dict[str, Control] = {
     ),
     "show_errors": _chosen(
         "show_errors", bool,
-        keys={"e": ("choose errors of friction, normals and locations", _negated)},
+        keys={"e": ("choose errors of friction, normals and locations", not_)},
         page=Field("errors of friction, normals and locations"),
     ),
     "friction_error": _chosen(
@@ -279,7 +274,7 @@ CONTROLS: dict[str, Control] = {
     ),
     "comparing": Control(
         lambda session: session.state.compare is not None, _write_comparing,
-        keys={"c": ("compare with a second resolution", _negated)},
+        keys={"c": ("compare with a second resolution", not_)},
         page=Field(
             "compare with a second α",
             problem=lambda session: comparison_problem(session.state.paint),
@@ -311,7 +306,7 @@ CONTROLS: dict[str, Control] = {
         },
     ),
     "flipped": _of_section(
-        "flipped", bool, keys={"i": ("show the other side of the section", _negated)}
+        "flipped", bool, keys={"i": ("show the other side of the section", not_)}
     ),
     "click": _chosen(
         "click", str,
@@ -323,11 +318,11 @@ CONTROLS: dict[str, Control] = {
         },
     ),
     "show_gripper": _drawn(
-        "show_gripper", Session.check_gripper, keys={"j": ("show or hide the gripper", _negated)}
+        "show_gripper", Session.check_gripper, keys={"j": ("show or hide the gripper", not_)}
     ),
     "show_table": _drawn(
         "show_table", lambda session: session.check_gripper(table=True),
-        keys={"t": ("show or hide the table", _negated)},
+        keys={"t": ("show or hide the table", not_)},
     ),
     "fingers": _chosen("fingers", int),
     "opening": Control(

@@ -329,10 +329,9 @@ class Session:
         self._viewed = ViewedItem(number, self.collection.items[number])
         self._failed.clear()
         self._cached = []
-        self._saving, self._message = None, ""
+        self._saving = None
         self.state = replace(self.state, vertex=None, alternative=0, fixed=(), section=None)
-        self.revision += 1
-        self._start_next_job()
+        self._go_on()
 
     def save(self, path: Path) -> None:
         """Write the displayed labels at the chosen friction and resolution, in the background.
@@ -350,9 +349,7 @@ class Session:
         assert subject is not None
         check_savable(subject, self.model, path)
         self._saving = SaveRequest(path, subject, self.model)
-        self._message = ""
-        self.revision += 1
-        self._start_next_job()
+        self._go_on()
 
     def show_message(self, message: str) -> None:
         """Display a message."""
@@ -394,6 +391,10 @@ class Session:
         if state == self.state:
             return
         self.state = state
+        self._go_on()
+
+    def _go_on(self) -> None:
+        """Forget the last message, and start what the choices need."""
         self._message = ""
         self.revision += 1
         self._start_next_job()

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from grasp3d.errors import OutputError
-from grasp3d.plots.rendering import can_render
+from grasp3d.plots.rendering import check_rendering
 from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.view_settings import ViewSettings
@@ -104,11 +104,7 @@ def create_server() -> "ViewerServer":
     Raises:
         OutputError: There is no OpenGL.
     """
-    if not can_render():
-        raise OutputError(
-            "the page's pictures need OpenGL, which is not available; install EGL (on Debian: "
-            "libegl1 libgl1) or run on a machine with a display"
-        )
+    check_rendering()
     os.environ["TRAME_ARGS"] = ""  # otherwise trame parses this program's command line
     server: ViewerServer = import_module("grasp3d.viewer.web.server").ViewerServer()
     return server
