@@ -121,8 +121,7 @@ def closed_jaws(
     jaw: Jaw,
     *,
     least: float,
-    at_rest: Bools | None = None,
-    free: bool = False,
+    free: bool,
 ) -> ClosedJaws:
     """States, and everything in the mesh's frame and unit.
 
@@ -136,8 +135,6 @@ def closed_jaws(
         free: Whether the object is free, and contacts are centres of pressure.
     """
     touches = result.outcome == TOUCHES
-    if at_rest is not None:
-        touches &= ~at_rest
     opening = result.position[:, 1] - result.position[:, 0]
     state = _states(touches, result.outcome, opening, least)
     visible = touches & np.isin(state, (Closing.CLOSED, Closing.ONE_SIDE))[:, None]

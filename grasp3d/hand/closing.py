@@ -2,7 +2,6 @@
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from typing import Literal
 
 import numpy as np
 
@@ -10,10 +9,11 @@ from grasp3d._kernels.jaws.closing import ClosedOn, close_on
 from grasp3d._kernels.jaws.jaws import ROUNDING, Jaw
 from grasp3d._kernels.surface.face_tree import face_tree
 from grasp3d.arrays import ArrayLike, Floats
-from grasp3d.errors import ContactError, SettingError
+from grasp3d.errors import SettingError
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws, closed_jaws
 from grasp3d.hand.jaws import Corners, Jaws, metres_per_unit
+from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import check_choice
 from grasp3d.settings.lengths import GivenLength, Measure
@@ -86,9 +86,6 @@ def _edges(face: Floats) -> Floats:
     return np.column_stack([outward, (outward * points).sum(axis=1) - ROUNDING])
 
 
-Moving = Literal["both", "one"]
-"""Which jaws move: each until it touches, or finger 2 toward finger 1, which stays."""
-
 FIXED = -1.0
 """Friction with which the kernels keep the object where it is."""
 
@@ -104,7 +101,6 @@ def close_jaws(
     opening: ArrayLike | GivenLength | None = None,
     object_motion: ObjectMotion = "fixed",
     friction: float = 0.5,
-    moving: Moving = "both",
 ) -> ClosedJaws:
     """Close the jaws of a gripper on an object.
 
@@ -135,13 +131,10 @@ def close_jaws(
             stroke.
         object_motion: free: the object gives way; fixed: it does not move.
         friction: Coulomb coefficient between the jaws and a free object; at least 0.
-        moving: both: each jaw moves until it touches, as the hand or the object gives way; one:
-            finger 2 moves, finger 1 stays at the start, where it touches only what is there; the
-            object must be fixed.
 
     Raises:
         SettingError: The unit of the mesh is not known, or a setting is outside its range.
-        ContactError: Poses of another shape, or values that are not finite.
+        ContactError: Poses that are no rigid motions; see `checked_poses`.
 
     Example:
         >>> import numpy as np
@@ -162,11 +155,8 @@ def close_jaws(
         >>> jaws.normals[0, :, 0].round(6).tolist(), (1e6 * jaws.area).round(3).tolist()
         ([1.0, -1.0], [[200.0, 200.0]])
     """
-    check_choice("moving", moving, Moving)
     check_choice("object_motion", object_motion, ObjectMotion)
     free = object_motion == "free"
-    if free and moving == "one":
-        raise SettingError("moving='one' needs object_motion='fixed': a free object gives way")
     if not 0.0 <= friction < math.inf:
         raise SettingError(f"friction must be a finite number of at least 0; got {friction:g}")
     scale = 1.0 / (metres_per_unit(mesh) * mesh.size)  # from metres
@@ -186,27 +176,12 @@ def close_jaws(
     with ThreadPoolExecutor(thread_count()) as executor:
         for done, _ in enumerate(executor.map(work, firsts), start=1):
             report_progress(done / len(firsts))
-    at_rest = None
-    if moving == "one":  # finger 1 where it would touch only if it moved
-        ahead = result.position[:, 0] + 0.5 * start > jaw.compliance + ROUNDING
-        at_rest = np.stack([ahead, np.zeros_like(ahead)], axis=1)
-    least = hand.min_opening * scale
-    return closed_jaws(mesh, result, matrices, jaw, least=least, at_rest=at_rest, free=free)
+    return closed_jaws(mesh, result, matrices, jaw, least=hand.min_opening * scale, free=free)
 
 
 def _normalized(mesh: ObjectMesh, poses: ArrayLike) -> Floats:
     """Poses to the normalised frame as rotation and translation, shape (k, 3, 4)."""
-    try:
-        matrices = np.array(poses, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ContactError(f"poses must be 4x4 matrices of numbers: {error}") from error
-    if matrices.ndim == 2:
-        matrices = matrices[None]
-    if matrices.ndim != 3 or matrices.shape[1:] != (4, 4):
-        raise ContactError(f"poses must be 4x4 matrices, shape (k, 4, 4); got {np.shape(poses)}")
-    bad = np.flatnonzero(~np.isfinite(matrices).all(axis=(1, 2)))
-    if len(bad):
-        raise ContactError(f"pose {bad[0] + 1} has numbers that are not finite")
+    matrices = checked_poses(poses)
     matrices[:, :3, 3] = (matrices[:, :3, 3] - mesh.center) / mesh.size
     return np.ascontiguousarray(matrices[:, :3])
 

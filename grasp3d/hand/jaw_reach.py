@@ -15,6 +15,7 @@ from grasp3d.arrays import ArrayLike, Bools, Floats, unit_rows
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.jaws import Jaws, metres_per_unit
+from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh import ObjectMesh
@@ -195,10 +196,6 @@ def _checked(points: ArrayLike, normals: ArrayLike, grip: ArrayLike) -> tuple[Fl
     return p, np.ascontiguousarray(unit_rows(n)), checked_grip(grip, len(p))
 
 
-RIGID = 1e-6
-"""Largest deviation of a pose's rotation from an orthonormal matrix."""
-
-
 def collides(
     mesh: ObjectMesh,
     poses: ArrayLike,
@@ -243,11 +240,12 @@ def collides(
         >>> collides(mesh, [np.eye(4), np.eye(4)], [70.0, 50.0], hand)
         array([False,  True])
     """
-    matrices, openings, signs = _checked_poses(poses, opening, grip)
+    matrices = checked_poses(poses)
+    count = len(matrices)
+    openings, signs = _checked_openings(opening, count) / mesh.size, checked_grip(grip, count)
     scene = NormalizedScene.of(mesh, hand, table, Approach())
     matrices[:, :3, 3] = (matrices[:, :3, 3] - mesh.center) / mesh.size
-    openings = openings / mesh.size
-    verdict = np.zeros(len(matrices), dtype=np.bool_)
+    verdict = np.zeros(count, dtype=np.bool_)
 
     def work(rows: slice, workspace: Any) -> None:
         collide_poses(
@@ -255,7 +253,7 @@ def collides(
             scene.tree, workspace, verdict[rows],
         )  # fmt: skip
 
-    in_chunks(work, len(matrices), 1)
+    in_chunks(work, count, 1)
     return verdict
 
 
@@ -292,26 +290,11 @@ def collides_closing(
     return collides(mesh, centred, opening, hand, table=table)
 
 
-def _checked_poses(
-    poses: ArrayLike, opening: ArrayLike, grip: ArrayLike
-) -> tuple[Floats, Floats, Any]:
-    """Poses, openings and grips as arrays of the caller's own."""
-    matrices = np.array(poses, dtype=np.float64)
-    if matrices.ndim != 3 or matrices.shape[1:] != (4, 4) or not np.isfinite(matrices).all():
-        raise ContactError(
-            f"poses must be finite numbers of shape (poses, 4, 4); got {matrices.shape}"
-        )
-    turns = matrices[:, :3, :3]
-    wrong = np.abs(turns @ turns.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) > RIGID
-    wrong |= np.linalg.det(turns) < 0.0
-    if wrong.any():
-        raise ContactError(
-            f"pose {int(np.flatnonzero(wrong)[0])} must be a rotation and a translation"
-        )
+def _checked_openings(opening: ArrayLike, count: int) -> Floats:
+    """Openings of so many poses, shape (count,)."""
     openings = np.asarray(opening, dtype=np.float64)
-    count = len(matrices)
     if openings.shape not in {(), (count,)} or not (openings >= 0.0).all():
         raise ContactError(
             f"opening must be a length of at least 0, one number or one for each of {count} poses"
         )
-    return matrices, np.array(np.broadcast_to(openings, (count,))), checked_grip(grip, count)
+    return np.array(np.broadcast_to(openings, (count,)))

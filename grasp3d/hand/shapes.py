@@ -9,6 +9,7 @@ import trimesh
 from grasp3d.arrays import ArrayLike, Floats, Ints
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand import Hand
+from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.hand.table import Table
 from grasp3d.hand.triangles import Triangles, triangles_of
 from grasp3d.mesh import ObjectMesh
@@ -135,15 +136,9 @@ def moved(points: Floats, pose: ArrayLike | None) -> Floats:
     """Points (n, 3) moved by a rigid transformation (4, 4); None: not moved.
 
     Raises:
-        SettingError: It is no matrix of that kind.
+        ContactError: It is none.
     """
     if pose is None:
         return points
-    matrix = np.asarray(pose, dtype=np.float64)
-    last = [0.0, 0.0, 0.0, 1.0]
-    if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or matrix[3].tolist() != last:
-        raise SettingError(
-            "a pose must be a matrix of 4 x 4 finite numbers whose last row is 0 0 0 1; "
-            f"got shape {matrix.shape}"
-        )
+    (matrix,) = checked_poses(pose)
     return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])

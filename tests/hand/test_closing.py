@@ -229,15 +229,6 @@ def test_an_object_thinner_than_the_smallest_opening_is_not_held() -> None:
     assert states(close_jaws(plate, pose(), pads(min_opening=0.004))) == ["CLOSED"]
 
 
-def test_with_one_moving_jaw_the_other_touches_what_is_there(box: ObjectMesh) -> None:
-    near, far = pose((0.01, 0.0, 0.0)), pose((0.005, 0.0, 0.0))
-    found = close_jaws(box, [near, far], pads(), moving="one")
-    assert states(found) == ["CLOSED", "ONE_SIDE"]
-    assert np.isnan(found.points[1, 0]).all()
-    np.testing.assert_allclose(found.points[1, 1], [0.03, 0.0, 0.0], atol=1e-9)
-    assert np.isnan(found.opening[1])
-
-
 def test_of_an_open_sheet_only_the_front_is_touched() -> None:
     points = [[0, -0.03, -0.03], [0, 0.03, -0.03], [0, 0.03, 0.03], [0, -0.03, 0.03]]
     sheet = mesh_of((np.array(points), np.array([[0, 2, 1], [0, 3, 2]])), repair="none")
@@ -336,7 +327,6 @@ BAD: dict[str, tuple[dict[str, Any], type[Exception], str]] = {
     "negative": ({"opening": [-0.01]}, SettingError, "pose 1: opening must be from 0"),
     "not a number": ({"opening": math.nan}, SettingError, "got nan"),
     "openings": ({"opening": [0.01, 0.02]}, SettingError, "one for each of the 1 poses"),
-    "moving": ({"moving": "none"}, SettingError, "moving"),
     "shape": ({"poses": np.eye(3)}, ContactError, r"shape \(k, 4, 4\); got \(3, 3\)"),
     "finite": ({"poses": np.full((4, 4), np.nan)}, ContactError, "pose 1 has numbers"),
     "text": ({"poses": "here"}, ContactError, "poses must be 4x4 matrices"),

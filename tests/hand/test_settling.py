@@ -259,9 +259,7 @@ def test_faces_that_are_none_are_refused(face: Any, problem: str) -> None:
         replace(pads(), inner_faces=(face,))
 
 
-def test_settings_that_do_not_go_together(box: ObjectMesh) -> None:
-    with pytest.raises(SettingError, match="moving='one' needs object_motion='fixed'"):
-        free(box, np.eye(4), moving="one")
+def test_friction_must_be_a_coefficient(box: ObjectMesh) -> None:
     with pytest.raises(SettingError, match="friction must be a finite number of at least 0"):
         free(box, np.eye(4), friction=-0.1)
 
