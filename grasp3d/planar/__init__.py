@@ -5,21 +5,6 @@ come in closed form, also with uncertain friction, contact locations and further
 which the paper names (Sec. III-A and IV-B); curves of epsilon come from planar wrench hulls.
 """
 
-from grasp3d.planar.contacts import OutlineContacts
-from grasp3d.planar.outlines import Circle, Outline, OutlineAngles, circle_fractions
-from grasp3d.planar.planar_scan import PlanarScan, scan
-from grasp3d.planar.polylines import Polyline, regular_polygon, square, square_fractions
+from lazy_loader import attach_stub
 
-__all__ = [
-    "Circle",
-    "Outline",
-    "OutlineAngles",
-    "OutlineContacts",
-    "PlanarScan",
-    "Polyline",
-    "circle_fractions",
-    "regular_polygon",
-    "scan",
-    "square",
-    "square_fractions",
-]
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

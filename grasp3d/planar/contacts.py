@@ -57,28 +57,6 @@ def turn_between(first: Floats, second: Floats) -> Floats:
     return np.abs(np.remainder(first - second + math.pi, 2.0 * math.pi) - math.pi)
 
 
-def critical_angles(fixed: OutlineContacts, others: OutlineContacts) -> tuple[Floats, Floats]:
-    """Critical friction angles of one finger with each of several others, in closed form.
-
-    With d from the first to the second contact, the smaller over s = +1 (external grasp) and s = -1
-    (internal grasp) of max(angle(n1, s d), angle(n2, -s d)): two planar contacts are force-closed
-    when the line between them lies strictly inside both cones (Nguyen 1988).
-
-    Args:
-        fixed: One contact.
-        others: The others (k,).
-
-    Returns:
-        (worst, best) [rad], shape (k,), inf where both contacts are at one point. At corners these
-        are the largest and the smallest angle over the normals there. Up to pi/2, which is all that
-        labels need, the first is the exact maximum over the normals; above it is an upper bound.
-    """
-    lines = Lines.between(fixed, others)
-    ranges = fixed.half_range[0], others.half_range
-    worst, best = lines.worst(ranges, 0.0), lines.worst((-ranges[0], -ranges[1]), 0.0)
-    return lines.checked(np.minimum(worst, math.pi), np.maximum(best, 0.0))
-
-
 @dataclass(frozen=True)
 class ContactPairLimits:
     """What is known about two contacts.
@@ -180,6 +158,8 @@ class Lines:
             ranges: As in `worst`.
             location: As in `worst`.
         """
+        if location == 0.0:
+            return np.maximum(self.worst((-ranges[0], -ranges[1]), location), 0.0)
         turn = self.turn(location)
         first, second = self.first - self.toward, self.second + math.pi - self.toward
         middle, skew = 0.5 * (first + second), 0.5 * (ranges[0] - ranges[1])
@@ -208,6 +188,13 @@ def located_angles(
     fixed: OutlineContacts, others: OutlineContacts, limits: ContactPairLimits
 ) -> tuple[Floats, Floats]:
     """Worst and best angles of one finger with each of several others, over all true locations.
+
+    Without errors they are critical friction angles, in closed form. With d from the first to the
+    second contact: the smaller over s = +1 (external grasp) and s = -1 (internal grasp) of
+    max(angle(n1, s d), angle(n2, -s d)), as two planar contacts are force-closed when the line
+    between them lies strictly inside both cones (Nguyen 1988). At corners these are the largest and
+    the smallest angle over the normals there. Up to pi/2, which is all that labels need, the first
+    is the exact maximum over the normals; above it is an upper bound.
 
     Args:
         fixed: One contact.

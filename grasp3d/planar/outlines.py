@@ -12,9 +12,9 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.planar.contacts import OutlineContacts
+from grasp3d.settings.checks import check_range
 from grasp3d.stability.angle_distributions import (
     AngleDistribution,
-    check_fraction,
     check_number,
     critical_angle_below,
 )
@@ -258,32 +258,9 @@ class Circle(Outline):
 
     def worst_quantile(self, fraction: float) -> float:
         """See `AngleDistribution`: the inverse."""
-        check_fraction(fraction)
+        check_range("a fraction", fraction, 0.0, 1.0)
         return fraction * math.pi / 2.0
 
 
-def circle_fractions(
-    *,
-    friction: float | tuple[float, float],
-    sensor_resolution: float,
-    friction_error: float = 0.0,
-    normal_error: float = 0.0,
-    location_error: float = 0.0,
-) -> dict[str, float]:
-    """Fractions of the paper's circle that are S, M and U; see `Outline.fractions`.
-
-    `location_error` is a number of radii.
-
-    Example:
-        >>> from grasp3d.planar import circle_fractions
-        >>> table = circle_fractions(friction=(0.9, 1.1), sensor_resolution=0.4, location_error=0.1)
-        >>> {name: round(fraction, 3) for name, fraction in table.items()}
-        {'S': 0.269, 'M': 0.388, 'U': 0.342}
-    """
-    return Circle().fractions(
-        friction=friction,
-        sensor_resolution=sensor_resolution,
-        friction_error=friction_error,
-        normal_error=normal_error,
-        location_error=location_error,
-    )
+circle_fractions = Circle().fractions
+"""Fractions of the paper's circle that are S, M and U; `location_error` in radii."""

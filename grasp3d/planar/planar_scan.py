@@ -16,7 +16,6 @@ from grasp3d.planar.contacts import (
     TIE,
     ContactPairLimits,
     OutlineContacts,
-    critical_angles,
     located_angles,
 )
 from grasp3d.planar.outlines import Outline
@@ -455,10 +454,8 @@ def scan(
     position = outline.fixed + travel
     contacts = outline.contacts_about_center(position)
     fixed = outline.contacts_about_center(position[:1])
-    worst, best = critical_angles(fixed, contacts)
-    located = (worst, best)
-    if not settings.is_uniform:
-        located = located_angles(fixed, contacts, ContactPairLimits.of_model(settings))
+    worst, best = located_angles(fixed, contacts, ContactPairLimits())
+    located = located_angles(fixed, contacts, ContactPairLimits.of_model(settings))
     return PlanarScan(
         outline=outline,
         model=settings,

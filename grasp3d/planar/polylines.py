@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Bools, Floats, locked, short_repr
+from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.planar.contacts import STRAIGHT, TIE, Lines, OutlineContacts
 from grasp3d.planar.outlines import LARGEST, SMALLEST, Outline, length, wrapped_position
@@ -70,21 +70,10 @@ def _length_below(
     half = 0.5 * (breaks[..., 1:] + breaks[..., :-1])[..., None]  # (b, k, m - 1, 1)
     apart = edges.points[:, None] - point + half * along[:, None]
     lines = Lines.of(apart, fixed.middle[0], edges.middle[:, None])
-    if location == 0.0:
-        below = _below(lines, reach, angle)
-    else:
-        angles = (lines.best if best else lines.worst)((half_range, np.zeros(1)), location)
-        below = angles - angle < -TIE
+    angles = (lines.best if best else lines.worst)((half_range, np.zeros(1)), location)
+    below = angles - angle < -TIE
     lengths = np.hypot(along[:, 0], along[:, 1])[:, None] * np.diff(breaks)
     return np.asarray(np.where(below, lengths, 0.0).sum(axis=(1, 2)))
-
-
-def _below(lines: Lines, reach: Floats, angle: Floats) -> Bools:
-    """Whether the angles to the first and second normals are below `reach` and `angle`."""
-    off_first, off_second = lines.off()
-    external = np.maximum(off_first - reach, off_second - angle) < -TIE
-    internal = np.maximum(math.pi - off_first - reach, math.pi - off_second - angle) < -TIE
-    return np.asarray(external | internal)
 
 
 def _located_crossings(
@@ -287,31 +276,8 @@ def regular_polygon(sides: int, radius: float = 1.0) -> Polyline:
     return Polyline(np.vstack([[start], corners]), name=f"regular polygon of {count} sides")
 
 
-def square_fractions(
-    *,
-    friction: float | tuple[float, float],
-    sensor_resolution: float,
-    friction_error: float = 0.0,
-    normal_error: float = 0.0,
-    location_error: float = 0.0,
-) -> dict[str, float]:
-    """Fractions of the paper's square that are S, M and U; see `Outline.fractions`.
-
-    `location_error` is a number of half sides.
-
-    Example:
-        >>> from grasp3d.planar import square_fractions
-        >>> fractions = square_fractions(friction=1.0, sensor_resolution=0.4, location_error=0.1)
-        >>> {name: round(fraction, 3) for name, fraction in fractions.items()}
-        {'S': 0.25, 'M': 0.362, 'U': 0.388}
-    """
-    return square().fractions(
-        friction=friction,
-        sensor_resolution=sensor_resolution,
-        friction_error=friction_error,
-        normal_error=normal_error,
-        location_error=location_error,
-    )
+square_fractions = square().fractions
+"""Fractions of the paper's square that are S, M and U; `location_error` in half sides."""
 
 
 def simple_polygon(corners: ArrayLike) -> Floats:

@@ -1,0 +1,11 @@
+from .contacts import OutlineContacts as OutlineContacts
+from .outlines import Circle as Circle
+from .outlines import Outline as Outline
+from .outlines import OutlineAngles as OutlineAngles
+from .outlines import circle_fractions as circle_fractions
+from .planar_scan import PlanarScan as PlanarScan
+from .planar_scan import scan as scan
+from .polylines import Polyline as Polyline
+from .polylines import regular_polygon as regular_polygon
+from .polylines import square as square
+from .polylines import square_fractions as square_fractions
