@@ -85,8 +85,7 @@ class BatchSettings:
     load: Load | None = None
 
     def __post_init__(self) -> None:
-        if self.best < 0:
-            raise SettingError(f"the number of best grasps must be at least 0; got {self.best}")
+        check_range("the number of best grasps", self.best, 0)
         for part in (*self.mesh.only, *self.mesh.avoid):
             if not isinstance(part, Box | Sphere):
                 raise SettingError(f"{part} is of one mesh; a library takes boxes and spheres")

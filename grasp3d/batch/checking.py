@@ -8,7 +8,7 @@ from typing import Any
 
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.inputs import MeshFile
-from grasp3d.batch.storage import local_copy
+from grasp3d.batch.storage.files import local_copy
 from grasp3d.errors import GraspError
 from grasp3d.mesh.diagnosis import MeshDiagnosis, Trust
 from grasp3d.settings.parsing import plain_values

@@ -11,6 +11,7 @@ from grasp3d.errors import MeshError
 from grasp3d.reading.gltf import side_names
 from grasp3d.settings import MultifingerSampling, Sampling
 from grasp3d.settings.parsing import plain_values
+from grasp3d.system.documents import problem_of_file
 from grasp3d.system.names import printable
 
 METHOD = 4
@@ -30,11 +31,7 @@ def content_hash(path: Path) -> str:
         digest = _digest(path)
         side_digests = [f"{name} {_side_digest(path, name)}" for name in side_names(path)]
     except OSError as error:
-        reason = (
-            "there is no such file"
-            if isinstance(error, FileNotFoundError)
-            else (f"cannot be opened ({error.strerror})")
-        )
+        reason = problem_of_file(path) or f"cannot be opened ({error.strerror})"
         raise MeshError(f"{printable(str(path))}: {reason}") from error
     if not side_digests:
         return digest

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from grasp3d.batch.row import Row
-from grasp3d.batch.storage import (
+from grasp3d.batch.storage.files import (
     Entry,
     find_entry,
     list_entries,

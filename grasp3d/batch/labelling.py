@@ -15,7 +15,7 @@ from grasp3d.batch.identity import METHOD, content_hash, mesh_key
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.plan import Job
 from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
-from grasp3d.batch.storage import local_copy
+from grasp3d.batch.storage.files import local_copy
 from grasp3d.errors import GraspError, MeshUnreadError, OutputError, WarningError
 from grasp3d.reading.gltf import side_names
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, search_cone

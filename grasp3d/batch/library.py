@@ -15,7 +15,8 @@ from grasp3d.batch.plan import Job, plan, use_all_processors
 from grasp3d.batch.report import write_report
 from grasp3d.batch.row import Outcome, Row, Summary
 from grasp3d.batch.run import run
-from grasp3d.batch.storage import Folder, local_path
+from grasp3d.batch.storage.files import local_path
+from grasp3d.batch.storage.folder import Folder
 from grasp3d.batch.store import Store
 from grasp3d.errors import OutputError
 from grasp3d.system.context import is_strict

@@ -10,7 +10,8 @@ from functools import cache
 from pathlib import PurePosixPath
 
 from grasp3d.batch.inputs import STORED, MeshFile
-from grasp3d.batch.storage import Folder, local_path
+from grasp3d.batch.storage.files import local_path
+from grasp3d.batch.storage.folder import Folder
 from grasp3d.system.names import name_key, safe_stem, short_hash
 
 _SUFFIXES = (".ply", ".parquet", ".js", ".webp")

@@ -11,7 +11,7 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import mesh_key
 from grasp3d.batch.inputs import MARKER, MeshFile
 from grasp3d.batch.row import Outcome, PackedRows, Row, Summary
-from grasp3d.batch.storage import Folder, Lock
+from grasp3d.batch.storage.folder import Folder, Lock
 from grasp3d.batch.store_files import (
     JOURNAL,
     JournalEntry,

@@ -19,7 +19,7 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import METHOD, settings_text
 from grasp3d.batch.inputs import MARKER, STORED
 from grasp3d.batch.row import PackedRows, Row
-from grasp3d.batch.storage import Folder
+from grasp3d.batch.storage.folder import Folder
 from grasp3d.errors import OutputError
 from grasp3d.system.names import as_unicode, printable
 from grasp3d.system.tables import pack_records, unpack_records

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from grasp3d.batch.inputs import MeshFile, find_meshes, real_path
-from grasp3d.batch.storage import local_copy, local_path
+from grasp3d.batch.storage.files import local_copy, local_path
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.planar import Circle, square

@@ -19,7 +19,7 @@ from grasp3d.batch.checking import (
 )
 from grasp3d.batch.inputs import MeshFile, find_meshes
 from grasp3d.batch.run import run as run_each
-from grasp3d.batch.storage import local_path
+from grasp3d.batch.storage.files import local_path
 from grasp3d.cli import progress_bars
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.mesh_commands import Check

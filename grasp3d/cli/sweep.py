@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from grasp3d.batch.run import run as run_each
-from grasp3d.batch.storage import local_path
+from grasp3d.batch.storage.files import local_path
 from grasp3d.batch.sweeping import (
     SweepSettings,
     SweptMesh,

@@ -17,7 +17,7 @@ from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.labelling import Unchanged, label_job, lost_row
 from grasp3d.batch.plan import Job
 from grasp3d.batch.row import TIMINGS, Outcome, Row
-from grasp3d.batch.storage import Folder
+from grasp3d.batch.storage.folder import Folder
 from grasp3d.errors import SettingError
 from grasp3d.grasps import verdict_of
 from grasp3d.hand.reach_settings import ReachSettings

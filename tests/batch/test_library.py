@@ -22,7 +22,7 @@ from grasp3d.batch.labelling import Unchanged, label_job
 from grasp3d.batch.library import BatchProgress, LibraryLabels, label_library
 from grasp3d.batch.plan import Job
 from grasp3d.batch.row import TIMINGS, Outcome, Row
-from grasp3d.batch.storage import Folder
+from grasp3d.batch.storage.folder import Folder
 from grasp3d.errors import MeshError, MeshUnreadError, OutputError
 from tests.helpers import shapes
 

@@ -21,7 +21,7 @@ from grasp3d.batch.plan import Job
 from grasp3d.batch.report import object_script, write_report
 from grasp3d.batch.report.library import describe_settings, summarise_settings
 from grasp3d.batch.row import Outcome, Row
-from grasp3d.batch.storage import Folder
+from grasp3d.batch.storage.folder import Folder
 from grasp3d.grasps import verdict_of
 from grasp3d.quality.loads import Load
 from grasp3d.surface.area_statistics import held_fractions, payload_quantiles

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from grasp3d.batch.inputs import MeshFile, find_meshes
 from grasp3d.batch.plan import plan, use_all_processors
-from grasp3d.batch.storage import Folder
+from grasp3d.batch.storage.folder import Folder
 from grasp3d.system.names import name_key, safe_stem, short_hash
 from tests.batch.test_inputs import touch
 

@@ -35,7 +35,7 @@ from grasp3d.batch.report.library import (
 )
 from grasp3d.batch.report.thumbnails import ELEVATIONS, HEIGHT, WIDTH
 from grasp3d.batch.row import AreaFractions, Outcome, Row
-from grasp3d.batch.storage import Folder
+from grasp3d.batch.storage.folder import Folder
 from grasp3d.grasps.causes import cause_codes
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.settings import DEGREE

@@ -17,7 +17,7 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report import object_script, write_report
 from grasp3d.batch.report.objects import drawn_openings, gripper_data
 from grasp3d.batch.row import Row
-from grasp3d.batch.storage import Folder
+from grasp3d.batch.storage.folder import Folder
 from grasp3d.hand.shapes import hand_triangles
 from grasp3d.hand.triangles import Part
 from tests.batch.test_report_page import BROWSER, OPTIONS

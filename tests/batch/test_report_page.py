@@ -27,7 +27,7 @@ from grasp3d import (
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report import object_script, write_report
 from grasp3d.batch.row import AreaFractions, Outcome, Row
-from grasp3d.batch.storage import Folder
+from grasp3d.batch.storage.folder import Folder
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS

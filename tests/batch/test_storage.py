@@ -16,7 +16,8 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.checking import check_file
 from grasp3d.batch.identity import content_hash
 from grasp3d.batch.inputs import find_meshes
-from grasp3d.batch.storage import Folder, find_entry, list_entries, local_copy
+from grasp3d.batch.storage.files import find_entry, list_entries, local_copy
+from grasp3d.batch.storage.folder import Folder
 from grasp3d.batch.store import Store, read_summary
 from grasp3d.errors import MeshError, OutputError
 from grasp3d.system.files import TEMPORARY_PREFIX

@@ -25,7 +25,7 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import METHOD, mesh_key
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
-from grasp3d.batch.storage import Folder
+from grasp3d.batch.storage.folder import Folder
 from grasp3d.batch.store import Store, read_summary
 from grasp3d.batch.store_files import FORMAT
 from grasp3d.errors import OutputError

@@ -14,7 +14,7 @@ from grasp3d import SurfaceLabels, best_grasps
 from grasp3d.arrays import Floats
 from grasp3d.batch.report import object_script, thumbnail
 from grasp3d.batch.row import AreaFractions, BestGrasp, Row
-from grasp3d.batch.storage import Folder
+from grasp3d.batch.storage.folder import Folder
 from grasp3d.settings import DEGREE, GraspModel
 from tests.helpers.vertex_labels import with_arrays
 

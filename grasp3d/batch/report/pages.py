@@ -11,7 +11,7 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report.library import REPORT, library_data, object_list
 from grasp3d.batch.report.packing import json_text
 from grasp3d.batch.row import Row
-from grasp3d.batch.storage import Folder
+from grasp3d.batch.storage.folder import Folder
 from grasp3d.system.versions import package_version
 
 COPIED = ("viewer.js", "viewer.css")

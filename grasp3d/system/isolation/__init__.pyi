@@ -1,0 +1,10 @@
+from .calls import call as call
+from .calls import call_pickled as call_pickled
+from .calls import end_idle as end_idle
+from .calls import pickle_call as pickle_call
+from .calls import working_folder as working_folder
+from .limits import CallFailedError as CallFailedError
+from .limits import CallFailure as CallFailure
+from .limits import NeedsMemory as NeedsMemory
+from .limits import allowed_memory as allowed_memory
+from .limits import describe_unexpected as describe_unexpected
