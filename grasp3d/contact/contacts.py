@@ -238,26 +238,33 @@ def _patches(patch: ArrayLike | None, normals: Floats) -> Floats | None:
     return locked(in_tangent_plane(axes, normals)) if axes.any() or not axes.size else None
 
 
-def finite_numbers(name: str, values: ArrayLike, *, most: float = math.inf) -> Floats:
+def finite_numbers(
+    name: str,
+    values: ArrayLike,
+    kind: type[GraspError] = ContactError,
+    *,
+    most: float = math.inf,
+) -> Floats:
     """Convert to an array of finite numbers.
 
     Args:
         name: What they are, for the error message.
         values: The numbers.
+        kind: Class of the error.
         most: Largest number, positive or negative.
 
     Raises:
-        ContactError: Values that are no finite numbers, or too large ones.
+        GraspError: Values that are no finite numbers, or too large ones.
     """
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise ContactError(f"{name} must be an array of numbers: {error}") from error
+        raise kind(f"{name} must be an array of numbers: {error}") from error
     if not np.isfinite(array).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise ContactError(f"{name} must be finite; {array[where]} at {where}")
+        raise kind(f"{name} must be finite; {array[where]} at {where}")
     if (np.abs(array) > most).any():
-        raise ContactError(f"{name} must not exceed {most:g}; got {np.abs(array).max():g}")
+        raise kind(f"{name} must not exceed {most:g}; got {np.abs(array).max():g}")
     return array
 
 
@@ -297,13 +304,7 @@ def per_contact(name: str, values: ArrayLike, contacts: Contacts) -> Floats:
     Raises:
         SettingError: Values that are not finite numbers, or a shape that does not match.
     """
-    try:
-        numbers = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise SettingError(f"{name} must be a number: {error}") from error
-    if not np.isfinite(numbers).all():
-        raise SettingError(f"{name} must be finite; got {numbers}")
-    return of_shape(name, numbers, contacts.friction.shape)
+    return of_shape(name, finite_numbers(name, values, SettingError), contacts.friction.shape)
 
 
 def tilts_of(tilt: ArrayLike, contacts: Contacts) -> Floats:

@@ -18,9 +18,10 @@ Lengths may be in any unit, the same for all.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 from grasp3d.errors import SettingError
+from grasp3d.settings.checks import check_choice
 from grasp3d.settings.uncertainty import Uncertainty
 
 SMALL_UNCERTAINTY = 0.05
@@ -419,11 +420,7 @@ class JointEncoders:
     kind: JointKind = "revolute"
 
     def __post_init__(self) -> None:
-        if self.kind not in get_args(JointKind):
-            raise SettingError(
-                f"the kind of joints must be one of {', '.join(get_args(JointKind))}; got "
-                f"{self.kind!r}"
-            )
+        check_choice("kind of joints", self.kind, JointKind)
         object.__setattr__(self, "lengths", _numbers(self.lengths))
         if isinstance(self.counts, Sequence):
             object.__setattr__(self, "counts", _numbers(self.counts))

@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, angles_between, unit_rows
+from grasp3d.contact.friction_cones import cone_edges
 from grasp3d.contact.sensor import COUNT_ROUNDING, Sensor, check_field
 from grasp3d.errors import SettingError
 
@@ -152,7 +153,7 @@ class EllipsoidTip:
         check_field(receptive_field)
         start = self._surface_point(towards)
         normal = self._normals(start)
-        tangents = _tangents(normal)
+        tangents = cone_edges(normal, math.pi / 2.0, edges=DIRECTIONS)
         ends = self._walk(np.broadcast_to(start, tangents.shape), tangents, receptive_field / 2.0)
         turned = angles_between(np.broadcast_to(normal, ends.shape), self._normals(ends))
         worst = int(np.argmax(turned.max(axis=0)))
@@ -282,14 +283,6 @@ def _arc(long: float, short: float, angle: float) -> float:
     modulus = 1.0 - (short / long) ** 2
     quarter = math.pi / 2.0
     return float(long * (ellipeinc(parameter + quarter, modulus) - ellipeinc(quarter, modulus)))
-
-
-def _tangents(normal: Floats) -> Floats:
-    """Unit tangents (k, 3) all around a unit normal (3,)."""
-    first = unit_rows(np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))]))
-    second = np.cross(normal, first)
-    angles = np.arange(DIRECTIONS) * (2.0 * math.pi / DIRECTIONS)
-    return np.outer(np.cos(angles), first) + np.outer(np.sin(angles), second)
 
 
 def _triple(vector: Floats) -> tuple[float, float, float]:

@@ -7,15 +7,15 @@ from functools import reduce
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from grasp3d.arrays import Bools, Floats, Ints, locked
 from grasp3d.errors import SettingError
 from grasp3d.grasps.ranking import ranked_rows, stated_label
 from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.measures import connected
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import Sampling
+from grasp3d.settings.checks import check_range
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_table import GraspTable
@@ -68,8 +68,7 @@ def best_grasps(labels: SurfaceLabels, count: int, *, distance: float | None = N
         >>> grasps.contacts.points.shape, grasps.opening.round(3).tolist()
         ((3, 2, 3), [0.08, 0.08, 0.08])
     """
-    if count < 1:
-        raise SettingError(f"the number of best grasps must be at least 1; got {count}")
+    check_range("the number of best grasps", count, 1)
     ranked = distinct_grasps(labels, distance=distance)
     rows = np.arange(min(count, ranked.size))
     if labels.reach is not None:
@@ -227,8 +226,7 @@ def grasp_kinds(labels: SurfaceLabels) -> Ints:
     edges = edges[has_grasp[edges].all(axis=1)]
     edges = edges[_alike(labels, edges)]
     count = len(mesh.vertices)
-    links = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    _, kinds = connected_components(links, directed=False)
+    kinds = connected(count, edges[:, 0], edges[:, 1])
     numbers = np.full(count, -1, dtype=np.int64)
     _, numbers[has_grasp] = np.unique(kinds[has_grasp], return_inverse=True)
     return numbers[mesh.canonical]
@@ -286,10 +284,8 @@ def alternatives_at(labels: SurfaceLabels, vertex: int, count: int) -> GraspTabl
     scene, mesh = labels.scene, labels.mesh
     if scene is None or scene.jaws is None or labels.model.fingers > 2:
         raise SettingError("alternatives are grasps of two fingers with a gripper; give a gripper")
-    if not 0 <= vertex < len(mesh.vertices):
-        raise SettingError(f"vertex must be from 0 to {len(mesh.vertices) - 1}; got {vertex}")
-    if count < 1:
-        raise SettingError(f"the number of grasps must be at least 1; got {count}")
+    check_range("vertex", vertex, 0, len(mesh.vertices) - 1)
+    check_range("the number of grasps", count, 1)
     own = int(mesh.canonical[vertex])
     sampling = labels.sampling if isinstance(labels.sampling, Sampling) else Sampling()
     limited = scene.within_stroke(mesh, sampling)

@@ -44,7 +44,6 @@ def suspected_reading(
     mesh: ObjectMesh,
     poses: Floats,
     hand: Hand,
-    unit: Unit | None = None,
     *,
     posture: Floats | None = None,
 ) -> str | None:
@@ -58,7 +57,6 @@ def suspected_reading(
         mesh: The object; its unit is known.
         poses: TCP frame to the mesh's frame, translations in the mesh's unit, shape (k, 4, 4).
         hand: The gripper.
-        unit: Unit that the lengths were read in; None: that of the mesh.
         posture: Further joints of the hand, shape (k, p); None: it has none.
 
     Returns:
@@ -90,8 +88,7 @@ def suspected_reading(
         return None
     spread = float(np.linalg.norm(np.ptp(tried[:, :3, 3], axis=0)))  # diagonal of the TCPs' box
     plausible = PLAUSIBLE[0] <= spread / mesh.size <= PLAUSIBLE[1]
-    lengths = None if plausible else unit or mesh.unit
-    readings = list(_readings(mesh, hand, lengths))
+    readings = list(_readings(mesh, hand, None if plausible else mesh.unit))
     changed = np.concatenate([change(tried) for _, change in readings])
     joints = np.tile(joints, (len(readings), 1))
     fitting = _fits(mesh, changed, joints, hand).reshape(len(readings), -1).sum(axis=1)

@@ -193,12 +193,12 @@ def _passes(edges: Floats, triangles: Floats) -> Bools:
     a, b = edges[:, 0], edges[:, 1]
     sides = np.roll(triangles, -1, axis=1) - triangles  # (m, 3 sides, 3)
     normal = unit_rows(np.cross(sides[:, 0], sides[:, 1]))
-    above, below = (_dot(end - triangles[:, 0], normal) for end in (a, b))
+    above, below = (np.vecdot(end - triangles[:, 0], normal) for end in (a, b))
     opposite = (np.minimum(np.abs(above), np.abs(below)) > MARGIN) & (above * below < 0.0)
     fraction = np.divide(above, above - below, out=np.zeros_like(above), where=opposite)
     crossing = a + fraction[:, None] * (b - a)
     inward = unit_rows(np.cross(normal[:, None], sides))
-    inside = _dot(crossing[:, None] - triangles, inward).min(axis=1) > MARGIN
+    inside = np.vecdot(crossing[:, None] - triangles, inward).min(axis=1) > MARGIN
     return np.asarray(opposite & inside)
 
 
@@ -211,7 +211,3 @@ def _pairs(edges: Ints, faces: Ints, owners: Ints, first: Ints) -> Ints:
     around = owners[np.repeat(first[edges], counts) + offsets]
     pairs = np.sort(np.column_stack([np.repeat(faces, counts), around]), axis=1)
     return np.unique(pairs, axis=0).reshape(-1, 2)
-
-
-def _dot(a: Floats, b: Floats) -> Floats:
-    return np.asarray((a * b).sum(axis=-1))

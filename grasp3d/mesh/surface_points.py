@@ -156,7 +156,7 @@ def _weights(corners: Floats, points: Floats) -> Floats:
     weights = _inside(corners, points)
     for i in range(3):  # edges first, as corners override them
         a, b = corners[:, (i + 1) % 3], corners[:, (i + 2) % 3]
-        along = np.clip(_dot(points - a, b - a) / _dot(b - a, b - a), 0.0, 1.0)
+        along = np.clip(np.vecdot(points - a, b - a) / np.vecdot(b - a, b - a), 0.0, 1.0)
         on = np.linalg.norm(a + along[:, None] * (b - a) - points, axis=1) <= ON_BORDER
         weights[on] = 0.0
         weights[on, (i + 1) % 3], weights[on, (i + 2) % 3] = 1.0 - along[on], along[on]
@@ -170,14 +170,10 @@ def _inside(corners: Floats, points: Floats) -> Floats:
     across = unit_rows(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     edges = [corners[:, (i + 2) % 3] - corners[:, (i + 1) % 3] for i in range(3)]
     areas = [
-        _dot(np.cross(edge, points - corners[:, (i + 1) % 3]), across)
+        np.vecdot(np.cross(edge, points - corners[:, (i + 1) % 3]), across)
         for i, edge in enumerate(edges)
     ]
     weights = np.clip(np.stack(areas, axis=1), 0.0, None)
     total = weights.sum(axis=1, keepdims=True)
     even = np.full_like(weights, 1.0 / 3.0)
     return np.asarray(np.divide(weights, total, out=even, where=total > 0.0))
-
-
-def _dot(a: Floats, b: Floats) -> Floats:
-    return np.asarray((a * b).sum(axis=1))

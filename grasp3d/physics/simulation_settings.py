@@ -4,8 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from grasp3d.errors import SettingError
-from grasp3d.settings import DEGREE, Radians, check_choice, whole_number
+from grasp3d.settings import DEGREE, Radians, check_choice
 from grasp3d.settings.checks import check_length, check_range, check_seed
 from grasp3d.settings.lengths import Length, LengthSettings, Measure
 from grasp3d.settings.parsing import Main
@@ -70,8 +69,7 @@ class SimulationSettings(LengthSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if whole_number("count", self.count, 3) > MAX_GRASPS:
-            raise SettingError(f"count must be at most {MAX_GRASPS:,}; got {self.count:,}")
+        check_range("count", self.count, 3, MAX_GRASPS)
         check_choice("pulled", self.pulled, Pulled)
         for name in ("tip_radius", "max_slip", "max_shift"):
             check_length(name, getattr(self, name), above=True)

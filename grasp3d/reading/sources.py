@@ -4,7 +4,6 @@ Scenes of trimesh become one surface.
 """
 
 import re
-import stat
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 from grasp3d.arrays import Floats, Ints, short_repr
 from grasp3d.errors import MeshError
 from grasp3d.settings.lengths import Unit
+from grasp3d.system.documents import is_folder, problem_of_file
 from grasp3d.system.names import printable
 
 if TYPE_CHECKING:
@@ -215,17 +215,10 @@ def find_source(path: Path, max_memory: float, suffixes: Iterable[str] | None = 
         MeshError: It does not exist, is not a file, is empty, or its suffix is unknown.
     """
     where = printable(str(path))
-    try:
-        status = path.stat()
-    except FileNotFoundError as error:
-        raise MeshError(f"{where}: there is no such file") from error
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise MeshError(f"{where}: cannot be opened ({reason})") from error
-    if stat.S_ISDIR(status.st_mode):
+    if is_folder(path):
         raise MeshError(f"{where}: is a folder, not a mesh file; `grasp3d batch` takes folders")
-    if not stat.S_ISREG(status.st_mode):
-        raise MeshError(f"{where}: is not a file")
+    if problem := problem_of_file(path):
+        raise MeshError(f"{where}: {problem}")
     suffix = path.suffix.lower()
     if not suffix:
         raise MeshError(f"{where}: its name has no suffix for its format, such as .stl")
@@ -233,9 +226,9 @@ def find_source(path: Path, max_memory: float, suffixes: Iterable[str] | None = 
     if suffix not in supported:
         formats = " ".join(sorted(supported))
         raise MeshError(f"{where}: unsupported format {suffix}: supported are {formats}")
-    if not status.st_size:
+    if not (size := path.stat().st_size):
         raise MeshError(f"{where}: the file is empty; export the mesh again")
-    source = Source(path, suffix.removeprefix("."), status.st_size, max_memory, where)
+    source = Source(path, suffix.removeprefix("."), size, max_memory, where)
     try:
         source.head(1)
     except OSError as error:

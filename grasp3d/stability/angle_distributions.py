@@ -19,7 +19,7 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, short_repr
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, sampling_kind
-from grasp3d.settings.checks import check_length
+from grasp3d.settings.checks import check_length, check_range
 from grasp3d.settings.lengths import Measure
 from grasp3d.stability.thresholds import unstable_from
 
@@ -53,12 +53,6 @@ def accuracy_ceiling(fractions: dict[str, float]) -> float:
         fractions: Fractions of the surface under the keys S, M and U.
     """
     return fractions["S"] + fractions["U"] + fractions["M"] / 2.0
-
-
-def check_fraction(fraction: float) -> None:
-    """Raise SettingError unless a fraction lies between 0 and 1."""
-    if not 0.0 <= fraction <= 1.0:
-        raise SettingError(f"a fraction must be from 0 to 1; got {fraction:g}")
 
 
 def check_number(location_error: float) -> None:
@@ -105,7 +99,7 @@ class AngleDistribution(ABC):
         Raises:
             SettingError: The fraction is outside its range.
         """
-        check_fraction(fraction)
+        check_range("a fraction", fraction, 0.0, 1.0)
         least = fraction - FRACTION_ROUNDING
         return _first_angle(lambda angle: float(self.worst_below(angle)) >= least)
 
@@ -203,8 +197,7 @@ class AngleDistribution(ABC):
             SettingError: A value is outside its range.
             SearchCoverageError: The search did not cover all grasps that this needs.
         """
-        if not 0.0 < fraction <= 1.0:
-            raise SettingError(f"the fraction must be above 0 and at most 1; got {fraction:g}")
+        check_range("the fraction", fraction, 0.0, 1.0, ends="(]")
         model = GraspModel(
             friction=friction, friction_error=friction_error, normal_error=normal_error
         )
@@ -248,7 +241,7 @@ class SampledAngles(AngleDistribution):
 
     def worst_quantile(self, fraction: float) -> float:
         """See `AngleDistribution`; the fraction is reached just above one of the angles."""
-        check_fraction(fraction)
+        check_range("a fraction", fraction, 0.0, 1.0)
         angles, fractions = self._worst_steps
         step = int(np.searchsorted(fractions, fraction - FRACTION_ROUNDING))
         last = float(angles[step - 1]) if step else -math.inf
@@ -325,7 +318,7 @@ class SphereAngles(AngleDistribution):
 
     def worst_quantile(self, fraction: float) -> float:
         """See `AngleDistribution`: the inverse of `worst_below`."""
-        check_fraction(fraction)
+        check_range("a fraction", fraction, 0.0, 1.0)
         return float(worst_angle(math.asin(math.sqrt(fraction)), self._ratio))
 
     @property

@@ -298,7 +298,7 @@ def test_a_missing_file_and_a_folder_have_different_errors(tmp_path: Path) -> No
 @pytest.mark.skipif(os.name != "posix", reason="named pipes exist on POSIX only")
 def test_a_named_pipe_is_rejected_without_waiting(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.stl")
-    with pytest.raises(MeshError, match="is not a file"):
+    with pytest.raises(MeshError, match="is a pipe or a device, not a file"):
         read_mesh(tmp_path / "pipe.stl")
 
 

@@ -25,6 +25,7 @@ from grasp3d.system.documents import (
     check_digits,
     described,
     file_bytes,
+    number_of,
     problem_of_file,
 )
 from grasp3d.system.files import atomic_write
@@ -177,10 +178,7 @@ def optional_numbers(entries: Entries, key: str) -> Floats:
 
 def one_number(value: object, what: str) -> float:
     """A finite number. Raises ContactError."""
-    try:
-        number = _number(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
+    number = number_of(value)
     if not math.isfinite(number):
         raise ContactError(f"{what} must be a finite number; got {described(value)}")
     return number

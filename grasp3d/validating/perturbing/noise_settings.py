@@ -1,13 +1,10 @@
 """Settings of noisy copies of a scan."""
 
-import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from grasp3d.errors import SettingError
-from grasp3d.settings import whole_number
 from grasp3d.settings.checks import check_length, check_range, check_seed
-from grasp3d.settings.lengths import Length, LengthSettings, comparable, describe_length
+from grasp3d.settings.lengths import Length, LengthSettings
 from grasp3d.settings.parsing import Main
 
 MAX_COPIES = 10_000
@@ -48,10 +45,7 @@ class NoiseSettings(LengthSettings):
         super().__post_init__()
         if self.noise is not None:
             check_length("noise", self.noise, above=True)
-        if not all(0.0 <= number < math.inf for number in comparable(self.correlation) or ()):
-            length = describe_length(self.correlation)
-            raise SettingError(f"correlation must be a finite length at least 0; got {length}")
-        if whole_number("copies", self.copies, 2) > MAX_COPIES:
-            raise SettingError(f"copies must be at most {MAX_COPIES:,}; got {self.copies:,}")
+        check_length("correlation", self.correlation)
+        check_range("copies", self.copies, 2, MAX_COPIES)
         check_range("level", self.level, 0.5, 1.0, ends="()")
         check_seed("noise seed", self.noise_seed)
