@@ -420,7 +420,7 @@ class JointEncoders:
     kind: JointKind = "revolute"
 
     def __post_init__(self) -> None:
-        check_choice("kind of joints", self.kind, JointKind)
+        check_choice("joint kind", self.kind, JointKind)
         object.__setattr__(self, "lengths", _numbers(self.lengths))
         if isinstance(self.counts, Sequence):
             object.__setattr__(self, "counts", _numbers(self.counts))

@@ -276,10 +276,6 @@ def regular_polygon(sides: int, radius: float = 1.0) -> Polyline:
     return Polyline(np.vstack([[start], corners]), name=f"regular polygon of {count} sides")
 
 
-square_fractions = square().fractions
-"""Fractions of the paper's square that are S, M and U; `location_error` in half sides."""
-
-
 def simple_polygon(corners: ArrayLike) -> Floats:
     """Corners of a simple polygon, counter-clockwise.
 
@@ -366,3 +362,7 @@ def _check_apart(corners: Floats) -> None:
 
 def _cross(first: Floats, second: Floats) -> Floats:
     return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
+
+
+square_fractions = square().fractions
+"""Fractions of the paper's square that are S, M and U; `location_error` in half sides."""

@@ -109,7 +109,7 @@ def test_exact_encoders_leave_nothing_uncertain() -> None:
         ((100, (math.inf,)), "lengths of joints must be finite"),
         ((100, 5.0), "encoders take numbers, one for each joint; got 5.0"),
         ((100, ("5 mm",)), "encoders take numbers, one for each joint"),
-        ((100, (1.0,), "spherical"), "must be one of revolute, prismatic; got 'spherical'"),
+        ((100, (1.0,), "spherical"), "is called 'spherical'; known: revolute, prismatic"),
     ],
 )
 def test_bad_encoders_are_refused(arguments: tuple[object, ...], message: str) -> None:
