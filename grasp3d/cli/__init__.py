@@ -117,7 +117,7 @@ def _run(arguments: list[str]) -> int:
         compiling.logger.setLevel(logging.ERROR)
     try:
         with _without_collections():
-            begin_reading(getattr(command, "file", None))
+            begin_processes(getattr(command, "file", None), pictures=getattr(command, "best", None))
             module = import_module(f"{__name__}.{type(command).__name__.lower()}")
         with running(strict=getattr(command, "strict", False)):
             return int(module.run(command))
@@ -139,13 +139,18 @@ def _without_collections() -> Iterator[None]:
             gc.enable()
 
 
-def begin_reading(file: object) -> None:
-    """Start the process that will read a mesh file, if one will: its imports take a second."""
+def begin_processes(file: object, *, pictures: object = None) -> None:
+    """Start what reads a mesh file, and what tests rendering: their imports take a second each."""
+    from grasp3d.plots.rendering import begin_render_test
     from grasp3d.reading.sources import ISOLATED_FORMATS
     from grasp3d.system.isolation.process import pool
 
-    if isinstance(file, Path) and file.suffix.lower()[1:] in ISOLATED_FORMATS and file.is_file():
-        pool.begin("grasp3d.reading.mesh_files")
+    if not isinstance(file, Path) or not file.is_file():
+        return
+    if file.suffix.lower()[1:] in ISOLATED_FORMATS:
+        pool.begin("trimesh")
+    if pictures:
+        begin_render_test()
 
 
 def _kind(name: str) -> type:

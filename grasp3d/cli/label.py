@@ -63,10 +63,6 @@ def run(command: Label) -> int:
     for path in (output, *grasp_files):
         check_not_task(path, command.load)
         check_output(path, overwrite=command.overwrite, sources=[command.file])
-    if command.best:
-        from grasp3d.plots.rendering import begin_render_test
-
-        begin_render_test()  # beside the work
     with time_limit(command.timeout, printable(str(command.file))):
         labels, vertices = _labels(command, (output, *grasp_files[:1]))
     grasps = best_grasps(labels, command.best) if command.best else None

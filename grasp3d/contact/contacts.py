@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 
 import numpy as np
-from scipy.special import ellipe
 
 from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Bools, Floats, Ints, locked, short_repr
 from grasp3d.contact.friction_cones import tangents
@@ -437,6 +436,8 @@ def evenly_pressed_radius(half_extents: Floats, area: Floats) -> Floats:
     # A patch that is thinner than rounding is a line of length 2 a: on average a/2 from its middle.
     thin = enclosed <= 1e-12 * long * long
     safe = np.where(long > 0.0, long, 1.0)
+    from scipy.special import ellipe
+
     perimeter = 4.0 * long * ellipe(1.0 - (short / safe) ** 2)
     with np.errstate(divide="ignore", invalid="ignore"):
         scaled = np.sqrt(area / enclosed) * perimeter / (3.0 * math.pi)

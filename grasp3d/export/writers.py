@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 
 from grasp3d.errors import OutputError
 from grasp3d.export.npz import write_npz
@@ -33,6 +32,8 @@ def write_glb(path: str | Path, labels: SurfaceLabels) -> None:
         >>> trimesh.load_scene("ball.glb").to_mesh().visual.vertex_colors.shape
         (162, 4)
     """
+    import trimesh
+
     srgb = label_colors(labels) / 255.0
     # glTF's vertex colours are linear, the colours of the legend are sRGB.
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)

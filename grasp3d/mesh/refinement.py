@@ -1,7 +1,6 @@
 """Division of long edges, so that labels can vary within a large flat face."""
 
 import numpy as np
-import trimesh
 
 from grasp3d.arrays import Floats, Ints, first_at_position, unit_rows
 from grasp3d.mesh.measures import Triangles, first_connected
@@ -44,11 +43,13 @@ def refine(
         The same surface, with the given vertices first and unchanged; normals at the corners of its
         faces, interpolated like the positions, so that a coarse round surface stays round.
     """
+    from trimesh.remesh import subdivide_to_size
+
     vertices, (one, _) = surface.vertices, surface.pairs
     # Positions and normals are columns of one array, one row per patch at a vertex: the columns
     # after the first three are interpolated but do not count for an edge's length.
     rows = np.hstack([vertices[normals.vertices], normals.normals])
-    rows, corners = trimesh.remesh.subdivide_to_size(
+    rows, corners = subdivide_to_size(
         rows, normals.corners, max_edge * (1.0 + 1e-9), max_iter=MAX_ROUNDS
     )
     count = len(normals.vertices)
@@ -76,11 +77,13 @@ def refined_corners(surface: Triangles, max_edge: float) -> tuple[Ints, Floats]:
         The given face of each face (F',), in the order of `refine`; barycentric coordinates of its
         three corners there, shape (F', 3, 3).
     """
+    from trimesh.remesh import subdivide_to_size
+
     # Each face has corners of its own, with their coordinates as columns beside the position; how a
     # face is divided depends on the lengths of its edges only.
     corners = surface.vertices[surface.faces].reshape(-1, 3)
     rows = np.hstack([corners, np.tile(np.eye(3), (len(surface.faces), 1))])
-    rows, corners, parents = trimesh.remesh.subdivide_to_size(
+    rows, corners, parents = subdivide_to_size(
         rows,
         np.arange(len(rows)).reshape(-1, 3),
         max_edge * (1.0 + 1e-9),

@@ -7,7 +7,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 
 from grasp3d._kernels.surface.box_tree import BoxTree, box_tree, nearest_faces
 from grasp3d.arrays import Floats, Ints, short_repr, unit_rows
@@ -144,8 +143,10 @@ def _closest(corners: Floats, points: Floats) -> Floats:
     origin = corners[:, 0]
     middle = corners.mean(axis=1, keepdims=True)
     scale = np.linalg.norm(corners - middle, axis=2).max(axis=1)[:, None]
+    from trimesh.triangles import closest_point
+
     # In units of the face: trimesh's tolerances are absolute and too large for small faces.
-    closest = trimesh.triangles.closest_point(
+    closest = closest_point(
         (corners - origin[:, None]) / scale[..., None], (points - origin) / scale
     )
     return np.asarray(origin + closest * scale)

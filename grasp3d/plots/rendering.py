@@ -162,10 +162,30 @@ def check_rendering() -> None:
 
 def draws_a_triangle() -> bool:
     """Render a triangle and return whether it is visible; without OpenGL this ends the process."""
-    points = np.array([[0.0, -1.0, -1.0], [0.0, 1.0, -1.0], [0.0, 0.0, 1.0]])
-    black = _surface(points, np.array([[0, 1, 2]]), np.zeros((3, 3), np.uint8), None)
-    image = _rendered(black, View(0.0, 0.0), (32, 32), ())
-    return bool(image.min() < image.max())
+    # By VTK itself: what PyVista imports takes a second.
+    import vtkmodules.vtkRenderingOpenGL2  # noqa: F401, draws what the others describe
+    from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
+    from vtkmodules.vtkFiltersSources import vtkRegularPolygonSource
+    from vtkmodules.vtkRenderingCore import (
+        vtkActor,
+        vtkPolyDataMapper,
+        vtkRenderer,
+        vtkRenderWindow,
+    )
+
+    triangle, mapper, actor = vtkRegularPolygonSource(), vtkPolyDataMapper(), vtkActor()
+    triangle.SetNumberOfSides(3)
+    mapper.SetInputConnection(triangle.GetOutputPort())
+    actor.SetMapper(mapper)
+    renderer, window, pixels = vtkRenderer(), vtkRenderWindow(), vtkUnsignedCharArray()
+    renderer.AddActor(actor)
+    window.OffScreenRenderingOn()
+    window.SetSize(32, 32)
+    window.AddRenderer(renderer)
+    window.Render()
+    window.GetPixelData(0, 0, 31, 31, 1, pixels, 0)
+    least, most = pixels.GetRange(0)
+    return bool(least < most)
 
 
 def picture(

@@ -11,7 +11,6 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
 from grasp3d._kernels.forces import grip_force as kernels
@@ -325,6 +324,8 @@ def separating_direction(generators: Floats, wrench: Floats) -> Floats | None:
         Direction (6,) along which the wrench has a positive component and no contact pushes.
     """
     size = np.linalg.norm(wrench)
+    from scipy.optimize import nnls
+
     weights, residual = nnls(generators.T, wrench / size)
     if residual <= APART:
         return None

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
-from scipy.optimize.elementwise import find_root
 
 from grasp3d._kernels.forces import grip_force as kernels
 from grasp3d._kernels.forces.grip_force import ForceResults
@@ -169,6 +168,8 @@ def _pressing(twist: Floats, least: Floats, along: Floats, radius: Floats) -> Fl
         rest = tuple(values[searched] for values in terms)
         # Pressing by this much more, either finger resists the torque by itself.
         more = twist / np.maximum(e1, e2) + np.maximum(first, second) + np.abs(along)
+        from scipy.optimize.elementwise import find_root
+
         root = find_root(
             lambda normal, *values: _capacity(normal, *values[:-1]) - values[-1],
             (lowest[searched], (lowest + more)[searched]),

@@ -19,6 +19,7 @@ normals of the points tilt independently only widens the range.
 """
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from typing import Literal
 
 import numpy as np
@@ -31,6 +32,7 @@ from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import edge_angles, tangents
 from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.quality.wrenches import read_only, wrench_axes
+from grasp3d.system.context import thread_count
 
 Side = Literal["sure", "possible"]
 """Which of the two sets of forces."""
@@ -40,6 +42,9 @@ SURFACES = {"sure": SURE, "possible": POSSIBLE}
 
 LEVELS = 5
 """Largest torsional moments of two soft fingers for which their sure forces are computed."""
+
+CHUNK = 256
+"""Grasps whose sure forces one thread computes at a time."""
 
 PATCH_POINTS = 8
 """Points at which a patch is pressed."""
@@ -80,10 +85,16 @@ def problem_over_tilts(
     if side == "sure":
         modes = LEVELS * MODES if any_soft and soft and contacts.count == 2 else 1
         cones, moments = np.empty((*tilts.shape, modes * COLUMNS)), np.empty(points.shape)
-        given = (read_only(one, one.shape) for one in (points, normals, torsion))
-        write_sure_forces(
-            spherical, *given, angles, tilts, np.zeros(2), np.zeros(2), cones, moments
-        )
+        given = [read_only(one, one.shape) for one in (points, normals, torsion)]
+        arrays = (*given, angles, tilts)
+
+        def write(first: int) -> None:
+            rows, scratch = slice(first, first + CHUNK), np.zeros((2, 2))
+            parts = (array[rows] for array in arrays)
+            write_sure_forces(spherical, *parts, *scratch, cones[rows], moments[rows])
+
+        with ThreadPoolExecutor(thread_count()) as executor:
+            list(executor.map(write, range(0, len(tilts), CHUNK)))
         tangential = cones[..., COLUMNS - 1] > 0.0
     else:
         widest = np.minimum(angles + tilts, math.pi)

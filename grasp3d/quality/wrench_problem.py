@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy.optimize import nnls
 
 from grasp3d._kernels.hull import wrench_problem as kernels
 from grasp3d._kernels.hull.certificates import LARGEST_SLACK
@@ -353,6 +352,8 @@ class WrenchProblem:
         Returns:
             The forces and their slack, inf where they prove nothing.
         """
+        from scipy.optimize import nnls
+
         axes = self.wrenches_of(slice(g, g + 1))[0]  # (n, 4 or 1, 6)
         wrenches, cones = axes, self.cones[g]
         if self.kind == ROWS:

@@ -12,10 +12,9 @@ import threading
 import warnings
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 
 with contextlib.suppress(ImportError):  # Windows has no resource limits
     import resource
@@ -46,6 +45,9 @@ from grasp3d.reading.sources import (
 )
 from grasp3d.settings import MeshOptions
 from grasp3d.system.isolation import CallFailedError, CallFailure, call
+
+if TYPE_CHECKING:
+    import trimesh
 
 # Without a handler, Python prints the messages of trimesh's logger to the terminal.
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
@@ -191,23 +193,31 @@ def parse_limited(source: Source) -> RawMesh:
         return parse(source)
 
 
-def _parsed(source: Source) -> trimesh.Scene:
+def _parsed(source: Source) -> "trimesh.Scene":
     return _scene(source, source.path.read_bytes())
 
 
-def _scene(source: Source, data: bytes, **options: Any) -> trimesh.Scene:
+def _scene(source: Source, data: bytes, **options: Any) -> "trimesh.Scene":
+    import trimesh  # not where a child process reads
+
     return trimesh.load_scene(io.BytesIO(data), file_type=source.kind, process=False, **options)
 
 
-def _parsed_gltf(source: Source) -> trimesh.Scene:
+def _no_parts() -> "trimesh.Scene":
+    import trimesh
+
+    return trimesh.Scene()
+
+
+def _parsed_gltf(source: Source) -> "trimesh.Scene":
     data, side_files = stripped_gltf(source)
     return _scene(source, data, resolver=side_files, skip_materials=True)
 
 
-def _parsed_3mf(source: Source) -> trimesh.Scene:
+def _parsed_3mf(source: Source) -> "trimesh.Scene":
     declared = count_parts(source)
     if not declared:
-        return trimesh.Scene()
+        return _no_parts()
     scene = _scene(source, source.path.read_bytes(), postprocess=False)
     count = len(scene.graph.nodes_geometry)
     if count != declared:
@@ -218,27 +228,27 @@ def _parsed_3mf(source: Source) -> trimesh.Scene:
     return scene
 
 
-def _parsed_obj(source: Source) -> trimesh.Scene:
+def _parsed_obj(source: Source) -> "trimesh.Scene":
     plain, *declared = plain_obj(source, source.path.read_bytes())
     scene = _scene(source, plain, maintain_order=True, skip_materials=True)
     return _complete(source, scene, *declared)
 
 
-def _parsed_off(source: Source) -> trimesh.Scene:
+def _parsed_off(source: Source) -> "trimesh.Scene":
     scene = _scene(source, plain_off(source, source.path.read_bytes()))
     return _complete(source, scene, *off_counts(source))
 
 
-def _parsed_ply(source: Source) -> trimesh.Scene:
+def _parsed_ply(source: Source) -> "trimesh.Scene":
     header = read_ply_header(source)
     if not header.count("face"):
-        return trimesh.Scene()
+        return _no_parts()
     data = plain_ply(source, header, source.path.read_bytes())
     scene = _scene(source, data, fix_texture=False, skip_materials=True)
     return _complete(source, scene, header.count("vertex"), header.count("face"))
 
 
-def _parsed_stl(source: Source) -> trimesh.Scene:
+def _parsed_stl(source: Source) -> "trimesh.Scene":
     data, faces = source.path.read_bytes(), binary_stl_faces(source)
     if faces is None:
         data, facets = plain_stl(source, data)
@@ -250,7 +260,7 @@ def _parsed_stl(source: Source) -> trimesh.Scene:
     return _scene(source, data)
 
 
-def _complete(source: Source, scene: trimesh.Scene, vertices: int, faces: int) -> trimesh.Scene:
+def _complete(source: Source, scene: "trimesh.Scene", vertices: int, faces: int) -> "trimesh.Scene":
     """The scene, after rejecting one with fewer vertices or faces than the file declares."""
     parts = list(scene.geometry.values())
     counts = [sum(len(getattr(part, name, ())) for part in parts) for name in ("vertices", "faces")]
@@ -273,7 +283,7 @@ _READERS = {
 }
 
 
-def _flattened(source: Source, scene: trimesh.Scene) -> RawMesh:
+def _flattened(source: Source, scene: "trimesh.Scene") -> RawMesh:
     vertices, faces = flattened(scene, source.where)
     if len(faces) == 0:
         raise source.error(

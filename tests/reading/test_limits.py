@@ -15,7 +15,7 @@ import psutil
 import pytest
 
 import grasp3d
-from grasp3d.cli import begin_reading
+from grasp3d.cli import begin_processes
 from grasp3d.errors import MeshError, MeshUnreadError
 from grasp3d.reading import archives
 from grasp3d.reading.mesh_files import read_mesh
@@ -63,10 +63,10 @@ def test_the_process_that_reads_a_file_can_be_begun_before(tmp_path: Path) -> No
     path, direct = good(tmp_path), written(tmp_path, "part.stl", mesh_files.stl_text().encode())
     end_idle()
     before = children()
-    begin_reading(tmp_path / "missing.glb")
-    begin_reading(direct)
+    begin_processes(tmp_path / "missing.glb", pictures=5)
+    begin_processes(direct)
     assert children() == before  # nothing to read, or nothing that another process reads
-    begin_reading(path)
+    begin_processes(path)
     begun = children() - before
     assert len(begun) == 1
     assert call(eval, "'trimesh' in __import__('sys').modules")

@@ -34,6 +34,29 @@ MODES = 6
 
 
 @merged
+def _components(axes, u):
+    """(z0, z1, z2, tangent, size, z3) of a direction along the axes of a contact of SURE forces."""
+    z0, z1, z2 = dot6(axes[0], u), dot6(axes[1], u), dot6(axes[2], u)
+    square = z1 * z1 + z2 * z2
+    return z0, z1, z2, math.sqrt(square), math.sqrt(z0 * z0 + square), dot6(axes[3], u)
+
+
+@merged
+def _farthest_mode(row, first, width, z):
+    """(support, first column) of the mode of a level that reaches farthest."""
+    z0, tangent, size, turning = z[0], z[3], z[4], abs(z[5])
+    best, chosen = -math.inf, first
+    for k in range(first, first + width, COLUMNS):
+        inside = z0 > 0.0 and tangent * row[k + 3] <= z0 * row[k + 4]
+        ball = row[k + 2] * (size if inside else row[k + 3] * z0 + row[k + 4] * tangent)
+        corner = row[k + 5] * z0 + row[k + 6] * tangent
+        height = max(row[k + 1] * z0, ball, corner) + row[k] * turning
+        if height > best:
+            best, chosen = height, k
+    return best, chosen
+
+
+@merged
 def _sure(row, first, z0, tangent):
     """(support, f_normal, f_tangential) of one contact in the mode whose columns start at first."""
     apex = row[first + 1]
@@ -111,29 +134,20 @@ def _width(space):
 @merged
 def _of_contact(space, i, first, u):
     """(support, force and moment along six axes) of one contact; the level starts at first."""
-    axes = space.axes[i]
-    z0, z1, z2 = dot6(axes[0], u), dot6(axes[1], u), dot6(axes[2], u)
-    tangent = math.sqrt(z1 * z1 + z2 * z2)
+    axes, row = space.axes[i], space.cones[i]
+    z = _components(axes, u)
+    z0, z1, z2, tangent, _, z3 = z
     scale = 1.0 / max(tangent, TINY)
     if space.torsion == SURE:
-        row, z3 = space.cones[i], dot6(axes[3], u)
-        height, f0, across, f3 = -math.inf, 0.0, 0.0, 0.0
-        for column in range(first, first + _width(space), COLUMNS):
-            reach, pressing, sliding = _sure(row, column, z0, tangent)
-            if reach + row[column] * abs(z3) > height:
-                height, f0, across, f3 = (
-                    reach + row[column] * abs(z3),
-                    pressing,
-                    sliding,
-                    row[column],
-                )
-        f3 = math.copysign(f3, z3)
+        height, mode = _farthest_mode(row, first, _width(space), z)
+        _, f0, across = _sure(row, mode, z0, tangent)
+        f3 = math.copysign(row[mode], z3)
         return height, f0, scale * across * z1, scale * across * z2, f3, 0.0, 0.0
     w0 = w1 = w2 = 0.0
     if axes.shape[0] == 6:
-        w0, w1, w2 = dot6(axes[3], u), dot6(axes[4], u), dot6(axes[5], u)
+        w0, w1, w2 = z3, dot6(axes[4], u), dot6(axes[5], u)
     twist = math.sqrt(w1 * w1 + w2 * w2)
-    height, f0, across, m0, m1 = _possible(space.spherical, space.cones[i], z0, tangent, w0, twist)
+    height, f0, across, m0, m1 = _possible(space.spherical, row, z0, tangent, w0, twist)
     f1, f2 = (scale * across * z1, scale * across * z2) if tangent > 0.0 else (across, 0.0)
     turn = m1 / max(twist, TINY)
     return height, f0, f1, f2, m0, turn * w1, turn * w2
@@ -162,10 +176,13 @@ def _best_level(space, u):
     best, chosen, width = -math.inf, 0, _width(space)
     if space.cones.shape[1] == width:
         return 0
+    one, two = (
+        _components(space.axes[0], u),
+        _components(space.axes[1], u),
+    )  # soft pairs have levels
     for first in range(0, space.cones.shape[1], width):
-        height = 0.0
-        for start in range(0, space.axes.shape[0], space.group):
-            height += _of_group(space, start, first, u)[1]
+        height, _ = _farthest_mode(space.cones[0], first, width, one)
+        height += _farthest_mode(space.cones[1], first, width, two)[0]
         if height > best:
             best, chosen = height, first
     return chosen

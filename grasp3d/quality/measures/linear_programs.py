@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linprog
 from scipy.sparse import block_diag
 
 from grasp3d.arrays import Floats
@@ -59,6 +58,8 @@ def _solve_together(programs: Sequence[Program], *, presolve: bool = True) -> Fl
     bounds: Any = np.concatenate(
         [np.stack([program.least, program.most], axis=1) for program in programs]
     )
+    from scipy.optimize import linprog
+
     result = linprog(
         cost,
         A_eq=_blocks([program.equal for program in programs]),
