@@ -61,7 +61,7 @@ ENGINES = {
     "pyarrow": {"system.tables"},
     "matplotlib": {"plots", "viewer"},
     "pyvista": {"mesh", "surface", "export", "plots", "viewer"},
-    "vtkmodules": {"export", "viewer"},
+    "vtkmodules": {"export", "plots.rendering", "viewer"},
     "trame": {"viewer"},
     "trame_rca": {"viewer"},
     "imageio_ffmpeg": {"viewer"},
