@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, angles_between, unit_rows
+from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, angles_between
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import turned
 from grasp3d.errors import ContactError
@@ -15,7 +15,7 @@ from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings.grasp_model import Method
 from grasp3d.stability.enumeration import Tested, check_combinations, closure_at, extreme_normals
 from grasp3d.stability.located_angles import ContactLimits, PairLines, located_grasps, located_pairs
-from grasp3d.stability.normal_sets import STEP, Creases, WorstAndBest, angles_to_set, sampled_set
+from grasp3d.stability.normal_sets import STEP, Creases, WorstAndBest, sampled_set
 
 MIN_FORM_CLOSURE = 7
 """Fewest contacts of a grasp that is force-closed without friction."""
@@ -93,10 +93,10 @@ def decide(problem: StabilityProblem, method: Method) -> tuple[Bools, Bools, Int
     if problem.contacts.count == 1:
         none = np.zeros(len(problem.tilt), dtype=np.bool_)  # a single force has no equilibrium
         return none, ~none, np.zeros(len(none), dtype=np.int64)
-    if problem.location.any():
-        return _of_located(problem)
-    if problem.contacts.count == 2:
-        return _of_pairs(problem)
+    if problem.contacts.patch is not None:
+        return _of_patches(problem)
+    if problem.contacts.count == 2 or problem.location.any():
+        return _by_thresholds(problem)
     if problem.creases:
         return _by_sampled_sets(problem)
     return _by_closure(problem)
@@ -150,51 +150,30 @@ def _lines_of_pairs(problem: StabilityProblem) -> PairLines:
     )
 
 
-def _of_located(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
-    """Contacts with uncertain locations: thresholds on their located angles."""
+def _by_thresholds(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
+    """Two contacts, and uncertain locations: thresholds on located angles."""
     worst, best = located_angles(problem)
-    widest = problem.widest_angle.max(axis=1)
-    stable, unstable = worst < problem.narrowest_angle.min(axis=1), best >= widest
+    narrowest, widest = problem.narrowest_angle, problem.widest_angle
+    stable, unstable = worst < narrowest.min(axis=1), best >= widest.max(axis=1)
     if problem.contacts.count > 2:
-        unstable &= (problem.widest_angle < RIGHT_ANGLE).all(axis=1)
-    else:  # contacts at one point: any line may be the true one
-        together = np.isinf(worst)
+        unstable &= (widest < RIGHT_ANGLE).all(axis=1)
+    else:
+        together = np.flatnonzero(np.isinf(worst))
+        located = problem.location[together].any(axis=1)
+        if problem.creases and not located.all():
+            raise ContactError(
+                f"grasp {together[~located][0]} of the batch has both contacts at one point, and "
+                "one on a crease; classify it without creases"
+            )
+        # Contacts at one point push along any line that lies in both cones; where their locations
+        # are uncertain, any line may be the true one, and normals of a crease may be nearer.
         normals = problem.contacts.normals[together]
         between = angles_between(normals[:, 0], -normals[:, 1])
-        stable[together] = False
-        unstable[together] = between >= problem.widest_angle[together].sum(axis=1)
-        if problem.creases:  # the normals of a crease may be nearer to each other than the middle
+        stable[together] = (between < narrowest[together].sum(axis=1)) & ~located
+        unstable[together] = between >= widest[together].sum(axis=1)
+        if problem.creases:
             unstable[together] = False
     return stable, unstable, np.zeros(len(stable), dtype=np.int64)
-
-
-def _of_pairs(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
-    """Two contacts: the better of squeezing and expanding, over the worst and best normals."""
-    if problem.contacts.patch is not None:
-        return _of_patches(problem)
-    points = problem.contacts.points
-    line = points[:, 1] - points[:, 0]
-    coincident = (line == 0.0).all(axis=1)
-    if coincident.any() and problem.creases:
-        which = int(coincident.argmax())
-        raise ContactError(
-            f"grasp {which} of the batch has both contacts at one point, and one on a crease; "
-            "classify it without creases"
-        )
-    narrowest = problem.narrowest_angle
-    widest = problem.widest_angle
-    stable, unstable = np.zeros(len(points), np.bool_), np.ones(len(points), np.bool_)
-    for sign in (1.0, -1.0):
-        angles = [_angles(problem, i, side * line) for i, side in enumerate((sign, -sign))]
-        best, worst = (np.stack([pair[k] for pair in angles], axis=1) for k in (0, 1))  # (b, 2)
-        stable |= (worst < narrowest).all(axis=1)
-        unstable &= (best >= widest).any(axis=1)
-    # Contacts at one point push along any line that lies in both cones.
-    normals = problem.contacts.normals[coincident]
-    between = angles_between(normals[:, 0], -normals[:, 1])
-    stable[coincident] = between < narrowest[coincident].sum(axis=1)
-    unstable[coincident] = between >= widest[coincident].sum(axis=1)
-    return stable, unstable, np.zeros(len(points), dtype=np.int64)
 
 
 def _of_patches(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
@@ -210,14 +189,6 @@ def _of_patches(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
         problem.widest_angle <= RIGHT_ANGLE
     ).all(axis=1)
     return stable, unstable, np.zeros(len(stable), dtype=np.int64)
-
-
-def _angles(problem: StabilityProblem, contact: int, directions: Floats) -> tuple[Floats, Floats]:
-    """Smallest and largest angle of a contact's normals to directions (b, 3)."""
-    if contact in problem.creases:
-        return angles_to_set(problem.creases[contact], unit_rows(directions))
-    angle = angles_between(problem.contacts.normals[:, contact], directions)
-    return angle, angle
 
 
 def _by_closure(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from grasp3d._kernels.hull.wrench_problem import SIGN
 from grasp3d._kernels.search.coplanar_contacts import critical_of_sets, make_plane
-from grasp3d._kernels.surface.normal_sets import largest_angle, order_normal_sets, smallest_angle
+from grasp3d._kernels.surface.normal_sets import order_normal_sets
 from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Bools, Floats, Ints, angles_between, unit_rows
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import on_arcs
@@ -93,16 +93,6 @@ def _checked(contact: int, values: ArrayLike, contacts: Contacts) -> Floats:
         )
     last = np.minimum(np.arange(corners), counts[:, None] - 1)  # (b, k)
     return np.take_along_axis(rows.reshape(normals.shape), last[..., None], axis=1)
-
-
-def angles_to_set(normals: Floats, directions: Floats) -> tuple[Floats, Floats]:
-    """(smallest, largest) angle between directions (b, 3) and convex sets (b, k, 3) [rad]."""
-    angles = np.empty((2, len(normals)))
-    counts = (normals == normals[:, -1:]).all(axis=2).argmax(axis=1) + 1  # the last may be repeated
-    for g, (rows, count, direction) in enumerate(zip(normals, counts, directions, strict=True)):
-        angles[0, g] = smallest_angle(rows, 0, count, *direction)
-        angles[1, g] = largest_angle(rows, 0, count, *direction)
-    return angles[0], angles[1]
 
 
 def sampled_set(normals: Floats, step: float = STEP) -> Floats:

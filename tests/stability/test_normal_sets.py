@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from grasp3d import Contacts
+from grasp3d._kernels.surface.normal_sets import largest_angle, smallest_angle
 from grasp3d.errors import ContactError
-from grasp3d.stability.normal_sets import STEP, angles_to_set, face_normals, sampled_set
+from grasp3d.stability.normal_sets import STEP, face_normals, sampled_set
 from tests.helpers import oracles
 from tests.helpers.tilts import angle_to_set, angles, within_sets
 
@@ -20,6 +21,17 @@ seeds = st.integers(0, 100_000)
 
 PAIR = Contacts([[-1, 0, 0], [1, 0, 0]], [[1, 0, 0], [-1, 0, 0]])
 CUBE_CORNER = -np.eye(3)
+
+
+def angles_to_set(normals: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(smallest, largest) angle between directions (b, 3) and convex sets (b, k, 3) [rad]."""
+    counts = (normals == normals[:, -1:]).all(axis=2).argmax(axis=1) + 1  # the last may be repeated
+    sets = list(zip(normals, counts, directions, strict=True))
+    smallest, largest = (
+        np.array([angle(rows, 0, count, *direction) for rows, count, direction in sets])
+        for angle in (smallest_angle, largest_angle)
+    )
+    return smallest, largest
 
 
 def random_set(corners: int, half_width: float, seed: int) -> np.ndarray:
