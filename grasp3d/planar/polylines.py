@@ -16,66 +16,6 @@ CHUNK = 1 << 16
 """Pairs of an angle and an edge in memory at once."""
 
 
-def length_below(
-    angles: ArrayLike,
-    fixed: OutlineContacts,
-    edges: OutlineContacts,
-    along: Floats,
-    *,
-    best: bool,
-    location: float = 0.0,
-) -> Floats:
-    """Length of the part of the edges whose critical angle is below given angles.
-
-    Args:
-        angles: The angles [rad], any shape.
-        fixed: The contact of the first finger.
-        edges: The edges' starting points and normals (k,).
-        along: The edges from start to end, shape (k, 2).
-        best: Whether to take the best normals of the fixed finger and the best true locations
-            instead of the worst.
-        location: Sum of the two location errors [unit].
-
-    Returns:
-        Lengths [unit], of the shape of angles.
-    """
-    clipped = np.clip(np.asarray(angles, dtype=np.float64), 0.0, 1.5 * math.pi)
-    flat = clipped.reshape(-1)
-    step = max(1, CHUNK // len(along))
-    chunks = [flat[start : start + step, None, None] for start in range(0, len(flat), step)]
-    parts = [
-        _length_below(chunk, fixed, edges, along, best=best, location=location) for chunk in chunks
-    ]
-    return np.concatenate([np.zeros(0), *parts]).reshape(clipped.shape)
-
-
-def _length_below(
-    angle: Floats,
-    fixed: OutlineContacts,
-    edges: OutlineContacts,
-    along: Floats,
-    *,
-    best: bool,
-    location: float,
-) -> Floats:
-    """See `length_below`; angle (b, 1, 1), result (b,)."""
-    half_range, point = fixed.half_range[0], fixed.points[0]
-    reach = angle + half_range if best else angle - half_range
-    directions = [fixed.middle[0] + side * reach for side in (-1.0, 1.0)]
-    directions += [edges.middle[:, None] + side * angle for side in (-1.0, 1.0)]
-    crossings = [_crossings(point, directions, edges.points, along)]
-    if location != 0.0:
-        crossings = _located_crossings(point, directions, edges.points, along, location)
-    breaks = _ordered(crossings)  # (b, k, m)
-    half = 0.5 * (breaks[..., 1:] + breaks[..., :-1])[..., None]  # (b, k, m - 1, 1)
-    apart = edges.points[:, None] - point + half * along[:, None]
-    lines = Lines.of(apart, fixed.middle[0], edges.middle[:, None])
-    angles = (lines.best if best else lines.worst)((half_range, np.zeros(1)), location)
-    below = angles - angle < -TIE
-    lengths = np.hypot(along[:, 0], along[:, 1])[:, None] * np.diff(breaks)
-    return np.asarray(np.where(below, lengths, 0.0).sum(axis=(1, 2)))
-
-
 def _located_crossings(
     point: Floats, directions: list[Floats], starts: Floats, along: Floats, location: float
 ) -> list[Floats]:
@@ -210,10 +150,32 @@ class Polyline(Outline):
 
     def fraction_below(self, angles: ArrayLike, *, location: float, best: bool) -> Floats:
         """See `Outline`: from the points of the edges where the label changes."""
-        below = length_below(
-            angles, self._finger, self._edges, self._along, best=best, location=location
-        )
+        clipped = np.clip(np.asarray(angles, dtype=np.float64), 0.0, 1.5 * math.pi)
+        flat = clipped.reshape(-1)
+        step = max(1, CHUNK // len(self.corners))
+        chunks = [flat[start : start + step, None, None] for start in range(0, len(flat), step)]
+        parts = [self._length_below(chunk, best=best, location=location) for chunk in chunks]
+        below = np.concatenate([np.zeros(0), *parts]).reshape(clipped.shape)
         return np.minimum(below / self.perimeter, 1.0)
+
+    def _length_below(self, angle: Floats, *, best: bool, location: float) -> Floats:
+        """Length of the part of the edges whose angle is below given ones (b, 1, 1), shape (b,)."""
+        finger, edges, along = self._finger, self._edges, self._along
+        half_range, point = finger.half_range[0], finger.points[0]
+        reach = angle + half_range if best else angle - half_range
+        directions = [finger.middle[0] + side * reach for side in (-1.0, 1.0)]
+        directions += [edges.middle[:, None] + side * angle for side in (-1.0, 1.0)]
+        crossings = [_crossings(point, directions, edges.points, along)]
+        if location != 0.0:
+            crossings = _located_crossings(point, directions, edges.points, along, location)
+        breaks = _ordered(crossings)  # (b, k, m)
+        half = 0.5 * (breaks[..., 1:] + breaks[..., :-1])[..., None]  # (b, k, m - 1, 1)
+        apart = edges.points[:, None] - point + half * along[:, None]
+        lines = Lines.of(apart, finger.middle[0], edges.middle[:, None])
+        angles = (lines.best if best else lines.worst)((half_range, np.zeros(1)), location)
+        below = angles - angle < -TIE
+        lengths = self._lengths[:, None] * np.diff(breaks)
+        return np.asarray(np.where(below, lengths, 0.0).sum(axis=(1, 2)))
 
     @cached_property
     def _finger(self) -> OutlineContacts:
