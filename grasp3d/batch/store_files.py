@@ -8,12 +8,9 @@ crash.
 import json
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, is_dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from enum import StrEnum
-from functools import cache
-from types import NoneType
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any
 
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import METHOD, settings_text
@@ -21,6 +18,7 @@ from grasp3d.batch.inputs import MARKER, STORED
 from grasp3d.batch.row import PackedRows, Row
 from grasp3d.batch.storage.folder import Folder
 from grasp3d.errors import OutputError
+from grasp3d.system.documents import typed
 from grasp3d.system.names import as_unicode, printable
 from grasp3d.system.tables import pack_records, unpack_records
 from grasp3d.system.versions import package_version
@@ -270,7 +268,7 @@ def unpack_entry(data: bytes) -> JournalEntry:
     """
     try:
         values = json.loads(data)
-        rows = tuple(_converted(Row, row) for row in values["rows"])
+        rows = tuple(typed(row, Row) for row in values["rows"])
         to_replace = {
             str(name): {str(file): str(stamp) for file, stamp in stamps.items()}
             for name, stamps in values["to_replace"].items()
@@ -288,37 +286,6 @@ def in_unicode(row: Row) -> Row:
         if type(value) is str and not value.isascii()
     }
     return replace(row, **text) if text else row
-
-
-def _converted(hint: Any, value: Any) -> Any:
-    """Convert a JSON value to a type hint.
-
-    Raises:
-        TypeError: The value is of another type.
-    """
-    kinds = [each for each in get_args(hint) if each is not NoneType]
-    if get_origin(hint) is tuple:
-        return tuple(_converted(kinds[0], item) for item in value)
-    if kinds:  # a field that may be none
-        return None if value is None else _converted(kinds[0], value)
-    if is_dataclass(hint):
-        hints = _hints(hint)  # type: ignore[arg-type]
-        fields = {
-            name: _converted(hints[name], item) for name, item in value.items() if name in hints
-        }
-        return hint(**fields)  # type: ignore[operator]
-    if issubclass(hint, StrEnum):
-        return hint(value)
-    if hint is float and type(value) is int:
-        return float(value)
-    if type(value) is not hint:
-        raise TypeError(f"{value!r:.50} is not of type {hint.__name__}")
-    return value
-
-
-@cache
-def _hints(kind: Any) -> dict[str, Any]:
-    return get_type_hints(kind)
 
 
 def read_journal(output: Folder) -> tuple[dict[str, JournalEntry], dict[str, tuple[bytes, str]]]:

@@ -8,7 +8,7 @@ from typing import Any, get_type_hints
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.jaws import Corners
-from grasp3d.system.documents import load_json
+from grasp3d.system.documents import load_json, typed
 from grasp3d.system.names import printable
 
 FORMAT, VERSION = "grasp3d gripper", 1
@@ -76,25 +76,8 @@ def read_json(path: Path) -> object:
 
 def _typed(name: str, value: object, kind: Any) -> Any:
     """A value in the type of its field. Raises SettingError."""
-    if _fits(value, kind):
-        return _as_tuples(value)
-    raise SettingError(f"{name} must be {_KINDS[kind]}; got {json.dumps(value)[:40]}")
-
-
-def _as_tuples(value: object) -> Any:
-    """Lists of lists as tuples of tuples."""
-    return tuple(map(_as_tuples, value)) if isinstance(value, list) else value
-
-
-def _fits(value: object, kind: Any) -> bool:
-    if kind is str:
-        return isinstance(value, str)
-    if kind in {float, float | None}:
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        return is_number or (value is None and kind is not float)
-    item, *more = kind.__args__
-    return (
-        isinstance(value, list)
-        and all(_fits(one, item) for one in value)
-        and (... in more or len(value) == 1 + len(more))
-    )
+    try:
+        return typed(value, kind)
+    except TypeError as error:
+        got = json.dumps(value)[:40]
+        raise SettingError(f"{name} must be {_KINDS[kind]}; got {got}") from error

@@ -10,8 +10,12 @@ import os
 import re
 import stat
 from collections.abc import Sequence
+from dataclasses import is_dataclass
+from enum import StrEnum
+from functools import cache
 from pathlib import Path
-from typing import Any
+from types import NoneType
+from typing import Any, get_args, get_origin, get_type_hints
 
 DEEPEST = 32
 """Deepest nesting of lists and objects that is read, so that nothing later exceeds the stack."""
@@ -130,6 +134,37 @@ def numbers_of(text: str, count: int) -> list[float]:
         expected = "a finite number" if count == 1 else f"{count} finite numbers"
         raise ValueError(f"must be {expected}; got {described(text)}")
     return numbers
+
+
+def typed(value: Any, hint: Any) -> Any:
+    """A value of JSON in the type of a hint: lists as tuples, objects as dataclasses.
+
+    Raises:
+        TypeError: It is of another type. ValueError: It is none of the texts of an enumeration.
+    """
+    kinds = [each for each in get_args(hint) if each is not NoneType]
+    if get_origin(hint) is tuple:
+        if type(value) is not list or (... not in kinds and len(value) != len(kinds)):
+            raise TypeError(f"{value!r:.50} is no list of so many values")
+        return tuple(typed(item, kinds[0]) for item in value)
+    if kinds:  # a value that may be none
+        return None if value is None else typed(value, kinds[0])
+    if is_dataclass(hint):
+        hints = _hints(hint)
+        known = {name: typed(item, hints[name]) for name, item in value.items() if name in hints}
+        return hint(**known)  # type: ignore[operator]
+    if issubclass(hint, StrEnum):
+        return hint(value)
+    if hint is float and type(value) is int:
+        return float(value)
+    if type(value) is not hint:
+        raise TypeError(f"{value!r:.50} is not of type {hint.__name__}")
+    return value
+
+
+@cache
+def _hints(kind: Any) -> dict[str, Any]:
+    return get_type_hints(kind)
 
 
 def described(value: object) -> str:
