@@ -74,7 +74,13 @@ def run(
     if cluster.workers == 0:
         for job in chain(first, jobs):
             started(job)
-            yield _run_here(task, job, settings, lost)
+            try:  # a crash of the job ends this process
+                row = task(job, settings)
+            except NeedsMemory as more:
+                row = lost(job, str(more))
+            except Exception as error:  # noqa: BLE001, a bug met by one mesh must not end the others
+                row = lost(job, describe_unexpected(error))
+            yield row
         return
     with ExitStack() as stack:
         client: JobClient
@@ -101,21 +107,6 @@ def _strictly(task: Callable[[JobT, SettingsT], RowT], job: JobT, settings: Sett
     """Run a job whose warnings are errors, also in a process of its own."""
     with running(strict=True):
         return task(job, settings)
-
-
-def _run_here(
-    task: Callable[[JobT, SettingsT], RowT],
-    job: JobT,
-    settings: SettingsT,
-    lost: Callable[[JobT, str], RowT],
-) -> RowT:
-    """Run one job in this process; a crash of the job ends the process."""
-    try:
-        return task(job, settings)
-    except NeedsMemory as more:
-        return lost(job, str(more))
-    except Exception as error:  # noqa: BLE001, a bug met by one mesh must not end the others
-        return lost(job, describe_unexpected(error))
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,7 @@ def library_data(rows: Collection[Row], settings: BatchSettings) -> dict[str, An
     return {
         "friction": model.friction,
         "resolution": _rounded(math.degrees(model.sensor_resolution)),
-        "uncertain": is_uncertain(model),
+        "uncertain": model.is_uncertain,
         "certainty": SAFE_LABELS if model.certainty == "safe" else "",
         "summary": summarise_settings(settings),
         "settings": describe_settings(settings),
@@ -85,16 +85,6 @@ def library_data(rows: Collection[Row], settings: BatchSettings) -> dict[str, An
         "curves": lines,
         "curve": _curve_of(model, lines),
     }
-
-
-def is_uncertain(model: GraspModel) -> bool:
-    """Whether anything but the sensor's normals is uncertain.
-
-    Args:
-        model: Model of the labels.
-    """
-    errors = (model.friction_error, model.normal_error, model.location_error, model.per_finger)
-    return any(errors)
 
 
 def object_list(rows: Collection[Row]) -> list[tuple[str, str]]:

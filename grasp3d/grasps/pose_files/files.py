@@ -8,37 +8,10 @@ from typing import Any
 import numpy as np
 
 from grasp3d.errors import ContactError, OutputError, SettingError
-from grasp3d.grasps.pose_files.acronym import h5py_module, read_acronym, write_acronym
-from grasp3d.grasps.pose_files.data_sets import (
-    is_graspgen,
-    parse_graspgen,
-    read_graspnet,
-    write_graspgen,
-    write_graspnet,
-)
-from grasp3d.grasps.pose_files.documents import (
-    check_file,
-    load_json,
-    one_line,
-    yaml_module,
-)
+from grasp3d.grasps.pose_files import acronym, data_sets, own_files, robots
+from grasp3d.grasps.pose_files.documents import check_file, load_json, one_line, yaml_module
 from grasp3d.grasps.pose_files.frames import GivenPose, missing_of_hand, read_object_pose
 from grasp3d.grasps.pose_files.header import OBJECT_FRAMES
-from grasp3d.grasps.pose_files.own_files import (
-    are_poses,
-    is_own,
-    parse_json,
-    read_table,
-    write_json,
-    write_table,
-)
-from grasp3d.grasps.pose_files.robots import (
-    is_moveit,
-    parse_moveit,
-    read_isaac,
-    write_isaac,
-    write_moveit,
-)
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
@@ -63,14 +36,20 @@ class _Format:
 
 
 _FORMATS: dict[PoseFormat, _Format] = {
-    "json": _Format((".json",), write_json, parse_json, is_own),
-    "csv": _Format((".csv",), write_table, read_table),
-    "parquet": _Format((".parquet",), write_table, read_table),
-    "isaac_grasp": _Format((".yaml", ".yml"), write_isaac, read_isaac, library=yaml_module),
-    "acronym": _Format((".h5", ".hdf5"), write_acronym, read_acronym, library=h5py_module),
-    "graspgen": _Format((".json",), write_graspgen, parse_graspgen, is_graspgen),
-    "graspnet": _Format((".npy",), write_graspnet, read_graspnet),
-    "moveit": _Format((".json",), write_moveit, parse_moveit, is_moveit),
+    "json": _Format((".json",), own_files.write_json, own_files.parse_json, own_files.is_own),
+    "csv": _Format((".csv",), own_files.write_table, own_files.read_table),
+    "parquet": _Format((".parquet",), own_files.write_table, own_files.read_table),
+    "isaac_grasp": _Format(
+        (".yaml", ".yml"), robots.write_isaac, robots.read_isaac, library=yaml_module
+    ),
+    "acronym": _Format(
+        (".h5", ".hdf5"), acronym.write_acronym, acronym.read_acronym, library=acronym.h5py_module
+    ),
+    "graspgen": _Format(
+        (".json",), data_sets.write_graspgen, data_sets.parse_graspgen, data_sets.is_graspgen
+    ),
+    "graspnet": _Format((".npy",), data_sets.write_graspnet, data_sets.read_graspnet),
+    "moveit": _Format((".json",), robots.write_moveit, robots.parse_moveit, robots.is_moveit),
 }
 
 OWN_FORMATS = frozenset[PoseFormat]({"json", "csv", "parquet"})
@@ -229,7 +208,7 @@ def holds_poses(path: str | Path) -> bool:
             return _json_format(load_json(path)) is not None
         from grasp3d.system.tables import column_names
 
-        return are_poses(column_names(path))
+        return own_files.are_poses(column_names(path))
     except (OSError, ValueError, ContactError):
         return False
 
