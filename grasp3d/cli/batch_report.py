@@ -14,7 +14,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from grasp3d.batch.library import REPORT, BatchProgress, LibraryLabels
 from grasp3d.batch.row import Outcome, Row
-from grasp3d.cli.margin_report import MARGIN, is_uncertain, margin_text
+from grasp3d.cli.margin_report import MARGIN, margin_text
 from grasp3d.cli.report import CHECK_HINT, FAILED, WARNING, Report, angle_text, escaped, table_of
 from grasp3d.errors import OutputError
 from grasp3d.grasps.verdict import Word
@@ -230,7 +230,7 @@ def _print_some(report: Report, mark: str, lines: Sequence[str], what: str) -> N
 
 
 def _print_table(report: Report, rows: Collection[Row], model: GraspModel) -> None:
-    uncertain = is_uncertain(model)
+    uncertain = model.is_uncertain
     margin = ["margin"] * uncertain
     names = ("vertices", "S %", "M %", "U %", "β* 10/50/90 %", *margin, EPSILON_MIN, "s")
     cells = (_cells(row, uncertain=uncertain) for row in rows)

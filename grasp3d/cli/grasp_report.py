@@ -11,7 +11,6 @@ from grasp3d.cli.margin_report import (
     LOAD,
     MARGIN,
     holding_columns,
-    is_uncertain,
     margin_columns,
     margin_text,
     print_load,
@@ -222,7 +221,7 @@ def _number_of(count: int, total: int) -> tuple[str, str]:
 def _added_legend(grasps: GraspTable | EvaluatedPoses) -> str:
     """Meaning of the columns on loads and margins, if there are any."""
     forces = "" if grasps.holding is None else LOAD
-    return forces + (MARGIN if is_uncertain(grasps.model) else "")
+    return forces + (MARGIN if grasps.model.is_uncertain else "")
 
 
 def _legend(grasps: GraspTable) -> str:

@@ -48,17 +48,6 @@ class _Labelled(Protocol):
     def margin(self) -> Floats: ...
 
 
-def is_uncertain(model: GraspModel) -> bool:
-    """Whether anything but the sensor's normals is uncertain.
-
-    Args:
-        model: The model.
-    """
-    return bool(
-        model.friction_error or model.normal_error or model.location_error or model.per_finger
-    )
-
-
 def uncertainty_lines(
     labelled: _Labelled, areas: Floats | None, *, of: str, unit: Unit | None
 ) -> list[str]:
@@ -71,7 +60,7 @@ def uncertainty_lines(
         unit: Unit of the mesh.
     """
     model = labelled.model
-    if not is_uncertain(model):
+    if not model.is_uncertain:
         return []
     lines = [f"uncertain: {'; '.join(_uncertainties(model, unit))}"]
     if model.certainty == "safe":
@@ -94,7 +83,7 @@ def uncertainty_lines(
 def margin_columns(grasps: _Labelled) -> list[Column]:
     """The margin of each grasp, if anything but the sensor's normals is uncertain."""
     margin: Column = ("margin", lambda row: margin_text(grasps.margin[row]))
-    return [margin] * is_uncertain(grasps.model)
+    return [margin] * grasps.model.is_uncertain
 
 
 def margin_text(margin: float) -> str:

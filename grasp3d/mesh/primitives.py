@@ -23,7 +23,7 @@ def sphere_mesh(radius: float = 1.0, *, subdivisions: int = 5) -> ObjectMesh:
     Raises:
         MeshError: The size is not a positive number.
     """
-    return _prepared(trimesh.creation.icosphere(subdivisions, radius), max_edge=4.0 * radius)
+    return load_mesh(trimesh.creation.icosphere(subdivisions, radius), max_edge=4.0 * radius)
 
 
 def box_mesh(
@@ -39,7 +39,7 @@ def box_mesh(
         MeshError: The size is not a positive number.
     """
     longest = DEFAULT_EDGE * max(extents) if max_edge is None else max_edge
-    return _prepared(trimesh.creation.box(extents), max_edge=longest)
+    return load_mesh(trimesh.creation.box(extents), max_edge=longest)
 
 
 def cylinder_mesh(
@@ -67,10 +67,4 @@ def cylinder_mesh(
     )
     cylinder = trimesh.creation.revolve(profile, sections=SECTIONS)
     cylinder.vertices = cylinder.vertices[:, [2, 0, 1]]
-    return _prepared(cylinder, max_edge=longest)
-
-
-def _prepared(mesh: trimesh.Trimesh, *, max_edge: float) -> ObjectMesh:
-    return load_mesh(
-        (np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)), max_edge=max_edge
-    )
+    return load_mesh(cylinder, max_edge=longest)

@@ -325,6 +325,11 @@ class GraspModel(LengthSettings):
         return self.location_error == 0.0 and not self.per_finger
 
     @property
+    def is_uncertain(self) -> bool:
+        """Whether anything but the sensor's normals is uncertain."""
+        return bool(self.friction_error or self.normal_error) or not self.is_uniform
+
+    @property
     def unstable_from(self) -> float:
         """Critical friction angle from which a grasp is U [rad]: beta + alpha/2.
 
