@@ -6,6 +6,7 @@ The paper's circle is such an outline.
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
+from typing import Required, TypedDict, Unpack
 
 import numpy as np
 
@@ -262,5 +263,25 @@ class Circle(Outline):
         return fraction * math.pi / 2.0
 
 
-circle_fractions = Circle().fractions
-"""Fractions of the paper's circle that are S, M and U; `location_error` in radii."""
+class FractionSettings(TypedDict, total=False):
+    """Keywords of `Outline.fractions`."""
+
+    friction: Required[float | tuple[float, float]]
+    sensor_resolution: Required[float]
+    friction_error: float
+    normal_error: float
+    location_error: float
+
+
+def circle_fractions(**settings: Unpack[FractionSettings]) -> dict[str, float]:
+    """Fractions of the paper's circle that are S, M and U; keywords as of `Outline.fractions`.
+
+    `location_error` is a number of radii.
+
+    Example:
+        >>> from grasp3d.planar import circle_fractions
+        >>> table = circle_fractions(friction=(0.9, 1.1), sensor_resolution=0.4, location_error=0.1)
+        >>> {name: round(fraction, 3) for name, fraction in table.items()}
+        {'S': 0.269, 'M': 0.388, 'U': 0.342}
+    """
+    return Circle().fractions(**settings)

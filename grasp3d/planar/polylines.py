@@ -3,13 +3,21 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Unpack
 
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.planar.contacts import STRAIGHT, TIE, Lines, OutlineContacts
-from grasp3d.planar.outlines import LARGEST, SMALLEST, Outline, length, wrapped_position
+from grasp3d.planar.outlines import (
+    LARGEST,
+    SMALLEST,
+    FractionSettings,
+    Outline,
+    length,
+    wrapped_position,
+)
 from grasp3d.settings import whole_number
 
 CHUNK = 1 << 16
@@ -238,6 +246,20 @@ def regular_polygon(sides: int, radius: float = 1.0) -> Polyline:
     return Polyline(np.vstack([[start], corners]), name=f"regular polygon of {count} sides")
 
 
+def square_fractions(**settings: Unpack[FractionSettings]) -> dict[str, float]:
+    """Fractions of the paper's square that are S, M and U; keywords as of `Outline.fractions`.
+
+    `location_error` is a number of half sides.
+
+    Example:
+        >>> from grasp3d.planar import square_fractions
+        >>> fractions = square_fractions(friction=1.0, sensor_resolution=0.4, location_error=0.1)
+        >>> {name: round(fraction, 3) for name, fraction in fractions.items()}
+        {'S': 0.25, 'M': 0.362, 'U': 0.388}
+    """
+    return square().fractions(**settings)
+
+
 def simple_polygon(corners: ArrayLike) -> Floats:
     """Corners of a simple polygon, counter-clockwise.
 
@@ -324,7 +346,3 @@ def _check_apart(corners: Floats) -> None:
 
 def _cross(first: Floats, second: Floats) -> Floats:
     return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
-
-
-square_fractions = square().fractions
-"""Fractions of the paper's square that are S, M and U; `location_error` in half sides."""
