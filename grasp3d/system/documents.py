@@ -150,7 +150,7 @@ def typed(value: Any, hint: Any) -> Any:
     if kinds:  # a value that may be none
         return None if value is None else typed(value, kinds[0])
     if is_dataclass(hint):
-        hints = _hints(hint)
+        hints = _hints(hint)  # type: ignore[arg-type]
         known = {name: typed(item, hints[name]) for name, item in value.items() if name in hints}
         return hint(**known)  # type: ignore[operator]
     if issubclass(hint, StrEnum):
