@@ -55,6 +55,7 @@ nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
     ("py:class", r"grasp3d\.mesh\.\w+\.MovableSurface"),  # a scan that is prepared already
     ("py:class", r"grasp3d\.surface\.fields\.Field"),  # declares columns of files
     ("py:class", r".*\.tasks\.Terms?|.*\._Part|.*\.regions\.Parts"),  # likewise
+    ("py:class", r"grasp3d\.planar\.outlines\.FractionSettings"),  # keywords of `Outline.fractions`
     ("py:obj", r".*"),  # parameters, and words in backticks
 ]
 
