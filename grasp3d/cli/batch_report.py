@@ -15,7 +15,16 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from grasp3d.batch.library import REPORT, BatchProgress, LibraryLabels
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.cli.margin_report import MARGIN, margin_text
-from grasp3d.cli.report import CHECK_HINT, FAILED, WARNING, Report, angle_text, escaped, table_of
+from grasp3d.cli.report import (
+    CHECK_HINT,
+    FAILED,
+    WARNING,
+    Report,
+    angle_text,
+    duration_text,
+    escaped,
+    table_of,
+)
 from grasp3d.errors import OutputError
 from grasp3d.grasps.verdict import Word
 from grasp3d.settings import GraspModel
@@ -43,14 +52,13 @@ class ProgressDisplay:
     def __init__(self, bar: Progress, *, lines: Console | None) -> None:
         self._bar, self._lines = bar, lines
         self._task = bar.add_task("labelling", total=1.0, status="")
-        self._started: float | None = None
-        self._last_line = 0.0
+        self._started = self._last_line = 0.0
         self._progress: BatchProgress | None = None
 
     def __call__(self, progress: BatchProgress) -> None:
         """Show the progress."""
         now = time.monotonic()
-        if self._started is None:
+        if self._progress is None:
             self._start(progress, now)
         self._progress = progress
         self._bar.update(self._task, completed=progress.fraction, status=self._status(now))
@@ -85,7 +93,7 @@ class ProgressDisplay:
 
     def _status(self, now: float) -> str:
         progress = self._progress
-        if progress is None or self._started is None:
+        if progress is None:
             return ""
         count, seconds = progress.labelled + progress.failed, now - self._started
         rate = f", {count / seconds:.3g}/s" if count and seconds else ""
@@ -97,7 +105,7 @@ class ProgressDisplay:
 
     def _time_left(self) -> str:
         seconds = self._bar.tasks[self._task].time_remaining
-        return f"; about {_duration(seconds)} left" if seconds else ""
+        return f"; about {duration_text(seconds)} left" if seconds else ""
 
 
 def _log_row(row: Row) -> None:
@@ -105,14 +113,6 @@ def _log_row(row: Row) -> None:
         _log.info("labelled %s in %.1f s", printable(row.mesh), row.seconds)
     else:
         _log.error("%s: %s", row.outcome, printable(row.error))
-
-
-def _duration(seconds: float) -> str:
-    """A time as text, in seconds, minutes or hours."""
-    minutes, hours = seconds / 60.0, seconds / 3600.0
-    if minutes < 1.5:
-        return f"{seconds:.0f} s"
-    return f"{minutes:.0f} min" if hours < 1.5 else f"{hours:.1f} h"
 
 
 @contextmanager

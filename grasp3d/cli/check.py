@@ -24,7 +24,7 @@ from grasp3d.cli import progress_bars
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.mesh_commands import Check
 from grasp3d.cli.options import given_sampling
-from grasp3d.cli.report import FAILED, Report, escaped, table_of
+from grasp3d.cli.report import FAILED, Report, duration_text, escaped, table_of
 from grasp3d.mesh.diagnosis import MeshDiagnosis, SurfaceMeasures, Trust
 from grasp3d.system.counts import counted
 
@@ -95,9 +95,10 @@ def _print_page(report: Report, mesh: CheckedMesh) -> None:
         f"self-intersecting faces: {diagnosis.crossing_faces:,}; noise of normals: "
         f"{math.degrees(diagnosis.noise):.1f}°; manifold: {manifold}"
     )
+    time = "a second" if cost.seconds < 1.0 else duration_text(cost.seconds)
     report.paragraph(
         f"labelling: {counted(diagnosis.label_vertices, 'vertices')}, "
-        f"{'several times' if cost.more else 'about'} {_seconds(cost.seconds)} and "
+        f"{'several times' if cost.more else 'about'} {time} and "
         f"{cost.memory:.1f} GB"
     )
     report.paragraph(f"labels can be trusted: {_colored(diagnosis.trust)}")
@@ -173,13 +174,6 @@ def _change(before: float | None, after: float | None) -> str:
         return "new"
     percent = 100.0 * (after / before - 1.0)
     return f"{percent:+.2g} %" if abs(percent) < 99.5 else f"{percent:+,.0f} %"
-
-
-def _seconds(seconds: float) -> str:
-    if seconds < 1.0:
-        return "a second"
-    minutes = seconds / 60.0
-    return f"{seconds:.0f} s" if minutes < 2.0 else f"{minutes:.0f} min"
 
 
 def _print_lines(report: Report, meshes: Sequence[CheckedMesh]) -> None:

@@ -10,7 +10,7 @@ from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, 
 from functools import cache, partial
 from pathlib import Path
 from types import GenericAlias, NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import docstring_parser
 import tyro
@@ -46,6 +46,8 @@ _METAVARS = {
     "object_mass": "MASS",
 }  # fmt: skip
 """Placeholders of the values of some settings; others have a placeholder by their type."""
+
+ValueT = TypeVar("ValueT")
 
 Parser = PrimitiveConstructorSpec[Any]
 """How words of the command line become a value."""
@@ -320,23 +322,21 @@ def _task(text: str) -> TaskText:
 
 
 def _fingers(text: str) -> tuple[Uncertainty, ...]:
-    """Return the uncertainty of each finger.
-
-    Raises:
-        SettingError: It is none.
-    """
-    try:
-        return parse_fingers("" if text.lower() == _NONE else text)
-    except SettingError as error:
-        raise SettingError(f"--per-finger: {error}") from error
+    """Return the uncertainty of each finger."""
+    return _named("--per-finger", parse_fingers, "" if text.lower() == _NONE else text)
 
 
 def _hand(option: str, word: str) -> Hand:
     """Return the gripper of a preset or a file."""
     from grasp3d.hand.hand_files import read_hand
 
+    return _named(option, read_hand, word)
+
+
+def _named(option: str, parse: Callable[[str], ValueT], word: str) -> ValueT:
+    """Parse a word; errors name the option."""
     try:
-        return read_hand(word)
+        return parse(word)
     except GraspError as error:
         raise SettingError(f"{option}: {error}") from error
 

@@ -187,6 +187,14 @@ def exact_angle(angle: float) -> str:
     return f"{round(math.degrees(angle), 2) + 0.0:.2f}°"  # never -0.00
 
 
+def duration_text(seconds: float) -> str:
+    """Format a time in seconds, minutes or hours."""
+    minutes, hours = seconds / 60.0, seconds / 3600.0
+    if minutes < 1.5:
+        return f"{seconds:.0f} s"
+    return f"{minutes:.0f} min" if hours < 1.5 else f"{hours:.1f} h"
+
+
 def length_with_unit(length: float, unit: Unit | None) -> str:
     """Format a length in the mesh's unit."""
     return f"{length:.4g} {unit or '(unit not stated)'}"

@@ -204,15 +204,12 @@ def render_copy(session: Session, camera: pyvista.Camera, width: int, height: in
     Returns:
         RGB colours, shape (height, width, 3).
     """
-    size = ViewSettings(width=max(MIN_WIDTH, width), height=max(MIN_HEIGHT, height))
-    plotter = new_plotter(size, off_screen=True)
-    try:
+    size = max(MIN_WIDTH, width), max(MIN_HEIGHT, height)
+    with off_screen(*size) as (plotter, factor):
         scene = Scene(plotter)
         scene.update(session)
         scene.camera.DeepCopy(camera)
-        return scene.screenshot()
-    finally:
-        plotter.close()
+        return averaged(scene.screenshot(), factor)
 
 
 def file_name(session: Session, kind: str, suffix: str) -> str:

@@ -126,8 +126,8 @@ class SubjectCache:
 def collection_of(labels: SurfaceLabels) -> Collection:
     """Collection of one surface that is already labelled."""
     subject = subject_of(labels)
-    item = Item(as_unicode(subject.name), lambda: warm_up(subject))
-    return Collection((item,), labels.model, labels.sampling or _default(labels.model))
+    sampling = labels.sampling or _default(labels.model)
+    return _single(subject.name, lambda: warm_up(subject), labels.model, sampling)
 
 
 def collection_of_mesh(

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pyvista
@@ -246,11 +247,7 @@ class _Lines:
 
     def moved_down(self) -> list[OverlayItem]:
         """The texts, moved to the lower end of the panel."""
-        return [
-            TextLine(one.text, one.x, one.y - self.y + 0.5 * self.area.margin, one.size, one.color)
-            for one in self._items
-            if isinstance(one, TextLine)
-        ]
+        return [replace(one, y=one.y - self.y + 0.5 * self.area.margin) for one in self._items]
 
 
 def _add_keys(lines: _Lines) -> None:
