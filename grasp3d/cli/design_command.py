@@ -3,11 +3,11 @@
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import tyro
 
-from grasp3d.cli.options import Flag, Forced, LengthOption, Overwriting, Strict
+from grasp3d.cli.options import Flag, Forced, LengthOption, Overwriting, Strict, one_word
 from grasp3d.contact.sensor import JointEncoders, radius_of
 from grasp3d.errors import SettingError
 from grasp3d.settings import Radians
@@ -18,15 +18,16 @@ from grasp3d.settings.uncertainty import Interval, friction_interval
 _BETWEEN = ".."
 
 
-_INTERVAL: tyro.constructors.PrimitiveConstructorSpec[Any] = (
-    tyro.constructors.PrimitiveConstructorSpec(
-        nargs=1,
-        metavar=f"NUMBER|LOW{_BETWEEN}HIGH",
-        instance_from_str=lambda words: friction_interval(words[0]),
-        is_instance=lambda value: isinstance(value, tuple),
-        str_from_instance=lambda value: [friction_text(value)],
-    )
-)
+def friction_text(friction: Interval) -> str:
+    """A friction as it is given on the command line.
+
+    Args:
+        friction: Smallest and largest value.
+    """
+    return _BETWEEN.join(f"{end:.4g}" for end in dict.fromkeys(friction))
+
+
+_INTERVAL = one_word(f"NUMBER|LOW{_BETWEEN}HIGH", friction_interval, friction_text, optional=False)
 
 FrictionList = Annotated[
     tuple[Annotated[Interval, _INTERVAL], ...],
@@ -38,15 +39,6 @@ FrictionList = Annotated[
     Main("frictions, or intervals: 0.4..0.6"),
 ]
 """Frictions, each as its smallest and largest value."""
-
-
-def friction_text(friction: Interval) -> str:
-    """A friction as it is given on the command line.
-
-    Args:
-        friction: Smallest and largest value.
-    """
-    return _BETWEEN.join(f"{end:.4g}" for end in dict.fromkeys(friction))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from grasp3d.cli.options import (
     WholeMesh,
     without,
 )
-from grasp3d.cli.time_limit import DEFAULT_TIMEOUT, Timeout, check_timeout
+from grasp3d.cli.time_limit import TimeLimited
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand import Hand
 from grasp3d.settings import GraspModel, MeshOptions, PoseFormat, check_per_finger
@@ -31,7 +31,7 @@ At = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar
 
 
 @dataclass(frozen=True)
-class Label(Labelling):
+class Label(Labelling, TimeLimited):
     """Label one mesh: print area fractions of S, M and U, write the labelled mesh.
 
     Example:
@@ -69,9 +69,8 @@ class Label(Labelling):
     """Also print the label, the grasp and the reason at the vertex nearest to this point of the
     surface; may be stated several times."""
 
-    timeout: Timeout = DEFAULT_TIMEOUT
-
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.best is not None and self.best < 1:
             raise SettingError(f"best must be at least 1; got {self.best}")
         for name in ("grasps", "grasps_format", "object_pose"):
@@ -89,7 +88,6 @@ class Label(Labelling):
                 )
         for text in self.at:
             parse_position("at", text)
-        check_timeout(self.timeout)
         check_per_finger(self.model)
 
     @property
@@ -169,7 +167,7 @@ class Perturb(Searching):
 
 
 @dataclass(frozen=True)
-class View(Labelling):
+class View(Labelling, TimeLimited):
     """View an object: rotate it, change friction and resolution, click for reasons.
 
     Of a labelled file, options with their default are taken from the file.
@@ -206,8 +204,3 @@ class View(Labelling):
     """Write a film of one full turn (.gif or .mp4) instead; needs no display."""
 
     view: ViewSettings = field(default_factory=ViewSettings)
-
-    timeout: Timeout = DEFAULT_TIMEOUT
-
-    def __post_init__(self) -> None:
-        check_timeout(self.timeout)

@@ -198,7 +198,7 @@ def option_name(field: str) -> str:
 def _parsed(hint: Any, option: str) -> Any:
     """Return a type with the parsers of the values that tyro would not parse as needed."""
     if hint is Region:  # given repeatedly, for several parts
-        parts = _one_word(f"PART|{_NONE}", partial(Region().parse, option))
+        parts = one_word(f"PART|{_NONE}", partial(Region().parse, option))
         return Annotated[tuple[Annotated[Any, parts], ...], tyro.conf.UseAppendAction]
     parser = _parser(hint, option)
     if parser is not None:
@@ -226,12 +226,12 @@ def _parser(hint: Any, option: str) -> Parser | None:
     if Radians in kinds:
         return _angle(option, optional=optional)
     if Hand in kinds:
-        return _one_word(f"NAME|FILE|{_NONE}", partial(_hand, option), lambda hand: str(hand.name))
+        return one_word(f"NAME|FILE|{_NONE}", partial(_hand, option), lambda hand: str(hand.name))
     if Measure in kinds or get_origin(hint) is Length:
         kinds = kinds if Measure in kinds else get_args(get_args(hint)[0])
         return _length(option, optional=NoneType in kinds)
     if optional and get_origin(kinds[0]) is tuple:
-        return _words([_parser(kind, option) or _one_word() for kind in get_args(kinds[0])])
+        return _words([_parser(kind, option) or one_word() for kind in get_args(kinds[0])])
     if kinds[0] in {int, float} or get_origin(kinds[0]) is Literal:
         return _plain(option, kinds[0], optional=optional)
     return _PARSERS.get(get_origin(hint) or hint)
@@ -251,7 +251,7 @@ def _plain(option: str, kind: Any, *, optional: bool) -> Parser:
             raise SettingError(f"{option} must be {right}{none}; got {word!r}") from error
 
     metavar += f"|{_NONE}" * optional
-    return _one_word(metavar, parse, "{:g}".format if kind is float else str, optional=optional)
+    return one_word(metavar, parse, "{:g}".format if kind is float else str, optional=optional)
 
 
 def _words(parsers: list[Parser]) -> Parser:
@@ -273,7 +273,7 @@ def _angle(option: str, *, optional: bool) -> Parser:
     def degrees(angle: float) -> str:
         return f"{math.degrees(angle):.6g}"
 
-    return _one_word("DEGREES", partial(parse_angle, option), degrees, optional=optional)
+    return one_word("DEGREES", partial(parse_angle, option), degrees, optional=optional)
 
 
 def _length(option: str, *, optional: bool) -> Parser:
@@ -283,10 +283,10 @@ def _length(option: str, *, optional: bool) -> Parser:
         return (f"{length:.15g}" if isinstance(length, Measure) else f"{length:g}").replace(" ", "")
 
     metavar = f"LENGTH|{_NONE}" if optional else "LENGTH"
-    return _one_word(metavar, partial(parse_length, option), word, optional=optional)
+    return one_word(metavar, partial(parse_length, option), word, optional=optional)
 
 
-def _one_word(
+def one_word(
     metavar: str = "",
     parse: Callable[[str], Any] = str,
     text: Callable[[Any], str] = str,
@@ -349,13 +349,13 @@ def _object_pose(word: str) -> ObjectPose:
 
 
 _PARSERS: dict[Any, Parser] = {
-    FrictionField: _one_word("NUMBER|LOW..HIGH", optional=False),
-    PerFinger: _one_word(
+    FrictionField: one_word("NUMBER|LOW..HIGH", optional=False),
+    PerFinger: one_word(
         f"NAME=VALUE,...;...|{_NONE}", _fingers, lambda own: str(own) or _NONE, optional=False
     ),
-    Position: _one_word(f"X,Y,Z|{_NONE}"),
-    Quantity: _one_word(f"NUMBER|{_NONE}"),
-    TaskField: _one_word("TASK", _task, optional=False),
+    Position: one_word(f"X,Y,Z|{_NONE}"),
+    Quantity: one_word(f"NUMBER|{_NONE}"),
+    TaskField: one_word("TASK", _task, optional=False),
 }
 """Parsers by the kind of field of settings; the texts are parsed by the settings themselves."""
 
@@ -389,7 +389,7 @@ LengthOption = AnyLength | None
 """A length: a number, a text with a unit, or none."""
 
 ObjectPoseOption = Annotated[
-    ObjectPose | None, _one_word(f"POSE|FILE|{_NONE}", _object_pose), Group("gripper")
+    ObjectPose | None, one_word(f"POSE|FILE|{_NONE}", _object_pose), Group("gripper")
 ]
 """The pose of the object in the frame of a robot, or none."""
 

@@ -9,9 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Annotated
-
-import tyro
+from dataclasses import dataclass
 
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.system.context import StepTimes, recorded_steps
@@ -22,30 +20,21 @@ GRACE = 3.0
 
 BAD_INPUT = 2
 
-Timeout = Annotated[
-    float | None,
-    tyro.conf.arg(
-        metavar="SECONDS|none",
-        help="Time limit for reading, repairing and labelling the mesh; none: no limit.",
-    ),
-]
-"""A time limit [s]."""
-
-DEFAULT_TIMEOUT = 3600.0
-
 
 class TimeLimitError(GraspError):
     """A command's computations took longer than its time limit."""
 
 
-def check_timeout(seconds: float | None) -> None:
-    """Refuse a time limit that is none.
+@dataclass(frozen=True, kw_only=True)
+class TimeLimited:
+    """The option of commands whose time is limited."""
 
-    Raises:
-        SettingError: It is not a finite time above 0.
-    """
-    if seconds is not None and not (seconds > 0.0 and math.isfinite(seconds)):
-        raise SettingError(f"timeout must be a finite time above 0 s; got {seconds:g}")
+    timeout: float | None = 3600.0
+    """Time limit for reading, repairing and labelling the mesh; none: no limit."""
+
+    def __post_init__(self) -> None:
+        if self.timeout is not None and not (self.timeout > 0.0 and math.isfinite(self.timeout)):
+            raise SettingError(f"timeout must be a finite time above 0 s; got {self.timeout:g}")
 
 
 @contextmanager

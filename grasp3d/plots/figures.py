@@ -6,11 +6,12 @@ Neither pyplot nor matplotlib's global settings are changed.
 import warnings
 from collections.abc import Callable, Mapping
 from functools import wraps
+from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
 from typing import Any, ParamSpec, TypeAlias, TypeVar
 
-from matplotlib import style
+from matplotlib import rc_params_from_file, style
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -31,30 +32,9 @@ COLUMN = 3.5
 PAGE = 7.16
 """Width of its two columns [inch]."""
 
-STYLE: dict[str, Any] = {
-    "font.size": 8.0,
-    "axes.labelsize": 8.0,
-    "axes.titlesize": 8.5,
-    "legend.fontsize": 7.5,
-    "xtick.labelsize": 7.5,
-    "ytick.labelsize": 7.5,
-    "axes.linewidth": 0.7,
-    "xtick.major.width": 0.7,
-    "ytick.major.width": 0.7,
-    "xtick.direction": "out",
-    "ytick.direction": "out",
-    "lines.linewidth": 1.2,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#DDDDDD",
-    "grid.linewidth": 0.5,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "legend.frameon": False,
-    "legend.handlelength": 2.6,
-    "hatch.linewidth": 0.4,
-    "mathtext.fontset": "dejavusans",
-}
+_FILE = files(__package__) / "static" / "figures.mplstyle"
+STYLE: dict[str, Any] = dict(rc_params_from_file(str(_FILE), use_default_template=False).items())
+"""Settings of matplotlib that all figures have."""
 
 LABEL_COLORS: dict[Label, str] = {
     label: "#{:02X}{:02X}{:02X}".format(*color) for label, color in COLORS.items()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from grasp3d.cli.time_limit import TimeLimitError, check_timeout, time_limit
+from grasp3d.cli.time_limit import TimeLimited, TimeLimitError, time_limit
 from grasp3d.errors import SettingError
 from grasp3d.system.context import begin_step, recorded_steps
 from tests.helpers import mesh_files
@@ -130,4 +130,4 @@ def test_a_time_limit_that_is_none(tmp_path: Path, command: str) -> None:
         assert ended.returncode == 2
         assert "timeout must be a finite time above 0 s" in ended.stderr + ended.stdout
     with pytest.raises(SettingError, match="above 0 s; got -1"):
-        check_timeout(-1.0)
+        TimeLimited(timeout=-1.0)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from grasp3d.arrays import Bytes
 from grasp3d.grasps.explanations import UNSEARCHED, finger_words
@@ -60,7 +60,6 @@ class Captions:
     """Text for the legend; None: no legend."""
     mode: Mode = "label"
     unit: str | None = None
-    _legends: dict[TextArea, LegendLayout] = field(default_factory=dict)
 
     @classmethod
     def of(cls, session: Session, *, legend: bool) -> "Captions":
@@ -127,13 +126,11 @@ class Captions:
 
     def _layout(self, area: TextArea) -> LegendLayout:
         """Layout of the label legend, which also determines the height of a ramp's legend."""
-        if area not in self._legends:
-            meaning = MEANING[self.mode]
-            entries = [LabelFraction(label.name, meaning[label], GREY, 0.0) for label in Label]
-            if self.text is not None and len(self.text.fractions) > len(entries):
-                entries.append(self.text.fractions[-1])
-            self._legends[area] = layout_legend(area, entries)
-        return self._legends[area]
+        meaning = MEANING[self.mode]
+        entries = [LabelFraction(label.name, meaning[label], GREY, 0.0) for label in Label]
+        if self.text is not None and len(self.text.fractions) > len(entries):
+            entries.append(self.text.fractions[-1])
+        return layout_legend(area, entries)
 
 
 def _placeholder(session: Session) -> str:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from grasp3d.settings import AnySampling, GraspModel, Sampling, sampling_kind
 from grasp3d.settings.lengths import METRES
-from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.counts import noun
 from grasp3d.viewer.session.background import Job
 from grasp3d.viewer.session.computations import (
@@ -235,24 +234,16 @@ def _alternatives_job(subject: Subject, state: ViewState, number: int) -> Subjec
 
 def _numbers_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
     """Compute epsilon or grip forces, if they are shown and not known for the chosen model."""
-    if not _lacks_numbers(subject, state):
+    if state.paint in {"epsilon", "epsilon_min"}:
+        kind, text, compute, known = "epsilon", "computing ε", compute_epsilon, subject.epsilons
+    elif state.paint in FORCE_PAINTS and subject.labels.load is not None:
+        kind, text, compute, known = (
+            "forces", "computing grip forces", compute_forces, subject.forces
+        )  # fmt: skip
+    else:
         return None
-    kind, text, compute = "epsilon", "computing ε", compute_epsilon
-    if state.paint in FORCE_PAINTS:
-        kind, text, compute = "forces", "computing grip forces", compute_forces
+    if known is not None and same_settings(known.model, state.model):
+        return None
     model = model_for(subject, state)
     key = (kind, number, model, state.fixed, state.max_opening)
     return Job(key, text, partial(compute, subject, model), DELAY)
-
-
-def _lacks_numbers(subject: Subject, state: ViewState) -> bool:
-    """Whether epsilon or forces are shown and were not computed for the chosen model."""
-    if state.paint in {"epsilon", "epsilon_min"}:
-        return not _is_known(subject.epsilons, state)
-    needs_force = state.paint in FORCE_PAINTS and subject.labels.load is not None
-    return needs_force and not _is_known(subject.forces, state)
-
-
-def _is_known(values: SurfaceLabels | None, state: ViewState) -> bool:
-    """Whether numbers were computed for the chosen model."""
-    return values is not None and same_settings(values.model, state.model)

@@ -185,7 +185,9 @@ class Session:
             if self.scene is not None:
                 self.scene.hand.check_fingers(state.model.fingers)
         if state.model.location_error != self.state.model.location_error:
-            self._check_location(state.model)
+            subject, problem = self._viewed.subject, self.location_problem
+            if problem and not (subject is not None and subject.locates(state.model)):
+                raise SettingError(problem)
         self._set_state(state)
 
     @property
@@ -194,11 +196,6 @@ class Session:
         if self.state.model.method == "extremes":
             return "method extremes tests normals only, not contact locations"
         return ""
-
-    def _check_location(self, model: GraspModel) -> None:
-        subject, problem = self._viewed.subject, self.location_problem
-        if problem and not (subject is not None and subject.locates(model)):
-            raise SettingError(problem)
 
     def click(self, vertex: int | None, *, inspect: bool = False) -> None:
         """Handle a click on a vertex; None: beside the object.

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import io
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from functools import cache, partial
@@ -13,13 +14,13 @@ from typing import Any
 import pyvista
 import trame_client.module  # type: ignore[import-untyped]
 from aiohttp import WSCloseCode, WSMessage, web
+from PIL import Image
 from trame.app import get_server
 from trame.app.core import AVAILABLE_SERVERS
 from trame.ui.vuetify3 import VAppLayout
 from trame.widgets import html, rca
 from trame_rca.rca import VtkRemoteControlledArea
 
-from grasp3d.arrays import Bytes
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.viewer.scene.picking import ClickDetector
 from grasp3d.viewer.scene.pictures import file_name, render_copy
@@ -160,8 +161,8 @@ class Client:
             {name: (one, guarded(call, report)) for name, (one, call) in methods.items()}
         )
 
-    def picture(self) -> tuple[str, Bytes]:
-        """File name and picture of the current view with a legend, shape (height, width, 3).
+    async def picture_file(self) -> tuple[str, bytes]:
+        """File name and contents of a PNG of the current view with a legend.
 
         Raises:
             SettingError: The displayed surface does not belong to the current choices yet.
@@ -169,7 +170,9 @@ class Client:
         self.session.check_current()
         name = file_name(self.session, "view", ".png")
         width, height = self._plotter.render_window.GetSize()  # type: ignore[union-attr]
-        return name, render_copy(self.session, self._scene.camera, width, height)
+        picture, data = render_copy(self.session, self._scene.camera, width, height), io.BytesIO()
+        Image.fromarray(picture).save(data, "PNG")
+        return name, data.getvalue()
 
     async def labels_file(self) -> tuple[str, bytes]:
         """File name and contents of the labelled PLY.

@@ -3,20 +3,18 @@
 import asyncio
 import contextlib
 import gc
-import io
 import ipaddress
 import re
 import secrets
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass, field
 from functools import cache
 from urllib.parse import quote, urlsplit
 
 from aiohttp import WSCloseCode, web
 from aiohttp.typedefs import Handler
-from PIL import Image
 
 from grasp3d.errors import GraspError
 from grasp3d.system.isolation.limits import return_memory
@@ -249,23 +247,11 @@ class ViewerServer:
 
     async def _labels(self, request: web.Request) -> web.StreamResponse:
         client = self._client(request)
-        try:
-            name, data = await client.labels_file()
-        except GraspError as error:
-            client.show_message(str(error))
-            return web.Response(status=204)  # the browser stays on the page
-        return _download(name, data, "application/octet-stream")
+        return await _download(client, client.labels_file(), "application/octet-stream")
 
     async def _picture(self, request: web.Request) -> web.StreamResponse:
         client = self._client(request)
-        try:
-            name, picture = client.picture()
-        except GraspError as error:
-            client.show_message(str(error))
-            return web.Response(status=204)
-        data = io.BytesIO()
-        Image.fromarray(picture).save(data, "PNG")
-        return _download(name, data.getvalue(), "image/png")
+        return await _download(client, client.picture_file(), "image/png")
 
     async def _file(self, request: web.Request) -> web.StreamResponse:
         name = request.match_info["name"]
@@ -356,6 +342,14 @@ def _page() -> str:
     return page.replace("TRAME", "\n    ".join(ASSETS.findall(trame)))
 
 
-def _download(name: str, data: bytes, kind: str) -> web.Response:
+async def _download(
+    client: Client, made: Awaitable[tuple[str, bytes]], kind: str
+) -> web.StreamResponse:
+    """A file of a client; without one the browser stays on the page, which says why."""
+    try:
+        name, data = await made
+    except GraspError as error:
+        client.show_message(str(error))
+        return web.Response(status=204)
     disposition = f"attachment; filename*=UTF-8''{quote(name)}"
     return web.Response(body=data, content_type=kind, headers={"Content-Disposition": disposition})
