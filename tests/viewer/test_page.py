@@ -574,7 +574,7 @@ def test_invalid_hosts_and_ports_are_refused(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_missing_requirements_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(served_page, "can_render", lambda: False)
+    monkeypatch.setattr("grasp3d.plots.rendering.can_render", lambda: False)
     with pytest.raises(OutputError, match="OpenGL"):
         create_server()
 

@@ -44,6 +44,7 @@ class Pane:
         self._surfaces = self._front, self._excluded, self._back
         for actor in self._surfaces:
             actor.prop.interpolation = "Phong"
+            actor.PickableOn()
         self._texture.SetInputDataObject(self._image)
         self._texture.RepeatOff()  # the first and the last column are not neighbours
         self._texture.EdgeClampOn()
