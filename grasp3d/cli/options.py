@@ -404,9 +404,6 @@ MeshFile = Annotated[
 ]
 """A mesh to read."""
 
-Folder = Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")]
-"""A folder, or none."""
-
 Inputs = Annotated[
     tuple[str, ...],
     tyro.conf.Positional,
