@@ -194,7 +194,7 @@ simulate box.stl --unit mm --grasps poses.csv | contains poses; give their gripp
 simulate box.stl --unit mm --hand franka | gripper 'franka' has flat pads, which touch more than two
 simulate box.stl --unit mm -o out.ply | out.ply: unsupported table format .ply
 simulate box.stl --unit mm -o mine.csv | exists and is no result of grasp3d
-simulate box.stl --unit mm --count 2 | count must be a whole number of at least 3; got 2
+simulate box.stl --unit mm --count 2 | count must be from 3 to 100000; got 2
 simulate box.stl --unit mm --tip-radius 4m | must be below the size of the object, 107.7
 simulate box.stl --unit mm -o box.stl | box.stl: unsupported table format .stl
 simulate ball.ply --unit mm -o link.csv | link.csv: is the mesh itself
@@ -249,12 +249,12 @@ perturb ball.ply --noise nan | noise must be a finite length above 0
 perturb ball.ply --noise two | noise must be a length
 perturb ball.ply --noise 1mm | unit of ball.ply is not known
 perturb ball.ply --noise 0.01 --correlation 5 | correlation is 5
-perturb ball.ply --correlation -1 | correlation must be a finite length at least 0
+perturb ball.ply --correlation -1 | correlation must be a finite length of at least 0
 perturb ball.ply --noise-seed 9223372036854775808 | noise seed must be below
 perturb ball.ply --level 0.5 | level must be above 0.5 and below 1
 perturb ball.ply --level 1 | level must be above 0.5 and below 1
-perturb ball.ply --copies 1000000 | copies must be at most 10,000
-perturb ball.ply --copies 1 | copies must be a whole number of at least 2
+perturb ball.ply --copies 1000000 | copies must be from 2 to 10000
+perturb ball.ply --copies 1 | copies must be from 2 to 10000
 perturb ball.ply --level 2 | level must be above 0.5 and below 1
 perturb ball.ply -o a.txt | supported are .ply .csv .parquet
 perturb ball.ply --figure a.gif | supported are .svg .png .pdf
