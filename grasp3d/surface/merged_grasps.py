@@ -17,18 +17,25 @@ TIE = 1e-9
 def with_more_margin(labels: SurfaceLabels, other: SurfaceLabels) -> SurfaceLabels:
     """Known grasps, or those of a search by margin where they have more of it.
 
-    Over the best normals those with the smallest critical angle stay: where such a grasp is M,
-    no grasp with more margin makes the vertex U.
+    Over the best normals it is those with the smallest located angle, which alone decides whether
+    the vertex is U: so a search by margin makes none U that the known grasps leave M. Known grasps
+    stay where the best normals of one search would have a larger angle than the worst ones of the
+    other.
 
     Args:
         labels: Grasps with the smallest critical angles.
         other: Grasps with the largest margins that were found, for the same model.
     """
-    worst = other.located_angles[0] < labels.located_angles[0] - TIE
-    best = other.critical_angle_best < labels.critical_angle_best
-    missing = labels.reason != Reason.FOUND
+    worst, best = (
+        found < known - TIE
+        for found, known in zip(other.located_angles, labels.located_angles, strict=True)
+    )
+    best |= (labels.reason != Reason.FOUND) & worst
+    angles = np.where(worst, other.critical_angle, labels.critical_angle)
+    in_order = np.where(best, other.critical_angle_best, labels.critical_angle_best) <= angles
+    worst, best = worst & in_order, best & in_order
     return merged(
-        labels, other, worst=worst, best=best | (missing & worst),
+        labels, other, worst=worst, best=best,
         reason=np.where(worst, other.reason, labels.reason),
     )  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -173,6 +174,36 @@ def test_a_search_with_less_knowledge_turns_no_label_to_u(
     assert (searched.margin >= kept.margin - 1e-9).all()
     assert (searched.critical_angle_best <= searched.critical_angle + 1e-12).all()
     assert (searched.margin > kept.margin + 0.05).any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("grip", "hand"), [("squeeze", "franka"), ("expand", None), ("both", "franka")]
+)
+@pytest.mark.parametrize("location", [0.0, 0.002])
+@pytest.mark.parametrize(
+    "per_finger", ["", "; normal_error=5", "friction=0.4; sensor_resolution=10, location_error=1mm"]
+)
+def test_a_fresh_search_is_never_worse_than_relabelling(
+    grip: str, hand: str | None, location: float, per_finger: str
+) -> None:
+    """Neither by margin nor by letter, whatever is known less well about which finger."""
+    known = searched_widely(grip, hand)
+    kept = known.relabel(location_error=location, per_finger=per_finger)
+    assert known.scene is None or known.scene.jaws is not None
+    fresh = label_surface(known.mesh, kept.model, sampling=known.sampling, scene=known.scene)
+    assert (fresh.margin[known.vertices] >= kept.margin[known.vertices] - 1e-9).all()
+    assert (fresh.label >= kept.label).all()
+    assert (fresh.located_angles[1] <= kept.located_angles[1] + 1e-9).all()
+    assert (fresh.critical_angle_best <= fresh.critical_angle).all()  # else no file is read
+
+
+@cache
+def searched_widely(grip: str, hand: str | None) -> SurfaceLabels:
+    """Labels of a bottle for contacts that are known exactly."""
+    mesh = load_mesh(MESHES / "spray.glb", max_edge="20mm")
+    preset = None if hand is None else ParallelGripper.preset(hand)
+    return label_surface(mesh, sampling=Sampling(grip=grip, search_angle=1.0), hand=preset)
 
 
 @pytest.mark.slow
