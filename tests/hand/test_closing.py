@@ -18,7 +18,7 @@ from grasp3d.hand.jaw_reach import collides_closing
 from grasp3d.settings.lengths import Unit
 from grasp3d.system.context import running
 from tests.helpers import shapes
-from tests.helpers.closing_jaws import Floats, pads, pose, random_poses, tips
+from tests.helpers.closing_jaws import Floats, pads, pose, random_poses, sliced_pad, tips
 
 BOX = (0.06, 0.05, 0.03)
 DEPTH = 0.001
@@ -227,6 +227,26 @@ def test_an_object_thinner_than_the_smallest_opening_is_not_held() -> None:
     plate = mesh_of(shapes.box((0.004, 0.05, 0.05)))
     assert states(close_jaws(plate, pose(), pads(min_opening=0.005))) == ["NOTHING"]
     assert states(close_jaws(plate, pose(), pads(min_opening=0.004))) == ["CLOSED"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kept", [0.3, 0.5, 0.7])
+@pytest.mark.parametrize("compliance", [1e-6, 5e-4])
+def test_both_jaws_touch_an_open_mesh_where_it_is_on_both_sides(
+    kept: float, compliance: float
+) -> None:
+    """Part of a blob, at random poses."""
+    vertices, faces = shapes.lopsided()
+    along = vertices[faces].mean(axis=1) @ Rotation.random(random_state=3).as_matrix()[0]
+    blob = (0.025 * vertices, faces[along < np.quantile(along, kept)])
+    mesh, hand = mesh_of(blob, repair="none"), pads(compliance=compliance)
+    poses = random_poses(100, 0.008, seed=int(10 * kept))
+    found = close_jaws(mesh, poses, hand)
+    rest = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    for matrix, state in zip(poses, states(found), strict=True):
+        touched = [sliced_pad(rest, matrix, hand, finger) is not None for finger in (0, 1)]
+        assert state not in ("CLOSED", "ONE_SIDE") or all(touched) == (state == "CLOSED")
+    assert len(set(states(found))) > 1
 
 
 def test_of_an_open_sheet_only_the_front_is_touched() -> None:
