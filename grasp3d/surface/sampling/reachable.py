@@ -33,11 +33,11 @@ NOT_REACHED = 5
 CHUNK = 128
 """Vertices that a thread tests at once."""
 
-MOST_FAILED = 24
+MOST_FAILED = 4
 """Opposing contacts of a vertex that are tested and not reached, before its search ends; good ones
 of its neighbours are tested besides."""
 
-SWEEPS = 1
+SWEEPS = 2
 """Rounds in which the opposing contacts of neighbouring vertices are tested."""
 
 SPACING, LARGEST_SPACING = 0.5, 1.0 / 16.0
@@ -106,7 +106,7 @@ class ReachSearch:
         reached = self._ideal(ideal, vertices)
         missing = _still_better(ideal, reached, vertices)
         if squeeze:
-            self._search(ideal, missing, reached)
+            self._search(missing, reached)
         if (ideal.start_signs < 0).any():
             for pairs in self._other_starts(ideal, missing, tracer):
                 self._keep(pairs, reached)
@@ -176,14 +176,7 @@ class ReachSearch:
         return vertices[one.best[vertices] < self.cone]
 
     def partners_of(
-        self,
-        vertices: Ints,
-        count: int,
-        most_failed: int,
-        *,
-        worst: bool = True,
-        limits: Floats | None = None,
-        failing: tuple[Floats, Floats] | None = None,
+        self, vertices: Ints, count: int, most_failed: int, *, worst: bool = True
     ) -> SurfacePoints:
         """Opposing contacts of vertices that are reached, best first, for fingers that squeeze.
 
@@ -192,41 +185,27 @@ class ReachSearch:
             count: Contacts of each vertex, k.
             most_failed: Contacts of a vertex that are tested and not reached, before it ends.
             worst: Whether the best are those over the worst normals of the vertex.
-            limits: Costs to be improved [rad] (n,); None: the largest.
-            failing: Contacts that are not reached, nan: none (n, 3), and their costs (n,).
 
         Returns:
             Surface points (n, k); face -1: none.
         """
         faces = np.full((len(vertices), count), -1, dtype=np.int64)
         weights = np.zeros((len(vertices), count, 3))
-        below = np.full(len(vertices), self.most) if limits is None else limits
-        if failing is None:
-            failing = np.full((len(vertices), 3), np.nan), np.zeros(len(vertices))
-        known, costs = failing
 
         def work(rows: slice, beside: Any) -> None:
             faces[rows], weights[rows] = search_reachable(
-                vertices[rows], worst, below[rows], known[rows], costs[rows], self.spacing, count,
-                most_failed, self.domain, beside,
+                vertices[rows], worst, self.most, self.spacing, count, most_failed, self.domain,
+                beside,
             )  # fmt: skip
 
         self._in_chunks(work, len(vertices))
         return SurfacePoints(faces, weights)
 
-    def _search(self, ideal: BestPairs, missing: Ints, reached: BestPairs) -> None:
+    def _search(self, missing: Ints, reached: BestPairs) -> None:
         """Search the whole surface; at creases for the best normals too."""
         creases = missing[self.sets.counts[missing] != 1]
         for vertices, worst in ((missing, True), (creases, False)):
-            found = (reached.worst if worst else reached.best)[vertices]
-            squeezing = (ideal.signs[vertices] > 0) & worst
-            points = self.partners_of(
-                vertices, 1, MOST_FAILED, worst=worst, limits=np.minimum(found, self.most),
-                failing=(
-                    np.where(squeezing[:, None], ideal.partner[vertices], np.nan),
-                    ideal.worst[vertices],
-                ),
-            )  # fmt: skip
+            points = self.partners_of(vertices, 1, MOST_FAILED, worst=worst)
             signs = np.ones(len(vertices), dtype=np.int8)
             self._keep(Pairs(vertices, signs, points.faces[:, 0], points.weights[:, 0]), reached)
 
