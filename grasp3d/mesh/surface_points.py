@@ -1,7 +1,6 @@
 """Points on a surface, by face and barycentric coordinates; nearest surface points."""
 
 import math
-from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -131,7 +130,7 @@ def _nearest(mesh: ObjectMesh, tree: BoxTree, points: Floats, limit: float) -> t
         nearest_faces(points, limit, first, min(first + part, len(points)), tree, faces)
 
     with ThreadPoolExecutor(thread_count()) as executor:
-        deque(executor.map(search, range(0, len(points), max(1, part))), maxlen=0)
+        list(executor.map(search, range(0, len(points), max(1, part))))
     near = faces >= 0
     corners = mesh.normalized[mesh.faces[faces[near]]]
     weights[near] = _weights(corners, _closest(corners, points[near]))
@@ -140,11 +139,11 @@ def _nearest(mesh: ObjectMesh, tree: BoxTree, points: Floats, limit: float) -> t
 
 def _closest(corners: Floats, points: Floats) -> Floats:
     """Nearest point of a triangle (k, 3, 3) to each point, shape (k, 3)."""
+    from trimesh.triangles import closest_point
+
     origin = corners[:, 0]
     middle = corners.mean(axis=1, keepdims=True)
     scale = np.linalg.norm(corners - middle, axis=2).max(axis=1)[:, None]
-    from trimesh.triangles import closest_point
-
     # In units of the face: trimesh's tolerances are absolute and too large for small faces.
     closest = closest_point(
         (corners - origin[:, None]) / scale[..., None], (points - origin) / scale

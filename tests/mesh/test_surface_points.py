@@ -72,6 +72,24 @@ def test_points_on_borders_have_exact_coordinates() -> None:
         assert np.sort(found.weights, axis=1)[:, 1] == pytest.approx(fraction, abs=1e-6)
 
 
+@pytest.mark.parametrize("name", ["box", "lopsided"])
+def test_of_faces_that_are_equally_near_the_first_is_found(name: str) -> None:
+    """Outside a corner, or above an edge, all faces there are equally near but for rounding."""
+    mesh, rng = MESHES[name](), np.random.default_rng(8)
+    corners = mesh.vertices[mesh.faces[rng.integers(len(mesh.faces), size=150)]]
+    on = np.concatenate([corners[:, 0], 0.5 * corners[:, 0] + 0.5 * corners[:, 1]])
+    points = on + (on - mesh.center) * rng.uniform(1e-3, 2.0, (len(on), 1))
+    found, _, _ = nearest_surface_points(mesh, points)
+    triangles, shared = mesh.vertices[mesh.faces], 0
+    for point, face in zip(points, found.faces, strict=True):
+        gaps = distance_to_triangles(point, triangles) / mesh.size
+        equal, unclear = (gaps <= gaps.min() + error for error in (1e-13, 1e-11))
+        if np.array_equal(equal, unclear):  # the others may be taken for equally near, or not
+            shared += equal.sum() > 1
+            assert face == np.flatnonzero(equal)[0]
+    assert shared > 150
+
+
 def test_points_beyond_the_limit_have_no_surface_point() -> None:
     mesh = load_mesh(shapes.sphere(3), max_edge=9.0)
     away = np.array([1.0, 1.009, 1.011, 1.1, 50.0, 0.9, 0.0])

@@ -236,22 +236,23 @@ def nearest_faces(points, limit, first, last, tree, found):
     nodes = np.empty(STACK, np.int64)
     for k in range(first, last):
         p = triple(points[k], 0)
-        least, face = limit * limit, -1
+        least, reach, face = limit, limit * limit, -1
         nodes[0], top = 0, 1
         while top > 0:
             top -= 1
             node = nodes[top]
-            if _distance_to_box(p, tree.boxes[node]) > least:
+            if _distance_to_box(p, tree.boxes[node]) > reach:
                 continue
             low, high = leaf_rows(node, tree)
             for i in range(low, high):
                 square = triangle_distance(p, tree.triangles[i])
-                if square > least:
+                if square > reach:
                     continue
-                equal = math.sqrt(least) - math.sqrt(square) <= EQUALLY_NEAR
-                if face < 0 or not equal or tree.order[i] < face:
+                distance = math.sqrt(square)
+                if face < 0 or distance < least - EQUALLY_NEAR or tree.order[i] < face:
                     face = tree.order[i]
-                least = square
+                least = min(least, distance)
+                reach = (least + EQUALLY_NEAR) ** 2
             one, other = below(node, tree.depth)
             if one == NO_NODE:
                 continue
