@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d.errors import ContactError, OutputError, SettingError
 from grasp3d.grasps.grasp_files import read_grasps
-from grasp3d.grasps.pose_files import archives, holds_poses, read_poses, write_poses
+from grasp3d.grasps.pose_files import data_sets, holds_poses, read_poses, write_poses
 from grasp3d.grasps.pose_files.files import suffixes_of
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES, GripperFrame
@@ -330,7 +330,7 @@ def frame(towards: np.ndarray, angle: float) -> np.ndarray:
 def test_labels_of_graspnetapi_that_hold_become_poses(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(archives, "POINTS", 2)
+    monkeypatch.setattr(data_sets, "POINTS", 2)
     arrays = labels(5)
     held = [(0, 3, 5, 1), (2, 0, 0, 0), (2, 299, 11, 3), (4, 150, 7, 2)]
     for number, place in enumerate(held):
@@ -359,7 +359,7 @@ def test_of_many_labels_as_many_are_read_evenly_spread(
     arrays["scores"][0, :, 0, 0] = 0.5
     path = save(tmp_path / "a.npz", **arrays)
     assert "grasps_in_file" not in read(path).settings
-    monkeypatch.setattr(archives, "MOST_LABELS", 3)
+    monkeypatch.setattr(data_sets, "MOST_LABELS", 3)
     found = read(path)
     assert found.names == ("0_0_0_0", "0_150_0_0", "0_299_0_0")
     assert found.settings["grasps_in_file"] == 300
@@ -406,10 +406,10 @@ def test_numbers_of_segments_may_be_floats(tmp_path: Path) -> None:
 def test_grasps_of_all_segments_are_counted_before_they_are_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(archives, "MOST_PREDICTED", 2)
+    monkeypatch.setattr(data_sets, "MOST_PREDICTED", 2)
     path = save(tmp_path / "a.npz", **predictions())
     with pytest.raises(ContactError, match="more than 2 grasps"):
-        archives.read_segments(path, FRANKA, None)
+        data_sets.read_segments(path, FRANKA, None)
 
 
 @pytest.mark.slow
@@ -581,7 +581,7 @@ def test_archives_that_would_fill_the_memory_are_refused_by_their_directory(
     path = save(tmp_path / "b.npz", compressed=True, **changed(PREDICTED, pred_grasps_cam=large))
     assert path.stat().st_size < 2**20
     with pytest.raises(RefusedError, match="has 4 MB, more than the 1 MB that are read"):
-        archives.read_segments(path, FRANKA, None)
+        data_sets.read_segments(path, FRANKA, None)
 
 
 def test_a_directory_that_understates_an_array_is_refused(tmp_path: Path) -> None:

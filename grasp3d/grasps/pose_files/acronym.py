@@ -13,17 +13,13 @@ from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.grasps.pose_files.documents import watched
 from grasp3d.grasps.pose_files.frames import (
-    check_metres,
+    Given,
     for_robots,
     joint_values,
-    needed_gripper,
 )
 from grasp3d.grasps.pose_files.outcomes import Values, outcomes_of
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES
-from grasp3d.hand.hand import Hand
-from grasp3d.settings.lengths import Unit
-from grasp3d.settings.outcome import Outcome
 from grasp3d.system.files import atomic_write
 from grasp3d.system.versions import package_version
 
@@ -89,25 +85,23 @@ def write_acronym(path: Path, poses: GraspPoses) -> None:
             file[name] = value
 
 
-def read_acronym(
-    path: Path, hand: Hand | None, unit: Unit | None, outcome: Outcome | None
-) -> GraspPoses:
+def read_acronym(path: Path, given: Given) -> GraspPoses:
     """Poses in the order of the file. Raises ContactError, OSError."""
     h5py_module()
-    check_metres(unit, WHAT)
+    given.check_metres(WHAT)
     with path.open("rb") as stream:
         if stream.read(8) != b"\x89HDF\r\n\x1a\n":
             raise ContactError("is no HDF5 file")
-    return watched(_read_file, path, hand, outcome)  # HDF5 reads some for ever, crashes at others
+    return watched(_read_file, path, given)  # HDF5 reads some for ever, crashes at others
 
 
-def _read_file(path: Path, hand: Hand | None, outcome: Outcome | None) -> GraspPoses:
+def _read_file(path: Path, given: Given) -> GraspPoses:
     """Poses of a file, in a child process. Raises ContactError."""
     with _plain_errors(), h5py_module().File(path, "r") as file:
-        return _read(_DataSets(file), hand, outcome)
+        return _read(_DataSets(file), given)
 
 
-def _read(data: "_DataSets", hand: Hand | None, outcome: Outcome | None) -> GraspPoses:
+def _read(data: "_DataSets", given: Given) -> GraspPoses:
     transforms = data.named(TRANSFORMS)
     if transforms is None:
         raise ContactError(f"the data set {TRANSFORMS} is missing")
@@ -125,25 +119,25 @@ def _read(data: "_DataSets", hand: Hand | None, outcome: Outcome | None) -> Gras
     scale = data.numbers("object/scale", ())
     settings = {name: one.tolist() for name, one in stated.items() if one is not None}
     frame = FRAMES["acronym"]
-    if hand is None:
+    if given.hand is None:
         base_to_tcp = data.numbers("gripper/base_to_tcp", ())
         ahead = BASE_TO_TCP if base_to_tcp is None else float(base_to_tcp)
         frame = replace(frame, origin="tcp", ahead=ahead, name="")
     else:
-        needed_gripper(hand, None, WHAT)
+        given.gripper(WHAT)
     values: dict[str, Any] = {field: one for field, one in further.items() if one is not None}
     return GraspPoses(
         poses=np.asarray(bases),
         outcome=outcomes_of(
-            outcome,
+            given.outcome,
             count,
-            data.of_grasps(count) if outcome else [OUTCOME] if OUTCOME in data else [],
+            data.of_grasps(count) if given.outcome else [OUTCOME] if OUTCOME in data else [],
             lambda name: data.values(name, (count,)),
             default=(OUTCOME,),
         ),
         names=data.texts(NAMES, (count,)),
         unit="m",
-        hand=hand or next(iter(data.texts("gripper/type", ())), None),
+        hand=given.hand or next(iter(data.texts("gripper/type", ())), None),
         object_file=next(iter(data.texts("object/file", ())), None) or None,
         object_scale=None if scale is None else float(scale),
         settings=settings,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from grasp3d.errors import ContactError, OutputError, SettingError
-from grasp3d.grasps.pose_files import acronym, archives, data_sets, own_files, robots, simulators
+from grasp3d.grasps.pose_files import acronym, data_sets, own_files, robots, simulators
 from grasp3d.grasps.pose_files.documents import (
     check_file,
     load_json,
@@ -17,6 +17,7 @@ from grasp3d.grasps.pose_files.documents import (
     yaml_module,
 )
 from grasp3d.grasps.pose_files.frames import (
+    Given,
     GivenPose,
     UnknownUnitError,
     as_in_file,
@@ -44,7 +45,7 @@ class _Format:
     suffixes: tuple[str, ...]
     write: Callable[[Path, GraspPoses], None] | None
     """Write poses of the TCP; None: it is only read."""
-    read: Callable[[Any, Hand | None, Unit | None, Outcome | None], GraspPoses]
+    read: Callable[[Any, Given], GraspPoses]
     """Poses of the frame below, of a file of this path; of files of `_LOADERS`, of this content."""
     frame: str = "tcp"
     """Frame of the gripper in which the format has poses, in `FRAMES`."""
@@ -93,9 +94,9 @@ _FORMATS: dict[PoseFormat, _Format] = {
     ),
     "graspnet": _Format((".npy",), data_sets.write_graspnet, data_sets.read_graspnet, _JAWS),
     "interndata": _Format((".npy",), data_sets.write_interndata, data_sets.read_interndata, _JAWS),
-    "graspnet_labels": _Format((".npz",), None, archives.read_labels, _JAWS, archives.is_labels),
+    "graspnet_labels": _Format((".npz",), None, data_sets.read_labels, _JAWS, data_sets.is_labels),
     "contact_graspnet": _Format(
-        (".npz",), None, archives.read_contact, "contact_graspnet", archives.is_contact
+        (".npz",), None, data_sets.read_contact, "contact_graspnet", data_sets.is_contact
     ),
     "moveit": _Format(
         (".json",), robots.write_moveit, robots.parse_moveit, _HAND, robots.is_moveit
@@ -237,9 +238,9 @@ def read_poses(
     check_file(path)
     pose = None if object_pose is None else read_object_pose(object_pose)
     chosen = None if frame is None else GripperFrame.of(frame)
-    outcome = None if outcome is None else Outcome.of(outcome)
+    given = Given(hand, unit, None if outcome is None else Outcome.of(outcome))
     try:
-        return _relative(of_tcp(_read(path, format, hand, unit, chosen, outcome)), pose)
+        return _relative(of_tcp(_read(path, format, given, chosen)), pose)
     except OSError as error:
         raise one_line(path, f"cannot be read ({error.strerror or error})") from error
     except UnknownUnitError as error:
@@ -343,12 +344,7 @@ def check_frame(format: PoseFormat | None) -> None:  # noqa: A002
 
 
 def _read(
-    path: Path,
-    name: PoseFormat | None,
-    hand: Hand | None,
-    unit: Unit | None,
-    frame: GripperFrame | None,
-    outcome: Outcome | None,
+    path: Path, name: PoseFormat | None, given: Given, frame: GripperFrame | None
 ) -> GraspPoses:
     """Poses as a file has them. Raises ContactError, ValueError, OSError, OutputError."""
     suffix = path.suffix.lower() if name is None else _FORMATS[name].suffixes[0]
@@ -358,7 +354,7 @@ def _read(
     if name is None:
         raise ContactError(_unknown(content))
     entry = _FORMATS[name]
-    poses = entry.read(content, hand, unit, outcome)
+    poses = entry.read(content, given)
     stated = poses.settings.get(FIELD, poses.gripper_frame)
     return replace(
         poses,

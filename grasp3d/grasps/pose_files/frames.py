@@ -1,7 +1,7 @@
 """Frames of robots' files: the gripper's frame in metres, quaternions, joints."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.pose_checks import checked_quaternions
 from grasp3d.settings.lengths import METRES, Unit
+from grasp3d.settings.outcome import Outcome
 from grasp3d.system.documents import MEGABYTE, file_bytes
 from grasp3d.system.names import printable
 
@@ -92,13 +93,38 @@ def _moved(poses: GraspPoses, *, to_file: bool) -> GraspPoses:
     return replace(poses, poses=poses.poses @ (np.linalg.inv(motion) if to_file else motion))
 
 
-def check_metres(unit: Unit | None, what: str) -> None:
-    """Refuse another unit for a file that is in metres. Raises ContactError."""
-    if unit not in {None, "m"}:
-        raise ContactError(
-            f"{what} files are in metres, not in {unit}: read them without a unit, and convert the "
-            "poses with in_unit"
-        )
+@dataclass(frozen=True)
+class Given:
+    """What is given beside a file to read."""
+
+    hand: Hand | None = None
+    """The gripper that the grasps are of."""
+    unit: Unit | None = None
+    """Unit of the lengths, if the file states none."""
+    outcome: Outcome | None = None
+    """Which values of the file say whether a grasp held; None: those of the format."""
+
+    def check_metres(self, what: str) -> None:
+        """Refuse another unit for a file that is in metres. Raises ContactError."""
+        if self.unit not in {None, "m"}:
+            raise ContactError(
+                f"{what} files are in metres, not in {self.unit}: read them without a unit, and "
+                "convert the poses with in_unit"
+            )
+
+    def gripper(self, what: str) -> ParallelGripper:
+        """The gripper of a file that is in metres.
+
+        Raises:
+            ContactError: There is none, or another unit is given.
+        """
+        self.check_metres(what)
+        if not isinstance(self.hand, ParallelGripper):
+            raise ContactError(
+                f"{what} files have the pose of the hand's base, not of the fingertips: give the "
+                "gripper (--hand, in Python hand=...)"
+            )
+        return self.hand
 
 
 def missing_of_hand(hand: Hand | str | None, what: str, *, joints: bool = False) -> str:
@@ -120,21 +146,6 @@ def missing_of_hand(hand: Hand | str | None, what: str, *, joints: bool = False)
             "give it joint_names, joint_scale and joint_closed, or choose another format"
         )
     return ""
-
-
-def needed_gripper(hand: Hand | None, unit: Unit | None, what: str) -> ParallelGripper:
-    """The gripper of a file to read, which is in metres.
-
-    Raises:
-        ContactError: There is none, or another unit is given.
-    """
-    check_metres(unit, what)
-    if not isinstance(hand, ParallelGripper):
-        raise ContactError(
-            f"{what} files have the pose of the hand's base, not of the fingertips: give the "
-            "gripper (--hand, in Python hand=...)"
-        )
-    return hand
 
 
 def quaternions(poses: Floats) -> Floats:

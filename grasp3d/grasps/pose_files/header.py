@@ -5,6 +5,7 @@ from typing import Any, get_args
 
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.pose_files.documents import number_or_none, text_or_none
+from grasp3d.grasps.pose_files.frames import Given
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
@@ -64,15 +65,12 @@ def header_of(poses: GraspPoses) -> dict[str, Any]:
     }
 
 
-def fields_of(
-    header: Mapping[str, Any], hand: Hand | str | None, unit: Unit | None
-) -> dict[str, Any]:
+def fields_of(header: Mapping[str, Any], given: Given) -> dict[str, Any]:
     """Fields of `GraspPoses` that a header states.
 
     Args:
         header: What `header_of` returned.
-        hand: Replaces that of the file; None: as in the file.
-        unit: Unit of a file that does not state it.
+        given: A gripper, which replaces that of the file, and the unit if this states none.
 
     Raises:
         ContactError: Invalid values, or another unit.
@@ -89,8 +87,8 @@ def fields_of(
     except SettingError:  # of another program: an error unless one is given, see `read_poses`
         gripper_frame, other[FIELD] = FRAMES["tcp"], header[FIELD]
     return {
-        "unit": stated_unit(header.get("unit"), unit),
-        "hand": hand or _gripper(header.get("gripper")),
+        "unit": stated_unit(header.get("unit"), given.unit),
+        "hand": given.hand or _gripper(header.get("gripper")),
         "object_file": text_or_none(header.get("object_file"), "object_file"),
         "object_scale": number_or_none(header.get("object_scale"), "object_scale"),
         "object_pose": ObjectPose.of(stated) if stated else None,

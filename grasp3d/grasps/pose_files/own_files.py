@@ -23,13 +23,11 @@ from grasp3d.grasps.pose_files.documents import (
     rows_of,
     write_rows,
 )
-from grasp3d.grasps.pose_files.frames import from_quaternions, quaternions
+from grasp3d.grasps.pose_files.frames import Given, from_quaternions, quaternions
 from grasp3d.grasps.pose_files.header import fields_of, header_of
 from grasp3d.grasps.pose_files.outcomes import Values, outcomes_of
 from grasp3d.grasps.poses import OWN_NAMES, GraspPoses
 from grasp3d.hand.frames import FRAMES
-from grasp3d.hand.hand import Hand
-from grasp3d.settings.lengths import Unit
 from grasp3d.settings.outcome import Outcome
 from grasp3d.system.documents import MEGABYTE, described
 
@@ -155,9 +153,7 @@ def _numbers(values: Values, name: str) -> Floats:
     return numbers(values.tolist(), (), name)
 
 
-def parse_json(
-    content: object, hand: Hand | None, unit: Unit | None, outcome: Outcome | None
-) -> GraspPoses:
+def parse_json(content: object, given: Given) -> GraspPoses:
     """Poses of the content of a JSON file. Raises ContactError."""
     document = mapping(content, "the file")
     entries = entries_of(grasp_list(required(document, "grasps"), "grasps"))
@@ -166,7 +162,7 @@ def parse_json(
     further = [key for key in keys if key not in OWN_NAMES | VECTORS.keys()]
     return _poses(
         listed,
-        outcome,
+        given.outcome,
         poses=numbers(each(entries, "pose"), (4, 4), "pose"),
         posture=_posture(entries),
         names=tuple(str(one.get("name", f"grasp_{k}")) for k, one in enumerate(entries, 1)),
@@ -174,7 +170,7 @@ def parse_json(
             **{key: _column(listed[key], key) for key in further},
             **(_vectors(entries) if "contacts" in keys else {}),
         },
-        **fields_of(mapping(document.get("grasp3d", {}), "grasp3d") | _stated(listed), hand, unit),
+        **fields_of(mapping(document.get("grasp3d", {}), "grasp3d") | _stated(listed), given),
     )
 
 
@@ -223,9 +219,7 @@ def _vectors(entries: Entries) -> dict[str, Floats]:
     }
 
 
-def read_table(
-    path: Path, hand: Hand | None, unit: Unit | None, outcome: Outcome | None
-) -> GraspPoses:
+def read_table(path: Path, given: Given) -> GraspPoses:
     """Poses of a CSV or Parquet file. Raises ContactError, ValueError, OSError."""
     from grasp3d.system.tables import read_columns, read_settings
 
@@ -244,7 +238,7 @@ def read_table(
     used = {*OWN_NAMES, *joints, *(part for parts in vectors.values() for part in parts)}
     return _poses(
         columns,
-        outcome,
+        given.outcome,
         poses=from_quaternions(_stacked(columns, POSITION), _stacked(columns, QUATERNION)),
         posture=_stacked(columns, joints) if joints else np.zeros((0, 0)),
         names=tuple(map(_text, columns["name"].tolist())) if "name" in columns else (),
@@ -257,7 +251,7 @@ def read_table(
                 name: _further(values, name) for name, values in columns.items() if name not in used
             },
         },
-        **fields_of((header or {}) | _stated(columns), hand, unit),
+        **fields_of((header or {}) | _stated(columns), given),
     )
 
 

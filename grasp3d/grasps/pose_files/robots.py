@@ -30,19 +30,16 @@ from grasp3d.grasps.pose_files.documents import (
     write_yaml,
 )
 from grasp3d.grasps.pose_files.frames import (
+    Given,
     for_robots,
     from_quaternions,
     joint_values,
-    needed_gripper,
     of_tcp,
     quaternions,
 )
 from grasp3d.grasps.pose_files.outcomes import outcomes_of_entries
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.hand import Hand
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.settings.lengths import Unit
-from grasp3d.settings.outcome import Outcome
 from grasp3d.system.documents import described
 from grasp3d.system.files import atomic_write
 
@@ -104,9 +101,7 @@ def _named_joints(hand: ParallelGripper, openings: Floats) -> list[dict[str, flo
     ]
 
 
-def parse_isaac(
-    content: object, hand: Hand | None, unit: Unit | None, outcome: Outcome | None
-) -> GraspPoses:
+def parse_isaac(content: object, given: Given) -> GraspPoses:
     """Grasps of the content of a YAML file, in its order. Raises ContactError."""
     document = mapping(content, "the file")
     if required(document, "format") != ISAAC:
@@ -117,7 +112,7 @@ def parse_isaac(
     grasps = mapping(required(document, "grasps"), "grasps")
     if not grasps:
         raise ContactError("there are no grasps in it")
-    hand = needed_gripper(hand, unit, ISAAC)
+    hand = given.gripper(ISAAC)
     entries = entries_of(grasps.values())
     return GraspPoses(
         poses=poses_of_entries(entries),
@@ -126,7 +121,7 @@ def parse_isaac(
             hand, _stated_joints(entries, "pregrasp_cspace_position")
         ),
         scores=optional_numbers(entries, "confidence"),
-        outcome=outcomes_of_entries(outcome, entries),
+        outcome=outcomes_of_entries(given.outcome, entries),
         names=tuple(map(str, grasps)),
         unit="m",
         hand=hand,
@@ -242,20 +237,18 @@ def _translation(direction: Floats, frame: str) -> dict[str, Any]:
     }
 
 
-def parse_moveit(
-    content: object, hand: Hand | None, unit: Unit | None, outcome: Outcome | None
-) -> GraspPoses:
+def parse_moveit(content: object, given: Given) -> GraspPoses:
     """Poses of the content of a JSON file, a list of messages or one. Raises ContactError."""
     messages = entries_of(
         grasp_list(content if isinstance(content, list) else [content], "the file")
     )
-    hand = needed_gripper(hand, unit, MOVEIT)
+    hand = given.gripper(MOVEIT)
     return GraspPoses(
         poses=_moveit_poses(messages),
         opening=_moveit_openings(hand, messages, "grasp_posture"),
         pregrasp_opening=_moveit_openings(hand, messages, "pre_grasp_posture"),
         scores=optional_numbers(messages, "grasp_quality"),
-        outcome=outcomes_of_entries(outcome, messages),
+        outcome=outcomes_of_entries(given.outcome, messages),
         names=tuple(str(m.get("id", f"grasp_{number}")) for number, m in enumerate(messages, 1)),
         unit="m",
         hand=hand,

@@ -27,12 +27,11 @@ from grasp3d.grasps.pose_files.documents import (
     write_yaml,
 )
 from grasp3d.grasps.pose_files.frames import (
-    check_metres,
+    Given,
     for_robots,
     from_quaternions,
     joint_values,
     known_outcomes,
-    needed_gripper,
     quaternions,
 )
 from grasp3d.grasps.pose_files.header import FIELD
@@ -45,10 +44,8 @@ from grasp3d.grasps.pose_files.robots import (
 )
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES, GripperFrame
-from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaws import AXES
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.settings.lengths import Unit
 from grasp3d.settings.outcome import Outcome
 from grasp3d.system.files import atomic_write
 
@@ -71,14 +68,13 @@ def write_datagen(path: Path, poses: GraspPoses) -> None:
     write_isaac(path, tried, created_with=SIMULATED)
 
 
-def parse_datagen(
-    content: object, hand: Hand | None, unit: Unit | None, outcome: Outcome | None
-) -> GraspPoses:
+def parse_datagen(content: object, given: Given) -> GraspPoses:
     """Grasps in the order of the file. Raises ContactError."""
     document = mapping(content, "the file")
     if document.get("created_with") == GUESSED:  # the confidence is that nothing is in the way
-        return parse_isaac(document, hand, unit, outcome)
-    found = parse_isaac(document, hand, unit, outcome or Outcome("confidence"))
+        return parse_isaac(document, given)
+    outcome = given.outcome or Outcome("confidence")
+    found = parse_isaac(document, replace(given, outcome=outcome))
     return replace(found, scores=np.full(found.count, math.nan))
 
 
@@ -126,15 +122,13 @@ def write_replicator(path: Path, poses: GraspPoses) -> None:
     write_yaml(path, document)
 
 
-def parse_replicator(
-    content: object, hand: Hand | None, unit: Unit | None, outcome: Outcome | None
-) -> GraspPoses:
+def parse_replicator(content: object, given: Given) -> GraspPoses:
     """Poses of a configuration, or of one grasp that was tried. Raises ContactError.
 
     Their origin is the hand's base, unless this project's writer states another one.
     """
     document = mapping(content, "the file")
-    hand = needed_gripper(hand, unit, REPLICATOR)
+    hand = given.gripper(REPLICATOR)
     if is_result := RESULT in document:
         result = mapping(document[RESULT], RESULT)
         names = ("position", "gripper_location"), ("orientation", "gripper_orientation")
@@ -145,7 +139,7 @@ def parse_replicator(
     frame = text_or_none(document.get(FIELD), FIELD)
     return GraspPoses(
         poses=poses_of_entries(entries),
-        outcome=outcomes_of_entries(outcome, entries),
+        outcome=outcomes_of_entries(given.outcome, entries),
         unit="m",
         hand=hand,
         gripper_frame=_with_axes(sampler) if sampler.keys() >= {*DIRECTIONS} else FRAMES["hand"],
@@ -203,17 +197,16 @@ def write_multigripper(path: Path, poses: GraspPoses) -> None:
         part.write_text(json_text(document), encoding="utf-8")
 
 
-def parse_multigripper(
-    content: object, hand: Hand | None, unit: Unit | None, outcome: Outcome | None
-) -> GraspPoses:
+def parse_multigripper(content: object, given: Given) -> GraspPoses:
     """Poses of the content of a JSON file, in its order. Raises ContactError."""
     document = mapping(content, "the file")
     rows = numbers(grasp_list(required(document, "pose"), "pose"), (7,), "pose")
-    hand = needed_gripper(hand, unit, MULTIGRIPPER)
+    hand = given.gripper(MULTIGRIPPER)
     count = len(rows)
     of_object = text_or_none(document.get("object_id"), "object_id")
     stated = [key for key, value in document.items() if isinstance(value, list) and key != "pose"]
     lasted = document.get("test_duration")
+    outcome = given.outcome
     if outcome is None and "result" not in stated and "fall_time" in stated and lasted is not None:
         seconds = one_number(lasted, "test_duration")
         outcome = Outcome("fall_time", ">=", str(seconds))
@@ -269,12 +262,10 @@ def write_robotwin(path: Path, poses: GraspPoses) -> None:
         part.write_text(json_text(document), encoding="utf-8")
 
 
-def parse_robotwin(
-    content: object, hand: Hand | None, unit: Unit | None, outcome: Outcome | None
-) -> GraspPoses:
+def parse_robotwin(content: object, given: Given) -> GraspPoses:
     """Poses of the content of a JSON file, in its order. Raises ContactError."""
     document = mapping(content, "the file")
-    check_metres(unit, ROBOTWIN)
+    given.check_metres(ROBOTWIN)
     listed = grasp_list(required(document, "contact_points_pose"), "contact_points_pose")
     poses = numbers(listed, (4, 4), "contact_points_pose")
     scale = document.get("scale", 1.0)
@@ -284,8 +275,8 @@ def parse_robotwin(
     poses[:, :3, 3] *= scales
     return GraspPoses(
         poses=poses,
-        outcome=outcomes_of(outcome, len(poses), (), lambda _: ()),
+        outcome=outcomes_of(given.outcome, len(poses), (), lambda _: ()),
         unit="m",
-        hand=hand,
+        hand=given.hand,
         object_scale=float(scales[0]) if np.ptp(scales) == 0.0 else None,
     )
