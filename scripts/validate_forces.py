@@ -24,9 +24,8 @@ from grasp3d import Contacts
 from grasp3d._kernels.forces.grip_force import ForceResults
 from grasp3d.contact import disc
 from grasp3d.contact.friction_cones import tangents, tilted_normals, turned
-from grasp3d.quality.force_problem import ForceBound, ForceProblem
+from grasp3d.quality.force_problem import PATCH_POINTS, ForceBound, ForceProblem, pressed_at_points
 from grasp3d.quality.force_ranges import force_range
-from grasp3d.quality.tilted_forces import PATCH_POINTS, pressed_at_points
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -31,7 +31,6 @@ from grasp3d._kernels.search import (
 from grasp3d._kernels.surface import (
     box_tree,
     face_tree,
-    normal_sets,
     patches,
     surface_contacts,
     visible_faces,
@@ -72,7 +71,7 @@ _CONTACTS, _HELD = (_FORM, _f4, _f2, _f3), (_FORCE_FORM, _f4, _f2, _f3)
 
 # Surfaces.
 _SURFACE = _tuple(surface_contacts.Surface, _fixed_f2, _fixed_i2, _fixed_i2, _fixed_f2, _i3)
-_SETS = _tuple(normal_sets.ContactNormals, _fixed_i1, _fixed_i1, _fixed_f2)
+_SETS = _tuple(surface_contacts.ContactNormals, _fixed_i1, _fixed_i1, _fixed_f2)
 _FACE_TREE = _tuple(face_tree.FaceTree, _i1, _i, _f2)
 _BOX_TREE = _tuple(box_tree.BoxTree, _i, _i1, _f2, _f2)
 _GEODESICS = _tuple(patches.GeodesicMesh, _i2, _f2, _f2, _f2, _f1, _f2, _i1, _i1)
@@ -150,7 +149,7 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
         (_f3, _i, _f, _i, typeof(frictionless_closure.make_cells(3))),
     ],
     rays.seed_rays: [(_i1, _i, types.UniTuple(_i, 2), _i, _ORIGINS, _PAIRS)],
-    normal_sets.order_normal_sets: [(_i1, _f2, _i1, _f2, _f1)],
+    surface_contacts.order_normal_sets: [(_i1, _f2, _i1, _f2, _f1)],
     reaching.collide_poses: [
         (_f3, _f1, _i8_1, _b, _GRIPPER, _LIMITS, _BOX_TREE, _REACH_WORKSPACE, _b1),
     ],
@@ -178,8 +177,8 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     wrenches.write_axes: [(_fixed_f2, _fixed_f2, _fixed_f1, _f, _f, _f3)],
     wrenches.span: [(_f2, _f, _f2, _f2)],
     tasks.reach: [(_f2, _f2, *[_f] * 6)],
-    normal_sets.largest_angle: [(_fixed_f2, _i, _i, _f, _f, _f)],
-    normal_sets.smallest_angle: [(_fixed_f2, _i, _i, _f, _f, _f)],
+    surface_contacts.largest_angle: [(_fixed_f2, _i, _i, _f, _f, _f)],
+    surface_contacts.smallest_angle: [(_fixed_f2, _i, _i, _f, _f, _f)],
     rays.starting_rays: [(_i32_1, _f2, _i8_1, _i)],
     rays.write_rays: [(_i, _RAYS, _fixed_f2, _f32_2, _f32_2)],
     patches.reset_front: [(_FRONT,)],

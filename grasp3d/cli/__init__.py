@@ -14,10 +14,18 @@ from pathlib import Path
 
 from docstring_parser import parse_from_object
 
+from grasp3d.cli.commands import (
+    Batch,
+    Check,
+    Evaluate,
+    Label,
+    Perturb,
+    Simulate,
+    Sweep,
+    Validate,
+    View,
+)
 from grasp3d.cli.design_command import Design
-from grasp3d.cli.grasp_commands import Evaluate, Simulate, Validate
-from grasp3d.cli.library_commands import Batch, Sweep
-from grasp3d.cli.mesh_commands import Check, Label, Perturb, View
 from grasp3d.cli.streams import (
     check_output,
     discard_output,

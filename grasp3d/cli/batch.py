@@ -10,8 +10,8 @@ from types import FrameType
 from grasp3d.batch.batch_settings import BatchSettings, FractionGrid
 from grasp3d.batch.library import label_library
 from grasp3d.cli import batch_report
+from grasp3d.cli.commands import Batch
 from grasp3d.cli.existing_files import check_not_task
-from grasp3d.cli.library_commands import Batch
 from grasp3d.cli.options import given_sampling
 from grasp3d.cli.ranges import parse_angles, parse_frictions, parse_lengths, parse_numbers
 

@@ -21,8 +21,8 @@ from grasp3d.batch.inputs import MeshFile, find_meshes
 from grasp3d.batch.run import run as run_each
 from grasp3d.batch.storage.files import local_path
 from grasp3d.cli import progress_bars
+from grasp3d.cli.commands import Check
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.mesh_commands import Check
 from grasp3d.cli.options import given_sampling
 from grasp3d.cli.report import FAILED, Report, duration_text, escaped, table_of
 from grasp3d.mesh.diagnosis import MeshDiagnosis, SurfaceMeasures, Trust

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from grasp3d.cli import grasp_report, progress_bars
+from grasp3d.cli.commands import Evaluate
 from grasp3d.cli.existing_files import check_not_source, check_not_task, check_output
-from grasp3d.cli.grasp_commands import Evaluate
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_parts import EvaluatedParts
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses

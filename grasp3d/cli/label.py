@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from grasp3d.cli import grasp_report, progress_bars
+from grasp3d.cli.commands import Label
 from grasp3d.cli.existing_files import check_not_task, check_output, check_same_settings
 from grasp3d.cli.margin_report import print_load, uncertainty_lines
-from grasp3d.cli.mesh_commands import Label
 from grasp3d.cli.options import given_sampling
 from grasp3d.cli.report import (
     CHECK_HINT,

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from grasp3d.cli import progress_bars
+from grasp3d.cli.commands import Perturb
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.mesh_commands import Perturb
 from grasp3d.cli.options import given_sampling
 from grasp3d.cli.report import CHECK_HINT, Report, angle_text, model_words, percent_text
 from grasp3d.mesh.noisy_copies import movable_surface

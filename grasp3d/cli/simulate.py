@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from grasp3d.cli import progress_bars
+from grasp3d.cli.commands import Simulate
 from grasp3d.cli.existing_files import check_not_source, check_output
-from grasp3d.cli.grasp_commands import Simulate
 from grasp3d.cli.report import Report, escaped, length_with_unit, table_of
 from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluation import poses_on

@@ -19,8 +19,8 @@ from grasp3d.batch.sweeping import (
     sweep_on_one_thread,
 )
 from grasp3d.cli import progress_bars, sweep_report
+from grasp3d.cli.commands import FRICTIONS, RESOLUTIONS, Sweep
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.library_commands import FRICTIONS, RESOLUTIONS, Sweep
 from grasp3d.cli.options import given_sampling
 from grasp3d.cli.ranges import parse_angles, parse_frictions, parse_lengths, parse_numbers
 from grasp3d.cli.report import Report

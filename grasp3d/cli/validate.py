@@ -8,8 +8,8 @@ import numpy as np
 from rich.table import Table
 
 from grasp3d.cli import progress_bars
+from grasp3d.cli.commands import Validate
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.grasp_commands import Validate
 from grasp3d.cli.ranges import parse_angles, parse_frictions
 from grasp3d.cli.report import Report, escaped, label_name, table_of
 from grasp3d.errors import OutputError

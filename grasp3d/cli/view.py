@@ -1,8 +1,8 @@
 """`grasp3d view`: view an object in a window, in a browser, or as a picture."""
 
 from grasp3d.cli import progress_bars
+from grasp3d.cli.commands import View
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.mesh_commands import View
 from grasp3d.cli.options import given_sampling
 from grasp3d.cli.time_limit import time_limit
 from grasp3d.errors import GraspError, WarningError

@@ -22,7 +22,7 @@ from grasp3d.quality.measures.measuring import UNDEFINED, MetricValues
 from grasp3d.surface.fields import CLOSED, FORCES, columns_of, given_poses
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.rows import NO_ROW, rows_where
-from grasp3d.surface.spread_grasps import SpreadGrasps
+from grasp3d.surface.vertex_grasps import SpreadGrasps
 
 STALE = frozenset({UNDEFINED, *METRICS, *(field.name for field in (*CLOSED, *FORCES))})
 """Columns of given poses that may be of other settings."""

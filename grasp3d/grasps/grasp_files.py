@@ -25,8 +25,7 @@ from grasp3d.grasps.pose_files.documents import (
     rows_of,
     write_rows,
 )
-from grasp3d.grasps.pose_files.frames import GivenPose
-from grasp3d.grasps.pose_files.header import check_object_frame
+from grasp3d.grasps.pose_files.frames import GivenPose, check_object_frame
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import GripperFrame
 from grasp3d.hand.hand import Hand

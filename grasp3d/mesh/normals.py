@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp3d._kernels.surface.normal_sets import order_normal_sets
 from grasp3d._kernels.surface.patches import (
     REACHED,
     GeodesicMesh,
@@ -15,7 +14,7 @@ from grasp3d._kernels.surface.patches import (
     patch_vectors,
     reset_front,
 )
-from grasp3d._kernels.surface.surface_contacts import ANY_NORMAL
+from grasp3d._kernels.surface.surface_contacts import ANY_NORMAL, order_normal_sets
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows
 from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import Triangles, connected, crowded_edges, paired_edges

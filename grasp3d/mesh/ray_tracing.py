@@ -9,8 +9,7 @@ from embreex.rtcore_scene import EmbreeScene
 
 from grasp3d._kernels.search.antipodal_candidates import BestPairs, PairLimits
 from grasp3d._kernels.search.rays import STEP, Rays, evaluate_crossings, write_rays
-from grasp3d._kernels.surface.normal_sets import ContactNormals
-from grasp3d._kernels.surface.surface_contacts import Surface
+from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface
 from grasp3d.arrays import Bools, Floats, Ints, first_at_position, unit_rows
 from grasp3d.mesh.measures import edges_of
 

@@ -1,7 +1,7 @@
 """Grip force and payload over all normals that a sensor cannot distinguish from the perceived ones.
 
 Both ends of the range are proven: a force that suffices whichever the normals are, and one that no
-normals need less than, see `tilted_forces`. Between them it is not known what some normals need,
+normals need less than, see `force_problem`. Between them it is not known what some normals need,
 but for hard fingers whose forces' lengths are bounded, where the largest force is exact.
 """
 

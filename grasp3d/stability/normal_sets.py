@@ -12,7 +12,7 @@ import numpy as np
 
 from grasp3d._kernels.hull.wrench_problem import SIGN
 from grasp3d._kernels.search.coplanar_contacts import critical_of_sets, make_plane
-from grasp3d._kernels.surface.normal_sets import order_normal_sets
+from grasp3d._kernels.surface.surface_contacts import order_normal_sets
 from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Bools, Floats, Ints, angles_between, unit_rows
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import on_arcs

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.surface.normal_sets import HEMISPHERE
-from grasp3d._kernels.surface.surface_contacts import write_normals_of_all
+from grasp3d._kernels.surface.surface_contacts import HEMISPHERE, write_normals_of_all
 from grasp3d.arrays import (
     RIGHT_ANGLE,
     ArrayLike,

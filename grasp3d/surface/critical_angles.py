@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from grasp3d._kernels.surface.normal_sets import largest_angle, smallest_angle
+from grasp3d._kernels.surface.surface_contacts import largest_angle, smallest_angle
 from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, angles_between, locked
 from grasp3d.contact.contacts import Contacts, centred, clearly_placed
 from grasp3d.errors import SettingError

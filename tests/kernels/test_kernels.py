@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from grasp3d._kernels.search.antipodal_candidates import no_pairs
 from grasp3d._kernels.search.pair_lines import scan
 from grasp3d._kernels.search.rays import Origins, seed_rays
-from grasp3d._kernels.surface.normal_sets import (
+from grasp3d._kernels.surface.surface_contacts import (
     ContactNormals,
     largest_angle,
     order_normal_sets,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from grasp3d import Contacts
-from grasp3d._kernels.surface.normal_sets import largest_angle, smallest_angle
+from grasp3d._kernels.surface.surface_contacts import largest_angle, smallest_angle
 from grasp3d.errors import ContactError
 from grasp3d.stability.normal_sets import STEP, face_normals, sampled_set
 from tests.helpers import oracles

@@ -18,7 +18,7 @@ from grasp3d._kernels.search.face_contacts import (
     turning_speed,
     upper_bound,
 )
-from grasp3d._kernels.surface.normal_sets import smallest_angle
+from grasp3d._kernels.surface.surface_contacts import smallest_angle
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings.sampling import Grip
 from grasp3d.surface.sampling import antipodal

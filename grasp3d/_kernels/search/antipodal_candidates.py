@@ -18,8 +18,12 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.compiling.decorators import merged, part
-from grasp3d._kernels.surface.normal_sets import largest_angle, smallest_angle
-from grasp3d._kernels.surface.surface_contacts import point_on_face, write_normals
+from grasp3d._kernels.surface.surface_contacts import (
+    largest_angle,
+    point_on_face,
+    smallest_angle,
+    write_normals,
+)
 from grasp3d._kernels.surface.vectors import copy, difference, dot, norm, scaled, triple
 
 TIE = 1e-7

@@ -12,8 +12,7 @@ import numpy.typing as npt
 from grasp3d._kernels.compiling.decorators import merged, part, scratch_kernel
 from grasp3d._kernels.search.antipodal_candidates import PairLimits
 from grasp3d._kernels.surface.face_tree import FaceTree
-from grasp3d._kernels.surface.normal_sets import ContactNormals
-from grasp3d._kernels.surface.surface_contacts import Surface
+from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface
 from grasp3d._kernels.surface.vectors import (
     combined,
     copy,

@@ -8,8 +8,12 @@ import numpy.typing as npt
 
 from grasp3d._kernels.compiling.decorators import merged
 from grasp3d._kernels.search.multifinger_evaluation import Candidate, make_candidate
-from grasp3d._kernels.surface.normal_sets import ContactNormals
-from grasp3d._kernels.surface.surface_contacts import Surface, point_on_face, write_normals
+from grasp3d._kernels.surface.surface_contacts import (
+    ContactNormals,
+    Surface,
+    point_on_face,
+    write_normals,
+)
 from grasp3d._kernels.surface.vectors import copy, squared_distance, triple
 
 NO_CONTACT = -1

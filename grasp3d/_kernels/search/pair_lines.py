@@ -9,7 +9,7 @@ import math
 
 from grasp3d._kernels.compiling.decorators import kernel, merged
 from grasp3d._kernels.search.antipodal_candidates import line_turn
-from grasp3d._kernels.surface.normal_sets import largest_angle, smallest_angle
+from grasp3d._kernels.surface.surface_contacts import largest_angle, smallest_angle
 from grasp3d._kernels.surface.vectors import (
     angle_between,
     combined,

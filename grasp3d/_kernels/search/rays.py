@@ -23,7 +23,7 @@ from grasp3d._kernels.search.antipodal_candidates import (
     evaluate_pair,
     line_turn,
 )
-from grasp3d._kernels.surface.normal_sets import ContactNormals, smallest_angle
+from grasp3d._kernels.surface.surface_contacts import ContactNormals, smallest_angle
 from grasp3d._kernels.surface.vectors import (
     combined,
     copy,

@@ -26,8 +26,7 @@ from grasp3d._kernels.search.face_contacts import (
     write_nearest,
 )
 from grasp3d._kernels.surface.face_tree import NO_NODE, below, faces_of_leaf
-from grasp3d._kernels.surface.normal_sets import smallest_angle
-from grasp3d._kernels.surface.surface_contacts import point_on_face, write_normals
+from grasp3d._kernels.surface.surface_contacts import point_on_face, smallest_angle, write_normals
 from grasp3d._kernels.surface.vectors import (
     combined,
     copy,

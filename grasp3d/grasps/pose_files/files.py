@@ -17,6 +17,8 @@ from grasp3d.grasps.pose_files.documents import (
     yaml_module,
 )
 from grasp3d.grasps.pose_files.frames import (
+    FIELD,
+    OBJECT_FRAMES,
     Given,
     GivenPose,
     UnknownUnitError,
@@ -25,7 +27,6 @@ from grasp3d.grasps.pose_files.frames import (
     of_tcp,
     read_object_pose,
 )
-from grasp3d.grasps.pose_files.header import FIELD, OBJECT_FRAMES
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import GripperFrame
 from grasp3d.hand.hand import Hand

@@ -23,8 +23,13 @@ from grasp3d.grasps.pose_files.documents import (
     rows_of,
     write_rows,
 )
-from grasp3d.grasps.pose_files.frames import Given, from_quaternions, quaternions
-from grasp3d.grasps.pose_files.header import fields_of, header_of
+from grasp3d.grasps.pose_files.frames import (
+    Given,
+    fields_of,
+    from_quaternions,
+    header_of,
+    quaternions,
+)
 from grasp3d.grasps.pose_files.outcomes import Values, outcomes_of
 from grasp3d.grasps.poses import OWN_NAMES, GraspPoses
 from grasp3d.hand.frames import FRAMES

@@ -27,6 +27,7 @@ from grasp3d.grasps.pose_files.documents import (
     write_yaml,
 )
 from grasp3d.grasps.pose_files.frames import (
+    FIELD,
     Given,
     for_robots,
     from_quaternions,
@@ -34,7 +35,6 @@ from grasp3d.grasps.pose_files.frames import (
     known_outcomes,
     quaternions,
 )
-from grasp3d.grasps.pose_files.header import FIELD
 from grasp3d.grasps.pose_files.outcomes import outcomes_of, outcomes_of_entries
 from grasp3d.grasps.pose_files.robots import (
     openings_of_joints,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.surface.normal_sets import smallest_angle
+from grasp3d._kernels.surface.surface_contacts import smallest_angle
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, angles_between, locked
 from grasp3d.errors import SettingError
 from grasp3d.mesh import MeshSource
