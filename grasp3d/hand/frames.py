@@ -65,10 +65,6 @@ class GripperFrame:
     """How far that point is before the origin, along the approach direction [m]."""
     name: str = field(default="", compare=False)
     """Its name in `FRAMES`; empty: none."""
-    used_by: str = field(default="", compare=False)
-    """Programs and formats with this frame."""
-    source: str = field(default="", compare=False)
-    """Where it is stated."""
 
     def __post_init__(self) -> None:
         axes = self.approach, self.closing
@@ -192,7 +188,7 @@ def _of_text(text: str) -> GripperFrame:
             f"where is the TCP in the frame {text!r}? give tcp=0 where it is the origin, "
             "tcp=0.1034 where it is 103.4 mm before it, or tcp=base for the gripper's own"
         )
-    frame = replace(base, name="", used_by="", source="", **values)
+    frame = replace(base, name="", **values)
     if "side" in parts:
         _check_side(frame, _axis(parts["side"]))
     return frame
@@ -252,71 +248,37 @@ def known_frames() -> str:
 
 
 def _named(
-    name: str, used_by: str, source: str, axes: tuple[str, str], origin: Origin, **values: float
+    name: str, axes: tuple[str, str], origin: Origin, **values: float
 ) -> tuple[str, GripperFrame]:
     approach, closing = axes
     return name, GripperFrame(
-        name=name, approach=approach, closing=closing, origin=origin, used_by=used_by,
-        source=source, **values,
-    )  # fmt: skip
+        name=name, approach=approach, closing=closing, origin=origin, **values
+    )
 
 
 _OWN, _Z_X, _Z_Y, _X_Y = ("", ""), ("z", "x"), ("z", "-y"), ("x", "y")
 
-FRAMES: dict[str, GripperFrame] = dict([
-    _named("tcp", "grasp3d", "the frame of this project's grippers", _Z_X, "tcp"),
-    _named(
-        "hand", "isaac_grasp 1.0, moveit_msgs/Grasp",
-        "base_axes and base_to_tcp of the gripper: its link in robot descriptions", _OWN, "base",
-    ),
-    _named(
-        "isaac", "Isaac Sim, grasp editor", "Isaac Sim, documentation of the grasp editor: the "
-        "frame of gripper_frame_link", _OWN, "base",
-    ),
-    _named(
-        "graspdatagen", "GraspDataGen", "GraspDataGen, scripts/graspgen: the base link of the "
-        "gripper", _OWN, "base",
-    ),
-    _named(
-        "moveit", "MoveIt", "moveit_msgs/Grasp: the parent link of the end effector", _OWN, "base",
-    ),
-    _named(
-        "graspgen", "GraspGen, also in its isaac_grasp files",
-        "GraspGen, docs/GRIPPER_DESCRIPTION.md", _Z_X, "base",
-    ),
-    _named("acronym", "ACRONYM", "acronym_tools/acronym.py, create_gripper_marker", _Z_X, "base"),
-    _named(
-        "contact_graspnet", "Contact-GraspNet", "contact_graspnet.py, build_6d_grasp", _Z_X, "base",
-    ),
-    _named(
-        "graspnetapi", "graspnetAPI, AnyGrasp, InternData",
-        "graspnetAPI/utils/utils.py, plot_gripper_pro_max; of a depth of 20 mm", _X_Y, "ends",
-        ahead=0.02,
-    ),
-    _named("dexnet", "Dex-Net", "dexnet/grasping/grasp.py, ParallelJawPtGrasp3D", _X_Y, "tcp"),
-    _named(
-        "gpd", "GPD", "gpd/candidate/hand.h and GraspConfig.msg: columns approach, binormal, axis; "
-        "of the default hand_depth, 60 mm", _X_Y, "ends", ahead=0.06,
-    ),
-    _named("burg", "burg-toolkit", "burg_toolkit/gripper/base.py", ("-z", "x"), "ends"),
-    _named(
-        "robotwin", "RoboTwin", "envs/_base_task.py, get_grasp_pose: of contact_points_pose",
-        ("-y", "z"), "tcp",
-    ),
-    _named("panda_hand", "franka_description", "franka_hand.xacro", _Z_Y, "base"),
-    _named("panda_hand_tcp", "franka_description", "franka_hand.xacro", _Z_Y, "tcp"),
-    _named(
-        "panda_link8", "MoveIt with the flange of the Franka arm",
-        "franka_hand.xacro: the hand is turned by -45 degrees about z", _Z_Y, "base",
-        turn=-0.25 * math.pi,
-    ),
-    _named(
-        "robotiq_arg2f_base_link", "ROS-Industrial's description of Robotiq grippers",
-        "robotiq_arg2f_85_model_macro.xacro", ("z", "y"), "base",
-    ),
-    _named(
-        "robotiq_85_base_link", "PickNik's description of Robotiq grippers",
-        "robotiq_2f_85_macro.urdf.xacro", _Z_X, "base",
-    ),
-])  # fmt: skip
-"""Frames by name; several names may stand for the same one."""
+FRAMES: dict[str, GripperFrame] = dict(
+    [
+        _named("tcp", _Z_X, "tcp"),
+        _named("hand", _OWN, "base"),
+        _named("isaac", _OWN, "base"),
+        _named("graspdatagen", _OWN, "base"),
+        _named("moveit", _OWN, "base"),
+        _named("graspgen", _Z_X, "base"),
+        _named("acronym", _Z_X, "base"),
+        _named("contact_graspnet", _Z_X, "base"),
+        _named("graspnetapi", _X_Y, "ends", ahead=0.02),
+        _named("dexnet", _X_Y, "tcp"),
+        _named("gpd", _X_Y, "ends", ahead=0.06),
+        _named("burg", ("-z", "x"), "ends"),
+        _named("robotwin", ("-y", "z"), "tcp"),
+        _named("panda_hand", _Z_Y, "base"),
+        _named("panda_hand_tcp", _Z_Y, "tcp"),
+        _named("panda_link8", _Z_Y, "base", turn=-0.25 * math.pi),
+        _named("robotiq_arg2f_base_link", ("z", "y"), "base"),
+        _named("robotiq_85_base_link", _Z_X, "base"),
+    ]
+)
+"""Frames by name, as the programs state them (see docs/guide/elsewhere.md); several names may stand
+for the same one."""

@@ -91,9 +91,65 @@ def contact_table() -> str:
     return _table(["column", "JSON", "type", "unit", ""], rows)
 
 
+FRAME_SOURCES = {
+    "tcp": ("grasp3d", "the frame of this project's grippers"),
+    "hand": (
+        "isaac_grasp 1.0, moveit_msgs/Grasp",
+        "base_axes and base_to_tcp of the gripper: its link in robot descriptions",
+    ),
+    "isaac": (
+        "Isaac Sim, grasp editor",
+        "Isaac Sim, documentation of the grasp editor: the frame of gripper_frame_link",
+    ),
+    "graspdatagen": (
+        "GraspDataGen",
+        "GraspDataGen, scripts/graspgen: the base link of the gripper",
+    ),
+    "moveit": ("MoveIt", "moveit_msgs/Grasp: the parent link of the end effector"),
+    "graspgen": (
+        "GraspGen, also in its isaac_grasp files",
+        "GraspGen, docs/GRIPPER_DESCRIPTION.md",
+    ),
+    "acronym": ("ACRONYM", "acronym_tools/acronym.py, create_gripper_marker"),
+    "contact_graspnet": ("Contact-GraspNet", "contact_graspnet.py, build_6d_grasp"),
+    "graspnetapi": (
+        "graspnetAPI, AnyGrasp, InternData",
+        "graspnetAPI/utils/utils.py, plot_gripper_pro_max; of a depth of 20 mm",
+    ),
+    "dexnet": ("Dex-Net", "dexnet/grasping/grasp.py, ParallelJawPtGrasp3D"),
+    "gpd": (
+        "GPD",
+        (
+            "gpd/candidate/hand.h and GraspConfig.msg: columns approach, binormal, "
+            "axis; of the default hand_depth, 60 mm"
+        ),
+    ),
+    "burg": ("burg-toolkit", "burg_toolkit/gripper/base.py"),
+    "robotwin": ("RoboTwin", "envs/_base_task.py, get_grasp_pose: of contact_points_pose"),
+    "panda_hand": ("franka_description", "franka_hand.xacro"),
+    "panda_hand_tcp": ("franka_description", "franka_hand.xacro"),
+    "panda_link8": (
+        "MoveIt with the flange of the Franka arm",
+        "franka_hand.xacro: the hand is turned by -45 degrees about z",
+    ),
+    "robotiq_arg2f_base_link": (
+        "ROS-Industrial's description of Robotiq grippers",
+        "robotiq_arg2f_85_model_macro.xacro",
+    ),
+    "robotiq_85_base_link": (
+        "PickNik's description of Robotiq grippers",
+        "robotiq_2f_85_macro.urdf.xacro",
+    ),
+}
+"""By name of a frame: programs and formats that have it, and where it is stated."""
+
+
 def frame_table() -> str:
     """Frames of grippers by name."""
-    rows = [[f"`{name}`", one.used_by, *_frame(one), one.source] for name, one in FRAMES.items()]
+    rows = []
+    for name, frame in FRAMES.items():
+        used_by, source = FRAME_SOURCES[name]
+        rows.append([f"`{name}`", used_by, *_frame(frame), source])
     return _table(["frame", "of", "approach", "closing", "TCP", "source"], rows)
 
 
