@@ -55,7 +55,7 @@ class Reader(NamedTuple):
 def readers() -> dict[str, Reader]:
     """All readers by name."""
     import grasp3d
-    from grasp3d.export.read_settings import stored_settings
+    from grasp3d.export.stored import stored_settings
     from grasp3d.grasps import read_object_pose
     from grasp3d.grasps.pose_files import read_poses
     from grasp3d.hand.hand_files import read_hand

@@ -14,15 +14,16 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from grasp3d.batch.library import REPORT, BatchProgress, LibraryLabels
 from grasp3d.batch.row import Outcome, Row
-from grasp3d.cli.margin_report import MARGIN, margin_text
 from grasp3d.cli.report import (
     CHECK_HINT,
     FAILED,
+    MARGIN,
     WARNING,
     Report,
     angle_text,
     duration_text,
     escaped,
+    margin_text,
     table_of,
 )
 from grasp3d.errors import OutputError

@@ -127,7 +127,7 @@ def check_same_settings(path: Path, task: "Labelling", *, overwrite: bool) -> No
     Raises:
         OutputError: It holds other labels.
     """
-    from grasp3d.export.read_settings import stored_settings
+    from grasp3d.export.stored import stored_settings
     from grasp3d.settings import search_cone
     from grasp3d.surface.label_settings import chosen_settings
 
@@ -164,7 +164,7 @@ def check_same_settings(path: Path, task: "Labelling", *, overwrite: bool) -> No
 
 def is_result(path: Path) -> bool:
     """Whether a file is a result of grasp3d, by its metadata or its columns."""
-    from grasp3d.export.read_settings import stored_settings
+    from grasp3d.export.stored import stored_settings
 
     try:
         with path.open("rb") as stream:

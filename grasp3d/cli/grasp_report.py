@@ -7,27 +7,25 @@ from pathlib import Path
 import numpy as np
 
 from grasp3d.arrays import Bytes, Floats, Ints
-from grasp3d.cli.margin_report import (
-    LOAD,
-    MARGIN,
-    holding_columns,
-    margin_columns,
-    margin_text,
-    print_load,
-    uncertainty_lines,
-)
 from grasp3d.cli.report import (
     LEVELS,
+    LOAD,
+    MARGIN,
     PERCENTS,
     Column,
     Report,
     angle_text,
     escaped,
+    holding_columns,
     label_name,
+    margin_columns,
+    margin_text,
     model_words,
     percent_text,
+    print_load,
     table_of,
     table_of_columns,
+    uncertainty_lines,
 )
 from grasp3d.grasps.evaluated_parts import EvaluatedParts
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses

@@ -39,7 +39,7 @@ def run(command: Hand) -> int:
 
         save_as(gripper_figure(gripper), command.picture)
     if command.frames is not None:
-        from grasp3d.plots.gripper_frames import frames_figure
+        from grasp3d.plots.grippers import frames_figure
 
         save_as(frames_figure(gripper), command.frames)
     if not command.quiet:

@@ -8,7 +8,6 @@ import numpy as np
 from grasp3d.cli import grasp_report, progress_bars
 from grasp3d.cli.commands import Label
 from grasp3d.cli.existing_files import check_not_task, check_output, check_same_settings
-from grasp3d.cli.margin_report import print_load, uncertainty_lines
 from grasp3d.cli.options import given_sampling
 from grasp3d.cli.report import (
     CHECK_HINT,
@@ -20,6 +19,8 @@ from grasp3d.cli.report import (
     length_with_unit,
     model_words,
     percent_text,
+    print_load,
+    uncertainty_lines,
 )
 from grasp3d.cli.time_limit import time_limit
 from grasp3d.errors import OutputError

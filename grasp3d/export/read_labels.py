@@ -13,8 +13,7 @@ from grasp3d.errors import GraspError, MeshError
 from grasp3d.export.npz import read_npz
 from grasp3d.export.parquet import read_fields
 from grasp3d.export.ply import read_ply
-from grasp3d.export.read_settings import FileSettings, settings_from
-from grasp3d.export.stored import FIELDS, Stored, check_stored, damaged
+from grasp3d.export.stored import FIELDS, FileSettings, Stored, check_stored, damaged, settings_from
 from grasp3d.export.vtp import read_vtp
 from grasp3d.hand.reach import Reach
 from grasp3d.mesh import MeshReport, ObjectMesh

@@ -4,8 +4,7 @@ import math
 from pathlib import Path
 
 from grasp3d.export.npz import MEMORY
-from grasp3d.export.read_settings import BYTES_PER_SECOND, SECONDS
-from grasp3d.export.stored import Stored, damaged, fingers_of
+from grasp3d.export.stored import BYTES_PER_SECOND, SECONDS, Stored, damaged, fingers_of
 from grasp3d.export.vtp_arrays import vtp_arrays
 from grasp3d.reading.sources import Source, check_memory
 from grasp3d.surface.conversions import INFINITE

@@ -20,7 +20,7 @@ from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.sampling.pair_limits import Ranking, largest_cost, pair_limits
+from grasp3d.surface.sampling.antipodal import Ranking, largest_cost, pair_limits
 from grasp3d.surface.sampling.reachable import ReachSearch
 from grasp3d.surface.vertex_grasps import Reason
 

@@ -3,17 +3,23 @@
 The two are fractions over the uncertainties that the paper names but works out no more (Sec. III-A
 and IV-B): friction, contact location and joint encoders. Beside them are fractions of random true
 grasps, an independent check of the closed form: contacts, normals and frictions are drawn within
-their bounds, and each true grasp is decided by the definition alone.
+their bounds, and each true grasp is decided by the definition alone. The scans in space are those
+of sphere, box, cylinder and a real object, one finger fixed, one scanned, which the paper announces
+as counterparts of its Fig. 7 to 10.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Floats
+from grasp3d.arrays import ArrayLike, Bools, Floats
 from grasp3d.contact.sensor import Sensor
-from grasp3d.paper.objects import swept
+from grasp3d.errors import SettingError
+from grasp3d.mesh import ObjectMesh, load_mesh
+from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.planar import Circle, scan, square
 from grasp3d.plots.cones import combinations_figure, cone_figure, tips_figure
@@ -23,12 +29,196 @@ from grasp3d.plots.fractions import (
     ErrorPanel,
     ceiling_figure,
     error_fractions_figure,
+    fixed_fingers,
     fractions_figure,
+    surface_figure,
 )
 from grasp3d.plots.heat_maps import heat_map_figure
+from grasp3d.plots.painting import paint_labels
+from grasp3d.plots.rendering import View
 from grasp3d.settings import DEGREE, GraspModel
-from grasp3d.stability.angle_distributions import SphereAngles
+from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
+from grasp3d.surface.labelling import label_surface
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.scanning import scan_surface
 from grasp3d.surface.sweeps import Sweep, sweep
+from grasp3d.system.context import unreported
+
+BELOW = (0.0, 0.0, -1.0)
+"""Contact point of the first finger on the solids: in the middle underneath, as on the square."""
+
+ELEVATION, ASIDE = 22.0 * DEGREE, 110.0 * DEGREE
+"""Camera elevation, and its azimuth from the fixed finger, which is then a little behind the side.
+"""
+FROM_BELOW = View(azimuth=38.0 * DEGREE, elevation=ELEVATION)
+UPRIGHT = 0.8
+"""Sine of the elevation of a finger from which it counts as under or on top of the object."""
+
+PIXELS = (720, 720)
+
+PICTURE_EDGE = 1.0 / 100.0
+"""Longest edge of a real object's mesh, as a fraction of its size."""
+AS_GOOD = 2e-3
+"""Critical angles that differ by less count as equally good [rad]."""
+
+COMPARED = 24
+"""Equally good contact points that are compared by the area fraction S of their scan."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScannedObject:
+    """An object with one finger fixed, labelled at each resolution."""
+
+    name: str
+    scans: tuple[SurfaceLabels, ...]
+    view: View
+    closed_form: AngleDistribution | None = None
+    length: float = 1.0
+    """Radius or half a side of a solid, half the size of a real object [mesh unit]."""
+
+    def angles_at(self, location: float) -> AngleDistribution:
+        """Critical angles at a location error, as a fraction of `length`."""
+        return self.scans[0].angle_distribution(location_error=location * self.length)
+
+    def sweep(self, settings: PaperSettings) -> Sweep:
+        """Area fractions over the resolution."""
+        return swept(self.scans[0].angle_distribution(), self.name, settings)
+
+
+def solids(settings: PaperSettings) -> Iterator[ScannedObject]:
+    """Scan the sphere, the box and the cylinder, one after another."""
+    yield _scanned("sphere", sphere_mesh(), BELOW, settings, FROM_BELOW, SphereAngles())
+    yield _scanned("box", box_mesh(), BELOW, settings, FROM_BELOW)
+    yield _scanned("cylinder", cylinder_mesh(), BELOW, settings, FROM_BELOW)
+
+
+def load_object(path: Path) -> ObjectMesh:
+    """Read a mesh finely enough for a picture.
+
+    Raises:
+        MeshError: The file contains no surface.
+    """
+    return load_mesh(path, max_edge=PICTURE_EDGE * load_mesh(path).size)
+
+
+def real_object(
+    mesh: ObjectMesh,
+    name: str,
+    settings: PaperSettings,
+    *,
+    fixed: ArrayLike | None = None,
+) -> ScannedObject:
+    """Scan any object.
+
+    Args:
+        mesh: Its surface.
+        name: Its name.
+        settings: Friction and resolutions.
+        fixed: Contact point of the first finger, in the mesh's frame; None: where a two-finger
+            grasp is best.
+
+    Raises:
+        SettingError: No grasp was found on it and no point is given, or `fixed` is not a point.
+    """
+    point = best_contact_point(mesh, settings.models[0]) if fixed is None else fixed
+    with unreported():
+        (finger,) = fixed_fingers(scan_surface(mesh, settings.models[0], fixed=point))
+        scanned = _scanned(name, mesh, point, settings, view_of(finger.normal))
+    return replace(scanned, length=mesh.size / 2.0)
+
+
+def best_contact_point(mesh: ObjectMesh, model: GraspModel) -> Floats:
+    """Find the vertex whose best two-finger grasp tolerates the coarsest sensor, shape (3,).
+
+    Several vertices may tolerate equally coarse sensors; of some of these it is the vertex with
+    the largest area fraction S for the second finger.
+
+    Raises:
+        SettingError: There is no grasp.
+    """
+    fine = replace(model, sensor_resolution=0.0)  # smallest search cone
+    labels = label_surface(mesh, fine)
+    lowest = float(labels.critical_angle.min())
+    if math.isinf(lowest):
+        raise SettingError(
+            f"{mesh.report.source}: no grasp was found that gives the fixed finger's contact "
+            "point; set one with --fixed"
+        )
+    good = np.flatnonzero(labels.critical_angle <= max(lowest, 0.0) + AS_GOOD)
+    compared = np.unique(good[np.linspace(0, len(good) - 1, COMPARED).astype(np.int64)])
+    with unreported():
+        stable = [
+            scan_surface(mesh, model, fixed=mesh.vertices[vertex]).fractions()["S"]
+            for vertex in compared
+        ]
+    return np.array(mesh.vertices[compared[int(np.argmax(stable))]])
+
+
+def view_of(normal: Floats) -> View:
+    """View in which the finger is at the side and the opposing contact is visible.
+
+    Args:
+        normal: Inward normal at the finger, shape (3,).
+    """
+    outward = -normal
+    if abs(outward[2]) > UPRIGHT:
+        above = math.copysign(ELEVATION, -outward[2])
+        return View(FROM_BELOW.azimuth, above)
+    return View(math.atan2(outward[1], outward[0]) + ASIDE, ELEVATION)
+
+
+def object_figure(scanned: ScannedObject, settings: PaperSettings, *, pictures: bool) -> Drawing:
+    """Draw the labelled surface at each resolution, and the area fractions over all resolutions.
+
+    Args:
+        scanned: The object.
+        settings: Friction and resolutions.
+        pictures: Whether pictures can be rendered; otherwise only the fractions are drawn.
+    """
+    images = [
+        paint_labels(scan, view=scanned.view, size=PIXELS, fingers=fixed_fingers(scan))
+        for scan in scanned.scans
+        if pictures
+    ]
+    exact = scanned.closed_form
+    return surface_figure(
+        scanned.scans,
+        images,
+        scanned.sweep(settings),
+        closed_form=None if exact is None else swept(exact, scanned.name, settings),
+    )
+
+
+def _scanned(
+    name: str,
+    mesh: ObjectMesh,
+    fixed: ArrayLike,
+    settings: PaperSettings,
+    view: View,
+    closed_form: AngleDistribution | None = None,
+) -> ScannedObject:
+    first, *others = settings.models
+    scan = scan_surface(mesh, first, fixed=fixed)
+    scans = [scan.relabel(sensor_resolution=model.sensor_resolution) for model in others]
+    return ScannedObject(name, (scan, *scans), view, closed_form)
+
+
+def swept(angles: AngleDistribution, name: str, settings: PaperSettings) -> Sweep:
+    """Fractions over the resolution, in closed form or of a scan.
+
+    Args:
+        angles: An outline, a sphere, or the critical angles of a scan.
+        name: Its name.
+        settings: Friction and resolutions.
+    """
+    return sweep(
+        angles,
+        friction=settings.friction,
+        sensor_resolution=settings.swept,
+        name=name,
+        mode="scan",
+    )
+
 
 CONE_MODEL = GraspModel(friction=1.0, sensor_resolution=30.0 * DEGREE)
 """Model of the drawings of cones for all settings: all its angles are clearly visible."""

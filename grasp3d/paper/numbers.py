@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from grasp3d.contact.sensor import Sensor, resolution_limit
+from grasp3d.paper.figures import ScannedObject
 from grasp3d.paper.markdown import fraction_cells, percent, resolution_cell, table
-from grasp3d.paper.objects import ScannedObject
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.planar import (
     Circle,

@@ -8,15 +8,15 @@ from pathlib import Path
 from grasp3d.arrays import ArrayLike
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.paper.convergence import comparisons, convergence_tables, surface_table
-from grasp3d.paper.figures import FIGURES
-from grasp3d.paper.numbers import numbers_page
-from grasp3d.paper.objects import (
+from grasp3d.paper.figures import (
+    FIGURES,
     ScannedObject,
     load_object,
     object_figure,
     real_object,
     solids,
 )
+from grasp3d.paper.numbers import numbers_page
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.plots.figures import save
 from grasp3d.plots.rendering import can_render

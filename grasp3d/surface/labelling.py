@@ -33,9 +33,8 @@ from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinatio
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase, input_warnings, loaded_mesh
 from grasp3d.surface.merged_grasps import with_more_margin
-from grasp3d.surface.sampling.antipodal import AntipodalGrasps, best_pairs
+from grasp3d.surface.sampling.antipodal import ALIKE, AntipodalGrasps, Ranking, best_pairs
 from grasp3d.surface.sampling.multifinger import search
-from grasp3d.surface.sampling.pair_limits import ALIKE, Ranking
 from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at, grasps_differ
 from grasp3d.system.context import (
     begin_step,

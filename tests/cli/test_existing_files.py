@@ -9,7 +9,7 @@ import pytest
 from grasp3d import GraspModel, Sampling, label_surface, load_mesh, write_npz
 from grasp3d.cli.existing_files import check_same_settings, is_result
 from grasp3d.errors import OutputError
-from grasp3d.export.read_settings import stored_settings
+from grasp3d.export.stored import stored_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.primitives import box_mesh
 from grasp3d.surface.labelling import Labelling

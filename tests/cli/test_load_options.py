@@ -9,7 +9,7 @@ import trimesh
 from grasp3d import read_labels
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import settings_key
-from grasp3d.export.read_settings import stored_settings
+from grasp3d.export.stored import stored_settings
 from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskText
 from tests.helpers import shapes

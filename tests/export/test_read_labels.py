@@ -32,7 +32,7 @@ from grasp3d import (
 )
 from grasp3d.errors import GraspError, MeshError
 from grasp3d.export.read_labels import labels_in
-from grasp3d.export.read_settings import stored_settings
+from grasp3d.export.stored import stored_settings
 from grasp3d.export.writers import writer_for
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality import Weight

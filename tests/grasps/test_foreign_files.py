@@ -23,7 +23,7 @@ from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.parallel_gripper import preset
 from grasp3d.system import stored_arrays
-from grasp3d.system.pickled_arrays import RefusedError
+from grasp3d.system.stored_arrays import RefusedError
 
 FRANKA = preset("franka")
 

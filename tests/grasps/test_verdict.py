@@ -26,7 +26,7 @@ from grasp3d import (
     label_surface,
     load_mesh,
 )
-from grasp3d.cli.margin_report import force_text
+from grasp3d.cli.report import force_text
 from grasp3d.grasps import verdict_of
 from grasp3d.grasps.causes import Cause, cause_fractions
 from grasp3d.grasps.grasp_files import poses_of

@@ -20,17 +20,19 @@ from grasp3d.cli import main
 from grasp3d.contact.contacts import Contacts
 from grasp3d.errors import SettingError
 from grasp3d.mesh.primitives import box_mesh
-from grasp3d.paper.figures import FIGURES, resolution_and_location, sampled_fractions
-from grasp3d.paper.markdown import percent
-from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page, quoted_numbers
-from grasp3d.paper.objects import (
+from grasp3d.paper.figures import (
+    FIGURES,
     ScannedObject,
     best_contact_point,
     object_figure,
     real_object,
+    resolution_and_location,
+    sampled_fractions,
     solids,
     view_of,
 )
+from grasp3d.paper.markdown import percent
+from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page, quoted_numbers
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.planar import circle_fractions
 from grasp3d.plots.fractions import surface_figure

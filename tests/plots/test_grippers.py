@@ -10,8 +10,7 @@ from matplotlib.patches import Circle, Rectangle
 
 from grasp3d.hand.parallel_gripper import PRESETS, preset
 from grasp3d.plots.figures import save_as
-from grasp3d.plots.gripper_frames import frames_figure
-from grasp3d.plots.grippers import gripper_figure
+from grasp3d.plots.grippers import frames_figure, gripper_figure
 
 
 def numbers(texts: list[str]) -> set[float]:

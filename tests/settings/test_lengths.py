@@ -23,7 +23,7 @@ from grasp3d.batch.identity import settings_text
 from grasp3d.errors import SettingError
 from grasp3d.settings.lengths import Measure, parse_length, settings_in_unit
 from grasp3d.settings.parsing import plain_values
-from grasp3d.surface.sampling.pair_limits import OPENING_SLACK
+from grasp3d.surface.sampling.antipodal import OPENING_SLACK
 from tests.helpers import shapes
 
 

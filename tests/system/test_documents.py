@@ -16,7 +16,7 @@ import trimesh
 
 import grasp3d
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.export.read_settings import stored_settings
+from grasp3d.export.stored import stored_settings
 from grasp3d.grasps import read_object_pose
 from grasp3d.grasps.pose_files import holds_poses, read_poses
 from grasp3d.hand.hand_files import hand_of_line, read_hand

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from grasp3d.system import pickled_arrays
-from grasp3d.system.pickled_arrays import RefusedError, StoredArray, array_in, unpickled
-from grasp3d.system.stored_arrays import Archive
+from grasp3d.system import stored_arrays
+from grasp3d.system.stored_arrays import Archive, RefusedError, StoredArray, array_in, unpickled
 
 ARRAYS = (
     np.arange(24.0).reshape(2, 3, 4),
@@ -91,7 +90,7 @@ def test_nothing_else_is_read_or_executed(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(pickled_arrays, "MOST_STEPS", 100_000)
+    monkeypatch.setattr(stored_arrays, "MOST_STEPS", 100_000)
     started = time.perf_counter()
     with pytest.raises(RefusedError) as error:
         unpickled(MALICIOUS[name])

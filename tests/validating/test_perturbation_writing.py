@@ -9,7 +9,7 @@ import pyvista
 from grasp3d import MeshOptions, load_mesh
 from grasp3d.cli.existing_files import is_result
 from grasp3d.errors import OutputError
-from grasp3d.export.read_settings import stored_settings
+from grasp3d.export.stored import stored_settings
 from grasp3d.system.tables import read_columns
 from grasp3d.validating.perturbing import (
     NoiseSettings,

@@ -38,7 +38,7 @@ from grasp3d.export.stored import Stored
 from grasp3d.export.writers import writer_for
 from grasp3d.reading.sources import Source
 from grasp3d.surface import Reason
-from grasp3d.surface.sampling.pair_limits import OPENING_SLACK
+from grasp3d.surface.sampling.antipodal import OPENING_SLACK
 from grasp3d.system.context import report_progress, running
 from grasp3d.viewer.session.background import Cancelled
 from grasp3d.viewer.session.collection import (

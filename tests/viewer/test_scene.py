@@ -34,8 +34,7 @@ from grasp3d.viewer.scene.overlays import (
     text_size,
     text_width,
 )
-from grasp3d.viewer.scene.picking import vertex_at
-from grasp3d.viewer.scene.scene import Scene, new_plotter
+from grasp3d.viewer.scene.scene import Scene, new_plotter, vertex_at
 from grasp3d.viewer.session.collection import Collection, Item, collection_of
 from grasp3d.viewer.session.inspection import inspect
 from grasp3d.viewer.session.session import Session

@@ -27,7 +27,7 @@ from grasp3d.plots.rendering import View, can_render, screenshot, view_axes
 from grasp3d.plots.views import TIP, GraspViews
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system.context import running
-from grasp3d.viewer.scene import gripper_actors, sheets
+from grasp3d.viewer.scene import panes, sheets
 from grasp3d.viewer.scene.framing import aim
 from grasp3d.viewer.scene.sheets import PIXELS, draw_grasps
 from tests.helpers import shapes
@@ -157,8 +157,8 @@ def test_the_table_is_below_the_object_and_the_approach_is_drawn(
     scene = grasps.scene
     assert scene is not None
     assert scene.table is not None
-    monkeypatch.setattr(gripper_actors, "TABLE_COLOR", MAGENTA)
-    monkeypatch.setattr(gripper_actors, "TABLE_OPACITY", 1.0)
+    monkeypatch.setattr(panes, "TABLE_COLOR", MAGENTA)
+    monkeypatch.setattr(panes, "TABLE_OPACITY", 1.0)
     for row, image in enumerate(draw_grasps(labels, grasps)):
         red, green, blue = np.moveaxis(image.astype(int), 2, 0)
         plate = (red - green > 60) & (blue - green > 60)

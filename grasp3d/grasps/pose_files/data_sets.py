@@ -32,8 +32,7 @@ from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.settings.outcome import Outcome
 from grasp3d.system.documents import described
 from grasp3d.system.files import atomic_write
-from grasp3d.system.pickled_arrays import RefusedError, StoredArray, array_in
-from grasp3d.system.stored_arrays import Archive
+from grasp3d.system.stored_arrays import Archive, RefusedError, StoredArray, array_in
 
 GRASPGEN, GRASPNET = "GraspGen", "graspnetAPI"
 

@@ -14,7 +14,7 @@ from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.store import read_summary
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.export.read_labels import READERS, labels_in, read_labels
-from grasp3d.export.read_settings import settings_from, stored_settings
+from grasp3d.export.stored import settings_from, stored_settings
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh

@@ -22,9 +22,8 @@ from trame.widgets import html, rca
 from trame_rca.rca import VtkRemoteControlledArea
 
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.viewer.scene.picking import ClickDetector
 from grasp3d.viewer.scene.pictures import file_name, render_copy
-from grasp3d.viewer.scene.scene import Scene, new_plotter
+from grasp3d.viewer.scene.scene import ClickDetector, Scene, new_plotter
 from grasp3d.viewer.session.controls import CONTROLS, control_values, handle_key
 from grasp3d.viewer.session.history import History
 from grasp3d.viewer.session.session import Session

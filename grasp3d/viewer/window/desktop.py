@@ -13,9 +13,8 @@ from grasp3d.system.files import atomic_write
 from grasp3d.system.isolation import describe_unexpected
 from grasp3d.viewer.scene.framing import pixel_ratio
 from grasp3d.viewer.scene.overlays import text_size
-from grasp3d.viewer.scene.picking import ClickDetector
 from grasp3d.viewer.scene.pictures import file_name, render_copy
-from grasp3d.viewer.scene.scene import Scene, new_plotter
+from grasp3d.viewer.scene.scene import ClickDetector, Scene, new_plotter
 from grasp3d.viewer.session.background import Job, Worker
 from grasp3d.viewer.session.controls import CONTROLS, handle_key
 from grasp3d.viewer.session.history import History
