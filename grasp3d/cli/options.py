@@ -36,6 +36,7 @@ from grasp3d.settings.checks import parse_angle
 from grasp3d.settings.lengths import AnyLength, Length, Measure, Position, parse_length
 from grasp3d.settings.outcome import Outcome
 from grasp3d.settings.parsing import Group, Main, ParsedField
+from grasp3d.settings.pose_error import PoseError, PoseErrorField
 from grasp3d.settings.quantities import Quantity
 from grasp3d.settings.regions import Region
 from grasp3d.settings.uncertainty import Friction as FrictionField
@@ -356,6 +357,7 @@ _PARSERS: dict[Any, Parser] = {
     PerFinger: one_word(
         f"NAME=VALUE,...;...|{_NONE}", _fingers, lambda own: str(own) or _NONE, optional=False
     ),
+    PoseErrorField: one_word("LENGTH,DEGREES", PoseError.of, optional=False),
     Position: one_word(f"X,Y,Z|{_NONE}"),
     Quantity: one_word(f"NUMBER|{_NONE}"),
     TaskField: one_word("TASK", _task, optional=False),

@@ -1,8 +1,8 @@
 """One simulated grasp: the tips close on the object and press, then it is pulled six times.
 
 The protocol is that of DexGraspBench (Chen et al., 2025): the object floats, is squeezed, and is
-then pulled by its weight along each of six directions, here those of the gripper's axes. The object
-is held where it stays within 5 cm and 15 degrees of where the tips touched it.
+then pulled by its weight, or more, along each of six directions, here those of the gripper's axes.
+The object is held where it stays within 5 cm and 15 degrees of where the tips touched it.
 
 That alone does not say that the labelled grasp holds: an object between two tips may slip and turn
 until it sits in a better grasp, and stay there. So the contacts are watched as well: a grasp holds
@@ -24,11 +24,17 @@ import numpy as np
 
 from grasp3d.arrays import Floats, short_repr
 from grasp3d.physics.engine import mujoco_module, without_log
-from grasp3d.physics.scene import JOINTS, OBJECT, Stage, Tips, put_object
+from grasp3d.physics.scene import JOINTS, OBJECT, Stage, Tips, lay_object, put_object
 from grasp3d.physics.simulation_settings import SimulationSettings
 
 RAMP, WAITING = 0.2, 0.3
 """Time in which the grip force grows, and then until the first pull [s]."""
+
+YIELDING = 0.3
+"""Longest time in which an object gives way to the open gripper [s]."""
+
+CLEAR = 2e-4
+"""Depth to which the open gripper may still be in an object that gave way [m]."""
 
 CHECKED = 0.01
 """Time between two looks at the object [s]."""
@@ -51,7 +57,7 @@ class Fate(StrEnum):
     MISSED = "missed"
     """The two tips never touched the object at once."""
     BLOCKED = "blocked"
-    """The open tips touch the object before they close."""
+    """The open gripper is in the object before it closes, by more than it gives way."""
     BROKEN = "broken"
     """The simulation became unstable; it says nothing about the grasp."""
 
@@ -69,7 +75,8 @@ class Attempt:
     friction: Floats
     """Coulomb coefficient of each tip, shape (2,)."""
     may_move: bool = False
-    """Whether the object may move while the tips close: it is watched from after the squeeze on."""
+    """Whether the object may move while the tips close: it gives way to the open gripper, lies with
+    friction until it is held, and is watched from after the squeeze on."""
 
     __repr__ = short_repr
 
@@ -93,6 +100,8 @@ class Outcome:
     """Turn of the object after the squeeze [rad]."""
     slip: float
     """Farthest shift of a touched point of the object from its tip [m]."""
+    start_shift: float = 0.0
+    """Shift of the centre of mass by which it gave way to the open gripper [m]."""
 
     @property
     def held(self) -> bool:
@@ -112,23 +121,56 @@ def simulate_attempt(model: Any, data: Any, attempt: Attempt, stage: Stage) -> O
     """
     mujoco, tips, settings = mujoco_module(), stage.tips, stage.settings
     put_object(model, data, attempt.pose, attempt.center, attempt.friction)
-    data.qpos[7:9] = -(0.5 * attempt.opening + tips.depth)
+    data.qpos[7:9] = -(0.5 * attempt.opening + tips.radius)
     mujoco.mj_forward(model, data)
-    if data.ncon and attempt.may_move:
-        return Outcome(Fate.BLOCKED, 0, *(0.0,) * 6)
+    start_shift = 0.0
+    if attempt.may_move:
+        start_shift = _give_way(model, data, settings)
+        if math.isinf(start_shift):
+            return Outcome(Fate.BLOCKED, 0, *(0.0,) * 6)
+        lay_object(model, stage)
     watch = _Watch(model, data, settings, tips)
     steps = math.ceil((RAMP + WAITING) / settings.time_step)
 
     def squeeze(step: int) -> None:
         data.ctrl[:] = settings.force * min(1.0, (step + 1) * settings.time_step / RAMP)
 
-    held = watch.run(steps, squeeze)
+    held = watch.run(steps, squeeze, anywhere=attempt.may_move)
     squeezed = watch.shift, watch.turn
+    lay_object(model, None)
     if attempt.may_move and watch.touched and watch.finite:
         held = watch.restart()
     pulls = _pulls(model, data, watch, settings) if held and watch.touched else 0
     fate = watch.fate(held=held, pulls=pulls)
-    return Outcome(fate, pulls, *watch.largest, *squeezed, watch.slip)
+    return Outcome(fate, pulls, *watch.largest, *squeezed, watch.slip, start_shift)
+
+
+def _give_way(model: Any, data: Any, settings: SimulationSettings) -> float:
+    """Push the object out of the open gripper, slowly; shift of its centre of mass [m].
+
+    inf: the gripper is in it by more than it gives way, or it has no way out.
+    """
+    mujoco, body = mujoco_module(), model.body(OBJECT).id
+    if _depth(data) > settings.may_yield:
+        return math.inf
+    start, fingers = np.array(data.xipos[body]), np.array(data.qpos[7:])
+    for _ in range(math.ceil(YIELDING / settings.time_step)):
+        if _depth(data) <= CLEAR:
+            break
+        mujoco.mj_step(model, data)
+        data.qvel[:] = 0.0  # without inertia: it moves no farther than it is pushed
+        data.qpos[7:] = fingers
+    else:
+        return math.inf
+    data.qacc_warmstart[:] = 0.0
+    data.time = 0.0
+    mujoco.mj_forward(model, data)
+    return float(np.linalg.norm(data.xipos[body] - start))
+
+
+def _depth(data: Any) -> float:
+    """How deep the gripper is in the object [m]; 0: it is not."""
+    return max(0.0, -float(data.contact.dist.min())) if data.ncon else 0.0
 
 
 def _pulls(model: Any, data: Any, watch: "_Watch", settings: SimulationSettings) -> int:
@@ -141,7 +183,7 @@ def _pulls(model: Any, data: Any, watch: "_Watch", settings: SimulationSettings)
     steps, held = math.ceil(settings.pull_time / settings.time_step), 0
     for direction in PULLS:
         mujoco.mj_setState(model, data, state, kind)
-        pull = settings.weight * direction
+        pull = settings.pull * direction
 
         def act(_step: int, pull: Floats = pull) -> None:
             data.xfrc_applied[body, :3] = pull
@@ -163,7 +205,7 @@ class _Watch:
 
     def __init__(self, model: Any, data: Any, settings: SimulationSettings, tips: Tips) -> None:
         self._model, self._data, self._settings = model, data, settings
-        self._soft = tips.torsion_radius > 0.0 or not tips.radius
+        self._soft = tips.soft
         self._body = model.body(OBJECT).id
         self._tips = [model.body(name).id for name in JOINTS]
         self._from_tips = np.zeros((2, 3))
@@ -214,13 +256,14 @@ class _Watch:
             return Fate.PULLED
         return Fate.HELD if self.slip < self._settings.max_slip else Fate.REGRASPED
 
-    def run(self, steps: int, each: Callable[[int], None]) -> bool:
+    def run(self, steps: int, each: Callable[[int], None], *, anywhere: bool = False) -> bool:
         """Simulate steps until the object has moved too far; returns whether it has not.
 
         Args:
             steps: Number of steps.
             each: Called with the number of the next step: before every step until both tips touch,
                 then before every look.
+            anywhere: Whether it may move as far as it likes.
         """
         mujoco = mujoco_module()
         every = max(1, round(CHECKED / self._settings.time_step))
@@ -232,7 +275,7 @@ class _Watch:
             step += count
             if not self.touched:
                 self._touch()
-            if not self._look():
+            if not self._look() and not (anywhere and self.finite):
                 return False
         return True
 

@@ -1,10 +1,11 @@
 """Two fingertips of a gripper and an object of convex parts between them, as a model of MuJoCo.
 
 The tips slide along the closing axis and press with a force. Both move by the same distance, as
-those of parallel grippers do, and yield to nothing across the axis. Only the tips touch the object:
-fingers and palm are left out.
+those of parallel grippers do, and yield to nothing across the axis. Tips alone are rigid balls;
+those of a gripper are its `Fingers`, with the palm.
 """
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +15,7 @@ from grasp3d.arrays import Floats, short_repr
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.mesh import ObjectMesh
 from grasp3d.physics.engine import IMPEDANCE, STIFFNESS, contact_fields, mujoco_module, new_spec
+from grasp3d.physics.fingers import Fingers
 from grasp3d.physics.parts import ConvexParts
 from grasp3d.physics.simulation_settings import SimulationSettings
 
@@ -31,8 +33,19 @@ SPEED = 0.5
 """Speed of tips that meet no resistance [m/s]: their damping is force over speed, and does not
 change where anything comes to rest."""
 
+FINGER_MASS = 1.0
+"""Inertia of a finger with its drive [kg]; what is at rest does not depend on it."""
+
+FASTEST = 0.3
+"""Largest angle by which a contact that gives way swings in one time step [rad]."""
+
 FAR = 10.0
 """Farther than any tip slides [m]."""
+
+LYING = 0.5
+"""Friction with which an object lies while it is grasped: a force of its weight times this, and a
+torque of the force times a quarter of its size. It does not fly off where one finger comes first.
+"""
 
 TIP_BIT = 1
 """Tips and object collide with each other, not among themselves."""
@@ -42,19 +55,35 @@ TIP_BIT = 1
 class Tips:
     """The shape of the tips, and how they touch."""
 
-    radius: float
-    """Radius of round tips [m]; 0: flat pads."""
+    radius: float = 0.0
+    """Radius of tips that are balls and nothing else [m]."""
     friction: float = 0.5
     """Coulomb coefficient between tips and object."""
     torsion_radius: float = 0.0
-    """Largest torsional moment per normal force [m]; 0: hard fingers."""
-    pad: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Size of flat pads along x, y and z [m]."""
+    """Largest torsional moment per normal force of a ball [m]; 0: hard fingers."""
+    fingers: Fingers | None = None
+    """The whole fingers of a gripper, and its palm; None: balls alone."""
+
+    def parts(self, side: float) -> tuple[Floats, Floats, tuple[Floats, ...]]:
+        """Centres (k, 3) and radii (k,) of the balls of a tip, and corners of its solids [m].
+
+        Args:
+            side: 1: of tip 1; -1: of tip 2.
+        """
+        if self.fingers is None:
+            return np.zeros((1, 3)), np.array([self.radius]), ()
+        sides, solids = np.array([side, 1.0, 1.0]), self.fingers.solids
+        return (
+            self.fingers.centres * sides,
+            self.fingers.radii,
+            tuple(one * sides for one in solids),
+        )
 
     @property
-    def depth(self) -> float:
-        """From the middle of a tip to where it touches [m]."""
-        return self.radius or 0.5 * self.pad[0]
+    def soft(self) -> bool:
+        """Whether the tips resist torsion about the line through their contacts."""
+        pad = self.fingers is not None and len(self.fingers.radii) > 1
+        return self.torsion_radius > 0.0 or pad
 
 
 def add_tips(
@@ -64,19 +93,14 @@ def add_tips(
 
     Args:
         spec: A model of MuJoCo.
-        centres: Positions of the tips' middles where the joints are 0 [m], shape (2, 3); tip 1
-            closes along +x.
+        centres: Positions of the tips where the joints are 0 [m], shape (2, 3): of the middles of
+            balls, or of the planes of pads; tip 1 closes along +x.
         tips: Their shape and friction.
         mass: Mass of each [kg].
         force: Force at which they are damped to `SPEED` [N].
         until: Where their joints end: tips do not pass through each other [m].
     """
     mujoco = mujoco_module()
-    shape = (
-        {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": (tips.radius, 0.0, 0.0)}
-        if tips.radius
-        else {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": tuple(0.5 * one for one in tips.pad)}
-    )
     for number, name in enumerate(JOINTS):
         body = spec.worldbody.add_body(name=name, pos=centres[number])
         body.explicitinertial = True
@@ -92,14 +116,16 @@ def add_tips(
             solref_limit=STIFFNESS,
             solimp_limit=IMPEDANCE,
         )
-        body.add_geom(
-            name=name,
-            priority=1,  # friction is that of the tip, not the larger one of both
-            contype=0,
-            conaffinity=TIP_BIT << number,
-            **shape,
-            **contact_fields(tips.friction, tips.torsion_radius),
-        )
+        # Friction is that of the tip, not the larger one of both.
+        touch = {"priority": 1, "contype": 0, "conaffinity": TIP_BIT << number}
+        hard = contact_fields(tips.friction)
+        balls = contact_fields(tips.friction, tips.torsion_radius)
+        places, radii, solids = tips.parts(1.0 if number == 0 else -1.0)
+        for place, radius in zip(places, radii, strict=True):
+            sphere = mujoco.mjtGeom.mjGEOM_SPHERE
+            body.add_geom(type=sphere, size=(radius, 0.0, 0.0), pos=place, **touch, **balls)
+        for count, solid in enumerate(solids):
+            add_convex(spec, body, f"{name} solid {count}", solid, **touch, **hard)
         motor = spec.add_actuator(
             name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, gear=[1.0, 0, 0, 0, 0, 0]
         )
@@ -109,6 +135,14 @@ def add_tips(
         objtype=mujoco.mjtObj.mjOBJ_JOINT, solref=STIFFNESS, solimp=IMPEDANCE,
     )  # fmt: skip
     equality.data[:5] = (0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+def add_convex(spec: Any, body: Any, name: str, vertices: Floats, **fields: Any) -> None:
+    """Add a convex part of corners (n, 3) [m] to a body, with fields of its geom."""
+    mujoco = mujoco_module()
+    mesh = spec.add_mesh(name=name, uservert=vertices.ravel().tolist())
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **fields)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,8 +190,7 @@ class Stage:
 def grasp_model(stage: Stage) -> tuple[Any, Any]:
     """MuJoCo's model and data of tips on the x axis, and of the object as a free body.
 
-    The tips' middles are at the origin while their joints are 0: joints of -a put both a distance
-    2 a apart.
+    The tips are at the origin while their joints are 0: joints of -a put both a distance 2 a apart.
     """
     tips, settings = stage.tips, stage.settings
     mujoco = mujoco_module()
@@ -171,27 +204,43 @@ def grasp_model(stage: Stage) -> tuple[Any, Any]:
     body.inertia = stage.inertia
     touch = contact_fields(tips.friction, tips.torsion_radius)
     for number, vertices in enumerate(stage.parts.vertices):
-        name = f"part {number}"
-        mesh = spec.add_mesh(name=name, uservert=vertices.ravel().tolist())
-        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_MESH,
-            meshname=name,
-            contype=TIP_BIT | TIP_BIT << 1,
-            conaffinity=0,
-            **touch,
-        )
+        touched = {"contype": TIP_BIT | TIP_BIT << 1, "conaffinity": 0}
+        add_convex(spec, body, f"part {number}", vertices, **touched, **touch)
+    if tips.fingers is not None:
+        met = {"priority": 1, "contype": 0, "conaffinity": TIP_BIT}
+        hard = contact_fields(tips.friction)
+        add_convex(spec, spec.worldbody, "palm", tips.fingers.palm, **met, **hard)
     add_tips(
         spec,
         np.zeros((2, 3)),
         tips,
-        mass=settings.object_mass,
+        mass=settings.object_mass if tips.fingers is None else FINGER_MASS,
         force=settings.force,
-        until=-tips.depth,
+        until=-tips.radius,
     )
     model = spec.compile()
     model.dof_damping[3:6] = SPIN_LEVER * settings.weight
+    if tips.fingers is not None:
+        _give_way(model, tips.fingers.stiffness)
     return model, mujoco.MjData(model)
+
+
+def _give_way(model: Any, stiffness: float) -> None:
+    """Set the stiffness of every ball [N/m].
+
+    MuJoCo states stiffness per mass, and at rest a contact of impedance d resists more than in
+    motion: its force is `stiffness x depth / ((1 - d) A)`, A the sum of the inverse inertias of
+    both bodies; its acceleration is `stiffness x depth / d`. The impedance is as near to 1/2 as
+    the time step allows.
+    """
+    mujoco = mujoco_module()
+    inverse = sum(model.body_invweight0[model.body(name).id, 0] for name in (OBJECT, JOINTS[0]))
+    fastest = (FASTEST / model.opt.timestep) ** 2
+    impedance = max(0.5, 1.0 / (1.0 + fastest / (stiffness * inverse)))
+    per_mass = stiffness * inverse * (1.0 - impedance)
+    balls = model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
+    model.geom_solref[balls] = -per_mass, -2.0 * math.sqrt(per_mass * impedance)
+    model.geom_solimp[balls, :2] = impedance
 
 
 def put_object(model: Any, data: Any, pose: Floats, center: Floats, friction: Floats) -> None:
@@ -207,9 +256,22 @@ def put_object(model: Any, data: Any, pose: Floats, center: Floats, friction: Fl
     mujoco = mujoco_module()
     model.body(OBJECT).ipos[:] = center
     for number, name in enumerate(JOINTS):
-        model.geom(name).friction[0] = friction[number]
+        model.geom_friction[model.geom_bodyid == model.body(name).id, 0] = friction[number]
     mujoco.mj_setConst(model, data)
     mujoco.mj_resetData(model, data)
     rotation, origin = pose[:3, :3], pose[:3, 3]
     data.qpos[:3] = -rotation.T @ origin
     mujoco.mju_mat2Quat(data.qpos[3:7], np.ascontiguousarray(rotation.T).ravel())
+
+
+def lay_object(model: Any, stage: Stage | None) -> None:
+    """Let the object lie with friction in all directions, or float.
+
+    Args:
+        model: MuJoCo's model; changed.
+        stage: The object; None: it floats.
+    """
+    force = 0.0 if stage is None else LYING * stage.settings.weight
+    lever = 0.0 if stage is None else 0.25 * float(np.linalg.norm(stage.extents))
+    model.dof_frictionloss[:3] = force / math.sqrt(3.0)
+    model.dof_frictionloss[3:6] = force * lever / math.sqrt(3.0)

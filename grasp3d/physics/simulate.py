@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from grasp3d.arrays import Floats, angles_between, locked, unit_rows
+from grasp3d.arrays import Floats, Ints, angles_between, locked, unit_rows
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.run import run
 from grasp3d.errors import GraspError, MeshError, SettingError
@@ -20,16 +21,18 @@ from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.noise import noise_stream
 from grasp3d.physics.drawing import DrawnGrasps, TruePoints, draw_grasps, true_points
 from grasp3d.physics.engine import mujoco_module
+from grasp3d.physics.fingers import Fingers
 from grasp3d.physics.parts import ConvexParts, convex_parts
 from grasp3d.physics.pulling import Attempt, Fate, Outcome, simulate_attempt
 from grasp3d.physics.scene import Stage, Tips, grasp_model
 from grasp3d.physics.simulation import Simulation
 from grasp3d.physics.simulation_settings import SimulationSettings
+from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, with_fingers
 from grasp3d.settings.lengths import METRES, settings_in_unit
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import Label
-from grasp3d.surface.load_case import input_warnings
+from grasp3d.surface.load_case import input_warnings, mass_of
 from grasp3d.system.context import begin_step, refuse_warnings, report_progress, unreported
 from grasp3d.system.counts import counted
 from grasp3d.system.isolation import CallFailedError, call
@@ -149,9 +152,16 @@ MUCH_LEFT_OUT = 0.5
 """Fraction of the surface that may be left out for its convex parts without a warning."""
 
 COLUMNS = {
-    "pulls_held": "pulls_held", "slip_m": "slip", "shift_m": "shift", "turn": "turn", "spin": "spin"
+    "pulls_held": "pulls_held", "slip_m": "slip", "shift_m": "shift",
+    "start_shift_m": "start_shift", "turn": "turn", "spin": "spin",
 }  # fmt: skip
 """Columns of given poses, and the numbers of an outcome that they have; lengths are in metres."""
+
+OFFSETS = 4
+"""Number of the stream of random numbers of true poses."""
+
+UNUSED = ("count", "tip_radius", "grip_ratio", "pulled", "part_angle")
+"""Settings that do nothing at given poses."""
 
 
 def simulate_grasps(
@@ -347,29 +357,37 @@ def simulate_poses(
     model: GraspModel | None = None,
     *,
     hand: Hand,
+    load: Load | None = None,
     simulation: SimulationSettings | None = None,
     cluster: ClusterSettings | None = None,
 ) -> GraspPoses:
     """Close a gripper at given poses in MuJoCo, and pull at the object that it holds.
 
-    The object floats and may move between the tips while they close; then it is pulled by its
-    weight at its centre of mass along each axis of the gripper. It is held where it stays within
-    the limits of shift and turn of where it was after the squeeze. The flat pads or round tips of
-    the gripper are simulated, not its fingers and palm: `reachable` is whether these collide.
+    The gripper is simulated as a whole: pads or round tips that give way, rigid fingers behind
+    them, and the palm. Where it is in the object before it closes, by no more than `give_way` and
+    the pose error, the object gives way. It lies with friction while the fingers close, and may
+    move between them; then it floats, and is pulled at its centre of mass along each axis of the
+    gripper. It is held where it stays within the limits of shift and turn of where it was after
+    the squeeze.
 
     Args:
         mesh: The object, whose unit is known or stated by the poses.
         poses: The poses.
-        model: Friction, torsion radius, and what labels depend on; None: as in `evaluate_grasps`.
+        model: Friction, torsion radius of round tips, and what labels depend on; None: as in
+            `evaluate_grasps`. Torsion on pads follows from where they are touched.
         hand: The gripper.
-        simulation: Forces, times, limits and convex parts; None: the defaults. `count`,
-            `tip_radius`, `pulled` and `part_angle` have no effect.
+        load: Gives the mass of the object, and the force of each finger, without one the greatest
+            of the gripper, if that is stated; None: those of the settings.
+        simulation: Forces, times, limits, pads, pose error and convex parts; None: the defaults.
+            `count`, `tip_radius`, `pulled` and `part_angle` have no effect.
         cluster: Which processes simulate; None: one for each processor of this machine.
 
     Returns:
-        The poses with the labels and numbers of `evaluate_grasps`, their simulated `outcome`, which
-        files hold as `success`, and the columns `fate`, `pulls_held`, `slip_m`, `shift_m` [m],
-        `turn` and `spin` [rad].
+        The poses, each as often as there are trials, with the labels and numbers of
+        `evaluate_grasps` at them, their simulated `outcome`, which files hold as `success`, and the
+        columns `fate`, `pulls_held`, `slip_m`, `shift_m`, `start_shift_m` [m], `turn` and `spin`
+        [rad]; with a pose error also `trial`, and the true pose in the frame of the given one,
+        `error_x_m` ... [m] and as rotation vector `error_rx` ... [rad].
 
     Raises:
         MeshError: It is no mesh.
@@ -397,17 +415,19 @@ def simulate_poses(
         ([1.0, 0.0], ['held', 'missed'])
     """
     mujoco_module()
-    surface = in_stated_scale(load_mesh(mesh), poses)
-    scale, processes = metres_per_unit(surface), cluster or ClusterSettings()
+    surface, processes = in_stated_scale(load_mesh(mesh), poses), cluster or ClusterSettings()
+    scale = metres_per_unit(surface)
     (settings,) = settings_in_unit("m", simulation or SimulationSettings())
-    settings = replace(settings, pulled="center_of_mass")
+    settings = _loaded(replace(settings, pulled="center_of_mass"), surface, hand, load)
     with unreported():
-        evaluated = evaluate_grasps(surface, poses, model, hand=hand)
+        evaluated = evaluate_grasps(surface, poses, model, hand=hand, load=load)
     begin_step("dividing the object into convex parts")
-    parts = divided(surface, settings, processes)
+    parts = divided(evaluated.mesh, settings, processes)
     begin_step("simulating grasps")
-    stage = Stage.of(surface, parts, _tips(hand, evaluated.model, scale), settings)
-    attempts = _posed_attempts(evaluated, stage.tips, scale)
+    stage = Stage.of(evaluated.mesh, parts, _tips(hand, evaluated.model, scale, settings), settings)
+    given = np.repeat(np.arange(evaluated.size), settings.trials)
+    errors = settings.pose_error.draw(len(given), "m", noise_stream(settings.seed, OFFSETS))
+    attempts = _posed_attempts(evaluated, given, errors, stage.tips, scale)
     outcomes, _ = simulate_attempts(attempts, stage, processes)
     table = {
         "fate": np.array([str(one.fate) for one in outcomes]),
@@ -415,12 +435,13 @@ def simulate_poses(
             column: np.array([getattr(one, name) for one in outcomes])
             for column, name in COLUMNS.items()
         },
+        **_error_columns(errors, settings),
     }
-    results = evaluated.to_poses()
+    results = evaluated.to_poses().take(given)
     entries = {
         f"simulation_{name}": value
         for name, value in plain_values(settings).items()
-        if name != "pulled"
+        if name not in UNUSED
     }
     return replace(
         results,
@@ -432,6 +453,33 @@ def simulate_poses(
     )
 
 
+def _loaded(
+    settings: SimulationSettings, mesh: ObjectMesh, hand: Hand, load: Load | None
+) -> SimulationSettings:
+    """The settings with the mass and the forces of a load."""
+    if load is None:
+        return settings
+    mass = mass_of(mesh, load)
+    force = load.grip_force if load.grip_force is not None else hand.max_force
+    return replace(
+        settings,
+        object_mass=settings.object_mass if mass is None else mass,
+        grip_force=settings.grip_force if force is None else force,
+    )
+
+
+def _error_columns(errors: Floats, settings: SimulationSettings) -> dict[str, Floats | Ints]:
+    """True poses (k, 4, 4) [m] in the frames of the given ones, as columns."""
+    if not settings.pose_error:
+        return {}
+    turns = Rotation.from_matrix(errors[:, :3, :3]).as_rotvec()
+    columns: dict[str, Floats | Ints] = {"trial": 1 + np.arange(len(errors)) % settings.trials}
+    for number, axis in enumerate("xyz"):
+        columns[f"error_{axis}_m"] = errors[:, number, 3]
+        columns[f"error_r{axis}"] = turns[:, number]
+    return columns
+
+
 def _needed_jaws(hand: Hand) -> Jaws:
     """A hand as a parallel gripper, of which there are two tips. Raises SettingError."""
     if not isinstance(hand, Jaws):
@@ -439,24 +487,32 @@ def _needed_jaws(hand: Hand) -> Jaws:
     return hand
 
 
-def _tips(hand: Hand, model: GraspModel, scale: float) -> Tips:
-    """The gripper's tips, in metres."""
+def _tips(hand: Hand, model: GraspModel, scale: float, settings: SimulationSettings) -> Tips:
+    """The gripper's fingers, in metres."""
     jaws = _needed_jaws(hand)
-    pad = (jaws.finger_thickness, jaws.pad_width, jaws.pad_height)
     return Tips(
-        jaws.tip_radius,
-        model.friction,
-        model.torsion_radius * scale,
-        (0.0, 0.0, 0.0) if jaws.round_tips else pad,
+        friction=model.friction,
+        torsion_radius=model.torsion_radius * scale if jaws.round_tips else 0.0,
+        fingers=Fingers.of(jaws, settings.pad_stiffness),
     )
 
 
-def _posed_attempts(grasps: EvaluatedPoses, tips: Tips, scale: float) -> list[Attempt]:
-    """The attempts, from the opening with which the gripper comes."""
-    poses = np.array(grasps.poses)
+def _posed_attempts(
+    grasps: EvaluatedPoses, given: Ints, errors: Floats, tips: Tips, scale: float
+) -> list[Attempt]:
+    """The attempts, from the opening with which the gripper comes.
+
+    Args:
+        grasps: The given poses.
+        given: Index of the pose of each attempt, shape (k,).
+        errors: True poses in the frames of the given ones [m], shape (k, 4, 4).
+        tips: The gripper.
+        scale: Metres per unit of the mesh.
+    """
+    poses = grasps.poses[given]
     poses[:, :3, 3] *= scale
     stroke = grasps.hand.max_opening
-    openings = np.nan_to_num(grasps.given.pregrasp_opening * scale, nan=stroke)
+    openings = np.nan_to_num(grasps.given.pregrasp_opening[given] * scale, nan=stroke)
     return [
         Attempt(
             pose,
@@ -465,5 +521,5 @@ def _posed_attempts(grasps: EvaluatedPoses, tips: Tips, scale: float) -> list[At
             np.full(2, tips.friction),
             may_move=True,
         )
-        for pose, opening in zip(poses, openings, strict=True)
+        for pose, opening in zip(poses @ errors, openings, strict=True)
     ]

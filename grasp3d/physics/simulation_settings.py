@@ -8,10 +8,12 @@ from grasp3d.settings import DEGREE, Radians, check_choice
 from grasp3d.settings.checks import check_length, check_range, check_seed
 from grasp3d.settings.lengths import Length, LengthSettings, Measure
 from grasp3d.settings.parsing import Main
-from grasp3d.settings.quantities import MASSES, Quantity
+from grasp3d.settings.pose_error import PoseError, PoseErrorField
+from grasp3d.settings.quantities import FORCES, MASSES, STIFFNESSES, Quantity
 
 Pulled = Literal["line", "center_of_mass"]
 MAX_GRASPS = 100_000
+MAX_TRIALS = 1000
 MIN_THRESHOLD, MAX_THRESHOLD = 0.005, 1.0
 GRAVITY = 9.80665
 """Standard acceleration of gravity [m/s^2]."""
@@ -29,6 +31,17 @@ class SimulationSettings(LengthSettings):
         object_mass: Mass of the object [kg], or with a unit: 100g.
         grip_ratio: Force of each finger, as a multiple of the object's weight, above 0.5. Labels
             are about directions of forces: at 50 a pull by the weight turns them by 0.6 degrees.
+        grip_force: Force of each finger [N], or with a unit: 40N. none: grip_ratio times the
+            weight.
+        pull_acceleration: Acceleration with which the object is pulled beside that of gravity
+            [m/s^2].
+        pad_stiffness: Stiffness of a gripper's pad that is pressed on its whole face [N/m], or with
+            a unit: 100N/mm. Each part of it gives way by itself; a round tip does as a whole.
+        pose_error: How wrong given poses are, such as 5mm,3deg: each is simulated at true poses
+            that are drawn around it, normally distributed with half of it as standard deviation.
+        trials: True poses that are drawn for each given one.
+        give_way: Depth to which the open gripper may be in the object, besides the pose error: the
+            object gives way to it. A length.
         pulled: Where the pulls act. line: at a centre of mass midway between the contacts, where
             two points can resist them; center_of_mass: at the object's centre of mass, whose moment
             about the line only torsion resists.
@@ -57,6 +70,14 @@ class SimulationSettings(LengthSettings):
     )
     object_mass: Annotated[Quantity[float], Main("mass of the object")] = Quantity(0.1, MASSES)
     grip_ratio: float = 50.0
+    grip_force: Annotated[Quantity[float | None], Main("force of each finger")] = Quantity(
+        None, FORCES
+    )
+    pull_acceleration: float = 0.0
+    pad_stiffness: Quantity[float] = Quantity(1e5, STIFFNESSES)
+    pose_error: PoseErrorField = PoseErrorField(PoseError())
+    trials: int = 1
+    give_way: Length[float] = Length(Measure(1.0, "mm"))  # type: ignore[arg-type]
     pulled: Pulled = "line"
     pull_time: float = 2.0
     max_slip: Length[float] = Length(Measure(1.0, "mm"))  # type: ignore[arg-type]
@@ -70,6 +91,9 @@ class SimulationSettings(LengthSettings):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("count", self.count, 3, MAX_GRASPS)
+        check_range("trials", self.trials, 1, MAX_TRIALS)
+        check_range("pull_acceleration", self.pull_acceleration, 0.0, 1e3)
+        check_length("give_way", self.give_way)
         check_choice("pulled", self.pulled, Pulled)
         for name in ("tip_radius", "max_slip", "max_shift"):
             check_length(name, getattr(self, name), above=True)
@@ -88,10 +112,20 @@ class SimulationSettings(LengthSettings):
 
     @property
     def weight(self) -> float:
-        """Weight of the object, and force of each pull [N]."""
+        """Weight of the object [N]."""
         return self.object_mass * GRAVITY
+
+    @property
+    def pull(self) -> float:
+        """Force of each pull [N]."""
+        return self.object_mass * (GRAVITY + self.pull_acceleration)
+
+    @property
+    def may_yield(self) -> float:
+        """Depth of the open gripper in the object to which it gives way, in the lengths' unit."""
+        return float(self.give_way + self.pose_error.position)
 
     @property
     def force(self) -> float:
         """Force of each finger along the closing axis [N]."""
-        return self.grip_ratio * self.weight
+        return self.grip_ratio * self.weight if self.grip_force is None else self.grip_force

@@ -5,9 +5,6 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from grasp3d.arrays import Floats, locked
 from grasp3d.errors import SettingError
 from grasp3d.settings.checks import DEGREE, Radians, check_length, check_range, parse_angle
 from grasp3d.settings.lengths import (
@@ -18,10 +15,14 @@ from grasp3d.settings.lengths import (
     length_in_unit,
     parse_length,
 )
-from grasp3d.settings.parsing import TextValue
+from grasp3d.settings.parsing import ParsedField, TextValue
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    import numpy as np
+
+    from grasp3d.arrays import Floats
 
 TYPICAL = 5e-3, 3.0 * DEGREE
 """Position [m] and angle [rad] of the error whose ends the offsets numbered 0 have."""
@@ -114,7 +115,7 @@ class PoseError(LengthSettings, TextValue):
         """Whether any pose but the stated one is possible."""
         return bool(self.position or self.angle)
 
-    def offsets(self, unit: Unit) -> Floats:
+    def offsets(self, unit: Unit) -> "Floats":
         """Poses that are tried, in the frame of the stated one, which is the first, (k, 4, 4).
 
         They are those of one list, the same for all errors, that are within the error: so a larger
@@ -124,6 +125,8 @@ class PoseError(LengthSettings, TextValue):
         Args:
             unit: Unit of translations, and of a position without one.
         """
+        import numpy as np
+
         metres = METRES[unit]
         position = metres * length_in_unit("position", self.position, unit)
         shifts, turns = _listed()
@@ -131,7 +134,7 @@ class PoseError(LengthSettings, TextValue):
         within = (far <= position * ROUNDED_UP) & (angles <= self.angle * ROUNDED_UP)
         return poses_of(shifts[within] / metres, turns[within])
 
-    def draw(self, count: int, unit: Unit, random: np.random.Generator) -> Floats:
+    def draw(self, count: int, unit: Unit, random: "np.random.Generator") -> "Floats":
         """Normally distributed errors, as poses in the frame of the stated one, (count, 4, 4).
 
         Standard deviations along and about each axis are such that two of them are the error: the
@@ -147,8 +150,17 @@ class PoseError(LengthSettings, TextValue):
         return poses_of(position * shifts, self.angle * turns)[1:]
 
 
-def poses_of(shifts: Floats, turns: Floats) -> Floats:
+class PoseErrorField(ParsedField[PoseError, "PoseError | str | Sequence[Any]"]):
+    """A field of settings that holds a pose error, or takes its text."""
+
+    def parse(self, _name: str, value: Any) -> PoseError:
+        """See `ParsedField.parse`."""
+        return PoseError.of(value)
+
+
+def poses_of(shifts: "Floats", turns: "Floats") -> "Floats":
     """The identity, and poses of shifts (k, 3) and rotation vectors [rad] (k, 3), (k + 1, 4, 4)."""
+    import numpy as np
     from scipy.spatial.transform import Rotation
 
     poses = np.tile(np.eye(4), (len(shifts) + 1, 1, 1))
@@ -159,8 +171,12 @@ def poses_of(shifts: Floats, turns: Floats) -> Floats:
 
 
 @cache
-def _listed() -> tuple[Floats, Floats]:
+def _listed() -> "tuple[Floats, Floats]":
     """Shifts [m] and rotation vectors [rad] of all offsets, shape (k, 3) each."""
+    import numpy as np
+
+    from grasp3d.arrays import locked
+
     numbers = np.arange(SMALLEST, LARGEST + 1)
     sizes = RATIO**numbers
     kinds = np.array([KINDS[number % len(KINDS)] for number in numbers])
@@ -175,8 +191,10 @@ def _listed() -> tuple[Floats, Floats]:
     )
 
 
-def _directions(square: Floats) -> Floats:
+def _directions(square: "Floats") -> "Floats":
     """Unit vectors (k, 3) of points in the unit square (k, 2), by area."""
+    import numpy as np
+
     height, around = 2.0 * square[:, 0] - 1.0, 2.0 * math.pi * square[:, 1]
     level = np.sqrt(1.0 - height**2)
     return np.stack([level * np.cos(around), level * np.sin(around), height], axis=1)

@@ -210,6 +210,7 @@ def test_where_every_simulation_fails_the_reason_is_given() -> None:
 
 def test_given_poses_are_tried() -> None:
     from_above = np.diag([1.0, -1.0, -1.0, 1.0])
+    from_above[2, 3] = 3.0  # 2 cm above it the palm is in the object
     beside = from_above + [[0, 0, 0, 0], [0, 0, 0, 10.0], [0, 0, 0, 0], [0, 0, 0, 0]]
     poses = GraspPoses(poses=[from_above, beside], pregrasp_opening=[6.0, 3.0], unit="cm")
     tried = simulate_poses(

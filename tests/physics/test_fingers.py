@@ -1,0 +1,134 @@
+"""Whole grippers against closed forms: friction, torsion, rolling, stiffness; starting inside."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import trimesh
+
+from grasp3d import ParallelGripper
+from grasp3d.physics import ConvexParts, Fate, Outcome, SimulationSettings
+from grasp3d.physics.fingers import PROTRUDING, Fingers
+from grasp3d.physics.pulling import Attempt, simulate_attempt
+from grasp3d.physics.scene import Stage, Tips, grasp_model
+from grasp3d.physics.simulation_settings import GRAVITY
+from grasp3d.settings.lengths import settings_in_unit
+
+SIDE = 0.01
+HAND = replace(ParallelGripper.preset("wsg50"), pad_width=SIDE, pad_height=SIDE)
+"""Small pads, of few balls."""
+
+STIFFNESS, FRICTION, FORCE = 5e4, 0.5, 20.0
+SIZES = (0.04, 0.06, 0.06)
+TORSION = 0.3826
+"""Mean distance of a square's points from its middle, of its side."""
+
+
+@cache
+def fingers() -> Fingers:
+    return Fingers.of(HAND, STIFFNESS)
+
+
+def close(
+    weight: float, *, force: float = FORCE, centre: tuple[float, float, float] = (0, 0, 0),
+    box: tuple[float, float, float] = (0, 0, 0), opening: float = 0.05, allowed: float = 0.0,
+) -> tuple[Outcome, float]:  # fmt: skip
+    """Close the gripper on a box of a weight [N] whose middle is at `box`; outcome, and opening."""
+    (settings,) = settings_in_unit(
+        "m",
+        SimulationSettings(
+            object_mass=weight / GRAVITY, grip_force=force, pull_time=0.2, time_step=2e-3,
+            pulled="center_of_mass", max_shift=0.005, give_way=allowed,
+        ),
+    )  # fmt: skip
+    corners = np.array(trimesh.creation.box(SIZES).vertices) + box
+    tips = Tips(friction=FRICTION, fingers=fingers())
+    stage = Stage(ConvexParts((corners,)), np.zeros(3), np.array(SIZES), tips, settings)
+    model, data = grasp_model(stage)
+    attempt = Attempt(np.eye(4), opening, np.array(centre), np.full(2, FRICTION), may_move=True)
+    return simulate_attempt(model, data, attempt, stage), -2.0 * float(data.qpos[7])
+
+
+@pytest.mark.parametrize("force", [0.5, 60.0])
+@pytest.mark.parametrize(("part", "fate"), [(0.93, Fate.HELD), (1.07, Fate.PULLED)])
+def test_two_pads_hold_a_weight_of_twice_the_friction(
+    force: float, part: float, fate: Fate
+) -> None:
+    assert close(part * 2.0 * FRICTION * force, force=force)[0].fate is fate
+
+
+@pytest.mark.parametrize("lever", [0.02, 0.05])
+@pytest.mark.parametrize(("part", "fate"), [(0.87, Fate.HELD), (1.13, Fate.PULLED)])
+def test_torsion_of_a_pad_is_that_of_its_face(lever: float, part: float, fate: Fate) -> None:
+    """(w / 2 mu F)^2 + (w lever / 2 mu F r)^2 = 1, r the mean distance from the middle."""
+    moment = lever / (TORSION * SIDE)
+    limit = 2.0 * FRICTION * FORCE / math.hypot(1.0, moment)
+    assert close(part * limit, centre=(0.0, lever, 0.0))[0].fate is fate
+
+
+@pytest.mark.parametrize(("part", "fate"), [(0.6, Fate.HELD), (1.2, Fate.PULLED)])
+def test_an_object_over_the_end_rolls_off_the_patch_that_is_left(part: float, fate: Fate) -> None:
+    """Pads press at most at the ends of the patch: the moment of the weight is below F c."""
+    patch = 0.4 * SIDE
+    height = 0.5 * (SIDE + SIZES[2]) - patch  # of the box's middle
+    middle = 0.5 * (SIDE - patch)
+    weight = part * FORCE * patch / (height - middle)
+    found, _ = close(weight, centre=(0.0, 0.0, height), box=(0.0, 0.0, height))
+    assert found.fate is fate
+
+
+def test_beyond_the_end_of_the_pad_there_is_nothing() -> None:
+    height = 0.5 * (SIDE + SIZES[2]) + 2e-4
+    assert close(1.0, box=(0.0, 0.0, height))[0].fate is Fate.MISSED
+
+
+@pytest.mark.parametrize("force", [10.0, 40.0])
+def test_pads_give_way_by_force_over_stiffness(force: float) -> None:
+    found, opening = close(0.05, force=force)
+    assert found.fate is Fate.HELD
+    assert SIZES[0] - opening == pytest.approx(2.0 * force / STIFFNESS, rel=0.03)
+
+
+def test_the_palm_is_in_the_way_of_what_is_deep_between_the_fingers() -> None:
+    front = HAND.end - HAND.finger_length
+    assert close(1.0, box=(0.0, 0.0, front + 0.5 * SIZES[2] - 3e-3))[0].fate is Fate.BLOCKED
+    assert close(1.0, box=(0.0, 0.0, front + 0.5 * SIZES[2] + 1e-3))[0].fate is not Fate.BLOCKED
+
+
+def test_an_object_gives_way_to_the_open_gripper_by_no_more_than_is_stated() -> None:
+    inside = 0.003
+    beside = (0.5 * (0.05 - SIZES[0]) + inside, 0.0, 0.0)
+    assert close(1.0, box=beside, centre=beside)[0].fate is Fate.BLOCKED
+    found, _ = close(1.0, box=beside, centre=beside, allowed=0.004)
+    assert found.fate is Fate.HELD
+    assert found.start_shift == pytest.approx(inside, abs=4e-4)
+
+
+def test_an_object_without_a_way_out_is_blocked() -> None:
+    assert close(1.0, opening=SIZES[0] - 0.003, allowed=0.005)[0].fate is Fate.BLOCKED
+
+
+@pytest.mark.parametrize("name", ["franka", "robotiq_2f85"])
+def test_balls_touch_the_pad_and_stay_within_it(name: str) -> None:
+    jaws = ParallelGripper.preset(name)
+    made = Fingers.of(jaws, 1.0)
+    assert (made.centres[:, 0] + made.radii).max() == pytest.approx(0.0, abs=1e-12)
+    assert (made.centres[:, 2] + made.radii).max() <= jaws.end + PROTRUDING + 1e-12
+    on_pad = np.abs(made.centres[:, 2]) < 0.5 * jaws.pad_height
+    assert 0.85 <= made.stiffness * on_pad.sum() <= 1.01  # franka's pad lacks corners
+    two, _, solids = Tips(fingers=made).parts(-1.0)
+    np.testing.assert_array_equal(two * [-1.0, 1.0, 1.0], made.centres)
+    deepest = -min(one[:, 0].min() for one in made.solids)
+    assert max(one[:, 0].max() for one in solids) == deepest == jaws.finger_thickness
+    assert made.palm[:, 2].max() == pytest.approx(jaws.end - jaws.finger_length)
+
+
+def test_a_round_tip_is_one_ball() -> None:
+    jaws = ParallelGripper.preset("tactile")
+    made = Fingers.of(jaws, 3.0)
+    assert (made.radii.tolist(), made.stiffness) == ([jaws.tip_radius], 3.0)
+    assert made.centres.tolist() == [[-jaws.tip_radius, 0.0, 0.0]]
+    assert not Tips(fingers=made).soft
+    assert Tips(fingers=fingers()).soft
