@@ -37,7 +37,7 @@ EXPLANATIONS = {
     "pulled": "held while squeezed, lost to a pull",
     "lost": "slipped or turned away while squeezed",
     "missed": "the two tips never touched it at once",
-    "blocked": "the open tips touch the object before they close",
+    "blocked": "the open gripper is in the object before it closes",
     "broken": "the simulation failed, and says nothing",
 }
 """What the fates of grasps mean."""

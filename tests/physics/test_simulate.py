@@ -27,8 +27,8 @@ from grasp3d.physics import (
     write_simulation,
 )
 from grasp3d.physics.drawing import tilt_at_random
-from grasp3d.physics.scene import Stage
-from grasp3d.physics.simulate import Job, simulate_attempts, simulate_job
+from grasp3d.physics.scene import Stage, Tips
+from grasp3d.physics.simulate import Job, _posed_attempts, simulate_attempts, simulate_job
 from grasp3d.physics.simulation import rates_by, success_rate
 from grasp3d.system.tables import read_columns
 from tests.physics.test_pulling import STAGE, attempt
@@ -179,6 +179,11 @@ def test_what_cannot_be_simulated_is_refused(monkeypatch: pytest.MonkeyPatch) ->
         ({"part_threshold": 0.001}, "part_threshold must be from 0.005 to 1"),
         ({"pulled": "up"}, "no pulled is called 'up'; known: line, center_of_mass"),
         ({"object_mass": 0.0}, "object_mass must be finite and above 0"),
+        ({"trials": 0}, "trials must be from 1 to 1000; got 0"),
+        ({"pull_acceleration": -1.0}, "pull_acceleration must be from 0 to 1000"),
+        ({"give_way": -1.0}, "give_way must be a finite length of at least 0"),
+        ({"pad_stiffness": "3 N/cm"}, "pad_stiffness must be a number .N/m., or a number with a"),
+        ({"pose_error": "3s"}, "a pose error must be a length, an angle in degrees, or both"),
         ({"seed": -1}, "seed must be a whole number of at least 0"),
     ],
 )
@@ -223,6 +228,62 @@ def test_given_poses_are_tried() -> None:
     narrow = GraspPoses(poses=from_above, pregrasp_opening=3.0, unit="cm")
     blocked = simulate_poses(mesh(), narrow, hand=ParallelGripper.preset("franka"), cluster=HERE)
     assert (blocked.columns["fate"].tolist(), blocked.outcome.tolist()) == (["blocked"], [0.0])
+
+
+def test_true_poses_are_drawn_around_the_given_ones() -> None:
+    """Labels are those of the given poses; what is simulated is each with its error."""
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])
+    pose[:3, 3] = [0.0, 1.0, 3.0]
+    poses = GraspPoses(poses=np.stack([pose, pose]), names=("one", "two"), unit="cm")
+    settings = SimulationSettings(
+        pull_time=0.02, time_step=2e-3, pose_error="2mm,4deg", trials=3, grip_force=3.0
+    )
+    hand = replace(ParallelGripper.preset("wsg50"), pad_width=0.01, pad_height=0.01)
+    tried = simulate_poses(mesh(), poses, hand=hand, simulation=settings, cluster=HERE)
+    columns = tried.columns
+    assert (tried.names[0], tried.names[3]) == ("one", "two")
+    assert columns["trial"].tolist() == [1, 2, 3, 1, 2, 3]
+    assert columns["label"].tolist() == ["S"] * 6
+    shifts, turns = (
+        np.column_stack([columns[f"error_{name}{end}"] for name in names])
+        for names, end in ((("x", "y", "z"), "_m"), (("rx", "ry", "rz"), ""))
+    )
+    assert 1e-4 < np.abs(shifts).mean() < 2e-3
+    assert 0.002 < np.abs(turns).mean() < math.radians(4.0)
+    assert len(np.unique(shifts)) == shifts.size
+    again = simulate_poses(mesh(), poses, hand=hand, simulation=settings, cluster=HERE)
+    np.testing.assert_array_equal(again.columns["shift_m"], columns["shift_m"])
+    assert tried.settings["simulation_pose_error"] == "0.002,4 deg"  # in metres
+
+
+def test_a_true_pose_is_that_of_its_error_in_the_given_frame() -> None:
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])
+    pose[2, 3] = 3.0
+    hand = ParallelGripper.preset("franka")
+    evaluated = grasp3d.evaluate_grasps(mesh(), GraspPoses(poses=pose, unit="cm"), hand=hand)
+    error = np.eye(4)
+    error[:3, 3] = [0.001, 0.002, 0.003]
+    (one,) = _posed_attempts(evaluated, np.array([0]), error[None], Tips(0.003), 0.01)
+    np.testing.assert_allclose(one.pose[:3, 3], [0.001, -0.002, 0.027], atol=1e-12)
+    assert (one.opening, one.may_move) == (hand.max_opening, True)
+
+
+@pytest.mark.parametrize(("force", "held"), [(5.5, 1.0), (4.5, 0.0)])
+def test_a_load_gives_mass_and_force(force: float, held: float) -> None:
+    """Two pads of friction 0.5 hold what weighs as much as either presses."""
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])
+    hand = replace(
+        ParallelGripper.preset("wsg50"), pad_width=0.01, pad_height=0.01, max_force=force
+    )
+    settings = SimulationSettings(pull_time=0.2, time_step=2e-3, max_shift="3mm", object_mass=9.0)
+    load = grasp3d.Load(mass=5.0 / 9.80665)
+    tried = simulate_poses(
+        mesh(), GraspPoses(poses=pose, unit="cm"), hand=hand, load=load, simulation=settings,
+        cluster=HERE,
+    )  # fmt: skip
+    assert tried.outcome.tolist() == [held]
+    assert tried.settings["simulation_grip_force"] == force
+    assert "payload" in tried.columns
 
 
 @pytest.mark.parametrize(("count", "successes"), [(20, 20), (60, 57), (7, 0), (1, 1)])
