@@ -13,7 +13,7 @@ from tests.helpers.commands import run_here as grasp3d
 QUICK = ("--unit", "cm", "--pull-time", "0.05", "--workers", "0")
 
 POSES = """name,px,py,pz,qx,qy,qz,qw,opening,unit
-above,0,0,0,1,0,0,0,4,cm
+above,0,0,3,1,0,0,0,4,cm
 beside,0,0,20,1,0,0,0,4,cm
 """
 
