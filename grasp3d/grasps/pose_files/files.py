@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from grasp3d.errors import ContactError, OutputError, SettingError
-from grasp3d.grasps.pose_files import acronym, data_sets, own_files, robots, simulators
+from grasp3d.grasps.pose_files import acronym, data_sets, own_files, robots
 from grasp3d.grasps.pose_files.documents import (
     check_file,
     load_json,
@@ -78,12 +78,12 @@ _FORMATS: dict[PoseFormat, _Format] = {
         _YAML, robots.write_isaac, robots.parse_isaac, _HAND, library=yaml_module
     ),
     "graspdatagen": _Format(
-        _YAML, simulators.write_datagen, simulators.parse_datagen, "graspdatagen",
-        simulators.is_datagen, yaml_module,
+        _YAML, robots.write_datagen, robots.parse_datagen, "graspdatagen",
+        robots.is_datagen, yaml_module,
     ),
     "replicator": _Format(
-        _YAML, simulators.write_replicator, simulators.parse_replicator, _HAND,
-        simulators.is_replicator, yaml_module, states_frame=True,
+        _YAML, robots.write_replicator, robots.parse_replicator, _HAND,
+        robots.is_replicator, yaml_module, states_frame=True,
     ),
     "acronym": _Format(
         (".h5", ".hdf5"), acronym.write_acronym, acronym.read_acronym, "acronym",
@@ -103,12 +103,12 @@ _FORMATS: dict[PoseFormat, _Format] = {
         (".json",), robots.write_moveit, robots.parse_moveit, _HAND, robots.is_moveit
     ),
     "multigrippergrasp": _Format(
-        (".json",), simulators.write_multigripper, simulators.parse_multigripper, _HAND,
-        simulators.is_multigripper,
+        (".json",), robots.write_multigripper, robots.parse_multigripper, _HAND,
+        robots.is_multigripper,
     ),
     "robotwin": _Format(
-        (".json",), simulators.write_robotwin, simulators.parse_robotwin, "robotwin",
-        simulators.is_robotwin,
+        (".json",), robots.write_robotwin, robots.parse_robotwin, "robotwin",
+        robots.is_robotwin,
     ),
 }  # fmt: skip
 
@@ -138,7 +138,7 @@ def write_poses(
     object_pose: GivenPose | None = None,
     frame: GripperFrame | str | None = None,
 ) -> None:
-    """Write grasp poses for robots and simulators.
+    """Write grasp poses for robots and robots.
 
     Args:
         path: File to make or replace.
