@@ -19,8 +19,12 @@ from grasp3d.settings.lengths import Unit, small_length
 from grasp3d.settings.model_text import error_texts
 from grasp3d.system.counts import counted
 from grasp3d.system.names import safe_stem
-from grasp3d.validating.perturbing.perturb import perturb_surface
-from grasp3d.validating.perturbing.perturbation import SUFFIXES, Perturbation, write_perturbation
+from grasp3d.validating.perturbing.perturb import (
+    SUFFIXES,
+    Perturbation,
+    perturb_surface,
+    write_perturbation,
+)
 
 MIN_STABLE = 0.01
 """Area fraction that is S below which errors to enter are of no use."""

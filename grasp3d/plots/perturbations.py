@@ -24,7 +24,7 @@ from grasp3d.settings.model_text import error_texts
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.validating.perturbing.perturbation import Perturbation
+from grasp3d.validating.perturbing.perturb import Perturbation
 
 HEIGHT = 3.1
 """Height of the figure [inch]."""

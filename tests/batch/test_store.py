@@ -20,14 +20,13 @@ import pyarrow.parquet as pq
 import pytest
 
 from grasp3d import GraspModel
-from grasp3d.batch import store, store_files
+from grasp3d.batch import store
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import METHOD, mesh_key
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
 from grasp3d.batch.storage.folder import Folder
-from grasp3d.batch.store import Store, read_summary
-from grasp3d.batch.store_files import FORMAT
+from grasp3d.batch.store import FORMAT, Store, read_summary
 from grasp3d.errors import OutputError
 
 SETTINGS = BatchSettings(GraspModel(friction=0.4))
@@ -227,7 +226,7 @@ def test_a_death_at_any_change_neither_loses_nor_duplicates_rows(
     memory: Folder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(store, "MERGE_ROWS", 2)
-    monkeypatch.setattr(store_files, "MAX_ROWS", 2)
+    monkeypatch.setattr(store, "MAX_ROWS", 2)
     names = ("a0", "a1", "b0", "b1", "lost")
     before = {name: replace(row_of(name), labels="") for name in names}
     before["b0"] = replace(before["b0"], outcome=Outcome.LOST)
@@ -261,7 +260,7 @@ def test_a_death_at_any_change_neither_loses_nor_duplicates_rows(
 
 @pytest.mark.slow
 def test_small_shards_are_merged(memory: Folder) -> None:
-    names = [f"m{k:02d}" for k in range(store_files.MAX_SMALL + 1)]
+    names = [f"m{k:02d}" for k in range(store.MAX_SMALL + 1)]
     for name in names:
         store_rows(memory, [replace(row_of(name), labels="")])
     assert len(memory.names("summary")) == len(names)
@@ -472,7 +471,7 @@ def test_many_finished_rows_are_read_quickly(tmp_path: Path) -> None:
     (tmp_path / "labels").mkdir()
     for row in rows:
         (tmp_path / row.labels).write_bytes(b"ply")
-    output.write("summary/part-00000.parquet", store_files.pack_records(rows, Row, {}))
+    output.write("summary/part-00000.parquet", store.pack_records(rows, Row, {}))
     output.write("grasp3d.json", json.dumps({"format": FORMAT}).encode())
     meshes = [mesh_of(row) for row in rows]
     begun = time.process_time()

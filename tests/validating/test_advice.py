@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp3d.validating.perturbing.perturbation import (
+from grasp3d.validating.perturbing.perturb import (
     MOST_UNCONFIRMED,
     _rounded_up,
     error_to_enter,

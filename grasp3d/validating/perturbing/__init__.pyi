@@ -1,5 +1,5 @@
 from .noise_settings import NoiseSettings as NoiseSettings
+from .perturb import Advice as Advice
+from .perturb import Perturbation as Perturbation
 from .perturb import perturb_surface as perturb_surface
-from .perturbation import Advice as Advice
-from .perturbation import Perturbation as Perturbation
-from .perturbation import write_perturbation as write_perturbation
+from .perturb import write_perturbation as write_perturbation
