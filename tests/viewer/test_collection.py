@@ -47,9 +47,8 @@ from grasp3d.viewer.session.collection import (
     collection_of,
     open_collection,
 )
-from grasp3d.viewer.session.inspection import inspect
+from grasp3d.viewer.session.inspection import best_vertices, inspect
 from grasp3d.viewer.session.painting import area_fractions, labels_at
-from grasp3d.viewer.session.reached_grasps import best_vertices
 from grasp3d.viewer.subjects.subject import Subject, subject_of
 from tests.helpers import shapes, viewing
 from tests.helpers.mesh_files import FACES, VERTICES

@@ -20,7 +20,7 @@ from grasp3d.surface.holding import Holding
 from grasp3d.viewer.session import planning
 from grasp3d.viewer.session.collection import collection_of, open_collection
 from grasp3d.viewer.session.controls import handle_key
-from grasp3d.viewer.session.grasp_texts import HeldGrasp
+from grasp3d.viewer.session.inspection import HeldGrasp
 from grasp3d.viewer.session.painting import MOST, ramp_of, texture_coordinates, texture_image
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session

@@ -27,13 +27,13 @@ from grasp3d.settings import Sampling
 from grasp3d.viewer.scene.framing import MOST_BESIDE, extents, frame_of, middle_of
 from grasp3d.viewer.scene.pictures import open_renderer
 from grasp3d.viewer.scene.scene import Scene, new_plotter
-from grasp3d.viewer.session import collection, computations, planning, reached_grasps
+from grasp3d.viewer.session import collection, computations, inspection, planning
 from grasp3d.viewer.session.collection import collection_of, open_collection, read_result
 from grasp3d.viewer.session.computations import search_grasps
 from grasp3d.viewer.session.controls import CONTROLS, handle_key
+from grasp3d.viewer.session.inspection import best_vertices
 from grasp3d.viewer.session.painting import ramp_of, texture_coordinates
 from grasp3d.viewer.session.panel_text import grasp_number, panel_text
-from grasp3d.viewer.session.reached_grasps import best_vertices
 from grasp3d.viewer.session.session import BEST, Session
 from grasp3d.viewer.subjects.subject import Subject, subject_of
 from grasp3d.viewer.view_settings import ViewSettings
@@ -49,7 +49,7 @@ AXES = np.eye(3)
 @pytest.fixture(autouse=True)
 def nearby_alternatives(monkeypatch: pytest.MonkeyPatch) -> None:
     """Poses are made by hand, so that no search finds others."""
-    monkeypatch.setattr(reached_grasps, "alternatives_at", neighbours_grasps)
+    monkeypatch.setattr(inspection, "alternatives_at", neighbours_grasps)
     monkeypatch.setattr(planning, "DELAY", 0.0)
 
 

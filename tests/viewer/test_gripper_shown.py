@@ -12,9 +12,9 @@ from tests.helpers.windows import Window, needs_screen
 
 ROOT = str(Path(grasp3d.__file__).parents[1])
 WITH_GRIPPER = """
-from grasp3d.viewer.session import reached_grasps
+from grasp3d.viewer.session import inspection
 from tests.helpers.held_grasps import held_box, neighbours_grasps
-reached_grasps.alternatives_at = neighbours_grasps
+inspection.alternatives_at = neighbours_grasps
 labels = held_box()
 """
 WITH_LOAD = """

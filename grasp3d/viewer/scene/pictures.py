@@ -20,7 +20,7 @@ from grasp3d.system.files import atomic_write, check_suffix, check_writable
 from grasp3d.system.names import safe_stem
 from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session.collection import Collection
-from grasp3d.viewer.session.reached_grasps import best_vertices
+from grasp3d.viewer.session.inspection import best_vertices
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.view_settings import MIN_HEIGHT, MIN_WIDTH, ViewSettings
 

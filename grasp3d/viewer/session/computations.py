@@ -10,9 +10,8 @@ from grasp3d.errors import SettingError
 from grasp3d.export.writers import writer_for
 from grasp3d.hand.scene import Scene
 from grasp3d.settings import AnySampling, GraspModel, search_cone
-from grasp3d.surface.labelling import label_surface
+from grasp3d.surface.labelling import label_surface, merged
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.merged_grasps import merged
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.context import report_progress, within
 from grasp3d.viewer.session.inspection import warm_up

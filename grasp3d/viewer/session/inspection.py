@@ -1,28 +1,189 @@
-"""One vertex, or the best contact of the last finger: numbers, and the reason for its label."""
+"""One vertex, or the best contact of the last finger: its grasps, their numbers, and its label."""
 
 import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from grasp3d.arrays import Floats
+from grasp3d.arrays import Floats, Ints
 from grasp3d.grasps.causes import cause_at
+from grasp3d.grasps.distinct import alternatives_at, best_grasps, first_vertices
 from grasp3d.grasps.explanations import PAIR, Case, explain
-from grasp3d.hand.gripper_pose import GripperPose
+from grasp3d.hand.gripper_pose import GripperPose, has_pose
 from grasp3d.mesh import ObjectMesh
+from grasp3d.quality.grip_forces import Resistance
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import EPSILON_MIN
-from grasp3d.stability.thresholds import label_angles
+from grasp3d.stability.thresholds import label_angles, margin_budget
 from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.grasp_numbers import surface_epsilons, surface_holding
 from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.holding import Holding
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.rows import NO_ROW
 from grasp3d.surface.vertex_grasps import Reason
-from grasp3d.viewer.session.grasp_texts import HeldGrasp, angle_numbers, budget_text
+from grasp3d.system.context import report_progress
+from grasp3d.system.counts import short_number
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
-from grasp3d.viewer.session.reached_grasps import alternatives_of
-from grasp3d.viewer.subjects.subject import Subject, located_grasp
+from grasp3d.viewer.subjects.subject import Alternatives, Subject, located_grasp
+
+SYMBOLS = {"critical angle": "β*", "sensor resolution": "α/2"}
+"""Parts of a budget that have a symbol in the viewer."""
+
+
+ALIKE = 5e-3
+"""Relative difference below which forces are not distinguished."""
+
+
+def angle_numbers(case: Case) -> list[tuple[str, str]]:
+    """Names and values of critical angles, the coarsest resolution and the margin."""
+    numbers = [("β*", _critical_angles(*case.angles, "normals"))]
+    if case.perceived is not None:
+        numbers.append(("located β*", _critical_angles(case.worst, case.best, "points")))
+    return [*numbers, ("α*", _max_resolution(case)), ("margin", _margin(case))]
+
+
+def budget_text(case: Case) -> str:
+    """What the friction angle is spent on, as one line; empty where there is no grasp."""
+    critical = case.angles[0]
+    if not (math.isfinite(critical) and math.isfinite(case.worst)):
+        return ""
+    located = None if case.perceived is None else case.worst
+    budget = margin_budget(case.model, critical, located)
+    parts = [
+        f"{SYMBOLS.get(name, name)} {_signed(float(angle))}"
+        for name, angle in budget.stack.items()
+        if float(angle) != 0.0 or name in {"critical angle", "margin"}
+    ]
+    return f"β {_signed(float(budget.friction_angle))} = {' + '.join(parts)}"
+
+
+def _critical_angles(worst: float, best: float, of: str) -> str:
+    texts = [_signed(angle) for angle in (worst, best)]
+    if texts[0] == texts[1]:
+        return texts[0]
+    return f"{texts[0] if math.isfinite(worst) else 'none'} (worst), {texts[1]} (best {of})"
+
+
+def _max_resolution(case: Case) -> str:
+    """Coarsest resolution of all fingers below which it is S: alpha + 2 margins."""
+    coarsest = case.model.sensor_resolution + 2.0 * case.margin
+    return _signed(coarsest) if coarsest > 0.0 else "no sensor is fine enough"
+
+
+def _margin(case: Case) -> str:
+    return "none" if math.isinf(case.margin) else _signed(case.margin, always=True)
+
+
+def _signed(angle: float, *, always: bool = False) -> str:
+    """An angle in degrees with a typographic minus sign, and on demand with a plus sign."""
+    degrees = round(math.degrees(angle), 1) + 0.0  # never -0
+    return f"{degrees:{'+' if always else ''}.1f}°".replace("-", "−")
+
+
+@dataclass(frozen=True, eq=False)
+class HeldGrasp:
+    """Force and payload of one of several grasps under a load."""
+
+    holding: Holding
+    row: int
+    fingers: int
+
+    def numbers(self) -> list[tuple[str, str]]:
+        """Names and values that a load adds."""
+        holding = self.holding
+        force, largest = self._of(holding.grip_force), self._of(holding.grip_force_largest)
+        if math.isnan(force):
+            return []
+        numbers = [("grip force", self._text(force))]
+        if largest > force * (1.0 + ALIKE):
+            numbers.append(("at worst normals", self._text(largest)))
+        if math.isfinite(payload := self._of(holding.payload)):
+            numbers.append(("payload", f"{short_number(payload)} kg with {holding.case.at_hand}"))
+        return numbers
+
+    def _of(self, values: Floats) -> float:
+        return float(values[self.row])
+
+    def _text(self, force: float) -> str:
+        if math.isinf(force):
+            return "none suffices"
+        return f"{short_number(force)} N{'' if self.holding.case.decided else ' per kg'}"
+
+    def sentence(self) -> str:
+        """Whether the force at hand holds the load, or why none does; empty: that is unknown."""
+        load, least = self.holding.case, self._of(self.holding.grip_force_least)
+        if math.isnan(force := self._of(self.holding.grip_force)):
+            return ""
+        if math.isinf(force):
+            where = "" if math.isinf(least) else " at the nominal normals"
+            return f"No force holds it{where}: {self._why()}."
+        if load.available is None or not load.decided:
+            return ""
+        mass = f" of {load.to_hold}" if load.by_mass else ""
+        start = f"With {load.at_hand} the load{mass} is"
+        if self._of(self.holding.grip_force_largest) <= load.available:
+            return f"{start} held at all normals within the sensor resolution."
+        if least > load.available:
+            return f"{start} not held at any of these normals."
+        return f"{start} held at some of the normals within the sensor resolution only."
+
+    def _why(self) -> str:
+        codes = self.holding.resistance
+        if codes is not None and codes[self.row] == Resistance.NO_SUCH_WRENCH:
+            if self.fingers == PAIR and self.holding.case.hard:
+                return (
+                    "two hard fingers cannot resist a torque about the line through them; give a "
+                    "torsion radius, or a gripper, whose pads have one"
+                )
+            return "these contacts resist no torque about one axis"
+        return "the fingers can only push, and the contacts cannot push against all of the load"
+
+
+MOST = 5
+"""Most grasps through one vertex that the viewer shows, with the vertex's own."""
+
+SAME = 1e-3
+"""Distance of contacts up to which two grasps are the same, in object sizes."""
+
+
+def find_alternatives(subject: Subject, vertex: int) -> Subject:
+    """Add the other grasps through a vertex that the gripper reaches.
+
+    Args:
+        subject: A surface with labels and a gripper.
+        vertex: A vertex whose grasp is reached.
+    """
+    report_progress(0.0)
+    grasps = alternatives_at(subject.labels, vertex, MOST)
+    others = grasps.take(_others(subject, vertex, grasps)[: MOST - 1])
+    return replace(subject, alternatives=Alternatives(vertex, others))
+
+
+def alternatives_of(subject: Subject, vertex: int) -> GraspTable | None:
+    """The other grasps of a vertex; None: not searched."""
+    others = subject.alternatives
+    return others.grasps if others is not None and others.vertex == vertex else None
+
+
+def is_reached(subject: Subject, vertex: int) -> bool:
+    """Whether the pose of a gripper at the vertex's grasp is known."""
+    reach = subject.labels.reach
+    return reach is not None and vertex < len(reach.poses) and bool(has_pose(reach)[vertex])
+
+
+def best_vertices(subject: Subject, count: int) -> Ints:
+    """Vertices of the best distinct grasps, best first; see `best_grasps`."""
+    return first_vertices(best_grasps(subject.labels, count))
+
+
+def _others(subject: Subject, vertex: int, grasps: GraspTable) -> Ints:
+    """Rows of the grasps that have a pose and are not the vertex's own."""
+    assert grasps.reach is not None
+    gaps = np.linalg.norm(grasps.contacts.points[:, 1:] - subject.labels.partners[vertex], axis=2)
+    is_other = ~(gaps <= SAME * subject.mesh.size).all(axis=1)
+    return np.flatnonzero(has_pose(grasps.reach) & is_other)
+
 
 UNKNOWN = "–"
 EPSILONS = ("ε", EPSILON_MIN, "ε_max")

@@ -17,8 +17,8 @@ from grasp3d.viewer.session.computations import (
     search_wider,
     write_labels,
 )
+from grasp3d.viewer.session.inspection import alternatives_of, find_alternatives, is_reached
 from grasp3d.viewer.session.painting import FORCE_PAINTS, same_settings
-from grasp3d.viewer.session.reached_grasps import alternatives_of, find_alternatives, is_reached
 from grasp3d.viewer.session.scans import scan_with_fixed
 from grasp3d.viewer.session.state import FixedPoints, ViewState
 from grasp3d.viewer.subjects.subject import PAIR, Subject, dependence

@@ -10,7 +10,12 @@ from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel
 from grasp3d.viewer.session.background import Finished, Worker
 from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.session.computations import check_savable
-from grasp3d.viewer.session.inspection import Inspection, inspect, inspect_last_contact
+from grasp3d.viewer.session.inspection import (
+    Inspection,
+    best_vertices,
+    inspect,
+    inspect_last_contact,
+)
 from grasp3d.viewer.session.painting import FORCE_PAINTS
 from grasp3d.viewer.session.planning import (
     SaveRequest,
@@ -22,7 +27,6 @@ from grasp3d.viewer.session.planning import (
     needs_search,
     next_job,
 )
-from grasp3d.viewer.session.reached_grasps import best_vertices
 from grasp3d.viewer.session.state import ViewState, changed_state, has_errors
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import Paint, ViewSettings
