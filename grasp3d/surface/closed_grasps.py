@@ -16,8 +16,7 @@ from grasp3d.settings import GraspModel, with_fingers
 from grasp3d.stability.label import Label
 from grasp3d.stability.thresholds import label_angles, margins
 from grasp3d.surface.contacts import JawContacts
-from grasp3d.surface.extreme_normals import hull_labels
-from grasp3d.surface.grasp_numbers import located_angles_of
+from grasp3d.surface.grasp_numbers import hull_labels, located_angles_of
 from grasp3d.surface.holding import Holding
 from grasp3d.surface.rows import NO_ROW, rows_where, spread
 from grasp3d.system.context import report_progress, within

@@ -33,10 +33,10 @@ from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.closed_grasps import ClosedGrasps, close_on
 from grasp3d.surface.contacts import GraspContacts, JawContacts
 from grasp3d.surface.critical_angles import critical_angles
-from grasp3d.surface.extreme_normals import hull_labels
 from grasp3d.surface.fields import CONTACTS, GRASPS, Field, columns_of, present
 from grasp3d.surface.grasp_numbers import (
     EPSILON_RTOL,
+    hull_labels,
     located_angles_of,
     surface_epsilons,
     surface_holding,

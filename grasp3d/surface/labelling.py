@@ -29,7 +29,7 @@ from grasp3d.settings import (
 )
 from grasp3d.settings.costs import check_cost
 from grasp3d.surface.critical_angles import critical_angles
-from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinations_of
+from grasp3d.surface.grasp_numbers import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase, input_warnings, loaded_mesh
 from grasp3d.surface.sampling.antipodal import ALIKE, AntipodalGrasps, Ranking, best_pairs

@@ -13,7 +13,7 @@ from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point
 from grasp3d.settings import GraspModel, check_point_contacts, with_fingers
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import SAME_POINT, critical_angles
-from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinations_of
+from grasp3d.surface.grasp_numbers import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at
 from grasp3d.system.context import within

@@ -27,7 +27,7 @@ from grasp3d import (
 from grasp3d.contact.friction_cones import tilted_normals
 from grasp3d.errors import SettingError
 from grasp3d.quality.wrenches import EpsilonOptions
-from grasp3d.surface.extreme_normals import hull_labels
+from grasp3d.surface.grasp_numbers import hull_labels
 from grasp3d.surface.vertex_grasps import grasps_at
 from grasp3d.system.context import running
 from tests.helpers import shapes

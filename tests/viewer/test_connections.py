@@ -204,17 +204,17 @@ def test_what_a_closed_page_showed_is_released_at_once() -> None:
 def test_the_log_has_few_lines_without_tracebacks(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from grasp3d.viewer.web import messages
+    from grasp3d.viewer.web import client
 
-    terse = messages.Terse()
+    terse = client.Terse()
     log = logging.getLogger("grasp3d.test of terse lines")
     log.addFilter(terse)
     for number in range(100):
         error = ValueError(f"first line\nand second {number}")
         log.error("a request of %s", "somebody\n", exc_info=error)
-    assert len(caplog.records) == messages.MOST_LINES
+    assert len(caplog.records) == client.MOST_LINES
     assert caplog.messages[0] == "a request of somebody: ValueError: first line and second 0"
     assert "Traceback" not in caplog.text
-    monkeypatch.setattr(terse, "_began", -messages.LOG_PERIOD)
+    monkeypatch.setattr(terse, "_began", -client.LOG_PERIOD)
     log.error("later")
     assert caplog.messages[-1] == "later (and 70 more lines before that were not written)"

@@ -174,7 +174,7 @@ def message(kind: Any, data: Any) -> Any:
 
 
 def test_calls_of_known_methods_are_accepted() -> None:
-    from grasp3d.viewer.web.messages import check_message
+    from grasp3d.viewer.web.client import check_message
 
     binary = aiohttp.WSMsgType.BINARY
     check_message(message(binary, call("a", 1)), {"a"})
@@ -194,7 +194,7 @@ def test_calls_of_known_methods_are_accepted() -> None:
     ],
 )
 def test_other_messages_are_refused(data: bytes, reason: str) -> None:
-    from grasp3d.viewer.web.messages import MessageError, check_message
+    from grasp3d.viewer.web.client import MessageError, check_message
 
     with pytest.raises(MessageError, match=reason):
         check_message(message(aiohttp.WSMsgType.BINARY, data), {"a"})

@@ -8,7 +8,7 @@ from typing import Any
 
 from aiohttp import web
 
-from grasp3d.viewer.web.messages import LOG
+from grasp3d.viewer.web.client import LOG
 
 MAX_CONNECTIONS, MAX_PER_ADDRESS = 500, 250
 """Largest number of connections, in all and of one address; most systems allow 1,024 open files."""

@@ -19,9 +19,8 @@ from aiohttp.typedefs import Handler
 from grasp3d.errors import GraspError
 from grasp3d.system.isolation.limits import return_memory
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.web.client import Client, static_folders
+from grasp3d.viewer.web.client import LOG, MAX_MESSAGE_BYTES, Client, MessageError, static_folders
 from grasp3d.viewer.web.connections import answering
-from grasp3d.viewer.web.messages import LOG, MAX_MESSAGE_BYTES, MessageError
 
 MAX_CLIENTS = 16
 MAX_VISITS, MAX_WAITING = 1000, 8
