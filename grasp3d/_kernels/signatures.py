@@ -28,13 +28,7 @@ from grasp3d._kernels.search import (
     rays,
     reachable_partners,
 )
-from grasp3d._kernels.surface import (
-    box_tree,
-    face_tree,
-    patches,
-    surface_contacts,
-    visible_faces,
-)
+from grasp3d._kernels.surface import box_tree, face_tree, patches, surface_contacts, visible_faces
 
 
 def _array(item: types.Type, ndim: int, *, readonly: bool = False) -> types.Array:

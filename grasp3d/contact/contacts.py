@@ -238,11 +238,7 @@ def _patches(patch: ArrayLike | None, normals: Floats) -> Floats | None:
 
 
 def finite_numbers(
-    name: str,
-    values: ArrayLike,
-    kind: type[GraspError] = ContactError,
-    *,
-    most: float = math.inf,
+    name: str, values: ArrayLike, kind: type[GraspError] = ContactError, *, most: float = math.inf
 ) -> Floats:
     """Convert to an array of finite numbers.
 

@@ -71,10 +71,7 @@ class Scene:
 
     @classmethod
     def given(
-        cls,
-        hand: Hand | None,
-        table: Table | None = None,
-        approach: Approach | None = None,
+        cls, hand: Hand | None, table: Table | None = None, approach: Approach | None = None
     ) -> "Scene | None":
         """What keywords of one name each state.
 
@@ -114,12 +111,7 @@ class Scene:
         return f"the table's up is {tilt:.0f}° from z of the robot's frame: {text}"
 
     def reach(
-        self,
-        mesh: ObjectMesh,
-        points: ArrayLike,
-        normals: ArrayLike,
-        *,
-        grip: ArrayLike = 1,
+        self, mesh: ObjectMesh, points: ArrayLike, normals: ArrayLike, *, grip: ArrayLike = 1
     ) -> Reach:
         """Which grasps the hand reaches here; see `Hand.reach`."""
         return self.hand.reach(

@@ -112,12 +112,7 @@ def random_grasps(fingers: int, count: int, seed: int = SEED) -> tuple[Contacts,
 
 
 def compare(
-    fingers: int,
-    grasps: int,
-    extreme_normals: int,
-    *,
-    edges: int | None = None,
-    seed: int = SEED,
+    fingers: int, grasps: int, extreme_normals: int, *, edges: int | None = None, seed: int = SEED
 ) -> Comparison:
     """Label random grasps exactly and with sampled normals.
 

@@ -102,11 +102,7 @@ def load_object(path: Path) -> ObjectMesh:
 
 
 def real_object(
-    mesh: ObjectMesh,
-    name: str,
-    settings: PaperSettings,
-    *,
-    fixed: ArrayLike | None = None,
+    mesh: ObjectMesh, name: str, settings: PaperSettings, *, fixed: ArrayLike | None = None
 ) -> ScannedObject:
     """Scan any object.
 

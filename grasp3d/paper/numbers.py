@@ -9,20 +9,9 @@ from grasp3d.contact.sensor import Sensor, resolution_limit
 from grasp3d.paper.figures import ScannedObject
 from grasp3d.paper.markdown import fraction_cells, percent, resolution_cell, table
 from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.planar import (
-    Circle,
-    Outline,
-    circle_fractions,
-    scan,
-    square,
-    square_fractions,
-)
+from grasp3d.planar import Circle, Outline, circle_fractions, scan, square, square_fractions
 from grasp3d.settings import DEGREE, GraspModel
-from grasp3d.stability.angle_distributions import (
-    AngleDistribution,
-    SphereAngles,
-    accuracy_ceiling,
-)
+from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles, accuracy_ceiling
 
 RADIUS = 10.0
 """Radius of the paper's hemispherical fingertip [mm]."""

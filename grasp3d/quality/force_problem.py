@@ -392,12 +392,7 @@ def blocks_of(grasps: Ints) -> list[Ints]:
     return [grasps[start : start + DECIDED] for start in range(0, len(grasps), DECIDED)]
 
 
-def pushes(
-    points: Floats,
-    normals: Floats,
-    friction: Floats,
-    torsion: Floats,
-) -> Floats:
+def pushes(points: Floats, normals: Floats, friction: Floats, torsion: Floats) -> Floats:
     """Wrenches of which every wrench of the contacts' forces is a combination, without minus.
 
     Args:

@@ -14,14 +14,7 @@ from grasp3d._kernels.hull.certificates import LARGEST_SLACK
 from grasp3d._kernels.hull.growing_hull import CONVERGED, UNDECIDED
 from grasp3d._kernels.hull.pair_epsilon import make_pair_scratch, pair_epsilons
 from grasp3d._kernels.hull.polytope import SCRATCH_ROWS, Polytope, make_polytope
-from grasp3d._kernels.hull.support_functions import (
-    LINEAR,
-    NO_TORSION,
-    PER_FINGER,
-    ROWS,
-    SIX,
-    TOTAL,
-)
+from grasp3d._kernels.hull.support_functions import LINEAR, NO_TORSION, PER_FINGER, ROWS, SIX, TOTAL
 from grasp3d._kernels.hull.wrench_problem import (
     AT_REST,
     SIGN,

@@ -28,12 +28,7 @@ from grasp3d.stability.enumeration import (
     rings_needed,
 )
 from grasp3d.stability.label import Label
-from grasp3d.stability.located_angles import (
-    ContactLimits,
-    PairLines,
-    located_grasps,
-    located_pairs,
-)
+from grasp3d.stability.located_angles import ContactLimits, PairLines, located_grasps, located_pairs
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.surface.contacts import GraspContacts, JawContacts
 from grasp3d.surface.critical_angles import AMBIGUOUS
@@ -108,9 +103,7 @@ def _labels_of_jaws(grasps: JawContacts, model: GraspModel) -> Bytes:
 
 
 def hull_epsilons(
-    grasps: GraspContacts,
-    model: GraspModel,
-    options: EpsilonOptions,
+    grasps: GraspContacts, model: GraspModel, options: EpsilonOptions
 ) -> tuple[Floats, Floats]:
     """Smallest and largest epsilon over the combinations of extreme normals, shape (b,) each.
 
@@ -218,10 +211,7 @@ def located_angles_of(
 
 
 def surface_epsilons(
-    grasps: GraspContacts,
-    model: GraspModel,
-    *,
-    center_radius: float = 0.0,
+    grasps: GraspContacts, model: GraspModel, *, center_radius: float = 0.0
 ) -> EpsilonRange:
     """Epsilon of grasps about the mesh's centre of mass, torques divided by its torque scale.
 
@@ -270,9 +260,7 @@ its principal axes is the longest."""
 
 
 def surface_metrics(
-    grasps: GraspContacts,
-    model: GraspModel,
-    names: str | Sequence[str] = "all",
+    grasps: GraspContacts, model: GraspModel, names: str | Sequence[str] = "all"
 ) -> MetricValues:
     """Quality measures of grasps about the mesh's centre of mass, torques divided by its scale.
 

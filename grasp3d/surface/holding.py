@@ -189,11 +189,7 @@ _ARRAYS = ("grip_force", "grip_force_least", "grip_force_largest", "payload", "r
 
 
 def holding_of(
-    contacts: Contacts,
-    tilt: ArrayLike,
-    case: LoadCase,
-    *,
-    friction: tuple[ArrayLike, ArrayLike],
+    contacts: Contacts, tilt: ArrayLike, case: LoadCase, *, friction: tuple[ArrayLike, ArrayLike]
 ) -> Holding:
     """Grip forces and payloads of contacts under a load, at the perceived contact locations.
 

@@ -35,13 +35,7 @@ from grasp3d.surface.load_case import LoadCase, input_warnings, loaded_mesh
 from grasp3d.surface.sampling.antipodal import ALIKE, AntipodalGrasps, Ranking, best_pairs
 from grasp3d.surface.sampling.multifinger import search
 from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at, grasps_differ
-from grasp3d.system.context import (
-    begin_step,
-    refuse_warnings,
-    report_progress,
-    unreported,
-    within,
-)
+from grasp3d.system.context import begin_step, refuse_warnings, report_progress, unreported, within
 
 TIE = 1e-9
 """Difference of located angles up to which a grasp is kept [rad]."""
@@ -322,10 +316,7 @@ BEFORE_ANGLES = 0.9
 
 
 def label_pairs(
-    mesh: ObjectMesh,
-    model: GraspModel,
-    sampling: Sampling,
-    scene: Scene | None,
+    mesh: ObjectMesh, model: GraspModel, sampling: Sampling, scene: Scene | None
 ) -> SurfaceLabels:
     """Label a surface by the best grasps with two fingers.
 
@@ -371,11 +362,7 @@ def _search_report(cone: float, searches: list[AntipodalGrasps]) -> SearchReport
 
 
 def _pairs(
-    mesh: ObjectMesh,
-    pairs: AntipodalGrasps,
-    scene: Scene | None,
-    *,
-    are_costs: bool = False,
+    mesh: ObjectMesh, pairs: AntipodalGrasps, scene: Scene | None, *, are_costs: bool = False
 ) -> dict[str, Any]:
     """What `SurfaceLabels.of_vertices` takes of the grasps that a search has found.
 
@@ -424,10 +411,7 @@ def _angles_of_pairs(
 
 
 def label_multifinger(
-    mesh: ObjectMesh,
-    model: GraspModel,
-    sampling: MultifingerSampling,
-    scene: Scene | None,
+    mesh: ObjectMesh, model: GraspModel, sampling: MultifingerSampling, scene: Scene | None
 ) -> SurfaceLabels:
     """Label a surface by the best grasps with three fingers or more.
 
@@ -479,11 +463,7 @@ def label_multifinger(
 
 
 def _reach_of(
-    mesh: ObjectMesh,
-    points: SurfacePoints,
-    reasons: Bytes,
-    scene: Scene,
-    grip: ArrayLike = 1,
+    mesh: ObjectMesh, points: SurfacePoints, reasons: Bytes, scene: Scene, grip: ArrayLike = 1
 ) -> tuple[Bytes, Reach]:
     """The reasons, and how the hand reaches each vertex's grasp."""
     tried = np.flatnonzero((reasons == Reason.FOUND) & mesh.on_surface)

@@ -17,12 +17,7 @@ from grasp3d.settings.model_text import model_line
 from grasp3d.settings.uncertainty import Uncertainty, friction_interval
 from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
-from grasp3d.surface.area_statistics import (
-    Weights,
-    label_fractions,
-    quantiles,
-    vertex_weights,
-)
+from grasp3d.surface.area_statistics import Weights, label_fractions, quantiles, vertex_weights
 from grasp3d.surface.conversions import labels_to_polydata, labels_to_table, labels_to_trimesh
 from grasp3d.surface.vertex_grasps import VertexGrasps
 
@@ -212,11 +207,7 @@ class SurfaceLabels(VertexGrasps):
         return quantiles(self.critical_angle, levels, self._weights(weights))
 
     def epsilon_quantiles(
-        self,
-        levels: ArrayLike,
-        *,
-        of: Quantity = "nominal",
-        weights: Weights = "area",
+        self, levels: ArrayLike, *, of: Quantity = "nominal", weights: Weights = "area"
     ) -> Floats:
         """Quantiles of epsilon over the surface; it is 0 where no grasp was found.
 

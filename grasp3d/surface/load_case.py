@@ -213,11 +213,7 @@ class LoadCase:
 
     @classmethod
     def of(
-        cls,
-        load: Load,
-        mesh: ObjectMesh,
-        model: GraspModel,
-        hand: Hand | None = None,
+        cls, load: Load, mesh: ObjectMesh, model: GraspModel, hand: Hand | None = None
     ) -> "LoadCase":
         """The load on an object.
 

@@ -20,10 +20,7 @@ from grasp3d.system.context import within
 
 
 def scan_surface(
-    mesh: MeshSource,
-    model: GraspModel | None = None,
-    *,
-    fixed: ArrayLike,
+    mesh: MeshSource, model: GraspModel | None = None, *, fixed: ArrayLike
 ) -> SurfaceLabels:
     """Fix all fingers but one and label every vertex as the contact point of the last finger.
 

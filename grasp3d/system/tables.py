@@ -90,10 +90,7 @@ def write_table(
 
 
 def table_of_rows(
-    rows: Sequence[Mapping[str, Any]],
-    columns: Mapping[str, type],
-    *,
-    settings: Mapping[str, Any],
+    rows: Sequence[Mapping[str, Any]], columns: Mapping[str, type], *, settings: Mapping[str, Any]
 ) -> pa.Table:
     """Make a table of rows; see `write_table`."""
     schema = _schema(columns, settings)

@@ -27,13 +27,7 @@ from grasp3d._kernels.hull.growing_hull import (
     UNDECIDED,
     grow,
 )
-from grasp3d._kernels.hull.support_functions import (
-    NO_TORSION,
-    PER_FINGER,
-    ROWS,
-    TOTAL,
-    WrenchSpace,
-)
+from grasp3d._kernels.hull.support_functions import NO_TORSION, PER_FINGER, ROWS, TOTAL, WrenchSpace
 from grasp3d._kernels.hull.wrenches import span
 from grasp3d._kernels.surface.vectors import copy6
 

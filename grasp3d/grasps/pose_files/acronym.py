@@ -12,11 +12,7 @@ import numpy as np
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.grasps.pose_files.documents import watched
-from grasp3d.grasps.pose_files.frames import (
-    Given,
-    for_robots,
-    joint_values,
-)
+from grasp3d.grasps.pose_files.frames import Given, for_robots, joint_values
 from grasp3d.grasps.pose_files.outcomes import Values, outcomes_of
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES

@@ -91,10 +91,7 @@ class MultifingerGrasps:
 
 
 def search(
-    mesh: ObjectMesh,
-    fingers: int,
-    sampling: MultifingerSampling,
-    cone: float,
+    mesh: ObjectMesh, fingers: int, sampling: MultifingerSampling, cone: float
 ) -> MultifingerGrasps:
     """Search for the best grasp of three fingers and more through every vertex.
 
