@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 from rich.table import Table
 
 from grasp3d.cli import progress_bars
@@ -18,8 +17,9 @@ from grasp3d.stability.label import Label
 from grasp3d.system.counts import counted
 from grasp3d.system.files import check_writable
 from grasp3d.validating import sentences
-from grasp3d.validating.disagreements import MEANING, Disagreement
+from grasp3d.validating.disagreements import MEANING, ReasonCount
 from grasp3d.validating.intervals import wilson
+from grasp3d.validating.qualities import mean_over_objects
 from grasp3d.validating.sentences import degrees, percent
 from grasp3d.validating.success import LabelSuccess
 from grasp3d.validating.validate import validate_grasps
@@ -99,31 +99,53 @@ def print_validation(validation: Validation, output: Path | None) -> None:
         more = counted(len(validation.warnings) - MOST_WARNINGS, "warnings")
         report.paragraph(f"and {more} more")
     report.table(_scores(validation))
-    report.lines([sentences.intervals_of(validation)])
+    report.lines([sentences.intervals_of(validation), *sentences.objects_of(validation)])
+    if not validation.grasps.one_sided:
+        report.table(_differences(validation))
     report.table(_labels(validation))
     report.table(_calibration(validation))
     report.lines(sentences.calibration_of(validation))
     for kind, meaning in MEANING.items():
-        cases = [case for case in validation.disagreements if case.kind == kind]
-        if cases:
-            report.paragraph(f"[bold]{meaning}[/]")
-            report.lines([_disagreement(validation, case) for case in cases], " ")
+        reasons = [one for one in validation.reasons if one.reason.kind == kind]
+        if reasons:
+            report.paragraph(f"[bold]{meaning}: {counted(reasons[0].of, 'grasps')}[/]")
+            report.lines([_reason(validation, one) for one in reasons], " ")
     if output is not None:
         report.lines([f"written: {output / 'report.html'} and its tables"])
 
 
 def _scores(validation: Validation) -> Table:
     """ROC-AUC and average precision of each score."""
+    rows = []
+    for one in validation.qualities:
+        precision = _interval(one.average_precision_interval)
+        rows.append(
+            [
+                escaped(one.score.title),
+                one.score.better,
+                f"{_number(one.roc_auc)} {_interval(one.roc_auc_interval)}",
+                f"{_number(one.average_precision)} {precision}",
+            ]
+        )
+        if validation.by_object:
+            rows[-1].append(_number(mean_over_objects(validation.by_objects, one.score.name)))
+    heads = ["score", "better", "ROC-AUC, 95 %", "precision, 95 %"]
+    return table_of([*heads, *["by object"] * validation.by_object], rows)
+
+
+def _differences(validation: Validation) -> Table:
+    """By how much the first score predicts better than the others."""
+    first = validation.qualities[0].score
     rows = (
         (
-            escaped(quality.score.title),
-            quality.score.better,
-            f"{_number(quality.roc_auc)} {_interval(quality.roc_auc_interval)}",
-            f"{_number(quality.average_precision)} {_interval(quality.average_precision_interval)}",
+            escaped(one.other.title),
+            f"{one.difference:+.3f} {one.interval[0]:+.3f} to {one.interval[1]:+.3f}",
+            f"{one.p:.3f}",
         )
-        for quality in validation.qualities
+        for one in validation.differences
+        if one.score == first
     )
-    return table_of(("score", "better", "ROC-AUC, 95 %", "average precision, 95 %"), rows)
+    return table_of((f"{escaped(first.title)} less", "ROC-AUC, 95 %, paired", "p"), rows)
 
 
 def _labels(validation: Validation) -> Table:
@@ -163,13 +185,18 @@ def _calibration(validation: Validation) -> Table:
     return table_of(("margin", "grasps", "held", "95 %"), rows)
 
 
-def _disagreement(validation: Validation, case: Disagreement) -> str:
-    grasps = validation.grasps
-    number, file = int(grasps.grasp[case.row]), validation.files[int(grasps.file[case.row])]
-    where = f" of {Path(file.name).name}" if len(validation.files) > 1 else ""
-    label = Label(int(grasps.label[case.row])).name
-    margin = "" if np.isnan(case.margin) else f", margin {degrees(case.margin)}"
-    return f"grasp {number}{where}: {label}{margin}: {'; '.join(case.hints)}"
+def _reason(validation: Validation, one: ReasonCount) -> str:
+    """How many grasps have a reason, and the greatest of their disagreements."""
+    grasps, named = validation.grasps, []
+    for case in validation.disagreements:
+        for cause in case.causes:
+            if cause.reason == one.reason:
+                file = Path(validation.files[int(grasps.file[case.row])].name).name
+                where = f" of {file}" if len(validation.files) > 1 else ""
+                value = f" ({cause.value})" if cause.value else ""
+                named.append(f"{int(grasps.grasp[case.row])}{where}{value}")
+    examples = f"; grasp {', '.join(named)}" if named else ""
+    return f"{one.count:,} {one.reason.name}: {one.reason.why}{examples}"
 
 
 def _number(value: float) -> str:

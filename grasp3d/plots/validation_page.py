@@ -24,6 +24,7 @@ from grasp3d.plots.validations import (
 from grasp3d.stability.label import MEANING as LABELS
 from grasp3d.stability.label import Label
 from grasp3d.system.context import report_progress
+from grasp3d.system.counts import counted
 from grasp3d.system.files import atomic_write
 from grasp3d.system.names import as_unicode, printable
 from grasp3d.system.versions import package_version
@@ -31,6 +32,7 @@ from grasp3d.validating import sentences
 from grasp3d.validating.disagreements import MEANING as KINDS
 from grasp3d.validating.disagreements import Disagreement
 from grasp3d.validating.intervals import wilson
+from grasp3d.validating.qualities import mean_over_objects
 from grasp3d.validating.scores import Score
 from grasp3d.validating.sentences import degrees, percent
 from grasp3d.validating.validation import TABLES, Validation, made_folder, write_validation
@@ -75,7 +77,7 @@ def write_report(folder: str | Path, result: Validation) -> None:
         >>> franka = grasp3d.ParallelGripper.preset("franka")
         >>> write_report("report", grasp3d.validate_grasps(tried, mesh=box, hand=franka))
         >>> sorted(path.name for path in Path("report").iterdir())
-        ['calibration.csv', 'grasps.csv', 'labels.csv', 'report.html', 'scores.csv']
+        ['calibration.csv', 'differences.csv', 'grasps.csv', 'labels.csv', 'objects.csv', ...]
     """
     folder = made_folder(folder)
     html = page_of(result)
@@ -135,7 +137,62 @@ def _scores(result: Validation) -> list[str]:
         f"an average precision of {rate:.3f}. Which values are better is fixed beforehand."
     )
     figure = [] if result.grasps.one_sided else [figure_tag(roc_figure(result), "ROC curves")]
-    return [table(heads, rows, texts=(1, 6)), f'<p class="quiet">{text(note)}</p>', *figure]
+    return [
+        table(heads, rows, texts=(1, 6)),
+        f'<p class="quiet">{text(note)}</p>',
+        *figure,
+        *_differences(result),
+        *_objects(result),
+    ]
+
+
+def _differences(result: Validation) -> list[str]:
+    """The first score against all others, and every two, folded."""
+    if result.grasps.one_sided:
+        return []
+    first, heads = result.qualities[0].score, ["difference of ROC-AUC", "95 %", "p"]
+    cells = {
+        one: [f"{one.difference:+.3f}", interval(one.interval), number(one.p)]
+        for one in result.differences
+    }
+    own = [[text(one.other.title), *row] for one, row in cells.items() if one.score == first]
+    every = [
+        [text(f"{one.score.title} less {one.other.title}"), *row] for one, row in cells.items()
+    ]
+    note = (
+        "Paired: the scores share the resamples. p: probability that a difference as large, either "
+        f"way, is chance; at least {2.0 / (result.resamples + 1):.2g} with so many resamples."
+    )
+    return [
+        table([text(f"{first.title} less"), *heads], own),
+        f'<p class="quiet">{text(note)}</p>',
+        "<details><summary>Every two scores</summary>",
+        table(["", *heads], every),
+        "</details>",
+    ]
+
+
+def _objects(result: Validation) -> list[str]:
+    """ROC-AUC on each of several objects, their mean, and that of all grasps."""
+    if not result.by_object:
+        return []
+    scores = [one.score for one in result.qualities]
+    rows = [
+        [
+            text(result.object_names[one.number]),
+            f"{one.count:,}",
+            f"{one.held:,}",
+            *(number(one.roc_auc[score.name]) for score in scores),
+        ]
+        for one in result.by_objects
+    ]
+    means = (number(mean_over_objects(result.by_objects, score.name)) for score in scores)
+    held = f"{int(result.grasps.held.sum()):,}"
+    rows.append(["<b>mean over objects</b>", "", "", *means])
+    rows.append(["<b>all grasps</b>", f"{result.grasps.size:,}", held,
+                 *(number(one.roc_auc) for one in result.qualities)])  # fmt: skip
+    heads = ["ROC-AUC", "grasps", "held", *(text(score.title) for score in scores)]
+    return ["<h3>By object</h3>", bullets(sentences.objects_of(result)), table(heads, rows)]
 
 
 def _labels(result: Validation) -> list[str]:
@@ -181,17 +238,20 @@ def _calibration(result: Validation) -> list[str]:
 
 
 def _disagreements(result: Validation, pictures: Sequence[Bytes] | None) -> list[str]:
-    if not result.settings.worst:
-        return ["<p>None are listed, as asked.</p>"]
-    if not result.disagreements:
+    if not result.reasons:
         return ["<p>No grasp that failed is labelled S, and none that held is not.</p>"]
-    parts = [] if pictures is not None else [f"<p>{NO_PICTURES}</p>"]
+    parts = [f"<p>{NO_PICTURES}</p>"] if pictures is None and result.disagreements else []
     images = [None] * len(result.disagreements) if pictures is None else pictures
     pairs = list(zip(result.disagreements, images, strict=True))
     for kind, meaning in KINDS.items():
+        reasons = [one for one in result.reasons if one.reason.kind == kind]
+        if not reasons:
+            continue
         cards = [_card(result, one, image) for one, image in pairs if one.kind == kind]
-        if cards:
-            parts += [f"<h3>{meaning.capitalize()}</h3>", '<div class="cards">', *cards, "</div>"]
+        rows = [[text(one.reason.name), f"{one.count:,}", text(one.reason.why)] for one in reasons]
+        heads = [f"likely reason, of {counted(reasons[0].of, 'grasps')}", "grasps", ""]
+        parts += [f"<h3>{meaning.capitalize()}</h3>", table(heads, rows, texts=(2,))]
+        parts += ['<div class="cards">', *cards, "</div>"] if cards else []
     return parts
 
 
@@ -203,7 +263,7 @@ def _card(result: Validation, one: Disagreement, image: Bytes | None) -> str:
         name += f" of {Path(result.files[int(grasps.file[row])].name).name}"
     label = Label(int(grasps.label[row])).name
     image_tag = "" if image is None else f'<img alt="{text(name)}" src="{jpeg_url(image)}">'
-    hints = "".join(f"<li>{text(hint)}</li>" for hint in one.hints)
+    hints = "".join(f"<li>{text(str(cause))}</li>" for cause in one.causes)
     return (
         f'<div class="card">{image_tag}<p><b>{text(name)}</b>, labelled {label}</p>'
         f'<p class="quiet">{text(_numbers(result, row))}</p><ul>{hints}</ul></div>'
@@ -215,7 +275,7 @@ def _numbers(result: Validation, row: int) -> str:
     values = {
         one.score: float(result.grasps.scores[one.score.name][row])
         for one in result.qualities
-        if one.score.name not in {"label", "reachable"}
+        if not one.score.always
     }
     reached = "reachable" if result.grasps.scores["reachable"][row] else "not reachable"
     scores = (
@@ -224,6 +284,12 @@ def _numbers(result: Validation, row: int) -> str:
         if not math.isnan(value)
     )
     return ", ".join([*scores, reached])
+
+
+_UNITS = {
+    "length": (1e3, " mm"), "area": (1e6, " mm²"), "force": (1.0, " N"), "mass": (1.0, " kg"),
+}  # fmt: skip
+"""Factor to the unit in which values are shown, by quantity."""
 
 
 def value_text(score: Score, value: float) -> str:
@@ -237,9 +303,12 @@ def value_text(score: Score, value: float) -> str:
         return "infinite"
     if score.quantity == "angle":
         return f"{math.degrees(value):.1f}°"
-    factor, unit = {"length": (1e3, " mm"), "area": (1e6, " mm²"), "force": (1.0, " N")}.get(
-        score.quantity, (1.0, "")
-    )
+    factor, unit = {
+        "length": (1e3, " mm"),
+        "area": (1e6, " mm²"),
+        "force": (1.0, " N"),
+        "mass": (1.0, " kg"),
+    }.get(score.quantity, (1.0, ""))
     return f"{factor * value:.3g}{unit}"
 
 

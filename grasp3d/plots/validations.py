@@ -21,9 +21,10 @@ from grasp3d.plots.views import GraspViews
 from grasp3d.settings.lengths import METRES
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.validating.disagreements import Disagreement
+from grasp3d.validating.qualities import ScoreQuality
 from grasp3d.validating.ranking import RankedOutcomes
 from grasp3d.validating.success import Calibration, LabelSuccess
-from grasp3d.validating.validation import ScoreQuality, Validation
+from grasp3d.validating.validation import Validation
 
 SHOWN = ("margin", "epsilon", "grip_force", "normal_product", "contact_area")
 """Scores with a line style of their own in the ROC curves."""

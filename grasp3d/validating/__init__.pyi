@@ -1,4 +1,10 @@
+from .disagreements import Cause as Cause
 from .disagreements import Disagreement as Disagreement
+from .disagreements import Reason as Reason
+from .disagreements import ReasonCount as ReasonCount
+from .qualities import ObjectQuality as ObjectQuality
+from .qualities import ScoreDifference as ScoreDifference
+from .qualities import ScoreQuality as ScoreQuality
 from .scores import SCORES as SCORES
 from .scores import Score as Score
 from .success import Calibration as Calibration
@@ -7,7 +13,6 @@ from .success import MarginBin as MarginBin
 from .success import MarginThreshold as MarginThreshold
 from .validate import validate_grasps as validate_grasps
 from .validation import ScoredGrasps as ScoredGrasps
-from .validation import ScoreQuality as ScoreQuality
 from .validation import ValidatedFile as ValidatedFile
 from .validation import Validation as Validation
 from .validation import write_validation as write_validation

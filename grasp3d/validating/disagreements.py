@@ -1,27 +1,28 @@
-"""Grasps whose outcome differs most from what their margin predicts, and likely causes in words."""
+"""Grasps whose outcome contradicts their label, and what in their numbers may be the reason."""
 
 import math
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
-from grasp3d.arrays import Floats, locked, short_repr
+from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
-from grasp3d.hand.closed_jaws import Closing
+from grasp3d.hand.closed_jaws import Closing, Touch
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.mesh import ObjectMesh
-from grasp3d.settings import GraspModel
+from grasp3d.stability.label import Label
 from grasp3d.system.counts import short_number
 
 Kind = Literal["failed", "held", "held_open"]
 
 MEANING: dict[Kind, str] = {
-    "failed": "failed, with the largest margins",
-    "held": "held, with the smallest margins",
+    "failed": "failed, though S",
+    "held": "held, though U",
     "held_open": "held, though the jaws do not close on the mesh",
 }
 """Each kind in words, as shown to users."""
@@ -35,34 +36,158 @@ FAR_ARM = 0.25
 TIGHT = 0.003
 """Clearance of each finger below which small errors of the pose push the object [m]."""
 
-ROLLS = "small contact ({area}): the object can roll about it, which two points do not show"
-EDGE = "small contact ({area}): an edge or corner, whose mean normal says little"
-ARM = "the centre of mass is {arm} off the line of the contacts: the weight twists the object"
-FORCE = "the load needs {needed} of each finger, and {available} are at hand"
-CLEARANCE = (
-    "the open gripper leaves {clearance} on each side: a small error of its pose pushes the object"
-)
-REACH = "the gripper collides, or the jaws are outside their stroke: it may not have been reached"
-RESOLUTION = (
-    "M, not U: at the perceived normals friction {friction} is enough; the sensor resolution takes "
-    "up the margin"
-)
-FRICTION = "force-closed from a friction of {needed} on: the true one may be above {friction}"
-CLOSING = "{closing}: pose, gripper or mesh differ from those of the attempt, or the object moved"
-NONE = "no cause is visible in its numbers: dynamics, deformation, or a mesh that differs"
+NEAR_END = 0.005
+"""Distance from the pad's border below which small errors of the pose let a contact miss [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """Numbers of k poses by which reasons are judged."""
+
+    scores: Mapping[str, Floats]
+    """By name, shape (k,) each; others are not known."""
+    state: Bytes
+    """`Closing` codes, shape (k,)."""
+    touch: Bytes
+    """`Touch` codes, shape (k, n)."""
+    hand: Hand
+    size: float
+    """Size of the object [m]."""
+    available: float | None
+    """Force at hand of each finger [N]; None: not known."""
+    friction: float
+    """Coefficient of friction of the labels."""
+
+    @classmethod
+    def of(cls, poses: EvaluatedPoses, scores: Mapping[str, Floats]) -> "Numbers":
+        """Those of evaluated poses and their scores."""
+        return cls(
+            scores=scores,
+            state=poses.state,
+            touch=poses.jaws.touch,
+            hand=poses.hand,
+            size=poses.mesh.size * metres_per_unit(poses.mesh),
+            available=None if poses.holding is None else poses.holding.available,
+            friction=float(np.min(poses.model.frictions)),
+        )
+
+    def __getitem__(self, name: str) -> Floats:
+        """A score, shape (k,); nan: not known."""
+        return self.scores.get(name, np.full(len(self.state), math.nan))
+
+    @property
+    def small(self) -> Bools:
+        """Where the smaller contact is small for the gripper, shape (k,)."""
+        return self["contact_area"] < SMALL_AREA * self.hand.touch_area
+
+    @property
+    def clearance(self) -> Floats:
+        """Room of each finger before the jaws close [m], shape (k,)."""
+        return np.maximum(0.5 * (self.hand.max_opening - self["opening"]), 0.0)
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Why the outcome of a grasp may contradict its label, judged by its numbers."""
+
+    name: str
+    """In short, as in tables."""
+    why: str
+    """What it may have done."""
+    kind: Kind
+    found: Callable[[Numbers], Bools] = field(repr=False)
+    """Of which poses it is a reason, shape (k,)."""
+    value: Callable[[Numbers, int], str] | None = field(repr=False, default=None)
+    """The number of a pose by which it is one, in words."""
+
+
+def _length(name: str, digits: int = 3) -> Callable[[Numbers, int], str]:
+    return lambda numbers, row: f"{1e3 * numbers[name][row]:.{digits}g} mm"
+
+
+def _area(numbers: Numbers, row: int) -> str:
+    return f"{1e6 * numbers['contact_area'][row]:.2g} mm²"
+
+
+def _force(numbers: Numbers, row: int) -> str:
+    needed, payload = numbers["grip_force"][row], numbers["payload"][row]
+    force = "no force suffices" if math.isinf(needed) else f"{short_number(needed)} N nominally"
+    return f"{force}, {short_number(numbers.available or 0.0)} N at hand" + (
+        "" if math.isnan(payload) else f", payload {short_number(payload)} kg"
+    )
+
+
+def _closing(state: Closing) -> Reason:
+    return Reason(
+        CLOSINGS[state],
+        "pose, gripper or mesh differ from those of the attempt, or the object moved",
+        "held_open", lambda numbers: np.asarray(numbers.state == state),
+    )  # fmt: skip
+
+
+REASONS = (
+    Reason("contact near the pad's end", "a small error of the pose lets it miss", "failed",
+           lambda numbers: numbers["pad_margin"] < NEAR_END, _length("pad_margin", 2)),
+    Reason("contact on the pad's rim only", "it holds by a corner or an edge of the pad", "failed",
+           lambda numbers: (numbers.touch == Touch.PAD_RIM).any(axis=1)),
+    Reason("small contact", "the object can roll about it, which two points do not show", "failed",
+           lambda numbers: numbers.small, _area),
+    Reason("centre of mass far off the contacts", "the weight twists the object", "failed",
+           lambda numbers: numbers["center_of_mass_distance"] > FAR_ARM * numbers.size,
+           _length("center_of_mass_distance")),
+    Reason("payload below the load", "at the worst normals the force at hand does not hold it",
+           "failed", lambda numbers: numbers["label_with_force"] < Label.S, _force),
+    Reason("little room for the open gripper", "a small error of its pose pushes the object",
+           "failed", lambda numbers: numbers.clearance < TIGHT,
+           lambda numbers, row: f"{1e3 * numbers.clearance[row]:.2g} mm on each side"),
+    Reason("not reachable", "the gripper collides, or the jaws are outside their stroke", "failed",
+           lambda numbers: numbers["reachable"] == 0.0),
+    Reason("small contact", "an edge or corner, whose mean normal says little", "held",
+           lambda numbers: numbers.small, _area),
+    Reason("friction", "the true one may be higher than that of the labels", "held",
+           lambda numbers: numbers["critical_angle"] < math.pi / 2.0,
+           lambda numbers, row: f"force-closed from {math.tan(numbers['critical_angle'][row]):.3g} "
+           f"on, labels at {numbers.friction:.3g}"),
+    *map(_closing, (state for state in Closing if state != Closing.CLOSED)),
+    *(Reason("no visible cause", "dynamics, deformation, or a mesh that differs", kind,
+             lambda numbers: np.zeros(len(numbers.state), bool)) for kind in ("failed", "held")),
+)  # fmt: skip
+"""All reasons; the last of a kind is that of grasps without another one."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A reason with the number of one grasp."""
+
+    reason: Reason
+    value: str
+
+    def __str__(self) -> str:
+        number = f" ({self.value})" if self.value else ""
+        return f"{self.reason.name}{number}: {self.reason.why}"
+
+
+@dataclass(frozen=True)
+class ReasonCount:
+    """Of how many grasps that contradict their label something may be the reason."""
+
+    reason: Reason
+    count: int
+    of: int
+    """All grasps of this kind; one may have several reasons."""
 
 
 @dataclass(frozen=True, eq=False)
 class Disagreement:
-    """A grasp whose outcome differs from what its margin predicts."""
+    """A grasp whose outcome contradicts its label."""
 
     kind: Kind
     row: int
     """Its row in the table of grasps, from 0."""
     margin: float
     """[rad]; nan: the jaws do not close."""
-    hints: tuple[str, ...]
-    """Likely causes, judged by its numbers."""
+    causes: tuple[Cause, ...]
+    """Likely reasons, judged by its numbers."""
     mesh: ObjectMesh
     hand: Hand
     pose: Floats
@@ -80,45 +205,84 @@ class Disagreement:
 
 @dataclass
 class Disagreements:
-    """The greatest disagreements among the grasps seen so far; only these are kept."""
+    """How often there is each reason, and the greatest disagreements among the grasps so far."""
 
     most: int
-    """Most disagreements of each kind."""
+    """Most disagreements of each kind that are kept."""
     greatest: dict[Kind, list[Disagreement]] = field(
         default_factory=lambda: {kind: [] for kind in MEANING}
     )
+    counts: Counter[Reason] = field(default_factory=Counter)
+    totals: Counter[Kind] = field(default_factory=Counter)
 
-    def add(self, poses: EvaluatedPoses, scores: dict[str, Floats], first: int) -> None:
-        """Add the greatest disagreements among some poses.
+    def add(self, poses: EvaluatedPoses, scores: Mapping[str, Floats], rows: Ints) -> None:
+        """Add the disagreements among some poses.
 
         Args:
             poses: Evaluated poses with outcomes.
             scores: Their scores.
-            first: Row of the first pose in the table of grasps.
+            rows: Their rows in the table of grasps, shape (k,).
         """
-        for kind in self.greatest:
-            rows = _extreme(kind, poses, self.most)
-            new = [_disagreement(kind, poses, scores, int(row), first) for row in rows]
-            merged = [*self.greatest[kind], *new]
+        numbers = Numbers.of(poses, scores)
+        for kind, mask in _contradicting(poses).items():
+            reasons = reasons_of(numbers, kind)
+            self.totals[kind] += int(mask.sum())
+            self.counts.update({each: int((of & mask).sum()) for each, of in reasons.items()})
+            own = np.flatnonzero(mask)
+            # Jaws that do not close have no margin: the first ones are as good as any.
+            keys = np.nan_to_num(poses.margin[own]) * (-1.0 if kind == "failed" else 1.0)
+            found = [
+                _disagreement(kind, poses, numbers, reasons, row, int(rows[row]))
+                for row in own[np.argsort(keys, kind="stable")][: self.most].tolist()
+            ]
+            merged = [*self.greatest[kind], *found]
             self.greatest[kind] = sorted(merged, key=_order)[: self.most]
 
     def all(self) -> tuple[Disagreement, ...]:
         """All kept disagreements, the greatest of each kind first."""
         return tuple(one for kind in MEANING for one in self.greatest[kind])
 
+    def reasons(self) -> tuple[ReasonCount, ...]:
+        """How often there is each reason, of each kind the most frequent first."""
+        return tuple(
+            ReasonCount(reason, count, self.totals[kind])
+            for kind in MEANING
+            for reason, count in self.counts.most_common()
+            if reason.kind == kind and count
+        )
 
-def _extreme(kind: Kind, poses: EvaluatedPoses, most: int) -> list[int]:
-    """Rows of the greatest disagreements of a kind, at most so many."""
+
+def _contradicting(poses: EvaluatedPoses) -> dict[Kind, Bools]:
+    """Which poses are of each kind, shape (k,)."""
     held, closed = poses.outcome == 1.0, poses.jaws.closed
-    mask = {"failed": ~held & closed, "held": held & closed, "held_open": held & ~closed}[kind]
-    rows = np.flatnonzero(mask)
+    return {
+        "failed": ~held & (poses.label == Label.S),
+        "held": held & closed & (poses.label == Label.U),
+        "held_open": held & ~closed,
+    }
+
+
+def reasons_of(numbers: Numbers, kind: Kind) -> dict[Reason, Bools]:
+    """Of which poses each reason of a kind is one, shape (k,).
+
+    Args:
+        numbers: Their numbers.
+        kind: The kind.
+    """
+    found = {reason: reason.found(numbers) for reason in REASONS if reason.kind == kind}
+    *_, last = found
     if kind != "held_open":
-        margins = poses.margin[rows]
-        # A failed grasp without margin, labelled U, is none.
-        rows = rows[margins > 0.0] if kind == "failed" else rows[margins <= 0.0]
-        keys = poses.margin[rows] * (-1.0 if kind == "failed" else 1.0)
-        rows = rows[np.argsort(keys, kind="stable")]
-    return [int(row) for row in rows[:most]]
+        found[last] = ~np.any(list(found.values()), axis=0)
+    return found
+
+
+def causes_of(numbers: Numbers, reasons: Mapping[Reason, Bools], row: int) -> tuple[Cause, ...]:
+    """Likely reasons of one pose, with its numbers."""
+    return tuple(
+        Cause(reason, reason.value(numbers, row) if reason.value else "")
+        for reason, mask in reasons.items()
+        if mask[row]
+    )
 
 
 def _order(one: Disagreement) -> tuple[float, int]:
@@ -128,95 +292,25 @@ def _order(one: Disagreement) -> tuple[float, int]:
 
 
 def _disagreement(
-    kind: Kind, poses: EvaluatedPoses, scores: dict[str, Floats], row: int, first: int
+    kind: Kind,
+    poses: EvaluatedPoses,
+    numbers: Numbers,
+    reasons: Mapping[Reason, Bools],
+    row: int,
+    number: int,
 ) -> Disagreement:
-    own = {name: float(values[row]) for name, values in scores.items()}
-    state, mesh, hand = Closing(int(poses.state[row])), poses.mesh, poses.hand
-    holding = poses.holding
-    if kind == "failed":
-        available = None if holding is None else holding.available
-        hints = failed_hints(own, hand, mesh.size * metres_per_unit(mesh), available)
-    else:
-        hints = held_hints(own, hand, poses.model, state)
     pose = poses.jaws.poses[row].copy()
     offset = float(poses.jaws.offset[row])
     pose[:3, 3] += (offset if math.isfinite(offset) else 0.0) * pose[:3, 0]
     return Disagreement(
         kind=kind,
-        row=first + row,
-        margin=own["margin"],
-        hints=hints,
-        mesh=mesh,
-        hand=hand,
+        row=number,
+        margin=float(numbers["margin"][row]),
+        causes=causes_of(numbers, reasons, row),
+        mesh=poses.mesh,
+        hand=poses.hand,
         pose=locked(pose),
         opening=float(poses.opening[row]),
         points=locked(poses.jaws.points[row]),
         normals=locked(poses.jaws.normals[row]),
     )
-
-
-def failed_hints(
-    scores: Mapping[str, float], hand: Hand, size: float, available: float | None
-) -> tuple[str, ...]:
-    """Why a grasp with a large margin may have failed.
-
-    Args:
-        scores: Its scores by name.
-        hand: The gripper.
-        size: Size of the object [m].
-        available: Force at hand of each finger [N]; None: not known.
-    """
-    hints = []
-    if is_small(scores["contact_area"], hand):
-        hints.append(ROLLS.format(area=_area(scores["contact_area"])))
-    if scores["center_of_mass_distance"] > FAR_ARM * size:
-        arm = f"{1e3 * scores['center_of_mass_distance']:.3g} mm"
-        hints.append(ARM.format(arm=arm))
-    clearance = 0.5 * (hand.max_opening - scores["opening"])
-    if clearance < TIGHT:
-        hints.append(CLEARANCE.format(clearance=f"{1e3 * max(clearance, 0.0):.2g} mm"))
-    needed = scores.get("grip_force", math.nan)
-    if available is not None and needed > available:
-        text = "no finite force" if math.isinf(needed) else f"{short_number(needed)} N"
-        hints.append(FORCE.format(needed=text, available=f"{short_number(available)} N"))
-    if not scores["reachable"]:
-        hints.append(REACH)
-    return tuple(hints) or (NONE,)
-
-
-def held_hints(
-    scores: Mapping[str, float], hand: Hand, model: GraspModel, state: Closing
-) -> tuple[str, ...]:
-    """Why a grasp with a small margin, or whose jaws do not close, may have held.
-
-    Args:
-        scores: Its scores by name.
-        hand: The gripper.
-        model: Friction and sensor resolution of the labels.
-        state: What the jaws do.
-    """
-    if state != Closing.CLOSED:
-        return (CLOSING.format(closing=CLOSINGS[state]),)
-    hints = []
-    if is_small(scores["contact_area"], hand):
-        hints.append(EDGE.format(area=_area(scores["contact_area"])))
-    angle, friction = scores["critical_angle"], f"{model.friction:.3g}"
-    if angle < model.friction_angle:
-        hints.append(RESOLUTION.format(friction=friction))
-    elif angle < math.pi / 2.0:
-        hints.append(FRICTION.format(needed=f"{math.tan(angle):.3g}", friction=friction))
-    return tuple(hints) or (NONE,)
-
-
-def is_small(area: float, hand: Hand) -> bool:
-    """Whether a contact is small for the gripper.
-
-    Args:
-        area: The smaller touched patch [m^2].
-        hand: The gripper.
-    """
-    return area < SMALL_AREA * hand.touch_area
-
-
-def _area(area: float) -> str:
-    return f"{1e6 * area:.2g} mm²"

@@ -1,5 +1,6 @@
 """Intervals of fractions and of measures of ranking."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -56,38 +57,60 @@ def resampled_weights(clusters: Ints, resamples: int, seed: int) -> Iterator[Int
         yield times[clusters]
 
 
-def bootstrap(measures: Sequence[Measure], clusters: Ints, *, resamples: int, seed: int) -> Floats:
-    """Percentile intervals of measures at 95 %, from the same resamples for all of them.
+def resampled(measures: Sequence[Measure], clusters: Ints, *, resamples: int, seed: int) -> Floats:
+    """Values of measures in resamples that all of them share.
 
     Args:
         measures: The measures.
         clusters: Cluster of each grasp, shape (n,).
-        resamples: Number of resamples; those in which a measure is nan are left out of its
-            interval.
+        resamples: Number of resamples.
         seed: Seed of the draws.
 
     Returns:
-        Low and high ends of each measure, shape (m, 2); nan without any resample with a value.
+        A row for each measure, or for each of its numbers, shape (m, resamples).
 
     Example:
         The mean of ten numbers, drawn one by one:
 
         >>> import numpy as np
-        >>> from grasp3d.validating.intervals import bootstrap
+        >>> from grasp3d.validating.intervals import interval_of, resampled
         >>> values = np.arange(10.0)
         >>> mean = lambda weights: float(np.average(values, weights=weights))
-        >>> ends = bootstrap([mean], np.arange(10), resamples=1000, seed=0)
-        >>> bool(2.0 < ends[0, 0] < 3.5 and 5.5 < ends[0, 1] < 7.0)
+        >>> (means,) = resampled([mean], np.arange(10), resamples=1000, seed=0)
+        >>> low, high = interval_of(means)
+        >>> 2.0 < low < 3.5 and 5.5 < high < 7.0
         True
     """
     rows: list[Floats] = []
     for weights in resampled_weights(clusters, resamples, seed):
         rows.append(np.ravel([measure(weights) for measure in measures]))
         report_progress(len(rows) / resamples)
-    values = np.stack(rows, axis=1)
-    ends = np.full((len(values), 2), np.nan)
-    defined = ~np.isnan(values).all(axis=1)
-    tail = 0.5 * (1.0 - LEVEL)
-    if defined.any():
-        ends[defined] = np.nanquantile(values[defined], [tail, 1.0 - tail], axis=1).T
-    return ends
+    return np.stack(rows, axis=1)
+
+
+def interval_of(values: Floats) -> tuple[float, float]:
+    """Percentile interval at 95 %; nan where no resample has a value.
+
+    Args:
+        values: A measure in resamples, shape (r,); nan is left out.
+    """
+    defined, tail = values[~np.isnan(values)], 0.5 * (1.0 - LEVEL)
+    if not len(defined):
+        return math.nan, math.nan
+    low, high = np.quantile(defined, [tail, 1.0 - tail]).tolist()
+    return low, high
+
+
+def two_sided_p(values: Floats) -> float:
+    """Probability that a difference as large, either way, is chance; nan: there are no values.
+
+    It is at least 2 / (r + 1) (Davison & Hinkley 1997, Sec. 4.4), and 1 where all are 0.
+
+    Args:
+        values: The difference in resamples, shape (r,); nan is left out.
+    """
+    defined = values[~np.isnan(values)]
+    if not len(defined):
+        return math.nan
+    beyond = min(int((defined <= 0.0).sum()), int((defined >= 0.0).sum()))
+    return min(1.0, 2.0 * (beyond + 1) / (len(defined) + 1))

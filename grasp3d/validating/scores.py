@@ -4,17 +4,23 @@ The directions follow from mechanics and are the same for all data; none is chos
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Literal
 
 import numpy as np
 
 from grasp3d.arrays import Floats, angles_between
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.settings.lengths import METRES
+from grasp3d.hand.jaws import metres_per_unit
+from grasp3d.surface.fields import AREA, FORCES, LENGTH, Array, given_poses, present
 
 Better = Literal["larger", "smaller"]
-Quantity = Literal["angle", "length", "area", "force", "number"]
+Quantity = Literal["angle", "length", "area", "force", "mass", "number"]
+Of = Callable[[EvaluatedPoses], Array | None]
+"""The values of evaluated poses in SI units, shape (k,); None: they need what is not known, such as
+a load."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +30,7 @@ class Score:
     Example:
         >>> from grasp3d.validating import SCORES
         >>> print(*(score.name for score in SCORES))
-        margin critical_angle label epsilon grip_force reachable antipodal_angle normal_product ...
+        margin critical_angle label label_with_force epsilon grip_force payload reachable ...
     """
 
     name: str
@@ -32,8 +38,13 @@ class Score:
     better: Better
     """Which values are better; fixed beforehand."""
     quantity: Quantity
-    """What it measures: angles are in radians, lengths in metres, areas in square metres."""
+    """What it measures: angles are in radians, lengths in metres, areas in square metres, forces in
+    newtons, masses in kilograms."""
     meaning: str
+    of: Of = field(repr=False)
+    """Takes its values from evaluated poses."""
+    always: bool = False
+    """Whether it has a value where the jaws do not close."""
 
     def ranked(self, values: Floats) -> Floats:
         """Turn values so that larger is better; -inf, the worst, where a value is missing (nan)."""
@@ -41,29 +52,72 @@ class Score:
         return np.where(np.isnan(signed), -math.inf, signed)
 
 
+def _line(poses: EvaluatedPoses) -> Floats:
+    """Unit vectors from the first contact to the second, shape (k, 3)."""
+    line = poses.jaws.points[:, 1] - poses.jaws.points[:, 0]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(line / np.linalg.norm(line, axis=1, keepdims=True))
+
+
+def _antipodal_angle(poses: EvaluatedPoses) -> Floats:
+    line, normals = _line(poses), poses.jaws.normals
+    with np.errstate(invalid="ignore"):
+        return np.maximum(angles_between(normals[:, 0], line), angles_between(normals[:, 1], -line))
+
+
+def _normal_product(poses: EvaluatedPoses) -> Floats:
+    normals = poses.jaws.normals
+    return np.asarray((normals[:, 0] * normals[:, 1]).sum(axis=1))
+
+
+def _arm(poses: EvaluatedPoses) -> Floats:
+    away = np.cross(poses.mesh.center_mass - poses.jaws.points[:, 0], _line(poses))
+    return np.asarray(np.linalg.norm(away, axis=1) * metres_per_unit(poses.mesh))
+
+
+def _forces(name: str) -> Of:
+    """A column of grip forces and payloads."""
+    (one,) = (each for each in FORCES if each.name == name)
+    return one.values_of
+
+
 SCORES = (
     Score("margin", "margin", "larger", "angle",
-          "β - α/2 - β* less all other uncertainties; S above 0"),
+          "β - α/2 - β* less all other uncertainties; S above 0",
+          of=attrgetter("margin")),
     Score("critical_angle", "β*", "smaller", "angle",
-          "critical friction angle: friction must exceed it"),
-    Score("label", "label", "larger", "number", "2: S, 1: M, 0: U, at the friction and resolution"),
-    Score("epsilon", "ε", "larger", "number", "Ferrari & Canny 1992, at the nominal normals"),
+          "critical friction angle: friction must exceed it",
+          of=attrgetter("critical_angle")),
+    Score("label", "label", "larger", "number",
+          "2: S, 1: M, 0: U, at the friction and resolution",
+          of=attrgetter("label"), always=True),
+    Score("label_with_force", "label with force", "larger", "number",
+          "the same with the force at hand: whether it holds the load",
+          of=_forces("label_with_force"), always=True),
+    Score("epsilon", "ε", "larger", "number", "Ferrari & Canny 1992, at the nominal normals",
+          of=attrgetter("epsilon")),
     Score("grip_force", "grip force", "smaller", "force",
-          "force that each finger needs to hold the load; inf: none suffices"),
+          "force that each finger needs to hold the load; inf: none suffices",
+          of=_forces("grip_force")),
+    Score("payload", "payload", "larger", "mass",
+          "mass that the force at hand holds at the worst normals", of=_forces("payload")),
     Score("reachable", "reachable", "larger", "number",
-          "1: the jaws close, within the stroke, without collision"),
+          "1: the jaws close, within the stroke, without collision",
+          of=attrgetter("reachable"), always=True),
     Score("antipodal_angle", "antipodal angle", "smaller", "angle",
-          "larger angle between the line of the contacts and their normals"),
+          "larger angle between the line of the contacts and their normals", of=_antipodal_angle),
     Score("normal_product", "product of the normals", "smaller", "number",
-          "inner product of the unit normals, -1 where they are opposed"),
+          "inner product of the unit normals, -1 where they are opposed", of=_normal_product),
     Score("center_of_mass_distance", "distance of the COM", "smaller", "length",
-          "from the line of the contacts: the arm of the weight"),
+          "from the line of the contacts: the arm of the weight", of=_arm),
     Score("opening", "opening", "smaller", "length",
-          "a narrower grasp leaves the fingers more clearance on their way"),
+          "a narrower grasp leaves the fingers more clearance on their way",
+          of=lambda poses: poses.opening * metres_per_unit(poses.mesh)),
     Score("contact_area", "contact area", "larger", "area",
-          "the smaller of the two touched patches"),
+          "the smaller of the two touched patches",
+          of=lambda poses: poses.jaws.area.min(axis=1) * metres_per_unit(poses.mesh) ** 2),
 )  # fmt: skip
-"""All scores; `grip_force` is computed where there is a load."""
+"""All scores, each with how it is computed; the first is compared with all others."""
 
 
 def scores_of(poses: EvaluatedPoses) -> dict[str, Floats]:
@@ -73,47 +127,33 @@ def scores_of(poses: EvaluatedPoses) -> dict[str, Floats]:
         poses: Evaluated poses.
 
     Returns:
-        By name of `SCORES`; nan where the jaws do not close, but for `label` and `reachable`,
-        which are 0 there. Without a load there is no `grip_force`.
+        By name of `SCORES`; nan where the jaws do not close, but for labels and `reachable`, which
+        are 0 there. Those that need a load or a force at hand are absent without it.
     """
-    assert poses.mesh.unit is not None  # evaluated poses have a unit
-    metres = METRES[poses.mesh.unit]
-    values = {
-        "margin": poses.margin,
-        "critical_angle": poses.critical_angle,
-        "label": poses.label.astype(np.float64),
-        "epsilon": poses.epsilon,
-        "reachable": poses.reachable.astype(np.float64),
-        **_of_contacts(poses, metres),
-        "opening": poses.opening * metres,
-        "contact_area": poses.jaws.area.min(axis=1) * metres**2,
-    }
-    if poses.holding is not None:
-        values["grip_force"] = poses.holding.grip_force
     closed = poses.jaws.closed
+    found = ((score, score.of(poses)) for score in SCORES)
     return {
-        score.name: np.where(closed | (score.name in _ALWAYS), values[score.name], math.nan)
-        for score in SCORES
-        if score.name in values
+        score.name: np.where(closed | score.always, values.astype(np.float64), math.nan)
+        for score, values in found
+        if values is not None
     }
 
 
-_ALWAYS = ("label", "reachable")
-"""Scores that poses have whose jaws do not close."""
+def results_of(poses: EvaluatedPoses) -> dict[str, Array]:
+    """All results of evaluated poses in SI units and radians, as columns of shape (k,).
 
-
-def _of_contacts(poses: EvaluatedPoses, metres: float) -> dict[str, Floats]:
-    """Scores of two contacts without friction: angles, normals, distance of the COM."""
-    points, normals = poses.jaws.points, poses.jaws.normals
-    with np.errstate(invalid="ignore", divide="ignore"):
-        line = points[:, 1] - points[:, 0]
-        line = line / np.linalg.norm(line, axis=1, keepdims=True)  # (k, 3)
-        angles = np.maximum(
-            angles_between(normals[:, 0], line), angles_between(normals[:, 1], -line)
-        )
-        arm = np.cross(poses.mesh.center_mass - points[:, 0], line)
-    return {
-        "antipodal_angle": angles,
-        "normal_product": (normals[:, 0] * normals[:, 1]).sum(axis=1),
-        "center_of_mass_distance": np.linalg.norm(arm, axis=1) * metres,
-    }
+    Args:
+        poses: Evaluated poses.
+    """
+    metres, fingers = metres_per_unit(poses.mesh), poses.jaws.area.shape[1]
+    factors = {LENGTH: metres, AREA: metres**2}
+    columns: dict[str, Array] = {"name": np.array(poses.given.names)}
+    for one, values in present(given_poses(fingers), poses):
+        unit = factors.get(one.unit)
+        columns[one.name] = one.texts_of(values) if unit is None else values * unit
+    columns["opening"] = poses.opening * metres
+    for jaw in range(fingers):
+        for k, axis in enumerate("xyz"):
+            columns[f"{axis}{jaw + 1}"] = poses.jaws.points[:, jaw, k] * metres
+            columns[f"n{axis}{jaw + 1}"] = 0.0 - poses.jaws.normals[:, jaw, k]
+    return columns

@@ -5,7 +5,9 @@ import math
 from grasp3d.settings.model_text import model_line
 from grasp3d.system.counts import counted, noun
 from grasp3d.validating.intervals import wilson
+from grasp3d.validating.qualities import mean_over_objects
 from grasp3d.validating.success import Calibration, MarginThreshold
+from grasp3d.validating.tried_grasps import COLUMN
 from grasp3d.validating.validation import ValidatedFile, Validation
 
 MIN_BINS = 2
@@ -59,6 +61,27 @@ def intervals_of(result: Validation) -> str:
     else:
         what = "the grasps; they hold for this object, not for others"
     return f"intervals at 95 %: bootstrap, {resamples:,} resamples (seed {seed}) of {what}"
+
+
+def objects_of(result: Validation) -> list[str]:
+    """How well the first score predicts on each of several objects.
+
+    Args:
+        result: The validation.
+    """
+    title, name = result.qualities[0].score.title, result.qualities[0].score.name
+    areas = {
+        one.number: one.roc_auc[name]
+        for one in result.by_objects
+        if not math.isnan(one.roc_auc[name])
+    }
+    if not result.by_object or not areas:
+        return []
+    low, high = min(areas, key=areas.__getitem__), max(areas, key=areas.__getitem__)
+    ends = (f"{areas[one]:.3f} ({result.object_names[one]})" for one in (low, high))
+    mean = mean_over_objects(result.by_objects, name)
+    both = f"{counted(len(areas), 'objects')} with both outcomes"
+    return [f"ROC-AUC of the {title} by object: {' to '.join(ends)}, mean {mean:.3f} of {both}"]
 
 
 def model_of(result: Validation) -> str:
@@ -120,12 +143,15 @@ def _source(one: ValidatedFile) -> str:
     if one.mass is None:
         parts.append("mass not known, so no grip force (give it with --mass)")
     else:
-        parts.append(f"mass {_mass(one.mass)}, {_origin(one.mass_from)}")
+        masses = " to ".join(dict.fromkeys(map(_mass, one.mass)))
+        parts.append(f"mass {masses}, {_origin(one.mass_from)}")
     parts.append(f"centre of mass {_origin(one.center_from)}")
     return "; ".join(parts)
 
 
 def _origin(origin: str) -> str:
+    if origin.startswith(COLUMN):
+        return f"by the {origin}"
     return {
         "given": "as given",
         "file": "as the file states",

@@ -1,6 +1,7 @@
 """Files of grasps with outcomes: their poses, their gripper, and their object."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path, PurePosixPath, PureWindowsPath
@@ -8,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from grasp3d.arrays import Ints, locked, short_repr
+from grasp3d.arrays import Floats, Ints, locked, short_repr
 from grasp3d.errors import ContactError, MeshError, SettingError
 from grasp3d.grasps.evaluation import in_stated_scale
 from grasp3d.grasps.pose_files import read_poses
@@ -21,6 +22,7 @@ from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.quality.loads import Load
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.outcome import Outcome
+from grasp3d.settings.quantities import MASSES, parse_quantity
 from grasp3d.surface.load_case import loaded_mesh, mass_of
 from grasp3d.system.documents import is_file, is_folder
 
@@ -267,19 +269,45 @@ FAR = 2.0
 meant."""
 
 
+MASS_COLUMNS = ("mass", "object_mass")
+"""Columns of poses that state the object's mass at each grasp [kg], or as texts with a unit."""
+
+OPEN = "is open, and no centre of mass is stated: the load pulls at the middle of its surface"
+"""What is assumed of an open mesh under a load."""
+
+
 @dataclass(frozen=True, eq=False)
 class StatedObject:
     """An object as the grasps on it are evaluated."""
 
     mesh: ObjectMesh
     load: Load | None
-    """What each grasp must hold; None: the mass is not known, and no load was given."""
-    mass: float | None
-    """[kg]; None: not known."""
+    """What each grasp must hold, but for masses of single grasps; None: the mass is not known, and
+    no load was given."""
+    masses: Floats
+    """Mass at each pose [kg], shape (k,); nan: not known."""
     mass_from: str
-    """given, file or empty."""
+    """given, file, column NAME, or empty."""
     center_from: str
     """given, file, or what the mesh's report says: volume or surface."""
+    warnings: tuple[str, ...] = ()
+    """What was assumed of the object, one sentence each."""
+
+    def parts(self, rows: Ints) -> Iterator[tuple[Ints, Load | None]]:
+        """Poses with the same load, and that load.
+
+        Args:
+            rows: Indices of poses, shape (c,).
+        """
+        if not self.mass_from.startswith(COLUMN):
+            yield rows, self.load
+            return
+        for mass in np.unique(self.masses[rows]).tolist():
+            yield rows[self.masses[rows] == mass], replace(self.load or Load(), mass=mass)
+
+
+COLUMN = "column "
+"""Start of the origin of masses of single grasps."""
 
 
 def stated_object(
@@ -288,12 +316,13 @@ def stated_object(
     """Read the mesh of some poses, and take over what their file states of the object.
 
     What the options state is used first: a mass or density of `load`, a centre of mass of
-    `options`.
+    `options`. An open mesh has no centre of mass: where none is stated, that of its surface is
+    used, with a warning.
 
     Args:
         source: The mesh.
-        poses: Poses on it; `object_scale`, and `mass` [kg] and `com` [m] of their settings, as
-            ACRONYM states them, in the frame of the scaled mesh.
+        poses: Poses on it; `object_scale`, a column of `MASS_COLUMNS`, else `mass` [kg], and `com`
+            [m] of their settings, as ACRONYM states them, in the frame of the scaled mesh.
         options: How the mesh is read.
         load: What each grasp must hold.
 
@@ -307,19 +336,26 @@ def stated_object(
     own_center = mesh.report.center_mass_from == "given"
     mesh = mesh if own_center else _with_center(mesh, poses)
     center_from = mesh.report.center_mass_from
-    mass, origin = _mass(poses.settings.get("mass")), ""
+    if center_from == "given" and not own_center:
+        center_from = "file"
+    masses, origin = np.full(poses.count, math.nan), ""
     if load is not None and (load.mass is not None or load.density is not None):
         origin = "given"
-    elif mass is not None and center_from != "surface":  # else it is not known what it pulls on
-        load, origin = replace(load or Load(), mass=mass), "file"
+    elif (stated := _mass_column(poses)) is not None:
+        origin, masses = stated
+    elif (mass := poses.settings.get("mass")) is not None:
+        load, origin = (
+            replace(load or Load(), mass=_mass(mass, "the mass that the grasps state")),
+            "file",
+        )
+    warnings: tuple[str, ...] = ()
+    if center_from == "surface" and (origin or load is not None):
+        warnings = (f"{mesh.report.source}: {OPEN} (--center-of-mass)",)
+        mesh = _centered(mesh, mesh.center_mass)
     mesh, load = loaded_mesh(mesh, load)
-    return StatedObject(
-        mesh=mesh,
-        load=load,
-        mass=None if load is None else mass_of(mesh, load),
-        mass_from=origin,
-        center_from="file" if center_from == "given" and not own_center else center_from,
-    )
+    if load is not None and (known := mass_of(mesh, load)) is not None:
+        masses = np.full(poses.count, known)
+    return StatedObject(mesh, load, locked(masses), origin, center_from, warnings)
 
 
 def _with_center(mesh: ObjectMesh, poses: GraspPoses) -> ObjectMesh:
@@ -339,6 +375,11 @@ def _with_center(mesh: ObjectMesh, poses: GraspPoses) -> ObjectMesh:
             f"the centre of mass that the grasps state (object/com) is {away:.3g} object sizes "
             f"away from {mesh.report.source}: is it the right mesh, in the right unit?"
         )
+    return _centered(mesh, center)
+
+
+def _centered(mesh: ObjectMesh, center: Floats) -> ObjectMesh:
+    """The mesh with a centre of mass that counts as given."""
     x, y, z = center.tolist()
     return replace(
         mesh,
@@ -348,10 +389,26 @@ def _with_center(mesh: ObjectMesh, poses: GraspPoses) -> ObjectMesh:
     )
 
 
-def _mass(value: Any) -> float | None:
-    """A mass above 0 [kg]. Raises ContactError."""
-    if value is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < 1e9:
-        raise ContactError(f"the mass that the grasps state must be above 0 kg; got {value!r}")
-    return float(value)
+def _mass_column(poses: GraspPoses) -> tuple[str, Floats] | None:
+    """Origin and values of a column of masses; None: there is none, or it is empty."""
+    for name in filter(poses.columns.__contains__, MASS_COLUMNS):
+        values = poses.columns[name].tolist()
+        empty = [value in ("", None) or value != value for value in values]  # noqa: PLR0124, nan
+        if all(empty):
+            continue
+        if any(empty):
+            raise ContactError(
+                f"{poses.names[empty.index(True)]} has no {name}, which other grasps have: state "
+                "it, or give one mass for all with --mass"
+            )
+        pairs = zip(values, poses.names, strict=True)
+        return f"{COLUMN}{name}", np.array([_mass(one, f"{name} of {of}") for one, of in pairs])
+    return None
+
+
+def _mass(value: Any, name: str) -> float:
+    """A mass that grasps state [kg]. Raises ContactError."""
+    try:
+        return parse_quantity(name, value, MASSES)
+    except SettingError as error:
+        raise ContactError(f"{error}") from error

@@ -1,10 +1,10 @@
 """Holding labels and scores of grasps against their outcomes."""
 
+import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -23,18 +23,20 @@ from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
-from grasp3d.mesh import MeshSource
+from grasp3d.mesh import MeshSource, ObjectMesh
 from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, PoseFormat
 from grasp3d.settings.outcome import Outcome
+from grasp3d.surface.fields import Array
 from grasp3d.system.context import refuse_warnings, report_progress, within
 from grasp3d.validating.disagreements import Disagreements
-from grasp3d.validating.intervals import FEW_OBJECTS, bootstrap
-from grasp3d.validating.ranking import RankedOutcomes
-from grasp3d.validating.scores import SCORES, scores_of
+from grasp3d.validating.file_warnings import FileWarnings
+from grasp3d.validating.intervals import FEW_OBJECTS
+from grasp3d.validating.qualities import compare_objects, compare_scores
+from grasp3d.validating.scores import SCORES, results_of, scores_of
 from grasp3d.validating.success import calibrate, label_success, labels_at
-from grasp3d.validating.tried_grasps import StatedObject, TriedGrasps, check_grasps, stated_object
-from grasp3d.validating.validation import ScoredGrasps, ScoreQuality, ValidatedFile, Validation
+from grasp3d.validating.tried_grasps import TriedGrasps, check_grasps, stated_object
+from grasp3d.validating.validation import ScoredGrasps, ValidatedFile, Validation
 from grasp3d.validating.validation_settings import LEAST_RESAMPLES, ValidationSettings
 
 CHUNK = 20_000
@@ -57,71 +59,80 @@ class Evaluation:
     parts: list[ScoredGrasps] = field(default_factory=list)
     objects: dict[object, int] = field(default_factory=dict)
     models: list[GraspModel] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
+    warnings: FileWarnings = field(default_factory=FileWarnings)
 
     def evaluate(self, tried: TriedGrasps, total: int) -> None:
         """Evaluate the poses of one file, in chunks."""
         if not tried.count:
-            self.warnings.append(f"{tried.name}: no outcome is known of its grasps; left out")
+            self.warnings.add(tried.name, "no outcome is known of its grasps; left out")
             return
         poses, numbers = tried.poses()
         body = stated_object(tried.mesh, poses, self.options, self.load)
+        name = body.mesh.report.source
         if self.explain:
             scene = Scene.of(replace(self.reach, hand=tried.hand), body.mesh)
             assert scene is not None
             poses = explained(body.mesh, poses, tried.hand, table=scene.table)
-            self.warnings.append(f"{tried.name}: {READINGS[READING]}: {poses.settings[READING]}")
-        number, first = self._object(tried, body), sum(part.size for part in self.parts)
+            self.warnings.add(tried.name, f"{READINGS[READING]}: {poses.settings[READING]}", name)
+        number, first = self._object(tried, body.mesh), sum(part.size for part in self.parts)
         own: list[ScoredGrasps] = []
+        warnings = list(body.warnings)
+        done = first
         for low in range(0, tried.count, CHUNK):
-            rows = np.arange(low, min(low + CHUNK, tried.count))
-            with within((first + low) / total, (first + low + len(rows)) / total):
-                evaluated = self._evaluated(poses.take(rows), tried, body)
-            if not low:
-                self.warnings += [f"{tried.name}: {line}" for line in evaluated.warnings]
-            scores = scores_of(evaluated)
-            self.disagreements.add(evaluated, scores, first + low)
-            own.append(_scored(evaluated, scores, numbers[rows], len(self.files), number))
+            chunk = np.arange(low, min(low + CHUNK, tried.count))
+            for rows, load in body.parts(chunk):
+                with within(done / total, (done + len(rows)) / total):
+                    evaluated = self._evaluated(poses.take(rows), tried, body.mesh, load)
+                warnings += evaluated.warnings if done == first else ()
+                done += len(rows)
+                scores = scores_of(evaluated)
+                self.disagreements.add(evaluated, scores, first + rows)
+                masses = body.masses[rows]
+                own.append(
+                    _scored(evaluated, scores, masses, numbers[rows], len(self.files), number)
+                )
         self.parts += own
         closed = sum(int(part.closed.sum()) for part in own)
         if not closed:
-            self.warnings.append(f"{tried.name}: at no pose the jaws close on the mesh")
+            warnings.append("at no pose the jaws close on the mesh")
+        for line in warnings:
+            self.warnings.add(tried.name, line, name)
+        known = body.masses[~np.isnan(body.masses)]
         self.files.append(
             ValidatedFile(
                 name=tried.name,
                 object_number=number,
-                object_name=body.mesh.report.source,
+                object_name=name,
                 count=tried.count,
                 held=sum(int(part.held.sum()) for part in own),
                 not_tried=tried.not_tried,
                 not_closed=tried.count - closed,
                 hand=tried.hand.name,
                 hand_from=tried.hand_from,
-                mass=body.mass,
+                mass=(float(known.min()), float(known.max())) if len(known) else None,
                 mass_from=body.mass_from,
                 center_from=body.center_from,
             )
         )
 
-    def _object(self, tried: TriedGrasps, body: StatedObject) -> int:
-        """Number of an object: one mesh in one size and of one mass is one object."""
+    def _object(self, tried: TriedGrasps, mesh: ObjectMesh) -> int:
+        """Number of an object: one mesh in one size is one object, whatever its mass."""
         source = tried.mesh
         key = str(Path(source).resolve()) if isinstance(source, str | Path) else id(source)
-        size = round(body.mesh.size * metres_per_unit(body.mesh), 9)
-        return self.objects.setdefault((key, size, body.mass), len(self.objects))
+        size = round(mesh.size * metres_per_unit(mesh), 9)
+        return self.objects.setdefault((key, size), len(self.objects))
 
     def _evaluated(
-        self, poses: GraspPoses, tried: TriedGrasps, body: StatedObject
+        self, poses: GraspPoses, tried: TriedGrasps, mesh: ObjectMesh, load: Load | None
     ) -> EvaluatedPoses:
         beside = replace(self.reach, hand=tried.hand)
-        scene, model = Scene.of(beside, body.mesh), beside.touching(self.model)
+        scene, model = Scene.of(beside, mesh), beside.touching(self.model)
         assert scene is not None
         self.models.append(model)
         with within(0.0, 0.5):
             evaluated = evaluate_grasps(
-                body.mesh, poses, model, scene=scene, object_motion=self.object_motion,
-                load=body.load,
-            )  # fmt: skip
+                mesh, poses, model, scene=scene, object_motion=self.object_motion, load=load
+            )
         with within(0.5, 0.9):
             evaluated.compute("epsilon_range")
         with within(0.9, 1.0):
@@ -138,7 +149,7 @@ class Evaluation:
         if counts[Closing.CLOSED]:
             return
         states = "; ".join(f"{CLOSINGS[state]}: {count}" for state, count in sorted(counts.items()))
-        reasons = "; ".join(self.warnings[:3])
+        reasons = "; ".join(self.warnings.lines()[:3])
         raise ContactError(
             f"at none of the {counts.total()} poses the jaws close on the mesh "
             f"({states}): check gripper, unit and frame of the poses; {reasons}"
@@ -146,7 +157,12 @@ class Evaluation:
 
 
 def _scored(
-    poses: EvaluatedPoses, scores: dict[str, Floats], numbers: Ints, file: int, object_number: int
+    poses: EvaluatedPoses,
+    scores: dict[str, Floats],
+    masses: Floats,
+    numbers: Ints,
+    file: int,
+    object_number: int,
 ) -> ScoredGrasps:
     """What is kept of evaluated poses of one file."""
     worst, best = poses.located_angles
@@ -160,6 +176,7 @@ def _scored(
         located_worst=worst,
         located_best=best,
         scores=scores,
+        columns={**results_of(poses), "mass": masses},
     )
 
 
@@ -292,12 +309,20 @@ def _compared(evaluation: Evaluation, settings: ValidationSettings) -> Validatio
     """Compare the scores of evaluated grasps with their outcomes."""
     grasps, model = _joined(evaluation.parts), evaluation.models[0]
     by_object, resamples = len(evaluation.objects) > 1, _resamples(grasps.size, settings.resamples)
+    scores = [score for score in SCORES if score.name in grasps.scores]
+    qualities, differences = compare_scores(
+        scores, grasps.scores, grasps.held,
+        grasps.object_number if by_object else np.arange(grasps.size),
+        resamples=resamples, seed=settings.seed,
+    )  # fmt: skip
     return Validation(
         files=tuple(evaluation.files),
         grasps=grasps,
         model=model,
         settings=settings,
-        qualities=_qualities(grasps, resamples, settings.seed, by_object=by_object),
+        qualities=qualities,
+        differences=differences,
+        by_objects=compare_objects(scores, grasps.scores, grasps.held, grasps.object_number),
         by_object=by_object,
         resamples=resamples,
         labels=tuple(
@@ -314,7 +339,8 @@ def _compared(evaluation: Evaluation, settings: ValidationSettings) -> Validatio
             grasps.held, grasps.scores["margin"], bins=settings.bins, target=settings.target
         ),
         disagreements=evaluation.disagreements.all(),
-        warnings=(*evaluation.warnings, *_warnings(evaluation, grasps)),
+        reasons=evaluation.disagreements.reasons(),
+        warnings=(*evaluation.warnings.lines(), *_warnings(evaluation, grasps)),
     )
 
 
@@ -336,6 +362,12 @@ def _warnings(evaluation: Evaluation, grasps: ScoredGrasps) -> Iterator[str]:
             f"intervals by object are of {len(evaluation.objects)} objects only, too few to know "
             "how much objects differ: they are too narrow"
         )
+    heavy = [one.name for one in evaluation.files if one.mass is not None]
+    if 0 < len(heavy) < len(evaluation.files):
+        yield (
+            f"the mass is known in {len(heavy)} of {len(evaluation.files)} files only: grasps of "
+            "the others have the worst value of the scores that need it"
+        )
     if len({one.sensor_resolution for one in evaluation.models}) > 1:
         yield "the grippers state different sensor resolutions: labels and margins are of each"
 
@@ -346,38 +378,31 @@ def _resamples(size: int, most: int) -> int:
 
 
 def _joined(parts: Sequence[ScoredGrasps]) -> ScoredGrasps:
-    """All grasps; scores that some files lack are nan there."""
+    """All grasps in the order of their files; what some files lack is nan or empty there."""
+    order = np.lexsort([np.concatenate([getattr(part, name) for part in parts])
+                        for name in ("grasp", "file")])  # fmt: skip
 
-    def joined(arrays: Iterable[Any]) -> Any:
-        return locked(np.concatenate(list(arrays)))
+    def joined(arrays: Iterable[Array]) -> Array:
+        return locked(np.concatenate(list(arrays))[order])
 
-    names = [score.name for score in SCORES if any(score.name in part.scores for part in parts)]
-    scores = {
-        name: joined(part.scores.get(name, np.full(part.size, np.nan)) for part in parts)
-        for name in names
-    }
-    others = [name for name in vars(parts[0]) if name != "scores"]
+    def mapped(tables: Sequence[Mapping[str, Array]], names: Iterable[str]) -> dict[str, Array]:
+        found = {}
+        for name in names:
+            known = [table[name].dtype.kind for table in tables if name in table]
+            missing = "" if "U" in known else math.nan
+            if known:
+                found[name] = joined(
+                    table.get(name, np.full(part.size, missing))
+                    for table, part in zip(tables, parts, strict=True)
+                )
+        return found
+
+    scores = mapped([part.scores for part in parts], (score.name for score in SCORES))
+    names = dict.fromkeys(name for part in parts for name in part.columns)
+    columns = mapped([part.columns for part in parts], names)
+    others = vars(parts[0]).keys() - {"scores", "columns"}
     return ScoredGrasps(
-        scores=scores, **{name: joined(getattr(part, name) for part in parts) for name in others}
-    )
-
-
-def _qualities(
-    grasps: ScoredGrasps, resamples: int, seed: int, *, by_object: bool
-) -> tuple[ScoreQuality, ...]:
-    """ROC-AUC and average precision of each score, with intervals."""
-    scores = [score for score in SCORES if score.name in grasps.scores]
-    ranked = [RankedOutcomes.of(grasps.held, grasps.ranked(score)) for score in scores]
-    measures = [one.measures for one in ranked]
-    clusters = grasps.object_number if by_object else np.arange(grasps.size)
-    ends = bootstrap(measures, clusters, resamples=resamples, seed=seed).reshape(len(scores), 2, 2)
-    return tuple(
-        ScoreQuality(
-            score=score,
-            roc_auc=one.roc_auc(),
-            roc_auc_interval=(float(area[0]), float(area[1])),
-            average_precision=one.average_precision(),
-            average_precision_interval=(float(precision[0]), float(precision[1])),
-        )
-        for score, one, (area, precision) in zip(scores, ranked, ends, strict=True)
+        scores=scores,
+        columns=columns,
+        **{name: joined(getattr(part, name) for part in parts) for name in others},
     )

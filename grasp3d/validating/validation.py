@@ -1,6 +1,6 @@
 """Result of holding labels and scores against outcomes, and its tables as CSV."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,14 @@ from grasp3d.settings import GraspModel
 from grasp3d.settings.outcome import Outcome
 from grasp3d.stability.label import Label
 from grasp3d.system.names import as_unicode
-from grasp3d.validating.disagreements import Disagreement
+from grasp3d.validating.disagreements import Disagreement, ReasonCount
+from grasp3d.validating.qualities import ObjectQuality, ScoreDifference, ScoreQuality
 from grasp3d.validating.scores import Score
 from grasp3d.validating.success import Calibration, LabelSuccess, MarginBin
 from grasp3d.validating.validation_settings import ValidationSettings
 
-GRASPS, SCORES, LABELS, CALIBRATION = "grasps.csv", "scores.csv", "labels.csv", "calibration.csv"
-TABLES = (GRASPS, SCORES, LABELS, CALIBRATION)
+TABLES = ("grasps.csv", "scores.csv", "differences.csv", "objects.csv", "labels.csv",
+          "calibration.csv", "reasons.csv")  # fmt: skip
 """Names of the tables in the folder."""
 
 
@@ -31,7 +32,7 @@ class ValidatedFile:
 
     name: str
     object_number: int
-    """Number of its object, from 0; files with the same mesh, scale and mass have one object."""
+    """Number of its object, from 0; files with the same mesh and scale have one object."""
     object_name: str
     count: int
     """Grasps with an outcome."""
@@ -44,10 +45,11 @@ class ValidatedFile:
     """Its name."""
     hand_from: str
     """In words."""
-    mass: float | None
-    """[kg]; None: not known, and no grip force is computed unless a load is given."""
+    mass: tuple[float, float] | None
+    """Smallest and largest [kg]; None: not known, and no grip force is computed unless a load is
+    given."""
     mass_from: str
-    """given, file, or empty."""
+    """given, file, column NAME, or empty."""
     center_from: str
     """Where the centre of mass is from: given, file, volume or surface."""
 
@@ -75,6 +77,8 @@ class ScoredGrasps:
     """The same by which U is decided [rad]."""
     scores: Mapping[str, Floats]
     """By name of `SCORES`; nan: the jaws do not close."""
+    columns: Mapping[str, npt.NDArray[Any]]
+    """All results of the poses in SI units, as `EvaluatedPoses.to_table` has them, and `mass`."""
 
     __repr__ = short_repr
 
@@ -98,19 +102,6 @@ class ScoredGrasps:
         return score.ranked(self.scores[score.name])
 
 
-@dataclass(frozen=True)
-class ScoreQuality:
-    """How well one score predicts the outcomes; intervals at 95 %."""
-
-    score: Score
-    roc_auc: float
-    """Probability that a held grasp ranks above a failed one; nan: all outcomes are the same."""
-    roc_auc_interval: tuple[float, float]
-    average_precision: float
-    """nan: no grasp held."""
-    average_precision_interval: tuple[float, float]
-
-
 @dataclass(frozen=True, eq=False)
 class Validation:
     """Labels and scores of grasps, held against their outcomes.
@@ -127,6 +118,10 @@ class Validation:
     settings: ValidationSettings
     qualities: tuple[ScoreQuality, ...]
     """Of each score."""
+    differences: tuple[ScoreDifference, ...]
+    """Of every two scores, those of the first one first."""
+    by_objects: tuple[ObjectQuality, ...]
+    """Of each object."""
     by_object: bool
     """Whether intervals are of objects drawn anew; otherwise, with one object, of grasps."""
     resamples: int
@@ -135,7 +130,9 @@ class Validation:
     """Success within S, M and U over the frictions and resolutions of the settings."""
     calibration: Calibration
     disagreements: tuple[Disagreement, ...]
-    """Grasps that failed with the largest margins, and that held with the smallest."""
+    """S that failed with the largest margins, and U that held with the smallest."""
+    reasons: tuple[ReasonCount, ...]
+    """What may be the reason of how many of all such grasps."""
     warnings: tuple[str, ...]
     """What may make the results wrong, one sentence each."""
     outcome: Outcome | None = None
@@ -164,33 +161,31 @@ class Validation:
         """
         return {one.score.name: one for one in self.qualities}[name]
 
+    @property
+    def object_names(self) -> tuple[str, ...]:
+        """Names of the objects' meshes."""
+        names = {one.object_number: one.object_name for one in self.files}
+        return tuple(names[number] for number in range(self.objects))
+
     def columns(self) -> dict[str, npt.NDArray[Any]]:
         """A table of the grasps, as `write_validation` writes it, shape (n,) each."""
         grasps = self.grasps
-        states = np.array([state.name.lower() for state in sorted(Closing)])
-        labels = np.array([label.name for label in sorted(Label)])
-        own = {name: values for name, values in grasps.scores.items() if name not in _AS_TEXT}
+        own = {name: values for name, values in grasps.scores.items() if name not in grasps.columns}
         return {
             "file": np.array([as_unicode(one.name) for one in self.files])[grasps.file],
             "grasp": grasps.grasp,
             "object": grasps.object_number + 1,
             "success": grasps.held,
-            "closing": states[grasps.state],
-            "label": labels[grasps.label],
-            "reachable": grasps.scores["reachable"] == 1.0,
+            **grasps.columns,
             **own,
         }
 
 
-_AS_TEXT = ("label", "reachable")
-"""Scores that the table has as text and as true or false."""
-
-
 def write_validation(folder: str | Path, result: Validation) -> None:
-    """Write the tables of a validation: grasps.csv, scores.csv, labels.csv and calibration.csv.
+    """Write the tables of a validation, `grasps.csv`, `scores.csv` and others, as CSV.
 
-    Angles are in radians, lengths in metres, areas in square metres, forces in newtons; nan leaves
-    the cell empty.
+    Angles are in radians, lengths in metres, areas in square metres, forces in newtons, masses in
+    kilograms; nan leaves the cell empty.
 
     Args:
         folder: Folder to make or to write to; tables that are in it are replaced.
@@ -217,14 +212,32 @@ def write_validation(folder: str | Path, result: Validation) -> None:
     from grasp3d.system.tables import write_columns
 
     folder = made_folder(folder)
-    write_columns(folder / GRASPS, result.columns(), settings={})
-    scores = (_score_row(one) for one in result.qualities)
-    labels = (_label_row(one, code) for one in result.labels for code in sorted(Label)[::-1])
-    bins = (_bin_row(one) for one in result.calibration.bins)
-    for name, rows in ((SCORES, scores), (LABELS, labels), (CALIBRATION, bins)):
-        first, *others = rows
-        columns = {key: np.array([row[key] for row in (first, *others)]) for key in first}
+    write_columns(folder / TABLES[0], result.columns(), settings={})
+    tables: tuple[Iterable[dict[str, Any]], ...] = (
+        map(_score_row, result.qualities),
+        map(_difference_row, result.differences),
+        (
+            {"object": one.number + 1, "mesh": as_unicode(result.object_names[one.number]),
+             "grasps": one.count, "held": one.held, **one.roc_auc}
+            for one in result.by_objects
+        ),
+        (_label_row(one, code) for one in result.labels for code in sorted(Label)[::-1]),
+        map(_bin_row, result.calibration.bins),
+        (
+            {"kind": one.reason.kind, "reason": one.reason.name, "meaning": one.reason.why,
+             "grasps": one.count, "of": one.of}
+            for one in result.reasons
+        ),
+    )  # fmt: skip
+    for name, rows in zip(TABLES[1:], tables, strict=True):
+        listed = list(rows)
+        keys = listed[0] if listed else _EMPTY.get(name, ())
+        columns = {key: np.array([row[key] for row in listed]) for key in keys}
         write_columns(folder / name, columns, settings={})
+
+
+_EMPTY = {"reasons.csv": ("kind", "reason", "meaning", "grasps", "of")}
+"""Columns of tables that may have no row."""
 
 
 def _score_row(one: ScoreQuality) -> dict[str, Any]:
@@ -234,6 +247,11 @@ def _score_row(one: ScoreQuality) -> dict[str, Any]:
         **_with_ends("roc_auc", one.roc_auc, one.roc_auc_interval),
         **_with_ends("average_precision", one.average_precision, one.average_precision_interval),
     }
+
+
+def _difference_row(one: ScoreDifference) -> dict[str, Any]:
+    ends = _with_ends("difference", one.difference, one.interval)
+    return {"score": one.score.name, "other": one.other.name, **ends, "p": one.p}
 
 
 def _label_row(one: LabelSuccess, label: Label) -> dict[str, Any]:

@@ -11,7 +11,12 @@ from grasp3d import Load, MeshOptions, ParallelGripper
 from grasp3d.errors import ContactError, MeshError, SettingError
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.validating.tried_grasps import MeshFolder, check_grasps, stated_object
+from grasp3d.validating.tried_grasps import (
+    MeshFolder,
+    StatedObject,
+    check_grasps,
+    stated_object,
+)
 
 FRANKA = ParallelGripper.preset("franka")
 ABOVE = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -20,6 +25,12 @@ ABOVE = np.diag([1.0, -1.0, -1.0, 1.0])
 def poses(**fields: object) -> GraspPoses:
     given = {"poses": np.array([ABOVE, ABOVE]), "outcome": [1.0, 0.0], "unit": "m", **fields}
     return GraspPoses(**given)  # type: ignore[arg-type]
+
+
+def mass(found: StatedObject) -> float:
+    """The mass of all grasps."""
+    (one,) = set(found.masses.tolist())
+    return float(one)
 
 
 @pytest.fixture
@@ -155,34 +166,72 @@ def test_what_a_file_states_of_its_object_is_used(box: Path) -> None:
     assert found.mesh.unit == "m"
     assert found.mesh.size == pytest.approx(0.0748, abs=1e-4)
     assert found.mesh.center_mass == pytest.approx([0.01, 0.0, 0.002])
-    assert (found.mass, found.mass_from, found.center_from) == (0.2, "file", "file")
+    assert (mass(found), found.mass_from, found.center_from) == (0.2, "file", "file")
     in_mm = stated_object(box, stated, MeshOptions(unit="mm"), Load(mass="50 g"))
     assert in_mm.mesh.center_mass == pytest.approx([10.0, 0.0, 2.0])
-    assert (in_mm.mass, in_mm.mass_from) == (0.05, "given")
+    assert (mass(in_mm), in_mm.mass_from) == (0.05, "given")
     given = stated_object(box, stated, MeshOptions(unit="mm", center_of_mass="1,0,0"), None)
     assert given.mesh.center_mass == pytest.approx([1.0, 0.0, 0.0])
     assert given.center_from == "given"
     bare = stated_object(box, poses(object_scale=0.001), None, None)
-    assert (bare.mass, bare.load, bare.center_from) == (None, None, "volume")
+    assert np.isnan(bare.masses).all()
+    assert (bare.load, bare.center_from) == (None, "volume")
     dense = stated_object(box, stated, MeshOptions(unit="mm"), Load(density=1000.0))
-    assert dense.mass == pytest.approx(0.048)
+    assert mass(dense) == pytest.approx(0.048)
 
 
-def test_a_mass_is_not_used_where_the_centre_is_not_known(tmp_path: Path) -> None:
+def test_an_open_mesh_keeps_its_mass(tmp_path: Path) -> None:
     open_box = trimesh.creation.box([0.06, 0.04, 0.02])
     open_box.update_faces(np.arange(12) >= 1)
     open_box.export(tmp_path / "open.stl")
-    found = stated_object(
-        tmp_path / "open.stl", poses(settings={"mass": 0.2}), MeshOptions(unit="m"), None
-    )
-    assert (found.mass, found.load, found.center_from) == (None, None, "surface")
+
+    def found(load: Load | None = None, **fields: object) -> StatedObject:
+        return stated_object(tmp_path / "open.stl", poses(**fields), MeshOptions(unit="m"), load)
+
+    stated = found(settings={"mass": 0.2})
+    assert (mass(stated), stated.mass_from, stated.center_from) == (0.2, "file", "surface")
+    (warning,) = stated.warnings
+    assert warning.startswith("open.stl: is open, and no centre of mass is stated: the load pulls")
+    bare = found()
+    assert (bare.load, bare.center_from, bare.warnings) == (None, "surface", ())
+    np.testing.assert_array_equal(stated.mesh.center_mass, bare.mesh.center_mass)
+    own = found(settings={"mass": 0.2, "com": [0.0, 0.0, 0.003]})
+    assert (mass(own), own.center_from, own.warnings) == (0.2, "file", ())
+    given = found(Load(mass=0.1), settings={"mass": 0.2})
+    assert (mass(given), given.mass_from, len(given.warnings)) == (0.1, "given", 1)
+    with pytest.raises(SettingError, match=r"open\.stl: is open, so a density gives no mass"):
+        found(Load(density=1000.0))
+
+
+def test_masses_are_those_of_a_column(box: Path) -> None:
+    def found(values: list[object], load: Load | None = None, **settings: object) -> StatedObject:
+        own = poses(object_scale=0.001, columns={"mass": np.array(values)}, settings=settings)
+        return stated_object(box, own, None, load)
+
+    both = found([2.0, 0.5], mass=0.2)
+    assert (both.mass_from, both.masses.tolist()) == ("column mass", [2.0, 0.5])
+    parts = [(rows.tolist(), load) for rows, load in both.parts(np.arange(2))]
+    assert parts == [([1], Load(mass=0.5)), ([0], Load(mass=2.0))]
+    forced = Load(grip_force=40.0)
+    assert [load for _, load in found(["500 g", "2"], forced).parts(np.arange(2))] == [
+        Load(mass=0.5, grip_force=40.0), Load(mass=2.0, grip_force=40.0)
+    ]  # fmt: skip
+    assert mass(found([2.0, 0.5], Load(mass=0.1))) == 0.1
+    empty = found([np.nan, np.nan], mass=0.2)
+    assert (mass(empty), empty.mass_from) == (0.2, "file")
+    with pytest.raises(ContactError, match="grasp_2 has no mass, which other grasps have: state"):
+        found([2.0, np.nan])
+    with pytest.raises(ContactError, match=r"mass of grasp_1 must be finite and above 0 \[kg\]"):
+        found([-2.0, 1.0])
+    with pytest.raises(ContactError, match=r"mass of grasp_2 must be a number \[kg\], or a numb"):
+        found(["1", "heavy"])
 
 
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"mass": -1.0}, "mass that the grasps state must be above 0 kg"),
-        ({"mass": "heavy"}, "mass that the grasps state must be above 0 kg; got 'heavy'"),
+        ({"mass": -1.0}, r"mass that the grasps state must be finite and above 0 \[kg\]"),
+        ({"mass": "heavy"}, r"mass that the grasps state must be a number .*; got 'heavy'"),
         ({"com": [1, 2]}, "must be three numbers"),
         ({"com": [0.0, 0.0, np.nan]}, "must be three numbers"),
         ({"com": [0.0, 0.0, 10.0]}, r"is 134 object sizes away from box.stl: is it the right mesh"),

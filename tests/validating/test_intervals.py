@@ -5,7 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp3d.validating.intervals import bootstrap, resampled_weights, wilson
+from grasp3d.validating.intervals import (
+    interval_of,
+    resampled,
+    resampled_weights,
+    two_sided_p,
+    wilson,
+)
 
 
 @given(st.integers(1, 10_000), st.floats(0.0, 1.0))
@@ -47,7 +53,7 @@ def test_the_same_seed_gives_the_same_intervals() -> None:
         return float(np.average(values, weights=weights))
 
     one, same, other = (
-        bootstrap([mean], np.arange(40), resamples=200, seed=seed) for seed in (3, 3, 4)
+        resampled([mean], np.arange(40), resamples=200, seed=seed) for seed in (3, 3, 4)
     )
     assert (one == same).all()
     assert (one != other).any()
@@ -63,8 +69,8 @@ def test_intervals_by_object_are_as_wide_as_objects_differ() -> None:
         return float(np.average(values, weights=weights))
 
     def width(clusters: np.ndarray) -> float:
-        low, high = bootstrap([mean], clusters, resamples=500, seed=0)[0]
-        return float(high - low)
+        low, high = interval_of(resampled([mean], clusters, resamples=500, seed=0)[0])
+        return high - low
 
     expected = 2.0 * 1.96 * of_objects.std() / math.sqrt(10)
     assert width(clusters) == pytest.approx(expected, rel=0.2)
@@ -72,8 +78,13 @@ def test_intervals_by_object_are_as_wide_as_objects_differ() -> None:
 
 
 def test_resamples_without_a_value_are_left_out() -> None:
-    calls = iter([1.0, math.nan, 3.0, math.nan])
-    ends = bootstrap([lambda _: next(calls)], np.arange(3), resamples=4, seed=0)
-    assert ends[0] == pytest.approx([1.05, 2.95])
-    never = bootstrap([lambda _: math.nan], np.arange(3), resamples=4, seed=0)
-    assert np.isnan(never).all()
+    assert interval_of(np.array([1.0, math.nan, 3.0, math.nan])) == pytest.approx((1.05, 2.95))
+    assert np.isnan(interval_of(np.full(4, math.nan))).all()
+    assert two_sided_p(np.array([1.0, math.nan, 3.0, -1.0])) == 1.0
+    assert math.isnan(two_sided_p(np.full(4, math.nan)))
+
+
+def test_p_is_bounded_by_the_resamples() -> None:
+    assert two_sided_p(np.zeros(99)) == 1.0
+    assert two_sided_p(np.full(99, 0.1)) == two_sided_p(np.full(99, -0.1)) == 0.02
+    assert two_sided_p(np.arange(-4.0, 95.0)) == pytest.approx(2.0 * 6 / 100)

@@ -12,7 +12,7 @@ from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.validating import SCORES, LabelSuccess
-from grasp3d.validating.scores import scores_of
+from grasp3d.validating.scores import results_of, scores_of
 from grasp3d.validating.success import label_success, labels_at
 from tests.helpers import shapes
 from tests.helpers.tried_grasps import poses_on
@@ -76,7 +76,9 @@ def test_scores_do_not_depend_on_the_unit_of_the_mesh() -> None:
     )
     assert set(one) == {score.name for score in SCORES}
     for name, values in one.items():
-        rtol = 1e-2 if name in {"epsilon", "grip_force"} else 1e-6  # they are bounded to 1 %
+        rtol = (
+            1e-2 if name in {"epsilon", "grip_force", "payload"} else 1e-6
+        )  # they are bounded to 1 %
         np.testing.assert_allclose(two[name], values, rtol=rtol, atol=1e-9, err_msg=name)
 
 
@@ -88,10 +90,36 @@ def test_the_antipodal_angle_is_the_critical_angle_of_fingers_that_squeeze() -> 
     np.testing.assert_allclose(found["antipodal_angle"][squeezed], expected, atol=1e-9)
 
 
+def test_a_load_and_a_force_at_hand_add_scores() -> None:
+    found, holding = scores_of(on_blob()), on_blob().holding
+    assert holding is not None
+    closed = on_blob().jaws.closed
+    np.testing.assert_array_equal(found["payload"][closed], holding.payload[closed])
+    np.testing.assert_array_equal(found["label_with_force"], holding.label)
+    without = replace(FRANKA, max_force=None)
+    bare = evaluate_grasps(blob(), on_blob().given, hand=without, load=Load(mass=0.1))
+    assert not {"payload", "label_with_force"} & scores_of(bare).keys()
+    assert "grip_force" in scores_of(bare)
+
+
+def test_every_result_is_a_column_in_si_units() -> None:
+    in_mm = load_mesh((25.0 * shapes.lopsided(3)[0], shapes.lopsided(3)[1]), unit="mm", max_edge=20)
+    given = on_blob().given
+    found = evaluate_grasps(in_mm, given, hand=FRANKA, load=Load(mass=0.1), object_motion="fixed")
+    columns, table = results_of(found), found.to_table()
+    assert set(table.column_names) - columns.keys() == {"grasp", "outcome"}
+    factors = {"opening": 1e-3, "x1": 1e-3, "z2": 1e-3, "area1": 1e-6, "nx1": 1.0, "margin": 1.0}
+    for name, factor in factors.items():
+        expected = factor * np.array(table[name].to_pylist(), dtype=float)
+        np.testing.assert_allclose(columns[name], expected, atol=1e-15, err_msg=name)
+    for name in ("closing", "label", "touch1", "label_with_force", "name"):
+        assert columns[name].tolist() == table[name].to_pylist()
+
+
 def test_every_score_has_its_direction_and_a_worst_value() -> None:
     better = {score.name: score.better for score in SCORES}
     assert {name for name, direction in better.items() if direction == "larger"} == {
-        "margin", "label", "epsilon", "reachable", "contact_area",
+        "margin", "label", "label_with_force", "epsilon", "payload", "reachable", "contact_area",
     }  # fmt: skip
     for score in SCORES:
         ranked = score.ranked(np.array([1.0, 2.0, np.nan]))

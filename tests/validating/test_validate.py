@@ -126,13 +126,34 @@ def test_the_greatest_disagreements_are_listed() -> None:
     largest = np.sort(values[~grasps.held & (values > 0.0)])[::-1][:3]
     assert [one.margin for one in failed] == largest.tolist()
     assert not any(grasps.held[one.row] for one in failed)
-    held = [one for one in found.disagreements if one.kind == "held"]
-    smallest = np.sort(values[grasps.held & (values <= 0.0)])[:3]
-    assert [one.margin for one in held] == smallest.tolist()
-    assert all(one.hints for one in found.disagreements)
+    assert all(one.causes for one in failed)
     for one in failed:
         across = one.points[1] - one.points[0]
         assert one.pose[:3, 0] @ across == pytest.approx(one.opening, abs=0.005)
+
+
+def test_reasons_are_counted_of_all_that_contradict_their_label() -> None:
+    model = GraspModel(friction=0.2, sensor_resolution=0.0)
+    found = validated(np.arange(COUNT) % 2 == 0, model=model)
+    grasps, values = found.grasps, found.grasps.scores["margin"]
+    unstable = grasps.closed & (grasps.label == 0) & grasps.held
+    assert unstable.sum() > 5
+    held = [one for one in found.disagreements if one.kind == "held"]
+    assert [one.margin for one in held] == np.sort(values[unstable])[:3].tolist()
+    totals = {one.reason.kind: one.of for one in found.reasons}
+    assert totals == {
+        "failed": (~grasps.held & (grasps.label == 2)).sum(),
+        "held": unstable.sum(),
+        "held_open": (grasps.held & ~grasps.closed).sum(),
+    }
+    counts: dict[tuple[str, str], int] = {
+        (one.reason.kind, one.reason.name): one.count for one in found.reasons
+    }
+    masks = {"failed": ~grasps.held & (grasps.label == 2), "held": unstable}
+    for kind, mask in masks.items():
+        small = grasps.scores["contact_area"] < 0.05 * FRANKA.touch_area
+        assert counts.get((kind, "small contact"), 0) == (small & mask).sum()
+    assert sum(n for (kind, _), n in counts.items() if kind == "held_open") == totals["held_open"]
 
 
 def test_held_grasps_that_do_not_close_are_listed_apart() -> None:
@@ -141,7 +162,7 @@ def test_held_grasps_that_do_not_close_are_listed_apart() -> None:
     apart = [one for one in found.disagreements if one.kind == "held_open"]
     assert len(apart) == 3
     assert all(math.isnan(one.margin) for one in apart)
-    assert "pose, gripper or mesh differ" in apart[0].hints[0]
+    assert "pose, gripper or mesh differ" in str(apart[0].causes[0])
     assert f"{found.files[0].not_closed} of them held" in sentences.closing_of(found)
 
 
@@ -174,6 +195,26 @@ def test_a_load_adds_the_grip_force() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+def test_each_grasp_is_loaded_with_its_own_mass() -> None:
+    """In any order; a mass that is given overrides them, and a file of one mass is one run."""
+    held, masses = margins() > 0.0, np.where(np.arange(COUNT) % 3, 0.05, 2.0)
+    given = replace(tried(held), columns={"mass": masses})
+    both, light, heavy = (
+        validate_grasps(given, mesh=mesh(), hand=FRANKA, settings=QUICK, load=load)
+        for load in (None, Load(mass=0.05), Load(mass=2.0))
+    )
+    assert both.grasps.grasp.tolist() == list(range(1, COUNT + 1))
+    for name, values in both.grasps.scores.items():
+        parts = (light.grasps.scores[name], heavy.grasps.scores[name])
+        np.testing.assert_array_equal(values, np.where(masses < 1.0, *parts), err_msg=name)
+    assert (light.grasps.columns["grip_force"] != heavy.grasps.columns["grip_force"]).any()
+    np.testing.assert_array_equal(both.grasps.columns["mass"], masses)
+    assert "mass 50 g to 2 kg, by the column mass" in sentences.sources_of(both)[0]
+    assert "mass 2 kg, as given" in sentences.sources_of(heavy)[0]
+    assert both.objects == 1
+
+
 def test_equal_outcomes_rank_nothing() -> None:
     found = validated(np.ones(COUNT, bool))
     assert math.isnan(found.quality("margin").roc_auc)
@@ -243,6 +284,16 @@ def test_the_tables_have_what_was_found(tmp_path: Path) -> None:
     np.testing.assert_allclose(grasps["margin"].astype(float), margins())
     assert set(grasps["closing"]) <= {"closed", "nothing", "slips_out"}
     assert (np.isnan(margins()) == (grasps["closing"] != "closed")).all()
+    assert {*found.grasps.columns, *found.grasps.scores} < grasps.keys()
+    np.testing.assert_allclose(grasps["area1"].astype(float), found.grasps.columns["area1"])
+    differences = tables["differences"]
+    count = len(found.qualities)
+    assert len(differences["p"]) == count * (count - 1) // 2
+    assert set(differences["score"][: count - 1]) == {"margin"}
+    objects = tables["objects"]
+    assert (objects["object"].tolist(), objects["grasps"].tolist()) == ([1], [COUNT])
+    assert objects["margin"][0] == found.quality("margin").roc_auc
+    assert tables["reasons"]["grasps"].tolist() == [one.count for one in found.reasons]
     scores = tables["scores"]
     assert scores["score"].tolist() == [one.score.name for one in found.qualities]
     assert scores["roc_auc"][0] == found.quality("margin").roc_auc
