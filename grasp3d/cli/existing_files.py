@@ -25,8 +25,9 @@ MARK, MARKED = b"grasp3d", 2**16
 
 _HEADS = re.compile(
     rb'"(grasp","label","critical_angle|name","px","py|mesh","source","refusal|name","mode",|'
-    rb'x","y","z","stable",|file","grasp","object",|score","better",|'
-    rb'friction","sensor_resolution","label",|grasp","success","held",|margin_low","margin_high",)'
+    rb'x","y","z","stable",|file","grasp","object",|score","(better|other)",|'
+    rb'friction","sensor_resolution","label",|grasp","success","held",|margin_low","margin_high",|'
+    rb'object","mesh","grasps",|kind","reason","meaning",)'
 )
 """How tables as CSV begin, which hold no name."""
 

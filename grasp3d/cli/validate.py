@@ -14,7 +14,7 @@ from grasp3d.cli.report import Report, escaped, label_name, table_of
 from grasp3d.errors import OutputError
 from grasp3d.plots.validation_page import FILES, write_report
 from grasp3d.stability.label import Label
-from grasp3d.system.counts import counted
+from grasp3d.system.counts import counted, noun
 from grasp3d.system.files import check_writable
 from grasp3d.validating import sentences
 from grasp3d.validating.disagreements import MEANING, ReasonCount
@@ -195,7 +195,7 @@ def _reason(validation: Validation, one: ReasonCount) -> str:
                 where = f" of {file}" if len(validation.files) > 1 else ""
                 value = f" ({cause.value})" if cause.value else ""
                 named.append(f"{int(grasps.grasp[case.row])}{where}{value}")
-    examples = f"; grasp {', '.join(named)}" if named else ""
+    examples = f"; {noun(len(named), 'grasps')} {', '.join(named)}" if named else ""
     return f"{one.count:,} {one.reason.name}: {one.reason.why}{examples}"
 
 

@@ -239,7 +239,7 @@ def _calibration(result: Validation) -> list[str]:
 
 def _disagreements(result: Validation, pictures: Sequence[Bytes] | None) -> list[str]:
     if not result.reasons:
-        return ["<p>No grasp that failed is labelled S, and none that held is not.</p>"]
+        return ["<p>No grasp that failed is labelled S, and none that held is labelled U.</p>"]
     parts = [f"<p>{NO_PICTURES}</p>"] if pictures is None and result.disagreements else []
     images = [None] * len(result.disagreements) if pictures is None else pictures
     pairs = list(zip(result.disagreements, images, strict=True))
@@ -250,7 +250,7 @@ def _disagreements(result: Validation, pictures: Sequence[Bytes] | None) -> list
         cards = [_card(result, one, image) for one, image in pairs if one.kind == kind]
         rows = [[text(one.reason.name), f"{one.count:,}", text(one.reason.why)] for one in reasons]
         heads = [f"likely reason, of {counted(reasons[0].of, 'grasps')}", "grasps", ""]
-        parts += [f"<h3>{meaning.capitalize()}</h3>", table(heads, rows, texts=(2,))]
+        parts += [f"<h3>{meaning[0].upper()}{meaning[1:]}</h3>", table(heads, rows, texts=(2,))]
         parts += ['<div class="cards">', *cards, "</div>"] if cards else []
     return parts
 

@@ -208,9 +208,9 @@ class Disagreements:
     """How often there is each reason, and the greatest disagreements among the grasps so far."""
 
     most: int
-    """Most disagreements of each kind that are kept."""
-    greatest: dict[Kind, list[Disagreement]] = field(
-        default_factory=lambda: {kind: [] for kind in MEANING}
+    """Most disagreements of each kind that are kept, beside the greatest with each reason."""
+    greatest: dict[Kind | Reason, list[Disagreement]] = field(
+        default_factory=lambda: {key: [] for key in (*MEANING, *REASONS)}
     )
     counts: Counter[Reason] = field(default_factory=Counter)
     totals: Counter[Kind] = field(default_factory=Counter)
@@ -228,19 +228,22 @@ class Disagreements:
             reasons = reasons_of(numbers, kind)
             self.totals[kind] += int(mask.sum())
             self.counts.update({each: int((of & mask).sum()) for each, of in reasons.items()})
-            own = np.flatnonzero(mask)
             # Jaws that do not close have no margin: the first ones are as good as any.
-            keys = np.nan_to_num(poses.margin[own]) * (-1.0 if kind == "failed" else 1.0)
-            found = [
-                _disagreement(kind, poses, numbers, reasons, row, int(rows[row]))
-                for row in own[np.argsort(keys, kind="stable")][: self.most].tolist()
-            ]
-            merged = [*self.greatest[kind], *found]
-            self.greatest[kind] = sorted(merged, key=_order)[: self.most]
+            keys = np.nan_to_num(poses.margin) * (-1.0 if kind == "failed" else 1.0)
+            for key, own in {kind: mask, **reasons}.items():
+                most = self.most if key == kind else min(self.most, 1)
+                found = np.flatnonzero(own & mask)
+                new = [
+                    _disagreement(kind, poses, numbers, reasons, row, int(rows[row]))
+                    for row in found[np.argsort(keys[found], kind="stable")][:most].tolist()
+                ]
+                self.greatest[key] = sorted([*self.greatest[key], *new], key=_order)[:most]
 
     def all(self) -> tuple[Disagreement, ...]:
         """All kept disagreements, the greatest of each kind first."""
-        return tuple(one for kind in MEANING for one in self.greatest[kind])
+        kept = {one.row: one for each in self.greatest.values() for one in each}
+        of = [[one for one in kept.values() if one.kind == kind] for kind in MEANING]
+        return tuple(one for each in of for one in sorted(each, key=_order))
 
     def reasons(self) -> tuple[ReasonCount, ...]:
         """How often there is each reason, of each kind the most frequent first."""

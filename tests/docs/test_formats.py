@@ -45,6 +45,7 @@ from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.validating import write_validation
 from grasp3d.validating.perturbing import NoiseSettings, perturb_surface, write_perturbation
+from grasp3d.validating.validation import TABLES
 from tests.docs.field_tables import PAGES, PLY_TYPES, rendered
 from tests.helpers import shapes
 
@@ -304,9 +305,8 @@ def test_validation(tmp_path: Path) -> None:
     write_validation(tmp_path / "out", found)
     files, *columns = tables("Validation")
     assert files == set(FILES) == {"report.html", *(path.name for path in tmp_path.glob("out/*"))}
-    names = ("grasps", "scores", "labels", "calibration")
-    for name, listed in zip(names, columns, strict=True):
-        assert set(pc.read_csv(tmp_path / "out" / f"{name}.csv").column_names) == listed
+    for name, listed in zip(TABLES, columns, strict=True):
+        assert set(pc.read_csv(tmp_path / "out" / name).column_names) == listed, name
 
 
 def test_reports_of_check(tmp_path: Path) -> None:

@@ -3,7 +3,9 @@
 import base64
 import io
 import re
+from dataclasses import replace
 from functools import cache
+from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +35,11 @@ def found(held: int | None = None) -> Validation:
     )
     settings = ValidationSettings(resamples=100, worst=1)
     return validate_grasps(
-        tried, GraspModel(), mesh=mesh, hand=ParallelGripper.preset("franka"), settings=settings
+        tried,
+        GraspModel(friction=0.2, sensor_resolution=0.1),
+        mesh=mesh,
+        hand=ParallelGripper.preset("franka"),
+        settings=settings,
     )
 
 
@@ -57,7 +63,44 @@ def test_the_page_needs_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "There are no pictures of them: they need OpenGL" in page
     kinds = {one.kind for one in found().disagreements}
     assert {"failed", "held"} <= kinds
-    assert rest.count('class="card"') == len(found().disagreements) == len(kinds)
+    assert rest.count('class="card"') == len(found().disagreements) >= len(kinds)
+    for reason in found().reasons:
+        assert f"<td >{escape(reason.reason.name)}</td>" in page
+        assert any(
+            cause.reason == reason.reason for one in found().disagreements for cause in one.causes
+        )
+    for difference in found().differences:
+        assert f"<td >{difference.difference:+.3f}</td>" in page
+    assert page.count("<details>") == 1
+    assert "By object" not in page
+
+
+@pytest.mark.slow
+def test_objects_have_a_table_with_their_mean(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(validation_page, "can_render", lambda: False)
+    one, two = (replace(found().by_objects[0], number=k, roc_auc=areas(k)) for k in (0, 1))
+    files = tuple(
+        replace(found().files[0], object_number=k, object_name=f"{k}.obj") for k in (0, 1)
+    )
+    page = page_of(replace(found(), by_object=True, by_objects=(one, two), files=files))
+    assert "ROC-AUC of the margin by object: 0.250 (0.obj) to 0.750 (1.obj), mean 0.500" in page
+    (row,) = re.findall("<tr><td ><b>mean over objects</b>.*?</tr>", page)
+    assert row.count("<td >0.500</td>") == len(found().qualities)
+    (row,) = re.findall("<tr><td ><b>all grasps</b>.*?</tr>", page)
+    assert f"<td >{found().quality('opening').roc_auc:.3f}</td>" in row
+
+
+def areas(number: int) -> dict[str, float]:
+    return {one.score.name: 0.25 + 0.5 * number for one in found().qualities}
+
+
+def test_labels_that_outcomes_never_contradict_have_no_cards(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(validation_page, "can_render", lambda: False)
+    page = page_of(replace(found(), reasons=(), disagreements=()))
+    assert "No grasp that failed is labelled S, and none that held is labelled U." in page
+    assert 'class="card"' not in page
 
 
 def test_equal_outcomes_have_a_page_without_curves(monkeypatch: pytest.MonkeyPatch) -> None:
