@@ -34,13 +34,8 @@ def found(held: int | None = None) -> Validation:
         poses=poses.poses, outcome=outcome, unit="m", names=[f"<b>{k}</b>" for k in range(80)]
     )
     settings = ValidationSettings(resamples=100, worst=1)
-    return validate_grasps(
-        tried,
-        GraspModel(friction=0.2, sensor_resolution=0.1),
-        mesh=mesh,
-        hand=ParallelGripper.preset("franka"),
-        settings=settings,
-    )
+    model, hand = GraspModel(sensor_resolution=0.0), ParallelGripper.preset("franka")
+    return validate_grasps(tried, model, mesh=mesh, hand=hand, settings=settings)
 
 
 def images(page: str) -> list[tuple[str, bytes]]:
