@@ -230,7 +230,8 @@ class Disagreements:
             self.counts.update({each: int((of & mask).sum()) for each, of in reasons.items()})
             # Jaws that do not close have no margin: the first ones are as good as any.
             keys = np.nan_to_num(poses.margin) * (-1.0 if kind == "failed" else 1.0)
-            for key, own in {kind: mask, **reasons}.items():
+            masks: list[tuple[Kind | Reason, Bools]] = [(kind, mask), *reasons.items()]
+            for key, own in masks:
                 most = self.most if key == kind else min(self.most, 1)
                 found = np.flatnonzero(own & mask)
                 new = [

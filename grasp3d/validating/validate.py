@@ -35,7 +35,7 @@ from grasp3d.validating.intervals import FEW_OBJECTS
 from grasp3d.validating.qualities import compare_objects, compare_scores
 from grasp3d.validating.scores import SCORES, results_of, scores_of
 from grasp3d.validating.success import calibrate, label_success, labels_at
-from grasp3d.validating.tried_grasps import TriedGrasps, check_grasps, stated_object
+from grasp3d.validating.tried_grasps import StatedObject, TriedGrasps, check_grasps, stated_object
 from grasp3d.validating.validation import ScoredGrasps, ValidatedFile, Validation
 from grasp3d.validating.validation_settings import LEAST_RESAMPLES, ValidationSettings
 
@@ -76,25 +76,25 @@ class Evaluation:
             self.warnings.add(tried.name, f"{READINGS[READING]}: {poses.settings[READING]}", name)
         number, first = self._object(tried, body.mesh), sum(part.size for part in self.parts)
         own: list[ScoredGrasps] = []
-        warnings = list(body.warnings)
-        done = first
+        warnings = dict.fromkeys(body.warnings)
         for low in range(0, tried.count, CHUNK):
-            chunk = np.arange(low, min(low + CHUNK, tried.count))
-            for rows, load in body.parts(chunk):
-                with within(done / total, (done + len(rows)) / total):
-                    evaluated = self._evaluated(poses.take(rows), tried, body.mesh, load)
-                warnings += evaluated.warnings if done == first else ()
-                done += len(rows)
+            rows = np.arange(low, min(low + CHUNK, tried.count))
+            with within((first + low) / total, (first + low + len(rows)) / total):
+                closed, parts = self._evaluated(poses.take(rows), tried, body, rows)
+            # Those of a part are on its load.
+            for one in [closed, *(each.grasps for each, _ in parts)] if not low else ():
+                warnings |= dict.fromkeys(one.warnings)
+            for evaluated, part in parts:
                 scores = scores_of(evaluated)
-                self.disagreements.add(evaluated, scores, first + rows)
-                masses = body.masses[rows]
+                self.disagreements.add(evaluated, scores, first + part)
+                masses = body.masses[part]
                 own.append(
-                    _scored(evaluated, scores, masses, numbers[rows], len(self.files), number)
+                    _scored(evaluated, scores, masses, numbers[part], len(self.files), number)
                 )
         self.parts += own
-        closed = sum(int(part.closed.sum()) for part in own)
-        if not closed:
-            warnings.append("at no pose the jaws close on the mesh")
+        count = sum(int(part.closed.sum()) for part in own)
+        if not count:
+            warnings["at no pose the jaws close on the mesh"] = None
         for line in warnings:
             self.warnings.add(tried.name, line, name)
         known = body.masses[~np.isnan(body.masses)]
@@ -106,7 +106,7 @@ class Evaluation:
                 count=tried.count,
                 held=sum(int(part.held.sum()) for part in own),
                 not_tried=tried.not_tried,
-                not_closed=tried.count - closed,
+                not_closed=tried.count - count,
                 hand=tried.hand.name,
                 hand_from=tried.hand_from,
                 mass=(float(known.min()), float(known.max())) if len(known) else None,
@@ -123,21 +123,30 @@ class Evaluation:
         return self.objects.setdefault((key, size), len(self.objects))
 
     def _evaluated(
-        self, poses: GraspPoses, tried: TriedGrasps, mesh: ObjectMesh, load: Load | None
-    ) -> EvaluatedPoses:
+        self, poses: GraspPoses, tried: TriedGrasps, body: StatedObject, rows: Ints
+    ) -> tuple[EvaluatedPoses, list[tuple[EvaluatedPoses, Ints]]]:
+        """Poses, and those of each load with their rows among all poses of the file."""
         beside = replace(self.reach, hand=tried.hand)
-        scene, model = Scene.of(beside, mesh), beside.touching(self.model)
+        scene, model = Scene.of(beside, body.mesh), beside.touching(self.model)
         assert scene is not None
         self.models.append(model)
         with within(0.0, 0.5):
-            evaluated = evaluate_grasps(
-                mesh, poses, model, scene=scene, object_motion=self.object_motion, load=load
-            )
-        with within(0.5, 0.9):
-            evaluated.compute("epsilon_range")
-        with within(0.9, 1.0):
-            evaluated.compute("holding")
-        return evaluated
+            closed = evaluate_grasps(
+                body.mesh, poses, model, scene=scene, object_motion=self.object_motion,
+                load=body.load,
+            )  # fmt: skip
+        parts: list[tuple[EvaluatedPoses, Ints]] = []
+        done = 0.5
+        for part, load in body.parts(rows):
+            evaluated = closed.take(part - rows[0])
+            evaluated = replace(evaluated, grasps=replace(evaluated.grasps, load=load))
+            start, done = done, done + 0.5 * len(part) / len(rows)
+            with within(start, start + 0.8 * (done - start)):
+                evaluated.compute("epsilon_range")
+            with within(start + 0.8 * (done - start), done):
+                evaluated.compute("holding")
+            parts.append((evaluated, part))
+        return closed, parts
 
     def check(self) -> None:
         """Refuse grasps of which none closes.
