@@ -130,7 +130,8 @@ def simulate_attempt(model: Any, data: Any, attempt: Attempt, stage: Stage) -> O
             return Outcome(Fate.BLOCKED, 0, *(0.0,) * 6)
         lay_object(model, stage)
     watch = _Watch(model, data, settings, tips)
-    steps = math.ceil((RAMP + WAITING) / settings.time_step)
+    way = 0.5 * attempt.opening / tips.speed if attempt.may_move else 0.0
+    steps = math.ceil((way + RAMP + WAITING) / settings.time_step)
 
     def squeeze(step: int) -> None:
         data.ctrl[:] = settings.force * min(1.0, (step + 1) * settings.time_step / RAMP)

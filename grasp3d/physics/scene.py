@@ -33,6 +33,10 @@ SPEED = 0.5
 """Speed of tips that meet no resistance [m/s]: their damping is force over speed, and does not
 change where anything comes to rest."""
 
+CLOSING = 0.1
+"""Speed of the fingers of a gripper that meet no resistance [m/s]: at that an object that lies with
+friction goes on by a millimetre where a finger lets it go."""
+
 FINGER_MASS = 1.0
 """Inertia of a finger with its drive [kg]; what is at rest does not depend on it."""
 
@@ -63,6 +67,11 @@ class Tips:
     """Largest torsional moment per normal force of a ball [m]; 0: hard fingers."""
     fingers: Fingers | None = None
     """The whole fingers of a gripper, and its palm; None: balls alone."""
+
+    @property
+    def speed(self) -> float:
+        """Speed at which they close [m/s]."""
+        return SPEED if self.fingers is None else CLOSING
 
     def parts(self, side: float) -> tuple[Floats, Floats, tuple[Floats, ...]]:
         """Centres (k, 3) and radii (k,) of the balls of a tip, and corners of its solids [m].
@@ -97,7 +106,7 @@ def add_tips(
             balls, or of the planes of pads; tip 1 closes along +x.
         tips: Their shape and friction.
         mass: Mass of each [kg].
-        force: Force at which they are damped to `SPEED` [N].
+        force: Force at which they are damped to their speed [N].
         until: Where their joints end: tips do not pass through each other [m].
     """
     mujoco = mujoco_module()
@@ -110,7 +119,7 @@ def add_tips(
             name=name,
             type=mujoco.mjtJoint.mjJNT_SLIDE,
             axis=axis,
-            damping=[force / SPEED, 0.0, 0.0],
+            damping=[force / tips.speed, 0.0, 0.0],
             limited=mujoco.mjtLimited.mjLIMITED_TRUE,
             range=(-FAR, until),
             solref_limit=STIFFNESS,

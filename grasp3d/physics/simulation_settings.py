@@ -36,7 +36,7 @@ class SimulationSettings(LengthSettings):
         pull_acceleration: Acceleration with which the object is pulled beside that of gravity
             [m/s^2].
         pad_stiffness: Stiffness of a gripper's pad that is pressed on its whole face [N/m], or with
-            a unit: 100N/mm. Each part of it gives way by itself; a round tip does as a whole.
+            a unit: 300N/mm. Each part of it gives way by itself; a round tip does as a whole.
         pose_error: How wrong given poses are, such as 5mm,3deg: each is simulated at true poses
             that are drawn around it, normally distributed with half of it as standard deviation.
         trials: True poses that are drawn for each given one.
@@ -74,7 +74,7 @@ class SimulationSettings(LengthSettings):
         None, FORCES
     )
     pull_acceleration: float = 0.0
-    pad_stiffness: Quantity[float] = Quantity(1e5, STIFFNESSES)
+    pad_stiffness: Quantity[float] = Quantity(3e5, STIFFNESSES)
     pose_error: PoseErrorField = PoseErrorField(PoseError())
     trials: int = 1
     give_way: Length[float] = Length(Measure(1.0, "mm"))  # type: ignore[arg-type]
