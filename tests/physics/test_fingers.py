@@ -9,6 +9,7 @@ import pytest
 import trimesh
 
 from grasp3d import ParallelGripper
+from grasp3d.arrays import Floats
 from grasp3d.physics import ConvexParts, Fate, Outcome, SimulationSettings
 from grasp3d.physics.fingers import PROTRUDING, Fingers
 from grasp3d.physics.pulling import Attempt, simulate_attempt
@@ -34,6 +35,7 @@ def fingers() -> Fingers:
 def close(
     weight: float, *, force: float = FORCE, centre: tuple[float, float, float] = (0, 0, 0),
     box: tuple[float, float, float] = (0, 0, 0), opening: float = 0.05, allowed: float = 0.0,
+    made: Fingers | None = None, corners: Floats | None = None,
 ) -> tuple[Outcome, float]:  # fmt: skip
     """Close the gripper on a box of a weight [N] whose middle is at `box`; outcome, and opening."""
     (settings,) = settings_in_unit(
@@ -43,9 +45,9 @@ def close(
             pulled="center_of_mass", max_shift=0.005, give_way=allowed,
         ),
     )  # fmt: skip
-    corners = np.array(trimesh.creation.box(SIZES).vertices) + box
-    tips = Tips(friction=FRICTION, fingers=fingers())
-    stage = Stage(ConvexParts((corners,)), np.zeros(3), np.array(SIZES), tips, settings)
+    solid = np.array(trimesh.creation.box(SIZES).vertices) + box if corners is None else corners
+    tips = Tips(friction=FRICTION, fingers=made or fingers())
+    stage = Stage(ConvexParts((solid,)), np.zeros(3), np.array(SIZES), tips, settings)
     model, data = grasp_model(stage)
     attempt = Attempt(np.eye(4), opening, np.array(centre), np.full(2, FRICTION), may_move=True)
     return simulate_attempt(model, data, attempt, stage), -2.0 * float(data.qpos[7])
@@ -89,6 +91,19 @@ def test_pads_give_way_by_force_over_stiffness(force: float) -> None:
     found, opening = close(0.05, force=force)
     assert found.fate is Fate.HELD
     assert SIZES[0] - opening == pytest.approx(2.0 * force / STIFFNESS, rel=0.03)
+
+
+def test_patches_on_a_ball_grow_with_the_force() -> None:
+    """Springs of modulus k per area below a ball of radius R: F = pi R k depth^2."""
+    jaws, radius, stiffness = ParallelGripper.preset("wsg50"), 0.03, 1e5
+    modulus = stiffness / (jaws.pad_width * jaws.pad_height)
+    depth = math.sqrt(20.0 / (math.pi * radius * modulus))
+    found, opening = close(
+        0.01, force=20.0, opening=0.065, made=Fingers.of(jaws, stiffness),
+        corners=np.array(trimesh.creation.icosphere(4, radius).vertices),
+    )  # fmt: skip
+    assert found.fate is Fate.HELD
+    assert 0.5 * (2.0 * radius - opening) == pytest.approx(depth, rel=0.2)
 
 
 def test_the_palm_is_in_the_way_of_what_is_deep_between_the_fingers() -> None:
