@@ -101,7 +101,7 @@ _GRIPPER = _tuple(gripper_parts.GripperShape, *[_f] * 12)
 _REACH_WORKSPACE = typeof(gripper_parts.make_workspace(1))
 _BESIDE = _tuple(None, _GRIPPER, _LIMITS, _BOX_TREE, _REACH_WORKSPACE)
 _JAW = _tuple(jaws.Jaw, _f2, _f3, _f1, *[_f] * 5)
-_CLOSED = _tuple(closing.ClosedOn, _f3, _i2, _f2, _f3, _f3, _f2, _f3)
+_CLOSED = _tuple(closing.ClosedOn, _f3, _i2, _f2, _f3, _f3, _f2, _f3, _f4)
 _REACHED = typeof(gripper_parts.no_results(1))
 
 SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {

@@ -37,6 +37,9 @@ SMALL_KIND = 0.002
 MOST_DISTINCT = 1000
 """Distinct grasps that are found at most."""
 
+MOST_TRIED = 50
+"""Distinct grasps of which wrong poses are tried."""
+
 MAX_PERMUTED = 5
 """Most contacts of grasps whose contacts are matched in every order."""
 
@@ -82,6 +85,9 @@ _DISTINCT: WeakKeyDictionary[SurfaceLabels, GraspTable] = WeakKeyDictionary()
 def distinct_grasps(labels: SurfaceLabels, *, distance: float | None = None) -> GraspTable:
     """All distinct grasps of a labelled surface in the order of `ranked_rows`, 1,000 at most.
 
+    With a pose error (`Scene.pose_error`) the best 50 are closed at wrong poses, too, and ranked
+    by what they are at these.
+
     The grasps are those of the vertices. One is omitted if its contacts can be matched with those
     of a better one so that all pairs are nearer than `distance` (non-maximum suppression).
 
@@ -126,8 +132,10 @@ def _find_distinct(labels: SurfaceLabels, limit: float) -> GraspTable:
     if candidates.closed is not None:
         candidates = candidates.take(np.flatnonzero(candidates.closed.allowed(labels.mesh)))
     order = ranked_rows(candidates, candidates.closed)
-    points = candidates.contacts.take(order).points
-    return candidates.take(order[distinct_rows(points, MOST_DISTINCT, limit)])
+    points, wrong = candidates.contacts.take(order).points, labels.scene and labels.scene.pose_error
+    most = MOST_TRIED if wrong else MOST_DISTINCT
+    found = candidates.take(order[distinct_rows(points, most, limit)]).at_wrong_poses()
+    return found.take(ranked_rows(found, found.closed)) if wrong else found
 
 
 def distance_of_distinct(mesh: ObjectMesh) -> float:

@@ -19,12 +19,13 @@ from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.pose_checks import pose_warning
 from grasp3d.quality.measures.formulas import METRICS
 from grasp3d.quality.measures.measuring import UNDEFINED, MetricValues
-from grasp3d.surface.fields import CLOSED, FORCES, columns_of, given_poses
+from grasp3d.surface.fields import CLOSED, FORCES, ROBUST, columns_of, given_poses
 from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.robustness import Robustness, robustness_of
 from grasp3d.surface.rows import NO_ROW, rows_where
 from grasp3d.surface.vertex_grasps import SpreadGrasps
 
-STALE = frozenset({UNDEFINED, *METRICS, *(field.name for field in (*CLOSED, *FORCES))})
+STALE = frozenset({UNDEFINED, *METRICS, *(field.name for field in (*CLOSED, *FORCES, *ROBUST))})
 """Columns of given poses that may be of other settings."""
 
 
@@ -96,6 +97,18 @@ class EvaluatedPoses(SpreadGrasps):
         return self.given.outcome
 
     @cached_property
+    def robustness(self) -> Robustness:
+        """Scores of the touched patches, and of poses that are a little wrong; rows (k,).
+
+        Computed when first read.
+        """
+        assert self.scene is not None
+        return robustness_of(
+            self.mesh, self.poses, self.jaws, self.scene, self.model, self.load_case,
+            posture=self.given.posture, object_motion=self.object_motion,
+        )  # fmt: skip
+
+    @cached_property
     def reading(self) -> PoseReading | None:
         """Another reading of the poses, which explains them better than the stated one, if any."""
         table = None if self.scene is None else self.scene.table
@@ -143,7 +156,7 @@ class EvaluatedPoses(SpreadGrasps):
         """
         row = self.row[rows]
         has_row = row != NO_ROW
-        return replace(
+        taken = replace(
             self,
             grasps=self.grasps.take(row[has_row]),
             row=rows_where(has_row),
@@ -152,6 +165,9 @@ class EvaluatedPoses(SpreadGrasps):
             collides=locked(self.collides[rows]),
             reachable=locked(self.reachable[rows]),
         )
+        if (robustness := vars(self).get("robustness")) is not None:
+            vars(taken)["robustness"] = robustness.take(rows)
+        return taken
 
     def to_table(self) -> Any:
         """Return a `pyarrow.Table` with a row for each pose; nan leaves the cell empty.

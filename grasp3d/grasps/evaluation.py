@@ -34,6 +34,7 @@ from grasp3d.settings import (
     with_fingers,
 )
 from grasp3d.settings.lengths import METRES, GivenLength, Unit
+from grasp3d.settings.pose_error import PoseError
 from grasp3d.surface.contacts import JawContacts, SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_table import GraspTable
@@ -56,8 +57,8 @@ PROJECTED, ANGLES_COMPUTED = 0.5, 0.9
 def evaluate_grasps(
     mesh: MeshSource, grasps: GraspPoses, model: GraspModel | None = None, *,
     hand: Hand | None = None, table: Table | None = None,
-    approach: Approach | None = None, scene: Scene | None = None,
-    object_motion: ObjectMotion = "free", load: Load | None = None,
+    approach: Approach | None = None, pose_error: PoseError | str | None = None,
+    scene: Scene | None = None, object_motion: ObjectMotion = "free", load: Load | None = None,
 ) -> EvaluatedPoses: ...  # fmt: skip
 @overload
 def evaluate_grasps(
@@ -68,6 +69,7 @@ def evaluate_grasps(
 def evaluate_grasps(
     mesh: MeshSource, grasps: ArrayLike, model: GraspModel | None = None, *,
     hand: Hand, table: Table | None = None, approach: Approach | None = None,
+    pose_error: PoseError | str | None = None,
     object_motion: ObjectMotion = "free", load: Load | None = None,
 ) -> EvaluatedPoses: ...  # fmt: skip
 def evaluate_grasps(
@@ -78,6 +80,7 @@ def evaluate_grasps(
     hand: Hand | None = None,
     table: Table | None = None,
     approach: Approach | None = None,
+    pose_error: PoseError | str | None = None,
     scene: Scene | None = None,
     object_motion: ObjectMotion = "free",
     max_distance: GivenLength | None = None,
@@ -107,7 +110,10 @@ def evaluate_grasps(
         hand: The gripper of the poses.
         table: What the object stands on, at poses; None: nothing.
         approach: Allowed approach directions of the gripper; None: any.
-        scene: The gripper, the table and the approach as one, instead of the three.
+        pose_error: How wrong the poses may be, as a text '5mm,3deg': `robustness` then has numbers
+            of poses that are wrong by so much, and fingers that start in the object by less are not
+            refused. None: the poses are exact.
+        scene: The gripper, the table, the approach and the pose error as one, instead of the four.
         object_motion: Of poses: free: the object settles between the jaws; fixed: it does not move.
         max_distance: Largest distance of a contact from the surface, in the mesh's unit or with a
             unit; None: 1/100 of the object's size.
@@ -167,7 +173,8 @@ def evaluate_grasps(
         0   closed     S     0.08       True
         1  nothing     U      NaN      False
     """
-    scene, grasps = scene or Scene.given(hand, table, approach), _poses_or_contacts(grasps)
+    scene = scene or Scene.given(hand, table, approach, pose_error)
+    grasps = _poses_or_contacts(grasps)
     if not isinstance(grasps, GraspPoses):
         if scene is not None or object_motion != "free":
             raise SettingError(
@@ -362,10 +369,13 @@ def evaluate_poses(
             posture=start.posture,
             object_motion=object_motion,
             friction=float(np.min(own_model.frictions)),
+            give_way=scene.pose_error.offsets(mesh.unit).position,
         )
     held = jaws.closed if object_motion == "fixed" else np.zeros(start.count, dtype=np.bool_)
+    reached = np.array(start.poses)
+    reached[:, :3, 3] += jaws.shift[:, None] * reached[:, :3, 0]
     colliding = hand.blocked(
-        mesh, start.poses, jaws, posture=start.posture, held=held, table=scene.table,
+        mesh, reached, jaws, posture=start.posture, held=held, table=scene.table,
     )  # fmt: skip
     contacts = JawContacts.of(mesh, jaws)
     angles = np.zeros(0)

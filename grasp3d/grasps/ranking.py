@@ -6,7 +6,6 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.jaws import Jaws
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
@@ -31,6 +30,9 @@ FORCE = 10.0
 STEP = 0.1
 """Margins are compared in steps of this size, in their units; within one step epsilon decides."""
 
+SCORE = 0.05
+"""Step in which robust scores are compared."""
+
 LEAST = 1e-6
 """Fraction of a step by which rounding errors do not make a margin belong to the step below."""
 
@@ -42,10 +44,12 @@ def ranked_rows(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None
 
     1. The label that takes everything stated into account, `stated_label`. Of those that are U,
        what the gripper does not reach, or collides at, comes last.
-    2. How robustly they can be executed: their margins in `margins_in_units`, in steps of a tenth.
+    2. Where jaws have been closed: `Robustness.robust_score`, in steps of a twentieth: how much
+       what they touch holds in the worst case, on average over the poses tried.
+    3. How robustly they can be executed: their margins in `margins_in_units`, in steps of a tenth.
        The smallest margins of two grasps are compared first, whichever they are, and where they
        are equal the second smallest ones, and so on.
-    3. Epsilon, and then the margins within a step.
+    4. Epsilon, and then the score and the margins within a step.
 
     So no grasp comes after one that is no better in any of these, and worse in one.
 
@@ -59,11 +63,14 @@ def ranked_rows(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None
     angles, _ = grasps.located_angles
     margins = np.sort(np.stack(list(margins_in_units(grasps, closed).values()), axis=1), axis=1)
     steps = np.floor(margins / STEP + LEAST)
+    score = np.nan_to_num(_robust(grasps, closed, "robust_score"), nan=-1.0)
     keys = [
         -stated_label(grasps, closed),
         ~_executable(grasps),
+        -np.floor(score / SCORE + LEAST),
         *-steps.T,
         -np.nan_to_num(grasps.epsilon),
+        -score,
         *-margins.T,
     ]
     order = np.lexsort([np.arange(len(angles)), *reversed(keys)])
@@ -80,10 +87,11 @@ def stated_label(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | Non
     """`Label` codes that take everything stated into account, shape (b,).
 
     With a load whose mass and force are known that is the label with force; else where jaws have
-    been closed that at what they touch; else that of the grasp. Where jaws have been closed, but
-    what they touch is not known, as for fingers that push outward, it is M at most; so it is where
-    mass or force are not known and not every force that may be needed exists, and U where none
-    does. What the gripper does not reach is U. Arguments as in `ranked_rows`.
+    been closed that at what they touch; else that of the grasp. Where jaws have been closed it is
+    no better than the worst of the poses tried, `Robustness.label_tried`, and M at most where what
+    they touch is not known, as for fingers that push outward; so it is where mass or force are not
+    known and not every force that may be needed exists, and U where none does. What the gripper
+    does not reach is U. Arguments as in `ranked_rows`.
     """
     holding = grasps.holding
     held = None if holding is None else holding.label
@@ -97,7 +105,16 @@ def stated_label(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | Non
         most = np.where(np.isfinite(holding.grip_force_largest), Label.S, Label.M)
         most[~np.isfinite(holding.grip_force_least)] = Label.U
         codes = np.minimum(codes, most)
-    return np.where(_executable(grasps), codes, Label.U)
+    tried = np.nan_to_num(_robust(grasps, closed, "label_tried"), nan=Label.S)
+    return np.where(_executable(grasps), np.minimum(codes, tried.astype(np.int64)), Label.U)
+
+
+def _robust(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None, name: str) -> Floats:
+    """A number of `Robustness` of each grasp, shape (b,); nan: not known."""
+    if isinstance(grasps, EvaluatedPoses):
+        values = getattr(grasps.robustness, name)
+        return np.full(grasps.size, math.nan) if values is None else np.asarray(values, float)
+    return np.full(grasps.size, math.nan) if closed is None else closed.number(name)
 
 
 def margins_in_units(
@@ -146,31 +163,11 @@ def _place(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None, jaw
     The smallest of both jaws, along the axis y and z of the gripper. Where the jaws have not been
     closed, ideal contacts are on the line between the fingers.
     """
-    metres = METRES[grasps.mesh.unit or "m"]
-    half = 0.5 * np.array([jaws.pad_width, jaws.pad_height])
-    place = np.full(grasps.size, math.nan)
-    if isinstance(grasps, EvaluatedPoses):
-        return _to_border(grasps.jaws, half, metres)
-    if grasps.reach is not None:
-        along = half[1] - metres * grasps.reach.depth
-        place = np.minimum(half[0], half[1] - np.abs(along))
-    if closed is not None and closed.jaws is not None:
-        has_row = closed.row != NO_ROW
-        place[has_row] = _to_border(closed.jaws, half, metres)[closed.row[has_row]]
+    place = _robust(grasps, closed, "pad_margin")
+    if isinstance(grasps, GraspTable) and grasps.reach is not None:
+        half = 0.5 * np.array([jaws.pad_width, jaws.pad_height])
+        along = half[1] - METRES[grasps.mesh.unit or "m"] * grasps.reach.depth
+        ideal = np.minimum(half[0], half[1] - np.abs(along))
+        unknown = np.ones(len(place), bool) if closed is None else closed.row == NO_ROW
+        place = np.where(unknown, ideal, place)
     return place
-
-
-def _to_border(closed: ClosedJaws, half: Floats, metres: float) -> Floats:
-    """Least distance of the contacts of closed jaws from the border of their pads [m].
-
-    Args:
-        closed: Where they touch, k rows.
-        half: Half the sizes of a pad along y and z [m].
-        metres: Metres per unit of the mesh.
-
-    Returns:
-        Shape (k,), nan where a jaw touches nothing.
-    """
-    arms = closed.points - closed.poses[:, None, :3, 3]  # (k, n, 3)
-    local = metres * (arms[:, :, None] @ closed.poses[:, None, :3, 1:3])[:, :, 0]
-    return np.asarray((half - np.abs(local)).min(axis=(1, 2)))

@@ -85,11 +85,18 @@ class ClosedJaws:
     """Areas of the touched patches [mesh unit squared], shape (k, n)."""
     extents: Floats
     """Sizes of the touched patches along y and z of the gripper [mesh unit], shape (k, n, 2)."""
+    corners: Floats
+    """Points of the touched patches that are farthest in eight directions of the pads, in the
+    mesh's frame and unit, shape (k, n, 8, 3): their convex hull is within that of the patch."""
     touch: Bytes
     """`Touch` codes, shape (k, n)."""
     apart: Bools
     """Whether the patches do not overlap, seen along the closing axis, as where the jaws touch at
     different heights, shape (k,)."""
+    shift: Floats
+    """How far the gripper moved along the closing axis relative to the object before the jaws
+    closed, or each finger moved outward, as they would have started in it [mesh unit], shape (k,).
+    """
     turn: Floats
     """Angle by which the object has turned relative to the gripper [rad], shape (k,); 0 where it is
     fixed or has not moved."""
@@ -122,6 +129,7 @@ def closed_jaws(
     *,
     least: float,
     free: bool,
+    shift: Floats,
 ) -> ClosedJaws:
     """States, and everything in the mesh's frame and unit.
 
@@ -131,8 +139,8 @@ def closed_jaws(
         start: The poses before the jaws closed, in that frame, shape (k, 3, 4).
         jaw: The jaws.
         least: Smallest opening [object sizes].
-        at_rest: Jaws that do not move and touch nothing where they are, shape (k, 2); None: none.
         free: Whether the object is free, and contacts are centres of pressure.
+        shift: As in `ClosedJaws` [mesh unit], shape (k,).
     """
     touches = result.outcome == TOUCHES
     opening = result.position[:, 1] - result.position[:, 0]
@@ -153,8 +161,10 @@ def closed_jaws(
         positions=locked(result.position * hidden * mesh.size),
         area=locked(np.where(visible, result.area, 0.0) * mesh.size**2),
         extents=locked(np.where(visible[..., None], high - low, 0.0) * mesh.size),
+        corners=locked(mesh.from_normalized(result.corners) * hidden[..., None, None]),
         touch=locked(_touches(visible, low, high, jaw)),
         apart=locked((state == Closing.CLOSED) & (overlap < 0.0).any(axis=1)),
+        shift=locked(shift),
         turn=locked(_turns(start, result.poses)),
     )
 

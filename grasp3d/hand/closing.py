@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from grasp3d._kernels.jaws.closing import ClosedOn, close_on
+from grasp3d._kernels.jaws.closing import INSIDE, ClosedOn, close_on
 from grasp3d._kernels.jaws.jaws import ROUNDING, Jaw
 from grasp3d._kernels.surface.face_tree import face_tree
 from grasp3d.arrays import ArrayLike, Floats
@@ -101,6 +101,7 @@ def close_jaws(
     opening: ArrayLike | GivenLength | None = None,
     object_motion: ObjectMotion = "fixed",
     friction: float = 0.5,
+    give_way: float = 0.0,
 ) -> ClosedJaws:
     """Close the jaws of a gripper on an object.
 
@@ -131,6 +132,9 @@ def close_jaws(
             stroke.
         object_motion: free: the object gives way; fixed: it does not move.
         friction: Coulomb coefficient between the jaws and a free object; at least 0.
+        give_way: Where fingers start in the object, how far it may be shifted along the closing
+            axis until they do not, or where both do, how far they may give way each, in the mesh's
+            unit; see `ClosedJaws.shift`.
 
     Raises:
         SettingError: The unit of the mesh is not known, or a setting is outside its range.
@@ -176,7 +180,33 @@ def close_jaws(
     with ThreadPoolExecutor(thread_count()) as executor:
         for done, _ in enumerate(executor.map(work, firsts), start=1):
             report_progress(done / len(firsts))
-    return closed_jaws(mesh, result, matrices, jaw, least=hand.min_opening * scale, free=free)
+    shift = np.zeros(count)
+    for row in np.flatnonzero((result.outcome == INSIDE).any(axis=1) if give_way else ()):
+        stated, opening_there = matrices[row].copy(), start[row]
+        for move, wider in _ways(give_way / mesh.size):
+            matrices[row, :, 3] = stated[:, 3] + move * stated[:, 0]
+            start[row] = opening_there + 2.0 * wider
+            close_on(surface, tree, matrices, start, coefficient, jaw, row, row + 1, result)
+            if not (result.outcome[row] == INSIDE).any():
+                shift[row] = (move or wider) * mesh.size
+                break
+        else:
+            result.poses[row] = stated
+        matrices[row] = stated
+    return closed_jaws(
+        mesh, result, matrices, jaw, least=hand.min_opening * scale, free=free, shift=shift
+    )
+
+
+WAYS = 4
+"""Shifts in either direction by which an object may give way."""
+
+
+def _ways(most: float) -> list[tuple[float, float]]:
+    """Shifts along the closing axis, the smallest first, then motions of both fingers outward."""
+    steps = np.linspace(0.0, most, WAYS + 1)[1:].tolist()
+    shifts = [(sign * step, 0.0) for step in steps for sign in (1.0, -1.0)]
+    return [*shifts, *((0.0, step) for step in steps)]
 
 
 def _normalized(mesh: ObjectMesh, poses: ArrayLike) -> Floats:
@@ -219,4 +249,5 @@ def _empty(count: int) -> ClosedOn:
         normals=np.full((count, 2, 3), math.nan),
         area=np.zeros((count, 2)),
         bounds=np.zeros((count, 2, 4)),
+        corners=np.full((count, 2, 8, 3), math.nan),
     )

@@ -118,6 +118,7 @@ class Hand(Protocol):
         posture: "ArrayLike | None" = None,
         object_motion: "ObjectMotion" = "fixed",
         friction: float = 0.5,
+        give_way: float = 0.0,
     ) -> "ClosedJaws":
         """What its fingers touch when they close at poses, wide open at first.
 
@@ -127,6 +128,8 @@ class Hand(Protocol):
             posture: Further joints, shape (k, p); None: there are none.
             object_motion: free: the object gives way; fixed: it does not move.
             friction: Coulomb coefficient between the fingers and a free object.
+            give_way: How far the object or the fingers may give way where fingers start in it, in
+                the mesh's unit; see `ClosedJaws.shift`.
         """
 
     def blocked(

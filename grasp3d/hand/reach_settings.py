@@ -8,13 +8,14 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.choices import Axis, check_approach
 from grasp3d.hand.hand import Hand, touching
 from grasp3d.settings import GraspModel, Radians, check_choice, whole_number
-from grasp3d.settings.parsing import Main
+from grasp3d.settings.parsing import Main, Settings
+from grasp3d.settings.pose_error import PoseError, PoseErrorField
 
 Standing = Literal["none", "as-is", "stable"]
 
 
 @dataclass(frozen=True)
-class ReachSettings:
+class ReachSettings(Settings):
     """The gripper that must reach each grasp, and what the object stands on.
 
     Attributes:
@@ -28,6 +29,9 @@ class ReachSettings:
         approach_within: Largest angle between the approach direction and straight down, above 0, up
             to 180 degrees; with a table at most 90: never from below.
         approach_angles: Number of approach angles about the closing axis that are tested, 8 to 64.
+        pose_error: How far the true pose of the gripper may be from the stated one: the radius of
+            a ball, the largest turn, or both: 5mm,3deg. The jaws are also closed at poses that are
+            wrong by so much and less.
     """
 
     hand: Annotated[Hand | None, Main("gripper that must reach the grasps")] = None
@@ -36,8 +40,12 @@ class ReachSettings:
     resting_pose: int = 1
     approach_within: Radians = math.pi
     approach_angles: int = 32
+    pose_error: Annotated[PoseErrorField, Main("how wrong poses may be: 5mm,3deg")] = (
+        PoseErrorField(PoseError())
+    )
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_choice("table", self.table, Standing)
         check_choice("axis", self.up, Axis)
         whole_number("resting pose", self.resting_pose, 1)

@@ -15,6 +15,7 @@ from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.table import Approach, Table, axis_vector
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import Sampling
+from grasp3d.settings.pose_error import PoseError
 
 LEVEL = math.pi / 2.0 + 1e-6
 """Largest angle from straight down at which a gripper beside a table comes [rad]: level, with a
@@ -34,6 +35,8 @@ class Scene:
     """In the frame and unit of the mesh; None: nothing is in the way but the object."""
     approach: Approach = field(default_factory=Approach)
     """Allowed approach directions, in the frame of the mesh."""
+    pose_error: PoseError = field(default_factory=PoseError)
+    """How wrong its poses may be."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.hand, Hand):
@@ -67,11 +70,15 @@ class Scene:
         down = -axis_vector(settings.up) if table is None else -table.normal
         within = settings.approach_within if table is None else min(settings.approach_within, LEVEL)
         approach = Approach(down, within=within, angles=settings.approach_angles)
-        return cls(settings.hand, table, approach)
+        return cls(settings.hand, table, approach, settings.pose_error)
 
     @classmethod
     def given(
-        cls, hand: Hand | None, table: Table | None = None, approach: Approach | None = None
+        cls,
+        hand: Hand | None,
+        table: Table | None = None,
+        approach: Approach | None = None,
+        pose_error: PoseError | str | None = None,
     ) -> "Scene | None":
         """What keywords of one name each state.
 
@@ -79,12 +86,15 @@ class Scene:
             None without a hand.
 
         Raises:
-            SettingError: A table or an approach, but no hand.
+            SettingError: A table, an approach or a pose error, but no hand.
         """
+        error = PoseError.of(pose_error or PoseError())
         if hand is not None:
-            return cls(hand, table, approach or Approach())
-        if table is not None or approach is not None:
-            raise SettingError("a table and approach directions apply to grippers only; give one")
+            return cls(hand, table, approach or Approach(), error)
+        if table is not None or approach is not None or error:
+            raise SettingError(
+                "a table, approach directions and pose errors apply to grippers only; give one"
+            )
         return None
 
     @property
@@ -152,6 +162,7 @@ def scene_settings(scene: Scene | None) -> dict[str, str | float | int | None]:
         "approach_direction": "none" if direction is None else _line(direction),
         "approach_within": approach.within,
         "approach_angles": approach.angles,
+        "pose_error": str(scene.pose_error),
     }
 
 

@@ -243,6 +243,7 @@ class ForceProblem:
         *,
         bound: ForceBound,
         cone_offset: ArrayLike = 0.0,
+        group: int = 1,
     ) -> "ForceProblem":
         """The problem of the forces that contacts surely, or possibly, apply.
 
@@ -252,6 +253,7 @@ class ForceProblem:
             side: Which of the two sets of forces.
             bound: As in `grip_force`.
             cone_offset: As in `grip_force`.
+            group: As in `payload`.
         """
         sizes = _sizes(contacts)
         flat = contacts.of_size(contacts.points / sizes[..., None, None], sizes).reshape((-1,))
@@ -260,7 +262,8 @@ class ForceProblem:
             for name, value in (("tilt", tilt), ("cone_offset", cone_offset))
         )
         surface: LimitSurface = "ellipse" if (flat.torsion_radius > 0.0).any() else "none"
-        group = 1
+        if group > 1:
+            surface = "points"
         if flat.patch is not None:
             flat, group, surface = pressed_at_points(flat, side), PATCH_POINTS, "points"
             tilts, offset = (np.repeat(one, group, axis=1) for one in (tilts, offset))

@@ -18,7 +18,7 @@ from grasp3d.errors import SettingError
 from grasp3d.quality.force_problem import ForceBound, ForceProblem
 from grasp3d.quality.grip_forces import ForceOptions
 from grasp3d.quality.tasks import Task
-from grasp3d.system.context import report_progress, unreported
+from grasp3d.system.context import report_progress
 
 Certainty = Literal["exact", "bound"]
 """How the extreme forces over all tilts are known: as exact values (within the tolerance); or as
@@ -122,16 +122,38 @@ def force_range(
 
 def largest_force(contacts: Contacts, tilts: Floats, options: ForceOptions) -> Floats:
     """A force that suffices at all tilts of a flat batch, with tilts (b, n), shape (b,)."""
-    bound = options.bound
-    if not tilts.any():
+    bound, group = options.bound, options.group
+    if not tilts.any() and group == 1:
         return options.bounds(ForceProblem.of_contacts(contacts, bound=bound)).upper
-    sure = ForceProblem.over_tilts(contacts, tilts, "sure", bound=bound)
+    sure = ForceProblem.over_tilts(contacts, tilts, "sure", bound=bound, group=group)
     largest = options.bounds(sure).upper
     if bound == "total" and (contacts.torsion_radius > 0.0).any():
         # The torsion of soft fingers is known where each finger's force is bounded.
         each = replace(options, bound="normal")
         largest = np.minimum(largest, contacts.count * largest_force(contacts, tilts, each))
     return largest
+
+
+def force_at_worst(
+    contacts: Contacts,
+    task: Task,
+    *,
+    tilt: ArrayLike = 0.0,
+    bound: ForceBound = "normal",
+    rtol: float = 1e-3,
+    group: int = 1,
+) -> Floats:
+    """Force that suffices for a task at all normals within a tilt of the given ones [N].
+
+    Arguments, shape and errors as for `payload`; inf where no force does.
+    """
+    if group > 1 and (contacts.count % group or (contacts.torsion_radius > 0.0).any()):
+        raise SettingError(
+            f"groups of {group} must be of hard contacts, and divide the {contacts.count} contacts"
+        )
+    options = ForceOptions(task, bound, None, rtol, group)
+    needed = largest_force(contacts.reshape((-1,)), tilts_of(tilt, contacts), options)
+    return locked(needed.reshape(contacts.batch))[()]
 
 
 def payload(
@@ -142,6 +164,7 @@ def payload(
     tilt: ArrayLike = 0.0,
     bound: ForceBound = "normal",
     rtol: float = 1e-3,
+    group: int = 1,
 ) -> Floats:
     """Largest mass for which a force suffices, at all normals within a tilt of the given ones.
 
@@ -152,6 +175,9 @@ def payload(
         tilt: As in `force_range`, whose largest force counts.
         bound: As in `grip_force`.
         rtol: As in `grip_force`.
+        group: So many contacts, one after the other, are points of what one finger touches, which
+            share its force; they are hard. With the bound 'norm' the sum of the lengths of their
+            forces is limited, and the payload is exact.
 
     Returns:
         Masses [kg], shape (...); 0: the force does not even hold what does not grow with the mass,
@@ -175,12 +201,11 @@ def payload(
     if task.mass is None:
         raise SettingError("a payload needs a task with a weight or an acceleration")
     task = task.scaled_to(1.0)
-    options = ForceOptions(task, bound, None, rtol)
     if all(term.mass is not None for term in task.terms()):
-        with unreported():
-            largest = force_range(contacts, task, tilt, bound=bound, rtol=rtol).largest
+        needed = force_at_worst(contacts, task, tilt=tilt, bound=bound, rtol=rtol, group=group)
         with np.errstate(divide="ignore"):  # no force is needed where nothing accelerates
-            return locked(force / largest)[()]
+            return locked(force / needed)[()]
+    options = ForceOptions(task, bound, None, rtol, group)
     flat = contacts.reshape((-1,))
     tilts = tilts_of(tilt, contacts)
 

@@ -375,6 +375,8 @@ class ForceOptions:
     bound: ForceBound
     masses: ArrayLike | None
     rtol: float
+    group: int = 1
+    """As in `payload`."""
 
     def flat(self, contacts: Contacts) -> "ForceOptions":
         """With one wrench and one mass for each grasp of a flat batch."""

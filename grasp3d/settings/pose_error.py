@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from grasp3d.errors import SettingError
 from grasp3d.settings.checks import DEGREE, Radians, check_length, check_range, parse_angle
@@ -46,6 +46,18 @@ ROUNDED_UP = 1.0 + 1e-9
 """Factor by which an offset may exceed the error through rounding."""
 
 
+class PoseOffsets(NamedTuple):
+    """Poses that an error allows, in the frame of the stated one."""
+
+    poses: "Floats"
+    """The stated one, the identity, first, shape (k, 4, 4)."""
+    weights: "Floats"
+    """Probabilities of the poses if errors are normally distributed, shape (k,): those of them that
+    have as many kinds of error as are stated."""
+    position: float
+    """Radius of the ball in which the origin lies, in the unit of the poses."""
+
+
 @dataclass(frozen=True)
 class PoseError(LengthSettings, TextValue):
     """How far the true pose of a hand may be from the stated one, as robots reach it.
@@ -65,7 +77,7 @@ class PoseError(LengthSettings, TextValue):
         >>> error = PoseError.of("5mm,3deg")
         >>> error.position, round(error.angle, 4), str(error)
         ('5 mm', 0.0524, '5 mm,3 deg')
-        >>> error.offsets("m").shape
+        >>> error.offsets("m").poses.shape
         (32, 4, 4)
     """
 
@@ -115,8 +127,8 @@ class PoseError(LengthSettings, TextValue):
         """Whether any pose but the stated one is possible."""
         return bool(self.position or self.angle)
 
-    def offsets(self, unit: Unit) -> "Floats":
-        """Poses that are tried, in the frame of the stated one, which is the first, (k, 4, 4).
+    def offsets(self, unit: Unit) -> "PoseOffsets":
+        """Poses that are tried, in the frame of the stated one, which is the first of k.
 
         They are those of one list, the same for all errors, that are within the error: so a larger
         error tries all that a smaller one tries, and more. Their sizes grow from one to the next by
@@ -128,11 +140,19 @@ class PoseError(LengthSettings, TextValue):
         import numpy as np
 
         metres = METRES[unit]
-        position = metres * length_in_unit("position", self.position, unit)
+        position = length_in_unit("position", self.position, unit)
         shifts, turns = _listed()
-        far, angles = np.linalg.norm(shifts, axis=1), np.linalg.norm(turns, axis=1)
+        far, angles = np.linalg.norm(shifts, axis=1) / metres, np.linalg.norm(turns, axis=1)
         within = (far <= position * ROUNDED_UP) & (angles <= self.angle * ROUNDED_UP)
-        return poses_of(shifts[within] / metres, turns[within])
+        errors = ((far, position), (angles, self.angle))
+        sizes = np.array([own[within] / error for own, error in errors if error])
+        # The list is spread evenly over the logarithm of the size, of both errors together.
+        likely = np.prod(sizes**3 * np.exp(-2.0 * sizes**2), axis=0) ** (1.0 / max(len(sizes), 1))
+        weights = np.append(0.0, np.broadcast_to(likely, within.sum()))
+        if not weights.any():
+            weights[0] = 1.0
+        poses = poses_of(shifts[within] / metres, turns[within])
+        return PoseOffsets(poses, weights / weights.sum(), position)
 
     def draw(self, count: int, unit: Unit, random: "np.random.Generator") -> "Floats":
         """Normally distributed errors, as poses in the frame of the stated one, (count, 4, 4).

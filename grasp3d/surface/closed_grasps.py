@@ -11,13 +11,11 @@ from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.region import allowed_contacts
-from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.settings import GraspModel, with_fingers
 from grasp3d.stability.label import Label
-from grasp3d.stability.thresholds import label_angles, margins
-from grasp3d.surface.contacts import JawContacts
-from grasp3d.surface.grasp_numbers import hull_labels, located_angles_of
 from grasp3d.surface.holding import Holding
+from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.robustness import Robustness, robustness_of
 from grasp3d.surface.rows import NO_ROW, rows_where, spread
 from grasp3d.system.context import report_progress, within
 
@@ -57,8 +55,21 @@ class ClosedGrasps:
     """Row of each grasp in `jaws`, -1: it is not known, shape (b,)."""
     jaws: ClosedJaws | None
     """What the jaws touch, k rows; None: k is 0."""
+    robustness: Robustness | None = None
+    """How well the patches hold, k rows; None: k is 0."""
 
     __repr__ = short_repr
+
+    def number(self, name: str) -> Floats:
+        """A number of `robustness` of each grasp, nan: it is not known, shape (b,).
+
+        Args:
+            name: Of the attribute.
+        """
+        values = getattr(self.robustness, name, None)
+        if values is None:
+            return np.full(len(self.row), math.nan)
+        return spread(np.asarray(values, dtype=np.float64), self.row, math.nan)
 
     def take(self, rows: Ints) -> "ClosedGrasps":
         """The chosen grasps, in that order.
@@ -68,11 +79,14 @@ class ClosedGrasps:
         """
         row = self.row[rows]
         has_row = row != NO_ROW
+        known = row[has_row]
+        some = self.jaws is not None and len(known) > 0
         return ClosedGrasps(
             label=locked(self.label[rows]),
             margin=locked(self.margin[rows]),
             row=rows_where(has_row),
-            jaws=None if self.jaws is None or not has_row.any() else self.jaws.take(row[has_row]),
+            jaws=self.jaws.take(known) if some and self.jaws else None,
+            robustness=self.robustness.take(known) if some and self.robustness else None,
         )
 
     def with_forces(self, holding: Holding, forces: Holding) -> Holding:
@@ -120,14 +134,17 @@ class ClosedGrasps:
         )
 
 
-def close_on(mesh: ObjectMesh, reach: Reach, scene: Scene, model: GraspModel) -> ClosedGrasps:
+def close_on(
+    mesh: ObjectMesh, reach: Reach, scene: Scene, model: GraspModel, case: LoadCase | None
+) -> ClosedGrasps:
     """Close the jaws on a free object at the poses of grasps, and label what they touch.
 
     Args:
         mesh: The object.
         reach: Poses of grasps (b,); those without one are not known.
-        scene: The gripper, one of two fingers.
+        scene: The gripper, one of two fingers; poses may be wrong by its error.
         model: Friction and sensor resolution.
+        case: What must be held; None: nothing is stated.
     """
     hand = scene.hand
     external = reach.pregrasp_opening >= reach.opening
@@ -136,24 +153,22 @@ def close_on(mesh: ObjectMesh, reach: Reach, scene: Scene, model: GraspModel) ->
     if not len(rows):
         unknown = np.full(len(row), UNKNOWN)
         return ClosedGrasps(unknown, np.full(len(row), math.nan), row, None)
-    model = with_fingers(model, hand.fingers[-1])
+    model, poses, posture = with_fingers(model, hand.fingers[-1]), reach.poses[rows], reach.posture
     with within(0.0, JAWS_CLOSED):
         jaws = hand.close(
             mesh,
-            reach.poses[rows],
-            posture=reach.posture[rows],
+            poses,
+            posture=posture[rows],
             object_motion="free",
             friction=float(np.min(model.frictions)),
         )
-    labels, margin = np.full(len(rows), int(Label.U)), np.full(len(rows), math.nan)
-    contacts = JawContacts.of(mesh, jaws)
-    if contacts.size:
-        angles = critical_friction_angle(contacts.contacts(model))
-        located = located_angles_of(contacts, (angles, angles), model)
-        exact = model.method == "exact"
-        labels[jaws.closed] = (
-            label_angles(*located, model) if exact else hull_labels(contacts, model)
-        )
-        margin[jaws.closed] = margins(located[0], model)
+    robustness = robustness_of(
+        mesh, poses, jaws, scene, model, case, posture=posture[rows], object_motion="free"
+    )
+    stated = robustness.stated
+    margin = np.where(stated.closes, stated.margin, math.nan)
     report_progress(1.0)
-    return ClosedGrasps(spread(labels, row, UNKNOWN), spread(margin, row, math.nan), row, jaws)
+    return ClosedGrasps(
+        spread(stated.label.astype(np.int64), row, UNKNOWN), spread(margin, row, math.nan), row,
+        jaws, robustness,
+    )  # fmt: skip

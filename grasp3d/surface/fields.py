@@ -18,7 +18,7 @@ from grasp3d.stability.label import Label
 
 Array = npt.NDArray[Any]
 Arrays = dict[str, Array]
-When = Literal["always", "errors", "gripper", "joints", "load"]
+When = Literal["always", "errors", "gripper", "joints", "load", "pose error"]
 
 RADIANS, LENGTH, AREA, NEWTONS, KILOGRAMS = "rad", "mesh unit", "mesh unit²", "N", "kg"
 XYZ = ("x", "y", "z")
@@ -286,6 +286,60 @@ FOUND_POSES = (
 """Poses of grasps that were found."""
 
 
+def _robust(name: str, part: str = "") -> Callable[[Any], Array | None]:
+    """Numbers of closed jaws; those of tried poses only where a pose error is stated."""
+
+    def values(holder: Any) -> Array | None:
+        robustness = holder.robustness
+        if robustness is None or (part == "tried" and robustness.tried == 1):
+            return None
+        known: Array | None = getattr(robustness, name)
+        return known
+
+    return values
+
+
+ROBUST = (
+    Field("pad_margin", "distance of the contacts from the border of flat pads, the smaller one of "
+          "the jaws; below 0: beside them", "m", (), KNOWN_OR_NAN, of=_robust("pad_margin"),
+          when="gripper"),
+    Field("pad_edge", "distance of the touched patches from that border; `0`: it cuts one off",
+          "m", (), POSITIVE_OR_NAN, of=_robust("pad_edge"), when="gripper"),
+    Field("pressure", "force at hand over the smaller patch", "Pa", (), POSITIVE_OR_NAN,
+          of=_robust("pressure"), when="load"),
+    Field("patch_payload", "mass that the touched patches hold at the worst normals, with the "
+          "force at hand or, where none is known, with 1 N of each finger", KILOGRAMS, (),
+          Allowed(0.0, infinite=math.inf, unknown=True), of=_robust("patch_payload"),
+          when="gripper"),
+    Field("robust_score", "mean over the poses tried, from -1 to 1: $r/(1+r)$ with $r$ the "
+          "`patch_payload` over the mass or, where mass or force are not known, the weight held "
+          "per newton of each finger; at most 0 where the patches do not close at the worst "
+          "normals; -1 where the jaws do not close", "", (), Allowed(-1.0, 1.0),
+          of=_robust("robust_score"), when="gripper"),
+    Field("success_probability", "probability to hold the load for normally distributed errors, "
+          "of which two standard deviations are stated", "", (), Allowed(0.0, 1.0),
+          of=_robust("success_probability"), when="gripper"),
+    Field("label_tried", "the worst `label` of the poses tried; S also requires that the patches "
+          "hold the load, where mass and force are known, and stay on the pads", kind="u1",
+          of=_robust("label_tried"), when="gripper", texts=LETTERS),
+    *(
+        Field(name, meaning, unit, (), allowed, of=_robust(name, "tried"), when="pose error")
+        for name, meaning, unit, allowed in (
+            ("closing_share", "share of the poses tried at which the jaws close", "",
+             Allowed(0.0, 1.0)),
+            ("margin_worst", "smallest `margin` of them; `-inf`: at one the jaws do not close",
+             RADIANS, Allowed(infinite=-math.inf)),
+            ("margin_mean", "mean of those at which they close", RADIANS,
+             Allowed(infinite=-math.inf, unknown=True)),
+            ("epsilon_worst", "smallest epsilon of the poses tried", "", POSITIVE_OR_NAN),
+            ("epsilon_mean", "mean epsilon", "", POSITIVE_OR_NAN),
+            ("score_worst", "smallest score of the poses tried", "", Allowed(-1.0, 1.0)),
+        )
+    ),
+)  # fmt: skip
+"""Numbers of what closed jaws touch, and of poses that are a little wrong."""
+
+
 def _jaw(name: str, number: int) -> Callable[[Any], Array]:
     """What is at one of the jaws."""
     return lambda poses: np.asarray(getattr(poses.jaws, name)[:, number])
@@ -314,5 +368,9 @@ def given_poses(fingers: int = 2) -> tuple[Field, ...]:
               "the jaws touch at different heights", of=attrgetter("jaws.apart"), kind="?"),
         Field("turn", "angle by which a free object has turned between the jaws", RADIANS,
               of=attrgetter("jaws.turn")),
+        Field("shift", "how far object or fingers gave way along the closing axis before the jaws "
+              "closed, as they would have started in the object", LENGTH,
+              of=attrgetter("jaws.shift")),
+        *ROBUST,
         *FORCES,
     )  # fmt: skip

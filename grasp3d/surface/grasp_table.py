@@ -26,6 +26,7 @@ from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import one_line
 from grasp3d.settings.parsing import plain_values
+from grasp3d.settings.pose_error import PoseError
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.stability.located_angles import ContactLimits
 from grasp3d.stability.normal_sets import WorstAndBest
@@ -242,12 +243,25 @@ class GraspTable(LabelledGrasps):
     def closed(self) -> ClosedGrasps | None:
         """What the jaws touch when they close at the poses, with labels and margins.
 
-        Computed when first read; None: no hand, or a hand without poses.
+        At the stated poses; see `at_wrong_poses`. Computed when first read; None: no hand, or a
+        hand without poses.
         """
+        return self._closed(PoseError())
+
+    def _closed(self, pose_error: PoseError) -> ClosedGrasps | None:
         reach, scene = self.reach, self.scene
         if reach is None or scene is None or not self.has_poses:
             return None
-        return close_on(self.mesh, reach, scene, self.model)
+        scene = replace(scene, pose_error=pose_error)
+        return close_on(self.mesh, reach, scene, self.model, self.load_case)
+
+    def at_wrong_poses(self) -> "GraspTable":
+        """The same with `closed` also at the poses that the pose error of the scene allows."""
+        if self.scene is None or not self.scene.pose_error:
+            return self
+        table = self.take(np.arange(self.size))
+        vars(table)["closed"] = self._closed(self.scene.pose_error)
+        return table
 
     @property
     def has_poses(self) -> bool:

@@ -286,7 +286,7 @@ def test_no_grasps_close_on_nothing() -> None:
 
 def test_a_note_says_that_no_label_is_confirmed() -> None:
     """Of a cone that is too steep for the friction most slides out, though some points are M."""
-    best = best_grasps(cone(17.4, 0.2), ALL)
+    best = best_grasps(cone(17.4, 0.2), ALL, distance=10.0)
     best = best.take(np.flatnonzero(after(best) == Label.U))
     assert set(best.label) == {Label.U, Label.M}
     note = best.closed.note(best.label)

@@ -144,9 +144,10 @@ class RingHand:
         posture: ArrayLike | None = None,
         object_motion: str = "fixed",
         friction: float = 0.5,
+        give_way: float = 0.0,
     ) -> ClosedJaws:
         """Each finger moves onto the axis until it touches; the object stays where it is."""
-        del object_motion, friction
+        del object_motion, friction, give_way
         inside = _Beside(self, mesh, None, Approach())
         matrices = np.array(poses, dtype=float)
         joints = np.asarray(posture, dtype=float).reshape(len(matrices), 2)
@@ -173,8 +174,10 @@ class RingHand:
             positions=locked(radii),
             area=locked(np.where(touches, 0.0, 0.0)),
             extents=locked(np.zeros((*radii.shape, 2))),
+            corners=locked(np.repeat(points[:, :, None], 8, axis=2)),
             touch=locked(np.where(touches, Touch.POINT, Touch.NOTHING), np.uint8),
             apart=locked(np.zeros(len(state), np.bool_)),
+            shift=locked(np.zeros(len(state))),
             turn=locked(np.zeros(len(state))),
         )
 

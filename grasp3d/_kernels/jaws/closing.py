@@ -19,7 +19,15 @@ from grasp3d._kernels.jaws.jaws import (
     without_back,
 )
 from grasp3d._kernels.jaws.settling import CLEAR, LEAVES, make_settling, settle
-from grasp3d._kernels.jaws.touching import MIN_DEPTH, Patch, add_mean, add_patch, clear, first_touch
+from grasp3d._kernels.jaws.touching import (
+    MIN_DEPTH,
+    Patch,
+    add_mean,
+    add_patch,
+    clear,
+    extend,
+    first_touch,
+)
 from grasp3d._kernels.surface.face_tree import STACK
 from grasp3d._kernels.surface.vectors import copy_rows
 
@@ -45,6 +53,8 @@ class ClosedOn(NamedTuple):
     """Of the patches (k, 2)."""
     bounds: npt.NDArray[np.float64]
     """Smallest y and z, largest y and z of the patches, in the gripper's frame (k, 2, 4)."""
+    corners: npt.NDArray[np.float64]
+    """Points of the patches that are farthest in eight directions (k, 2, 8, 3)."""
 
 
 @kernel
@@ -64,7 +74,7 @@ def close_on(surface, tree, poses, opening, friction, jaw, first_pose, last_pose
     """
     size = surface.faces.shape[0]
     faces = make_faces(size)
-    patch = Patch(np.empty(4), np.empty(3), np.empty(4))
+    patch = Patch(np.empty(4), np.empty(3), np.empty(8), np.empty((8, 3)))
     scratch = make_scratch()
     memory = make_settling(size if friction >= 0.0 else 0)
     nodes, at_rest = np.empty(STACK, np.int64), without_back(jaw)
@@ -105,8 +115,7 @@ def _close(surface, tree, pose, opening, settled, jaw, k, nodes, faces, scratch,
         touched = patch.moments[0]
         if touched == 0.0:  # a part too small to have an area
             add_mean(scratch.row, 1.0, faces.numbers[face], surface, patch)
-            for i in range(2):
-                patch.bounds[i] = patch.bounds[2 + i] = scratch.row[1 + i]
+            extend(patch, scratch.row[0], scratch.row[1], scratch.row[2])
         _write(patch, touched, side, pose, k, finger, found)
         if settled and jaw.footprint > jaw.compliance:
             clear(patch)
@@ -120,15 +129,22 @@ def _write(patch, touched, side, pose, k, finger, found):
     """Write the mean of a patch as a contact."""
     moments = patch.moments
     _write_normal(patch, k, finger, found)
-    for i in range(3):
-        point = pose[i, 3]
-        for j in range(3):
-            middle = moments[1 + j] / moments[0]
-            point += pose[i, j] * (side * middle if j == 0 else middle)
-        found.points[k, finger, i] = point
+    x, y, z = moments[1] / moments[0], moments[2] / moments[0], moments[3] / moments[0]
+    put(pose, side * x, y, z, found.points[k, finger])
+    for c in range(patch.corners.shape[0]):
+        x, y, z = patch.corners[c, 0], patch.corners[c, 1], patch.corners[c, 2]
+        put(pose, side * x, y, z, found.corners[k, finger, c])
     found.area[k, finger] = touched
-    for i in range(4):
-        found.bounds[k, finger, i] = patch.bounds[i]
+    for i in range(2):
+        found.bounds[k, finger, i] = -patch.reach[4 + 2 * i]
+        found.bounds[k, finger, 2 + i] = patch.reach[2 * i]
+
+
+@part
+def put(pose, x, y, z, point):
+    """Write a point of the gripper's frame in that of the pose (3, 4)."""
+    for i in range(3):
+        point[i] = pose[i, 0] * x + pose[i, 1] * y + pose[i, 2] * z + pose[i, 3]
 
 
 @part

@@ -290,8 +290,17 @@ class Patch(NamedTuple):
     """Area, and the integral of the position over it (4,)."""
     normal: npt.NDArray[np.float64]
     """Integral of the inward normals, in the mesh's frame (3,)."""
-    bounds: npt.NDArray[np.float64]
-    """Smallest y and z, largest y and z (4,)."""
+    reach: npt.NDArray[np.float64]
+    """How far it reaches in the `DIRECTIONS` (8,)."""
+    corners: npt.NDArray[np.float64]
+    """Its points farthest in these directions (8, 3)."""
+
+
+DIRECTIONS = np.array([
+    (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (-1.0, 1.0),
+    (-1.0, 0.0), (-1.0, -1.0), (0.0, -1.0), (1.0, -1.0),
+])  # fmt: skip
+"""Directions along y and z in which the outline of a patch is looked for (8, 2)."""
 
 
 @part
@@ -299,8 +308,7 @@ def clear(patch):
     """Start a patch."""
     patch.moments[:] = 0.0
     patch.normal[:] = 0.0
-    patch.bounds[:2] = math.inf
-    patch.bounds[2:] = -math.inf
+    patch.reach[:] = -math.inf
 
 
 @part
@@ -366,14 +374,19 @@ def _on_pad(faces, i, side, jaw, part, start, limit, scratch, patch):
     if area > 0.0:
         mean[0] += plane[0] + plane[1] * mean[1] + plane[2] * mean[2]
         for j in range(count):
-            _extend(patch.bounds, spare[j, 1], spare[j, 2])
+            x, y, z = spare[j, 0], spare[j, 1], spare[j, 2]
+            extend(patch, x + plane[0] + plane[1] * y + plane[2] * z, y, z)
     return area
 
 
 @part
-def _extend(bounds, y, z):
-    bounds[0], bounds[1] = min(bounds[0], y), min(bounds[1], z)
-    bounds[2], bounds[3] = max(bounds[2], y), max(bounds[3], z)
+def extend(patch, x, y, z):
+    """Add a point to the outline of a patch."""
+    for k in range(DIRECTIONS.shape[0]):
+        far = DIRECTIONS[k, 0] * y + DIRECTIONS[k, 1] * z
+        if far > patch.reach[k]:
+            patch.reach[k] = far
+            patch.corners[k, 0], patch.corners[k, 1], patch.corners[k, 2] = x, y, z
 
 
 @part
@@ -416,24 +429,26 @@ def _in_ball(faces, i, side, jaw, limit, scratch, patch):
         if enters < leaves:
             for f in (enters, leaves):
                 p, q = flat[j, 0] + f * dx, flat[j, 1] + f * dy
-                _extend(patch.bounds, my + p * uy + q * vy, mz + p * uz + q * vz)
-    _extend_by_rim(flat, radius, (my, mz), (uy, uz), (vy, vz), patch.bounds)
+                x, y, z = mx + p * ux + q * vx, my + p * uy + q * vy, mz + p * uz + q * vz
+                extend(patch, x, y, z)
+    _extend_by_rim(flat, radius, (mx, my, mz), (ux, uy, uz), (vx, vy, vz), patch)
     return area
 
 
 @part
-def _extend_by_rim(flat, radius, middle, u, v, bounds):
-    """Extend bounds by the extreme points of a disc along y and z that lie in a triangle."""
-    for axis in range(2):
-        length = math.hypot(u[axis], v[axis])
+def _extend_by_rim(flat, radius, middle, u, v, patch):
+    """Add the extreme points of a disc in the `DIRECTIONS` that lie in a triangle."""
+    for k in range(DIRECTIONS.shape[0]):
+        along = DIRECTIONS[k, 0] * u[1] + DIRECTIONS[k, 1] * u[2]
+        across = DIRECTIONS[k, 0] * v[1] + DIRECTIONS[k, 1] * v[2]
+        length = math.hypot(along, across)
         if length == 0.0:
             continue
-        for sign in (-1.0, 1.0):
-            p, q = sign * radius * u[axis] / length, sign * radius * v[axis] / length
-            inside = True
-            for j in range(3):
-                a, b = flat[j], flat[(j + 1) % 3]
-                inside &= (b[0] - a[0]) * (q - a[1]) - (b[1] - a[1]) * (p - a[0]) >= 0.0
-            if inside:
-                y, z = middle[0] + p * u[0] + q * v[0], middle[1] + p * u[1] + q * v[1]
-                _extend(bounds, y, z)
+        p, q = radius * along / length, radius * across / length
+        inside = True
+        for j in range(3):
+            a, b = flat[j], flat[(j + 1) % 3]
+            inside &= (b[0] - a[0]) * (q - a[1]) - (b[1] - a[1]) * (p - a[0]) >= 0.0
+        if inside:
+            x, y = middle[0] + p * u[0] + q * v[0], middle[1] + p * u[1] + q * v[1]
+            extend(patch, x, y, middle[2] + p * u[2] + q * v[2])
