@@ -35,7 +35,7 @@ def fingers() -> Fingers:
 def close(
     weight: float, *, force: float = FORCE, centre: tuple[float, float, float] = (0, 0, 0),
     box: tuple[float, float, float] = (0, 0, 0), opening: float = 0.05, allowed: float = 0.0,
-    made: Fingers | None = None, corners: Floats | None = None,
+    acceleration: float = 0.0, made: Fingers | None = None, corners: Floats | None = None,
 ) -> tuple[Outcome, float]:  # fmt: skip
     """Close the gripper on a box of a weight [N] whose middle is at `box`; outcome, and opening."""
     (settings,) = settings_in_unit(
@@ -43,6 +43,7 @@ def close(
         SimulationSettings(
             object_mass=weight / GRAVITY, grip_force=force, pull_time=0.2, time_step=2e-3,
             pulled="center_of_mass", max_shift=0.005, give_way=allowed,
+            pull_acceleration=acceleration,
         ),
     )  # fmt: skip
     solid = np.array(trimesh.creation.box(SIZES).vertices) + box if corners is None else corners
@@ -59,6 +60,12 @@ def test_two_pads_hold_a_weight_of_twice_the_friction(
     force: float, part: float, fate: Fate
 ) -> None:
     assert close(part * 2.0 * FRICTION * force, force=force)[0].fate is fate
+
+
+@pytest.mark.parametrize(("part", "fate"), [(0.93, Fate.HELD), (1.07, Fate.PULLED)])
+def test_an_acceleration_adds_to_gravity(part: float, fate: Fate) -> None:
+    weight = part * 2.0 * FRICTION * FORCE / 3.0
+    assert close(weight, acceleration=2.0 * GRAVITY)[0].fate is fate
 
 
 @pytest.mark.parametrize("lever", [0.02, 0.05])
