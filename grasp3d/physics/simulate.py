@@ -153,7 +153,8 @@ MUCH_LEFT_OUT = 0.5
 
 COLUMNS = {
     "pulls_held": "pulls_held", "slip_m": "slip", "shift_m": "shift",
-    "start_shift_m": "start_shift", "turn": "turn", "spin": "spin",
+    "start_shift_m": "start_shift", "squeeze_shift_m": "squeeze_shift",
+    "squeeze_turn": "squeeze_turn", "turn": "turn", "spin": "spin",
 }  # fmt: skip
 """Columns of given poses, and the numbers of an outcome that they have; lengths are in metres."""
 
@@ -385,8 +386,8 @@ def simulate_poses(
     Returns:
         The poses, each as often as there are trials, with the labels and numbers of
         `evaluate_grasps` at them, their simulated `outcome`, which files hold as `success`, and the
-        columns `fate`, `pulls_held`, `slip_m`, `shift_m`, `start_shift_m` [m], `turn` and `spin`
-        [rad]; with a pose error also `trial`, and the true pose in the frame of the given one,
+        columns `fate`, `pulls_held`, `slip_m`, `shift_m` [m], `turn` and `spin` [rad], as it
+        gave way `start_shift_m`, as it was squeezed `squeeze_shift_m` and `squeeze_turn`; with a pose error also `trial`, and the true pose in the frame of the given one,
         `error_x_m` ... [m] and as rotation vector `error_rx` ... [rad].
 
     Raises:

@@ -244,6 +244,8 @@ def test_true_poses_are_drawn_around_the_given_ones() -> None:
     assert (tried.names[0], tried.names[3]) == ("one", "two")
     assert columns["trial"].tolist() == [1, 2, 3, 1, 2, 3]
     assert columns["label"].tolist() == ["S"] * 6
+    assert columns["squeeze_shift_m"].max() < 3e-3  # it is centred between the fingers
+    assert not columns["start_shift_m"].any()
     shifts, turns = (
         np.column_stack([columns[f"error_{name}{end}"] for name in names])
         for names, end in ((("x", "y", "z"), "_m"), (("rx", "ry", "rz"), ""))
