@@ -386,9 +386,10 @@ def simulate_poses(
     Returns:
         The poses, each as often as there are trials, with the labels and numbers of
         `evaluate_grasps` at them, their simulated `outcome`, which files hold as `success`, and the
-        columns `fate`, `pulls_held`, `slip_m`, `shift_m` [m], `turn` and `spin` [rad], as it
-        gave way `start_shift_m`, as it was squeezed `squeeze_shift_m` and `squeeze_turn`; with a pose error also `trial`, and the true pose in the frame of the given one,
-        `error_x_m` ... [m] and as rotation vector `error_rx` ... [rad].
+        columns `fate`, `pulls_held`, `slip_m`, `shift_m` [m], `turn` and `spin` [rad]; where it
+        gave way `start_shift_m`, where it was squeezed `squeeze_shift_m` and `squeeze_turn`; with a
+        pose error also `trial`, and the true pose in the frame of the given one, `error_x_m` ...
+        [m] and as rotation vector `error_rx` ... [rad].
 
     Raises:
         MeshError: It is no mesh.
