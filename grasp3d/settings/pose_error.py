@@ -120,8 +120,10 @@ class PoseError(LengthSettings, TextValue):
 
     def __str__(self) -> str:
         """The text, which `of` reads."""
-        degrees = f"{math.degrees(self.angle):.15g} deg"
-        return f"{self.position},{degrees}" if self.position else degrees
+        degrees = f"{math.degrees(self.angle):.15g}"
+        same = math.radians(float(degrees)) == self.angle
+        angle = f"{degrees} deg" if same else f"{self.angle!r} rad"
+        return f"{self.position},{angle}" if self.position else angle
 
     def __bool__(self) -> bool:
         """Whether any pose but the stated one is possible."""

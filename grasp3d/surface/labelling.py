@@ -28,6 +28,7 @@ from grasp3d.settings import (
     search_cone,
 )
 from grasp3d.settings.costs import check_cost
+from grasp3d.settings.pose_error import PoseError
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_numbers import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
@@ -225,6 +226,7 @@ def label_surface(
     hand: Hand | None = None,
     table: Table | None = None,
     approach: Approach | None = None,
+    pose_error: PoseError | str | None = None,
     scene: Scene | None = None,
     load: Load | None = None,
 ) -> SurfaceLabels:
@@ -245,7 +247,9 @@ def label_surface(
             fingers and more only its round tips are tested.
         table: What the object stands on, which the gripper must not enter; None: nothing.
         approach: Approach directions of the gripper; None: any.
-        scene: The gripper, the table and the approach together, in place of those three.
+        pose_error: How wrong the gripper's poses may be, as a text '5mm,3deg': `best_grasps` then
+            tries wrong poses of the best ones. None: they are exact.
+        scene: The gripper, the table, the approach and the pose error together, in place of those.
         load: What each grasp must hold, and with which force: `labels.holding` then has the grip
             force and payload of each. A gripper brings its greatest force and the torsion radius of
             its pads. It changes neither grasps nor labels. None: nothing.
@@ -301,7 +305,7 @@ def label_surface(
         >>> print(f"{labels.holding.available:g} N hold {held:.1f} kg")
         70 N hold 3.3 kg
     """
-    scene = scene or Scene.given(hand, table, approach)
+    scene = scene or Scene.given(hand, table, approach, pose_error)
     loaded, load = loaded_mesh(load_mesh(mesh), load)
     task = Labelling.of(loaded, model or GraspModel(), sampling, scene, load)
     return task.labels()

@@ -141,24 +141,33 @@ def force_by_program(contacts: Contacts, wrench: Floats, bound: str = "normal") 
     assert contacts.patch is not None
     angles = 0.25 * math.pi * np.arange(8)
     rim = np.stack([np.cos(angles), np.sin(angles)], axis=-1) @ contacts.patch  # (n, 8, 3)
-    count = 8 * contacts.count
+    points = contacts.points[:, None] + rim
+    return force_of_points(points, contacts.normals, contacts.friction, wrench, bound)
+
+
+def force_of_points(
+    points: Floats, normals: Floats, friction: Floats, wrench: Floats, bound: str = "normal"
+) -> float:
+    """The same of hard contacts at points (n, k, 3) of n patches with normals (n, 3)."""
+    patches, size = points.shape[:2]
+    count = size * patches
     columns = 4 * count + 1  # each point's force and share of the bound; then the bound
-    balance, below = np.zeros((6, columns)), np.zeros((contacts.count, columns))
+    balance, below = np.zeros((6, columns)), np.zeros((patches, columns))
     rows, cones = [], [clarabel.ZeroConeT(6)]
     for k in range(count):
-        i = k // 8
-        point, normal = contacts.points[i] + rim[i, k % 8], contacts.normals[i]
+        i = k // size
+        point, normal = points[i, k % size], normals[i]
         balance[:3, 4 * k : 4 * k + 3] = np.eye(3)
         balance[3:, 4 * k : 4 * k + 3] = np.cross(point, np.eye(3)).T
         local = np.eye(columns)[4 * k : 4 * k + 4]
         pressing = normal @ local[:3]
         sideways = (np.eye(3) - np.outer(normal, normal)) @ local[:3]
-        rows += [-contacts.friction[i] * pressing, *-sideways]
+        rows += [-friction[i] * pressing, *-sideways]
         cones.append(clarabel.SecondOrderConeT(4))
         rows += [-local[3], *-(local[:3] if bound == "norm" else np.outer(normal, pressing))]
         cones.append(clarabel.SecondOrderConeT(4))
         below[i] += local[3]
     below[:, -1] = -1.0
-    cones.append(clarabel.NonnegativeConeT(contacts.count))
-    constants = [*-wrench, *[0.0] * (len(rows) + contacts.count)]
+    cones.append(clarabel.NonnegativeConeT(patches))
+    constants = [*-wrench, *[0.0] * (len(rows) + patches)]
     return _solve(np.eye(columns)[-1], [*balance, *rows, *below], constants, cones)[0]

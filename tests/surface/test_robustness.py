@@ -1,0 +1,284 @@
+"""Scores of what closed jaws touch, and of poses that are a little wrong."""
+
+import itertools
+import math
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+import grasp3d
+from grasp3d import GraspModel, Load, ObjectMesh, evaluate_grasps, load_mesh
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.quality.tasks import STANDARD_GRAVITY
+from grasp3d.stability.label import Label
+from grasp3d.surface.robustness import LOST, PAYLOAD_RTOL
+from tests.helpers import shapes
+from tests.helpers.closing_jaws import Floats, pads, pose, random_poses, tips
+from tests.helpers.patches import force_of_points
+
+MODEL = GraspModel()
+BETA = MODEL.effective_friction_angle
+FORCE = 20.0
+
+
+def mesh_of(surface: Any, unit: str = "m") -> ObjectMesh:
+    return load_mesh(surface, unit=unit, max_edge=1e3)
+
+
+@cache
+def box() -> ObjectMesh:
+    return mesh_of(shapes.box((0.06, 0.05, 0.03)))
+
+
+@cache
+def blob() -> ObjectMesh:
+    vertices, faces = shapes.lopsided()
+    return mesh_of((0.025 * vertices, faces))
+
+
+def evaluated(
+    mesh: ObjectMesh, poses: Any, hand: Any = None, *, fixed: bool = False, **options: Any
+) -> EvaluatedPoses:
+    options |= {"object_motion": "fixed"} if fixed else {}
+    result = evaluate_grasps(
+        mesh, np.asarray(poses).reshape(-1, 4, 4), MODEL, hand=hand or pads(), **options
+    )
+    assert isinstance(result, EvaluatedPoses)
+    return result
+
+
+def test_opposed_patches_about_the_centre_of_mass_hold_what_friction_allows() -> None:
+    """Forces of length F within b = beta - alpha/2 of either side of the axis, added up.
+
+    The sums are bounded by the line from (0, 2 F sin b) to F (cos b, sin b), F sin 2b from zero.
+    """
+    load = Load(mass=0.3, grip_force=FORCE)
+    found = evaluated(box(), pose(), load=load).robustness
+    held = FORCE * math.sin(2.0 * BETA) / STANDARD_GRAVITY
+    assert found.patch_payload[0] == pytest.approx(held, rel=PAYLOAD_RTOL)
+    ratio = held / 0.3
+    assert found.robust_score[0] == pytest.approx(ratio / (1.0 + ratio), abs=PAYLOAD_RTOL)
+    assert found.pressure is not None
+    assert found.pressure[0] == pytest.approx(FORCE / (0.02 * 0.01), rel=1e-5)
+
+
+def test_without_a_load_the_score_is_of_weight_per_force() -> None:
+    found = evaluated(box(), pose()).robustness
+    ratio = math.sin(2.0 * BETA)
+    assert found.patch_payload[0] * STANDARD_GRAVITY == pytest.approx(ratio, rel=PAYLOAD_RTOL)
+    assert found.robust_score[0] == pytest.approx(ratio / (1.0 + ratio), abs=PAYLOAD_RTOL)
+    assert found.pressure is None
+    assert not found.by_mass
+
+
+@pytest.mark.slow
+def test_payloads_are_those_of_cone_programs() -> None:
+    """Least force of a program in the hardest of many directions of weight, on a lopsided blob."""
+    mesh = blob()
+    results = evaluated(mesh, random_poses(60, 0.004, seed=2), pads(compliance=0.002))
+    found, compared = results.robustness, 0
+    random = np.random.default_rng(0)
+    directions = random.standard_normal((300, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    friction = np.full(2, math.tan(BETA))
+    for row in np.flatnonzero(found.patch_payload > 0.01)[:6]:
+        points = results.jaws.corners[row] - mesh.center_mass
+        normals = results.jaws.normals[row]
+
+        def force(direction: Floats, points: Any = points, normals: Any = normals) -> float:
+            wrench = np.append(direction, np.zeros(3))
+            return force_of_points(points, normals, friction, wrench, "norm")
+
+        needed = 1.0 / (found.patch_payload[row] * STANDARD_GRAVITY)  # per newton of weight
+        forces = np.array([force(one) for one in directions])
+        assert forces.max() <= needed * (1.0 + 1e-6)
+        worst = directions[forces.argmax()]
+        for step in (0.1, 0.03, 0.01):  # climb to the hardest direction
+            for _ in range(12):
+                other = worst + step * random.standard_normal(3)
+                other /= np.linalg.norm(other)
+                if force(other) > force(worst):
+                    worst = other
+        assert force(worst) >= needed * (1.0 - 2.0 * PAYLOAD_RTOL)
+        compared += 1
+    assert compared == 6
+
+
+def test_a_patch_that_hangs_over_the_pad_carries_less() -> None:
+    """The centre of mass is on the axis of the box, the contacts move away from it along z."""
+    tall = mesh_of(shapes.box((0.03, 0.03, 0.12)))
+    poses = [pose((0.0, 0.0, height)) for height in (0.0, 0.02, 0.057, 0.064)]
+    found = evaluated(tall, poses, fixed=True).robustness
+    assert (np.diff(found.patch_payload) < 0.0).all()
+    assert found.pad_margin is not None
+    # Half the pad is 5 mm; of the last one the lower millimetre touches.
+    np.testing.assert_allclose(found.pad_margin, [0.005, 0.005, 0.004, 0.0005], atol=1e-8)
+    np.testing.assert_allclose(found.pad_edge, 0.0, atol=1e-8)
+
+
+def test_a_patch_inside_the_pad_has_a_distance_from_its_border() -> None:
+    thin = mesh_of(shapes.box((0.03, 0.004, 0.002)))
+    found = evaluated(thin, pose((0.0, 0.001, 0.002)), fixed=True).robustness
+    assert found.pad_margin is not None
+    assert found.pad_edge is not None
+    np.testing.assert_allclose(found.pad_margin, 0.003, atol=1e-8)
+    np.testing.assert_allclose(found.pad_edge, 0.002, atol=1e-8)
+
+
+def test_what_does_not_close_is_lost() -> None:
+    found = evaluated(box(), pose((0.2, 0.0, 0.0)), load=Load(mass=0.1)).robustness
+    assert found.robust_score[0] == LOST
+    assert found.label_tried[0] == Label.U
+    assert (found.closing_share[0], found.margin_worst[0], found.success_probability[0]) == (
+        0.0, -math.inf, 0.0,
+    )  # fmt: skip
+
+
+def test_patches_that_do_not_close_have_the_angle_that_they_lack() -> None:
+    """Wedge of 2 x 20 degrees: friction holds 22 degrees at best beside alpha/2, so it is fixed."""
+    angle = math.radians(20.0)
+    half = 0.1 * math.tan(angle)
+    corners = [[-half, y, 0.0] for y in (-0.02, 0.02)] + [[half, y, 0.0] for y in (-0.02, 0.02)]
+    corners += [[0.0, y, 0.1] for y in (-0.02, 0.02)]
+    wedge = trimesh.Trimesh(corners).convex_hull
+    found = evaluated(
+        mesh_of(wedge), pose((0.0, 0.0, 0.05)), pads(compliance=1e-5), fixed=True
+    ).robustness
+    assert found.robust_score[0] == pytest.approx((BETA - angle) / math.pi, abs=2e-3)
+
+
+def test_without_errors_and_load_tried_labels_are_the_labels() -> None:
+    results = evaluated(blob(), random_poses(150, 0.01, seed=3), pads(compliance=0.002))
+    found = results.robustness
+    np.testing.assert_array_equal(found.label_tried, results.label)
+    assert found.tried == 1
+    assert set(results.label) == {Label.U, Label.M, Label.S}
+    closed = results.jaws.closed
+    np.testing.assert_array_equal(found.margin_worst[closed], results.margin[closed])
+    np.testing.assert_allclose(found.epsilon_mean[closed], results.epsilon[closed], rtol=0.03)
+
+
+@pytest.mark.slow
+def test_larger_errors_are_never_better() -> None:
+    poses = random_poses(40, 0.008, seed=5)
+    errors = ["0", "0.5mm", "0.7mm,0.5deg", "2mm,0.6deg", "2mm,3deg", "5mm,3deg", "7mm,5deg"]
+    found = [
+        evaluated(blob(), poses, pads(compliance=0.002), pose_error=error).robustness
+        for error in errors
+    ]
+    for small, large in itertools.pairwise(found):
+        assert (large.margin_worst <= small.margin_worst).all()
+        assert (large.epsilon_worst <= small.epsilon_worst).all()
+        assert (large.score_worst <= small.score_worst).all()
+        assert (large.label_tried <= small.label_tried).all()
+    assert (found[-1].label_tried < found[0].label_tried).any()
+
+
+@pytest.mark.slow
+def test_turning_the_scene_changes_nothing() -> None:
+    turn = np.eye(4)
+    turn[:3, :3] = Rotation.from_euler("xyz", [0.7, -1.1, 2.0]).as_matrix()
+    vertices, faces = shapes.lopsided()
+    turned = mesh_of((0.025 * vertices @ turn[:3, :3].T, faces))
+    poses = random_poses(30, 0.006, seed=8)
+    load = Load(mass=0.2, grip_force=FORCE)
+    hand = pads(compliance=0.002)
+    one, two = (
+        evaluated(mesh, where, hand, pose_error="2mm,1deg", load=load).robustness
+        for mesh, where in ((blob(), poses), (turned, turn @ poses))
+    )
+    for name in ("margin_worst", "patch_payload", "robust_score", "pad_margin", "label_tried"):
+        np.testing.assert_allclose(
+            getattr(one, name), getattr(two, name), rtol=2.0 * PAYLOAD_RTOL, atol=1e-4, err_msg=name
+        )
+
+
+def test_lengths_scale_the_distance_from_the_border() -> None:
+    lengths = ("max_opening", "pad_width", "pad_height", "finger_thickness", "finger_width",
+               "finger_length", "palm_thickness", "palm_width", "palm_length", "compliance",
+               "clearance")  # fmt: skip
+    small = pads(compliance=0.002)
+    large = replace(small, **{name: 2.0 * getattr(small, name) for name in lengths})
+    vertices, faces = shapes.lopsided()
+    twice = mesh_of((0.05 * vertices, faces))
+    poses = random_poses(20, 0.006, seed=9)
+    scaled = poses.copy()
+    scaled[:, :3, 3] *= 2.0
+    one = evaluated(blob(), poses, small).robustness
+    two = evaluated(twice, scaled, large).robustness
+    np.testing.assert_allclose(2.0 * one.pad_margin, two.pad_margin, atol=1e-7)
+
+
+def test_a_contact_within_the_error_of_the_border_is_not_sure() -> None:
+    """4 mm inside the pad's end: S at an error of 3 mm, M at one of 4.5 mm."""
+    tall = mesh_of(shapes.box((0.03, 0.03, 0.12)))
+    at = pose((0.0, 0.0, 0.057))
+    for error, label in (("3mm", Label.S), ("4.5mm", Label.M)):
+        results = evaluated(tall, at, pose_error=error)
+        assert results.label[0] == Label.S
+        assert results.robustness.label_tried[0] == label
+
+
+def test_a_load_that_patches_do_not_hold_is_not_sure() -> None:
+    held = FORCE * math.sin(2.0 * BETA) / STANDARD_GRAVITY
+    for mass, label in ((0.9 * held, Label.S), (1.1 * held, Label.M)):
+        results = evaluated(box(), pose(), load=Load(mass=mass, grip_force=FORCE))
+        assert results.robustness.label_tried[0] == label
+
+
+def test_probability_is_that_of_tilts_at_a_known_pose() -> None:
+    """Opposed faces: both normals may tilt by the angle of friction before they do not close."""
+    found = evaluated(box(), pose()).robustness
+    deviation = MODEL.sensor_resolution / 4.0
+    within = 1.0 - math.exp(-0.5 * (MODEL.friction_angle / deviation) ** 2)
+    assert found.success_probability[0] == pytest.approx(within**2, rel=1e-6)
+
+
+def test_fingers_that_start_in_the_object_by_less_than_the_error_give_way() -> None:
+    """The box of 60 mm is 12 mm off the middle of a stroke of 80: 2 mm of it are in a finger."""
+    off = pose((0.012, 0.0, 0.0))
+    refused = evaluated(box(), off)
+    assert not refused.jaws.closed[0]
+    short = evaluated(box(), off, pose_error="0.5mm")
+    assert not short.jaws.closed[0]
+    given = evaluated(box(), off, pose_error="4mm")
+    assert given.jaws.closed[0]
+    assert given.label[0] == Label.S
+    assert 0.0 < abs(given.jaws.shift[0]) <= 0.004
+    assert given.robustness.label_tried[0] == Label.U
+    assert given.robustness.margin_worst[0] == -math.inf
+    assert given.to_table()["shift"].to_pylist() == [given.jaws.shift[0]]
+
+
+def test_both_fingers_in_the_object_give_way_outward() -> None:
+    wide = mesh_of(shapes.box((0.083, 0.05, 0.03)))
+    assert not evaluated(wide, pose()).jaws.closed[0]
+    found = evaluated(wide, pose(), pose_error="3mm")
+    assert found.jaws.closed[0]
+    assert found.jaws.opening[0] == pytest.approx(0.083, rel=1e-6)
+
+
+def test_round_tips_have_no_border() -> None:
+    found = evaluated(box(), pose(), tips()).robustness
+    assert found.pad_margin is None
+    assert found.robust_score[0] > 0.0
+
+
+@pytest.mark.slow
+def test_grasps_that_tolerate_errors_come_first() -> None:
+    mesh = load_mesh(shapes.box((0.05, 0.04, 0.03)), unit="m", max_edge=0.01)
+    labels = grasp3d.label_surface(mesh, MODEL, hand=pads(), pose_error="3mm,2deg")
+    best = grasp3d.best_grasps(labels, 6)
+    assert best.closed is not None
+    assert best.closed.robustness is not None
+    assert best.closed.robustness.tried > 1
+    score = best.closed.number("robust_score")
+    codes = best.closed.number("label_tried")
+    assert (np.diff(codes) <= 0).all()
+    same = np.diff(codes) == 0
+    assert (np.diff(score)[same] <= 0.05 + 1e-9).all()
