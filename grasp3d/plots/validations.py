@@ -16,7 +16,7 @@ from grasp3d.hand.scene import Scene
 from grasp3d.hand.shapes import hand_triangles
 from grasp3d.hand.triangles import COLORS, Part
 from grasp3d.plots.figures import LABEL_COLORS, LINES, PAGE, label_patches, new_figure, styled
-from grasp3d.plots.rendering import Finger, View, picture
+from grasp3d.plots.rendering import Finger, picture
 from grasp3d.plots.views import GraspViews
 from grasp3d.settings.lengths import METRES
 from grasp3d.stability.label import MEANING, Label
@@ -181,11 +181,15 @@ def draw_disagreement(one: Disagreement) -> Bytes:
     Raises:
         OutputError: OpenGL is not available.
     """
-    mesh = one.mesh
+    grasp, mesh = one.grasp, one.grasp.mesh
     assert mesh.unit is not None  # evaluated poses have a unit
-    widest = one.hand.max_opening / METRES[mesh.unit]
-    opening = max(one.opening, 0.0) if math.isfinite(one.opening) else widest
-    hand = hand_triangles(one.hand, opening, pose=one.pose, unit=mesh.unit)
+    (opening,) = np.maximum(grasp.opening, 0.0)
+    if math.isnan(opening):
+        opening = grasp.hand.max_opening / METRES[mesh.unit]
+    # The gripper is between the contacts where its jaws close.
+    pose = grasp.jaws.poses[0].copy()
+    pose[:3, 3] += np.nan_to_num(grasp.jaws.offset[0]) * pose[:3, 0]
+    hand = hand_triangles(grasp.hand, opening, pose=pose, unit=mesh.unit)
     corners = hand.vertices[hand.faces]  # (F, 3, 3)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     parts = np.array([COLORS[part] for part in Part], dtype=np.uint8)
@@ -194,23 +198,16 @@ def draw_disagreement(one: Disagreement) -> Bytes:
     body = np.tile(np.array(OBJECT, dtype=np.uint8), (len(mesh.vertices), 1))
     colors = np.concatenate([body, np.repeat(parts[hand.parts], 3, axis=0)])
     shading = np.concatenate([-mesh.normals, np.repeat(unit_rows(normals), 3, axis=0)])
-    view, fingers = _view(one, opening), _fingers(one)
+    # The view shows both pads, with or without contacts.
+    across = np.outer([1.0, -1.0], pose[:3, 0])
+    view = GraspViews(mesh, Scene(grasp.hand)).best(
+        pose[:3, 3] + 0.5 * opening * across, -across,
+        GripperPose(pose, opening, math.nan, math.nan, math.nan),
+    )  # fmt: skip
+    contacts = zip(grasp.jaws.points[0], grasp.jaws.normals[0], strict=True)
+    fingers = [Finger(*contact) for contact in contacts if np.isfinite(contact[0]).all()]
     both, alone = (
         picture(points, faces, colors, normals=shading, view=view, size=PIXELS, fingers=fingers)
         for faces in (np.concatenate([mesh.faces, beside]), mesh.faces)
     )  # the same points, so that both pictures have the same camera
     return np.asarray(np.rint(OPACITY * both + (1.0 - OPACITY) * alone), dtype=np.uint8)
-
-
-def _fingers(one: Disagreement) -> list[Finger]:
-    pairs = zip(one.points, one.normals, strict=True)
-    return [Finger(point, normal) for point, normal in pairs if np.isfinite(point).all()]
-
-
-def _view(one: Disagreement, opening: float) -> View:
-    """The view that shows both pads, with or without contacts."""
-    center, across = one.pose[:3, 3], np.outer([1.0, -1.0], one.pose[:3, 0])
-    pose = GripperPose(one.pose, opening, math.nan, math.nan, math.nan)
-    return GraspViews(one.mesh, Scene(one.hand)).best(
-        center + 0.5 * opening * across, -across, pose
-    )

@@ -8,13 +8,12 @@ from typing import Literal
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.arrays import Bools, Bytes, Floats, Ints, short_repr
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing, Touch
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaws import metres_per_unit
-from grasp3d.mesh import ObjectMesh
 from grasp3d.stability.label import Label
 from grasp3d.system.counts import short_number
 
@@ -188,17 +187,8 @@ class Disagreement:
     """[rad]; nan: the jaws do not close."""
     causes: tuple[Cause, ...]
     """Likely reasons, judged by its numbers."""
-    mesh: ObjectMesh
-    hand: Hand
-    pose: Floats
-    """The gripper's pose in the mesh's frame, between the contacts where the jaws close, shape
-    (4, 4)."""
-    opening: float
-    """[mesh unit]; nan: the jaws do not close."""
-    points: Floats
-    """Contacts [mesh unit], shape (2, 3); nan: none."""
-    normals: Floats
-    """Unit normals into the object, shape (2, 3)."""
+    grasp: EvaluatedPoses
+    """The grasp alone."""
 
     __repr__ = short_repr
 
@@ -235,7 +225,13 @@ class Disagreements:
                 most = self.most if key == kind else min(self.most, 1)
                 found = np.flatnonzero(own & mask)
                 new = [
-                    _disagreement(kind, poses, numbers, reasons, row, int(rows[row]))
+                    Disagreement(
+                        kind,
+                        int(rows[row]),
+                        float(numbers["margin"][row]),
+                        causes_of(numbers, reasons, row),
+                        poses.take(np.array([row])),
+                    )
                     for row in found[np.argsort(keys[found], kind="stable")][:most].tolist()
                 ]
                 self.greatest[key] = sorted([*self.greatest[key], *new], key=_order)[:most]
@@ -293,28 +289,3 @@ def _order(one: Disagreement) -> tuple[float, int]:
     if one.kind == "held_open":
         return 0.0, one.row
     return (-one.margin if one.kind == "failed" else one.margin), one.row
-
-
-def _disagreement(
-    kind: Kind,
-    poses: EvaluatedPoses,
-    numbers: Numbers,
-    reasons: Mapping[Reason, Bools],
-    row: int,
-    number: int,
-) -> Disagreement:
-    pose = poses.jaws.poses[row].copy()
-    offset = float(poses.jaws.offset[row])
-    pose[:3, 3] += (offset if math.isfinite(offset) else 0.0) * pose[:3, 0]
-    return Disagreement(
-        kind=kind,
-        row=number,
-        margin=float(numbers["margin"][row]),
-        causes=causes_of(numbers, reasons, row),
-        mesh=poses.mesh,
-        hand=poses.hand,
-        pose=locked(pose),
-        opening=float(poses.opening[row]),
-        points=locked(poses.jaws.points[row]),
-        normals=locked(poses.jaws.normals[row]),
-    )

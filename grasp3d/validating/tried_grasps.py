@@ -164,6 +164,7 @@ def check_grasps(
     meshes: Path | None = None,
     hand: Hand | None = None,
     outcome: Outcome | None = None,
+    load: Load | None = None,
     **stated: Any,
 ) -> list[TriedGrasps]:
     """Check grasps before any work: outcomes, gripper and mesh of each.
@@ -174,14 +175,15 @@ def check_grasps(
         meshes: Folder in which these are looked up.
         hand: The gripper of all of them; None: each file names its own.
         outcome: Which of their values are outcomes; None: those of each format.
+        load: What each grasp must hold; without a mass those of the grasps are used.
         stated: What else is stated of the files, as `read_poses` takes it.
 
     Returns:
         The grasps of each source, in their order; at least one has outcomes.
 
     Raises:
-        ContactError: A file is missing or damaged, has other values than outcomes, none has
-            outcomes, or all are alike that `outcome` names.
+        ContactError: A file is missing or damaged, has other values than outcomes or masses, none
+            has outcomes, or all are alike that `outcome` names.
         SettingError: The gripper is not known.
         MeshError: A mesh is not found.
     """
@@ -191,7 +193,9 @@ def check_grasps(
     checked: list[TriedGrasps] = []
     for source in sources:
         room = KEPT - sum(tried.count for tried in checked if tried.kept is not None)
-        checked.append(_checked(source, mesh, folder, hand, {"outcome": outcome, **stated}, room))
+        checked.append(
+            _checked(source, mesh, folder, hand, {"outcome": outcome, **stated}, room, load)
+        )
     if not any(grasps.count for grasps in checked):
         names = ", ".join(grasps.name for grasps in checked[:5])
         raise ContactError(f"{names}: no outcome is known of any grasp; {OUTCOMES}")
@@ -217,6 +221,7 @@ def _checked(
     hand: Hand | None,
     stated: Mapping[str, Any],
     room: int,
+    load: Load | None,
 ) -> TriedGrasps:
     if isinstance(source, GraspPoses):
         path, poses, name, acronym = None, with_outcomes(source, stated["outcome"]), "poses", False
@@ -235,6 +240,11 @@ def _checked(
             raise SettingError("poses in memory need the mesh of their object: mesh=...")
         mesh = folder.find(poses.object_file, path)
     tried = ~np.isnan(poses.outcome)
+    if not _has_mass(load):
+        try:
+            _mass_column(poses.take(np.flatnonzero(tried)))
+        except ContactError as error:
+            raise ContactError(f"{name}: {error}") from error
     return TriedGrasps(
         name=name,
         path=path,
@@ -339,7 +349,7 @@ def stated_object(
     if center_from == "given" and not own_center:
         center_from = "file"
     masses, origin = np.full(poses.count, math.nan), ""
-    if load is not None and (load.mass is not None or load.density is not None):
+    if _has_mass(load):
         origin = "given"
     elif (stated := _mass_column(poses)) is not None:
         origin, masses = stated
@@ -387,6 +397,10 @@ def _centered(mesh: ObjectMesh, center: Floats) -> ObjectMesh:
         options=replace(mesh.options, center_of_mass=(x, y, z)),
         report=replace(mesh.report, center_mass_from="given"),
     )
+
+
+def _has_mass(load: Load | None) -> bool:
+    return load is not None and (load.mass is not None or load.density is not None)
 
 
 def _mass_column(poses: GraspPoses) -> tuple[str, Floats] | None:

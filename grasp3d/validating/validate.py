@@ -295,6 +295,7 @@ def validate_grasps(
         meshes=None if meshes is None else Path(meshes),
         hand=hand or reach.hand,
         outcome=outcome,
+        load=load,
         format=format,
         object_pose=object_pose,
         frame=None if frame in (None, AUTO) else GripperFrame.of(frame),

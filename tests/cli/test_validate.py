@@ -217,11 +217,11 @@ def test_light_and_heavy_grasps_are_one_run(folder: Path) -> None:
     assert set(table["mass"].tolist()) == {0.03, 1.2}
     assert "mass 50 g, as given;" in printed(*given, "--mass", "50g", cwd=folder)
     masses[[2, 5]] = ["", "-3 g"]
-    for message in ("grasp_3 has no object_mass, which", "object_mass of grasp_6 must be finite"):
+    for problem in ("grasp_3 has no object_mass, which", "object_mass of grasp_6 must be finite"):
         write_poses(folder / "both.csv", replace(tried(held), columns={"object_mass": masses}))
         done = grasp3d(*given, "-o", "new", cwd=folder)
         assert done.returncode == 2
-        assert message in done.stderr
+        assert f"both.csv: {problem}" in done.stderr
         assert done.stderr.strip().count("\n") == 0
         masses[2] = "1 kg"
     assert not (folder / "new").exists()

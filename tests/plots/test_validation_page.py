@@ -134,7 +134,7 @@ def test_pictures_show_object_gripper_and_contacts() -> None:
         assert (red - blue > 25).mean() > 0.01  # the object
         grey = (np.ptp(pixels, axis=1) < 16) & (red < 235)
         assert grey.mean() > 0.03  # the gripper
-        closed = np.isfinite(one.points).all()
+        closed = np.isfinite(one.grasp.jaws.points).all()
         assert ((pixels.max(axis=1) < 60).mean() > 0.002) == closed  # the contacts
     one = found().disagreements[0]
     assert draw_disagreement(one).shape == (360, 420, 3)
