@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from grasp3d.arrays import Bools, Bytes, Floats, locked, short_repr
-from grasp3d.contact.contacts import Contacts
+from grasp3d.contact.contacts import Contacts, evenly_pressed_radius
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.closing import inner_faces
@@ -71,6 +71,9 @@ class ClosedNumbers:
     ratio: Floats
     """Force at hand over the force that the patches need at the worst normals to hold what must be
     held; where mass or force are not known, the weight that they hold per newton of each finger."""
+    even_ratio: Floats
+    """The same of patches that are pressed evenly, and so resist no more torsion than soft pads;
+    where mass or force are not known, `ratio`."""
     score: Floats
     """See `Robustness.robust_score`."""
     spare: Floats
@@ -95,7 +98,7 @@ class ClosedNumbers:
         shape, contacts = closes.shape, JawContacts.of(mesh, jaws)
         label, found = np.zeros(shape, dtype=np.uint8), contacts.contacts(model)
         margin, spare = np.full((2, *shape), -math.inf)
-        epsilon, held, ratio, score = np.zeros((4, *shape))
+        epsilon, held, ratio, even, score = np.zeros((5, *shape))
         score[~closes] = LOST
         if contacts.size:
             angles = critical_friction_angle(found)
@@ -110,9 +113,10 @@ class ClosedNumbers:
             epsilon[closes] = epsilon_with(found, options).lower
             forces = _PatchForces.of(contacts, angles, model, case)
             held[closes], ratio[closes] = forces.payload, forces.ratio
+            even[closes] = forces.even_ratio
             score[closes], spare[closes] = forces.score, forces.spare
         clear = closes & (jaws.shift == 0.0)
-        return cls(closes, clear, label, margin, epsilon, held, ratio, score, spare)
+        return cls(closes, clear, label, margin, epsilon, held, ratio, even, score, spare)
 
     def reshaped(self, *shape: int) -> "ClosedNumbers":
         """The same in another shape."""
@@ -137,6 +141,7 @@ class _PatchForces:
 
     payload: Floats
     ratio: Floats
+    even_ratio: Floats
     score: Floats
     spare: Floats
 
@@ -145,42 +150,66 @@ class _PatchForces:
         cls, contacts: JawContacts, angles: Floats, model: GraspModel, case: LoadCase | None
     ) -> "_PatchForces":
         """Of grasps whose jaws close, with critical angles of points (b,)."""
-        fingers, count = contacts.jaws.corners.shape[1:3]
-        corners = contacts.jaws.corners - contacts.mesh.center_mass  # (b, n, m, 3)
-        pressed = Contacts(
-            corners.reshape(len(corners), -1, 3),
-            np.repeat(contacts.jaws.normals, count, axis=1),
-            np.repeat(np.broadcast_to(model.friction_bounds[0], fingers), count),
-        )
-        tilt = np.repeat(np.broadcast_to(model.tilt_of_fingers, fingers), count)
-        task = Weight() if case is None else case.task
-        force = 1.0 if case is None or case.available is None else case.available
+        jaws = contacts.jaws
         decided = case is not None and case.decided and case.available is not None
-        options: dict[str, Any] = {
-            "tilt": tilt, "bound": "norm", "rtol": PAYLOAD_RTOL, "group": count
-        }  # fmt: skip
-        if task.mass is None:
-            held = np.full(len(angles), math.nan)
-            with np.errstate(divide="ignore"):
-                ratio = force / force_at_worst(pressed, task, **options)
-        else:
-            held = payload(pressed, task, force, **options)
-            weight = held * STANDARD_GRAVITY / force
-            ratio = held / case.mass if decided and case is not None and case.mass else weight
+        held, ratio = _held(jaws.corners, contacts, model, case, decided=decided)
+        even = ratio
+        if decided:
+            middle = jaws.corners.mean(axis=2, keepdims=True)
+            arms = jaws.corners - middle  # (b, n, m, 3)
+            farthest = np.linalg.norm(arms, axis=-1).max(axis=-1)
+            radius = evenly_pressed_radius(0.5 * jaws.extents, jaws.area)
+            share = np.minimum(radius / np.where(farthest > 0.0, farthest, math.inf), 1.0)
+            pressed = middle + share[..., None, None] * arms
+            _, even = _held(pressed, contacts, model, case, decided=decided)
         least = angles  # of the patches, no larger
-        if fingers == len(PAIR):
+        if angles.size and jaws.area.shape[1] == len(PAIR):
             patches = contacts.contacts(GraspModel(contact="patch"))
             least = np.minimum(angles, critical_friction_angle(patches))
-        short = np.minimum(model.effective_friction_angle - least, 0.0)
-        score = np.where(ratio > 0.0, ratio / (1.0 + ratio), np.maximum(short / math.pi, LOST))
         closing = model.effective_friction_angle - least
+        short = np.maximum(np.minimum(closing, 0.0) / math.pi, LOST)
+        score = np.where(ratio > 0.0, ratio / (1.0 + ratio), short)
         spare = closing + model.tilt
         if decided:
             # The payload grows from 0, where the patches just close, about in proportion.
             with np.errstate(divide="ignore", invalid="ignore"):
-                loaded = np.where(ratio > 0.0, np.maximum(closing, 0.0) / ratio, math.inf)
+                loaded = np.where(even > 0.0, np.maximum(closing, 0.0) / even, math.inf)
             spare = spare - loaded
-        return cls(held, ratio, score, spare)
+        return cls(held, ratio, even, score, spare)
+
+
+def _held(
+    corners: Floats,
+    contacts: JawContacts,
+    model: GraspModel,
+    case: LoadCase | None,
+    *,
+    decided: bool,
+) -> tuple[Floats, Floats]:
+    """Payload [kg] and ratio of patches that are pressed at corners (b, n, m, 3).
+
+    As in `ClosedNumbers`; `decided`: whether mass and force are known.
+    """
+    fingers, count = corners.shape[1:3]
+    pressed = Contacts(
+        (corners - contacts.mesh.center_mass).reshape(len(corners), -1, 3),
+        np.repeat(contacts.jaws.normals, count, axis=1),
+        np.repeat(np.broadcast_to(model.friction_bounds[0], fingers), count),
+    )
+    task = Weight() if case is None else case.task
+    force = 1.0 if case is None or case.available is None else case.available
+    options: dict[str, Any] = {
+        "tilt": np.repeat(np.broadcast_to(model.tilt_of_fingers, fingers), count),
+        "bound": "norm", "rtol": PAYLOAD_RTOL, "group": count,
+    }  # fmt: skip
+    if task.mass is None:
+        with np.errstate(divide="ignore"):
+            ratio = force / force_at_worst(pressed, task, **options)
+        return np.full(len(ratio), math.nan), ratio
+    held = payload(pressed, task, force, **options)
+    known = case.mass if decided and case is not None else None
+    mass = known or force / STANDARD_GRAVITY
+    return held, held / mass
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,9 +254,10 @@ class Robustness:
     label_tried: Bytes
     """`Label` codes: the worst of the poses tried, shape (k,).
 
-    S also requires that the patches hold the load at the worst normals, where mass and force are
-    known, and that contacts stay on the pads wherever the position error shifts them. A pose at
-    which a finger starts in the object is U. Without errors and without a load it is the label."""
+    S also requires that the patches, pressed evenly, hold the load at the worst normals, where mass
+    and force are known, and that contacts stay on the pads wherever the position error shifts
+    them. A pose at which a finger starts in the object is U. Without errors and without a load it
+    is the label."""
     success_probability: Floats
     """Probability that the grasp holds the load (or closes, where mass or force are not known), for
     normally distributed errors, shape (k,).
@@ -293,7 +323,7 @@ def robustness_of(
     if every.label.shape[1] > 1:
         codes = np.where(every.clear, codes, Label.U)
     if by_mass:
-        codes = np.where(every.ratio < 1.0, np.minimum(codes, Label.M), codes)
+        codes = np.where(every.even_ratio < 1.0, np.minimum(codes, Label.M), codes)
     codes = codes.min(axis=1)
     metres, margin, edge = metres_per_unit(mesh), None, None
     if (pads := scene.jaws) and not pads.round_tips:
