@@ -7,7 +7,7 @@ from grasp3d.system.counts import counted, noun
 from grasp3d.validating.intervals import wilson
 from grasp3d.validating.qualities import mean_over_objects
 from grasp3d.validating.success import Calibration, MarginThreshold
-from grasp3d.validating.tried_grasps import COLUMN
+from grasp3d.validating.tried_grasps import COLUMN, ONE
 from grasp3d.validating.validation import ValidatedFile, Validation
 
 MIN_BINS = 2
@@ -141,7 +141,8 @@ def degrees(angle: float) -> str:
 def _source(one: ValidatedFile) -> str:
     parts = [f"gripper {one.hand}, {one.hand_from}"]
     if one.mass is None:
-        parts.append("mass not known, so no grip force (give it with --mass)")
+        without = "forces are for 1 kg" if one.mass_from == ONE else "no grip force"
+        parts.append(f"mass not known, so {without} (give it with --mass)")
     else:
         masses = " to ".join(dict.fromkeys(map(_mass, one.mass)))
         parts.append(f"mass {masses}, {_origin(one.mass_from)}")

@@ -297,7 +297,7 @@ class StatedObject:
     masses: Floats
     """Mass at each pose [kg], shape (k,); nan: not known."""
     mass_from: str
-    """given, file, column NAME, or empty."""
+    """given, file, column NAME, `ONE`, or empty."""
     center_from: str
     """given, file, or what the mesh's report says: volume or surface."""
     warnings: tuple[str, ...] = ()
@@ -316,8 +316,8 @@ class StatedObject:
             yield rows[self.masses[rows] == mass], replace(self.load or Load(), mass=mass)
 
 
-COLUMN = "column "
-"""Start of the origin of masses of single grasps."""
+COLUMN, ONE = "column ", "1 kg"
+"""Start of the origin of masses of single grasps, and that of a load whose mass is not known."""
 
 
 def stated_object(
@@ -354,12 +354,12 @@ def stated_object(
     elif (stated := _mass_column(poses)) is not None:
         origin, masses = stated
     elif (mass := poses.settings.get("mass")) is not None:
-        load, origin = (
-            replace(load or Load(), mass=_mass(mass, "the mass that the grasps state")),
-            "file",
-        )
+        mass, origin = _mass(mass, "the mass that the grasps state"), "file"
+        load = replace(load or Load(), mass=mass)
+    elif load is not None:
+        origin = ONE
     warnings: tuple[str, ...] = ()
-    if center_from == "surface" and (origin or load is not None):
+    if center_from == "surface" and origin:
         warnings = (f"{mesh.report.source}: {OPEN} (--center-of-mass)",)
         mesh = _centered(mesh, mesh.center_mass)
     mesh, load = loaded_mesh(mesh, load)

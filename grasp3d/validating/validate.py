@@ -374,9 +374,10 @@ def _warnings(evaluation: Evaluation, grasps: ScoredGrasps) -> Iterator[str]:
         )
     heavy = [one.name for one in evaluation.files if one.mass is not None]
     if 0 < len(heavy) < len(evaluation.files):
+        lack = "have the worst forces" if evaluation.load is None else "are loaded with 1 kg"
         yield (
             f"the mass is known in {len(heavy)} of {len(evaluation.files)} files only: grasps of "
-            "the others have the worst value of the scores that need it"
+            f"the others {lack}"
         )
     if len({one.sensor_resolution for one in evaluation.models}) > 1:
         yield "the grippers state different sensor resolutions: labels and margins are of each"

@@ -46,10 +46,9 @@ class ValidatedFile:
     hand_from: str
     """In words."""
     mass: tuple[float, float] | None
-    """Smallest and largest [kg]; None: not known, and no grip force is computed unless a load is
-    given."""
+    """Smallest and largest [kg]; None: not known, so no forces are computed without a load."""
     mass_from: str
-    """given, file, column NAME, or empty."""
+    """given, file, column NAME, empty, or 1 kg: not known, forces are for it."""
     center_from: str
     """Where the centre of mass is from: given, file, volume or surface."""
 

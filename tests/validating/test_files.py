@@ -192,6 +192,8 @@ def test_an_open_mesh_keeps_its_mass(tmp_path: Path) -> None:
     assert (mass(stated), stated.mass_from, stated.center_from) == (0.2, "file", "surface")
     (warning,) = stated.warnings
     assert warning.startswith("open.stl: is open, and no centre of mass is stated: the load pulls")
+    forced = found(Load(grip_force=40.0))
+    assert (forced.mass_from, len(forced.warnings)) == ("1 kg", 1)
     bare = found()
     assert (bare.load, bare.center_from, bare.warnings) == (None, "surface", ())
     np.testing.assert_array_equal(stated.mesh.center_mass, bare.mesh.center_mass)

@@ -214,6 +214,17 @@ def test_each_grasp_is_loaded_with_its_own_mass() -> None:
     np.testing.assert_array_equal(both.grasps.columns["mass"], masses)
     assert "mass 50 g to 2 kg, by the column mass" in sentences.sources_of(both)[0]
     assert "mass 2 kg, as given" in sentences.sources_of(heavy)[0]
+    one, pressed = (
+        validate_grasps(
+            [given, tried(held)], mesh=mesh(), hand=FRANKA, settings=QUICK, load=load
+        )
+        for load in (None, Load(grip_force=40.0))
+    )  # fmt: skip
+    lack = "the mass is known in 1 of 2 files only: grasps of the others"
+    assert f"{lack} have the worst forces" in one.warnings
+    assert np.isnan(one.grasps.scores["payload"][COUNT:]).all()
+    assert f"{lack} are loaded with 1 kg" in pressed.warnings
+    assert "mass not known, so forces are for 1 kg" in sentences.sources_of(pressed)[1]
     assert both.objects == 1
 
 
