@@ -450,8 +450,9 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
 
     Closes the gripper's jaws at poses of which it is known whether the grasp held, and prints how
     well label, margin, epsilon, grip force and simpler scores predict it: area under the ROC curve,
-    success within S, M and U, calibration of the margin, and the greatest disagreements. What
-    files state of gripper (ACRONYM: the Franka hand), mass and density is used unless it is given.
+    paired differences of scores, success within S, M and U, calibration of the margin, and what may
+    be the reason where outcomes contradict the label. What files state of gripper (ACRONYM: the
+    Franka hand) and mass (also of each grasp, in a column mass) is used unless it is given.
 
     Example:
         # How well labels predict a robot's log of grasps on one object

@@ -25,7 +25,8 @@ class ValidationSettings:
         resamples: Resamples of the bootstrap intervals, at least 100; fewer are drawn for more than
             100,000 grasps.
         seed: Seed of the resamples; the same seed gives the same intervals.
-        worst: Largest number of disagreements of each kind that are listed, 0 to 50.
+        worst: Largest number of grasps of each kind that contradict their label which are shown,
+            beside one for each reason, 0 to 50.
 
     Example:
         >>> from grasp3d.validating import ValidationSettings
