@@ -1,4 +1,4 @@
-"""Whole grippers against closed forms: friction, torsion, rolling, stiffness; starting inside."""
+"""Whole grippers against closed forms: friction, torsion, stiffness, and starting inside."""
 
 import math
 from dataclasses import replace
@@ -35,13 +35,14 @@ def fingers() -> Fingers:
 def close(
     weight: float, *, force: float = FORCE, centre: tuple[float, float, float] = (0, 0, 0),
     box: tuple[float, float, float] = (0, 0, 0), opening: float = 0.05, allowed: float = 0.0,
-    acceleration: float = 0.0, made: Fingers | None = None, corners: Floats | None = None,
+    acceleration: float = 0.0, time: float = 0.2, made: Fingers | None = None,
+    corners: Floats | None = None,
 ) -> tuple[Outcome, float]:  # fmt: skip
     """Close the gripper on a box of a weight [N] whose middle is at `box`; outcome, and opening."""
     (settings,) = settings_in_unit(
         "m",
         SimulationSettings(
-            object_mass=weight / GRAVITY, grip_force=force, pull_time=0.2, time_step=2e-3,
+            object_mass=weight / GRAVITY, grip_force=force, pull_time=time, time_step=2e-3,
             pulled="center_of_mass", max_shift=0.005, give_way=allowed,
             pull_acceleration=acceleration,
         ),
@@ -77,13 +78,27 @@ def test_torsion_of_a_pad_is_that_of_its_face(lever: float, part: float, fate: F
     assert close(part * limit, centre=(0.0, lever, 0.0))[0].fate is fate
 
 
-@pytest.mark.parametrize(("part", "fate"), [(0.6, Fate.HELD), (1.2, Fate.PULLED)])
-def test_an_object_over_the_end_rolls_off_the_patch_that_is_left(part: float, fate: Fate) -> None:
-    """Pads press at most at the ends of the patch: the moment of the weight is below F c."""
+def test_pads_do_not_creep_under_torsion() -> None:
+    lever = 0.03
+    limit = 2.0 * FRICTION * FORCE / math.hypot(1.0, lever / (TORSION * SIDE))
+    short, long = (
+        close(0.7 * limit, centre=(0.0, lever, 0.0), time=time)[0] for time in (0.1, 0.5)
+    )
+    assert short.fate is long.fate is Fate.HELD
+    assert long.turn - short.turn < math.radians(0.02)
+
+
+@pytest.mark.parametrize(("part", "fate"), [(0.8, Fate.HELD), (1.25, Fate.PULLED)])
+def test_an_object_over_the_end_is_held_by_the_patch_that_is_left(part: float, fate: Fate) -> None:
+    """As above, with the mean distance of the points of that patch, and its middle as centre."""
     patch = 0.4 * SIDE
     height = 0.5 * (SIDE + SIZES[2]) - patch  # of the box's middle
-    middle = 0.5 * (SIDE - patch)
-    weight = part * FORCE * patch / (height - middle)
+    lever = height - 0.5 * (SIDE - patch)
+    across, along = np.meshgrid(
+        np.linspace(-0.5, 0.5, 101) * SIDE, np.linspace(-0.5, 0.5, 41) * patch
+    )
+    moment = lever / float(np.hypot(across, along).mean())
+    weight = part * 2.0 * FRICTION * FORCE / math.hypot(1.0, moment)
     found, _ = close(weight, centre=(0.0, 0.0, height), box=(0.0, 0.0, height))
     assert found.fate is fate
 
