@@ -50,7 +50,12 @@ class ReachSettings(Settings):
         check_choice("axis", self.up, Axis)
         whole_number("resting pose", self.resting_pose, 1)
         check_approach(self.approach_within, self.approach_angles)
-        changed = [one.name for one in fields(self) if getattr(self, one.name) != one.default]
+        changed = [
+            one.name
+            for one in fields(self)
+            # Files of poses may state a gripper whose error is this.
+            if one.name != "pose_error" and getattr(self, one.name) != one.default
+        ]
         if self.hand is None and changed:
             raise SettingError(f"{changed[0]} applies to grippers only; give a gripper as well")
         if self.table != "stable" and "resting_pose" in changed:

@@ -57,9 +57,12 @@ class Scene:
             None without a hand.
 
         Raises:
-            SettingError: There are not so many resting poses, or the mesh has no unit.
+            SettingError: There are not so many resting poses, the mesh has no unit, or there is a
+                pose error but no hand.
         """
         if settings.hand is None:
+            if settings.pose_error:
+                raise SettingError("pose_error applies to grippers only; give a gripper as well")
             return None
         metres_per_unit(mesh)
         table: Table | None

@@ -14,7 +14,7 @@ import numpy as np
 from grasp3d.arrays import Floats, angles_between
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.jaws import metres_per_unit
-from grasp3d.surface.fields import AREA, FORCES, LENGTH, Array, given_poses, present
+from grasp3d.surface.fields import AREA, FORCES, LENGTH, ROBUST, Array, given_poses, present
 
 Better = Literal["larger", "smaller"]
 Quantity = Literal["angle", "length", "area", "force", "mass", "number"]
@@ -30,7 +30,7 @@ class Score:
     Example:
         >>> from grasp3d.validating import SCORES
         >>> print(*(score.name for score in SCORES))
-        margin critical_angle label label_with_force epsilon grip_force payload reachable ...
+        robust_score patch_payload pad_margin success_probability margin critical_angle label ...
     """
 
     name: str
@@ -81,7 +81,24 @@ def _forces(name: str) -> Of:
     return one.values_of
 
 
+def _robust(name: str) -> Of:
+    """A number of the touched patches, and of poses that are a little wrong."""
+    (one,) = (each for each in ROBUST if each.name == name)
+    return one.values_of
+
+
 SCORES = (
+    Score("robust_score", "robust score", "larger", "number",
+          "what the touched patches hold at the worst normals, over the mass: mean over the poses "
+          "tried of r / (1 + r); at most 0 where they do not close, -1 where the jaws do not",
+          of=_robust("robust_score"), always=True),
+    Score("patch_payload", "patch payload", "larger", "mass",
+          "mass that the touched patches hold at the worst normals", of=_robust("patch_payload")),
+    Score("pad_margin", "pad margin", "larger", "length",
+          "distance of the contacts from the border of the pads", of=_robust("pad_margin")),
+    Score("success_probability", "success probability", "larger", "number",
+          "of holding the load, for normally distributed errors",
+          of=_robust("success_probability"), always=True),
     Score("margin", "margin", "larger", "angle",
           "β - α/2 - β* less all other uncertainties; S above 0",
           of=attrgetter("margin")),
