@@ -12,6 +12,7 @@ from grasp3d.settings.lengths import METRES
 from grasp3d.stability.label import Label
 from grasp3d.surface.closed_grasps import UNKNOWN, ClosedGrasps
 from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.robustness import PLACE
 from grasp3d.surface.rows import NO_ROW
 
 RESOLUTION = GraspModel().sensor_resolution
@@ -19,10 +20,6 @@ RESOLUTION = GraspModel().sensor_resolution
 
 APPROACH = math.radians(15.0)
 """Unit of the approach margin [rad]: an error of the approach that a robot must be allowed."""
-
-PLACE = 0.005
-"""Unit of the distance of contacts from the border of the pads [m]: an error of the place that a
-robot must be allowed."""
 
 FORCE = 10.0
 """Force of each finger [N] that stands for the one at hand where none is stated."""
@@ -44,7 +41,8 @@ def ranked_rows(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None
 
     1. The label that takes everything stated into account, `stated_label`. Of those that are U,
        what the gripper does not reach, or collides at, comes last.
-    2. Where jaws have been closed: `Robustness.robust_score`, in steps of a twentieth: how much
+    2. Where jaws have been closed: whether the approach may be wrong by 15 degrees, or how much
+       less, in steps of a tenth; then `Robustness.robust_score`, in steps of a twentieth: how much
        what they touch holds in the worst case, on average over the poses tried.
     3. How robustly they can be executed: their margins in `margins_in_units`, in steps of a tenth.
        The smallest margins of two grasps are compared first, whichever they are, and where they
@@ -61,12 +59,17 @@ def ranked_rows(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None
         Rows of those that have a critical angle, shape (r,).
     """
     angles, _ = grasps.located_angles
-    margins = np.sort(np.stack(list(margins_in_units(grasps, closed).values()), axis=1), axis=1)
+    in_units = margins_in_units(grasps, closed)
+    margins = np.sort(np.stack(list(in_units.values()), axis=1), axis=1)
+    allowed = np.ones(grasps.size)
+    if closed is not None and "approach" in in_units:
+        allowed = np.minimum(in_units["approach"], 1.0)
     steps = np.floor(margins / STEP + LEAST)
     score = np.nan_to_num(_robust(grasps, closed, "robust_score"), nan=-1.0)
     keys = [
         -stated_label(grasps, closed),
         ~_executable(grasps),
+        -np.floor(allowed / STEP + LEAST),
         -np.floor(score / SCORE + LEAST),
         *-steps.T,
         -np.nan_to_num(grasps.epsilon),

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from scipy.spatial import ConvexHull
+from scipy.special import ndtr
 
 from grasp3d.arrays import Bools, Bytes, Floats, locked, short_repr
 from grasp3d.contact.contacts import Contacts, evenly_pressed_radius
@@ -49,6 +50,9 @@ PAIR = range(2)
 
 LOST = -1.0
 """Score of a pose at which the jaws do not close on the object."""
+
+PLACE = 0.005
+"""Error of the position that a robot must be allowed, where a smaller one or none is stated [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +166,8 @@ class _PatchForces:
             share = np.minimum(radius / np.where(farthest > 0.0, farthest, math.inf), 1.0)
             pressed = middle + share[..., None, None] * arms
             _, even = _held(pressed, contacts, model, case, decided=decided)
+            known = replace(model, sensor_resolution=0.0, normal_error=0.0, per_finger=())
+            _, nominal = _held(pressed, contacts, known, case, decided=decided)
         least = angles  # of the patches, no larger
         if angles.size and jaws.area.shape[1] == len(PAIR):
             patches = contacts.contacts(GraspModel(contact="patch"))
@@ -171,10 +177,9 @@ class _PatchForces:
         score = np.where(ratio > 0.0, ratio / (1.0 + ratio), short)
         spare = closing + model.tilt
         if decided:
-            # The payload grows from 0, where the patches just close, about in proportion.
+            # With the tilt the payload falls about in proportion, to 0 where they do not close.
             with np.errstate(divide="ignore", invalid="ignore"):
-                loaded = np.where(even > 0.0, np.maximum(closing, 0.0) / even, math.inf)
-            spare = spare - loaded
+                spare = np.where(nominal > 0.0, spare * (1.0 - 1.0 / nominal), -math.inf)
         return cls(held, ratio, even, score, spare)
 
 
@@ -244,7 +249,11 @@ class Robustness:
     score_worst: Floats
     """Smallest score, shape (k,)."""
     robust_score: Floats
-    """Mean score, shape (k,).
+    """Mean score, shape (k,), less what contacts near the border of flat pads may lose.
+
+    It is the mean times the probability that the contacts stay on the pads, and -1 times that of
+    the contrary, for normally distributed errors of the position, of which two standard deviations
+    are the stated one or 5 mm.
 
     The score of a pose is in [-1, 1). Where the patches hold something at the worst normals it is
     r / (1 + r), with r the payload over the mass that must be held or, where mass or force are not
@@ -325,9 +334,12 @@ def robustness_of(
     if by_mass:
         codes = np.where(every.even_ratio < 1.0, np.minimum(codes, Label.M), codes)
     codes = codes.min(axis=1)
-    metres, margin, edge = metres_per_unit(mesh), None, None
+    metres, margin, edge, stay = metres_per_unit(mesh), None, None, 1.0
     if (pads := scene.jaws) and not pads.round_tips:
         margin, edge = _to_border(jaws, pads, metres)
+        # Two standard deviations are the error; a contact that leaves the pad is lost.
+        deviation = 0.5 * max(PLACE, metres * offsets.position)
+        stay = np.where(np.isnan(margin), 1.0, ndtr(margin / deviation))
         if offsets.position:
             stays = margin >= metres * offsets.position
             codes = np.where(stays, codes, np.minimum(codes, Label.M))
@@ -350,7 +362,7 @@ def robustness_of(
         epsilon_worst=locked(np.where(every.clear, every.epsilon, 0.0).min(axis=1)),
         epsilon_mean=locked(every.epsilon.mean(axis=1)),
         score_worst=locked(np.where(every.clear, every.score, LOST).min(axis=1)),
-        robust_score=locked(every.score.mean(axis=1)),
+        robust_score=locked((every.score.mean(axis=1) - LOST) * stay + LOST),
         label_tried=locked(codes.astype(np.uint8)),
         success_probability=locked(_probabilities(every.spare, model, jaws) @ offsets.weights),
         by_mass=by_mass,
