@@ -33,6 +33,7 @@ from grasp3d.settings import (
 )
 from grasp3d.settings.lengths import Unit
 from grasp3d.settings.parsing import settings_of_texts
+from grasp3d.settings.pose_error import PoseError
 from grasp3d.stability.label import Mode
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.fields import FLOAT, MARGIN, Array, Arrays, Field
@@ -139,6 +140,7 @@ def _scene(values: Mapping[str, str]) -> Scene | None:
         hand,
         None if table is None else Table(table[:3], float(table[3])),
         Approach(direction, within=within, angles=angles),
+        PoseError.of(values.get("pose_error", "0 deg")),
     )
 
 

@@ -39,7 +39,7 @@ from grasp3d.surface.grasp_numbers import EPSILON_RTOL, hull_labels, located_ang
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.context import unreported
 
-PAYLOAD_RTOL = 2e-2
+PAYLOAD_RTOL = 1e-2
 """Fraction of a patch payload that may lie between its bounds; the smaller one is given."""
 
 CHUNK = 8192
@@ -159,15 +159,14 @@ class _PatchForces:
         held, ratio = _held(jaws.corners, contacts, model, case, decided=decided)
         even = ratio
         if decided:
-            middle = jaws.corners.mean(axis=2, keepdims=True)
+            middle = jaws.points[:, :, None]
             arms = jaws.corners - middle  # (b, n, m, 3)
             farthest = np.linalg.norm(arms, axis=-1).max(axis=-1)
             radius = evenly_pressed_radius(0.5 * jaws.extents, jaws.area)
             share = np.minimum(radius / np.where(farthest > 0.0, farthest, math.inf), 1.0)
             pressed = middle + share[..., None, None] * arms
             _, even = _held(pressed, contacts, model, case, decided=decided)
-            known = replace(model, sensor_resolution=0.0, normal_error=0.0, per_finger=())
-            _, nominal = _held(pressed, contacts, known, case, decided=decided)
+            _, nominal = _held(pressed, contacts, model, case, decided=decided, tilted=False)
         least = angles  # of the patches, no larger
         if angles.size and jaws.area.shape[1] == len(PAIR):
             patches = contacts.contacts(GraspModel(contact="patch"))
@@ -190,10 +189,12 @@ def _held(
     case: LoadCase | None,
     *,
     decided: bool,
+    tilted: bool = True,
 ) -> tuple[Floats, Floats]:
     """Payload [kg] and ratio of patches that are pressed at corners (b, n, m, 3).
 
-    As in `ClosedNumbers`; `decided`: whether mass and force are known.
+    As in `ClosedNumbers`; `decided`: whether mass and force are known; `tilted`: at the worst
+    normals, or at the nominal ones.
     """
     fingers, count = corners.shape[1:3]
     pressed = Contacts(
@@ -204,7 +205,7 @@ def _held(
     task = Weight() if case is None else case.task
     force = 1.0 if case is None or case.available is None else case.available
     options: dict[str, Any] = {
-        "tilt": np.repeat(np.broadcast_to(model.tilt_of_fingers, fingers), count),
+        "tilt": np.repeat(np.broadcast_to(model.tilt_of_fingers, fingers), count) * tilted,
         "bound": "norm", "rtol": PAYLOAD_RTOL, "group": count,
     }  # fmt: skip
     if task.mass is None:
@@ -334,7 +335,8 @@ def robustness_of(
     if by_mass:
         codes = np.where(every.even_ratio < 1.0, np.minimum(codes, Label.M), codes)
     codes = codes.min(axis=1)
-    metres, margin, edge, stay = metres_per_unit(mesh), None, None, 1.0
+    metres, margin, edge = metres_per_unit(mesh), None, None
+    stay = np.ones(len(poses))
     if (pads := scene.jaws) and not pads.round_tips:
         margin, edge = _to_border(jaws, pads, metres)
         # Two standard deviations are the error; a contact that leaves the pad is lost.

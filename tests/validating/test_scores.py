@@ -79,9 +79,11 @@ def test_scores_do_not_depend_on_the_unit_of_the_mesh() -> None:
     assert set(one) == {score.name for score in SCORES}
     for name, values in one.items():
         rtol = 1e-2 if name in {"epsilon", "grip_force", "payload"} else 1e-6  # bounded to 1 %
-        if name in {"robust_score", "patch_payload", "success_probability"}:
-            rtol = 2e-2  # they follow from payloads that are bounded to 2 %
-        np.testing.assert_allclose(two[name], values, rtol=rtol, atol=1e-9, err_msg=name)
+        if name in {"robust_score", "patch_payload"}:
+            rtol = 1e-2
+        # Where the load is just held, 1 % of the payload is a few percent of the probability.
+        atol = 0.05 if name == "success_probability" else 1e-9
+        np.testing.assert_allclose(two[name], values, rtol=rtol, atol=atol, err_msg=name)
 
 
 def test_the_antipodal_angle_is_the_critical_angle_of_fingers_that_squeeze() -> None:

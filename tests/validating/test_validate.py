@@ -302,7 +302,7 @@ def test_the_tables_have_what_was_found(tmp_path: Path) -> None:
     differences = tables["differences"]
     count = len(found.qualities)
     assert len(differences["p"]) == count * (count - 1) // 2
-    assert set(differences["score"][: count - 1]) == {"margin"}
+    assert set(differences["score"][: count - 1]) == {"robust_score"}
     objects = tables["objects"]
     assert (objects["object"].tolist(), objects["grasps"].tolist()) == ([1], [COUNT])
     assert objects["margin"][0] == found.quality("margin").roc_auc

@@ -136,8 +136,8 @@ def _write(patch, touched, side, pose, k, finger, found):
         put(pose, side * x, y, z, found.corners[k, finger, c])
     found.area[k, finger] = touched
     for i in range(2):
-        found.bounds[k, finger, i] = -patch.reach[4 + 2 * i]
-        found.bounds[k, finger, 2 + i] = patch.reach[2 * i]
+        found.bounds[k, finger, i] = patch.corners[4 + 2 * i, 1 + i]
+        found.bounds[k, finger, 2 + i] = patch.corners[2 * i, 1 + i]
 
 
 @part

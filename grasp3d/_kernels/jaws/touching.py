@@ -302,6 +302,9 @@ DIRECTIONS = np.array([
 ])  # fmt: skip
 """Directions along y and z in which the outline of a patch is looked for (8, 2)."""
 
+SIDE = 1e-7
+"""Weight of the coordinate across a direction."""
+
 
 @part
 def clear(patch):
@@ -383,7 +386,9 @@ def _on_pad(faces, i, side, jaw, part, start, limit, scratch, patch):
 def extend(patch, x, y, z):
     """Add a point to the outline of a patch."""
     for k in range(DIRECTIONS.shape[0]):
-        far = DIRECTIONS[k, 0] * y + DIRECTIONS[k, 1] * z
+        across, along = DIRECTIONS[k, 0], DIRECTIONS[k, 1]
+        # Of the points of a side across the direction it is the same end whichever comes first.
+        far = across * y + along * z + SIDE * (across * z - along * y)
         if far > patch.reach[k]:
             patch.reach[k] = far
             patch.corners[k, 0], patch.corners[k, 1], patch.corners[k, 2] = x, y, z
