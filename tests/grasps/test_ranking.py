@@ -99,7 +99,13 @@ def respects(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None = 
     """Everything that may be better or worse, more is better, a row for each grasp."""
     epsilon = np.nan_to_num(grasps.epsilon)
     margins = margins_in_units(grasps, closed).values()
-    return np.stack([stated_label(grasps, closed), *margins, epsilon], axis=1)
+    robust = np.full(len(epsilon), np.nan)
+    if isinstance(grasps, EvaluatedPoses):
+        robust = grasps.robustness.robust_score
+    elif closed is not None:
+        robust = closed.number("robust_score")
+    score = np.nan_to_num(robust, nan=-1.0)
+    return np.stack([stated_label(grasps, closed), score, *margins, epsilon], axis=1)
 
 
 def is_above(one: np.ndarray, other: np.ndarray) -> bool:

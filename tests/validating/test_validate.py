@@ -309,6 +309,6 @@ def test_the_tables_have_what_was_found(tmp_path: Path) -> None:
     assert tables["reasons"]["grasps"].tolist() == [one.count for one in found.reasons]
     scores = tables["scores"]
     assert scores["score"].tolist() == [one.score.name for one in found.qualities]
-    assert scores["roc_auc"][0] == found.quality("margin").roc_auc
+    assert scores["roc_auc"][0] == found.quality("robust_score").roc_auc
     assert tables["labels"]["grasps"].sum() == 12 * COUNT
     assert tables["calibration"]["held"].sum() == found.grasps.held[found.grasps.closed].sum()
