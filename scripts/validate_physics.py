@@ -20,25 +20,29 @@ from typing import Any
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
 import grasp3d
 from grasp3d.batch import ClusterSettings
 from grasp3d.physics import (
-    FacetPress,
     Simulation,
     SimulationSettings,
     SuccessRate,
-    facet_slip,
-    holding_force,
-    random_facets,
     simulate_grasps,
-    slip_friction,
-    slip_tilt,
     write_simulation,
 )
 from grasp3d.physics.drawing import tilt_at_random
-from grasp3d.physics.facets import SLIPPED
 from grasp3d.physics.simulation import rates_by, success_rate
 from grasp3d.system.tables import write_columns
+from tests.helpers.facets import (
+    SLIPPED,
+    FacetPress,
+    facet_slip,
+    holding_force,
+    random_facets,
+    slip_friction,
+    slip_tilt,
+)
 
 ROOT = Path(__file__).parents[1]
 MESHES = (

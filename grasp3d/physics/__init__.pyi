@@ -1,10 +1,3 @@
-from .facets import FacetPress as FacetPress
-from .facets import HoldingForce as HoldingForce
-from .facets import facet_slip as facet_slip
-from .facets import holding_force as holding_force
-from .facets import random_facets as random_facets
-from .facets import slip_friction as slip_friction
-from .facets import slip_tilt as slip_tilt
 from .parts import ConvexParts as ConvexParts
 from .parts import convex_parts as convex_parts
 from .pulling import Fate as Fate

@@ -7,7 +7,9 @@ import pytest
 
 from grasp3d import Contacts, Label, classify, critical_friction_angle, grip_force
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.physics import (
+from grasp3d.physics.drawing import tilt_at_random
+from tests.helpers.facets import (
+    SLIPPED,
     FacetPress,
     facet_slip,
     holding_force,
@@ -15,8 +17,6 @@ from grasp3d.physics import (
     slip_friction,
     slip_tilt,
 )
-from grasp3d.physics.drawing import tilt_at_random
-from grasp3d.physics.facets import SLIPPED
 
 POINTS = [[-0.025, 0.0, 0.0], [0.025, 0.0, 0.0]]
 NEAR = math.radians(0.3)
