@@ -22,8 +22,9 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import trimesh
@@ -36,7 +37,11 @@ from grasp3d.grasps.pose_files import write_poses
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.physics import SimulationSettings, simulate_poses
 from grasp3d.physics.simulate import divided
+from grasp3d.plots.figures import styled
+from grasp3d.validating import SCORES
 from grasp3d.validating.intervals import wilson
+from grasp3d.validating.qualities import compare_scores
+from grasp3d.validating.scores import scores_of
 
 MESHES = Path(__file__).parents[1] / "meshes"
 FOREIGN = {
@@ -54,6 +59,9 @@ SETTINGS = SimulationSettings(pull_time=0.3, time_step=2e-3, give_way="1mm", see
 PROPOSED, TILT, PAST = 3000, math.radians(40.0), 2e-3
 """Poses that are tried; tilt of the closing axis; how far past the pad's end contacts may be [m].
 """
+PROBABILITIES = (0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0)
+"""Borders of bins of the probability of success."""
+RESAMPLES = 1000
 NEAR, SMALL = 7e-3, 100e-6
 """A contact nearer to the pad's end [m], and an area below this [m^2]."""
 
@@ -201,50 +209,104 @@ def run(options: argparse.Namespace, objects: dict[str, Path]) -> None:
             print(done.result(), flush=True)
 
 
+def evaluated(case: Case, path: Path, given: Path) -> pd.DataFrame:
+    """The rows of a file, with the labels and scores of its poses for the stated error and load."""
+    load, hand = LOADS[case.load], grasp3d.read_hand(case.gripper)
+    poses = grasp3d.read_grasps(path)
+    found = grasp3d.evaluate_grasps(
+        read(given), poses, hand=hand, load=load, pose_error=ERRORS[case.error]
+    )
+    robustness = found.robustness
+    return pd.read_parquet(path).assign(
+        object=case.name, gripper=case.gripper, load=case.load, errors=case.error,
+        file=path.name, outcome=poses.outcome,
+        sure=[grasp3d.Label(code).name for code in robustness.label_tried],
+        probability=robustness.success_probability,
+        **scores_of(found),
+    )  # fmt: skip
+
+
 def collected(options: argparse.Namespace, objects: dict[str, Path]) -> pd.DataFrame:
-    """All rows, with what they are of."""
+    """All rows, evaluated."""
     frames = []
     for case in cases(objects, options.grippers):
         path = options.output / case.file
         if path.exists():
-            load = LOADS[case.load]
-            stated: dict[str, Any] = {
-                "object": case.name, "gripper": case.gripper, "load": case.load,
-                "errors": case.error, "mass": load.mass, "force": load.grip_force,
-            }  # fmt: skip
-            frames.append(pd.read_parquet(path).assign(**stated, file=path.name))
+            frames.append(evaluated(case, path, objects[case.name]))
     return pd.concat(frames, ignore_index=True)
 
 
-def report(rows: pd.DataFrame) -> None:
-    """Print how many of each kind held."""
+def held_of(rows: pd.DataFrame) -> str:
+    """How many of some grasps held, with its interval at 95 %."""
+    low, high = wilson(int(rows.outcome.sum()), len(rows))
+    return f"{len(rows)} | {rows.outcome.mean():.3f} | {low:.3f} to {high:.3f}"
+
+
+def report(rows: pd.DataFrame, figure: Path | None) -> None:
+    """Print how many of each kind held, and how well scores predict it."""
     rows = rows[rows.outcome.notna()]
     print(f"\n{len(rows)} grasps of {rows.object.nunique()} objects; fates:")
-    print(pd.crosstab(rows.fate, [rows.label]).to_string())
-    kinds = {
-        "end": np.where(rows.end_distance_m < NEAR, "near end", "further in"),
-        "area": np.where(rows.area_m2 < SMALL, "small", "large"),
-    }
-    rows = rows.assign(**kinds)
-
-    def line(words: tuple[str, ...], of: pd.DataFrame) -> str:
-        low, high = wilson(int(of.outcome.sum()), len(of))
-        text = " | ".join(words)
-        return f"{text} | {len(of)} | {of.outcome.mean():.3f} | {low:.3f} to {high:.3f}"
-
+    print(pd.crosstab(rows.fate, [rows.sure]).to_string())
+    rows = rows.assign(
+        end=np.where(rows.end_distance_m < NEAR, "near end", "further in"),
+        area=np.where(rows.area_m2 < SMALL, "small", "large"),
+    )
     for by in (
-        ["errors", "label"], ["gripper", "errors", "label"], ["errors", "label", "load"],
-        ["errors", "label", "end"], ["errors", "label", "area"],
-        ["errors", "label", "end", "area", "load"],
+        ["label"], ["sure"], ["sure", "errors"], ["sure", "load"], ["sure", "gripper"],
+        ["sure", "end"], ["sure", "area"], ["sure", "end", "area", "load"],
+        ["label", "end", "area", "load"],
     ):  # fmt: skip
         print("\n" + " | ".join([*by, "grasps", "held", "95 %"]))
         for key, of in rows.groupby(by, sort=True):
-            print(line(tuple(map(str, key)), of))
-    stable = rows[rows.label == "S"]
-    print("\nobject | S | held, exact | held, wrong")
-    for name, of in stable.groupby("object"):
-        both = [of[of.errors == error].outcome for error in ERRORS]
-        print(f"{name} | {len(of)} | {both[0].mean():.2f} | {both[1].mean():.2f}")
+            print(" | ".join(map(str, key)) + f" | {held_of(of)}")
+    print("\nobject | sure | held | 95 %")
+    for name, of in rows[rows.sure == "S"].groupby("object"):
+        print(f"{name} | {held_of(of)}")
+    held = rows.outcome.to_numpy() == 1.0
+    known = [score for score in SCORES if score.name in rows]
+    values = {score.name: rows[score.name].to_numpy(float) for score in known}
+    clusters = pd.factorize(rows.object)[0]
+    qualities, differences = compare_scores(
+        known, values, held, clusters, resamples=RESAMPLES, seed=0
+    )
+    print("\nscore | ROC-AUC | 95 %, objects drawn anew | robust score less it | p")
+    less = {one.other.name: one for one in differences if one.score.name == "robust_score"}
+    for one in qualities:
+        text = f"{one.score.name} | {one.roc_auc:.3f} | {ends_of(one.roc_auc_interval)}"
+        if other := less.get(one.score.name):
+            text += f" | {other.difference:+.3f} {ends_of(other.interval)} | {other.p:.3f}"
+        print(text)
+    reliability(rows, figure)
+
+
+def ends_of(interval: tuple[float, float]) -> str:
+    """An interval as text."""
+    return f"{interval[0]:.3f} to {interval[1]:.3f}"
+
+
+def reliability(rows: pd.DataFrame, figure: Path | None) -> None:
+    """Print, and draw, which share held of grasps with about one probability of success."""
+    bins = rows.groupby(pd.cut(rows.probability, PROBABILITIES, include_lowest=True), observed=True)
+    stated, held = bins.probability.mean(), bins.outcome.mean()
+    print("\nprobability | grasps | held | 95 %")
+    for span, of in bins:
+        print(f"{of.probability.mean():.3f} in {span} | {held_of(of)}")
+    if figure is None:
+        return
+    limits = np.array([wilson(int(of.outcome.sum()), len(of)) for _, of in bins])
+    draw(stated.to_numpy(), held.to_numpy(), limits, figure)
+
+
+@styled
+def draw(stated: Floats, held: Floats, limits: Floats, path: Path) -> None:
+    """Draw shares that held (n,), with intervals (n, 2), over stated probabilities (n,)."""
+    figure, axes = plt.subplots(figsize=(4.2, 3.4), layout="constrained")
+    axes.plot([0, 1], [0, 1], color="#999999", linewidth=0.8)
+    axes.errorbar(stated, held, np.abs(limits.T - held), fmt="o-", color="#0072B2", capsize=2)
+    axes.set(xlabel="probability of success, as stated", ylabel="held, of simulated grasps")
+    axes.set(xlim=(-0.03, 1.03), ylim=(0.0, 1.03))
+    figure.savefig(path, dpi=160)
+    plt.close(figure)
 
 
 def main() -> None:
@@ -257,6 +319,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", help="names of objects, without the suffix")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--report", action="store_true", help="only the tables of what there is")
+    parser.add_argument("--figure", type=Path, help="picture of the reliability of probabilities")
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
     paths = [path for path in sorted(MESHES.iterdir()) if path.suffix not in {".md", ".png"}]
@@ -270,7 +333,7 @@ def main() -> None:
         run(options, objects)
     rows = collected(options, objects)
     rows.to_parquet(options.output / "all.parquet")
-    report(rows)
+    report(rows, options.figure)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,6 @@ from grasp3d.settings.lengths import METRES
 from grasp3d.stability.label import Label
 from grasp3d.surface.closed_grasps import UNKNOWN, ClosedGrasps
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.surface.robustness import PLACE
 from grasp3d.surface.rows import NO_ROW
 
 RESOLUTION = GraspModel().sensor_resolution
@@ -20,6 +19,10 @@ RESOLUTION = GraspModel().sensor_resolution
 
 APPROACH = math.radians(15.0)
 """Unit of the approach margin [rad]: an error of the approach that a robot must be allowed."""
+
+PLACE = 0.005
+"""Unit of the distance of contacts from the border of the pads [m]: an error of the place that a
+robot must be allowed."""
 
 FORCE = 10.0
 """Force of each finger [N] that stands for the one at hand where none is stated."""

@@ -312,11 +312,11 @@ ROBUST = (
           Allowed(0.0, infinite=math.inf, unknown=True), of=_robust("patch_payload"),
           when="gripper"),
     Field("robust_score", "mean over the poses tried, from -1 to 1: $r/(1+r)$ with $r$ the "
-          "`patch_payload` over the mass or, where mass or force are not known, the weight held "
-          "per newton of each finger; at most 0 where the patches do not close at the worst "
-          "normals; -1 where the jaws do not close; less what contacts near the border of flat "
-          "pads may lose", "", (), Allowed(-1.0, 1.0),
-          of=_robust("robust_score"), when="gripper"),
+          "`patch_payload` over the mass, where that is at least 1; else, below 0, the angle of "
+          "friction that lacks to hold it, over π; -1 where the jaws do not close. Without mass or "
+          "force $r$ is the weight held per newton of each finger. Less what contacts near the "
+          "border of flat pads may lose", "", (), Allowed(-1.0, 1.0),
+          of=_robust("robust_score")),
     Field("success_probability", "probability to hold the load for normally distributed errors, "
           "of which two standard deviations are stated", "", (), Allowed(0.0, 1.0),
           of=_robust("success_probability"), when="gripper"),

@@ -51,9 +51,6 @@ PAIR = range(2)
 LOST = -1.0
 """Score of a pose at which the jaws do not close on the object."""
 
-PLACE = 0.005
-"""Error of the position that a robot must be allowed, where a smaller one or none is stated [m]."""
-
 
 @dataclass(frozen=True, eq=False)
 class ClosedNumbers:
@@ -171,14 +168,15 @@ class _PatchForces:
         if angles.size and jaws.area.shape[1] == len(PAIR):
             patches = contacts.contacts(GraspModel(contact="patch"))
             least = np.minimum(angles, critical_friction_angle(patches))
-        closing = model.effective_friction_angle - least
-        short = np.maximum(np.minimum(closing, 0.0) / math.pi, LOST)
-        score = np.where(ratio > 0.0, ratio / (1.0 + ratio), short)
-        spare = closing + model.tilt
+        spare = model.effective_friction_angle - least + model.tilt
+        holds = ratio > 0.0
         if decided:
             # With the tilt the payload falls about in proportion, to 0 where they do not close.
             with np.errstate(divide="ignore", invalid="ignore"):
-                spare = np.where(nominal > 0.0, spare * (1.0 - 1.0 / nominal), -math.inf)
+                loaded = np.where(nominal > 0.0, spare * (1.0 - 1.0 / nominal), -math.inf)
+            spare, holds = np.minimum(spare, loaded), ratio >= 1.0
+        short = np.maximum(np.minimum(spare - model.tilt, 0.0) / math.pi, LOST)
+        score = np.where(holds, ratio / (1.0 + ratio), short)
         return cls(held, ratio, even, score, spare)
 
 
@@ -254,13 +252,15 @@ class Robustness:
 
     It is the mean times the probability that the contacts stay on the pads, and -1 times that of
     the contrary, for normally distributed errors of the position, of which two standard deviations
-    are the stated one or 5 mm.
+    are stated.
 
-    The score of a pose is in [-1, 1). Where the patches hold something at the worst normals it is
-    r / (1 + r), with r the payload over the mass that must be held or, where mass or force are not
-    known, the weight that is held per newton of each finger. Where they do not close there, it is
-    (beta - alpha/2 - beta*) / pi with beta* of the patches, at most 0; -1 where the jaws do not
-    close on the object."""
+    The score of a pose is in [-1, 1). Where the patches hold what must be held at the worst normals
+    it is r / (1 + r), with r the payload over the mass, at least 1. Where they do not, it is the
+    angle by which normals tilt less at most than the sensor's resolution allows, over pi: negative,
+    (beta - alpha/2 - beta*) / pi with beta* the angle of friction with which the patches hold it.
+    Where mass or force are not known, r is the weight that is held per newton of each finger, any
+    above 0, and beta* that with which the patches close. It is -1 where the jaws do not close on
+    the object."""
     label_tried: Bytes
     """`Label` codes: the worst of the poses tried, shape (k,).
 
@@ -339,10 +339,10 @@ def robustness_of(
     stay = np.ones(len(poses))
     if (pads := scene.jaws) and not pads.round_tips:
         margin, edge = _to_border(jaws, pads, metres)
-        # Two standard deviations are the error; a contact that leaves the pad is lost.
-        deviation = 0.5 * max(PLACE, metres * offsets.position)
-        stay = np.where(np.isnan(margin), 1.0, ndtr(margin / deviation))
         if offsets.position:
+            # Two standard deviations are the error; a contact that leaves the pad is lost.
+            deviation = 0.5 * metres * offsets.position
+            stay = np.where(np.isnan(margin), 1.0, ndtr(margin / deviation))
             stays = margin >= metres * offsets.position
             codes = np.where(stays, codes, np.minimum(codes, Label.M))
     with np.errstate(divide="ignore", invalid="ignore"):
