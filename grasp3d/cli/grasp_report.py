@@ -1,7 +1,7 @@
 """Printed reports of grasps: evaluated contacts and poses, the best of a surface, and measures."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -38,11 +38,14 @@ from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.quality.measures.geometry import Metric, Texts
 from grasp3d.quality.measures.measuring import MetricValues
+from grasp3d.settings.lengths import small_length
 from grasp3d.settings.model_text import epsilon_min_text
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.area_statistics import quantiles
 from grasp3d.surface.closed_grasps import UNKNOWN, ClosedGrasps
 from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.robustness import Robustness
+from grasp3d.surface.rows import NO_ROW
 from grasp3d.system.counts import counted
 
 MAX_ROWS = 10
@@ -59,6 +62,10 @@ _CLOSED = (
     "label: at what the jaws touch when they close, with the force at hand; closed: the same "
     "without a load, and its margin, the friction angle to spare; "
 )
+_TRIED = (
+    "tried: the worst label of {} poses that are wrong by at most {}, the stated one among them"
+)
+_SCORE = "score: how well the touched patches hold at the worst normals, -1 to 1{}{}"
 
 _CONTACTS = {
     "point": "",
@@ -128,6 +135,8 @@ def print_best(
         columns = [*_columns(grasps, codes), *_conditional_columns(grasps)]
         report.table(table_of_columns(columns, range(grasps.size)), whole=True)
         report.line(_legend(grasps))
+        if grasps.closed is not None:
+            report.lines(_robust_legend(grasps, grasps.closed.robustness))
         if grasps.has_poses:
             report.line(_frame_text(object_pose))
         report.warnings(warnings_of_best(grasps, object_pose))
@@ -172,6 +181,7 @@ def print_poses(poses: EvaluatedPoses, output: Path) -> None:
     report.warnings(poses.warnings)
     _print_some(report, _pose_columns(poses), poses, poses.size)
     report.line(f"{_added_legend(poses)}{_POSES_LEGEND}{mesh.unit}")
+    report.lines(_robust_legend(poses, poses.robustness))
     report.line(_frame_text(poses.given.object_pose))
     if read := poses.given.settings.get(READING):
         report.line(f"{READINGS[READING]}: {escaped(read)}")
@@ -281,6 +291,7 @@ def _conditional_columns(grasps: GraspTable, *, distances: bool = False) -> list
         columns.append(("approach", lambda row: f"±{margin[row]:.0f}°"))
     if closed is not None:
         columns.append(("closed", lambda row: _closed_text(closed, row)))
+        columns += _robust_columns(closed.robustness, closed.row)
     return [*columns, *holding_columns(grasps.holding)]
 
 
@@ -291,6 +302,47 @@ def _closed_text(closed: ClosedGrasps, row: int) -> str:
         return ""
     name = label_name(Label(code))
     return name if math.isnan(margin) else f"{name} {margin_text(margin)}"
+
+
+def _robust_columns(robustness: Robustness | None, rows: Ints) -> list[Column]:
+    """The worst label of wrong poses, if any were tried, and the score of closed jaws.
+
+    Args:
+        robustness: Of closed jaws; None: none were closed.
+        rows: Row of each grasp in it, -1: not known, shape (b,).
+    """
+    if robustness is None:
+        return []
+
+    def tried(row: int) -> str:
+        name, share = label_name(Label(int(found.label_tried[row]))), found.closing_share[row]
+        if share == 1.0:
+            return f"{name} of {found.tried}"
+        return f"{name}, {min(round(100.0 * share), 99)} % close"
+
+    def known(cell: Callable[[int], str]) -> Callable[[int], str]:
+        return lambda row: "" if rows[row] == NO_ROW else cell(int(rows[row]))
+
+    found = robustness
+    score: Column = ("score", known(lambda row: f"{found.robust_score[row]:.2f}"))
+    return [*[("tried", known(tried))] * (found.tried > 1), score]
+
+
+def _robust_legend(grasps: GraspTable | EvaluatedPoses, robustness: Robustness | None) -> list[str]:
+    """Meanings of `_robust_columns`, a line each."""
+    if robustness is None or grasps.scene is None:
+        return []
+    many, case, error = robustness.tried > 1, grasps.load_case, grasps.scene.pose_error
+    wrong = str(error).removesuffix(",0 deg").replace(",", " and ")
+    missing = "force" if case is not None and case.decided else "mass"
+    relative = f"; robust scores are per newton of grip: no {missing} is given"
+    return [
+        *[_TRIED.format(robustness.tried, wrong)] * many,
+        _SCORE.format(
+            ", mean of these poses" if many else "",
+            ", 0.5: just the load" if robustness.by_mass else relative,
+        ),
+    ]
 
 
 def _number(value: float) -> str:
@@ -351,7 +403,11 @@ def _pose_columns(poses: EvaluatedPoses) -> list[Column]:
     def jaws(row: int) -> str:
         state = Closing(int(poses.state[row]))
         name = state.name.lower().replace("_", " ")
-        return f"{name}, collides" if state == Closing.CLOSED and poses.collides[row] else name
+        if state != Closing.CLOSED:
+            return name
+        if shift := abs(poses.jaws.shift[row]):
+            name += f", gave way {small_length(shift, poses.mesh.unit, 2)}"
+        return f"{name}, collides" if poses.collides[row] else name
 
     number, label, *measures, opening = _columns(poses, poses.label, "pose")
     area: Column = ("area", lambda row: f"{poses.jaws.area[row].min():.3g}")
@@ -360,6 +416,7 @@ def _pose_columns(poses: EvaluatedPoses) -> list[Column]:
         label,
         *(closed(column, "none") for column in measures),
         *(closed(column, "") for column in (opening, area, *holding_columns(poses.holding))),
+        *_robust_columns(poses.robustness, np.arange(poses.size)),
         ("jaws", jaws),
     ]
 

@@ -51,19 +51,21 @@ def test_printed_and_written_labels_are_those_of_evaluated_poses(tmp_path: Path)
     assert not any("closed_label" in one for one in again)
     # Nothing is cut off where the console is narrow.
     headings = next(line for line in first.stdout.splitlines() if line.startswith("grasp "))
-    assert headings.split()[-2:] == ["approach", "closed"]
+    assert headings.split()[-3:] == ["approach", "closed", "score"]
     check_rows(first.stdout, found)
 
 
 def check_rows(text: str, found: list[dict[str, Any]]) -> None:
-    """Check that the table has a row for each grasp, with its label and its margin, if any."""
+    """Check that the table has a row for each grasp: its label, its margin, if any, and a score."""
     printed = rows_of(text)
     assert len(printed) == len(found)
     for words, grasp in zip(printed, found, strict=True):
         assert words[2] == grasp["closed_label"]
         margin = grasp["closed_margin"]
         shown = [] if margin is None else [f"{math.degrees(margin):.1f}°"]
-        assert words[words.index("■", 2) + 1 :] == [grasp["closed_label"], *shown]
+        *closed, score = words[words.index("■", 2) + 1 :]
+        assert closed == [grasp["closed_label"], *shown]
+        assert re.fullmatch(r"-?[01]\.\d\d", score)
 
 
 @pytest.mark.slow
