@@ -23,7 +23,7 @@ from grasp3d.cli.report import (
     uncertainty_lines,
 )
 from grasp3d.cli.time_limit import time_limit
-from grasp3d.errors import OutputError
+from grasp3d.errors import OutputError, SettingError
 from grasp3d.export.writers import writer_for
 from grasp3d.grasps.causes import causes_text
 from grasp3d.grasps.distinct import best_grasps
@@ -50,6 +50,8 @@ from grasp3d.system.names import printable, safe_stem
 
 def run(command: Label) -> int:
     """Run the command, and return the exit code."""
+    if command.reach.pose_error and not command.best:
+        raise SettingError("--pose-error tries wrong poses of the best grasps: give --best as well")
     name = safe_stem(command.file.stem) if command.output is None else command.output.stem
     output = command.output or Path(f"{name}_labeled.ply")
     write = writer_for(output)

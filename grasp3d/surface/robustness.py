@@ -65,7 +65,7 @@ class ClosedNumbers:
     margin: Floats
     """[rad]; -inf where the jaws do not close."""
     epsilon: Floats
-    """At the nominal normals; 0 where the jaws do not close."""
+    """At the nominal normals; 0 where the jaws do not close; nan: not computed."""
     payload: Floats
     """What the patches hold at the worst normals [kg], with the force at hand or, where none is
     known, with 1 N of each finger; nan: the task does not depend on the mass."""
@@ -85,7 +85,13 @@ class ClosedNumbers:
 
     @classmethod
     def of(
-        cls, mesh: ObjectMesh, jaws: ClosedJaws, model: GraspModel, case: LoadCase | None
+        cls,
+        mesh: ObjectMesh,
+        jaws: ClosedJaws,
+        model: GraspModel,
+        case: LoadCase | None,
+        *,
+        with_epsilon: bool,
     ) -> "ClosedNumbers":
         """The numbers of closed jaws, shape (k,) each.
 
@@ -94,12 +100,15 @@ class ClosedNumbers:
             jaws: What the jaws touch.
             model: Friction, sensor resolution and errors, with lengths in the mesh's unit.
             case: What must be held, and with which force; None: nothing is stated.
+            with_epsilon: Whether `epsilon` is computed; else it is nan.
         """
         closes = jaws.closed
         shape, contacts = closes.shape, JawContacts.of(mesh, jaws)
         label, found = np.zeros(shape, dtype=np.uint8), contacts.contacts(model)
         margin, spare = np.full((2, *shape), -math.inf)
         epsilon, held, ratio, even, score = np.zeros((5, *shape))
+        if not with_epsilon:
+            epsilon[:] = math.nan
         score[~closes] = LOST
         if contacts.size:
             angles = critical_friction_angle(found)
@@ -108,10 +117,11 @@ class ClosedNumbers:
             exact = model.method == "exact"
             label[closes] = label_angles(*both, model) if exact else hull_labels(contacts, model)
             margin[closes] = margins(located, model)
-            options = EpsilonOptions.of_model(
-                model, torque_scale=mesh.torque_scale, rtol=EPSILON_RTOL
-            )
-            epsilon[closes] = epsilon_with(found, options).lower
+            if with_epsilon:
+                options = EpsilonOptions.of_model(
+                    model, torque_scale=mesh.torque_scale, rtol=EPSILON_RTOL
+                )
+                epsilon[closes] = epsilon_with(found, options).lower
             forces = _PatchForces.of(contacts, angles, model, case)
             held[closes], ratio[closes] = forces.payload, forces.ratio
             even[closes] = forces.even_ratio
@@ -242,9 +252,9 @@ class Robustness:
     margin_mean: Floats
     """Mean of those at which they close [rad], shape (k,); nan: they close at none."""
     epsilon_worst: Floats
-    """Smallest epsilon, shape (k,); 0: at one the jaws do not close."""
+    """Smallest epsilon, shape (k,); 0: at one the jaws do not close; nan: one pose is tried."""
     epsilon_mean: Floats
-    """Mean epsilon, shape (k,)."""
+    """Mean epsilon, shape (k,); nan: one pose is tried."""
     score_worst: Floats
     """Smallest score, shape (k,)."""
     robust_score: Floats
@@ -318,10 +328,11 @@ def robustness_of(
         object_motion: As in `Hand.close`.
     """
     assert mesh.unit is not None
-    stated = ClosedNumbers.of(mesh, jaws, model, case)
     offsets = scene.pose_error.offsets(mesh.unit)
+    several = len(offsets.poses) > 1
+    stated = ClosedNumbers.of(mesh, jaws, model, case, with_epsilon=several)
     every = stated.reshaped(-1, 1)
-    if len(offsets.poses) > 1:
+    if several:
         close = partial(
             scene.hand.close, mesh, object_motion=object_motion,
             friction=float(np.min(model.frictions)), give_way=offsets.position,
@@ -330,7 +341,7 @@ def robustness_of(
         every = ClosedNumbers.joined([every, others], axis=1)
     by_mass = case is not None and case.decided and case.available is not None
     codes = every.label
-    if every.label.shape[1] > 1:
+    if several:
         codes = np.where(every.clear, codes, Label.U)
     if by_mass:
         codes = np.where(every.even_ratio < 1.0, np.minimum(codes, Label.M), codes)
@@ -388,7 +399,9 @@ def _tried(
         joints = None if posture is None else posture[first : first + step].repeat(count, axis=0)
         with unreported():
             jaws = close(moved.reshape(-1, 4, 4), posture=joints)
-            parts.append(ClosedNumbers.of(mesh, jaws, model, case).reshaped(-1, count))
+            parts.append(
+                ClosedNumbers.of(mesh, jaws, model, case, with_epsilon=True).reshaped(-1, count)
+            )
     return ClosedNumbers.joined(parts)
 
 

@@ -187,13 +187,13 @@ def test_without_errors_and_load_tried_labels_are_the_labels() -> None:
     assert set(results.label) == {Label.U, Label.M, Label.S}
     closed = results.jaws.closed
     np.testing.assert_array_equal(found.margin_worst[closed], results.margin[closed])
-    np.testing.assert_allclose(found.epsilon_mean[closed], results.epsilon[closed], rtol=0.03)
+    assert np.isnan(found.epsilon_mean).all()
 
 
 @pytest.mark.slow
 def test_larger_errors_are_never_better() -> None:
     poses = random_poses(40, 0.008, seed=5)
-    errors = ["0", "0.5mm", "0.7mm,0.5deg", "2mm,0.6deg", "2mm,3deg", "5mm,3deg", "7mm,5deg"]
+    errors = ["0.3mm", "0.5mm", "0.7mm,0.5deg", "2mm,0.6deg", "2mm,3deg", "5mm,3deg", "7mm,5deg"]
     found = [
         evaluated(blob(), poses, pads(compliance=0.002), pose_error=error).robustness
         for error in errors
