@@ -340,7 +340,7 @@ def _robust_legend(grasps: GraspTable | EvaluatedPoses, robustness: Robustness |
         *[_TRIED.format(robustness.tried, wrong)] * many,
         _SCORE.format(
             ", mean of these poses" if many else "",
-            ", 0.5: just the load" if robustness.by_mass else relative,
+            ", from 0.5 on they hold the load" if robustness.by_mass else relative,
         ),
     ]
 

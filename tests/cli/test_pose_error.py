@@ -60,7 +60,7 @@ def test_without_an_error_there_is_a_score_alone(folder: Path) -> None:
     assert "tried" not in text
     assert [row.endswith("starts inside") for row in rows_of(text)] == [False, False, True, False]
     with_mass = printed("evaluate", *GIVEN, "--mass", "0.1", "--grip-force", "20", cwd=folder)
-    assert "-1 to 1, 0.5: just the load" in with_mass
+    assert "-1 to 1, from 0.5 on they hold the load" in with_mass
     assert "per newton" not in with_mass
     assert "no force is given" in printed("evaluate", *GIVEN, "--mass", "0.1", cwd=folder)
 
