@@ -87,8 +87,12 @@ def test_the_best_grasps_say_it_too(folder: Path, monkeypatch: pytest.MonkeyPatc
             "position of a pose error must be",
         ),
         (
-            "label box.stl --unit m --pose-error 5mm",
+            "label box.stl --unit m --best 2 --pose-error 5mm",
             "pose_error applies to grippers only; give a gripper as well",
+        ),
+        (
+            "label box.stl --unit m --hand hand.json --pose-error 5mm",
+            "--pose-error tries wrong poses of the best grasps: give --best as well",
         ),
     ],
 )
