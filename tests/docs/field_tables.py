@@ -14,7 +14,7 @@ from typing import get_args
 
 from grasp3d.export.ply import HIDDEN
 from grasp3d.hand.frames import FRAMES, GripperFrame
-from grasp3d.surface.fields import CONTACTS, FOUND_POSES, GRASPS, Field, When, given_poses
+from grasp3d.surface.fields import CONTACTS, FOUND_POSES, GRASPS, ROBUST, Field, When, given_poses
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -192,6 +192,8 @@ TABLES = {
     ),
     "found poses, gripper": column_table(FOUND_POSES, "gripper", "column"),
     "given poses": column_table(given_poses(), "always", "column"),
+    "patches": column_table(ROBUST, "gripper", "column"),
+    "tried poses": column_table(ROBUST, "pose error", "column"),
     "gripper frames": frame_table(),
 }
 

@@ -109,12 +109,17 @@ def test_outcomes() -> None:
 
 
 def test_further_columns() -> None:
-    of_found, of_closed, of_evaluated = tables("Further columns")
+    of_found, of_closed, of_evaluated, of_patches, of_tried = tables("Further columns")
     of_found |= of_closed
+    of_evaluated |= of_patches
     vectors = {"contacts", "normals"}
     assert set(found().columns) - vectors == of_found
     columns = set(evaluated().to_poses().columns)
     assert columns - vectors - (of_found - of_evaluated) == of_evaluated
+    tried = evaluate_grasps(
+        load_mesh(shapes.box(), unit="cm"), found(), hand=GRIPPER, pose_error="1deg"
+    )
+    assert set(tried.to_poses().columns) - columns == of_tried
     named = set(re.findall("`(.+?)`", sections_of(PAGE)["Further columns"].split("`closing` |")[1]))
     assert {state.name.lower() for state in Closing} <= named
 
