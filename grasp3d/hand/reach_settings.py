@@ -40,7 +40,7 @@ class ReachSettings(Settings):
     resting_pose: int = 1
     approach_within: Radians = math.pi
     approach_angles: int = 32
-    pose_error: Annotated[PoseErrorField, Main("how wrong poses may be: 5mm,3deg")] = (
+    pose_error: Annotated[PoseErrorField, Main("error of poses: 5mm,3deg")] = (
         PoseErrorField(PoseError())
     )
 

@@ -298,7 +298,7 @@ def test_poses_of_a_gripper_are_evaluated(posed: Path) -> None:
         "closed, but the gripper collides +0",
         "closed and reachable +2",
         "held when tried: S 100.0 % of 2, U 0.0 % of 1",
-        "3 +■ U +none +none +none +none +nothing",
+        "3 +■ U +none +none +none +none +-1.00 +nothing",
         "opening in mm",
     ):
         assert re.search(text, run.stdout), text
