@@ -40,8 +40,8 @@ class ReachSettings(Settings):
     resting_pose: int = 1
     approach_within: Radians = math.pi
     approach_angles: int = 32
-    pose_error: Annotated[PoseErrorField, Main("error of poses: 5mm,3deg")] = (
-        PoseErrorField(PoseError())
+    pose_error: Annotated[PoseErrorField, Main("error of poses: 5mm,3deg")] = PoseErrorField(
+        PoseError()
     )
 
     def __post_init__(self) -> None:
