@@ -230,11 +230,12 @@ def test_light_and_heavy_grasps_are_one_run(folder: Path) -> None:
 @pytest.mark.slow
 def test_scores_are_compared_and_reasons_are_a_line_each(folder: Path) -> None:
     text = printed(*GIVEN, "--friction", "0.2", "--sensor-resolution", "0", cwd=folder)
-    heads = re.search(r"^margin less +ROC-AUC, 95 %, paired +p\n((?:.*\n)*?)μ ", text, re.MULTILINE)
+    table = r"^robust score less +ROC-AUC, 95 %, paired +p\n((?:.*\n)*?)μ "
+    heads = re.search(table, text, re.MULTILINE)
     assert heads is not None
     rows = [re.split(r"  +", line) for line in heads[1].splitlines()]
-    assert [row[0] for row in rows[:3]] == ["β*", "label", "ε"]
-    assert rows[0][1:] == ["+0.000 +0.000 to +0.000", "1.000"]
+    assert [row[0] for row in rows[:3]] == ["patch payload", "pad margin", "success probability"]
+    assert {len(row) for row in rows} == {3}
     assert all(re.fullmatch(r"[-+]0\.\d{3} [-+]0\.\d{3} to [-+]0\.\d{3}", row[1]) for row in rows)
     ((count, listed),) = re.findall(
         r"^held, though U: (\d+) grasps\n((?:  .*\n)+)", text, re.MULTILINE
@@ -260,7 +261,9 @@ def test_warnings_that_files_share_are_one_line(folder: Path) -> None:
     named = "(and the like in 7 files: 0.json, 1.json, 2.json, 3.json, 4.json, ...)"
     assert named in " ".join(text.split())
     assert "mass 100 g, as given; centre of mass not known, as the mesh is open: the middle" in text
-    assert re.search(r"ROC-AUC of the margin by object: \d\.\d+ \(\d\.ply\) to 1\.000 ", text)
+    assert re.search(
+        r"ROC-AUC of the robust score by object: \d\.\d+ \(\d\.ply\) to \d\.\d+ ", text
+    )
     assert re.search(r"precision, 95 % +by object$", text, re.MULTILINE)
     assert len(read_columns(folder / "out" / "objects.csv")["mesh"]) == 7
 
