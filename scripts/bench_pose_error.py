@@ -38,7 +38,7 @@ def main() -> None:
     mesh, hand = grasp3d.load_mesh(arguments.mesh), grasp3d.read_hand("franka")
     load = grasp3d.Load(mass=0.2)
     labels = grasp3d.label_surface(mesh, hand=hand, load=load)
-    found = grasp3d.best_grasps(labels, arguments.grasps)
+    found = grasp3d.best_grasps(labels, arguments.grasps, distance=mesh.size / 32.0)
     poses = GraspPoses(poses=found.poses, unit=mesh.unit)
 
     def evaluate(error: str | None) -> EvaluatedPoses:

@@ -89,7 +89,7 @@ def _edges(face: Floats) -> Floats:
 FIXED = -1.0
 """Friction with which the kernels keep the object where it is."""
 
-CHUNK = 256
+CHUNK = 64
 """Poses that one thread computes at a time."""
 
 

@@ -74,7 +74,7 @@ class ClosedNumbers:
     held; where mass or force are not known, the weight that they hold per newton of each finger."""
     even_ratio: Floats
     """The same of patches that are pressed evenly, and so resist no more torsion than soft pads;
-    where mass or force are not known, `ratio`."""
+    where `ratio` is below 1, or mass or force are not known, `ratio`."""
     score: Floats
     """See `Robustness.robust_score`."""
     spare: Floats
@@ -172,7 +172,11 @@ class _PatchForces:
             radius = evenly_pressed_radius(0.5 * jaws.extents, jaws.area)
             share = np.minimum(radius / np.where(farthest > 0.0, farthest, math.inf), 1.0)
             pressed = middle + share[..., None, None] * arms
-            _, even = _held(pressed, contacts, model, case, decided=decided)
+            enough = np.flatnonzero(ratio >= 1.0)  # others hold even less when pressed evenly
+            even = ratio.copy()
+            if len(enough):
+                some = contacts.take(enough)
+                _, even[enough] = _held(pressed[enough], some, model, case, decided=decided)
             _, nominal = _held(pressed, contacts, model, case, decided=decided, tilted=False)
         least = angles  # of the patches, no larger
         if angles.size and jaws.area.shape[1] == len(PAIR):
