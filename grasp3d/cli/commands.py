@@ -184,7 +184,9 @@ class Sweep(Guarded):
 
     multifinger: Multifinger = field(default_factory=MultifingerSampling)
 
-    reach: ReachSettings = field(default_factory=ReachSettings)
+    reach: Annotated[ReachSettings, without(ReachSettings, "pose_error")] = field(
+        default_factory=ReachSettings
+    )
 
     mesh: MeshOptions = field(default_factory=MeshOptions)
 

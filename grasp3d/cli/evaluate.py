@@ -57,6 +57,8 @@ def _check_gripper(command: Evaluate, *, poses: bool) -> None:
         raise SettingError(
             f"{command.contacts}: contains poses; give their gripper with --hand NAME|FILE"
         )
+    if not poses and command.reach.pose_error:
+        raise SettingError("pose_error applies to poses of a gripper, not to contacts")
     if not poses and command.object_motion != "free":
         raise SettingError("object_motion applies to poses of a gripper, not to contacts")
     if poses and command.max_distance is not None:

@@ -7,7 +7,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Bools, Floats, locked
+from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
@@ -15,6 +15,8 @@ from grasp3d.grasps.pose_files import read_poses
 from grasp3d.grasps.pose_files.frames import UnknownUnitError
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.choices import ObjectMotion
+from grasp3d.hand.closed_jaws import ClosedJaws
+from grasp3d.hand.closing import ways
 from grasp3d.hand.hand import Hand, touching
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.pose_checks import check_near, numbers_text
@@ -362,6 +364,7 @@ def evaluate_poses(
     (own_model,) = mesh.in_own_unit(with_fingers(own_model, hand.fingers[-1]))
     if load is not None:
         LoadCase.of(load, mesh, own_model, hand)  # refuse it before the work
+    most = scene.pose_error.offsets(mesh.unit).position
     with within(0.0, JAWS_CLOSED):
         jaws = hand.close(
             mesh,
@@ -369,14 +372,11 @@ def evaluate_poses(
             posture=start.posture,
             object_motion=object_motion,
             friction=float(np.min(own_model.frictions)),
-            give_way=scene.pose_error.offsets(mesh.unit).position,
+            **({"give_way": most} if most else {}),
         )
     held = jaws.closed if object_motion == "fixed" else np.zeros(start.count, dtype=np.bool_)
-    reached = np.array(start.poses)
-    reached[:, :3, 3] += jaws.shift[:, None] * reached[:, :3, 0]
-    colliding = hand.blocked(
-        mesh, reached, jaws, posture=start.posture, held=held, table=scene.table,
-    )  # fmt: skip
+    colliding, shift = _blocked(mesh, start, jaws, held, scene, most)
+    jaws = replace(jaws, shift=locked(shift))
     contacts = JawContacts.of(mesh, jaws)
     angles = np.zeros(0)
     if contacts.size:
@@ -406,6 +406,33 @@ def evaluate_poses(
         result.compute_labels()
     report_progress(1.0)
     return result
+
+
+def _blocked(
+    mesh: ObjectMesh, start: GraspPoses, jaws: ClosedJaws, held: Bools, scene: Scene, most: float
+) -> tuple[Bools, Floats]:
+    """Whether the gripper collides at each pose, and how far it gave way before [mesh unit], (k,).
+
+    It gives way along the closing axis by at most as much as is stated.
+    """
+    shift = np.array(jaws.shift)
+
+    def blocked(rows: Ints, shifts: Floats) -> Bools:
+        poses = np.array(start.poses[rows])
+        poses[:, :3, 3] += shifts[:, None] * poses[:, :3, 0]
+        return scene.hand.blocked(
+            mesh, poses, jaws.take(rows), posture=start.posture[rows], held=held[rows],
+            table=scene.table,
+        )  # fmt: skip
+
+    colliding = np.array(blocked(np.arange(start.count), shift))
+    for move in ways(most) if most else ():
+        within_error = np.abs(jaws.shift + move) <= most * (1.0 + ROUNDING)
+        rows = np.flatnonzero(colliding & jaws.closed & within_error)
+        if len(rows):
+            free = rows[~blocked(rows, jaws.shift[rows] + move)]
+            colliding[free], shift[free] = False, jaws.shift[free] + move
+    return colliding, shift
 
 
 def poses_on(

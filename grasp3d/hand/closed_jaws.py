@@ -94,9 +94,8 @@ class ClosedJaws:
     """Whether the patches do not overlap, seen along the closing axis, as where the jaws touch at
     different heights, shape (k,)."""
     shift: Floats
-    """How far the gripper moved along the closing axis relative to the object before the jaws
-    closed, or each finger moved outward, as they would have started in it [mesh unit], shape (k,).
-    """
+    """How far the gripper moved along the closing axis, relative to the object, before the jaws
+    closed, as they would have started in it [mesh unit], shape (k,)."""
     turn: Floats
     """Angle by which the object has turned relative to the gripper [rad], shape (k,); 0 where it is
     fixed or has not moved."""

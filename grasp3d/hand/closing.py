@@ -132,9 +132,8 @@ def close_jaws(
             stroke.
         object_motion: free: the object gives way; fixed: it does not move.
         friction: Coulomb coefficient between the jaws and a free object; at least 0.
-        give_way: Where fingers start in the object, how far it may be shifted along the closing
-            axis until they do not, or where both do, how far they may give way each, in the mesh's
-            unit; see `ClosedJaws.shift`.
+        give_way: Where a finger starts in the object, how far it may be shifted along the closing
+            axis until none does, in the mesh's unit; see `ClosedJaws.shift`.
 
     Raises:
         SettingError: The unit of the mesh is not known, or a setting is outside its range.
@@ -182,13 +181,12 @@ def close_jaws(
             report_progress(done / len(firsts))
     shift = np.zeros(count)
     for row in np.flatnonzero((result.outcome == INSIDE).any(axis=1) if give_way else ()):
-        stated, opening_there = matrices[row].copy(), start[row]
-        for move, wider in _ways(give_way / mesh.size):
+        stated = matrices[row].copy()
+        for move in ways(give_way / mesh.size):
             matrices[row, :, 3] = stated[:, 3] + move * stated[:, 0]
-            start[row] = opening_there + 2.0 * wider
             close_on(surface, tree, matrices, start, coefficient, jaw, row, row + 1, result)
             if not (result.outcome[row] == INSIDE).any():
-                shift[row] = (move or wider) * mesh.size
+                shift[row] = move * mesh.size
                 break
         else:
             result.poses[row] = stated
@@ -202,11 +200,14 @@ WAYS = 4
 """Shifts in either direction by which an object may give way."""
 
 
-def _ways(most: float) -> list[tuple[float, float]]:
-    """Shifts along the closing axis, the smallest first, then motions of both fingers outward."""
+def ways(most: float) -> list[float]:
+    """Shifts along the closing axis by which an object may give way, the smallest first.
+
+    Args:
+        most: The largest one.
+    """
     steps = np.linspace(0.0, most, WAYS + 1)[1:].tolist()
-    shifts = [(sign * step, 0.0) for step in steps for sign in (1.0, -1.0)]
-    return [*shifts, *((0.0, step) for step in steps)]
+    return [sign * step for step in steps for sign in (1.0, -1.0)]
 
 
 def _normalized(mesh: ObjectMesh, poses: ArrayLike) -> Floats:

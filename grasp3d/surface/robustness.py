@@ -48,6 +48,9 @@ CHUNK = 8192
 PAIR = range(2)
 """Contacts between which lines are looked for in their patches."""
 
+CUT = 1e-9
+"""Distance of a patch from the border [m] that is a rounding error."""
+
 LOST = -1.0
 """Score of a pose at which the jaws do not close on the object."""
 
@@ -111,8 +114,8 @@ class ClosedNumbers:
             epsilon[:] = math.nan
         score[~closes] = LOST
         if contacts.size:
-            angles = critical_friction_angle(found)
-            angles = np.where(allowed_contacts(mesh, contacts.points), angles, math.inf)
+            allowed = allowed_contacts(mesh, contacts.points)
+            angles = np.where(allowed, critical_friction_angle(found), math.inf)
             located, _ = both = located_angles_of(contacts, (angles, angles), model)
             exact = model.method == "exact"
             label[closes] = label_angles(*both, model) if exact else hull_labels(contacts, model)
@@ -126,6 +129,9 @@ class ClosedNumbers:
             held[closes], ratio[closes] = forces.payload, forces.ratio
             even[closes] = forces.even_ratio
             score[closes], spare[closes] = forces.score, forces.spare
+            outside = np.flatnonzero(closes)[~allowed]
+            label[outside], score[outside], spare[outside] = Label.U, LOST, -math.inf
+            held[outside] = ratio[outside] = even[outside] = 0.0
         clear = closes & (jaws.shift == 0.0)
         return cls(closes, clear, label, margin, epsilon, held, ratio, even, score, spare)
 
@@ -185,10 +191,13 @@ class _PatchForces:
         spare = model.effective_friction_angle - least + model.tilt
         holds = ratio > 0.0
         if decided:
-            # With the tilt the payload falls about in proportion, to 0 where they do not close.
+            # With the tilt the payload falls about in proportion, to 0 where they do not close;
+            # no more lacks than to 90 degrees of friction.
             with np.errstate(divide="ignore", invalid="ignore"):
-                loaded = np.where(nominal > 0.0, spare * (1.0 - 1.0 / nominal), -math.inf)
-            spare, holds = np.minimum(spare, loaded), ratio >= 1.0
+                loaded = np.where(spare > 0.0, spare * (1.0 - 1.0 / nominal), -math.inf)
+            friction = model.effective_friction_angle + model.tilt
+            least = friction - 0.5 * math.pi + np.minimum(spare, 0.0)
+            spare, holds = np.clip(loaded, least, spare), ratio >= 1.0
         short = np.maximum(np.minimum(spare - model.tilt, 0.0) / math.pi, LOST)
         score = np.where(holds, ratio / (1.0 + ratio), short)
         return cls(held, ratio, even, score, spare)
@@ -280,8 +289,8 @@ class Robustness:
 
     S also requires that the patches, pressed evenly, hold the load at the worst normals, where mass
     and force are known, and that contacts stay on the pads wherever the position error shifts
-    them. A pose at which a finger starts in the object is U. Without errors and without a load it
-    is the label."""
+    them. A pose at which a finger starts in the object is M at most. Without errors and without a
+    load it is the label."""
     success_probability: Floats
     """Probability that the grasp holds the load (or closes, where mass or force are not known), for
     normally distributed errors, shape (k,).
@@ -333,20 +342,21 @@ def robustness_of(
     """
     assert mesh.unit is not None
     offsets = scene.pose_error.offsets(mesh.unit)
-    several = len(offsets.poses) > 1
+    several = len(offsets.poses) > 1 and len(poses) > 0
     stated = ClosedNumbers.of(mesh, jaws, model, case, with_epsilon=several)
     every = stated.reshaped(-1, 1)
     if several:
         close = partial(
             scene.hand.close, mesh, object_motion=object_motion,
-            friction=float(np.min(model.frictions)), give_way=offsets.position,
+            friction=float(np.min(model.frictions)),
+            **({"give_way": offsets.position} if offsets.position else {}),
         )  # fmt: skip
         others = _tried(mesh, poses, posture, offsets.poses[1:], close, model, case)
         every = ClosedNumbers.joined([every, others], axis=1)
+    weights = offsets.weights if several else np.ones(1)
     by_mass = case is not None and case.decided and case.available is not None
-    codes = every.label
-    if several:
-        codes = np.where(every.clear, codes, Label.U)
+    # Where a finger started in the object it may hold, but this is not sure.
+    codes = np.where(every.clear, every.label, np.minimum(every.label, Label.M))
     if by_mass:
         codes = np.where(every.even_ratio < 1.0, np.minimum(codes, Label.M), codes)
     codes = codes.min(axis=1)
@@ -363,7 +373,8 @@ def robustness_of(
     with np.errstate(divide="ignore", invalid="ignore"):
         pressure = None
         if case is not None and case.available is not None:
-            area = np.where(jaws.closed, jaws.area.min(axis=1), math.nan) * metres**2
+            smaller = jaws.area.min(axis=1) * metres**2
+            area = np.where(smaller > 0.0, smaller, math.nan)
             pressure = locked(case.available / area)
         margins_closed = np.where(every.closes, every.margin, 0.0)
         margin_mean = margins_closed.sum(axis=1) / every.closes.sum(axis=1)
@@ -381,7 +392,7 @@ def robustness_of(
         score_worst=locked(np.where(every.clear, every.score, LOST).min(axis=1)),
         robust_score=locked((every.score.mean(axis=1) - LOST) * stay + LOST),
         label_tried=locked(codes.astype(np.uint8)),
-        success_probability=locked(_probabilities(every.spare, model, jaws) @ offsets.weights),
+        success_probability=locked(_probabilities(every.spare, model, jaws) @ weights),
         by_mass=by_mass,
     )
 
@@ -430,7 +441,8 @@ def _to_border(closed: ClosedJaws, pads: Jaws, metres: float) -> tuple[Floats, F
         beyond = arms @ closed.poses[:, None, :3, 1:3] @ sides[:, :2].T + sides[:, 2]
         return np.asarray(-beyond.max(axis=(1, 2, 3)))
 
-    return distance(closed.points[:, :, None]), np.maximum(distance(closed.corners), 0.0)
+    edge = distance(closed.corners)
+    return distance(closed.points[:, :, None]), np.where(edge < CUT, 0.0, edge)
 
 
 def _probabilities(spare: Floats, model: GraspModel, jaws: ClosedJaws) -> Floats:
