@@ -1,0 +1,56 @@
+"""Draw ROC curves of the robust score in the sensor's worst case and at the perceived normals.
+
+    python scripts/draw_worst_case.py WORST PERCEIVED PICTURE
+
+WORST and PERCEIVED are folders that `grasp3d validate -o` wrote for the same grasps, the second one
+with `--sensor-resolution 0`. Epsilon is drawn beside them.
+"""
+
+import sys
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+
+from grasp3d.arrays import Bools, Floats
+from grasp3d.plots.figures import styled
+from grasp3d.validating.ranking import RankedOutcomes
+
+CURVES = (
+    (0, "robust_score", "payload of the patches, worst case of the sensor", "#0072B2", "-"),
+    (1, "robust_score", "the same at the perceived normals", "#D55E00", "--"),
+    (0, "epsilon", "ε at the perceived normals", "#666666", ":"),
+)
+
+
+def curve(values: Floats, held: Bools) -> tuple[Floats, Floats]:
+    """Shares of the failed and of the held grasps that thresholds accept."""
+    order = np.argsort(-values, kind="stable")
+    values, held = values[order], held[order]
+    last = np.append(np.diff(values) != 0.0, True)
+    accepted, failed = np.cumsum(held)[last] / held.sum(), np.cumsum(~held)[last] / (~held).sum()
+    return np.append(0.0, failed), np.append(0.0, accepted)
+
+
+@styled
+def draw(folders: list[Path], path: Path) -> None:
+    """Draw the curves."""
+    tables = [pd.read_csv(folder / "grasps.csv") for folder in folders]
+    figure, axes = plt.subplots(figsize=(4.6, 3.4), layout="constrained")
+    for which, column, text, color, line in CURVES:
+        table = tables[which]
+        values = np.nan_to_num(table[column].to_numpy(float), nan=-1e9)
+        held = table["success"].to_numpy(float) == 1.0
+        area = RankedOutcomes.of(held, values).roc_auc()
+        axes.plot(*curve(values, held), line, color=color, label=f"{text} {area:.2f}")
+    axes.plot([0, 1], [0, 1], color="#CCCCCC", linewidth=0.8, zorder=0)
+    axes.set(xlabel="failed grasps that are accepted", ylabel="held grasps that are accepted")
+    axes.legend(loc="lower right", fontsize=7)
+    figure.savefig(path, dpi=160)
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    worst, perceived, picture = map(Path, sys.argv[1:])
+    draw([worst, perceived], picture)
