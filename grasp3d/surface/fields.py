@@ -64,7 +64,7 @@ class Field:
     """NumPy type of the values, as NPZ, VTP and Parquet hold them."""
     when: When = "always"
     """What it takes for the field to be there: nothing; a location error or fingers that differ; a
-    gripper; a hand with further joints; a load."""
+    gripper; a hand with further joints; a load; an error of poses."""
     columns: tuple[str, ...] = ()
     """Names of its parts where a file or table has numbers alone; empty: with the axes as ends."""
     each: str = ""

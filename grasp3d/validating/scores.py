@@ -89,8 +89,8 @@ def _robust(name: str) -> Of:
 
 SCORES = (
     Score("robust_score", "robust score", "larger", "number",
-          "what the touched patches hold at the worst normals, over the mass: mean over the poses "
-          "tried of r / (1 + r); at most 0 where they do not close, -1 where the jaws do not",
+          "what the touched patches hold at the worst normals, over the mass, r / (1 + r), mean "
+          "over the poses tried; below 0 where they do not hold it, -1 where the jaws do not close",
           of=_robust("robust_score"), always=True),
     Score("patch_payload", "patch payload", "larger", "mass",
           "mass that the touched patches hold at the worst normals", of=_robust("patch_payload")),
