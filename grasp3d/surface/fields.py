@@ -246,8 +246,23 @@ CLOSED = (
     replace(MARGIN, name="closed_margin", meaning="`margin` there; empty also where the jaws do "
             "not close", of=of_part("closed", "margin"), when="gripper",
             allowed=Allowed(infinite=-math.inf, unknown=True)),
+    Field("robust_score", "how well the touched patches hold, mean over the poses tried: that of "
+          "[given poses](pose_formats.md#further-columns)", "", (),
+          Allowed(-1.0, 1.0, unknown=True),
+          of=lambda grasps: grasps.closed and grasps.closed.number("robust_score"),
+          when="gripper"),
+    Field("label_tried", "the worst label of the poses tried; empty: not known", kind="i8",
+          of=lambda grasps: grasps.closed and _tried(grasps), when="gripper",
+          texts=(*LETTERS, "")),
 )  # fmt: skip
 """What the closed jaws of a gripper make of grasps that were found."""
+
+
+def _tried(grasps: Any) -> Array:
+    """Codes of the worst labels of the poses tried, -1: not known."""
+    codes = grasps.closed.number("label_tried")
+    return np.where(np.isnan(codes), -1.0, codes).astype(np.int64)
+
 
 GRASPS = (
     Field("grasp", "number, from 1", of=lambda one: range(1, one.size + 1), kind="i8"),
