@@ -45,7 +45,7 @@ default_role = "py:obj"  # a name in a docstring is a link where it is public
 
 nitpicky = True
 nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
-    ("py:.*", r"(collections|numpy|os|pathlib|pyarrow|pandas|pd|pyvista|trimesh)\..*"),
+    ("py:.*", r"(collections|numpy|np|os|pathlib|pyarrow|pandas|pd|pyvista|trimesh)\..*"),
     ("py:.*", r"grasp3d\.arrays\.ArrayLike"),  # NumPy's
     # Arrays and others, in modules that import them for type checkers only.
     ("py:class", r"Floats|Bools|ArrayLike|ObjectMotion|Progress|Triangles"),
@@ -54,6 +54,7 @@ nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
     ("py:class", r"grasp3d\.hand\.jaws\.Jaws"),  # a part of `ParallelGripper`
     ("py:class", r"grasp3d\.mesh\.\w+\.MovableSurface"),  # a scan that is prepared already
     ("py:class", r"grasp3d\.surface\.fields\.Field"),  # declares columns of files
+    ("py:class", r"grasp3d\.validating\.disagreements\.Numbers"),  # columns of grasps
     ("py:class", r".*\.tasks\.Terms?|.*\._Part|.*\.regions\.Parts"),  # likewise
     ("py:class", r"grasp3d\.planar\.outlines\.FractionSettings"),  # keywords of `Outline.fractions`
     ("py:obj", r".*"),  # parameters, and words in backticks

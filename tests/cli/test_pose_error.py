@@ -48,8 +48,8 @@ def test_tables_say_what_wrong_poses_and_patches_make_of_grasps(folder: Path) ->
         tried = " of 32" if share == 100 else f", {share} % close"
         assert f"■ {one['label_tried']}{tried}  " in row
         assert f"  {one['robust_score']:.2f}  " in row
-    assert "  closed, gave way 1.2 mm" in rows[2]
-    assert found[2]["shift"] == pytest.approx(-0.00125)
+    assert "  closed, gave way 3.8 mm" in rows[2]  # so that the way is free, with its clearance
+    assert found[2]["shift"] == pytest.approx(-0.00375)
     assert "tried: the worst label of 32 poses that are wrong by at most 5 mm and 3 deg" in text
     assert text.count("robust scores are per newton of grip: no mass is given") == 1
 

@@ -78,7 +78,9 @@ def test_objects_have_a_table_with_their_mean(monkeypatch: pytest.MonkeyPatch) -
         replace(found().files[0], object_number=k, object_name=f"{k}.obj") for k in (0, 1)
     )
     page = page_of(replace(found(), by_object=True, by_objects=(one, two), files=files))
-    assert "ROC-AUC of the margin by object: 0.250 (0.obj) to 0.750 (1.obj), mean 0.500" in page
+    assert (
+        "ROC-AUC of the robust score by object: 0.250 (0.obj) to 0.750 (1.obj), mean 0.500" in page
+    )
     (row,) = re.findall("<tr><td ><b>mean over objects</b>.*?</tr>", page)
     assert row.count("<td >0.500</td>") == len(found().qualities)
     (row,) = re.findall("<tr><td ><b>all grasps</b>.*?</tr>", page)
