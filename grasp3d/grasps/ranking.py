@@ -68,7 +68,7 @@ def ranked_rows(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None
     if closed is not None and "approach" in in_units:
         allowed = np.minimum(in_units["approach"], 1.0)
     steps = np.floor(margins / STEP + LEAST)
-    score = np.nan_to_num(_robust(grasps, closed, "robust_score"), nan=-1.0)
+    score = np.nan_to_num(robust_number(grasps, closed, "robust_score"), nan=-1.0)
     keys = [
         -stated_label(grasps, closed),
         ~_executable(grasps),
@@ -111,11 +111,13 @@ def stated_label(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | Non
         most = np.where(np.isfinite(holding.grip_force_largest), Label.S, Label.M)
         most[~np.isfinite(holding.grip_force_least)] = Label.U
         codes = np.minimum(codes, most)
-    tried = np.nan_to_num(_robust(grasps, closed, "label_tried"), nan=Label.S)
+    tried = np.nan_to_num(robust_number(grasps, closed, "label_tried"), nan=Label.S)
     return np.where(_executable(grasps), np.minimum(codes, tried.astype(np.int64)), Label.U)
 
 
-def _robust(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None, name: str) -> Floats:
+def robust_number(
+    grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None, name: str
+) -> Floats:
     """A number of `Robustness` of each grasp, shape (b,); nan: not known."""
     if isinstance(grasps, EvaluatedPoses):
         values = getattr(grasps.robustness, name)
@@ -169,7 +171,7 @@ def _place(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None, jaw
     The smallest of both jaws, along the axis y and z of the gripper. Where the jaws have not been
     closed, ideal contacts are on the line between the fingers.
     """
-    place = _robust(grasps, closed, "pad_margin")
+    place = robust_number(grasps, closed, "pad_margin")
     if isinstance(grasps, GraspTable) and grasps.reach is not None:
         half = 0.5 * np.array([jaws.pad_width, jaws.pad_height])
         along = half[1] - METRES[grasps.mesh.unit or "m"] * grasps.reach.depth

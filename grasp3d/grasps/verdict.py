@@ -18,7 +18,7 @@ from grasp3d.grasps.distinct import (
 )
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.explanations import finger_words
-from grasp3d.grasps.ranking import ranked_rows, stated_label
+from grasp3d.grasps.ranking import ranked_rows, robust_number, stated_label
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.quality.grip_forces import Resistance
@@ -31,6 +31,7 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.holding import HARD_FINGERS, Holding
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.robustness import PAYLOAD_RTOL
 from grasp3d.system.context import unreported
 from grasp3d.system.counts import short_number
 
@@ -392,11 +393,17 @@ def _remedies(
     if load is not None and load.holds is False:
         assert load.available is not None
         assert grasps.holding is not None
-        force = float(np.nanmin(grasps.holding.grip_force_largest[rows]))
+        # Evenly pressed patches must hold it as well, by more than the error of their payload.
+        even = robust_number(grasps, _closed(grasps), "even_ratio")[rows] / (1.0 + PAYLOAD_RTOL)
+        with np.errstate(divide="ignore"):
+            forces = np.fmax(grasps.holding.grip_force_largest[rows], load.available / even)
+        force = float(np.nanmin(forces))
         if math.isfinite(force):
             remedies.append(Remedy("grip_force", _rounded(force, 3, math.ceil), load.available))
-        if load.mass and load.payload > 0.0:
-            remedies.append(Remedy("mass", _rounded(load.payload, 2, math.floor), load.mass))
+        if load.mass:
+            held = float(np.nanmax(np.fmin(grasps.holding.payload[rows], load.mass * even)))
+            if held > 0.0:
+                remedies.append(Remedy("mass", _rounded(held, 2, math.floor), load.mass))
     return tuple(remedies)
 
 

@@ -77,7 +77,7 @@ class ClosedNumbers:
     held; where mass or force are not known, the weight that they hold per newton of each finger."""
     even_ratio: Floats
     """The same of patches that are pressed evenly, and so resist no more torsion than soft pads;
-    where `ratio` is below 1, or mass or force are not known, `ratio`."""
+    where mass or force are not known, `ratio`."""
     score: Floats
     """See `Robustness.robust_score`."""
     spare: Floats
@@ -178,7 +178,7 @@ class _PatchForces:
             radius = evenly_pressed_radius(0.5 * jaws.extents, jaws.area)
             share = np.minimum(radius / np.where(farthest > 0.0, farthest, math.inf), 1.0)
             pressed = middle + share[..., None, None] * arms
-            enough = np.flatnonzero(ratio >= 1.0)  # others hold even less when pressed evenly
+            enough = np.flatnonzero(ratio > 0.0)
             even = ratio.copy()
             if len(enough):
                 some = contacts.take(enough)
@@ -301,6 +301,11 @@ class Robustness:
     """Whether scores are relative to the mass of the object."""
 
     __repr__ = short_repr
+
+    @property
+    def even_ratio(self) -> Floats:
+        """That of evenly pressed patches at the stated pose, shape (k,); see `ClosedNumbers`."""
+        return self.stated.even_ratio
 
     @property
     def patch_payload(self) -> Floats:

@@ -117,7 +117,7 @@ def closings(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 def test_no_grasp_is_before_one_with_a_better_label_after_closing(name: str) -> None:
     labels = LABELS[name]()
     best = best_grasps(labels, ALL)
-    codes = after(best) if labels.load is None else best.holding.label
+    codes = after(best) if labels.load is None else stated_label(best, best.closed)
     assert (np.diff(codes.astype(int)) <= 0).all()
     assert len(set(codes)) > 1
 
