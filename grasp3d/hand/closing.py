@@ -17,7 +17,7 @@ from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import check_choice
 from grasp3d.settings.lengths import GivenLength, Measure
-from grasp3d.system.context import report_progress, thread_count
+from grasp3d.system.context import report_progress, thread_count, unreported
 
 FOOTPRINT = 1.0 / 3.0
 """Depth, relative to a pad's smaller side, to which the surface opposite it makes the normal.
@@ -159,40 +159,45 @@ def close_jaws(
         ([1.0, -1.0], [[200.0, 200.0]])
     """
     check_choice("object_motion", object_motion, ObjectMotion)
-    free = object_motion == "free"
+    free_object = object_motion == "free"
     if not 0.0 <= friction < math.inf:
         raise SettingError(f"friction must be a finite number of at least 0; got {friction:g}")
     scale = 1.0 / (metres_per_unit(mesh) * mesh.size)  # from metres
     matrices = _normalized(mesh, poses)
     start = _openings(mesh, opening, hand, len(matrices))
     jaw = jaw_of(hand, scale)
-    coefficient = friction if free else FIXED
-    count, result = len(matrices), _empty(len(matrices))
+    coefficient = friction if free_object else FIXED
     surface = mesh.contact_surface
     tree = face_tree(surface)
-    firsts = range(0, count, CHUNK)
 
-    def work(first: int) -> None:
-        last = min(first + CHUNK, count)
-        close_on(surface, tree, matrices, start, coefficient, jaw, first, last, result)
+    def closed_from(poses: Floats, starts: Floats) -> ClosedOn:
+        count, result = len(poses), _empty(len(poses))
+        firsts = range(0, count, CHUNK)
 
-    with ThreadPoolExecutor(thread_count()) as executor:
-        for done, _ in enumerate(executor.map(work, firsts), start=1):
-            report_progress(done / len(firsts))
-    shift = np.zeros(count)
-    for row in np.flatnonzero((result.outcome == INSIDE).any(axis=1) if give_way else ()):
-        stated = matrices[row].copy()
-        for move in ways(give_way / mesh.size):
-            matrices[row, :, 3] = stated[:, 3] + move * stated[:, 0]
-            close_on(surface, tree, matrices, start, coefficient, jaw, row, row + 1, result)
-            if not (result.outcome[row] == INSIDE).any():
-                shift[row] = move * mesh.size
-                break
-        else:
-            result.poses[row] = stated
-        matrices[row] = stated
+        def work(first: int) -> None:
+            last = min(first + CHUNK, count)
+            close_on(surface, tree, poses, starts, coefficient, jaw, first, last, result)
+
+        with ThreadPoolExecutor(thread_count()) as executor:
+            for done, _ in enumerate(executor.map(work, firsts), start=1):
+                report_progress(done / len(firsts))
+        return result
+
+    result, shift = closed_from(matrices, start), np.zeros(len(matrices))
+    for move in ways(give_way / mesh.size) if give_way else ():
+        rows = np.flatnonzero((result.outcome == INSIDE).any(axis=1))
+        if not len(rows):
+            break
+        moved = matrices[rows]
+        moved[:, :, 3] += move * moved[:, :, 0]
+        with unreported():
+            again = closed_from(moved, start[rows])
+        free = ~(again.outcome == INSIDE).any(axis=1)
+        for values, others in zip(result, again, strict=True):
+            values[rows[free]] = others[free]
+        shift[rows[free]] = move * mesh.size
     return closed_jaws(
-        mesh, result, matrices, jaw, least=hand.min_opening * scale, free=free, shift=shift
+        mesh, result, matrices, jaw, least=hand.min_opening * scale, free=free_object, shift=shift
     )
 
 

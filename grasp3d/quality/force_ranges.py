@@ -147,10 +147,7 @@ def force_at_worst(
 
     Arguments, shape and errors as for `payload`; inf where no force does.
     """
-    if group > 1 and (contacts.count % group or (contacts.torsion_radius > 0.0).any()):
-        raise SettingError(
-            f"groups of {group} must be of hard contacts, and divide the {contacts.count} contacts"
-        )
+    _check_groups(contacts, group)
     options = ForceOptions(task, bound, None, rtol, group)
     needed = largest_force(contacts.reshape((-1,)), tilts_of(tilt, contacts), options)
     return locked(needed.reshape(contacts.batch))[()]
@@ -205,6 +202,7 @@ def payload(
         needed = force_at_worst(contacts, task, tilt=tilt, bound=bound, rtol=rtol, group=group)
         with np.errstate(divide="ignore"):  # no force is needed where nothing accelerates
             return locked(force / needed)[()]
+    _check_groups(contacts, group)
     options = ForceOptions(task, bound, None, rtol, group)
     flat = contacts.reshape((-1,))
     tilts = tilts_of(tilt, contacts)
@@ -216,6 +214,14 @@ def payload(
 
     masses = _search(excess, len(tilts), rtol)
     return locked(masses.reshape(contacts.batch))[()]
+
+
+def _check_groups(contacts: Contacts, group: int) -> None:
+    """Refuse contacts that are no groups of hard ones. Raises SettingError."""
+    if group > 1 and (contacts.count % group or (contacts.torsion_radius > 0.0).any()):
+        raise SettingError(
+            f"groups of {group} must be of hard contacts, and divide the {contacts.count} contacts"
+        )
 
 
 def _search(excess: Callable[[Ints, Floats], Floats], count: int, rtol: float) -> Floats:

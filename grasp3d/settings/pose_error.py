@@ -111,9 +111,12 @@ class PoseError(LengthSettings, TextValue):
             turn = parse_angle("angle", angle)
         except SettingError:
             turn = math.nan
-        if others or math.isnan(turn):
+        # A lone number may be meant as either.
+        unclear = len(value.split(",")) == 1 and isinstance(position, float) and position != 0.0
+        if others or math.isnan(turn) or unclear:
             raise SettingError(
-                "a pose error must be a length, an angle in degrees, or both ('5mm,3deg'); got "
+                "a pose error must be a length with its unit ('5mm'), an angle ('3deg'), or both "
+                f"('5mm,3deg'); got "
                 f"{value!r}"
             )
         return cls(position, turn)

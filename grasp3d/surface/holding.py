@@ -125,7 +125,7 @@ class Holding:
         S: the load is held at all normals that may be true; U: at none, or there is no grasp; M:
         the sensor cannot decide.
         """
-        if self.available is None or not self.case.decided:
+        if self.available is None or not self.case.complete:
             return None
         codes = np.full(len(self.grip_force), Label.M, dtype=np.uint8)
         codes[self.grip_force_largest <= self.available] = Label.S

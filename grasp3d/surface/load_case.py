@@ -265,6 +265,11 @@ class LoadCase:
         return "1 kg (no mass is given)" if self.mass is None else f"{short_number(self.mass)} kg"
 
     @property
+    def complete(self) -> bool:
+        """Whether it is known what must be held, and with which force."""
+        return self.decided and self.available is not None
+
+    @property
     def decided(self) -> bool:
         """Whether the task is that of the object: its mass is known, or does not matter."""
         return self.mass is not None or not self.by_mass

@@ -45,9 +45,6 @@ PAYLOAD_RTOL = 1e-2
 CHUNK = 8192
 """Poses whose errors are tried at a time."""
 
-PAIR = range(2)
-"""Contacts between which lines are looked for in their patches."""
-
 CUT = 1e-9
 """Distance of a patch from the border [m] that is a rounding error."""
 
@@ -168,8 +165,8 @@ class _PatchForces:
     ) -> "_PatchForces":
         """Of grasps whose jaws close, with critical angles of points (b,)."""
         jaws = contacts.jaws
-        decided = case is not None and case.decided and case.available is not None
-        held, ratio = _held(jaws.corners, contacts, model, case, decided=decided)
+        decided = case is not None and case.complete
+        held, ratio = _held(jaws.corners, contacts, model, case)
         even = ratio
         if decided:
             middle = jaws.points[:, :, None]
@@ -182,23 +179,24 @@ class _PatchForces:
             even = ratio.copy()
             if len(enough):
                 some = contacts.take(enough)
-                _, even[enough] = _held(pressed[enough], some, model, case, decided=decided)
-            _, nominal = _held(pressed, contacts, model, case, decided=decided, tilted=False)
+                _, even[enough] = _held(pressed[enough], some, model, case)
+            _, nominal = _held(pressed, contacts, model, case, tilted=False)
         least = angles  # of the patches, no larger
-        if angles.size and jaws.area.shape[1] == len(PAIR):
+        if contacts.count == 2:
             patches = contacts.contacts(GraspModel(contact="patch"))
             least = np.minimum(angles, critical_friction_angle(patches))
-        spare = model.effective_friction_angle - least + model.tilt
+        tilt = _tilt(model)
+        spare = model.effective_friction_angle - least + tilt
         holds = ratio > 0.0
         if decided:
             # With the tilt the payload falls about in proportion, to 0 where they do not close;
             # no more lacks than to 90 degrees of friction.
             with np.errstate(divide="ignore", invalid="ignore"):
                 loaded = np.where(spare > 0.0, spare * (1.0 - 1.0 / nominal), -math.inf)
-            friction = model.effective_friction_angle + model.tilt
-            least = friction - 0.5 * math.pi + np.minimum(spare, 0.0)
-            spare, holds = np.clip(loaded, least, spare), ratio >= 1.0
-        short = np.maximum(np.minimum(spare - model.tilt, 0.0) / math.pi, LOST)
+            friction = model.effective_friction_angle + tilt
+            lowest = friction - 0.5 * math.pi + np.minimum(spare, 0.0)
+            spare, holds = np.clip(loaded, lowest, spare), ratio >= 1.0
+        short = np.maximum(np.minimum(spare - tilt, 0.0) / math.pi, LOST)
         score = np.where(holds, ratio / (1.0 + ratio), short)
         return cls(held, ratio, even, score, spare)
 
@@ -209,13 +207,11 @@ def _held(
     model: GraspModel,
     case: LoadCase | None,
     *,
-    decided: bool,
     tilted: bool = True,
 ) -> tuple[Floats, Floats]:
     """Payload [kg] and ratio of patches that are pressed at corners (b, n, m, 3).
 
-    As in `ClosedNumbers`; `decided`: whether mass and force are known; `tilted`: at the worst
-    normals, or at the nominal ones.
+    As in `ClosedNumbers`; `tilted`: at the worst normals, or at the nominal ones.
     """
     fingers, count = corners.shape[1:3]
     pressed = Contacts(
@@ -234,7 +230,7 @@ def _held(
             ratio = force / force_at_worst(pressed, task, **options)
         return np.full(len(ratio), math.nan), ratio
     held = payload(pressed, task, force, **options)
-    known = case.mass if decided and case is not None else None
+    known = case.mass if case is not None and case.complete else None
     mass = known or force / STANDARD_GRAVITY
     return held, held / mass
 
@@ -359,7 +355,7 @@ def robustness_of(
         others = _tried(mesh, poses, posture, offsets.poses[1:], close, model, case)
         every = ClosedNumbers.joined([every, others], axis=1)
     weights = offsets.weights if several else np.ones(1)
-    by_mass = case is not None and case.decided and case.available is not None
+    by_mass = case is not None and case.complete
     # Where a finger started in the object it may hold, but this is not sure.
     codes = np.where(every.clear, every.label, np.minimum(every.label, Label.M))
     if by_mass:
@@ -452,8 +448,13 @@ def _to_border(closed: ClosedJaws, pads: Jaws, metres: float) -> tuple[Floats, F
 
 def _probabilities(spare: Floats, model: GraspModel, jaws: ClosedJaws) -> Floats:
     """Probability that no normal tilts by more than what is to spare, shape (k, t)."""
-    deviation = 0.5 * model.tilt  # of the tilt about each of two axes
+    deviation = 0.5 * _tilt(model)  # of the tilt about each of two axes
     if deviation == 0.0:
         return np.asarray(spare > 0.0, dtype=np.float64)
     each = -np.expm1(-0.5 * (np.maximum(spare, 0.0) / deviation) ** 2)
     return np.asarray(each ** jaws.area.shape[1])
+
+
+def _tilt(model: GraspModel) -> float:
+    """Largest tilt of the normal of any finger [rad]."""
+    return float(np.max(model.tilt_of_fingers))

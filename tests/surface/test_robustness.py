@@ -13,8 +13,9 @@ from scipy.spatial.transform import Rotation
 
 import grasp3d
 from grasp3d import GraspModel, Load, ObjectMesh, evaluate_grasps, load_mesh, read_hand
+from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.quality.tasks import STANDARD_GRAVITY
+from grasp3d.quality.tasks import STANDARD_GRAVITY, Weight, Wrenches
 from grasp3d.stability.label import Label
 from grasp3d.surface.robustness import LOST, PAYLOAD_RTOL
 from tests.helpers import shapes
@@ -92,6 +93,16 @@ def test_contacts_near_the_border_may_be_lost() -> None:
         # On the faces of a box nearby poses are about as good.
         assert found.robust_score[0] == pytest.approx((1.0 + alone) * stay - 1.0, abs=0.06)
         assert found.robust_score[0] < found.stated.score[0]
+
+
+@pytest.mark.parametrize(("group", "torsion"), [(3, 0.0), (2, 0.01)])
+def test_groups_are_of_hard_contacts(group: int, torsion: float) -> None:
+    four = np.array([[-1.0, 0, 0], [-1, 1, 0], [1, 0, 0], [1, 1, 0]])
+    contacts = grasp3d.Contacts(four, four * [-1, 0, 0], torsion_radius=torsion)
+    fixed = Wrenches([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0]])
+    for task in (Weight(), Weight() + fixed):
+        with pytest.raises(SettingError, match=f"groups of {group} must be of hard contacts"):
+            grasp3d.payload(contacts, task, 10.0, group=group)
 
 
 def test_without_a_load_the_score_is_of_weight_per_force() -> None:
