@@ -80,8 +80,10 @@ def test_the_best_grasps_say_it_too(folder: Path, monkeypatch: pytest.MonkeyPatc
     [
         (
             "evaluate box.stl poses.csv --unit m --hand hand.json --pose-error abc",
-            "a pose error must be a length with its unit ('5mm'), an angle ('3deg'), or both "
-            "('5mm,3deg'); got 'abc'",
+            (
+                "a pose error must be a length with its unit ('5mm'), an angle ('3deg'), or both "
+                "('5mm,3deg'); got 'abc'"
+            ),
         ),
         (
             "evaluate box.stl poses.csv --unit m --hand hand.json --pose-error -5mm",
