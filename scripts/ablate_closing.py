@@ -25,7 +25,7 @@ from scipy.stats import spearmanr
 import grasp3d
 from grasp3d.arrays import Bools, Floats
 from grasp3d.grasps import GraspPoses
-from grasp3d.hand import closed_jaws, jaw_shape
+from grasp3d.hand import closed_jaws, closing
 from grasp3d.hand.closing import close_jaws
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.quality.critical_angle import critical_friction_angle
@@ -66,7 +66,7 @@ class Rule:
         """Close the jaws."""
         keep: Callable[..., Any] = closed_jaws.centres_of_pressure
         with (
-            changed(jaw_shape, "FOOTPRINT", self.footprint),
+            changed(closing, "FOOTPRINT", self.footprint),
             changed(closed_jaws, "centres_of_pressure", keep if self.pressed else centroids),
         ):
             return close_jaws(
@@ -90,7 +90,7 @@ def rules(hand: ParallelGripper, friction: float) -> Iterator[Rule]:
     thin = replace(rigid, pad_width=THIN, pad_height=THIN)
     rubbed = Rule("with friction", pads, friction, pressed=False)
     one_line = replace(rubbed, text="forces on one line: centres of pressure", pressed=True)
-    opposite = replace(one_line, text="the slope opposite the pads", footprint=jaw_shape.FOOTPRINT)
+    opposite = replace(one_line, text="the slope opposite the pads", footprint=closing.FOOTPRINT)
     yield Rule("the axis through the TCP meets the surface", thin, None)
     yield Rule("rigid flat pads touch a fixed object", rigid, None)
     yield Rule("pads give way: a patch, not a point", pads, None)
