@@ -51,6 +51,7 @@ _i32_1, _f32_1, _f32_2 = (
     _array(item, ndim) for item, ndim in ((types.int32, 1), (types.float32, 1), (types.float32, 2))
 )
 _fixed_f1, _fixed_f2, _fixed_f3 = (_array(_f, ndim, readonly=True) for ndim in range(1, 4))
+_fixed_b1 = _array(_b, 1, readonly=True)
 _fixed_i1, _fixed_i2 = (_array(_i, ndim, readonly=True) for ndim in range(1, 3))
 
 # Wrenches, epsilon and forces.
@@ -176,6 +177,6 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     rays.starting_rays: [(_i32_1, _f2, _i8_1, _i)],
     rays.write_rays: [(_i, _RAYS, _fixed_f2, _f32_2, _f32_2)],
     patches.reset_front: [(_FRONT,)],
-    ranked_outcomes.rank_outcomes: [(_i1, _i1, _b1, _i1)],
+    ranked_outcomes.rank_outcomes: [(_i1, _i1, held, _i1) for held in (_b1, _fixed_b1)],
 }
 """Kernels, and for each the types of its arguments in every way that it is called."""

@@ -114,17 +114,23 @@ class GraspViews:
     def _seen(
         self, points: Floats, normals: Floats, group: Ints, count: int, hand: Triangles | None
     ) -> Floats:
-        """Area of each group of points that the views show, relative to a free one, (v, count)."""
+        """Area of each group of points that the views show, relative to a free one, (v, count).
+
+        It counts as little as it is of what a view would show if nothing hid it: half a tip from
+        its broad side says less than all of it from a narrow one.
+        """
         mesh, groups = self._mesh, np.eye(count + 1)[group, :count]
         starts = (points - mesh.center) / mesh.size + BESIDE * normals
         area = np.maximum(self._toward @ normals.T, 0.0)  # (v, p)
+        free = np.maximum(area @ groups, np.finfo(float).tiny)
         if hand is not None:
             rays = FaceRays((hand.vertices - mesh.center) / mesh.size, hand.faces)
             passing = np.append(np.where(hand.parts == Part.PALM, THROUGH, 0.0), 1.0)
             area *= passing[self._first_faces(rays, starts, area)]
         most = np.maximum((area @ groups).max(axis=0), np.finfo(float).tiny)
         area *= self._first_faces(self._rays, starts, area) < 0
-        return np.asarray(area @ groups / most)
+        seen = area @ groups
+        return np.asarray(seen / most * np.sqrt(seen / free))
 
     def _first_faces(self, rays: FaceRays, starts: Floats, area: Floats) -> Ints:
         """First face between points (p, 3) and cameras where `area` (v, p) is seen; -1: none."""

@@ -183,7 +183,7 @@ def test_what_cannot_be_simulated_is_refused(monkeypatch: pytest.MonkeyPatch) ->
         ({"pull_acceleration": -1.0}, "pull_acceleration must be from 0 to 1000"),
         ({"give_way": -1.0}, "give_way must be a finite length of at least 0"),
         ({"pad_stiffness": "3 N/cm"}, "pad_stiffness must be a number .N/m., or a number with a"),
-        ({"pose_error": "3s"}, "a pose error must be a length, an angle in degrees, or both"),
+        ({"pose_error": "3s"}, "a pose error must be a length with its unit .*; got '3s'"),
         ({"seed": -1}, "seed must be a whole number of at least 0"),
     ],
 )
