@@ -84,8 +84,8 @@ MUTANTS = (
     ),
     Mutant(
         "force of wider cones as the largest",
-        "-tilt[rows][:, fingers]",
-        "tilt[rows][:, fingers]",
+        'sure = ForceProblem.over_tilts(contacts, tilts, "sure"',
+        'sure = ForceProblem.over_tilts(contacts, tilts, "possible"',
         "test_force_ranges.py",
     ),
     Mutant(

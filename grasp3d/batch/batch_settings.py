@@ -86,6 +86,8 @@ class BatchSettings:
 
     def __post_init__(self) -> None:
         check_range("the number of best grasps", self.best, 0)
+        if self.reach.pose_error and not self.best:
+            raise SettingError("a pose error tries wrong poses of the best grasps; ask for one")
         for part in (*self.mesh.only, *self.mesh.avoid):
             if not isinstance(part, Box | Sphere):
                 raise SettingError(f"{part} is of one mesh; a library takes boxes and spheres")

@@ -28,6 +28,7 @@ from grasp3d.system.versions import package_version
 
 if TYPE_CHECKING:
     from grasp3d.hand.reach import Reach
+    from grasp3d.surface.closed_grasps import ClosedGrasps
     from grasp3d.surface.grasp_table import GraspTable
     from grasp3d.surface.holding import Holding
     from grasp3d.surface.labels import SurfaceLabels
@@ -335,6 +336,7 @@ def _best_rows(best: "GraspTable | None") -> tuple[BestGrasp, ...]:
             opening=float(best.opening[number]),
             points=_triples(best.contacts.points[number]),
             normals=_triples(-best.contacts.normals[number]),
+            **_robust_values(best.closed, number),
             **({} if best.holding is None else _force_values(best.holding, number)),
         )
         for number in range(best.size)
@@ -349,6 +351,14 @@ def _pose_values(reach: "Reach", number: int) -> dict[str, Any]:
         "pregrasp_opening": _finite_or_none(float(reach.pregrasp_opening[number])),
         "approach_margin": _finite_or_none(float(reach.approach_margin[number])),
     }
+
+
+def _robust_values(closed: "ClosedGrasps | None", number: int) -> dict[str, Any]:
+    """How well one grasp holds where its pose is a little wrong."""
+    if closed is None:
+        return {}
+    names = ("robust_score", "closing_share")
+    return {name: _finite_or_none(float(closed.number(name)[number])) for name in names}
 
 
 def _force_values(holding: "Holding", number: int) -> dict[str, Any]:

@@ -70,6 +70,11 @@ class BestGrasp:
     """Opening before the fingers close, in the mesh's unit."""
     approach_margin: float | None = None
     """How wrong the approach angle about the closing axis may be [rad]."""
+    robust_score: float | None = None
+    """Score of the touched patches over all poses tried, from -1 to 1; none: no gripper, or it is
+    not known what the jaws touch."""
+    closing_share: float | None = None
+    """Fraction of the poses tried at which the jaws close; none as above."""
     grip_force: float | None = None
     """Force of each finger that holds it at the worst normals [N]; none: no load, or none does."""
     payload: float | None = None

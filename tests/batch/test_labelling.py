@@ -21,6 +21,7 @@ from grasp3d.batch.storage.folder import Folder
 from grasp3d.errors import SettingError
 from grasp3d.grasps import verdict_of
 from grasp3d.hand.reach_settings import ReachSettings
+from grasp3d.settings.pose_error import PoseError
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.isolation import NeedsMemory
 from tests.helpers import shapes
@@ -159,6 +160,13 @@ def test_fractions_over_the_grid_are_those_of_relabelling(
         assert weights[values > median + 1e-9].sum() <= 0.5 <= weights[values > median - 1e-9].sum()
 
 
+def test_a_pose_error_is_of_the_best_grasps() -> None:
+    reach = ReachSettings(hand=HAND, pose_error=PoseError.of("2mm"))
+    assert BatchSettings(reach=reach, best=1).best == 1
+    with pytest.raises(SettingError, match="a pose error tries wrong poses of the best grasps"):
+        BatchSettings(reach=reach, best=0)
+
+
 def test_errors_of_the_grid_are_checked() -> None:
     with pytest.raises(SettingError, match="below the friction"):
         BatchSettings(grid=FractionGrid((0.2, 0.5), friction_error=(0.3,)))
@@ -224,6 +232,8 @@ def test_with_a_gripper_a_row_has_the_verdict_and_poses(tmp_path: Path) -> None:
         assert np.reshape(grasp.pose, (4, 4)) == pytest.approx(best.reach.poses[number])
         assert grasp.pregrasp_opening == best.reach.pregrasp_opening[number]
         assert grasp.approach_margin == best.reach.approach_margin[number]
+        assert grasp.robust_score == best.closed.number("robust_score")[number]
+        assert grasp.closing_share == 1.0
         assert grasp.label == "S"
     fields = pq.read_table(tmp_path / "out" / row.fields)
     margins = fields["approach_margin"].to_numpy()
