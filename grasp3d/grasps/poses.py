@@ -1,6 +1,6 @@
 """Poses of a gripper on an object, with the openings, scores and outcomes that belong to them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Self, get_args
 
@@ -23,6 +23,7 @@ LENGTH_COLUMNS = frozenset(
 
 OWN_NAMES = frozenset({
     "name", "pose", "opening", "pregrasp_opening", "posture", "score", "outcome", "success",
+    "pregrasp_posture", "squeeze_posture", "pregrasp_pose", "squeeze_pose", "joint_names",
     "unit", "object_pose", "frame", "gripper_frame", "grasp",
     "px", "py", "pz", "qx", "qy", "qz", "qw",
 })  # fmt: skip
@@ -30,6 +31,10 @@ OWN_NAMES = frozenset({
 
 NUMBERS = ("opening", "pregrasp_opening", "scores", "outcome")
 """Fields of one number for each pose."""
+
+STAGES = ("pregrasp", "squeeze")
+"""Before the grasp, and where the hand would be if the object gave way: `..._posture`, `..._poses`.
+"""
 
 PART = 10_000
 """Texts that are checked at a time."""
@@ -66,7 +71,18 @@ class GraspPoses:
     pregrasp_opening: Floats = field(default_factory=_unknown)
     """Opening with which the gripper approaches [unit], shape (k,); nan: not known."""
     posture: Floats = field(default_factory=lambda: np.zeros((0, 0)))
-    """Values of the hand's further joints, shape (k, p); p is 0 for a parallel gripper."""
+    """Values of the hand's further joints [rad or m], shape (k, p); p is 0 for a parallel
+    gripper."""
+    joint_names: tuple[str, ...] = ()
+    """Names of these joints; empty: not stated, they are in the order of the hand's."""
+    pregrasp_posture: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    """Posture with which the hand approaches, shape (k, p), nan: not known; p is 0: of no pose."""
+    squeeze_posture: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    """Posture that is commanded to press, the same."""
+    pregrasp_poses: Floats | None = None
+    """Poses with which the hand approaches, as `poses`; None: those."""
+    squeeze_poses: Floats | None = None
+    """Poses that are commanded to press; None: `poses`."""
     scores: Floats = field(default_factory=_unknown)
     """Confidence or another quality, larger is better, shape (k,); nan: not known."""
     outcome: Floats = field(default_factory=_unknown)
@@ -100,7 +116,7 @@ class GraspPoses:
         values: dict[str, Any] = {
             "poses": locked(poses),
             "names": self._checked_names(count),
-            "posture": _checked_posture(self.posture, count),
+            **self._checked_joints(count),
             "columns": {
                 name: _column(name, column, count) for name, column in self.columns.items()
             },
@@ -153,20 +169,37 @@ class GraspPoses:
             factor: Such as 1 / `object_scale`, from metres to the numbers of the mesh file.
             unit: Unit of the result; None: not known.
         """
-        poses = self.poses.copy()
-        poses[:, :3, 3] *= factor
+
+        def longer(poses: Floats) -> Floats:
+            poses = poses.copy()
+            poses[:, :3, 3] *= factor
+            return poses
+
         columns = {
             name: values * factor if name in LENGTH_COLUMNS else values
             for name, values in self.columns.items()
         }
         return replace(
             self,
-            poses=poses,
+            **self._posed(longer),
             opening=self.opening * factor,
             pregrasp_opening=self.pregrasp_opening * factor,
             columns=columns,
             unit=unit,
         )
+
+    def changed(self, change: Callable[[Floats], Floats]) -> Self:
+        """The same with other poses, also before and after the grasp.
+
+        Args:
+            change: From poses to others, shape (k, 4, 4) each.
+        """
+        return replace(self, **self._posed(change))
+
+    def _posed(self, change: Callable[[Floats], Floats]) -> dict[str, Any]:
+        names = ("poses", *(f"{stage}_poses" for stage in STAGES))
+        given = {name: getattr(self, name) for name in names}
+        return {name: change(poses) for name, poses in given.items() if poses is not None}
 
     def moved(self, transform: Floats) -> Self:
         """The same poses and contacts in another frame.
@@ -187,7 +220,11 @@ class GraspPoses:
         }
         if "contacts" in turned:
             turned["contacts"] += transform[:3, 3]
-        return replace(self, poses=transform @ self.poses, columns={**self.columns, **turned})
+        return replace(
+            self,
+            **self._posed(lambda poses: transform @ poses),
+            columns={**self.columns, **turned},
+        )
 
     def poses_in(self, object_pose: ObjectPose | str | ArrayLike) -> Floats:
         """The poses in the frame of a robot, shape (k, 4, 4), translations in metres.
@@ -206,12 +243,41 @@ class GraspPoses:
         index = np.asarray(indices)
         # An empty list has no type of its own.
         rows = np.arange(self.count)[index if index.size else index.astype(np.int64)]
+        further = (f"{stage}_posture" for stage in STAGES)
         return replace(
             self,
-            **{name: getattr(self, name)[rows] for name in ("poses", "posture", *NUMBERS)},
+            **self._posed(lambda poses: poses[rows]),
+            **{name: getattr(self, name)[rows] for name in ("posture", *further, *NUMBERS)},
             names=tuple(self.names[k] for k in rows),
             columns={name: values[rows] for name, values in self.columns.items()},
         )
+
+    def _checked_joints(self, count: int) -> dict[str, Any]:
+        """Postures, names of their joints, and poses before and after the grasp."""
+        posture = _checked_posture(self.posture, count, "posture")
+        joints, names = posture.shape[1], tuple(self.joint_names)
+        values: dict[str, Any] = {"posture": posture, "joint_names": names}
+        if names and len(names) != joints:
+            raise ContactError(
+                f"{len(names)} joints are named, but the posture has {joints} values"
+            )
+        if len(set(names)) < len(names) or not _are_printable(names):
+            raise ContactError(
+                f"the names of joints must be different texts; got {ascii(names)[:80]}"
+            )
+        for stage in STAGES:
+            name = f"{stage}_posture"
+            values[name] = _checked_posture(getattr(self, name), count, name)
+            if values[name].shape[1] not in {0, joints}:
+                raise ContactError(
+                    f"the {name} must have {joints} joints, as the posture; got "
+                    f"{values[name].shape[1]}"
+                )
+            if (poses := getattr(self, f"{stage}_poses")) is not None:
+                values[f"{stage}_poses"] = locked(checked_poses(poses))
+                if len(values[f"{stage}_poses"]) != count:
+                    raise ContactError(f"{count} poses need as many {stage}_poses")
+        return values
 
     def _checked_names(self, count: int) -> tuple[str, ...]:
         names = tuple(self.names) or tuple(f"grasp_{k + 1}" for k in range(count))
@@ -245,13 +311,21 @@ def _numbers(name: str, values: ArrayLike, count: int) -> Floats:
         ) from error
 
 
-def _checked_posture(values: ArrayLike, count: int) -> Floats:
+def _checked_posture(values: ArrayLike, count: int, name: str) -> Floats:
     """Values of further joints, shape (k, p); none for a hand without any."""
     joints = np.asarray(values, dtype=np.float64)
-    joints = joints if joints.size else np.zeros((count, 0))
-    if joints.ndim != 2 or len(joints) != count or not np.isfinite(joints).all():
+    if not joints.size and joints.shape[:1] != (count,):
+        joints = np.zeros((count, 0))
+    if joints.ndim != 2 or len(joints) != count:
         raise ContactError(
-            f"the posture must be finite numbers of shape ({count}, joints); got {joints.shape}"
+            f"the {name} must be finite numbers of shape ({count}, joints); got {joints.shape}"
+        )
+    known = np.isfinite(joints) if name == "posture" else ~np.isinf(joints)
+    if len(bad := np.argwhere(~known)):
+        row, joint = bad[0]
+        raise ContactError(
+            f"grasp {row + 1}: value {joint + 1} of its {name} must be finite; got "
+            f"{joints[row, joint]:g}"
         )
     return locked(joints)
 

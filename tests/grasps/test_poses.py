@@ -94,6 +94,61 @@ def test_take_by_indices_and_by_mask() -> None:
     assert len(poses.take(np.zeros(4, dtype=bool))) == len(poses.take([])) == 0
 
 
+def with_joints() -> GraspPoses:
+    """Three poses of a hand with two joints, in metres."""
+    moved = random_poses(3)
+    moved[:, 2, 3] -= 0.01
+    return GraspPoses(
+        poses=random_poses(3),
+        posture=np.arange(6.0).reshape(3, 2),
+        joint_names=("index", "thumb"),
+        pregrasp_posture=[[0.1, 0.2], [0.3, np.nan], [0.5, 0.6]],
+        squeeze_posture=np.ones((3, 2)),
+        pregrasp_poses=moved,
+        unit="m",
+    )
+
+
+def test_postures_before_and_after_the_grasp_stay_with_their_grasps() -> None:
+    poses = with_joints()
+    some = poses.take([2, 0])
+    assert some.joint_names == poses.joint_names
+    for name in ("posture", "pregrasp_posture", "squeeze_posture", "pregrasp_poses"):
+        assert (getattr(some, name) == getattr(poses, name)[[2, 0]]).all()
+    assert some.squeeze_poses is None
+    assert poses.take([]).posture.shape == (0, 2)
+
+
+def test_poses_before_the_grasp_are_scaled_and_moved_with_it_and_postures_are_not() -> None:
+    poses = with_joints()
+    assert poses.pregrasp_poses is not None
+    way = np.linalg.inv(poses.poses) @ poses.pregrasp_poses
+    in_mm, moved = poses.in_unit("mm"), poses.moved(random_poses(1, seed=5)[0])
+    assert in_mm.pregrasp_poses is not None
+    assert moved.pregrasp_poses is not None
+    np.testing.assert_allclose(np.linalg.inv(moved.poses) @ moved.pregrasp_poses, way, atol=1e-12)
+    np.testing.assert_allclose(
+        in_mm.pregrasp_poses[:, 2, 3], poses.pregrasp_poses[:, 2, 3] * 1000.0
+    )
+    assert (in_mm.posture == poses.posture).all()
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"joint_names": ("one",)}, "1 joints are named, but the posture has 2 values"),
+        ({"joint_names": ("one", "one")}, "the names of joints must be different texts"),
+        ({"posture": [[0.0, 0.0], [0.0, np.nan]]}, "grasp 2: value 2 of its posture must be finit"),
+        ({"posture": np.zeros((3, 2))}, r"posture must be finite numbers of shape \(2, joints\)"),
+        ({"squeeze_posture": np.zeros((2, 3))}, "squeeze_posture must have 2 joints, as the postu"),
+        ({"pregrasp_poses": np.eye(4)}, "2 poses need as many pregrasp_poses"),
+    ],
+)
+def test_impossible_postures_are_refused(fields: dict[str, Any], message: str) -> None:
+    with pytest.raises(ContactError, match=message):
+        GraspPoses(**{"poses": random_poses(2), "posture": np.zeros((2, 2)), **fields})
+
+
 def test_poses_can_be_sent_to_another_process_and_printed() -> None:
     poses = pickle.loads(pickle.dumps(example()))  # noqa: S301, our own bytes
     assert poses.names == example().names

@@ -94,7 +94,8 @@ def _moved(poses: GraspPoses, *, to_file: bool) -> GraspPoses:
                 "Python unit=...)"
             )
         motion[:3, 3] /= METRES[poses.unit]
-    return replace(poses, poses=poses.poses @ (np.linalg.inv(motion) if to_file else motion))
+    change = np.asarray(np.linalg.inv(motion)) if to_file else motion
+    return poses.changed(lambda moved: moved @ change)
 
 
 @dataclass(frozen=True)
