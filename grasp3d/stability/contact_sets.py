@@ -1,0 +1,284 @@
+"""Labels of grasps of any numbers of contacts, at some of which nothing is known of the normal.
+
+A hand touches with as many links as it happens to. A link without a sensor is blind: its normal may
+be any. For S its contact drops out, as at the worst normal it cannot press; for U its force may
+have any direction. Both are exact: the contacts tilt independently.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from grasp3d.arrays import RIGHT_ANGLE, Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.contact.contacts import Contacts
+from grasp3d.quality.closure import Status, force_closure
+from grasp3d.quality.critical_angle import critical_friction_angle
+from grasp3d.quality.ferrari_canny import epsilon_with
+from grasp3d.quality.wrenches import EpsilonOptions
+from grasp3d.settings import MAX_FINGERS
+from grasp3d.stability.label import Label
+from grasp3d.stability.located_angles import ContactLimits, located_contacts
+
+TETRAHEDRON = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / math.sqrt(3.0)
+"""Normals whose cones span all directions, however narrow they are: a blind contact."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ContactSets:
+    """Contacts of k grasps, of any numbers, by ascending grasp."""
+
+    size: int
+    """Number of grasps k."""
+    row: Ints
+    """Grasp of each contact, shape (c,)."""
+    points: Floats
+    """Relative to the centre of mass [mesh unit], shape (c, 3)."""
+    normals: Floats
+    """Perceived unit normals into the object, shape (c, 3)."""
+
+    __repr__ = short_repr
+
+    @cached_property
+    def counts(self) -> Ints:
+        """Number of contacts of each grasp, shape (k,)."""
+        return np.bincount(self.row, minlength=self.size)
+
+    @property
+    def evaluated(self) -> Bools:
+        """Whether a grasp has 2 to `MAX_FINGERS` contacts, shape (k,)."""
+        return np.asarray((self.counts >= 2) & (self.counts <= MAX_FINGERS))
+
+    def of(self, chosen: Bools) -> "ContactSets":
+        """The same grasps with some of their contacts.
+
+        Args:
+            chosen: Whether a contact stays, shape (c,).
+        """
+        return ContactSets(
+            size=self.size, row=self.row[chosen], points=self.points[chosen],
+            normals=self.normals[chosen],
+        )  # fmt: skip
+
+    def groups(self) -> Iterator[tuple[Ints, Ints]]:
+        """Grasps that are evaluated, by their number of contacts.
+
+        Yields:
+            Their numbers, shape (b,), and their contacts, shape (b, n).
+        """
+        start = np.cumsum(self.counts) - self.counts
+        for count in np.unique(self.counts[self.evaluated]):
+            grasps = np.flatnonzero(self.counts == count)
+            yield grasps, start[grasps, None] + np.arange(count)
+
+    def contacts(self, index: Ints, friction: float = 0.5, torsion_radius: float = 0.0) -> Contacts:
+        """Contacts of grasps of equal numbers.
+
+        Args:
+            index: Their contacts, shape (b, n).
+            friction: Coulomb coefficient.
+            torsion_radius: [mesh unit].
+        """
+        return Contacts(self.points[index], self.normals[index], friction, torsion_radius)
+
+    @cached_property
+    def critical_angle(self) -> Floats:
+        """Critical friction angles at the perceived normals [rad], shape (k,).
+
+        nan where a grasp is not evaluated.
+        """
+        angles = np.full(self.size, math.nan)
+        for grasps, index in self.groups():
+            angles[grasps] = critical_friction_angle(self.contacts(index))
+        return locked(angles)
+
+    @cached_property
+    def rank(self) -> Ints:
+        """Dimension of the span of the wrenches, shape (k,); 0 where a grasp is not evaluated."""
+        ranks = np.zeros(self.size, dtype=np.int64)
+        for grasps, index in self.groups():
+            ranks[grasps] = force_closure(self.contacts(index)).rank
+        return locked(ranks)
+
+    def epsilon(
+        self, options: EpsilonOptions, *, friction: float, torsion_radius: float = 0.0
+    ) -> Floats:
+        """Epsilon at the perceived normals, certified from below, shape (k,); nan as above.
+
+        Args:
+            options: Cones, actuation, torque scale and accuracy.
+            friction: As in `contacts`.
+            torsion_radius: As in `contacts`.
+        """
+        values = np.full(self.size, math.nan)
+        for grasps, index in self.groups():
+            contacts = self.contacts(index, friction, torsion_radius)
+            values[grasps] = epsilon_with(contacts, options).lower
+        return locked(values)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SetLabels:
+    """Labels of `ContactSets`, with the angles that they follow from."""
+
+    label: Bytes
+    """`Label` codes, shape (k,). U where there are fewer than two contacts, M where there are more
+    than `MAX_FINGERS`, of which nothing is computed."""
+    critical_angle: Floats
+    """At the perceived normals of all contacts, as if each were known [rad], shape (k,); nan: fewer
+    than two contacts or too many."""
+    critical_angle_sensed: Floats
+    """That of the contacts that are not blind [rad], shape (k,); inf where these span fewer
+    dimensions of wrenches than all do, and where there are fewer than two."""
+    margin: Floats
+    """Angle by which the grasp is S [rad], shape (k,): S where it is above 0; -inf where too much
+    is blind, nan as above."""
+
+    __repr__ = short_repr
+
+    def take(self, rows: Ints) -> "SetLabels":
+        """The labels of chosen grasps."""
+        return SetLabels(**{name: locked(values[rows]) for name, values in vars(self).items()})
+
+    def max_resolution(self, friction_angle: float) -> Floats:
+        """Resolution of all sensors alike below which grasps are S [rad], shape (k,); 0: none.
+
+        Args:
+            friction_angle: At the smallest friction, less all other errors of normals [rad].
+        """
+        angles = 2.0 * (friction_angle - self.critical_angle_sensed)
+        return locked(np.maximum(0.0, np.where(np.isnan(angles), 0.0, angles)))
+
+
+def label_sets(sets: ContactSets, tilt: Floats, friction_angles: tuple[float, float]) -> SetLabels:
+    """Label grasps whose links have different sensors, or none.
+
+    S: force-closed whatever the true normals are, within `tilt` of the perceived ones and anywhere
+    at blind contacts; U: at none of them. Where tilts exceed friction a contact counts as blind for
+    S, unless all are known equally well. Never U where a cone of beta + tilt reaches 90 degrees,
+    of two contacts that are not blind excepted: such cones are not convex.
+
+    Args:
+        sets: The contacts.
+        tilt: Largest angle between the true and the perceived normal [rad], nan: blind, shape (c,).
+        friction_angles: At the smallest and at the largest friction [rad].
+
+    Example:
+        Three fingers around a disc, of which one is blind and another one knows its normal within
+        2 degrees: the two that feel hold the disc in 5 dimensions of wrenches, of 6:
+
+        >>> import numpy as np
+        >>> from grasp3d.stability.contact_sets import ContactSets, label_sets
+        >>> angle = np.radians([0.0, 120.0, 240.0])
+        >>> points = np.stack([np.cos(angle), np.sin(angle), np.zeros(3)], axis=1)
+        >>> sets = ContactSets(size=1, row=np.zeros(3, int), points=points, normals=-points)
+        >>> beta = np.arctan(0.8)
+        >>> label_sets(sets, np.array([0.02, 0.02, 0.02]), (beta, beta)).label.tolist()
+        [2]
+        >>> label_sets(sets, np.array([0.02, 0.02, np.nan]), (beta, beta)).label.tolist()
+        [1]
+    """
+    least, largest = friction_angles
+    narrowest, blind = least - tilt, np.isnan(tilt)
+    differ = _reduced(np.fmax, sets, tilt) != _reduced(np.fmin, sets, tilt)
+    dropped = blind | ((narrowest <= 0.0) & differ[sets.row])
+    sensed = _critical_angles_of(sets, ~blind)
+    exceeding = (dropped & ~blind).any()
+    critical = _critical_angles_of(sets, ~dropped) if exceeding else sensed
+    worst = _worst_angles(sets.of(~dropped), narrowest[~dropped], critical)
+    margin = _reduced(np.fmin, sets, np.where(dropped, math.nan, narrowest)) - worst
+    margin[np.isinf(worst)] = -math.inf
+    label = np.full(sets.size, Label.M, dtype=np.uint8)
+    label[(sets.counts < 2) | _never_closed(sets, largest + tilt)] = Label.U
+    label[margin > 0.0] = Label.S
+    return SetLabels(
+        label=locked(label),
+        critical_angle=sets.critical_angle,
+        critical_angle_sensed=locked(sensed),
+        margin=locked(margin),
+    )
+
+
+def _reduced(ufunc: np.ufunc, sets: ContactSets, values: Floats) -> Floats:
+    """The largest or smallest value at the contacts of each grasp, nan: none is known, (k,)."""
+    result = np.full(sets.size, math.nan)
+    ufunc.at(result, sets.row, values)
+    return result
+
+
+def _critical_angles_of(sets: ContactSets, chosen: Bools) -> Floats:
+    """Critical angles of chosen contacts, inf where these do not span the wrenches of all, (k,)."""
+    angles = sets.critical_angle.copy()
+    fewer = np.bincount(sets.row[~chosen], minlength=sets.size) > 0
+    if fewer.any():
+        concerned = fewer[sets.row]
+        some, whole = sets.of(chosen & concerned), sets.of(concerned)
+        missing = np.isnan(some.critical_angle) | (some.rank < whole.rank)
+        known = fewer & sets.evaluated
+        angles[known] = np.where(missing, math.inf, some.critical_angle)[known]
+    return angles
+
+
+def _worst_angles(sets: ContactSets, narrowest: Floats, critical: Floats) -> Floats:
+    """Critical angles relative to the narrowest cone of each grasp, where cones differ, (k,)."""
+    worst = critical.copy()
+    for grasps, index in sets.groups():
+        known = np.asarray(np.ptp(narrowest[index], axis=1) > 0.0)
+        known = known & np.isfinite(critical[grasps])
+        if known.any():
+            rows, chosen = index[known], grasps[known]
+            worst[chosen], _ = _located(sets, rows, narrowest, critical[chosen])
+    return worst
+
+
+def _located(
+    sets: ContactSets, index: Ints, cones: Floats, critical: Floats
+) -> tuple[Floats, Floats]:
+    """Critical angles (worst, best) of grasps (b, n) relative to the narrowest and widest cone."""
+    angles = cones[index]
+    limits = ContactLimits.of_angles(angles, angles, np.zeros_like(angles))
+    return located_contacts(sets.contacts(index), critical, limits)
+
+
+def _never_closed(sets: ContactSets, widest: Floats) -> Bools:
+    """Whether grasps are force-closed at no normals within the tilts, shape (k,).
+
+    Args:
+        sets: The contacts.
+        widest: Friction angles at the best tilts [rad], nan: blind, shape (c,).
+    """
+    never = np.zeros(sets.size, dtype=np.bool_)
+    for grasps, index in sets.groups():
+        cones = widest[index]
+        number = np.isnan(cones).sum(axis=1)
+        for blind in np.unique(number):
+            rows = np.flatnonzero(number == blind)
+            order = np.argsort(cones[rows], axis=1)  # blind ones last
+            if blind or index.shape[1] > 2:
+                rows_index = np.take_along_axis(index[rows], order, axis=1)
+                never[grasps[rows]] = _open(sets, rows_index, widest, int(blind))
+                continue
+            _, best = _located(sets, index[rows], widest, sets.critical_angle[grasps[rows]])
+            never[grasps[rows]] = best >= cones[rows].max(axis=1)
+    return never
+
+
+def _open(sets: ContactSets, index: Ints, widest: Floats, blind: int) -> Bools:
+    """Whether grasps (b, n), of which the last contacts are blind, are not closed, shape (b,)."""
+    seen, unseen = np.split(index, [index.shape[1] - blind], axis=1)
+    cones = widest[seen]
+    convex = (cones < RIGHT_ANGLE).all(axis=1)
+    offsets = np.zeros((len(index), seen.shape[1] + 4 * blind))
+    offsets[:, : seen.shape[1]] = np.where(convex[:, None], cones, 0.0)
+    corners = np.broadcast_to(TETRAHEDRON, (len(index), blind, 4, 3)).reshape(len(index), -1, 3)
+    closure = force_closure(
+        Contacts(
+            sets.points[np.concatenate([seen, np.repeat(unseen, 4, axis=1)], axis=1)],
+            np.concatenate([sets.normals[seen], corners], axis=1),
+            friction=0.0,
+        ),
+        cone_offset=offsets,
+    )
+    return np.asarray(convex & ~closure.closed & (closure.status != Status.UNDECIDED))
