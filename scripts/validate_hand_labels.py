@@ -10,8 +10,12 @@ is counted how many were seen to do both.
 """
 
 import argparse
+import sys
+from pathlib import Path
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from grasp3d import Label
 from grasp3d.stability.contact_sets import label_sets
