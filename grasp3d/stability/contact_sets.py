@@ -269,7 +269,7 @@ def _open(sets: ContactSets, index: Ints, widest: Floats, blind: int) -> Bools:
     """Whether grasps (b, n), of which the last contacts are blind, are not closed, shape (b,)."""
     seen, unseen = np.split(index, [index.shape[1] - blind], axis=1)
     cones = widest[seen]
-    convex = (cones < RIGHT_ANGLE).all(axis=1)
+    convex = np.asarray((cones < RIGHT_ANGLE).all(axis=1))
     offsets = np.zeros((len(index), seen.shape[1] + 4 * blind))
     offsets[:, : seen.shape[1]] = np.where(convex[:, None], cones, 0.0)
     corners = np.broadcast_to(TETRAHEDRON, (len(index), blind, 4, 3)).reshape(len(index), -1, 3)
