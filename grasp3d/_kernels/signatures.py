@@ -10,6 +10,7 @@ from numba import typeof
 from numba.core import types
 
 from grasp3d._kernels.forces import grip_force, sure_forces, tasks
+from grasp3d._kernels.hands import kinematics
 from grasp3d._kernels.hull import frictionless_closure, pair_epsilon, wrench_problem, wrenches
 from grasp3d._kernels.hull.polytope import make_polytope
 from grasp3d._kernels.hull.support_functions import TOTAL
@@ -105,6 +106,12 @@ _JAW = _tuple(jaws.Jaw, _f2, _f3, _f1, *[_f] * 5)
 _CLOSED = _tuple(closing.ClosedOn, _f3, _i2, _f2, _f3, _f3, _f2, _f3, _f4)
 _REACHED = typeof(gripper_parts.no_results(1))
 
+# Hands with joints.
+_CHAIN = _tuple(
+    kinematics.Chain, _fixed_i1, _fixed_i1, _fixed_f3, _fixed_f2, _fixed_f2, _fixed_i1, _fixed_f1,
+    _fixed_f1,
+)  # fmt: skip
+
 SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     # Those that take longest come first, so that processes end at the same time.
     closing.close_on: [(_SURFACE, _FACE_TREE, _f3, _f1, _f, _JAW, _i, _i, _CLOSED)],
@@ -176,6 +183,8 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     surface_contacts.smallest_angle: [(_fixed_f2, _i, _i, _f, _f, _f)],
     rays.starting_rays: [(_i32_1, _f2, _i8_1, _i)],
     rays.write_rays: [(_i, _RAYS, _fixed_f2, _f32_2, _f32_2)],
+    kinematics.link_poses: [(_f2, _CHAIN)],
+    kinematics.jacobians: [(_f4, _i1, _i1, _f2, _i, _CHAIN)],
     patches.reset_front: [(_FRONT,)],
     ranked_outcomes.rank_outcomes: [(_i1, _i1, held, _i1) for held in (_b1, _fixed_b1)],
 }

@@ -1,12 +1,15 @@
 """Links and joints of a robot description, and the hand among them."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
+from scipy.spatial import QhullError
+from trimesh import convex, creation
 
-from grasp3d.arrays import Floats
+from grasp3d.arrays import Floats, locked
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand_geometry import SlidingFinger, SlidingHand
 from grasp3d.system.names import printable
@@ -18,12 +21,76 @@ MAX_LISTED = 40
 """Most links that an error message lists."""
 
 
+JointKind = Literal["fixed", "slides", "turns", "free"]
+ShapeKind = Literal["box", "cylinder", "capsule", "sphere", "mesh"]
+
+
+@dataclass(frozen=True, eq=False)
+class LinkShape:
+    """A piece of the collision geometry of a link; lengths in metres."""
+
+    kind: ShapeKind
+    pose: Floats
+    """From the shape's frame to the link's, shape (4, 4)."""
+    size: tuple[float, ...] = ()
+    """Box: three half lengths; cylinder and capsule: radius, half length (of the capsule's
+    segment) along z; sphere: radius; mesh: empty."""
+    vertices: Floats = field(default_factory=lambda: locked(np.zeros((0, 3))))
+    """Mesh: corners of its convex hull in the shape's frame, shape (n, 3); else none. Physics
+    engines collide hulls too."""
+    surface: Floats = field(default_factory=lambda: locked(np.zeros((0, 3, 3))))
+    """Mesh: corners of its own triangles in the shape's frame, shape (t, 3, 3); else none."""
+
+    def triangles(self, *, hull: bool = True) -> Floats:
+        """Corners of triangles in the link's frame, shape (t, 3, 3).
+
+        Args:
+            hull: Of a mesh the convex hull; or else its own triangles.
+        """
+        if self.kind == "mesh":
+            faces = self._hull() if hull else self.surface
+        else:
+            faces = np.asarray(self._solid().triangles)
+        return np.asarray(faces @ self.pose[:3, :3].T + self.pose[:3, 3])
+
+    def _hull(self) -> Floats:
+        try:
+            return np.asarray(convex.convex_hull(self.vertices).triangles)
+        except QhullError:  # flat
+            return self.surface
+
+    def _solid(self) -> Any:
+        if self.kind == "box":
+            return creation.box(2.0 * np.array(self.size))
+        if self.kind == "sphere":
+            return creation.icosphere(radius=self.size[0])
+        if self.kind == "cylinder":
+            return creation.cylinder(self.size[0], 2.0 * self.size[1])
+        shape = creation.capsule(height=2.0 * self.size[1], radius=self.size[0])
+        return shape.apply_translation(-shape.bounds.mean(axis=0))
+
+
+def mesh_shape(surface: Floats, pose: Floats) -> LinkShape:
+    """The shape of a mesh.
+
+    Args:
+        surface: Corners of its triangles in its own frame, shape (t, 3, 3).
+        pose: From its frame to the link's, shape (4, 4).
+    """
+    points = np.unique(surface.reshape(-1, 3), axis=0)
+    # Flat ones have none; those with infinite numbers are refused where they are used.
+    with suppress(QhullError, ValueError):
+        points = np.asarray(convex.convex_hull(points).vertices)
+    return LinkShape("mesh", pose, (), locked(points), locked(surface))
+
+
 @dataclass(frozen=True, eq=False)
 class Joint:
     """A joint of a robot, with the link that it moves."""
 
     name: str
-    kind: Literal["fixed", "slides", "turns"]
+    kind: JointKind
+    """free: it moves in another way, as floating and ball joints do."""
     parent: str
     """The link that carries it."""
     origin: Floats
@@ -35,6 +102,10 @@ class Joint:
     """Smallest and largest value [m or rad]; None: unlimited."""
     follows: tuple[str, float, float] | None = None
     """Its value is that of another joint, of this name, times a factor, plus an offset."""
+    position: Floats = field(default_factory=lambda: locked(np.zeros(3)))
+    """A point of the axis about which it turns, in the frame of the moved link, shape (3,)."""
+    effort: float | None = None
+    """Greatest torque or force that the file states [N m or N]; None: it states none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +117,13 @@ class LinkTree:
     links: tuple[str, ...]
     joints: Mapping[str, Joint]
     """The joint that moves each link, by the name of the link; the root has none."""
-    geometry: Callable[[str], Floats]
-    """Corners of the collision geometry of a link in its frame, shape (n, 3, 3)."""
+    shapes: Callable[[str], tuple[LinkShape, ...]]
+    """Collision geometry of a link, by its name."""
+    tendons: tuple[Mapping[str, float], ...] = ()
+    """Tendons with an actuator that pull several joints: their moment arms [m] by joints."""
+    closures: tuple[str, ...] = ()
+    """What ties links together beside the joints: closed loops, and equations that are no
+    straight lines."""
 
     def __post_init__(self) -> None:
         reached = {name for name in self.links if name not in self.joints}
@@ -56,7 +132,50 @@ class LinkTree:
                 reached.add(name)
         for name in self.links:
             if name not in reached:
-                raise self._error(f"joint {self.joints[name].name} is part of a loop of joints")
+                raise self.error(f"joint {self.joints[name].name} is part of a loop of joints")
+
+    def geometry(self, link: str) -> Floats:
+        """Corners of the collision geometry of a link in its frame, shape (n, 3, 3)."""
+        parts = [shape.triangles(hull=False) for shape in self.shapes(link)]
+        return np.concatenate([np.zeros((0, 3, 3)), *parts])
+
+    def branch(self, base: str) -> "LinkTree":
+        """A link with all below it, as a tree of its own.
+
+        Raises:
+            SettingError: There is no such link.
+        """
+        self.check_links([base])
+        kept = {base}
+        for name in self.links:
+            if name in self.joints and self.joints[name].parent in kept:
+                kept.add(name)
+        joints = {name: one for name, one in self.joints.items() if name in kept - {base}}
+        return replace(self, links=tuple(n for n in self.links if n in kept), joints=joints)
+
+    def source_of(self, joint: Joint) -> tuple[str, float, float]:
+        """The joint that states a joint's value, over all that follow: name, factor and offset.
+
+        Raises:
+            SettingError: It follows a joint that there is not, or itself.
+        """
+        known = {one.name: one for one in self.joints.values()}
+        name, factor, offset, seen = joint.name, 1.0, 0.0, {joint.name}
+        while (follows := known[name].follows) is not None:
+            name, more, start = follows
+            if name in seen or name not in known:
+                raise self.error(f"joint {joint.name} follows {name}, which it cannot")
+            seen.add(name)
+            factor, offset = factor * more, offset + factor * start
+        return name, factor, offset
+
+    def check_links(self, names: Iterable[str]) -> None:
+        """Refuse names that no link has. Raises SettingError."""
+        for name in names:
+            if name not in self.links:
+                more = " ..." if len(self.links) > MAX_LISTED else ""
+                listed = ", ".join(self.links[:MAX_LISTED]) + more
+                raise self.error(f"no link is called {name!r}; known: {listed}")
 
     def children(self, link: str) -> tuple[str, ...]:
         """The links whose joints a link carries, in their order."""
@@ -72,31 +191,28 @@ class LinkTree:
         Raises:
             SettingError: There are no such links, no geometry, or fingers that do not slide.
         """
-        for name in (*fingers, *([] if palm is None else [palm])):
-            if name not in self.links:
-                more = " ..." if len(self.links) > MAX_LISTED else ""
-                listed = ", ".join(self.links[:MAX_LISTED]) + more
-                raise self._error(f"no link is called {name!r}; known: {listed}")
+        self.check_links([*fingers, *([] if palm is None else [palm])])
         movers = [self._mover(link) for link in fingers]
         carrier = self.joints[movers[0]].parent
         if movers[0] == movers[1]:
-            raise self._error(f"{fingers[0]} and {fingers[1]} are moved by one joint, together")
-        around = self._rigid(carrier)
+            raise self.error(f"{fingers[0]} and {fingers[1]} are moved by one joint, together")
+        around = self.rigid(carrier)
         parts = [
             self._finger(name, mover, around) for name, mover in zip(fingers, movers, strict=True)
         ]
         # Without `palm` only links below the carrier count: above it the robot's arm may be.
         links = self._below(carrier if palm is None else palm)
         if palm is not None and palm not in around:
-            raise self._error(f"{palm} is not fixed to {carrier}, which carries the fingers")
+            raise self.error(f"{palm} is not fixed to {carrier}, which carries the fingers")
         points = self._triangles({link: around[link] for link in links}).reshape(-1, 3)
         if not len(points):
             what = palm or f"{carrier}, which carries the fingers,"
-            raise self._error(f"{what} has no collision geometry; name the palm's link (--palm)")
+            raise self.error(f"{what} has no collision geometry; name the palm's link (--palm)")
         one, two = (self.joints[mover] for mover in movers)
         return SlidingHand(self.source, carrier, (parts[0], parts[1]), points, _coupling(one, two))
 
-    def _error(self, problem: str) -> SettingError:
+    def error(self, problem: str) -> SettingError:
+        """What is wrong with the file, with its name."""
         return SettingError(printable(f"{self.source}: {problem}"))
 
     def _mover(self, link: str) -> str:
@@ -104,25 +220,25 @@ class LinkTree:
         name = link
         while name in self.joints:
             joint = self.joints[name]
-            if joint.kind == "turns":
-                raise self._error(
+            if joint.kind in {"turns", "free"}:
+                raise self.error(
                     f"joint {joint.name} turns {link}; only fingers that slide can be read: "
                     "describe this gripper in a JSON file"
                 )
             if joint.kind == "slides":
                 return name
             name = joint.parent
-        raise self._error(f"no joint moves {link}; name the links of the fingers")
+        raise self.error(f"no joint moves {link}; name the links of the fingers")
 
     def _finger(self, name: str, mover: str, around: Mapping[str, Floats]) -> SlidingFinger:
         joint = self.joints[mover]
         if joint.parent not in around:
-            raise self._error(f"the fingers' joints must be on one link; that of {name} is not")
+            raise self.error(f"the fingers' joints must be on one link; that of {name} is not")
         pose = around[joint.parent] @ joint.origin
         poses = {link: pose @ relative for link, relative in self._below(mover).items()}
         triangles = self._triangles(poses)
         if not len(triangles):
-            raise self._error(f"{name} has no collision geometry")
+            raise self.error(f"{name} has no collision geometry")
         axis = pose[:3, :3] @ joint.axis
         return SlidingFinger(name, joint.name, axis, self._limits(joint), triangles)
 
@@ -134,7 +250,7 @@ class LinkTree:
                 low, high = sorted(factor * limit + offset for limit in source.limits)
                 return low, high
         if joint.limits is None or not joint.limits[0] < joint.limits[1]:
-            raise self._error(f"joint {joint.name} has no limits, from which the stroke follows")
+            raise self.error(f"joint {joint.name} has no limits, from which the stroke follows")
         return joint.limits
 
     def _below(self, link: str) -> dict[str, Floats]:
@@ -146,7 +262,7 @@ class LinkTree:
                 poses[name] = poses[joint.parent] @ joint.origin
         return poses
 
-    def _rigid(self, link: str) -> dict[str, Floats]:
+    def rigid(self, link: str) -> dict[str, Floats]:
         """Poses of all links that are fixed to one, in its frame."""
         root, pose = link, np.eye(4)
         while root in self.joints and self.joints[root].kind == "fixed":
@@ -159,7 +275,7 @@ class LinkTree:
         parts = [self.geometry(link) @ pose[:3, :3].T + pose[:3, 3] for link, pose in poses.items()]
         triangles = np.concatenate([np.zeros((0, 3, 3)), *parts])
         if not np.abs(triangles).max(initial=0.0) < FARTHEST:
-            raise self._error(f"collision geometry is {FARTHEST:g} m away, or has infinite numbers")
+            raise self.error(f"collision geometry is {FARTHEST:g} m away, or has infinite numbers")
         return triangles
 
 

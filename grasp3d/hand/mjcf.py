@@ -1,19 +1,18 @@
 """Links and joints of a robot in a MuJoCo model."""
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from trimesh import creation, transformations
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
-from grasp3d.hand.link_tree import Joint, LinkTree
+from grasp3d.hand.link_tree import Joint, JointKind, LinkShape, LinkTree, ShapeKind, mesh_shape
 from grasp3d.system.names import printable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from mujoco import MjModel
 
 
@@ -30,15 +29,20 @@ def read_mjcf(path: Path) -> LinkTree:
     """
     model = _loaded(path)
     names = [model.body(number).name or f"body {number}" for number in range(model.nbody)]
-    joints = {names[number]: _joint(model, number, names) for number in range(1, model.nbody)}
+    joints: dict[str, Joint] = {}
+    for body in range(1, model.nbody):
+        joints.update(_joints(model, body, names))
     numbers = {name: number for number, name in enumerate(names)}
 
-    def geometry(name: str) -> Floats:
+    def shapes(name: str) -> tuple[LinkShape, ...]:
+        if name not in numbers:
+            return ()
         first, count = model.body_geomadr[numbers[name]], model.body_geomnum[numbers[name]]
-        parts = [_triangles(model, number, path) for number in range(first, first + count)]
-        return np.concatenate([np.zeros((0, 3, 3)), *parts])
+        found = (_shape(model, number, path) for number in range(first, first + count))
+        return tuple(shape for shape in found if shape is not None)
 
-    return LinkTree(str(path), tuple(names), joints, geometry)
+    links = (names[0], *joints)
+    return LinkTree(str(path), links, joints, shapes, _tendons(model), _closures(model))
 
 
 def _loaded(path: Path) -> "MjModel":
@@ -58,73 +62,145 @@ def _loaded(path: Path) -> "MjModel":
         set_mju_user_warning(None)
 
 
-def _joint(model: "MjModel", body: int, names: list[str]) -> Joint:
-    """The joint that moves a body; of several the first, as a joint that turns it."""
+def _joints(model: "MjModel", body: int, names: list[str]) -> Iterator[tuple[str, Joint]]:
+    """The joints that move a body, each with the link that it moves.
+
+    Of several, all but the last one move links of their own without geometry.
+    """
+    pose = _pose(model.body_pos[body], model.body_quat[body])
+    parent = names[model.body_parentid[body]]
+    first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+    if count == 0:
+        yield (
+            names[body],
+            Joint(names[body], "fixed", parent, pose, np.array([1.0, 0.0, 0.0]), None),
+        )
+    for number in range(first, first + count):
+        joint = _joint(model, number, parent, pose)
+        link = names[body] if number == first + count - 1 else f"{names[body]} ({joint.name})"
+        yield link, joint
+        parent, pose = link, np.eye(4)
+
+
+def _joint(model: "MjModel", number: int, parent: str, pose: Floats) -> Joint:
+    """A joint whose link has a pose in the frame of its parent at the joint's reference value."""
     from mujoco import mjtJoint
 
-    pose = np.eye(4)
-    pose[:3, :3] = _rotation(model.body_quat[body])
-    pose[:3, 3] = model.body_pos[body]
-    parent = names[model.body_parentid[body]]
-    number, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-    name = model.joint(number).name or f"joint {number}" if count else names[body]
-    if count == 0:
-        return Joint(name, "fixed", parent, pose, np.array([1.0, 0.0, 0.0]), None)
-    axis = np.array(model.jnt_axis[number])
-    slides = count == 1 and model.jnt_type[number] == mjtJoint.mjJNT_SLIDE
-    if slides:
-        # The pose of a body in the file is that at the joint's reference value, rarely not 0.
-        pose[:3, 3] -= pose[:3, :3] @ axis * float(model.qpos0[model.jnt_qposadr[number]])
+    kinds: dict[int, JointKind] = {
+        int(mjtJoint.mjJNT_SLIDE): "slides", int(mjtJoint.mjJNT_HINGE): "turns",
+    }  # fmt: skip
+    kind = kinds.get(int(model.jnt_type[number]), "free")
+    axis, position = np.array(model.jnt_axis[number]), np.array(model.jnt_pos[number])
+    back = np.eye(4)
+    reference = float(model.qpos0[model.jnt_qposadr[number]])  # rarely not 0
+    if kind == "slides":
+        back[:3, 3] = -reference * axis
+    elif kind == "turns":
+        back = transformations.rotation_matrix(-reference, axis, position)
     low, high = (float(limit) for limit in model.jnt_range[number])
-    limits = (low, high) if model.jnt_limited[number] else None
-    kind: Literal["slides", "turns"] = "slides" if slides else "turns"
-    return Joint(name, kind, parent, pose, axis, limits, _followed(model, number))
+    return Joint(
+        _name(model, number),
+        kind,
+        parent,
+        pose @ back,
+        axis,
+        (low, high) if model.jnt_limited[number] else None,
+        _followed(model, number),
+        position,
+        _effort(model, number),
+    )
+
+
+def _name(model: "MjModel", joint: int) -> str:
+    return model.joint(joint).name or f"joint {joint}"
 
 
 def _followed(model: "MjModel", joint: int) -> tuple[str, float, float] | None:
     """The joint that another joint follows by an equality constraint, with factor and offset."""
-    from mujoco import mjtEq
-
-    for number in range(model.neq):
+    for number in _equalities(model):
         one, two = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
-        if model.eq_type[number] == mjtEq.mjEQ_JOINT and one == joint and two >= 0:
+        if one == joint and two >= 0:
             offset, factor = (float(value) for value in model.eq_data[number][:2])
-            return model.joint(two).name or f"joint {two}", factor, offset
+            # The equation is one of changes since the joints' reference values.
+            start, other = (float(model.qpos0[model.jnt_qposadr[end]]) for end in (one, two))
+            return _name(model, two), factor, offset + start - factor * other
     return None
 
 
-def _triangles(model: "MjModel", geom: int, path: Path) -> Floats:
-    """Corners of a piece of collision geometry in the frame of its body, shape (n, 3, 3)."""
-    if not (model.geom_contype[geom] or model.geom_conaffinity[geom]):
-        return np.zeros((0, 3, 3))
-    triangles = _shape(model, geom)
-    if triangles is None:
-        body = model.body(int(model.geom_bodyid[geom])).name
-        raise SettingError(printable(f"{path}: collision geometry of {body} is of no finite shape"))
-    return np.asarray(triangles @ _rotation(model.geom_quat[geom]).T + model.geom_pos[geom])
+def _equalities(model: "MjModel") -> list[int]:
+    """Numbers of the active equality constraints between joints."""
+    from mujoco import mjtEq
+
+    kinds = zip(model.eq_type, model.eq_active0, strict=True)
+    return [n for n, (kind, active) in enumerate(kinds) if active and kind == mjtEq.mjEQ_JOINT]
 
 
-def _shape(model: "MjModel", geom: int) -> Floats | None:
-    """Corners of a shape in its own frame; None: a plane or a height field."""
+def _closures(model: "MjModel") -> tuple[str, ...]:
+    """Names of constraints that a tree with straight couplings does not keep."""
+    straight = {
+        number
+        for number in _equalities(model)
+        if model.eq_obj2id[number] >= 0 and not model.eq_data[number][2:5].any()
+    }
+    others = [n for n in range(model.neq) if model.eq_active0[n] and n not in straight]
+    return tuple(model.equality(number).name or f"equality {number}" for number in others)
+
+
+def _effort(model: "MjModel", joint: int) -> float | None:
+    """Greatest torque or force of the motors at a joint; None: none is stated."""
+    from mujoco import mjtTrn
+
+    if model.jnt_actfrclimited[joint]:
+        return float(np.abs(model.jnt_actfrcrange[joint]).max())
+    for number in range(model.nu):
+        at_joint = model.actuator_trntype[number] == mjtTrn.mjTRN_JOINT
+        if at_joint and model.actuator_trnid[number, 0] == joint:
+            gear = abs(float(model.actuator_gear[number, 0]))
+            if model.actuator_forcelimited[number]:
+                return gear * float(np.abs(model.actuator_forcerange[number]).max())
+    return None
+
+
+def _tendons(model: "MjModel") -> tuple[dict[str, float], ...]:
+    """Moment arms of the tendons over several joints that motors pull."""
+    from mujoco import mjtTrn, mjtWrap
+
+    found = []
+    for number in range(model.nu):
+        if model.actuator_trntype[number] != mjtTrn.mjTRN_TENDON:
+            continue
+        tendon = int(model.actuator_trnid[number, 0])
+        first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
+        wraps = range(first, first + count)
+        if count > 1 and all(model.wrap_type[wrap] == mjtWrap.mjWRAP_JOINT for wrap in wraps):
+            arms = {_name(model, model.wrap_objid[w]): float(model.wrap_prm[w]) for w in wraps}
+            found.append(arms)
+    return tuple(found)
+
+
+def _shape(model: "MjModel", geom: int, path: Path) -> LinkShape | None:
+    """A piece of geometry; None: it collides with nothing."""
     from mujoco import mjtGeom
 
-    kind, size = int(model.geom_type[geom]), np.array(model.geom_size[geom])
+    if not (model.geom_contype[geom] or model.geom_conaffinity[geom]):
+        return None
+    kind, size = int(model.geom_type[geom]), tuple(map(float, model.geom_size[geom]))
+    pose = _pose(model.geom_pos[geom], model.geom_quat[geom])
     if kind == mjtGeom.mjGEOM_MESH:
-        return _mesh(model, int(model.geom_dataid[geom]))
-    makers: dict[int, Callable[[], Any]] = {
-        int(mjtGeom.mjGEOM_BOX): lambda: creation.box(2.0 * size),
-        int(mjtGeom.mjGEOM_SPHERE): lambda: creation.icosphere(radius=size[0]),
-        int(mjtGeom.mjGEOM_ELLIPSOID): lambda: creation.icosphere().apply_scale(size),
-        int(mjtGeom.mjGEOM_CYLINDER): lambda: creation.cylinder(size[0], 2.0 * size[1]),
-        int(mjtGeom.mjGEOM_CAPSULE): lambda: _capsule(size[0], 2.0 * size[1]),
+        return mesh_shape(_mesh(model, int(model.geom_dataid[geom])), pose)
+    if kind == mjtGeom.mjGEOM_ELLIPSOID:
+        return mesh_shape(np.asarray(creation.icosphere().triangles * size), pose)
+    kinds: dict[int, tuple[ShapeKind, int]] = {
+        int(mjtGeom.mjGEOM_BOX): ("box", 3),
+        int(mjtGeom.mjGEOM_SPHERE): ("sphere", 1),
+        int(mjtGeom.mjGEOM_CYLINDER): ("cylinder", 2),
+        int(mjtGeom.mjGEOM_CAPSULE): ("capsule", 2),
     }
-    return np.asarray(makers[kind]().triangles) if kind in makers else None
-
-
-def _capsule(radius: float, length: float) -> Any:
-    """A capsule whose cylinder is centred at the origin, along z."""
-    shape = creation.capsule(height=length, radius=radius)
-    return shape.apply_translation(-shape.bounds.mean(axis=0))
+    if kind not in kinds:  # a plane or a height field
+        body = model.body(int(model.geom_bodyid[geom])).name
+        raise SettingError(printable(f"{path}: collision geometry of {body} is of no finite shape"))
+    name, count = kinds[kind]
+    return LinkShape(name, pose, size[:count])
 
 
 def _mesh(model: "MjModel", number: int) -> Floats:
@@ -134,6 +210,8 @@ def _mesh(model: "MjModel", number: int) -> Floats:
     return np.asarray(vertices[model.mesh_face[first : first + faces]])
 
 
-def _rotation(quaternion: Floats) -> Floats:
-    """Rotation matrix (3, 3) of a quaternion (w, x, y, z)."""
-    return np.asarray(transformations.quaternion_matrix(quaternion)[:3, :3])
+def _pose(position: Floats, quaternion: Floats) -> Floats:
+    """The pose (4, 4) of a position and a quaternion (w, x, y, z)."""
+    pose = np.array(transformations.quaternion_matrix(quaternion), dtype=np.float64)
+    pose[:3, 3] = position
+    return pose

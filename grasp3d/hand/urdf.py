@@ -1,24 +1,26 @@
 """Links and joints of a robot in a URDF file."""
 
+import math
 from collections.abc import Iterable
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
-from typing import Literal
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from trimesh import creation, transformations
+from trimesh import transformations
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.hand.description_xml import mesh_file, xml_tree
-from grasp3d.hand.link_tree import Joint, LinkTree
+from grasp3d.hand.link_tree import Joint, JointKind, LinkShape, LinkTree, mesh_shape
 from grasp3d.reading.mesh_files import read_mesh
-from grasp3d.system.documents import numbers_of
+from grasp3d.system.documents import number_of, numbers_of
 from grasp3d.system.names import printable
 
-_KINDS: dict[str, Literal["fixed", "slides", "turns"]] = {"fixed": "fixed", "prismatic": "slides"}
-"""Kinds of joints; all others turn, or do both."""
+_KINDS: dict[str, JointKind] = {
+    "fixed": "fixed", "prismatic": "slides", "revolute": "turns", "continuous": "turns",
+}  # fmt: skip
+"""Kinds of joints; all others move in other ways."""
 
 
 def read_urdf(path: Path) -> LinkTree:
@@ -39,14 +41,13 @@ def read_urdf(path: Path) -> LinkTree:
     except ValueError as error:
         raise SettingError(printable(f"{path}: is no URDF: {error}")) from error
 
-    def geometry(name: str) -> Floats:
+    def shapes(name: str) -> tuple[LinkShape, ...]:
         try:
-            parts = [_triangles(part, name, path) for part in links[name].findall("collision")]
+            return tuple(_shape(part, name, path) for part in links[name].findall("collision"))
         except ValueError as error:
             raise SettingError(printable(f"{path}: link {name}: {error}")) from error
-        return np.concatenate([np.zeros((0, 3, 3)), *parts])
 
-    return LinkTree(str(path), _from_root(links, joints), joints, geometry)
+    return LinkTree(str(path), _from_root(links, joints), joints, shapes)
 
 
 def _links(root: Element) -> dict[str, Element]:
@@ -84,41 +85,45 @@ def _joint(element: Element, name: str, parent: str) -> Joint:
     axis, limit, mimic = (element.find(part) for part in ("axis", "limit", "mimic"))
     direction = np.array([1.0, 0.0, 0.0] if axis is None else _numbers(axis, "xyz", 3))
     length = float(np.linalg.norm(direction))
-    limits = follows = None
-    if limit is not None and {"lower", "upper"} <= {*limit.keys()}:
+    limits = follows = effort = None
+    kind = element.get("type", "")
+    if kind != "continuous" and limit is not None and {"lower", "upper"} <= {*limit.keys()}:
         limits = _number(limit, "lower"), _number(limit, "upper")
+    if limit is not None and math.isfinite(stated := number_of(limit.get("effort", "nan"))):
+        effort = stated
     if mimic is not None:
         factor, offset = _number(mimic, "multiplier", "1"), _number(mimic, "offset", "0")
         follows = _text(mimic, "joint"), factor, offset
     return Joint(
         name,
-        _KINDS.get(element.get("type", ""), "turns"),
+        _KINDS.get(kind, "free"),
         parent,
         _pose(element),
         direction / length if length > 0.0 else np.array([1.0, 0.0, 0.0]),
         limits,
         follows,
+        effort=effort,
     )
 
 
-def _triangles(collision: Element, link: str, path: Path) -> Floats:
-    """Corners of one piece of collision geometry in the frame of its link, shape (n, 3, 3)."""
-    geometry = _part(collision, "geometry")
+def _shape(collision: Element, link: str, path: Path) -> LinkShape:
+    """One piece of collision geometry. Raises SettingError, ValueError."""
+    geometry, pose = _part(collision, "geometry"), _pose(collision)
     shape = next(iter(geometry), geometry)
     if shape.tag == "box":
-        faces = creation.box(_numbers(shape, "size", 3)).triangles
-    elif shape.tag == "cylinder":
-        faces = creation.cylinder(_number(shape, "radius"), _number(shape, "length")).triangles
-    elif shape.tag == "sphere":
-        faces = creation.icosphere(radius=_number(shape, "radius")).triangles
-    elif shape.tag == "mesh":
+        x, y, z = (0.5 * length for length in _numbers(shape, "size", 3))
+        return LinkShape("box", pose, (x, y, z))
+    if shape.tag in {"cylinder", "capsule"}:
+        size = _number(shape, "radius"), 0.5 * _number(shape, "length")
+        return LinkShape("cylinder" if shape.tag == "cylinder" else "capsule", pose, size)
+    if shape.tag == "sphere":
+        return LinkShape("sphere", pose, (_number(shape, "radius"),))
+    if shape.tag == "mesh":
         raw = read_collision_mesh(_text(shape, "filename"), link, path)
         scale = shape.get("scale", "1")
         faces = raw * numbers_of(scale, 1 if len(scale.split()) == 1 else 3)
-    else:
-        raise SettingError(printable(f"{path}: collision geometry of {link} is of no known kind"))
-    pose = _pose(collision)
-    return np.asarray(faces @ pose[:3, :3].T + pose[:3, 3])
+        return mesh_shape(faces, pose)
+    raise SettingError(printable(f"{path}: collision geometry of {link} is of no known kind"))
 
 
 def _pose(element: Element) -> Floats:

@@ -154,6 +154,6 @@ def test_long_chains_of_joints_take_no_longer_for_each() -> None:
         name: Joint(name, "fixed", above, np.eye(4), np.array([1.0, 0.0, 0.0]), None)
         for above, name in pairwise(names)
     }
-    tree = LinkTree("chain", names, joints, lambda _: np.zeros((0, 3, 3)))
+    tree = LinkTree("chain", names, joints, lambda _: ())
     with pytest.raises(SettingError, match="no joint moves 19999"):
         tree.sliding_hand(("19999", "3"), None)

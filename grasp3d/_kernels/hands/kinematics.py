@@ -1,0 +1,125 @@
+"""Poses of a hand's links, and how points of links move with its joints."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d._kernels.compiling.decorators import kernel, part
+
+FIXED, SLIDES, TURNS = range(3)
+"""Kinds of joints."""
+
+
+class Chain(NamedTuple):
+    """Links of a hand, parents first, each with the joint that moves it; the first has none."""
+
+    parents: npt.NDArray[np.int64]
+    """Link that carries the joint (L,); -1: none."""
+    kinds: npt.NDArray[np.int64]
+    """FIXED, SLIDES or TURNS (L,)."""
+    origins: npt.NDArray[np.float64]
+    """Pose in the parent's frame at the joint's value 0 (L, 4, 4)."""
+    axes: npt.NDArray[np.float64]
+    """Unit vectors in the moved link's frame (L, 3)."""
+    positions: npt.NDArray[np.float64]
+    """A point of each axis in the moved link's frame (L, 3)."""
+    columns: npt.NDArray[np.int64]
+    """Number in a posture of the joint that states the value (L,); -1: none."""
+    factors: npt.NDArray[np.float64]
+    """Value per value of that joint (L,)."""
+    offsets: npt.NDArray[np.float64]
+    """Value where that joint's is 0 (L,)."""
+
+
+@part
+def _write_motion(kind, axis, position, value, motion):
+    """Write the motion (3, 4) of a joint in the frame of its link."""
+    x, y, z = axis
+    c, s = (math.cos(value), math.sin(value)) if kind == TURNS else (1.0, 0.0)
+    v = 1.0 - c
+    motion[0, 0], motion[0, 1], motion[0, 2] = c + x * x * v, x * y * v - z * s, x * z * v + y * s
+    motion[1, 0], motion[1, 1], motion[1, 2] = y * x * v + z * s, c + y * y * v, y * z * v - x * s
+    motion[2, 0], motion[2, 1], motion[2, 2] = z * x * v - y * s, z * y * v + x * s, c + z * z * v
+    for i in range(3):
+        motion[i, 3] = value * axis[i] if kind == SLIDES else position[i]
+        if kind == TURNS:
+            for j in range(3):
+                motion[i, 3] -= motion[i, j] * position[j]
+
+
+@part
+def _write_product(one, two, product):
+    """Write the product (4, 4) of two poses, of which only three rows are read."""
+    for i in range(3):
+        for j in range(4):
+            total = one[i, 3] if j == 3 else 0.0
+            for k in range(3):
+                total += one[i, k] * two[k, j]
+            product[i, j] = total
+
+
+@kernel
+def link_poses(postures, chain):
+    """Poses of all links in the frame of the first, at postures (k, p): (k, L, 4, 4)."""
+    count, links = postures.shape[0], chain.parents.shape[0]
+    poses = np.zeros((count, links, 4, 4))
+    motion, moved = np.empty((3, 4)), np.empty((3, 4))
+    for row in range(count):
+        for link in range(links):
+            pose = poses[row, link]
+            pose[3, 3] = 1.0
+            parent = chain.parents[link]
+            if parent < 0:
+                for i in range(3):
+                    pose[i, i] = 1.0
+                continue
+            value = chain.offsets[link]
+            if chain.columns[link] >= 0:
+                value += chain.factors[link] * postures[row, chain.columns[link]]
+            if chain.kinds[link] == FIXED:
+                _write_product(poses[row, parent], chain.origins[link], pose)
+                continue
+            axis, position = chain.axes[link], chain.positions[link]
+            _write_motion(chain.kinds[link], axis, position, value, motion)
+            _write_product(chain.origins[link], motion, moved)
+            _write_product(poses[row, parent], moved, pose)
+    return poses
+
+
+@kernel
+def jacobians(poses, rows, links, points, width, chain):
+    """Velocities of points of links per velocity of the joints, in the frame of the first link.
+
+    Args:
+        poses: As `link_poses` returns them (k, L, 4, 4).
+        rows: Posture of each point (c,).
+        links: Its link (c,).
+        points: Where it is, in the frame of the first link (c, 3).
+        width: Number p of values of a posture.
+        chain: `Chain`.
+
+    Returns:
+        (c, 3, p).
+    """
+    found = np.zeros((rows.shape[0], 3, width))
+    axis, arm = np.empty(3), np.empty(3)
+    for contact in range(rows.shape[0]):
+        link = links[contact]
+        while chain.parents[link] >= 0:
+            column, factor = chain.columns[link], chain.factors[link]
+            pose = poses[rows[contact], link]
+            for i in range(3):
+                axis[i], arm[i] = 0.0, points[contact, i] - pose[i, 3]
+                for j in range(3):
+                    axis[i] += pose[i, j] * chain.axes[link, j]
+                    arm[i] -= pose[i, j] * chain.positions[link, j]
+            if column >= 0:
+                for i in range(3):
+                    j, k = (i + 1) % 3, (i + 2) % 3
+                    turning = axis[j] * arm[k] - axis[k] * arm[j]
+                    speed = axis[i] if chain.kinds[link] == SLIDES else turning
+                    found[contact, i, column] += factor * speed
+            link = chain.parents[link]
+    return found

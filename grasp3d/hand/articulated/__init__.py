@@ -1,0 +1,1 @@
+"""Hands with joints: their links, motions and contacts."""

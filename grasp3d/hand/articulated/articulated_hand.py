@@ -1,0 +1,318 @@
+"""A hand with joints: the motions of its links, and what is known of its fingertips and motors."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
+
+import numpy as np
+
+from grasp3d._kernels.hands import kinematics
+from grasp3d.arrays import ArrayLike, Floats, Ints, locked
+from grasp3d.errors import SettingError
+from grasp3d.hand.link_tree import Joint, LinkShape, LinkTree
+from grasp3d.hand.triangles import Part, Triangles, triangles_of
+from grasp3d.settings.sampling import Grip
+from grasp3d.system.names import printable
+
+if TYPE_CHECKING:
+    from grasp3d.arrays import Bools
+    from grasp3d.hand.closed_jaws import ClosedJaws
+    from grasp3d.hand.reach import Reach
+    from grasp3d.mesh import ObjectMesh
+
+FORMAT, VERSION = "grasp3d articulated hand", 1
+"""What the keys `format` and `version` of a description contain."""
+
+_KINDS = {"fixed": kinematics.FIXED, "slides": kinematics.SLIDES, "turns": kinematics.TURNS}
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """Joints that do not move, or are not driven, each for itself."""
+
+    kind: Literal["rigid", "differential"]
+    """rigid: the values of the joints have fixed ratios, and structure carries what the motor does
+    not; differential: one motor or tendon pulls all of them, with torques of fixed ratios."""
+    joints: tuple[str, ...]
+    """Their names; of rigid ones only the first is in a posture."""
+    ratios: tuple[float, ...]
+    """Of their values, or of their torques."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ArticulatedHand:
+    """A hand whose fingers have joints; lengths in metres, angles in radians.
+
+    It is a `Hand`, of which poses with values of its joints are evaluated. It has no opening, and
+    does not close as sliding jaws do: what needs that refuses it.
+    """
+
+    name: str
+    tree: LinkTree
+    """Its links and joints. The hand's frame is that of the first link, the base."""
+    palm: str
+    """Name of the link from which the fingers start."""
+    approach: Floats
+    """Direction from the palm to the object, in the hand's frame where all joints are at the open
+    preshape, unit vector, shape (3,)."""
+    fingertips: tuple[str, ...]
+    """Names of the links with which the fingers end."""
+    sensors: Mapping[str, float | None]
+    """Links that carry a tactile sensor, with their sensor resolution alpha [rad]; None: that of
+    the contact model."""
+    torques: Floats
+    """Greatest torque, or force, of the motor of each joint [N m or N], shape (p,); nan: not
+    stated."""
+    couplings: tuple[Coupling, ...] = ()
+    preshapes: Mapping[str, Floats]
+    """Postures by name, each of shape (p,); "open" is the one from which the hand closes."""
+    closing: Floats
+    """Speeds of the joints when the hand closes, shape (p,); 0: they do not move."""
+    source: str = ""
+    """Where its numbers come from."""
+    assumed: tuple[str, ...] = ()
+    """Sentences on what was not stated, and assumed."""
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """The p joints of a posture, in their order in the file: without those that follow."""
+        moving = (joint for joint in self.tree.joints.values() if joint.kind != "fixed")
+        return tuple(joint.name for joint in moving if joint.follows is None)
+
+    @cached_property
+    def limits_of_joints(self) -> Floats:
+        """Smallest and largest values of the joints of a posture, shape (p, 2); inf: none."""
+        joints = {joint.name: joint for joint in self.tree.joints.values()}
+        limits = [joints[name].limits or (-np.inf, np.inf) for name in self.joint_names]
+        return locked(np.reshape(limits, (-1, 2)), np.float64)
+
+    @property
+    def link_names(self) -> tuple[str, ...]:
+        """Its L links, parents first."""
+        return self.tree.links
+
+    @cached_property
+    def shapes(self) -> tuple[tuple[LinkShape, ...], ...]:
+        """Collision geometry of each link."""
+        return tuple(map(self.tree.shapes, self.link_names))
+
+    @cached_property
+    def chain(self) -> kinematics.Chain:
+        """Links and joints as kernels have them."""
+        numbers = {name: number for number, name in enumerate(self.link_names)}
+        columns = {name: number for number, name in enumerate(self.joint_names)}
+        rows = [self._row(self.tree.joints.get(link), numbers, columns) for link in self.link_names]
+        return kinematics.Chain(*(
+            locked(np.array(column, dtype=kind))
+            for column, kind in zip(
+                zip(*rows, strict=True),
+                (np.int64, np.int64, float, float, float, np.int64, float, float),
+                strict=True,
+            )
+        ))  # fmt: skip
+
+    def _row(
+        self, joint: Joint | None, numbers: Mapping[str, int], columns: Mapping[str, int]
+    ) -> tuple[Any, ...]:
+        if joint is None:
+            return -1, 0, np.eye(4), np.zeros(3), np.zeros(3), -1, 0.0, 0.0
+        name, factor, offset = self.tree.source_of(joint)
+        column = columns[name] if joint.kind != "fixed" else -1
+        return (
+            numbers[joint.parent], _KINDS[joint.kind], joint.origin, joint.axis, joint.position,
+            column, factor, offset,
+        )  # fmt: skip
+
+    def postures(self, values: ArrayLike) -> Floats:
+        """Values of the joints as an array, shape (k, p).
+
+        Raises:
+            SettingError: They are of another number than `joint_names`, or not finite.
+        """
+        postures = np.atleast_2d(np.asarray(values, dtype=np.float64))
+        count = len(self.joint_names)
+        if postures.ndim != 2 or postures.shape[1] != count:
+            raise SettingError(
+                printable(
+                    f"{self.name} has {count} joints, and a posture has {postures.shape[-1]} "
+                    f"values; the joints are {', '.join(self.joint_names)}"
+                )
+            )
+        wrong = ~np.isfinite(postures)
+        if wrong.any():
+            row, column = np.argwhere(wrong)[0]
+            raise SettingError(
+                printable(
+                    f"{self.name}: joint {self.joint_names[column]} of posture {row} is "
+                    f"{postures[row, column]:g}; values of joints must be finite"
+                )
+            )
+        return np.ascontiguousarray(postures)
+
+    def link_poses(self, postures: ArrayLike) -> Floats:
+        """Poses of the links in the hand's frame [m], shape (k, L, 4, 4).
+
+        Args:
+            postures: Values of the joints `joint_names`, shape (k, p) or (p,).
+
+        Raises:
+            SettingError: They are of another number, or not finite.
+        """
+        poses: Floats = kinematics.link_poses(self.postures(postures), self.chain)
+        return poses
+
+    def jacobians(self, link_poses: Floats, row: Ints, link: Ints, points: Floats) -> Floats:
+        """How points that move with links move with the joints, shape (c, 3, p).
+
+        Args:
+            link_poses: What the method `link_poses` returned, shape (k, L, 4, 4).
+            row: Posture of each point, shape (c,).
+            link: Number of its link, shape (c,).
+            points: Where it is in the hand's frame [m], shape (c, 3).
+
+        Returns:
+            Velocities in the hand's frame per unit of velocity of the joints of a posture; those
+            that follow others move with them.
+        """
+        arrays = [np.ascontiguousarray(numbers, np.int64).copy() for numbers in (row, link)]
+        found: Floats = kinematics.jacobians(
+            np.array(link_poses, np.float64, order="C"),
+            *arrays,
+            np.array(points, np.float64, order="C").reshape(-1, 3),
+            len(self.joint_names),
+            self.chain,
+        )
+        return found
+
+    def shape(self, opening: float, posture: ArrayLike = ()) -> Triangles:
+        """Its links at a posture, or without one at the open preshape; `opening` has no meaning."""
+        del opening
+        values = np.asarray(posture, dtype=np.float64)
+        (poses,) = self.link_poses(values if values.size else self.preshapes["open"])
+        corners, parts = [np.zeros((0, 3, 3))], [np.zeros(0, np.uint8)]
+        for name, shapes, pose in zip(self.link_names, self.shapes, poses, strict=True):
+            for shape in shapes:
+                corners.append(shape.triangles(hull=False) @ pose[:3, :3].T + pose[:3, 3])
+                parts.append(np.full(len(corners[-1]), self._part(name), np.uint8))
+        vertices = np.concatenate(corners).reshape(-1, 3)
+        faces = np.arange(len(vertices)).reshape(-1, 3)
+        return triangles_of(vertices, faces, np.concatenate(parts))
+
+    def _part(self, link: str) -> Part:
+        if link in self.fingertips:
+            return Part.TIP
+        return Part.FINGER if link in self.beyond_palm else Part.PALM
+
+    @cached_property
+    def beyond_palm(self) -> frozenset[str]:
+        """Links that a joint between them and the palm moves."""
+        found = set[str]()
+        for name in self.tree.branch(self.palm).links[1:]:
+            joint = self.tree.joints[name]
+            if joint.kind != "fixed" or joint.parent in found:
+                found.add(name)
+        return frozenset(found)
+
+    # What a `Hand` has besides.
+
+    @property
+    def fingers(self) -> tuple[int, ...]:
+        """Numbers of contacts of the grasps for which it finds poses itself: none."""
+        return ()
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """It has no opening: 0 is all."""
+        return 0.0, 0.0
+
+    @property
+    def max_opening(self) -> float:
+        """It has no opening: 0."""
+        return 0.0
+
+    @cached_property
+    def size(self) -> float:
+        """Diagonal of the box around it at the open preshape [m]."""
+        corners = self.shape(0.0).vertices
+        return float(np.linalg.norm(np.ptp(corners, axis=0))) if len(corners) else 0.0
+
+    @property
+    def finger_length(self) -> float:
+        """About how far its fingers reach [m]: its size."""
+        return self.size
+
+    @property
+    def max_force(self) -> float | None:
+        """Not stated: what its fingers press depends on the posture."""
+        return None
+
+    @property
+    def resolution(self) -> float | None:
+        """Not one for all fingertips: see `sensors`."""
+        return None
+
+    @property
+    def touch_area(self) -> float:
+        """Not stated: 0."""
+        return 0.0
+
+    def torsion_radius(self, friction: float) -> float:
+        """Not stated: 0."""
+        del friction
+        return 0.0
+
+    def check_fingers(self, count: int) -> NoReturn:
+        """Refuse: it makes no grasps by itself. Raises SettingError."""
+        del count
+        self._refuse()
+
+    def distances(self, grip: Grip) -> NoReturn:
+        """Refuse. Raises SettingError."""
+        del grip
+        self._refuse()
+
+    def opening_at(
+        self, points: Floats, normals: Floats, internal: "Bools", metres: float
+    ) -> Floats:
+        """Refuse. Raises SettingError."""
+        del points, normals, internal, metres
+        self._refuse()
+
+    def reach(
+        self, mesh: "ObjectMesh", points: ArrayLike, normals: ArrayLike, **options: Any
+    ) -> "Reach":
+        """Refuse. Raises SettingError."""
+        del mesh, points, normals, options
+        self._refuse()
+
+    def close(self, mesh: "ObjectMesh", poses: ArrayLike, **options: Any) -> "ClosedJaws":
+        """Refuse: see `grasp3d.hand.articulated.contacts`. Raises SettingError."""
+        del mesh, poses, options
+        self._refuse()
+
+    def blocked(
+        self, mesh: "ObjectMesh", poses: Floats, closed: "ClosedJaws", **options: Any
+    ) -> "Bools":
+        """Refuse. Raises SettingError."""
+        del mesh, poses, closed, options
+        self._refuse()
+
+    def opens_to(self, mesh: "ObjectMesh", closed: "ClosedJaws") -> "Bools":
+        """Refuse. Raises SettingError."""
+        del mesh, closed
+        self._refuse()
+
+    def _refuse(self) -> NoReturn:
+        raise SettingError(
+            printable(
+                f"{self.name} is a hand with joints: poses with values of its joints are evaluated "
+                "(grasp3d evaluate MESH GRASPS --hand FILE), and nothing else yet"
+            )
+        )
+
+    def description(self) -> Mapping[str, Any]:
+        """What files state of it: see `grasp3d.hand.articulated.hand_json`."""
+        from grasp3d.hand.articulated.hand_json import description_of
+
+        return description_of(self)

@@ -1,0 +1,145 @@
+"""Descriptions of hands with joints as JSON: what URDF and MuJoCo models do not say.
+
+    {"format": "grasp3d articulated hand", "version": 1, "description": "allegro.urdf", ...}
+
+`description` names the URDF or MuJoCo model, from the folder of the JSON file. All other keys may
+be left out: `KEYS`. Angles are in radians, torques in N m, lengths in metres; joints and links are
+named as the model names them.
+"""
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+
+from grasp3d.arrays import Floats
+from grasp3d.errors import SettingError
+from grasp3d.hand.articulated.articulated_hand import (
+    FORMAT,
+    VERSION,
+    ArticulatedHand,
+    Coupling,
+)
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_list(each: Callable[[object], bool]) -> Callable[[object], bool]:
+    return lambda value: isinstance(value, list) and all(map(each, value))
+
+
+def _is_object(each: Callable[[object], bool]) -> Callable[[object], bool]:
+    return lambda value: isinstance(value, dict) and all(map(each, value.values()))
+
+
+def _is_direction(value: object) -> bool:
+    return _is_list(_is_number)(value) and len(value) == 3 and any(value)  # type: ignore[arg-type]
+
+
+def _is_coupling(value: object) -> bool:
+    if not isinstance(value, dict) or set(value) != {"kind", "joints", "ratios"}:
+        return False
+    joints, ratios = value["joints"], value["ratios"]
+    return (
+        value["kind"] in {"rigid", "differential"}
+        and _is_list(_is_text)(joints)
+        and _is_list(_is_number)(ratios)
+        and len(set(joints)) == len(joints) == len(ratios) >= 2
+        and all(ratios)
+    )
+
+
+_NUMBERS = "an object of numbers by joints"
+KEYS: dict[str, tuple[Callable[[object], bool], str]] = {
+    "name": (_is_text, "a text"),
+    "description": (_is_text, "a text, the name of a URDF or MuJoCo file"),
+    "base": (_is_text, "the name of a link"),
+    "palm": (_is_text, "the name of a link"),
+    "approach": (_is_direction, "a list of three numbers, not all 0"),
+    "fingertips": (_is_list(_is_text), "a list of names of links"),
+    "sensors": (
+        _is_object(lambda one: one is None or (_is_number(one) and 0.0 <= one < math.pi)),  # type: ignore[operator]
+        "an object of sensor resolutions [rad] from 0 to below pi, or null, by links",
+    ),
+    "torques": (
+        _is_object(lambda one: _is_number(one) and one > 0.0),  # type: ignore[operator]
+        f"{_NUMBERS}, above 0",
+    ),
+    "couplings": (
+        _is_list(_is_coupling),
+        'a list of objects of "kind" rigid or differential, with "joints" and their "ratios"',
+    ),
+    "preshapes": (_is_object(_is_object(_is_number)), "an object of postures by name"),
+    "closing": (_is_object(_is_number), _NUMBERS),
+    "source": (_is_text, "a text"),
+    "assumed": (_is_list(_is_text), "a list of texts"),
+    "notes": (lambda _: True, "anything"),
+}
+"""Keys of a description besides format and version: what a value must be, and its name."""
+
+
+def stated_of(content: object) -> dict[str, Any]:
+    """What a description in JSON states, by its keys, checked by itself.
+
+    Raises:
+        SettingError: It is none, or a value is not what its key means.
+    """
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise SettingError(f'is no hand: expected an object with "format": "{FORMAT}"')
+    if content.get("version") != VERSION or isinstance(content.get("version"), bool):
+        got = json.dumps(content.get("version"))[:40]
+        raise SettingError(f"version must be {VERSION}; got {got}")
+    stated = {key: value for key, value in content.items() if key not in {"format", "version"}}
+    for key, value in stated.items():
+        if key not in KEYS:
+            near = get_close_matches(key, KEYS, 1)
+            guess = f" (did you mean {near[0]}?)" if near else ""
+            raise SettingError(f"no key is called {key[:40]!r}{guess}; known: {', '.join(KEYS)}")
+        check, expected = KEYS[key]
+        if not check(value):
+            raise SettingError(f"{key} must be {expected}; got {json.dumps(value)[:60]}")
+    stated["couplings"] = tuple(
+        Coupling(one["kind"], tuple(one["joints"]), tuple(map(float, one["ratios"])))
+        for one in stated.get("couplings", ())
+    )
+    return stated
+
+
+def description_of(hand: ArticulatedHand) -> dict[str, Any]:
+    """A hand as JSON has it; `description` is the file as it was named when it was read."""
+
+    def by_name(values: Floats) -> Mapping[str, float]:
+        pairs = zip(hand.joint_names, values.tolist(), strict=True)
+        return {name: value for name, value in pairs if math.isfinite(value)}
+
+    tendons = [dict(arms) for arms in hand.tree.tendons]
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "name": hand.name,
+        "description": hand.tree.source,
+        "base": hand.link_names[0],
+        "palm": hand.palm,
+        "approach": hand.approach.tolist(),
+        "fingertips": list(hand.fingertips),
+        "sensors": dict(hand.sensors),
+        "torques": by_name(hand.torques),
+        "couplings": [
+            {"kind": one.kind, "joints": list(one.joints), "ratios": list(one.ratios)}
+            for one in hand.couplings
+            if dict(zip(one.joints, one.ratios, strict=True)) not in tendons
+        ],
+        "preshapes": {name: by_name(posture) for name, posture in hand.preshapes.items()},
+        "closing": by_name(np.where(hand.closing == 0.0, np.nan, hand.closing)),
+        "source": hand.source,
+        "assumed": list(hand.assumed),
+    }

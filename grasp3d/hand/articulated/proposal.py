@@ -1,0 +1,349 @@
+"""A hand with joints from its links and joints, and what a description states of it.
+
+What is not stated follows from the geometry, and is said:
+
+* The base is the root; in a MuJoCo model the body in the world with most joints below it.
+* Fingertips are the last links with collision geometry that joints move.
+* The palm is the last link that all fingertips are below.
+* The fingertips meet in the posture that brings them closest together: the least sum of squares of
+  their distances to their common middle, with a little for the distance from the joints' value 0.
+* The approach direction is that axis of the palm's frame along which the palm is thinnest, among
+  those within 65 degrees of the direction from the middle of the palm to where the fingertips meet.
+* A joint closes the hand if the point halfway along the links that it moves comes nearer to the
+  place where the fingertips meet, more than it moves sideways. Other joints keep the values that
+  they have where the fingertips meet; in the open preshape those that close it have the value
+  nearest to 0 within their limits.
+* Torques are the efforts that the file states, where these are plausible.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from grasp3d.arrays import Floats, locked, unit_rows
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, Coupling
+from grasp3d.hand.link_tree import LinkTree
+
+PLAUSIBLE_TORQUE, PLAUSIBLE_ELSEWHERE = 5.0, 100.0
+"""Efforts from which on a finger's motor, or another one, is not believed [N m]; forces [N] are
+believed up to 100 times that."""
+
+FARTHEST_APPROACH = 65.0
+"""Largest angle between the approach direction and the way to where fingertips meet [degrees]."""
+
+KEPT = 0.02
+"""Weight of a joint's distance from 0 [m/rad] beside the distances of fingertips."""
+
+CLOSES = 0.5
+"""Least cosine of the angle between the way of a link and the way to where fingertips meet."""
+
+
+def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None) -> ArticulatedHand:
+    """A hand from its links and joints.
+
+    Args:
+        tree: Links and joints.
+        stated: What is known of it, as `grasp3d.hand.articulated.hand_json.stated_of` returns it;
+            what is missing is proposed, which `ArticulatedHand.assumed` says.
+
+    Raises:
+        SettingError: There are no such links or joints, nothing moves, or it moves in ways that
+            have no posture: free joints, closed loops.
+    """
+    known, assumed = dict(stated or {}), list((stated or {}).get("assumed", ()))
+    base = known.get("base")
+    if base is None:
+        base = _base(tree)
+        if base != tree.links[0]:
+            assumed.append(f"the base is {base}, the body in the world with most joints")
+    couplings = tuple(known.get("couplings", ()))
+    whole = _coupled(tree.branch(base), couplings)
+    _check(whole)
+    hand = ArticulatedHand(
+        name=known.get("name") or Path(tree.source).stem,
+        tree=whole,
+        palm=base,
+        approach=locked([0.0, 0.0, 1.0]),
+        fingertips=(),
+        sensors={},
+        torques=locked(np.zeros(0)),
+        couplings=couplings + _tendons(whole),
+        preshapes={},
+        closing=locked(np.zeros(0)),
+        source=known.get("source", ""),
+    )
+    if not hand.joint_names:
+        raise tree.error(f"no joint moves anything below {base}")
+    return _Proposal(hand, known, assumed).hand()
+
+
+def _base(tree: LinkTree) -> str:
+    """The link that is the base of the hand, if none is stated."""
+    root = tree.links[0]
+    if root != "world" or len(tree.children(root)) < 2:
+        return root
+    base = max(tree.children(root), key=lambda link: len(_moving(tree.branch(link))))
+    while not tree.shapes(base) and len(below := tree.children(base)) == 1:
+        if tree.joints[below[0]].kind == "fixed":
+            break
+        (base,) = below  # joints that let the whole hand fly
+    return base
+
+
+def _moving(tree: LinkTree) -> list[str]:
+    return [name for name, joint in tree.joints.items() if joint.kind != "fixed"]
+
+
+def _coupled(tree: LinkTree, couplings: Iterable[Coupling]) -> LinkTree:
+    """A tree whose joints follow others as rigid couplings say. Raises SettingError."""
+    links = {joint.name: link for link, joint in tree.joints.items()}
+    joints = dict(tree.joints)
+    for coupling in couplings:
+        for name in coupling.joints:
+            if name not in links:
+                raise tree.error(f"no joint is called {name!r}; known: {', '.join(links)}")
+        if coupling.kind == "rigid":
+            first, *others = coupling.joints
+            for name, ratio in zip(others, coupling.ratios[1:], strict=True):
+                follows = first, ratio / coupling.ratios[0], 0.0
+                joints[links[name]] = replace(joints[links[name]], follows=follows)
+    return replace(tree, joints=joints)
+
+
+def _check(tree: LinkTree) -> None:
+    """Refuse what has no posture. Raises SettingError."""
+    for joint in tree.joints.values():
+        if joint.kind == "free":
+            raise tree.error(
+                f"joint {joint.name} neither slides nor turns about an axis, and has no value of "
+                "a posture; name a base of the hand below it"
+            )
+        tree.source_of(joint)
+    if tree.closures:
+        raise tree.error(f"{tree.closures[0]} closes a loop of links; only trees of links are read")
+
+
+def _tendons(tree: LinkTree) -> tuple[Coupling, ...]:
+    names = {joint.name for joint in tree.joints.values()}
+    return tuple(
+        Coupling("differential", tuple(arms), tuple(arms.values()))
+        for arms in tree.tendons
+        if names.issuperset(arms)
+    )
+
+
+class _Proposal:
+    """What is stated of a hand, with what is proposed for the rest."""
+
+    def __init__(self, hand: ArticulatedHand, known: Mapping[str, Any], assumed: list[str]) -> None:
+        self.known, self.assumed, self.tree, self.bare = known, assumed, hand.tree, hand
+        self.names = hand.joint_names
+        self.limits = hand.limits_of_joints
+        self.zero = np.clip(np.zeros(len(self.names)), *self.limits.T)
+
+    def hand(self) -> ArticulatedHand:
+        """The hand. Raises SettingError."""
+        tree, known = self.tree, self.known
+        tips = tuple(known.get("fingertips") or self._fingertips())
+        tree.check_links(tips)
+        palm = known.get("palm") or self._palm(tips)
+        tree.check_links([palm, *known.get("sensors", {})])
+        self.bare = replace(self.bare, fingertips=tips, palm=palm)
+        meeting = self._meeting()
+        closing = self._closing(meeting)
+        preshapes = self._preshapes(meeting, closing)
+        approach = self._approach(meeting, preshapes["open"])
+        sensors = known.get("sensors")
+        if sensors is None:
+            sensors = dict.fromkeys(tips)
+            self.assumed.append("every fingertip carries a tactile sensor, no other link does")
+        return replace(
+            self.bare,
+            approach=locked(approach),
+            sensors=dict(sensors),
+            torques=locked(self._torques()),
+            preshapes=preshapes,
+            closing=locked(closing),
+            assumed=tuple(self.assumed),
+        )
+
+    def _fingertips(self) -> tuple[str, ...]:
+        moved, ends = set[str](), dict[str, str]()
+        for name in self.tree.links:
+            joint = self.tree.joints.get(name)
+            if joint is None or (joint.kind == "fixed" and joint.parent not in moved):
+                continue
+            moved.add(name)
+            above = ends.pop(joint.parent, joint.parent)
+            ends[name] = name if self.tree.shapes(name) else above
+        # Several ends that have no geometry of their own may stand for one link.
+        found = tuple(dict.fromkeys(end for end in ends.values() if self.tree.shapes(end)))
+        inner = {above for name in found for above in self._above(name)}
+        found = tuple(name for name in found if name not in inner)
+        if not found:
+            raise self.tree.error("no link that moves has collision geometry")
+        self.assumed.append(f"fingertips are the last links with geometry: {', '.join(found)}")
+        return found
+
+    def _above(self, link: str) -> list[str]:
+        """All links above one, from it to the base."""
+        found = []
+        while link in self.tree.joints:
+            link = self.tree.joints[link].parent
+            found.append(link)
+        return found
+
+    def _palm(self, tips: Iterable[str]) -> str:
+        chains = [self._above(tip) for tip in tips]
+        palm = next(link for link in chains[0] if all(link in chain for chain in chains))
+        self.assumed.append(f"the palm is {palm}, the last link that carries all fingertips")
+        return palm
+
+    def _middles(self, links: Iterable[str]) -> Floats:
+        """Middles of the boxes around links, in their frames, shape (n, 3)."""
+        boxes = [self.tree.geometry(link).reshape(-1, 3) for link in links]
+        return np.array([
+            0.5 * (box.min(axis=0) + box.max(axis=0)) if len(box) else np.zeros(3) for box in boxes
+        ])  # fmt: skip
+
+    def _numbers(self, links: Iterable[str]) -> list[int]:
+        return [self.tree.links.index(link) for link in links]
+
+    def _points(self, posture: Floats, links: Iterable[str], middles: Floats) -> Floats:
+        poses = self.bare.link_poses(posture)[0, self._numbers(links)]
+        points: Floats = np.einsum("nij,nj->ni", poses[:, :3, :3], middles) + poses[:, :3, 3]
+        return points
+
+    def _meeting(self) -> Floats:
+        """Posture in which the fingertips are closest together."""
+        tips = self.bare.fingertips
+        middles = self._middles(tips)
+        low, high = np.clip(self.limits, -np.pi, np.pi).T
+        room = high - low > 1e-9
+        start = np.clip(0.5 * (low + high), low, high)
+
+        def whole(values: Floats) -> Floats:
+            posture: Floats = start.copy()
+            posture[room] = values
+            return posture
+
+        def residuals(values: Floats) -> Floats:
+            points = self._points(whole(values), tips, middles)
+            apart = (points - points.mean(axis=0)).ravel()
+            return np.asarray(np.concatenate([apart, KEPT * (values - self.zero[room])]))
+
+        if not room.any():
+            return whole(start[room])
+        found = least_squares(residuals, start[room], bounds=(low[room], high[room]))
+        return whole(np.asarray(found.x))
+
+    def _closing(self, meeting: Floats) -> Floats:
+        if "closing" in self.known:
+            return self._by_name(self.known["closing"], np.zeros(len(self.names)), "closing")
+        tips = self.bare.fingertips
+        middles = self._middles(tips)
+        target = self._points(meeting, tips, middles).mean(axis=0)
+        halfway = 0.5 * (self.zero + meeting)
+        poses = self.bare.link_poses(halfway)
+        points = self._points(halfway, tips, middles)
+        moves = self.bare.jacobians(
+            poses, np.zeros(len(tips), np.int64), np.array(self._numbers(tips)), points
+        )
+        ways = unit_rows(target - points)
+        towards = np.einsum("nip,ni->np", moves, ways)
+        speeds = np.linalg.norm(moves, axis=1)
+        cosines = np.divide(towards, speeds, out=np.zeros_like(speeds), where=speeds > 1e-6)
+        moving = speeds > 1e-6
+        single = moving.sum(axis=0) == 1  # what moves several fingers at once is a wrist
+        mean = cosines.sum(axis=0)
+        closing = np.where(single & (np.abs(mean) >= CLOSES), np.sign(mean), 0.0)
+        self.assumed.append(
+            "joints that close it are those that bring a fingertip nearer to where all meet"
+        )
+        return np.asarray(closing, dtype=np.float64)
+
+    def _preshapes(self, meeting: Floats, closing: Floats) -> dict[str, Floats]:
+        stated = self.known.get("preshapes", {})
+        found = {
+            name: locked(self._by_name(values, self.zero, f"preshape {name}"))
+            for name, values in stated.items()
+        }
+        if "open" not in found:
+            found["open"] = locked(np.where(closing == 0.0, meeting, self.zero))
+            self.assumed.append(
+                "open: joints that close it are at 0, or at the limit nearest to 0; the others as "
+                "where the fingertips meet"
+            )
+        return found
+
+    def _approach(self, meeting: Floats, opened: Floats) -> Floats:
+        if "approach" in self.known:
+            return unit_rows(np.array(self.known["approach"], dtype=np.float64))
+        number = self._numbers([self.bare.palm])[0]
+        tips = self.bare.fingertips
+        target = self._points(meeting, tips, self._middles(tips)).mean(axis=0)
+        inverse = np.linalg.inv(self.bare.link_poses(meeting)[0, number])
+        box = self._palm_box()
+        way = unit_rows(inverse[:3, :3] @ target + inverse[:3, 3] - box.mean(axis=0))
+        turn = self.bare.link_poses(opened)[0, number, :3, :3]
+        near = np.flatnonzero(np.abs(way) >= np.cos(np.radians(FARTHEST_APPROACH)))
+        axis = near[np.ptp(box, axis=0)[near].argmin()]
+        chosen = np.sign(way[axis]) * np.eye(3)[axis]
+        sign = "-" if way[axis] < 0.0 else "+"
+        self.assumed.append(
+            f"the approach direction is {sign}{'xyz'[axis]} of {self.bare.palm}: the palm's "
+            "thinnest side toward where the fingertips meet"
+        )
+        return np.asarray(turn @ chosen)
+
+    def _palm_box(self) -> Floats:
+        """Ends of the box around the palm, and what is fixed to it, in its frame, shape (2, 3)."""
+        parts = [
+            self.tree.geometry(link) @ pose[:3, :3].T + pose[:3, 3]
+            for link, pose in self.tree.rigid(self.bare.palm).items()
+        ]
+        corners = np.concatenate([np.zeros((0, 3, 3)), *parts]).reshape(-1, 3)
+        if not len(corners):
+            return np.zeros((2, 3))
+        return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+    def _torques(self) -> Floats:
+        unknown = np.full(len(self.names), np.nan)
+        if "torques" in self.known:
+            return self._by_name(self.known["torques"], unknown, "torques")
+        joints = {joint.name: joint for joint in self.tree.joints.values()}
+        beyond = {self.tree.joints[link].name for link in self.bare.beyond_palm}
+        found, odd = unknown.copy(), dict[float, list[str]]()
+        for number, name in enumerate(self.names):
+            effort = joints[name].effort
+            if effort is None:
+                continue
+            most = PLAUSIBLE_TORQUE if name in beyond else PLAUSIBLE_ELSEWHERE
+            most *= 100.0 if joints[name].kind == "slides" else 1.0
+            if 0.0 < effort < most:
+                found[number] = effort
+            else:
+                odd.setdefault(effort, []).append(name)
+        for effort, names in odd.items():
+            self.assumed.append(
+                f"an effort of {effort:g} is not that of such a motor: the torque is not stated "
+                f"({', '.join(names)})"
+            )
+        if np.isfinite(found).any():
+            self.assumed.append("torques are the efforts that the file states, which are plausible")
+        return found
+
+    def _by_name(self, values: Mapping[str, float], default: Floats, what: str) -> Floats:
+        """Values of joints by their names, as an array. Raises SettingError."""
+        found = default.copy()
+        for name, value in values.items():
+            if name not in self.names:
+                raise self.tree.error(
+                    f"{what}: {name!r} is no joint of a posture; known: {', '.join(self.names)}"
+                )
+            found[self.names.index(name)] = value
+        return found
