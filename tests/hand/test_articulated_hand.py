@@ -59,6 +59,7 @@ def random_postures(hand: ArticulatedHand, count: int) -> Floats:
 
 def compare_with_mujoco(name: str, folder: Path, count: int) -> None:
     mujoco = pytest.importorskip("mujoco")
+    mujoco.set_mju_user_warning(lambda _: None)  # otherwise it writes a log
     hand, model = hand_of(name), model_of(name, folder)
     data = mujoco.MjData(model)
     postures = random_postures(hand, count)
