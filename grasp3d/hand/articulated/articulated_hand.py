@@ -1,5 +1,6 @@
 """A hand with joints: the motions of its links, and what is known of its fingertips and motors."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -312,7 +313,31 @@ class ArticulatedHand:
         )
 
     def description(self) -> Mapping[str, Any]:
-        """What files state of it: see `grasp3d.hand.articulated.hand_json`."""
-        from grasp3d.hand.articulated.hand_json import description_of
+        """What files state of it; `description` is the file as it was named when it was read."""
 
-        return description_of(self)
+        def by_name(values: Floats) -> Mapping[str, float]:
+            pairs = zip(self.joint_names, values.tolist(), strict=True)
+            return {name: value for name, value in pairs if math.isfinite(value)}
+
+        tendons = [dict(arms) for arms in self.tree.tendons]
+        return {
+            "format": FORMAT,
+            "version": VERSION,
+            "name": self.name,
+            "description": self.tree.source,
+            "base": self.link_names[0],
+            "palm": self.palm,
+            "approach": self.approach.tolist(),
+            "fingertips": list(self.fingertips),
+            "sensors": dict(self.sensors),
+            "torques": by_name(self.torques),
+            "couplings": [
+                {"kind": one.kind, "joints": list(one.joints), "ratios": list(one.ratios)}
+                for one in self.couplings
+                if dict(zip(one.joints, one.ratios, strict=True)) not in tendons
+            ],
+            "preshapes": {name: by_name(posture) for name, posture in self.preshapes.items()},
+            "closing": by_name(np.where(self.closing == 0.0, np.nan, self.closing)),
+            "source": self.source,
+            "assumed": list(self.assumed),
+        }

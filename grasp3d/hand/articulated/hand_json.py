@@ -9,18 +9,14 @@ named as the model names them.
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from difflib import get_close_matches
 from typing import Any
 
-import numpy as np
-
-from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import (
     FORMAT,
     VERSION,
-    ArticulatedHand,
     Coupling,
 )
 
@@ -112,34 +108,3 @@ def stated_of(content: object) -> dict[str, Any]:
         for one in stated.get("couplings", ())
     )
     return stated
-
-
-def description_of(hand: ArticulatedHand) -> dict[str, Any]:
-    """A hand as JSON has it; `description` is the file as it was named when it was read."""
-
-    def by_name(values: Floats) -> Mapping[str, float]:
-        pairs = zip(hand.joint_names, values.tolist(), strict=True)
-        return {name: value for name, value in pairs if math.isfinite(value)}
-
-    tendons = [dict(arms) for arms in hand.tree.tendons]
-    return {
-        "format": FORMAT,
-        "version": VERSION,
-        "name": hand.name,
-        "description": hand.tree.source,
-        "base": hand.link_names[0],
-        "palm": hand.palm,
-        "approach": hand.approach.tolist(),
-        "fingertips": list(hand.fingertips),
-        "sensors": dict(hand.sensors),
-        "torques": by_name(hand.torques),
-        "couplings": [
-            {"kind": one.kind, "joints": list(one.joints), "ratios": list(one.ratios)}
-            for one in hand.couplings
-            if dict(zip(one.joints, one.ratios, strict=True)) not in tendons
-        ],
-        "preshapes": {name: by_name(posture) for name, posture in hand.preshapes.items()},
-        "closing": by_name(np.where(hand.closing == 0.0, np.nan, hand.closing)),
-        "source": hand.source,
-        "assumed": list(hand.assumed),
-    }
