@@ -1,14 +1,21 @@
 """Hands in files: JSON, descriptions of robots, and lines in other files."""
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import SettingError
+from grasp3d.hand.articulated.presets import FORMAT as ARTICULATED
+from grasp3d.hand.articulated.presets import NAMES
 from grasp3d.hand.gripper_json import FORMAT, KEYS, VERSION, read_json
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, gripper_of, preset
+from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, gripper_of
+from grasp3d.hand.parallel_gripper import preset as known_gripper
+from grasp3d.hand.robot_files import SUFFIXES as MODELS
+from grasp3d.hand.robot_files import read_links as read_links  # noqa: PLC0414, for scripts
+from grasp3d.hand.robot_files import watched
 from grasp3d.system.documents import is_file, parse_json, problem_of_file
 from grasp3d.system.files import atomic_write, check_suffix
 from grasp3d.system.names import printable, unsupported
@@ -16,14 +23,20 @@ from grasp3d.system.names import printable, unsupported
 if TYPE_CHECKING:
     from grasp3d.hand.link_tree import LinkTree
 
-READERS: dict[str, Callable[[Any], Hand]] = {FORMAT: gripper_of}
+
+def _articulated(content: object) -> Hand:
+    from grasp3d.hand.articulated.hand_json import articulated_hand
+
+    return articulated_hand(content)
+
+
+READERS: dict[str, Callable[[Any], Hand]] = {FORMAT: gripper_of, ARTICULATED: _articulated}
 """What makes hands of descriptions, by their "format": functions that raise SettingError."""
 
-MEMORY, SECONDS, BYTES_PER_SECOND = 4.0, 15.0, 1e6
-"""Limits of the process that reads a robot's description: memory [GB]; time for one without meshes
-[s]; and bytes of all its files for which it has one second more."""
+MODEL = "description"
+"""Key of the file that a description needs, named from the folder of the JSON file."""
 
-SUFFIXES = (".json", ".urdf", ".xml", ".mjcf")
+SUFFIXES = (".json", *MODELS)
 
 
 def read_hand(
@@ -32,20 +45,26 @@ def read_hand(
     fingers: tuple[str, str] | None = None,
     palm: str | None = None,
     tcp: float | None = None,
+    preset: str | None = None,
 ) -> Hand:
-    """Read a hand: a preset by name, a JSON file, or a URDF or MuJoCo model of a gripper.
+    """Read a hand: a preset by name, a JSON file, or a URDF or MuJoCo model.
 
-    URDF and MuJoCo models need the names of the two finger links. What is read from them, and what
-    is assumed, is in `grasp3d.hand.hand_geometry`.
+    URDF and MuJoCo models of grippers need the names of the two finger links. What is read from
+    them, and what is assumed, is in `grasp3d.hand.hand_geometry`; of hands with joints, for which
+    no fingers are named, in `grasp3d.hand.articulated.proposal`.
 
     Args:
         source: Name of a preset; or a file that `write_hand` wrote (.json), a URDF (.urdf) or a
             MuJoCo model (.xml, .mjcf).
-        fingers: URDF and MuJoCo: names of the links, or bodies, of the two fingers.
+        fingers: URDF and MuJoCo: names of the links, or bodies, of the two fingers that slide;
+            None: it is a hand with joints.
         palm: URDF and MuJoCo: name of the link whose geometry is the palm; None: the link
             that carries the fingers, with what is fixed to it.
         tcp: URDF and MuJoCo: from the origin of the link that carries the fingers to the TCP, along
             the approach axis [m]; None: the middle of the flat pads.
+        preset: URDF and MuJoCo models of a hand with joints: whose numbers it has, a name of
+            `grasp3d.hand.articulated.presets`; None: that one whose joints have the same names, if
+            there is one.
 
     Raises:
         SettingError: It is no preset and no such file, or describes no gripper of two sliding
@@ -58,66 +77,63 @@ def read_hand(
         >>> grasp3d.read_hand("gripper.json") == grasp3d.read_hand("wsg50")
         True
     """
-    links_given = fingers is not None or palm is not None or tcp is not None
+    options = {"fingers": fingers, "palm": palm, "tcp": tcp, "preset": preset}
+    given = ", ".join(name for name, value in options.items() if value is not None)
     path, suffix = Path(source), Path(source).suffix.lower()
     is_file_name = suffix in SUFFIXES or len(path.parts) > 1 or is_file(path)
     if str(source) in {*PRESETS, *ALIASES} or not is_file_name:
-        if links_given:
+        if str(source) in NAMES:
             raise SettingError(
-                f"fingers, palm and tcp are for URDF and MuJoCo files; {str(source)!r} is no file"
+                f"{source} is a hand with joints, known without its links: name the URDF that you "
+                f"have of it: grasp3d hand FILE.urdf --preset {source} -o {source}.json"
             )
-        return preset(str(source))
+        if given:
+            raise SettingError(f"{given}: for URDF and MuJoCo files; {str(source)!r} is no file")
+        return known_gripper(str(source))
     if suffix not in SUFFIXES:
         raise SettingError(unsupported(path, SUFFIXES, "gripper"))
     if problem := problem_of_file(path):
         raise SettingError(printable(f"{path}: {problem}"))
-    if suffix == ".json":
-        if links_given:
-            raise SettingError(
-                printable(f"{path}: fingers, palm and tcp are for URDF and MuJoCo files only")
-            )
-        content = read_json(path)
-        try:
-            return hand_of(content)
-        except SettingError as error:
-            raise SettingError(printable(f"{path}: {error}")) from error
+    if suffix != ".json":
+        return _of_model(path, fingers, palm, tcp, preset)
+    if given:
+        raise SettingError(printable(f"{path}: {given}: for URDF and MuJoCo files only"))
+    content = read_json(path)
+    if isinstance(content, dict) and isinstance(content.get(MODEL), str):
+        content = {**content, MODEL: str(path.parent / content[MODEL])}
+    try:
+        return hand_of(content)
+    except SettingError as error:
+        raise SettingError(printable(f"{path}: {error}")) from error
+
+
+def _of_model(
+    path: Path,
+    fingers: tuple[str, str] | None,
+    palm: str | None,
+    tcp: float | None,
+    preset: str | None,
+) -> Hand:
+    """The hand of a URDF or MuJoCo model. Raises SettingError."""
     if fingers is None:
-        raise SettingError(
-            printable(
-                f"{path}: name the links of its two fingers: grasp3d hand {path} --fingers LINK "
-                "LINK -o NAME.json makes a description of it, for all commands"
-            )
-        )
+        from grasp3d.hand.articulated.hand_json import proposed_hand
+
+        if tcp is not None:
+            raise SettingError(printable(f"{path}: tcp is for grippers of two fingers: name them"))
+        return proposed_hand(path, preset, palm)
+    if preset is not None:
+        raise SettingError(printable(f"{path}: preset is for hands with joints, without fingers"))
     if len(fingers) != 2 or fingers[0] == fingers[1]:
         raise SettingError(printable(f"{path}: a gripper needs two different finger links"))
-    return _watched(path, fingers, palm, tcp)
-
-
-def _watched(path: Path, *arguments: Any) -> Hand:
-    """The gripper of a robot's description, read in a child process. Raises SettingError.
-
-    Such files, and those that they name, can ask for any memory and time, and end the process.
-    """
-    from grasp3d.hand.description_xml import size_of_files
-    from grasp3d.system.isolation import CallFailedError, call
-
-    seconds = SECONDS + size_of_files(path) / BYTES_PER_SECOND
-    try:
-        return call(_gripper_of_links, path, *arguments, memory=MEMORY, seconds=seconds)
-    except SettingError as error:
-        raise SettingError(str(error)) from None  # without the traceback of the child
-    except CallFailedError as failure:
-        raise SettingError(
-            printable(f"{path}: the process that reads it {failure}; describe the gripper in JSON")
-        ) from failure
+    return watched(_gripper_of_links, path, fingers, palm, tcp)
 
 
 def _gripper_of_links(
-    path: Path, fingers: tuple[str, str], palm: str | None, tcp: float | None
+    tree: "LinkTree", fingers: tuple[str, str], palm: str | None, tcp: float | None
 ) -> Hand:
     from grasp3d.hand.hand_geometry import gripper_of_hand
 
-    return gripper_of_hand(read_links(path).sliding_hand(fingers, palm), tcp=tcp)
+    return gripper_of_hand(tree.sliding_hand(fingers, palm), tcp=tcp)
 
 
 def write_hand(path: str | Path, hand: Hand) -> None:
@@ -132,9 +148,20 @@ def write_hand(path: str | Path, hand: Hand) -> None:
     """
     path = Path(path)
     check_suffix(path, [".json"], "gripper")
-    text = json.dumps(hand.description(), indent=1, allow_nan=False)
+    content = dict(hand.description())
+    if MODEL in content:
+        content[MODEL] = _from_folder(Path(content[MODEL]), path.parent)
+    text = json.dumps(content, indent=1, allow_nan=False)
     with atomic_write(path) as part:
         part.write_text(f"{text}\n", encoding="utf-8")
+
+
+def _from_folder(path: Path, folder: Path) -> str:
+    """A path as files in a folder name it: from there, or whole where there is no way."""
+    try:
+        return Path(os.path.relpath(path.absolute(), folder.absolute())).as_posix()
+    except ValueError:  # on another drive
+        return path.absolute().as_posix()
 
 
 def hand_of(content: object) -> Hand:
@@ -167,14 +194,3 @@ def hand_of_line(line: str) -> Hand:
     if isinstance(content, dict) and "format" not in content:
         content = {"format": FORMAT, "version": VERSION, "unit": "m", **content}
     return hand_of(content)
-
-
-def read_links(path: Path) -> "LinkTree":
-    """All links and joints of a URDF (.urdf) or a MuJoCo model. Raises SettingError."""
-    if path.suffix.lower() == ".urdf":
-        from grasp3d.hand.urdf import read_urdf
-
-        return read_urdf(path)
-    from grasp3d.hand.mjcf import read_mjcf
-
-    return read_mjcf(path)

@@ -12,7 +12,7 @@ import pytest
 from grasp3d.arrays import Floats
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.proposal import articulated_hand_of
-from grasp3d.hand.hand_files import read_links
+from grasp3d.hand.robot_files import read_links
 from tests.helpers.hands import HANDS, hand_file
 
 MODELS = {"shadow model": "hand/reach.xml", "adroit": "adroit_hand/adroit_door.xml"}

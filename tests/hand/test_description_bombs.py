@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from grasp3d.errors import SettingError
-from grasp3d.hand import hand_files
+from grasp3d.hand import robot_files
 from grasp3d.hand.description_xml import MOST_ELEMENTS, MOST_FILES, size_of_files
 from grasp3d.hand.hand_files import read_hand
 from grasp3d.hand.link_tree import Joint, LinkTree
@@ -100,12 +100,12 @@ def test_what_passes_the_look_is_read_with_limits(
     large = '<texture name="t" type="2d" builtin="flat" width="8000" height="8000"/>'
     path = model(tmp_path, f"<asset>{large}</asset>")
     expected = read_hand(path, fingers=FINGERS)
-    monkeypatch.setattr(hand_files, "MEMORY", 0.2)
+    monkeypatch.setattr(robot_files, "MEMORY", 0.2)
     with pytest.raises(SettingError, match=r"the process that reads it took more than 0[.]2 GB"):
         read_hand(path, fingers=FINGERS)
     assert read_hand(mjcf(tmp_path), fingers=FINGERS) == expected
-    monkeypatch.setattr(hand_files, "SECONDS", 0.0)
-    monkeypatch.setattr(hand_files, "MEMORY", 4.0)
+    monkeypatch.setattr(robot_files, "SECONDS", 0.0)
+    monkeypatch.setattr(robot_files, "MEMORY", 4.0)
     with pytest.raises(SettingError, match=r"took longer than 0 s and was ended"):
         read_hand(path, fingers=FINGERS)
 
@@ -114,7 +114,7 @@ def test_no_log_of_mujoco_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     path = model(tmp_path, '<worldbody><body pos="nan 0 0"/></worldbody>')
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SettingError, match="MuJoCo cannot read it"):
-        hand_files.read_links(path)
+        robot_files.read_links(path)
     assert [one.name for one in tmp_path.iterdir()] == [path.name]
 
 
@@ -145,7 +145,7 @@ def test_loops_of_joints_are_refused(tmp_path: Path, loop: str) -> None:
     path = tmp_path / "hand.urdf"
     path.write_text(text[: text.index("<joint")] + joints + "</robot>")
     with pytest.raises(SettingError, match=r"joint j\d is part of a loop of joints"):
-        hand_files.read_links(path)
+        robot_files.read_links(path)
 
 
 def test_long_chains_of_joints_take_no_longer_for_each() -> None:

@@ -12,10 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grasp3d.errors import SettingError
-from grasp3d.hand.hand_files import read_hand, read_links
+from grasp3d.hand.hand_files import read_hand
 from grasp3d.hand.hand_geometry import SlidingFinger, SlidingHand, gripper_of_hand
 from grasp3d.hand.jaws import AXES
 from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.robot_files import read_links
 
 FINGERS = ("left", "right")
 

@@ -11,6 +11,7 @@ import numpy as np
 from grasp3d._kernels.hands import kinematics
 from grasp3d.arrays import ArrayLike, Floats, Ints, locked
 from grasp3d.errors import SettingError
+from grasp3d.hand.articulated.presets import FORMAT, VERSION
 from grasp3d.hand.link_tree import Joint, LinkShape, LinkTree
 from grasp3d.hand.triangles import Part, Triangles, triangles_of
 from grasp3d.settings.sampling import Grip
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
     from grasp3d.hand.closed_jaws import ClosedJaws
     from grasp3d.hand.reach import Reach
     from grasp3d.mesh import ObjectMesh
-
-FORMAT, VERSION = "grasp3d articulated hand", 1
-"""What the keys `format` and `version` of a description contain."""
 
 _KINDS = {"fixed": kinematics.FIXED, "slides": kinematics.SLIDES, "turns": kinematics.TURNS}
 

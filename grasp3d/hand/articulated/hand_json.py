@@ -11,14 +11,15 @@ import json
 import math
 from collections.abc import Callable
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any
 
 from grasp3d.errors import SettingError
-from grasp3d.hand.articulated.articulated_hand import (
-    FORMAT,
-    VERSION,
-    Coupling,
-)
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, Coupling
+from grasp3d.hand.articulated.presets import FORMAT, VERSION, fitting, numbers_of
+from grasp3d.hand.articulated.proposal import articulated_hand_of
+from grasp3d.hand.link_tree import LinkTree
+from grasp3d.hand.robot_files import watched
 
 
 def _is_text(value: object) -> bool:
@@ -108,3 +109,50 @@ def stated_of(content: object) -> dict[str, Any]:
         for one in stated.get("couplings", ())
     )
     return stated
+
+
+def articulated_hand(content: object) -> ArticulatedHand:
+    """The hand that a description in JSON states.
+
+    Args:
+        content: The description; `description` names the file from the working folder.
+
+    Raises:
+        SettingError: It is none, names no such file, or none of its links and joints.
+    """
+    stated = stated_of(content)
+    if "description" not in stated:
+        raise SettingError("description is missing: the name of a URDF or MuJoCo file")
+    return watched(articulated_hand_of, Path(stated["description"]), stated)
+
+
+def proposed_hand(path: Path, preset: str | None, palm: str | None) -> ArticulatedHand:
+    """A hand from a URDF or MuJoCo model alone.
+
+    Args:
+        path: The file.
+        preset: Whose numbers it has; None: those of the hand whose joints have the same names.
+        palm: Name of the palm's link; None: it is found.
+
+    Raises:
+        SettingError: The file cannot be read, is of no hand with joints, or of another one.
+    """
+    return watched(_proposed, path, preset, palm)
+
+
+def _proposed(tree: LinkTree, preset: str | None, palm: str | None) -> ArticulatedHand:
+    stated: dict[str, Any] = {}
+    if all(joint.kind != "turns" for joint in tree.joints.values()):
+        raise tree.error(
+            f"no joint turns anything: name the links of its two fingers: grasp3d hand "
+            f"{tree.source} --fingers LINK LINK -o NAME.json makes a description of it, for all "
+            "commands"
+        )
+    name = preset or fitting(tree)
+    if name is not None:
+        stated = stated_of(numbers_of(name, tree))
+        if preset is None:
+            stated["assumed"] = [f"it is the hand {name}, whose joints have the same names"]
+    if palm is not None:
+        stated["palm"] = palm
+    return articulated_hand_of(tree, stated)

@@ -18,6 +18,7 @@ What is not stated follows from the geometry, and is said:
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,9 @@ FARTHEST_APPROACH = 65.0
 
 KEPT = 0.02
 """Weight of a joint's distance from 0 [m/rad] beside the distances of fingertips."""
+
+ROUNDED = 1e-9
+"""Difference of a length from 1 that is rounding."""
 
 CLOSES = 0.5
 """Least cosine of the angle between the way of a link and the way to where fingertips meet."""
@@ -63,6 +67,9 @@ def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None)
     couplings = tuple(known.get("couplings", ()))
     whole = _coupled(tree.branch(base), couplings)
     _check(whole)
+    # Read at once: a missing mesh is then refused here, and another process gets all of it.
+    shapes = {link: whole.shapes(link) for link in whole.links}
+    whole = replace(whole, shapes=shapes.__getitem__)
     hand = ArticulatedHand(
         name=known.get("name") or Path(tree.source).stem,
         tree=whole,
@@ -153,10 +160,9 @@ class _Proposal:
         palm = known.get("palm") or self._palm(tips)
         tree.check_links([palm, *known.get("sensors", {})])
         self.bare = replace(self.bare, fingertips=tips, palm=palm)
-        meeting = self._meeting()
-        closing = self._closing(meeting)
-        preshapes = self._preshapes(meeting, closing)
-        approach = self._approach(meeting, preshapes["open"])
+        closing = self._closing()
+        preshapes = self._preshapes(closing)
+        approach = self._approach(preshapes["open"])
         sensors = known.get("sensors")
         if sensors is None:
             sensors = dict.fromkeys(tips)
@@ -218,6 +224,7 @@ class _Proposal:
         points: Floats = np.einsum("nij,nj->ni", poses[:, :3, :3], middles) + poses[:, :3, 3]
         return points
 
+    @cached_property
     def _meeting(self) -> Floats:
         """Posture in which the fingertips are closest together."""
         tips = self.bare.fingertips
@@ -241,13 +248,13 @@ class _Proposal:
         found = least_squares(residuals, start[room], bounds=(low[room], high[room]))
         return whole(np.asarray(found.x))
 
-    def _closing(self, meeting: Floats) -> Floats:
+    def _closing(self) -> Floats:
         if "closing" in self.known:
             return self._by_name(self.known["closing"], np.zeros(len(self.names)), "closing")
         tips = self.bare.fingertips
         middles = self._middles(tips)
-        target = self._points(meeting, tips, middles).mean(axis=0)
-        halfway = 0.5 * (self.zero + meeting)
+        target = self._points(self._meeting, tips, middles).mean(axis=0)
+        halfway = 0.5 * (self.zero + self._meeting)
         poses = self.bare.link_poses(halfway)
         points = self._points(halfway, tips, middles)
         moves = self.bare.jacobians(
@@ -266,27 +273,28 @@ class _Proposal:
         )
         return np.asarray(closing, dtype=np.float64)
 
-    def _preshapes(self, meeting: Floats, closing: Floats) -> dict[str, Floats]:
+    def _preshapes(self, closing: Floats) -> dict[str, Floats]:
         stated = self.known.get("preshapes", {})
         found = {
             name: locked(self._by_name(values, self.zero, f"preshape {name}"))
             for name, values in stated.items()
         }
         if "open" not in found:
-            found["open"] = locked(np.where(closing == 0.0, meeting, self.zero))
+            found["open"] = locked(np.where(closing == 0.0, self._meeting, self.zero))
             self.assumed.append(
                 "open: joints that close it are at 0, or at the limit nearest to 0; the others as "
                 "where the fingertips meet"
             )
         return found
 
-    def _approach(self, meeting: Floats, opened: Floats) -> Floats:
+    def _approach(self, opened: Floats) -> Floats:
         if "approach" in self.known:
-            return unit_rows(np.array(self.known["approach"], dtype=np.float64))
+            stated = np.array(self.known["approach"], dtype=np.float64)
+            return stated if abs(np.linalg.norm(stated) - 1.0) < ROUNDED else unit_rows(stated)
         number = self._numbers([self.bare.palm])[0]
         tips = self.bare.fingertips
-        target = self._points(meeting, tips, self._middles(tips)).mean(axis=0)
-        inverse = np.linalg.inv(self.bare.link_poses(meeting)[0, number])
+        target = self._points(self._meeting, tips, self._middles(tips)).mean(axis=0)
+        inverse = np.linalg.inv(self.bare.link_poses(self._meeting)[0, number])
         box = self._palm_box()
         way = unit_rows(inverse[:3, :3] @ target + inverse[:3, 3] - box.mean(axis=0))
         turn = self.bare.link_poses(opened)[0, number, :3, :3]
@@ -298,7 +306,7 @@ class _Proposal:
             f"the approach direction is {sign}{'xyz'[axis]} of {self.bare.palm}: the palm's "
             "thinnest side toward where the fingertips meet"
         )
-        return np.asarray(turn @ chosen)
+        return np.asarray(np.round(turn @ chosen, 12) + 0.0)
 
     def _palm_box(self) -> Floats:
         """Ends of the box around the palm, and what is fixed to it, in its frame, shape (2, 3)."""
