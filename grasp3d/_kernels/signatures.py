@@ -10,7 +10,7 @@ from numba import typeof
 from numba.core import types
 
 from grasp3d._kernels.forces import grip_force, sure_forces, tasks
-from grasp3d._kernels.hands import kinematics
+from grasp3d._kernels.hands import kinematics, link_shapes, touched_surface, touching
 from grasp3d._kernels.hull import frictionless_closure, pair_epsilon, wrench_problem, wrenches
 from grasp3d._kernels.hull.polytope import make_polytope
 from grasp3d._kernels.hull.support_functions import TOTAL
@@ -107,6 +107,19 @@ _CLOSED = _tuple(closing.ClosedOn, _f3, _i2, _f2, _f3, _f3, _f2, _f3, _f4)
 _REACHED = typeof(gripper_parts.no_results(1))
 
 # Hands with joints.
+_BODIES = _tuple(
+    link_shapes.LinkShapes, _i1, _i1, _f3, _f2, _f2,
+    _tuple(link_shapes.Hulls, _f2, _i1, _i1, _i1), _i1, _f2, _i1, _f2,
+)  # fmt: skip
+_TOUCHED = _tuple(
+    touched_surface.TouchedSurface, _BOX_TREE, _b, _i2, _i2, _f2, _f2, _f1, _f1, _f,
+    _array(types.float32, 3),
+)  # fmt: skip
+_TOUCHES = _tuple(touching.Touches, _f2, _f3, _f3, _i2, _f4)
+_SHAPE_SCRATCH = typeof(link_shapes.make_shape_scratch())
+_TOUCH_SCRATCH = _tuple(
+    touching.TouchScratch, _SHAPE_SCRATCH, _i1, _f1, _f2, _f1, _f1, _f1, _f1, _f1, _f2, _i1
+)
 _CHAIN = _tuple(
     kinematics.Chain, _fixed_i1, _fixed_i1, _fixed_f3, _fixed_f2, _fixed_f2, _fixed_i1, _fixed_f1,
     _fixed_f1,
@@ -183,6 +196,10 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     surface_contacts.smallest_angle: [(_fixed_f2, _i, _i, _f, _f, _f)],
     rays.starting_rays: [(_i32_1, _f2, _i8_1, _i)],
     rays.write_rays: [(_i, _RAYS, _fixed_f2, _f32_2, _f32_2)],
+    touching.touch: [
+        (_f4, _f, _f, _i, _i, _BODIES, _TOUCHED, _TOUCHES, _TOUCH_SCRATCH),
+    ],
+    touched_surface.fill_grid: [(_TOUCHED,)],
     kinematics.link_poses: [(_f2, _CHAIN)],
     kinematics.jacobians: [(_f4, _i1, _i1, _f2, _i, _CHAIN)],
     patches.reset_front: [(_FRONT,)],

@@ -7,14 +7,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from grasp3d._kernels.hands.touched_surface import TouchedSurface
 from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows, used_indices
 from grasp3d.mesh.measures import face_areas, paired_edges
 from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins, normal_sets
 from grasp3d.mesh.repair.bodies import Solids
 from grasp3d.mesh.repair.work import RepairStep
+from grasp3d.mesh.touched_surface import touched_surface
 from grasp3d.settings import MeshOptions
-from grasp3d.settings.lengths import GivenLength, SettingsTs, Unit, length_in_unit, settings_in_unit
+from grasp3d.settings.lengths import (
+    METRES,
+    GivenLength,
+    SettingsTs,
+    Unit,
+    length_in_unit,
+    settings_in_unit,
+)
 
 if TYPE_CHECKING:
     import pyvista
@@ -228,6 +237,19 @@ class ObjectMesh:
             corners=corners.corners,
             normals=normals,
             twins=twins,
+        )
+
+    @cached_property
+    def touched_surface(self) -> TouchedSurface:
+        """The surface in metres, as the kernels of hands take it; the mesh must have a unit."""
+        assert self.unit is not None
+        corners = self.corner_normals
+        return touched_surface(
+            self.vertices * METRES[self.unit],
+            self.faces,
+            corners.corners,
+            corners.normals,
+            closed=self.report.closed,
         )
 
     def to_trimesh(self) -> "trimesh.Trimesh":

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal, NoReturn
 import numpy as np
 
 from grasp3d._kernels.hands import kinematics
+from grasp3d._kernels.hands.link_shapes import LinkShapes
 from grasp3d.arrays import ArrayLike, Floats, Ints, locked
 from grasp3d.errors import SettingError
+from grasp3d.hand.articulated.link_bodies import link_bodies
 from grasp3d.hand.articulated.presets import FORMAT, VERSION
 from grasp3d.hand.link_tree import Joint, LinkShape, LinkTree
 from grasp3d.hand.triangles import Part, Triangles, triangles_of
@@ -95,6 +97,11 @@ class ArticulatedHand:
     def shapes(self) -> tuple[tuple[LinkShape, ...], ...]:
         """Collision geometry of each link."""
         return tuple(map(self.tree.shapes, self.link_names))
+
+    @cached_property
+    def bodies(self) -> LinkShapes:
+        """Collision geometry as kernels have it."""
+        return link_bodies(self.shapes)
 
     @cached_property
     def chain(self) -> kinematics.Chain:

@@ -1,0 +1,412 @@
+"""Convex shapes of links: signed distance of a point, and distance from a triangle.
+
+A shape is a core and a ball that moves over it: a box, a cylinder or a convex hull with radius 0, a
+segment along z (capsule) or a point (sphere). Everything here is in the frame of the shape.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.surface.vectors import (
+    combined,
+    copy,
+    cross,
+    difference,
+    divided,
+    dot,
+    norm,
+    squared_distance,
+    triple,
+)
+
+BOX, CYLINDER, CAPSULE, SPHERE, HULL = 0, 1, 2, 3, 4
+"""Kinds of shapes; `LinkShapes.sizes` holds three half lengths; radius and half length; radius."""
+
+ROUNDS = 64
+"""Most supports of a distance: a curved core takes about 20, others fewer than 10."""
+
+EXACT = 1e-12
+"""Relative gap between the bounds of a squared distance at which it is found."""
+
+TOUCHING = 1e-9
+"""Distance of a core from a triangle below which they count as overlapping [m]."""
+
+NEAR = 1e-6
+"""Distance below which the direction is that from a smaller core [m]."""
+
+CORE, FACE, CORNERS = 0, 4, 8
+"""First rows of `ShapeScratch.simplex`: points of the core, of the triangle, and differences."""
+
+
+class Hulls(NamedTuple):
+    """Corners of convex hulls, and the edges between them."""
+
+    vertices: npt.NDArray[np.float64]
+    """(v, 3)."""
+    first: npt.NDArray[np.int64]
+    """Rows of `neighbours` of each vertex (v + 1,)."""
+    neighbours: npt.NDArray[np.int64]
+    """Vertices at the other ends of its edges."""
+    at: npt.NDArray[np.int64]
+    """First vertex of each shape's hull (m,)."""
+
+
+class LinkShapes(NamedTuple):
+    """Shapes of all links, those of one link after each other, in metres."""
+
+    kinds: npt.NDArray[np.int64]
+    """BOX, CYLINDER, ... (m,)."""
+    links: npt.NDArray[np.int64]
+    """Link of each shape, ascending (m,)."""
+    poses: npt.NDArray[np.float64]
+    """Frame of the shape to that of its link (m, 3, 4)."""
+    sizes: npt.NDArray[np.float64]
+    """(m, 3); a hull has none."""
+    boxes: npt.NDArray[np.float64]
+    """Centre and half lengths of the box around the shape, and radius of the ball (m, 7)."""
+    hull: "Hulls"
+    first_plane: npt.NDArray[np.int64]
+    """Rows of each hull's planes (m + 1,)."""
+    planes: npt.NDArray[np.float64]
+    """Outward unit normals, and their largest product with a point of the hull (f, 4)."""
+    first_sample: npt.NDArray[np.int64]
+    """Rows of the points on each shape's surface (m + 1,)."""
+    samples: npt.NDArray[np.float64]
+    """Points, corners and edges among them, and outward unit normals (s, 6)."""
+
+
+class ShapeScratch(NamedTuple):
+    """Arrays of one distance."""
+
+    simplex: npt.NDArray[np.float64]
+    """Support points: of the core, of the triangle, and their differences (12, 3)."""
+    weights: npt.NDArray[np.float64]
+    """Weights of the support points (4,), and of a face that is tried (4,)."""
+    guess: npt.NDArray[np.float64]
+    """Vector from the triangle to the shape to begin with, replaced by the one found (3,)."""
+    on_core: npt.NDArray[np.float64]
+    """Nearest point of the core (3,)."""
+    on_face: npt.NDArray[np.float64]
+    """Nearest point of the triangle (3,)."""
+    at: npt.NDArray[np.int64]
+    """Vertex of the hull at which a search for its farthest one begins (1,)."""
+
+
+@merged
+def radius_of(kind, size):
+    """Radius of the ball that moves over a core."""
+    return size[0] if kind in (CAPSULE, SPHERE) else 0.0
+
+
+@merged
+def box_distance(p, box):
+    """Signed distance of a point from the box around a shape, and negative inside."""
+    x = abs(p[0] - box[0]) - box[3]
+    y = abs(p[1] - box[1]) - box[4]
+    z = abs(p[2] - box[2]) - box[5]
+    inside = min(max(x, y, z), 0.0)
+    x, y, z = max(x, 0.0), max(y, 0.0), max(z, 0.0)
+    return math.sqrt(x * x + y * y + z * z) + inside
+
+
+@part
+def point_depth(p, kind, size, box, planes):
+    """Signed distance of a point from a shape; outside a hull a lower bound of it."""
+    if kind == BOX:
+        return box_distance(p, box)
+    if kind == HULL:
+        largest = -math.inf
+        for i in range(planes.shape[0]):
+            largest = max(largest, dot(planes[i], p) - planes[i, 3])
+        return largest
+    if kind == SPHERE:
+        return norm(p) - size[0]
+    beyond = abs(p[2]) - size[1]
+    across = math.sqrt(p[0] * p[0] + p[1] * p[1])
+    if kind == CAPSULE:
+        beyond = max(beyond, 0.0)
+        return math.sqrt(across * across + beyond * beyond) - size[0]
+    across -= size[0]
+    outside = math.sqrt(max(across, 0.0) ** 2 + max(beyond, 0.0) ** 2)
+    return outside + min(max(across, beyond), 0.0)
+
+
+@part
+def _farthest_vertex(hull, at, x, y, z):
+    """Vertex of a hull that lies farthest along a direction, over edges that lead farther."""
+    vertices, best, last = hull.vertices, at[0], -1
+    farthest = vertices[best, 0] * x + vertices[best, 1] * y + vertices[best, 2] * z
+    while best != last:
+        last = best
+        for i in range(hull.first[last], hull.first[last + 1]):
+            v = hull.neighbours[i]
+            height = vertices[v, 0] * x + vertices[v, 1] * y + vertices[v, 2] * z
+            if height > farthest:
+                best, farthest = v, height
+    at[0] = best
+    return triple(vertices[best], 0)
+
+
+@part
+def _support(kind, size, box, hull, at, shrink, x, y, z):
+    """Point of a shrunk core that lies farthest along a direction."""
+    cx, cy, cz = box[0], box[1], box[2]
+    if kind == BOX:
+        px = cx + shrink * (box[3] if x >= 0.0 else -box[3])
+        py = cy + shrink * (box[4] if y >= 0.0 else -box[4])
+        pz = cz + shrink * (box[5] if z >= 0.0 else -box[5])
+        return px, py, pz
+    if kind == HULL:
+        p = _farthest_vertex(hull, at, x, y, z)
+        return cx + shrink * (p[0] - cx), cy + shrink * (p[1] - cy), cz + shrink * (p[2] - cz)
+    if kind == SPHERE:
+        return 0.0, 0.0, 0.0
+    pz = shrink * (size[1] if z >= 0.0 else -size[1])
+    if kind == CAPSULE:
+        return 0.0, 0.0, pz
+    across = math.sqrt(x * x + y * y)
+    if across < 1e-300:
+        return 0.0, 0.0, pz
+    return shrink * size[0] * x / across, shrink * size[0] * y / across, pz
+
+
+@part
+def _nearest_on_edge(corners, i, j, weights):
+    """Squared distance of the origin from an edge of a simplex; weights are written."""
+    a, b = corners[i], corners[j]
+    u = difference(b, a)
+    uu = dot(u, u)
+    t = min(max(-dot(a, u) / uu, 0.0), 1.0) if uu > 0.0 else 0.0
+    weights[i], weights[j] = 1.0 - t, t
+    p = combined(1.0 - t, a, t, b)
+    return dot(p, p)
+
+
+@part
+def _nearest_on_face(corners, i, j, k, weights):
+    """Squared distance of the origin from a face of a simplex; weights are written."""
+    a = triple(corners[i], 0)
+    u, w = difference(corners[j], a), difference(corners[k], a)
+    n = cross(u, w)
+    nn = dot(n, n)
+    if nn > 0.0:
+        # Barycentric coordinates of the projection of the origin.
+        s = -dot(cross(a, w), n) / nn
+        t = -dot(cross(u, a), n) / nn
+        if s >= 0.0 and t >= 0.0 and s + t <= 1.0:
+            weights[i], weights[j], weights[k] = 1.0 - s - t, s, t
+            height = dot(a, n)
+            return height * height / nn
+    least, best = math.inf, 0
+    for edge in range(3):
+        one, other = (i, j) if edge == 0 else ((i, k) if edge == 1 else (j, k))
+        square = _nearest_on_edge(corners, one, other, weights)
+        if square < least:
+            least, best = square, edge
+    one, other = (i, j) if best == 0 else ((i, k) if best == 1 else (j, k))
+    weights[i], weights[j], weights[k] = 0.0, 0.0, 0.0
+    return _nearest_on_edge(corners, one, other, weights)
+
+
+@part
+def _nearest_on_simplex(count, corners, weights):
+    """Squared distance of the origin from a simplex; 0: it is inside. Weights are written."""
+    if count == 1:
+        weights[0] = 1.0
+        return dot(corners[0], corners[0])
+    if count == 2:
+        return _nearest_on_edge(corners, 0, 1, weights)
+    if count == 3:
+        return _nearest_on_face(corners, 0, 1, 2, weights)
+    least, best = math.inf, -1
+    for left in range(4):
+        i, j, k = (1 if left == 0 else 0), (2 if left <= 1 else 1), (3 if left <= 2 else 2)
+        a = triple(corners[i], 0)
+        n = cross(difference(corners[j], a), difference(corners[k], a))
+        origin, other = -dot(n, a), dot(n, difference(corners[left], a))
+        size = norm(n) * norm(difference(corners[left], a))
+        if origin * other > 0.0 and abs(other) > 1e-12 * size:
+            continue
+        square = _nearest_on_face(corners, i, j, k, weights)
+        if square < least:
+            least, best = square, left
+    if best < 0:
+        return 0.0
+    i, j, k = (1 if best == 0 else 0), (2 if best <= 1 else 1), (3 if best <= 2 else 2)
+    weights[best] = 0.0
+    return _nearest_on_face(corners, i, j, k, weights)
+
+
+@part
+def core_distance(kind, size, box, hull, shrink, triangle, limit, scratch):
+    """Distance of the core of a shape from a triangle (Gilbert, Johnson & Keerthi 1988).
+
+    Args:
+        kind: Kind of the shape.
+        size: Its sizes (3,).
+        box: Box around it (7,).
+        hull: `Hulls`.
+        shrink: Factor by which the core is smaller, about the centre of its box.
+        triangle: Nine numbers.
+        limit: Distance beyond which the exact one does not matter.
+        scratch: `ShapeScratch`; where the distance is within the limit, the nearest points and the
+            vector between them are written.
+
+    Returns:
+        The distance; inf: it is beyond the limit; 0: they overlap.
+    """
+    simplex, weights, guess = scratch.simplex, scratch.weights, scratch.guess
+    corners = simplex[CORNERS:]
+    x, y, z = triple(guess, 0)
+    if not x * x + y * y + z * z > 0.0:
+        x = 1.0
+    count, square = 0, math.inf
+    for _ in range(ROUNDS):
+        a = _support(kind, size, box, hull, scratch.at, shrink, -x, -y, -z)
+        best, farthest = 0, -math.inf
+        for i in range(3):
+            height = triangle[3 * i] * x + triangle[3 * i + 1] * y + triangle[3 * i + 2] * z
+            if height > farthest:
+                best, farthest = i, height
+        b = triple(triangle, 3 * best)
+        w = difference(a, b)
+        along, length = x * w[0] + y * w[1] + z * w[2], x * x + y * y + z * z
+        if along > 0.0 and along * along > limit * limit * length:
+            copy((x, y, z), guess)
+            return math.inf
+        if count > 0:
+            if square - along <= EXACT * square:
+                break
+            known = False
+            for i in range(count):
+                c = corners[i]
+                known = known or (c[0] == w[0] and c[1] == w[1] and c[2] == w[2])
+            if known:
+                break
+        copy(a, simplex[CORE + count])
+        copy(b, simplex[FACE + count])
+        copy(w, corners[count])
+        nearer = _nearest_on_simplex(count + 1, corners, weights)
+        if not nearer < square:  # no digits are left
+            break
+        square, kept = nearer, 0
+        for i in range(count + 1):
+            if weights[i] > 0.0:
+                weights[kept] = weights[i]
+                for row in (CORE, FACE, CORNERS):
+                    copy(simplex[row + i], simplex[row + kept])
+                kept += 1
+        count = kept
+        if square <= TOUCHING * TOUCHING:
+            return 0.0
+        x, y, z = 0.0, 0.0, 0.0
+        for i in range(count):
+            x += weights[i] * corners[i, 0]
+            y += weights[i] * corners[i, 1]
+            z += weights[i] * corners[i, 2]
+        # The weights of this simplex, for the nearest points: a worse one may overwrite them.
+        for i in range(4):
+            weights[4 + i] = weights[i] if i < count else 0.0
+    for k in range(3):
+        scratch.on_core[k], scratch.on_face[k] = 0.0, 0.0
+        for i in range(count):
+            scratch.on_core[k] += weights[4 + i] * simplex[CORE + i, k]
+            scratch.on_face[k] += weights[4 + i] * simplex[FACE + i, k]
+    distance = math.sqrt(x * x + y * y + z * z)
+    copy((x, y, z), guess)
+    return distance
+
+
+@part
+def shape_distance(kind, size, box, hull, planes, triangle, limit, scratch):
+    """Signed distance of a shape from a triangle; negative: the depth of its points in the shape.
+
+    Of triangles that reach deep into a box, a cylinder or a hull the depth is that of their points
+    that are nearest to a smaller core, or of their corners.
+
+    Args:
+        kind: Kind of the shape.
+        size: Its sizes (3,).
+        box: Box around it (7,).
+        hull: `Hulls`.
+        planes: Those of the shape's hull (f, 4).
+        triangle: Nine numbers.
+        limit: Signed distance beyond which the exact one does not matter.
+        scratch: `ShapeScratch`.
+
+    Returns:
+        The distance; inf: it is beyond the limit. Written to the scratch: the triangle's point
+        `on_face` and the unit direction `guess` from it in which the shape is, or has to move.
+    """
+    radius = radius_of(kind, size)
+    if radius > 0.0:
+        reach, distance = limit + radius, math.inf
+        if reach > 0.0:
+            distance = core_distance(kind, size, box, hull, 1.0, triangle, reach, scratch)
+        if distance == math.inf:
+            return distance
+        if distance == 0.0:
+            _across(triangle, scratch)
+        else:
+            copy(divided(scratch.guess, distance), scratch.guess)
+        return distance - radius
+    third = 1.0 / 3.0
+    centroid = combined(third, triangle, third, triple(triangle, 3))
+    centroid = combined(1.0, centroid, third, triple(triangle, 6))
+    around, depth, corner = 0.0, math.inf, 0
+    for i in range(3):
+        around = max(around, squared_distance(centroid, triple(triangle, 3 * i)))
+    around = math.sqrt(around)
+    middle = box_distance(centroid, box)
+    if kind != BOX and middle - around < limit:
+        middle = point_depth(centroid, kind, size, box, planes)
+    if middle - around >= limit:
+        return math.inf
+    if middle < around:
+        for i in range(3):
+            deeper = point_depth(triple(triangle, 3 * i), kind, size, box, planes)
+            if deeper < depth:
+                depth, corner = deeper, i
+    if min(middle, depth) > -TOUCHING:
+        distance = core_distance(kind, size, box, hull, 1.0, triangle, max(limit, 0.0), scratch)
+        if distance > NEAR:
+            if distance < math.inf:
+                copy(divided(scratch.guess, distance), scratch.guess)
+            return distance
+        depth = min(depth, distance)
+    shrink, inner = 0.8, 0.0
+    while shrink > 0.1:
+        inner = core_distance(kind, size, box, hull, shrink, triangle, math.inf, scratch)
+        if inner > NEAR:
+            break
+        shrink -= 0.35
+    if inner <= NEAR:
+        _across(triangle, scratch)
+        copy(centroid, scratch.on_face)
+    else:
+        copy(divided(scratch.guess, inner), scratch.guess)
+    if min(middle, depth) <= 0.0:
+        depth_here = point_depth(scratch.on_face, kind, size, box, planes)
+        if depth < depth_here - 1e-9:
+            copy(triple(triangle, 3 * corner), scratch.on_face)
+        depth = min(depth, depth_here, 0.0)
+    return depth
+
+
+@merged
+def _across(triangle, scratch):
+    """Write the unit normal of a triangle as the direction in which a shape moves away."""
+    a = triple(triangle, 0)
+    n = cross(difference(triple(triangle, 3), a), difference(triple(triangle, 6), a))
+    length = norm(n)
+    copy(divided(n, length) if length > 0.0 else (0.0, 0.0, 1.0), scratch.guess)
+
+
+def make_shape_scratch() -> ShapeScratch:
+    """Allocate the arrays of one distance."""
+    one, two, three = np.zeros((3, 3))
+    return ShapeScratch(np.zeros((12, 3)), np.zeros(8), one, two, three, np.zeros(1, np.int64))

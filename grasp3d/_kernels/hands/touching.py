@@ -1,0 +1,485 @@
+"""Where the links of a hand touch an object: gaps of their shapes, and contacts as given."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d._kernels.compiling.decorators import kernel, merged, part
+from grasp3d._kernels.hands.link_shapes import (
+    CAPSULE,
+    HULL,
+    NEAR,
+    SPHERE,
+    LinkShapes,
+    ShapeScratch,
+    box_distance,
+    core_distance,
+    make_shape_scratch,
+    point_depth,
+    shape_distance,
+)
+from grasp3d._kernels.hands.touched_surface import (
+    faces_away,
+    inward_at,
+    is_inside,
+    least_distance,
+    nearest_triangle,
+    nearest_weights,
+    point_of,
+    side_of,
+)
+from grasp3d._kernels.surface.box_tree import RADIUS, leaf_rows
+from grasp3d._kernels.surface.face_tree import STACK, below
+from grasp3d._kernels.surface.vectors import copy, difference, divided, dot, norm, triple
+
+MOST = 3
+"""Most contacts of a link: one per side of an object that it touches."""
+
+ONE_SIDE = math.cos(math.radians(40.0))
+"""Cosine of the angle between normals up to which they belong to the same side."""
+
+CREASE = math.cos(math.radians(20.0))
+"""Cosine of the bend of an edge beyond which points nearest to it belong to both of its sides."""
+
+FACING = 0.4
+"""Least cosine between the outward normal of a link and the inward normal of what it touches:
+a wall's far side, or what lies beside a link, does not count."""
+
+SQUARELY = 0.9
+"""The same for a further side that is farther away than the first one."""
+
+BESIDE = 0.2
+"""How much farther away a further side may be that does not face the link squarely, in contact
+distances."""
+
+EQUAL = 1e-9
+"""Difference of gaps [m] that does not matter."""
+
+FAN, SIDES = 16, 4
+"""Most faces around a vertex that are looked at, and most sides to which a point belongs."""
+
+GAP, NORMAL, POINT, TURNED, COLUMNS = 0, 1, 4, 7, 8
+"""Columns of `TouchScratch.near`: signed distance, inward normal and nearest point of the surface,
+cosine with the link's normal; and their number."""
+
+
+class Touches(NamedTuple):
+    """What `touch` writes, in the object's frame [m]; k poses, m shapes, L links."""
+
+    gaps: npt.NDArray[np.float64]
+    """Signed distance of each shape, inf: beyond the search; negative: depth (k, m)."""
+    points: npt.NDArray[np.float64]
+    """Where: a point of the surface, or of the shape where that is inside (k, m, 3)."""
+    directions: npt.NDArray[np.float64]
+    """Unit vector along which the shape moves away from there (k, m, 3)."""
+    counts: npt.NDArray[np.int64]
+    """Contacts of each link (k, L); 0 links: none are looked for."""
+    contacts: npt.NDArray[np.float64]
+    """Of each contact: point on the surface, inward unit normal, signed distance of the link's
+    shapes from the point (k, L, MOST, 7)."""
+
+
+class TouchScratch(NamedTuple):
+    """Arrays of one thread."""
+
+    shape: ShapeScratch
+    nodes: npt.NDArray[np.int64]
+    bounds: npt.NDArray[np.float64]
+    placed: npt.NDArray[np.float64]
+    """Frame of a shape to that of the object (3, 4)."""
+    triangle: npt.NDArray[np.float64]
+    """In the shape's frame (9,)."""
+    point: npt.NDArray[np.float64]
+    """Of the nearest point so far (3,)."""
+    direction: npt.NDArray[np.float64]
+    start: npt.NDArray[np.float64]
+    """Direction with which the next triangle begins, in the shape's frame (3,)."""
+    lows: npt.NDArray[np.float64]
+    """Lower bounds of the signed distances of the points of a link (s,)."""
+    near: npt.NDArray[np.float64]
+    """Points of a link that are near the surface (n, COLUMNS)."""
+    free: npt.NDArray[np.int64]
+    """1: the point belongs to no side yet (n,)."""
+
+
+def make_touch_scratch(shapes: LinkShapes) -> TouchScratch:
+    """Allocate the arrays of one thread."""
+    samples = np.diff(shapes.first_sample)
+    most = int(np.bincount(shapes.links, samples).max(initial=0))
+    one, two, three = np.zeros((3, 3))
+    return TouchScratch(
+        make_shape_scratch(), np.zeros(STACK, np.int64), np.zeros(STACK), np.zeros((3, 4)),
+        np.zeros(9), one, two, three, np.zeros(most), np.zeros((4 * most + 4, COLUMNS)),
+        np.zeros(4 * most + 4, np.int64),
+    )  # fmt: skip
+
+
+@merged
+def turned(matrix, v):
+    """A vector of a placed frame in the frame around it."""
+    return dot(matrix[0], v), dot(matrix[1], v), dot(matrix[2], v)
+
+
+@merged
+def moved(matrix, p):
+    """A point of a placed frame in the frame around it."""
+    x, y, z = dot(matrix[0], p), dot(matrix[1], p), dot(matrix[2], p)
+    return x + matrix[0, 3], y + matrix[1, 3], z + matrix[2, 3]
+
+
+@merged
+def turned_back(matrix, v):
+    """A vector in a placed frame."""
+    x = matrix[0, 0] * v[0] + matrix[1, 0] * v[1] + matrix[2, 0] * v[2]
+    y = matrix[0, 1] * v[0] + matrix[1, 1] * v[1] + matrix[2, 1] * v[2]
+    z = matrix[0, 2] * v[0] + matrix[1, 2] * v[1] + matrix[2, 2] * v[2]
+    return x, y, z
+
+
+@merged
+def moved_back(matrix, p):
+    """A point in a placed frame."""
+    return turned_back(matrix, (p[0] - matrix[0, 3], p[1] - matrix[1, 3], p[2] - matrix[2, 3]))
+
+
+@part
+def place(link, pose, placed):
+    """Write the product of two rigid motions (3, 4)."""
+    for i in range(3):
+        for j in range(4):
+            placed[i, j] = link[i, 3] if j == 3 else 0.0
+            for k in range(3):
+                placed[i, j] += link[i, k] * pose[k, j]
+
+
+@merged
+def _node_bound(node, kind, size, box, planes, flat, tree, scratch):
+    """Lower bound of the signed distance of a shape from the triangles of a node."""
+    row, n = tree.boxes[node], scratch.direction
+    middle = moved_back(scratch.placed, row)
+    bound = (
+        box_distance(middle, box) if kind == HULL else point_depth(middle, kind, size, box, planes)
+    )
+    # Beyond the plane across the nearest point so far.
+    size = abs(n[0]) * row[3] + abs(n[1]) * row[4] + abs(n[2]) * row[5]
+    return max(bound - row[RADIUS], flat - dot(n, row) - size)
+
+
+@part
+def _surface_distance(i, limit, shapes, surface, scratch):
+    """Signed distance of a shape from the triangles, inf: beyond the limit; where is written."""
+    kind, size, box = shapes.kinds[i], shapes.sizes[i], shapes.boxes[i]
+    planes = shapes.planes[shapes.first_plane[i] : shapes.first_plane[i + 1]]
+    placed, shape, triangle = scratch.placed, scratch.shape, scratch.triangle
+    start = scratch.start
+    nodes, bounds, tree = scratch.nodes, scratch.bounds, surface.tree
+    best, found, flat = limit, False, -math.inf
+    shape.at[0] = shapes.hull.at[i]
+    nodes[0], bounds[0], top = 0, -math.inf, 1
+    while top > 0:
+        top -= 1
+        if bounds[top] >= best - EQUAL:
+            continue
+        node = nodes[top]
+        first, last = leaf_rows(node, tree)
+        for j in range(first, last):
+            for c in range(3):
+                p = moved_back(placed, triple(tree.triangles[j], 3 * c))
+                triangle[3 * c], triangle[3 * c + 1], triangle[3 * c + 2] = p
+            copy(start, shape.guess)
+            gap = shape_distance(
+                kind, size, box, shapes.hull, planes, triangle, best - EQUAL, shape
+            )
+            if gap < best:
+                best, found = gap, True
+                copy(shape.guess, start)
+                copy(moved(placed, shape.on_face), scratch.point)
+                copy(turned(placed, shape.guess), scratch.direction)
+                flat = dot(scratch.direction, scratch.point) + best if best > NEAR else -math.inf
+        one, other = below(node, tree.depth)
+        if one < 0:
+            continue
+        near = _node_bound(one, kind, size, box, planes, flat, tree, scratch)
+        far = _node_bound(other, kind, size, box, planes, flat, tree, scratch)
+        if near > far:
+            one, other, near, far = other, one, far, near
+        if far < best:
+            nodes[top], bounds[top] = other, far
+            top += 1
+        if near < best:
+            nodes[top], bounds[top] = one, near
+            top += 1
+    return best if found else math.inf
+
+
+@part
+def _deepest_of_core(i, gap, shapes, surface, scratch):
+    """Least signed distance of a capsule or a sphere whose core may be inside the object."""
+    size, reach = shapes.sizes[i], shapes.sizes[i, 0]
+    half = size[1] if shapes.kinds[i] == CAPSULE else 0.0
+    steps = math.ceil(2.0 * half / (0.25 * reach)) if half > 0.0 else 0
+    for j in range(steps + 1):
+        z = -half + 2.0 * half * j / steps if steps > 0 else 0.0
+        p = moved(scratch.placed, (0.0, 0.0, z))
+        if least_distance(p, surface)[0] - reach < min(gap, -reach):
+            gap = _sample(p, -1, reach, gap, surface, scratch)[1]
+    return gap
+
+
+@part
+def _sample(p, slot, radius, gap, surface, scratch):
+    """Lower the gap by a point that is deeper inside; returns its nearest triangle, and the gap."""
+    most = least_distance(p, surface)[1]
+    slot, square = nearest_triangle(
+        p, most * most, slot, surface.tree, scratch.nodes, scratch.bounds
+    )
+    triangle = surface.tree.triangles[slot]
+    weights = nearest_weights(p, triangle)
+    depth = math.sqrt(square)
+    if is_inside(p, slot, weights, surface) and -depth - radius < gap:
+        gap = -depth - radius
+        copy(p, scratch.point)
+        n = triple(surface.outward[slot], 0)
+        if depth > 1e-9:
+            n = divided(difference(point_of(weights, triangle), p), depth)
+        copy(n, scratch.direction)
+    return slot, gap
+
+
+@part
+def _shape_gap(i, start, search, shapes, surface, scratch):
+    """Signed distance of a placed shape from the object; where is written to the scratch.
+
+    Bounds of the distances of its points are written from `start` on, unless it is far away.
+    """
+    kind, box = shapes.kinds[i], shapes.boxes[i]
+    middle = moved(scratch.placed, box)
+    if least_distance(middle, surface)[0] - box[6] >= search:
+        return math.inf
+    lows, nearest, limit = scratch.lows, -1, search
+    for j in range(shapes.first_sample[i], shapes.first_sample[i + 1]):
+        low, most = least_distance(moved(scratch.placed, shapes.samples[j]), surface)
+        lows[j - start] = low
+        limit = min(limit, most)
+        if nearest < 0 or low < lows[nearest - start]:
+            nearest = j
+    gap = math.inf
+    if surface.closed and kind in (CAPSULE, SPHERE):
+        gap = _deepest_of_core(i, gap, shapes, surface, scratch)
+    elif surface.closed and nearest >= 0 and lows[nearest - start] < 0.0:
+        p = moved(scratch.placed, shapes.samples[nearest])
+        slot, gap = _sample(p, -1, 0.0, gap, surface, scratch)
+        for j in range(shapes.first_sample[i], shapes.first_sample[i + 1]):
+            if j != nearest and lows[j - start] < min(gap, 0.0):
+                p = moved(scratch.placed, shapes.samples[j])
+                slot, gap = _sample(p, slot, 0.0, gap, surface, scratch)
+    copy(turned_back(scratch.placed, difference(middle, surface.box)), scratch.start)
+    deepest = _surface_distance(i, min(limit + 2.0 * EQUAL, gap), shapes, surface, scratch)
+    return min(gap, deepest)
+
+
+@part
+def _add_near(outward, slot, weights, gap, count, surface, scratch):
+    """Add a point near the surface, once for each side that it is nearest to.
+
+    Returns:
+        The new number of points.
+    """
+    near, first, side = scratch.near, count, side_of(weights)
+    position = point_of(weights, surface.tree.triangles[slot])
+    current, n = slot, inward_at(slot, weights, surface)
+    for step in range(FAN):
+        known = False
+        for i in range(first, count):
+            known = known or dot(n, triple(near[i], NORMAL)) > CREASE
+        facing = dot(outward, n)
+        if not known and facing >= FACING and count < first + SIDES:
+            row = near[count]
+            row[GAP], row[TURNED] = gap, facing
+            for k in range(3):
+                row[NORMAL + k], row[POINT + k] = n[k], position[k]
+            scratch.free[count] = 1
+            count += 1
+        if side == 0 or (side < 4 and step == 1):
+            break
+        if side < 4:  # across the edge; the normals at both of its ends are alike
+            edge, vertex = side - 1, surface.corners[slot, side % 3]
+        else:  # around the vertex
+            vertex = surface.corners[slot, side - 4]
+            edge = (_corner(current, vertex, surface) + 1) % 3
+        current = surface.across[current, edge]
+        if current < 0 or current == slot:
+            break
+        n = triple(surface.inward[current], 3 * _corner(current, vertex, surface))
+    return count
+
+
+@merged
+def _corner(triangle, vertex, surface):
+    """Which corner of a triangle a vertex is."""
+    corners = surface.corners[triangle]
+    return 0 if corners[0] == vertex else (1 if corners[1] == vertex else 2)
+
+
+@part
+def _near_points(i, start, distance, count, shapes, surface, scratch):
+    """Add those samples of a shape that are near the surface; returns the number of all."""
+    slot = -1
+    for j in range(shapes.first_sample[i], shapes.first_sample[i + 1]):
+        if scratch.lows[j - start] > distance:
+            continue
+        p = moved(scratch.placed, shapes.samples[j])
+        outward = turned(scratch.placed, triple(shapes.samples[j], 3))
+        if faces_away(p, outward, surface):
+            continue
+        most = min(least_distance(p, surface)[1], distance)
+        slot, square = nearest_triangle(
+            p, most * most, slot, surface.tree, scratch.nodes, scratch.bounds
+        )
+        if slot < 0:
+            continue
+        weights = nearest_weights(p, surface.tree.triangles[slot])
+        gap = math.sqrt(square)
+        if is_inside(p, slot, weights, surface):
+            gap = -gap
+        count = _add_near(outward, slot, weights, gap, count, surface, scratch)
+    return count
+
+
+@part
+def _gap_at(p, first, last, frame, shapes, scratch):
+    """Signed distance of a link's shapes from a point."""
+    least = math.inf
+    for i in range(first, last):
+        place(frame, shapes.poses[i], scratch.placed)
+        q = moved_back(scratch.placed, p)
+        kind, size, box = shapes.kinds[i], shapes.sizes[i], shapes.boxes[i]
+        if box_distance(q, box) >= least:
+            continue
+        planes = shapes.planes[shapes.first_plane[i] : shapes.first_plane[i + 1]]
+        gap = point_depth(q, kind, size, box, planes)
+        if kind == HULL and gap > 0.0:
+            for c in range(3):
+                copy(q, scratch.triangle[3 * c :])
+            scratch.shape.at[0] = shapes.hull.at[i]
+            gap = core_distance(
+                kind, size, box, shapes.hull, 1.0, scratch.triangle, math.inf, scratch.shape
+            )
+        least = min(least, gap)
+    return least
+
+
+@part
+def _sides(count, distance, contacts, scratch):
+    """Divide the near points of a link by the sides that they touch, nearest first.
+
+    Returns:
+        The number of sides; the mean point and normal of each are written.
+    """
+    near, free, sides, least = scratch.near, scratch.free, 0, math.inf
+    while sides < MOST:
+        seed = -1
+        for i in range(count):
+            if free[i] == 1 and (seed < 0 or near[i, GAP] < near[seed, GAP]):
+                seed = i
+        if seed < 0:
+            break
+        direction = triple(near[seed], NORMAL)
+        gap = near[seed, GAP]
+        least = min(least, gap)
+        counts = gap <= least + BESIDE * distance
+        members, row = 0, contacts[sides]
+        for k in range(7):
+            row[k] = 0.0
+        for i in range(count):
+            if free[i] == 1 and dot(direction, triple(near[i], NORMAL)) >= ONE_SIDE:
+                free[i] = 0
+                counts = counts or near[i, TURNED] >= SQUARELY
+                members += 1
+                for k in range(3):
+                    row[k] += near[i, POINT + k]
+                    row[3 + k] += near[i, NORMAL + k]
+        if not counts:
+            continue
+        length = norm(triple(row, 3))
+        for k in range(3):
+            row[k] /= members
+            row[3 + k] /= length
+        row[6] = seed
+        sides += 1
+    return sides
+
+
+@part
+def _on_side(p, n, point, surface, scratch):
+    """The mean point of a side, or its nearest point where another side is nearer to the mean."""
+    slot, _ = nearest_triangle(p, math.inf, -1, surface.tree, scratch.nodes, scratch.bounds)
+    weights = nearest_weights(p, surface.tree.triangles[slot])
+    same = side_of(weights) > 0 or dot(n, inward_at(slot, weights, surface)) >= ONE_SIDE
+    return p if same else point
+
+
+@part
+def _write_contact(row, first, last, frame, shapes, surface, scratch):
+    """Move a contact's point to the surface, and write its gap."""
+    p, n = triple(row, 0), triple(row, 3)
+    if norm(n) > 0.0:
+        p = _on_side(p, n, triple(scratch.near[int(row[6])], POINT), surface, scratch)
+    slot, _ = nearest_triangle(p, math.inf, -1, surface.tree, scratch.nodes, scratch.bounds)
+    weights = nearest_weights(p, surface.tree.triangles[slot])
+    q = point_of(weights, surface.tree.triangles[slot])
+    for k in range(3):
+        row[k] = q[k]
+    if not norm(n) > 0.0:
+        n = inward_at(slot, weights, surface)
+    for k in range(3):
+        row[3 + k] = n[k]
+    row[6] = _gap_at(q, first, last, frame, shapes, scratch)
+
+
+@kernel
+def touch(frames, distance, search, begin, end, shapes, surface, touches, scratch):
+    """Find the gaps between links and an object, and their contacts.
+
+    Args:
+        frames: Frames of the links to that of the object [m] (k, L, 3, 4).
+        distance: Contact distance [m].
+        search: Largest gap that is found [m], at least the contact distance.
+        begin: First pose.
+        end: The one after the last.
+        shapes: `LinkShapes`.
+        surface: `TouchedSurface`.
+        touches: `Touches`, written.
+        scratch: `TouchScratch`.
+    """
+    for pose in range(begin, end):
+        first = 0
+        while first < shapes.kinds.shape[0]:
+            link, last = shapes.links[first], first
+            while last < shapes.kinds.shape[0] and shapes.links[last] == link:
+                last += 1
+            frame, nearest = frames[pose, link], first
+            gaps, start = touches.gaps[pose], shapes.first_sample[first]
+            for i in range(first, last):
+                place(frame, shapes.poses[i], scratch.placed)
+                gaps[i] = _shape_gap(i, start, search, shapes, surface, scratch)
+                copy(scratch.point, touches.points[pose, i])
+                copy(scratch.direction, touches.directions[pose, i])
+                nearest = i if gaps[i] < gaps[nearest] else nearest
+            if touches.counts.shape[1] > 0 and gaps[nearest] <= distance:
+                contacts, count = touches.contacts[pose, link], 0
+                for i in range(first, last):
+                    if gaps[i] <= distance:
+                        place(frame, shapes.poses[i], scratch.placed)
+                        count = _near_points(i, start, distance, count, shapes, surface, scratch)
+                count = _sides(count, distance, contacts, scratch)
+                if count == 0:  # deep inside, or only with what faces away
+                    copy(touches.points[pose, nearest], contacts[0])
+                    copy((0.0, 0.0, 0.0), contacts[0, 3:])
+                    count = 1
+                for i in range(count):
+                    _write_contact(contacts[i], first, last, frame, shapes, surface, scratch)
+                touches.counts[pose, link] = count
+            first = last

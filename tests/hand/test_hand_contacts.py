@@ -1,0 +1,270 @@
+"""Contacts of hands with joints: distances of links against FCL, depths and contacts of shapes."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from grasp3d._kernels.hands.touching import Touches, make_touch_scratch, touch
+from grasp3d.arrays import Floats
+from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
+from grasp3d.hand.articulated.link_bodies import link_bodies
+from grasp3d.hand.link_tree import LinkShape, mesh_shape
+from grasp3d.hand.table import Table
+from grasp3d.mesh import ObjectMesh
+from tests.helpers import shapes as known
+from tests.helpers.link_scenes import at, hand_of, shape, solid
+
+TIP = trimesh.creation.icosphere(2, radius=0.012).apply_scale([1.0, 0.8, 1.6])
+
+SHAPES = {
+    "box": shape("box", 0.01, 0.0135, 0.027),
+    "cylinder": shape("cylinder", 0.007, 0.02),
+    "capsule": shape("capsule", 0.007, 0.02),
+    "sphere": shape("sphere", 0.011),
+    "mesh": mesh_shape(np.asarray(TIP.triangles), np.eye(4)),
+}
+
+
+def ring() -> trimesh.Trimesh:
+    return trimesh.creation.annulus(0.03, 0.04, 0.1, sections=48)
+
+
+def gaps(some: list[LinkShape], mesh: ObjectMesh, frames: Floats, search: float = 1.0) -> Touches:
+    """Gaps of shapes, each of a link of its own, at frames (k, L, 3, 4)."""
+    bodies = link_bodies([[one] for one in some])
+    count, links = frames.shape[:2]
+    touches = Touches(
+        np.zeros((count, links)),
+        np.zeros((count, links, 3)),
+        np.zeros((count, links, 3)),
+        np.zeros((count, 0), dtype=np.int64),
+        np.zeros((count, 0, 3, 7)),
+    )
+    scratch, surface = make_touch_scratch(bodies), mesh.touched_surface
+    touch(frames, 0.005, search, 0, count, bodies, surface, touches, scratch)
+    return touches
+
+
+def random_frames(count: int, links: int, extent: float) -> Floats:
+    rng = np.random.default_rng(3)
+    frames = np.zeros((count, links, 3, 4))
+    turns = Rotation.random(count * links, random_state=4).as_matrix()
+    frames[..., :3] = turns.reshape(count, links, 3, 3)
+    frames[..., 3] = rng.uniform(-extent, extent, (count, links, 3))
+    return frames
+
+
+def compare_with_fcl(kind: str, count: int) -> None:
+    """An answer is the distance of two points: never too small. FCL's are right to about 1e-5."""
+    fcl = known.reader("fcl")
+    one, mesh = SHAPES[kind], solid(ring())
+    frames = random_frames(count, 1, 0.09)
+    found = gaps([one], mesh, frames).gaps[:, 0]
+    body = fcl.CollisionObject(_fcl_shape(fcl, one))
+    other = fcl.CollisionObject(_fcl_mesh(fcl, mesh.vertices, mesh.faces))
+    apart = np.zeros(count, dtype=bool)
+    for row, frame in enumerate(frames[:, 0]):
+        body.setTransform(fcl.Transform(frame[:, :3], frame[:, 3]))
+        distance = fcl.distance(body, other, fcl.DistanceRequest(), fcl.DistanceResult())
+        inside = found[row] < 0.0 < distance  # within the wall as a whole
+        apart[row] = distance > 1e-6 and not inside
+        if apart[row]:
+            assert found[row] <= distance + 2e-9
+            assert found[row] >= distance - 2e-5
+    assert apart.mean() > 0.3
+    assert np.median(np.abs(found[~apart])) > 1e-3
+
+
+def _fcl_shape(fcl: Any, one: LinkShape) -> Any:
+    if one.kind == "mesh":
+        hull = trimesh.convex.convex_hull(one.vertices)
+        return _fcl_mesh(fcl, hull.vertices, hull.faces)
+    if one.kind == "box":
+        return fcl.Box(*(2.0 * np.array(one.size)))
+    if one.kind == "sphere":
+        return fcl.Sphere(one.size[0])
+    return getattr(fcl, one.kind.capitalize())(one.size[0], 2.0 * one.size[1])
+
+
+def _fcl_mesh(fcl: Any, vertices: Any, faces: Any) -> Any:
+    model = fcl.BVHModel()
+    model.beginModel(len(vertices), len(faces))
+    model.addSubModel(vertices, faces)
+    model.endModel()
+    return model
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_gaps_are_those_of_fcl(kind: str) -> None:
+    compare_with_fcl(kind, 60)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", SHAPES)
+def test_many_gaps_are_those_of_fcl(kind: str) -> None:
+    compare_with_fcl(kind, 3000)
+
+
+def block() -> ObjectMesh:
+    """60 x 60 x 40 mm, its top at z = 0."""
+    return solid(trimesh.creation.box([0.06, 0.06, 0.04], at(0.0, 0.0, -0.02)))
+
+
+def gap_of(one: LinkShape, pose: Floats, mesh: ObjectMesh) -> float:
+    return float(gaps([one], mesh, pose[None, None, :3]).gaps[0, 0])
+
+
+@pytest.mark.parametrize(
+    ("kind", "below"), [("box", 0.027), ("cylinder", 0.02), ("capsule", 0.027), ("sphere", 0.011)]
+)
+@pytest.mark.parametrize("depth", [0.014, 0.0021, 1e-5, -1e-5, -0.003])
+def test_depth_of_a_shape_in_a_block(kind: str, below: float, depth: float) -> None:
+    found = gap_of(SHAPES[kind], at(0.001, 0.002, below - depth), block())
+    assert found == pytest.approx(-depth, abs=2e-9)
+
+
+@pytest.mark.parametrize("depth", [0.014, 0.001, -0.002])
+def test_depth_of_a_mesh_in_a_block(depth: float) -> None:
+    low = -float(TIP.vertices[:, 2].min())
+    assert gap_of(SHAPES["mesh"], at(z=low - depth), block()) == pytest.approx(-depth, abs=2e-5)
+
+
+def test_what_is_wholly_inside_is_as_deep_as_its_deepest_point() -> None:
+    assert gap_of(SHAPES["sphere"], at(z=-0.012), block()) == pytest.approx(-0.023, abs=1e-4)
+    assert gap_of(SHAPES["box"], at(z=-0.02), block()) == pytest.approx(-0.02, abs=1e-9)
+
+
+def test_an_edge_of_the_object_in_the_side_of_a_link_has_its_depth() -> None:
+    """Neither a corner of the object is in the link nor one of the link in the object."""
+    turned = Rotation.from_euler("y", 45, degrees=True).as_matrix()
+    long = solid(trimesh.creation.box([0.03, 0.5, 0.03], at(rotation=turned)))
+    edge = 0.03 / math.sqrt(2.0)
+    found = gap_of(SHAPES["box"], at(z=edge + 0.027 - 0.0005), long)
+    assert found == pytest.approx(-0.0005, abs=1e-8)
+
+
+def test_a_finger_in_a_ring_is_outside_it() -> None:
+    mesh = solid(ring())
+    assert gap_of(SHAPES["capsule"], at(), mesh) == pytest.approx(0.023, abs=1e-4)
+    assert gap_of(SHAPES["sphere"], at(0.035), mesh) < -0.011
+
+
+def test_an_open_surface_has_no_inside() -> None:
+    box = trimesh.creation.box([0.06, 0.06, 0.04])
+    box.update_faces(box.triangles_center[:, 2] < 0.019)
+    mesh = solid(box)
+    assert not mesh.report.closed
+    assert gap_of(SHAPES["sphere"], at(), mesh) == pytest.approx(0.009, abs=1e-9)
+    assert gap_of(SHAPES["sphere"], at(z=-0.02), mesh) == pytest.approx(-0.011, abs=1e-9)
+
+
+def contacts_of(mesh: ObjectMesh, *links: LinkShape, pose: Any = None, **more: Any) -> HandContacts:
+    hand = hand_of({f"link {i}": [one] for i, one in enumerate(links)})
+    poses = np.eye(4)[None] if pose is None else pose[None]
+    return hand_contacts(mesh, hand, poses, np.zeros((1, 0)), **more)
+
+
+def test_a_ball_between_capsules() -> None:
+    ball = solid(trimesh.creation.icosphere(4, radius=0.03))
+    fingers = [shape("capsule", 0.007, 0.02, pose=at(s * 0.038)) for s in (-1.0, 1.0)]
+    found = contacts_of(ball, *fingers)
+    assert found.rule == "given"
+    assert found.link.tolist() == [0, 1]
+    np.testing.assert_allclose(found.points, [[-0.03, 0, 0], [0.03, 0, 0]], atol=5e-4)
+    np.testing.assert_allclose(found.normals, [[1, 0, 0], [-1, 0, 0]], atol=0.02)
+    np.testing.assert_allclose(found.gap, 0.001, atol=2e-4)
+    np.testing.assert_allclose(found.gaps, 0.001, atol=1e-4)
+
+
+def test_an_edge_has_the_normals_of_both_sides_and_not_their_mean() -> None:
+    turned = Rotation.from_euler("y", 45, degrees=True).as_matrix()
+    corner = at(0.03, 0, 0, turned)  # a flat pad on the top right edge of the block
+    pad = shape("box", 0.01, 0.0135, 0.005, pose=corner @ at(z=0.0052))
+    found = contacts_of(block(), pad)
+    assert sorted(found.normals.round(9).tolist()) == [[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
+    np.testing.assert_allclose(found.points, [[0.03, 0, 0]] * 2, atol=4e-3)
+
+
+def test_a_flat_pad_beyond_an_edge_touches_one_side() -> None:
+    pad = shape("box", 0.01, 0.0135, 0.005, pose=at(0.03, 0, 0.006))
+    found = contacts_of(block(), pad)
+    np.testing.assert_allclose(found.normals, [[0, 0, -1]], atol=1e-12)
+    assert found.points[0, 0] < 0.03
+
+
+def test_a_link_in_a_corner_touches_both_walls() -> None:
+    walls = trimesh.util.concatenate(
+        [
+            trimesh.creation.box([0.1, 0.1, 0.01], at(0, 0, -0.005)),
+            trimesh.creation.box([0.01, 0.1, 0.1], at(-0.055, 0, 0.04)),
+        ]
+    )
+    found = contacts_of(solid(walls), shape("box", 0.01, 0.01, 0.01, pose=at(-0.038, 0, 0.0105)))
+    assert sorted(found.normals.round(9).tolist()) == [[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
+
+
+def test_a_link_through_a_wall_touches_its_near_side_only() -> None:
+    plate = solid(trimesh.creation.box([0.1, 0.1, 0.003]))
+    found = contacts_of(plate, shape("sphere", 0.01, pose=at(z=0.0105)))
+    np.testing.assert_allclose(found.normals, [[0, 0, -1]], atol=1e-9)
+    through = contacts_of(plate, shape("box", 0.01, 0.01, 0.01, pose=at(z=0.0085)))
+    np.testing.assert_allclose(through.normals, [[0, 0, -1]], atol=1e-9)
+
+
+def test_a_link_deep_inside_has_a_contact_and_its_depth() -> None:
+    found = contacts_of(block(), shape("box", 0.01, 0.0135, 0.027, pose=at(z=0.027 - 0.014)))
+    assert len(found.row) == 1
+    np.testing.assert_allclose(found.normals, [[0, 0, -1]], atol=1e-9)
+    np.testing.assert_allclose(found.gaps, [[-0.014]], atol=1e-9)
+
+
+def test_gaps_far_away_are_infinite() -> None:
+    found = contacts_of(block(), shape("sphere", 0.01, pose=at(z=0.03)))
+    assert len(found.row) == 0
+    assert found.gaps.tolist() == [[math.inf]]
+
+
+def test_depth_in_the_table() -> None:
+    pose = at(rotation=Rotation.from_euler("xyz", [0.3, 0.4, 0.5]).as_matrix())
+    for kind, one in SHAPES.items():
+        if kind == "sphere":
+            lowest = -0.011
+        else:
+            points = one.triangles().reshape(-1, 3) @ pose[:3, :3].T
+            lowest = float(points[:, 2].min())
+        found = contacts_of(block(), one, pose=pose, table=Table(np.array([0, 0, 1.0]), -0.001))
+        assert found.table_depth[0] == pytest.approx(-0.001 - lowest, abs=3e-4)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), scale=st.sampled_from(["m", "mm", "cm"]))
+def test_motions_units_and_the_order_of_links_change_nothing(seed: int, scale: str) -> None:
+    rng = np.random.default_rng(seed)
+    some = list(SHAPES.values())
+    poses = [
+        at(*rng.uniform(-0.05, 0.05, 3), Rotation.random(random_state=rng).as_matrix())
+        for _ in some
+    ]
+    links = [LinkShape(s.kind, p, s.size, s.vertices) for s, p in zip(some, poses, strict=True)]
+    motion = at(*rng.normal(0, 0.3, 3), Rotation.random(random_state=rng).as_matrix())
+    factor = {"m": 1.0, "cm": 100.0, "mm": 1000.0}[scale]
+    one = contacts_of(solid(ring()), *links)
+    moved = ring().apply_transform(motion).apply_scale(factor)
+    pose = motion.copy()
+    pose[:3, 3] *= factor
+    order = rng.permutation(len(links))
+    two = contacts_of(solid(moved, scale), *(links[i] for i in order), pose=pose)
+    np.testing.assert_allclose(two.gaps[0] / factor, one.gaps[0, order], atol=1e-7)
+    back = {int(link): sorted(one.points[one.link == link].tolist()) for link in one.link}
+    assert {int(order[link]) for link in two.link} == set(back)
+    for link, points in back.items():
+        mine = two.points[order[two.link] == link] / factor - motion[:3, 3]
+        assert len(mine) == len(points)
+        near = np.linalg.norm((mine @ motion[:3, :3])[:, None] - np.array(points), axis=2)
+        assert near.min(axis=1).max() < 2e-3
