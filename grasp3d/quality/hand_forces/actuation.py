@@ -1,0 +1,234 @@
+"""Actuation: the torques that the actuators, the structure and the stops of a hand exert.
+
+With forces f of the hand on the object, Jacobian J of the contact points and weight g of the links
+(as the torques that hold them),
+
+    J^T f + g = B^T u + A^T lambda + E s + springs,    u- <= u <= u+,  s >= 0,
+
+B the moment arms of the actuators, A the rows of rigid couplings, which carry anything, and E the
+joints at a stop. All of them are columns with a range: J^T f = M z + c, lower <= z <= upper. The
+forces for which that has a solution are a convex polyhedron K, which does not depend on normals.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from grasp3d.arrays import ArrayLike, Bools, Floats, locked, short_repr
+from grasp3d.errors import SettingError
+
+RANK = 1e-10
+"""Singular value, relative to the largest, that is 0."""
+
+ROUNDED = 1e-9
+"""Pull on a drive, relative to that of the fastest motion of the joints, that is 0 but for rounding."""
+
+SUPPORTED = 0.5
+"""Slack, of at most 1, above which a bound is not tight: it is 0 or 1 but for rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Actuation:
+    """The torques M z + c on p joints that q drives exert within their ranges."""
+
+    columns: Floats
+    """Torques of the drives on the joints, M, shape (p, q)."""
+    lower: Floats
+    """Smallest value of each drive, -inf: none, shape (q,)."""
+    upper: Floats
+    """Largest value of each drive, inf: none, shape (q,)."""
+    offset: Floats
+    """Torques c of springs, less those that hold the links [N m], shape (p,)."""
+    names: tuple[str, ...]
+    """What each drive is, such as 'index_2' or 'index_2 at its stop', (q,)."""
+
+    __repr__ = short_repr
+
+    @classmethod
+    def of_hand(
+        cls,
+        limits: ArrayLike,
+        *,
+        joints: tuple[str, ...] | int,
+        arms: ArrayLike | None = None,
+        names: tuple[str, ...] | None = None,
+        rigid: ArrayLike | None = None,
+        stops: ArrayLike | None = None,
+        springs: ArrayLike | None = None,
+        weight: ArrayLike | None = None,
+    ) -> Self:
+        """The actuation of a hand in a posture.
+
+        Args:
+            limits: Range of the k actuators [N m, or N where arms are lengths]: shape (k, 2); or
+                (k,) for motors that act both ways. inf: no limit; a one-way tendon has 0 and its
+                limit.
+            joints: Names of the p joints, or how many there are.
+            arms: Moment arms of the actuators, shape (k, p): (1, 1) for a tendon over two joints,
+                which divides its force between them (a differential). None: one motor per joint.
+            names: Names of the actuators. None: those of the joints, where each has one.
+            rigid: Rows of rigid couplings, which carry any torque along them, shape (r, p).
+            stops: 1 where a joint is at its lower stop, which pushes it up, -1 at its upper one,
+                else 0, shape (p,).
+            springs: Torques of springs [N m], shape (p,).
+            weight: Torques that hold the links against gravity [N m], shape (p,).
+
+        Raises:
+            SettingError: Shapes that do not match, or values out of range.
+        """
+        labels = joints if isinstance(joints, tuple) else tuple(f"joint {k}" for k in range(joints))
+        count = len(labels)
+        ranges = _numbers("limits", limits)
+        if ranges.ndim == 1:
+            ranges = np.stack([-ranges, ranges], axis=-1)
+        if ranges.ndim != 2 or ranges.shape[1] != 2 or not (ranges[:, 0] <= ranges[:, 1]).all():
+            raise SettingError(
+                "limits of actuators must be one torque, at least 0, or a smallest and a largest "
+                f"for each; got {short(limits)}"
+            )
+        rows = np.eye(count) if arms is None else _table("arms", arms, count)
+        if len(rows) != len(ranges):
+            raise SettingError(f"{len(ranges)} limits of actuators do not fit {len(rows)} arms")
+        if names is None:
+            alone = arms is None
+            names = labels if alone else tuple(f"actuator {k}" for k in range(len(rows)))
+        structure = np.zeros((0, count)) if rigid is None else _table("rigid", rigid, count)
+        ends = _vector("stops", stops, count)
+        at_stop = np.flatnonzero(ends)
+        one_sided = (np.sign(ends)[:, None] * np.eye(count))[at_stop]
+        free, zero = np.full(len(structure), np.inf), np.zeros(len(at_stop))
+        return cls(
+            locked(np.concatenate([rows, structure, one_sided]).T),
+            locked(np.concatenate([ranges[:, 0], -free, zero])),
+            locked(np.concatenate([ranges[:, 1], free, zero + np.inf])),
+            locked(_vector("springs", springs, count) - _vector("weight", weight, count)),
+            (
+                *names,
+                *(f"coupling {k}" for k in range(len(structure))),
+                *(f"{labels[k]} at its stop" for k in at_stop),
+            ),
+        )
+
+    @property
+    def joints(self) -> int:
+        """Number of joints p."""
+        return len(self.columns)
+
+    @cached_property
+    def inverse(self) -> Floats:
+        """Pseudoinverse of the columns, shape (q, p)."""
+        return np.linalg.pinv(self.columns, rcond=RANK)
+
+    @cached_property
+    def idle(self) -> Floats:
+        """Orthonormal columns z that exert no torque, shape (q, k)."""
+        return _kernel(self.columns)
+
+    @cached_property
+    def undriven(self) -> Floats:
+        """Orthonormal columns of motions of the joints that no drive acts on, shape (p, r)."""
+        return _kernel(self.columns.T)
+
+    @cached_property
+    def two_way(self) -> bool:
+        """Whether every torque near 0 can be exerted: then K contains all small forces."""
+        tight = self.tight
+        return tight is not None and not tight.any() and not self.undriven.size
+
+    @cached_property
+    def tight(self) -> Bools | None:
+        """Bounds, lower and upper ones, at which drives stay while no force is exerted, (2, q).
+
+        None: the drives cannot hold the hand's own links and springs.
+        """
+        bounds = np.stack([self.lower, self.upper])
+        if not self.offset.any() and (bounds[0] < 0.0).all() and (bounds[1] > 0.0).all():
+            return np.zeros(bounds.shape, dtype=np.bool_)
+        # Homogeneous: z and t may be scaled up until every slack that can be above 0 reaches 1.
+        from scipy.optimize import linprog
+
+        side, drive = np.nonzero(np.isfinite(bounds))
+        sign = 1.0 - 2.0 * side
+        slacks, drives = len(side), len(self.lower)
+        unit = np.abs(bounds[side, drive])
+        unit = np.where(unit > 0.0, unit, 1.0)
+        at_least = np.zeros((slacks + 1, drives + 1 + slacks + 1))
+        at_least[np.arange(slacks), drive] = sign / unit
+        at_least[:slacks, drives] = -sign * bounds[side, drive] / unit
+        at_least[slacks, drives] = 1.0
+        at_least[:, drives + 1 :] = -np.eye(slacks + 1)
+        size = float(np.abs(self.offset).max()) or 1.0
+        balance = np.concatenate([self.columns, self.offset[:, None]], axis=1) / size
+        found = linprog(
+            np.r_[np.zeros(drives + 1), -np.ones(slacks + 1)],
+            A_ub=-at_least,
+            b_ub=np.zeros(slacks + 1),
+            A_eq=np.pad(balance, ((0, 0), (0, slacks + 1))),
+            b_eq=np.zeros(self.joints),
+            bounds=[(None, None)] * drives + [(0.0, None)] + [(0.0, 1.0)] * (slacks + 1),
+        )
+        if found.x is None or found.x[-1] < SUPPORTED:
+            return None
+        tight = np.zeros(bounds.shape, dtype=np.bool_)
+        tight[side, drive] = found.x[drives + 1 : -1] < SUPPORTED
+        return tight
+
+    @cached_property
+    def _sizes(self) -> Floats:
+        return np.asarray(np.linalg.norm(self.columns, axis=0))
+
+    def power(self, motion: Floats) -> float:
+        """Largest power of the drives and of c on a motion of the joints (p,); may be inf.
+
+        It is the support function of K: no forces in K do more work on the motion of the contact
+        points that the joints' motion causes. Powers of unlimited drives up to rounding are none.
+        """
+        pull = motion @ self.columns
+        bound = np.where(pull > 0.0, self.upper, self.lower)
+        rounded = np.abs(pull) <= ROUNDED * np.linalg.norm(motion) * self._sizes
+        bound = np.where(rounded & np.isinf(bound) | (pull == 0.0), 0.0, bound)
+        return float(motion @ self.offset + pull @ bound)
+
+
+def short(values: object) -> str:
+    """Values in few words, for an error."""
+    text = " ".join(str(values).split())
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _kernel(matrix: Floats) -> Floats:
+    """Orthonormal basis of the vectors that a matrix takes to 0, as columns."""
+    if not matrix.size:
+        return np.eye(matrix.shape[1])
+    _, sizes, rows = np.linalg.svd(matrix)
+    rank = int((sizes > RANK * sizes[0]).sum()) if len(sizes) else 0
+    return rows[rank:].T
+
+
+def _numbers(name: str, values: ArrayLike) -> Floats:
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise SettingError(f"{name} of a hand must be numbers: {error}") from error
+    if np.isnan(array).any():
+        raise SettingError(f"{name} of a hand must be numbers; got {short(values)}")
+    return array
+
+
+def _table(name: str, values: ArrayLike, columns: int) -> Floats:
+    table = _numbers(name, values)
+    if table.ndim != 2 or table.shape[1] != columns or not np.isfinite(table).all():
+        raise SettingError(
+            f"{name} must be rows of {columns} finite numbers, one for each joint; got shape "
+            f"{table.shape}"
+        )
+    return table
+
+
+def _vector(name: str, values: ArrayLike | None, count: int) -> Floats:
+    vector = np.zeros(count) if values is None else _numbers(name, values)
+    if vector.shape != (count,) or not np.isfinite(vector).all():
+        raise SettingError(f"{name} must be {count} finite numbers, one for each joint")
+    return vector

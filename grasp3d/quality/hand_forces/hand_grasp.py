@@ -1,0 +1,242 @@
+"""A grasp of a hand with joints: contacts, and the forces that the hand can press there."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Floats, angles_between, locked, short_repr
+from grasp3d.contact.contacts import Contacts, tilts_of
+from grasp3d.contact.friction_cones import tangents
+from grasp3d.errors import ContactError
+from grasp3d.quality.hand_forces.actuation import RANK, Actuation
+from grasp3d.quality.wrenches import span, wrench_axes
+
+POINTED = 1e-9
+"""Half-angle of a friction cone [rad] up to which it is a ray."""
+
+
+class Dimensions(NamedTuple):
+    """Four dimensions that say what statics determines."""
+
+    rank: int
+    """Of the wrenches that the contacts apply."""
+    internal: int
+    """Of the contact forces that balance each other."""
+    structural: int
+    """Of those that no joint feels: preload that no motor sets. Above 0 statics does not determine
+    the forces, and a label says that forces in equilibrium exist."""
+    redundant: int
+    """Of the motions of the joints that leave all contact points where they are."""
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class HandGrasp:
+    """Hard point contacts of one grasp of a hand with joints."""
+
+    contacts: Contacts
+    jacobian: Floats
+    """Velocities of the links' contact points per speed of the joints [m/rad], (n, 3, p); 0 at the
+    palm."""
+    actuation: Actuation
+    most_force: float
+    """Largest length of each contact's force [N]; inf: no limit."""
+
+    __repr__ = short_repr
+
+    def __init__(
+        self,
+        contacts: Contacts,
+        jacobian: ArrayLike,
+        actuation: Actuation,
+        *,
+        most_force: float = np.inf,
+    ) -> None:
+        """Check the shapes.
+
+        Args:
+            contacts: Of one grasp, hard points.
+            jacobian: Of shape (n, 3, p).
+            actuation: Of the p joints.
+            most_force: What link and object bear [N], above 0.
+
+        Raises:
+            ContactError: Several grasps, soft contacts or patches, or shapes that do not match.
+        """
+        if contacts.batch or contacts.patch is not None or contacts.torsion_radius.any():
+            raise ContactError(
+                "joint torques are for hard contacts of one grasp: give the points of a patch as "
+                "contacts of their own"
+            )
+        rows = np.asarray(jacobian, dtype=np.float64)
+        shape = (contacts.count, 3, actuation.joints)
+        if rows.shape != shape or not np.isfinite(rows).all():
+            raise ContactError(f"the Jacobian must be finite, of shape {shape}; got {rows.shape}")
+        if not most_force > 0.0:
+            raise ContactError(f"the largest contact force must be above 0 [N]; got {most_force}")
+        object.__setattr__(self, "contacts", contacts)
+        object.__setattr__(self, "jacobian", locked(rows))
+        object.__setattr__(self, "actuation", actuation)
+        object.__setattr__(self, "most_force", float(most_force))
+
+    def with_normals(self, normals: Floats) -> "HandGrasp":
+        """The same grasp with other unit normals (n, 3)."""
+        contacts = Contacts(self.contacts.points, normals, self.contacts.friction)
+        return HandGrasp(contacts, self.jacobian, self.actuation, most_force=self.most_force)
+
+    def with_actuation(self, actuation: Actuation) -> "HandGrasp":
+        """The same grasp with other drives."""
+        return HandGrasp(self.contacts, self.jacobian, actuation, most_force=self.most_force)
+
+    def half_angles(self, tilt: ArrayLike = 0.0) -> Floats:
+        """Half-angles of the cones that are in the friction cones at all normals within a tilt.
+
+        Args:
+            tilt: Largest angle between true and given normals [rad], one value or shape (n,).
+
+        Returns:
+            beta - a, shape (n,); below 0 where no force is safe.
+        """
+        return np.asarray(self.contacts.friction_angle - tilts_of(tilt, self.contacts)[0])
+
+    @cached_property
+    def length(self) -> float:
+        """Unit of length for torques about the centre of mass [unit of the points]."""
+        return float(np.linalg.norm(self.contacts.points, axis=1).max()) or 1.0
+
+    @cached_property
+    def torque(self) -> float:
+        """Unit of torque for the drives [N m]: their largest finite limit."""
+        limits = np.abs([self.actuation.lower, self.actuation.upper])
+        return float(np.where(np.isfinite(limits), limits, 0.0).max(initial=0.0)) or 1.0
+
+    @cached_property
+    def force(self) -> float:
+        """Unit of force [N]: what the strongest drive exerts at the longest arm."""
+        arm = float(np.linalg.norm(self.jacobian, axis=1).max(initial=0.0))
+        driven = self.torque / arm if arm > 0.0 and self.actuation.joints else np.inf
+        force = min(driven, self.most_force)
+        return force if np.isfinite(force) else 1.0
+
+    @cached_property
+    def frames(self) -> Floats:
+        """Normal and tangents of each contact, as rows, shape (n, 3, 3)."""
+        normals = self.contacts.normals
+        return np.stack([normals, *tangents(normals)], axis=1)
+
+    @cached_property
+    def wrenches(self) -> Floats:
+        """Wrenches of unit forces along the frames, torques divided by `length`, (6, 3 n)."""
+        contacts = self.contacts
+        axes = wrench_axes(
+            contacts.points / self.length, contacts.normals, np.zeros(contacts.count), 1.0
+        )
+        return np.ascontiguousarray(axes[:, :3].reshape(-1, 6).T)
+
+    @cached_property
+    def span(self) -> Floats:
+        """Orthonormal basis of the wrenches that the contacts can apply, shape (rank, 6)."""
+        return span(self.wrenches.T)
+
+    @cached_property
+    def joint_torques(self) -> Floats:
+        """J^T in the frames, for forces and torques in `force` and `torque`, shape (p, 3 n)."""
+        rows = (self.frames @ self.jacobian).reshape(-1, self.actuation.joints)
+        return rows.T * (self.force / self.torque)
+
+    @cached_property
+    def dimensions(self) -> Dimensions:
+        """What statics determines."""
+        both = np.concatenate([self.wrenches, self.joint_torques])
+        columns = both.shape[1]
+        rank = len(self.span)
+        return Dimensions(
+            rank,
+            columns - rank,
+            columns - _rank(both),
+            self.actuation.joints - _rank(self.joint_torques),
+        )
+
+    def velocities(self, twist: Floats, motion: Floats) -> Floats:
+        """Velocity of the object relative to the links at each contact, e = G^T u - J v, (n, 3).
+
+        Args:
+            twist: Velocity and angular velocity of the object, (6,).
+            motion: Speeds of the joints, (p,).
+        """
+        moving = twist[:3] + np.cross(twist[3:], self.contacts.points)
+        return np.asarray(moving - self.jacobian @ motion)
+
+    def openings(self, twist: Floats, motion: Floats) -> Floats:
+        """Largest half-angles of cones whose forces do no work on motions of object and hand, (n,).
+
+        The angle between the relative velocity and the normal, less 90 degrees; inf where it is 0.
+        """
+        e = self.velocities(twist, motion)
+        moving = np.linalg.norm(twist[:3]) + np.linalg.norm(twist[3:]) * self.length
+        sizes = np.linalg.norm(e, axis=1)
+        still = sizes <= 1e-14 * (moving + np.abs(self.jacobian @ motion).max(initial=0.0))
+        angles = angles_between(e, self.contacts.normals) - RIGHT_ANGLE
+        return np.where(still, np.inf, angles)
+
+    def balance(self, forces: Floats) -> Floats:
+        """Wrench of contact forces (n, 3) about the centre of mass, (6,)."""
+        moments = np.cross(self.contacts.points, forces)
+        return np.concatenate([forces.sum(axis=0), moments.sum(axis=0)])
+
+    def joint_loads(self, forces: Floats) -> Floats:
+        """Torques J^T f that contact forces (n, 3) need [N m], shape (p,)."""
+        return np.asarray(np.einsum("nip,ni->p", self.jacobian, forces))
+
+    def worst_tilt(self, twist: Floats, motion: Floats, tilt: ArrayLike) -> "HandGrasp":
+        """The grasp with each normal turned away from the relative velocity of a certificate.
+
+        With the full friction cones about these normals the same motions then prove what they prove
+        for the cones beta - a about the given ones: the bound over all tilts is reached.
+        """
+        tilts = tilts_of(tilt, self.contacts)[0][:, None]
+        normals = self.contacts.normals
+        e = self.velocities(twist, motion)
+        sizes = np.linalg.norm(e, axis=1, keepdims=True)
+        away = -e / np.where(sizes > 0.0, sizes, 1.0)
+        across = away - (away * normals).sum(axis=1, keepdims=True) * normals
+        length = np.linalg.norm(across, axis=1, keepdims=True)
+        left = np.arctan2(length, (away * normals).sum(axis=1, keepdims=True))
+        turn = np.where((sizes > 0.0) & (length > 0.0), np.minimum(tilts, left), 0.0)
+        unit = across / np.where(length > 0.0, length, 1.0)
+        return self.with_normals(np.cos(turn) * normals + np.sin(turn) * unit)
+
+
+class ConeRows(NamedTuple):
+    """Rows of a cone program that keep forces, its first unknowns, in cones."""
+
+    equations: Floats
+    """Components that are 0, shape (e, 3 n)."""
+    pressing: Floats
+    """Components that are at least 0, shape (i, 3 n)."""
+    cones: Floats
+    """Components of second-order cones, shape (3 c, 3 n)."""
+    round: Floats
+    """Contacts with second-order cones, (c,)."""
+
+
+def cone_rows(half_angles: Floats) -> ConeRows:
+    """Rows for cones of half-angles (n,), at most pi / 2; below 0 no force is in the cone."""
+    rows = np.eye(3 * len(half_angles)).reshape(-1, 3, 3 * len(half_angles))
+    none, ray = half_angles < -POINTED, np.abs(half_angles) <= POINTED
+    both = none | ray
+    factors = np.stack([np.sin(half_angles), *[np.cos(half_angles)] * 2], axis=1)
+    scaled = factors[:, :, None] * rows
+    return ConeRows(
+        np.concatenate([rows[none, 0], rows[both][:, 1:].reshape(-1, rows.shape[2])]),
+        rows[ray, 0],
+        scaled[~both].reshape(-1, rows.shape[2]),
+        np.flatnonzero(~both),
+    )
+
+
+def _rank(matrix: Floats) -> int:
+    sizes = np.linalg.svd(matrix, compute_uv=False)
+    return int((sizes > RANK * sizes.max(initial=0.0)).sum())
+

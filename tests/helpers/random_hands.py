@@ -1,0 +1,46 @@
+"""Random grasps of hands with joints: coupled ones, one-way tendons, joints at stops."""
+
+import numpy as np
+
+import grasp3d
+from grasp3d.quality.hand_forces.actuation import Actuation
+from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
+
+
+def random_hand(generator: np.random.Generator) -> HandGrasp:
+    """2 to 5 contacts about a round object, on fingers of 2 to 15 joints in all."""
+    count = int(generator.integers(2, 6))
+    directions = generator.normal(size=(count, 3))
+    directions[1] = -directions[0] + 0.3 * generator.normal(size=3)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    points = directions * generator.uniform(0.02, 0.05, size=3)
+    normals = -directions + 0.25 * generator.normal(size=(count, 3))
+    contacts = grasp3d.Contacts(points, normals, generator.uniform(0.3, 1.2, size=count))
+    joints = int(generator.integers(2, 16))
+    jacobian = 0.04 * generator.normal(size=(count, 3, joints))
+    if generator.random() < 0.5:  # fingers of their own, and perhaps a palm
+        finger = generator.integers(0, count, size=joints)
+        jacobian *= (finger == np.arange(count)[:, None])[:, None]
+    return HandGrasp(contacts, jacobian, random_actuation(generator, joints))
+
+
+def random_actuation(generator: np.random.Generator, joints: int) -> Actuation:
+    """Motors, or tendons over several joints, one-way or not, with couplings, stops and springs."""
+    arms = None
+    actuators = joints
+    if joints > 2 and generator.random() < 0.4:
+        actuators = int(generator.integers(joints - 2, joints + 1))
+        arms = np.eye(joints)[:actuators]
+        arms[:, actuators:] = 0.7 * (generator.random((actuators, joints - actuators)) < 0.4)
+    most = generator.uniform(0.2, 1.0, size=actuators)
+    least = np.where(generator.random(actuators) < 0.2 * generator.integers(0, 2), 0.0, -most)
+    rigid = np.zeros((0, joints))
+    if generator.random() < 0.3:
+        rigid = generator.normal(size=(1, joints)) * (generator.random(joints) < 0.5)
+    stops = generator.choice([-1, 0, 0, 0, 1], size=joints) * (generator.random() < 0.4)
+    loaded = generator.random() < 0.4
+    springs = 0.03 * generator.normal(size=joints) if loaded else None
+    return Actuation.of_hand(
+        np.stack([least, most], axis=1), joints=joints, arms=arms, rigid=rigid, stops=stops,
+        springs=springs,
+    )  # fmt: skip
