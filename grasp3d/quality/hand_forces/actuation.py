@@ -179,17 +179,23 @@ class Actuation:
     def _sizes(self) -> Floats:
         return np.asarray(np.linalg.norm(self.columns, axis=0))
 
-    def power(self, motion: Floats) -> float:
-        """Largest power of the drives and of c on a motion of the joints (p,); may be inf.
+    def powers(self, motion: Floats) -> Floats:
+        """Largest power of each drive on a motion of the joints (p,); may be inf, (q,).
 
-        It is the support function of K: no forces in K do more work on the motion of the contact
-        points that the joints' motion causes. Powers of unlimited drives up to rounding are none.
+        Drives without a limit that a motion moves only by rounding have none.
         """
         pull = motion @ self.columns
         bound = np.where(pull > 0.0, self.upper, self.lower)
         rounded = np.abs(pull) <= ROUNDED * np.linalg.norm(motion) * self._sizes
-        bound = np.where(rounded & np.isinf(bound) | (pull == 0.0), 0.0, bound)
-        return float(motion @ self.offset + pull @ bound)
+        return np.asarray(pull * np.where(rounded & np.isinf(bound) | (pull == 0.0), 0.0, bound))
+
+    def power(self, motion: Floats) -> float:
+        """Largest power of all drives and of c on a motion of the joints (p,).
+
+        It is the support function of K: no forces in K do more work on the motion of the contact
+        points that the joints' motion causes.
+        """
+        return float(motion @ self.offset + self.powers(motion).sum())
 
 
 def short(values: object) -> str:

@@ -142,7 +142,8 @@ class HandGrasp:
     @cached_property
     def joint_torques(self) -> Floats:
         """J^T in the frames, for forces and torques in `force` and `torque`, shape (p, 3 n)."""
-        rows = (self.frames @ self.jacobian).reshape(-1, self.actuation.joints)
+        shape = (3 * self.contacts.count, self.actuation.joints)
+        rows = np.reshape(self.frames @ self.jacobian, shape)
         return rows.T * (self.force / self.torque)
 
     @cached_property

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Floats, angles_between, short_repr
+from grasp3d.arrays import Floats, angles_between, short_repr
 from grasp3d.quality.hand_forces.actuation import RANK
 from grasp3d.quality.hand_forces.cone_program import ConeProgram, Solution
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp, cone_rows
@@ -192,6 +192,10 @@ class WrenchSlice:
         # What shows that nothing is possible reaches along no direction.
         twist, motion = self._motions(found.z, direction * (not found.infeasible))
         upper, slack = self.bound(twist, motion)
+        if found.infeasible:
+            size = np.linalg.norm(motion) * np.linalg.norm(grasp.actuation.offset)
+            size += np.linalg.norm(twist) * np.linalg.norm(self.constant)
+            upper = upper if upper < -EVIDENT * size else math.inf
         return Reach(lower, upper, point, pressed, drives, twist, motion, residual, slack, grasp.force)
 
     def _pressing(
@@ -275,6 +279,3 @@ def _better(first: Reach | None, second: Reach) -> Reach:
 
 def _wide(rows: Floats, columns: int) -> Floats:
     return np.pad(rows, ((0, 0), (0, columns - rows.shape[1])))
-
-
-__all__ = ["Bools", "Reach", "WrenchSlice"]

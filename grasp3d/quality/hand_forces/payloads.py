@@ -1,0 +1,338 @@
+"""Payload of a hand with joints: the largest load that its motors hold, and what limits it.
+
+Hard contacts whose normals are known to within tilts a hold in the worst case exactly what the
+cones beta - a hold: whichever motions prove that no more is possible, normals turned away from the
+relative velocities that they cause make the same proof for the full friction cones.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from grasp3d.arrays import ArrayLike, Floats, short_repr
+from grasp3d.contact.contacts import tilts_of
+from grasp3d.errors import SettingError
+from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
+from grasp3d.quality.hand_forces.wrench_slice import Reach, WrenchSlice
+from grasp3d.quality.tasks import Ellipsoid, Sum, Task, Term, Wrenches
+from grasp3d.quality.wrenches import span
+
+MOST_PROGRAMS = 600
+"""Cone programs after which a search for the worst wrench ends with the bounds reached."""
+
+FAR = 1e6
+"""Force, in the unit of the grasp, that stands for one without limit."""
+
+FLAT = 1e-9
+"""Extent of wrenches across a direction, in the unit of force, that is none."""
+
+TENTH = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class HandPayload:
+    """The largest load that a hand holds at all normals within the tilts, with bounds and proof."""
+
+    lower: float
+    """It surely holds so much: a mass [kg], or a factor of wrenches that have no mass."""
+    upper: float
+    """It does not hold more at some of the normals; inf: no limit."""
+    limiting: Reach
+    """Forces for the wrench that limits the load, and the motions that prove it."""
+    slice: WrenchSlice
+    """What the proof is about."""
+    direction: Floats
+    """Direction in the subspace of the slice along which the load is limited, shape (k,)."""
+    per_force: float
+    """Load per reach of the slice along the direction [kg/N]."""
+    programs: int
+    """Cone programs solved."""
+
+    __repr__ = short_repr
+
+    @property
+    def value(self) -> float:
+        """The load that is surely held."""
+        return self.lower
+
+    @property
+    def forces(self) -> Floats:
+        """Contact forces of the hand on the object at the limit [N], shape (n, 3)."""
+        return self.limiting.forces
+
+    @cached_property
+    def drive_shares(self) -> Floats:
+        """Load that each drive's limits carry, shape (q,): one tenth more of them holds by at most
+        a tenth of it more, and about so much where that is little."""
+        actuation = self.slice.grasp.actuation
+        shares = actuation.powers(self.limiting.motion) * self.per_force
+        return shares if math.isfinite(self.upper) else np.zeros(len(shares))
+
+    @cached_property
+    def friction_gains(self) -> Floats:
+        """Load that one tenth more of friction at each contact adds, to first order, (n,)."""
+        grasp, angles = self.slice.grasp, self.slice.half_angles
+        if not math.isfinite(self.upper):
+            return np.zeros(len(angles))
+        velocities = grasp.velocities(self.limiting.twist, self.limiting.motion)
+        normals = grasp.contacts.normals
+        along = (velocities * normals).sum(axis=1, keepdims=True)
+        sliding = np.linalg.norm(velocities - along * normals, axis=1)
+        pressing = (self.limiting.forces * normals).sum(axis=1)
+        friction = grasp.contacts.friction
+        wider = np.maximum(angles, 0.0) + np.arctan((1.0 + TENTH) * friction) - np.arctan(friction)
+        more = np.tan(wider) - np.tan(np.maximum(angles, 0.0))
+        return sliding * np.maximum(pressing, 0.0) * more * self.per_force
+
+    @property
+    def limit(self) -> str:
+        """What limits the load: the drive with the largest share, or the friction of a contact."""
+        shares, gains = self.drive_shares, self.friction_gains / TENTH
+        if not math.isfinite(self.upper):
+            return "nothing"
+        if shares.max(initial=0.0) > 0.0:
+            return self.slice.grasp.actuation.names[int(shares.argmax())]
+        if math.isfinite(self.slice.grasp.most_force) and self.lower > 0.0:
+            return "the largest contact force"
+        return f"friction at contact {int(gains.argmax())}" if gains.any() else "the contacts"
+
+    def worst_grasp(self, tilt: ArrayLike) -> HandGrasp:
+        """The grasp with the normals, within the tilts, at which it holds no more than this."""
+        return self.slice.grasp.worst_tilt(self.limiting.twist, self.limiting.motion, tilt)
+
+
+def hand_payload(
+    grasp: HandGrasp,
+    task: Task | ArrayLike,
+    *,
+    tilt: ArrayLike = 0.0,
+    rtol: float = 1e-3,
+    polish: bool = False,
+) -> HandPayload:
+    """The largest load that the motors of a hand hold, whichever the normals within tilts are.
+
+    Args:
+        grasp: Contacts, Jacobian and drives.
+        task: What must be resisted: its own mass does not matter, the payload is one [kg]. Tasks
+            without a mass, and wrenches of shape (6,) or (k, 6), force [N] and torque about the
+            centre of mass [N x unit of the points], are multiplied by a factor instead.
+        tilt: Largest angle a between true and given normals [rad], one value or shape (n,). Where
+            it exceeds the friction angle no force of the contact is safe.
+        rtol: For tasks with a curved border: largest difference of the bounds relative to the upper
+            one. Those of wrenches agree to about 1e-8.
+        polish: Whether bounds for wrenches shall agree up to rounding.
+
+    Raises:
+        SettingError: A setting outside its range.
+
+    Example:
+        Two fingers with one motor of 0.2 N m and a link of 50 mm each hold a part between them:
+
+        >>> import grasp3d
+        >>> from grasp3d.quality import Weight
+        >>> from grasp3d.quality.hand_forces.actuation import Actuation
+        >>> from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
+        >>> from grasp3d.quality.hand_forces.payloads import hand_payload
+        >>> points, normals = [[-0.02, 0, 0], [0.02, 0, 0]], [[1, 0, 0], [-1, 0, 0]]
+        >>> contacts = grasp3d.Contacts(points, normals, friction=0.5)
+        >>> jacobian = [[[0.05, 0], [0, 0], [0, 0]], [[0, -0.05], [0, 0], [0, 0]]]
+        >>> motors = Actuation.of_hand([0.2, 0.2], joints=("left", "right"))
+        >>> found = hand_payload(HandGrasp(contacts, jacobian, motors), Weight(direction=(0, 0, -1)))
+        >>> print(f"{found.value:.3f} kg")
+        0.408 kg
+    """
+    if not rtol > 0.0:
+        raise SettingError(f"rtol must be above 0; got {rtol}")
+    growing, constant = _parts(task if isinstance(task, Task) else Wrenches(np.asarray(task)))
+    angles = grasp.half_angles(tilt)
+    corners = [None if one is None else one.corners_for(None, 1) for one in (growing, constant)]
+    assert growing is not None
+    if corners[0] is None or (constant is not None and corners[1] is None):
+        return _Search(grasp, angles, growing, constant, rtol).found()
+    fixed = np.zeros((1, 6)) if corners[1] is None else corners[1][0]
+    each = [_of_wrench(grasp, angles, w, c, polish) for w in corners[0][0] for c in fixed]
+    worst = min(each, key=lambda one: (one.lower, one.upper))
+    upper = min(one.upper for one in each)
+    return replace(worst, upper=upper, programs=sum(one.programs for one in each))
+
+
+def hand_epsilon(
+    grasp: HandGrasp, torque_scale: float, *, tilt: ArrayLike = 0.0, rtol: float = 1e-2
+) -> HandPayload:
+    """Epsilon in newtons: radius of the largest ball of wrenches that the motors resist.
+
+    Args:
+        grasp: Contacts, Jacobian and drives.
+        torque_scale: Torques are divided by it [unit of the points].
+        tilt: As in `hand_payload`.
+        rtol: As in `hand_payload`.
+    """
+    size = np.repeat([1.0, grasp.length / torque_scale], 3)
+    basis = span(grasp.wrenches.T * size)
+    axes = basis * np.repeat([1.0, torque_scale], 3)
+    return hand_payload(grasp, Ellipsoid(axes), tilt=tilt, rtol=rtol)
+
+
+def _parts(task: Task) -> tuple[Task, Task | None]:
+    """What grows with the mass, for 1 kg, and what does not; all of a task without a mass grows."""
+    grows = [term for term in task.scaled_to(1.0).terms() if term.mass is not None]
+    others = [term for term in task.terms() if term.mass is None]
+    if not grows:
+        return task, None
+    return Sum(tuple(grows)), Sum(tuple(others)) if others else None
+
+
+def _of_wrench(
+    grasp: HandGrasp, angles: Floats, wrench: Floats, constant: Floats, polish: bool
+) -> HandPayload:
+    """The largest factor of one wrench that acts on the object besides a constant one."""
+    scale = np.repeat([1.0, grasp.length], 3)
+    size = float(np.linalg.norm(wrench / scale))
+    held, along = -constant / scale, np.ones(1)
+    if size == 0.0:
+        basis, per_force = np.zeros((0, 6)), math.inf
+        along = np.zeros(0)
+    else:
+        basis, per_force = -(wrench / scale / size)[None], 1.0 / size
+    part = WrenchSlice(grasp, angles, basis, held)
+    found, programs = part.reach(along, polish=polish), 1
+    lower, upper = found.lower * per_force, found.upper * per_force
+    if size == 0.0:
+        lower = upper = math.nan if math.isnan(found.lower) else math.inf
+    if constant.any() or grasp.actuation.tight is None:
+        # What it holds without the load: no mass but 0 is a payload otherwise.
+        programs += 1
+        back = part.reach(-along)
+        if not back.lower >= -_tolerance(grasp):
+            lower = upper = 0.0
+    if math.isnan(lower):
+        lower, upper = 0.0, max(upper, 0.0) if math.isinf(upper) else 0.0
+    lower = max(lower, 0.0)
+    return HandPayload(lower, max(upper, lower), found, part, along, per_force, programs)
+
+
+def _tolerance(grasp: HandGrasp) -> float:
+    return FLAT * grasp.force
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """The search for the wrench of a task with a curved border that is hardest to hold.
+
+    A polytope inside the wrenches that the hand can exert grows where it is nearest, in the ruler
+    of the task: its facets bound the load from below, what the hand reaches beyond them from above.
+    """
+
+    grasp: HandGrasp
+    angles: Floats
+    growing: Task
+    constant: Task | None
+    rtol: float
+
+    @cached_property
+    def slice(self) -> WrenchSlice:
+        """The wrenches of the task's span."""
+        parts = [self.growing] if self.constant is None else [self.growing, self.constant]
+        rows = [_generators(term) for part in parts for term in part.terms()]
+        scaled = np.concatenate(rows) / np.repeat([1.0, self.grasp.length], 3)
+        return WrenchSlice(self.grasp, self.angles, span(scaled), np.zeros(6))
+
+    def extents(self, directions: Floats) -> tuple[Floats, Floats]:
+        """How far the opposite of both parts reaches along directions (r, k), each (r,)."""
+        u = -(directions @ self.slice.basis) / np.repeat([1.0, self.grasp.length], 3)
+        constant = np.zeros(len(u)) if self.constant is None else self.constant.support(u)
+        return np.asarray(self.growing.support(u)), np.asarray(constant)
+
+    def first(self) -> Iterator[Floats]:
+        """Directions from which the polytope starts: along the axes, and between all of them."""
+        count = len(self.slice.basis)
+        yield from np.eye(count)
+        yield from -np.eye(count)
+        yield np.full(count, -1.0 / math.sqrt(count))
+
+    def found(self) -> HandPayload:
+        """The payload."""
+        part, count = self.slice, len(self.slice.basis)
+        best: tuple[float, Reach, Floats, float] | None = None
+        points, programs, lower = [np.zeros(count)], 0, 0.0
+        polytope: ConvexHull | None = None
+        pending = list(self.first())
+        while programs < MOST_PROGRAMS:
+            direction = pending.pop(0)
+            found = part.reach(direction)
+            programs += 1
+            growing, constant = (float(one[0]) for one in self.extents(direction[None]))
+            if growing > 0.0 or found.upper < constant:
+                left = found.upper - constant
+                load = max(left, 0.0) / growing if growing > 0.0 else 0.0
+                if best is None or load < best[0]:
+                    per_force = 1.0 / growing if growing > 0.0 else 0.0
+                    best = load, found, direction, per_force
+            if math.isnan(found.lower):  # nothing at all, or no proof
+                break
+            point = found.point
+            if found.lower == math.inf:
+                point = point * (FAR * self.grasp.force / np.linalg.norm(point))
+            elif point @ direction < lower:
+                break
+            points.append(point)
+            if best is not None and best[0] <= _tolerance(self.grasp):
+                break
+            if pending:
+                continue
+            if polytope is None:
+                polytope = _polytope(np.array(points))
+                if polytope is None:
+                    across = np.linalg.svd(np.array(points))[2][-1]
+                    pending = [across, -across] if programs < 4 * count else []
+                    if not pending:
+                        break
+                    continue
+            else:
+                polytope.add_points(point[None])
+            lower, direction = self.nearest(polytope)
+            limit = math.inf if best is None else best[0]
+            if limit - lower <= self.rtol * limit or math.isinf(lower):
+                break
+            pending.append(direction)
+        if polytope is not None:
+            polytope.close()
+        if best is None:
+            nothing = part.reach(np.zeros(count))
+            return HandPayload(
+                lower, math.inf, nothing, part, np.zeros(count), 0.0, programs
+            )
+        upper, reach, direction, per_force = best
+        return HandPayload(
+            min(lower, upper), upper, reach, part, direction, per_force, programs
+        )
+
+    def nearest(self, polytope: ConvexHull) -> tuple[float, Floats]:
+        """Load up to which the task is inside the polytope, and the facet that limits it."""
+        normals, distances = polytope.equations[:, :-1], -polytope.equations[:, -1]
+        growing, constant = self.extents(normals)
+        left = np.maximum(distances, 0.0) - constant
+        with np.errstate(divide="ignore", invalid="ignore"):
+            loads = np.where(growing > 0.0, left / growing, np.where(left < 0.0, 0.0, math.inf))
+        nearest = int(loads.argmin())
+        return max(float(loads[nearest]), 0.0), normals[nearest].copy()
+
+
+def _generators(term: Term) -> Floats:
+    """Wrenches that span a term of a task, (g, 6)."""
+    row, points = term.row()
+    if len(points):
+        return points
+    return np.eye(6) if row[9] > 0.0 else np.eye(6)[:3]
+
+
+def _polytope(points: Floats) -> ConvexHull | None:
+    """The hull of points, to which more can be added; None: they are flat."""
+    try:
+        return ConvexHull(points, incremental=True)
+    except QhullError:
+        return None
