@@ -124,12 +124,12 @@ class Actuation:
     @cached_property
     def idle(self) -> Floats:
         """Orthonormal columns z that exert no torque, shape (q, k)."""
-        return _kernel(self.columns)
+        return kernel(self.columns)
 
     @cached_property
     def undriven(self) -> Floats:
         """Orthonormal columns of motions of the joints that no drive acts on, shape (p, r)."""
-        return _kernel(self.columns.T)
+        return kernel(self.columns.T)
 
     @cached_property
     def two_way(self) -> bool:
@@ -204,7 +204,7 @@ def short(values: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def _kernel(matrix: Floats) -> Floats:
+def kernel(matrix: Floats) -> Floats:
     """Orthonormal basis of the vectors that a matrix takes to 0, as columns."""
     if not matrix.size:
         return np.eye(matrix.shape[1])

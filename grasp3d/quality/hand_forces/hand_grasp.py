@@ -13,6 +13,9 @@ from grasp3d.errors import ContactError
 from grasp3d.quality.hand_forces.actuation import RANK, Actuation
 from grasp3d.quality.wrenches import span, wrench_axes
 
+STILL = 1e-13
+"""Relative velocity, relative to the motions, that is a rounding error."""
+
 POINTED = 1e-9
 """Half-angle of a friction cone [rad] up to which it is a ray."""
 
@@ -177,7 +180,7 @@ class HandGrasp:
         e = self.velocities(twist, motion)
         moving = np.linalg.norm(twist[:3]) + np.linalg.norm(twist[3:]) * self.length
         sizes = np.linalg.norm(e, axis=1)
-        still = sizes <= 1e-14 * (moving + np.abs(self.jacobian @ motion).max(initial=0.0))
+        still = sizes <= STILL * (moving + np.abs(self.jacobian @ motion).max(initial=0.0))
         angles = angles_between(e, self.contacts.normals) - RIGHT_ANGLE
         return np.where(still, np.inf, angles)
 
@@ -235,6 +238,11 @@ def cone_rows(half_angles: Floats) -> ConeRows:
         scaled[~both].reshape(-1, rows.shape[2]),
         np.flatnonzero(~both),
     )
+
+
+def widened(rows: Floats, columns: int) -> Floats:
+    """Rows with 0 for further unknowns, so many in all."""
+    return np.pad(rows, ((0, 0), (0, columns - rows.shape[1])))
 
 
 def _rank(matrix: Floats) -> int:

@@ -17,7 +17,7 @@ import numpy as np
 from grasp3d.arrays import Floats, angles_between, short_repr
 from grasp3d.quality.hand_forces.actuation import RANK
 from grasp3d.quality.hand_forces.cone_program import ConeProgram, Solution
-from grasp3d.quality.hand_forces.hand_grasp import HandGrasp, cone_rows
+from grasp3d.quality.hand_forces.hand_grasp import HandGrasp, cone_rows, widened
 
 EVIDENT = 1e-7
 """Largest error of a proof: angles [rad], and forces and torques relative to the largest."""
@@ -133,8 +133,8 @@ class WrenchSlice:
         rest = actuation.inverse @ actuation.offset
         most = sign / units[drive] * (bound + rest[drive]) / grasp.torque
         rows = cone_rows(self.half_angles)
-        blocks = [matrix, _wide(rows.equations, unknown), limits, -_wide(rows.pressing, unknown)]
-        blocks.append(-_wide(rows.cones, unknown))
+        blocks = [matrix, widened(rows.equations, unknown), limits, -widened(rows.pressing, unknown)]
+        blocks.append(-widened(rows.cones, unknown))
         bounds = [right, np.zeros(len(rows.equations)), most, np.zeros(len(rows.pressing))]
         bounds.append(np.zeros(len(rows.cones)))
         sizes = (3,) * len(rows.round)
@@ -275,7 +275,3 @@ def _better(first: Reach | None, second: Reach) -> Reach:
         return second
     known = [math.isfinite(one.upper) + (not math.isnan(one.lower)) for one in (first, second)]
     return second if known[1] >= known[0] else first
-
-
-def _wide(rows: Floats, columns: int) -> Floats:
-    return np.pad(rows, ((0, 0), (0, columns - rows.shape[1])))
