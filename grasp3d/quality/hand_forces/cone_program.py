@@ -6,7 +6,7 @@ callers take a solution as a proposal, check it, and ask for `polished` ones or 
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -53,7 +53,12 @@ class ConeProgram:
     """Sizes of the second-order cones."""
 
     @cached_property
-    def _sparse(self) -> tuple[Any, Any, list[Any]]:
+    def _pattern(self) -> Any:
+        from scipy import sparse
+
+        return sparse.csc_matrix(self.matrix)
+
+    def _solver(self, cost: Floats, *, retry: bool) -> Any:
         import clarabel
         from scipy import sparse
 
@@ -63,26 +68,22 @@ class ConeProgram:
         if self.inequalities:
             kinds.append(clarabel.NonnegativeConeT(self.inequalities))
         kinds += [clarabel.SecondOrderConeT(size) for size in self.cones]
-        unknown = self.matrix.shape[1]
-        return sparse.csc_matrix((unknown, unknown)), sparse.csc_matrix(self.matrix), kinds
-
-    def _solver(self, cost: Floats, *, retry: bool) -> Any:
-        import clarabel
-
-        settings = clarabel.DefaultSettings()
-        settings.verbose = False
-        settings.presolve_enable = False
-        settings.max_threads = 1
-        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
-        if retry:  # shorter steps, and more of regularisation
-            settings.max_step_fraction, settings.max_iter = 0.9, 500
-            settings.static_regularization_constant = 1e-7
-        quadratic, matrix, kinds = self._sparse
-        return clarabel.DefaultSolver(quadratic, cost, matrix, self.bounds, kinds, settings)
+        none = sparse.csc_matrix((len(cost), len(cost)))
+        matrix = sparse.csc_matrix(self.matrix)
+        return clarabel.DefaultSolver(none, cost, matrix, self.bounds, kinds, _settings(retry))
 
     @cached_property
     def _kept(self) -> Any:
         return self._solver(np.zeros(self.matrix.shape[1]), retry=False)
+
+    def with_matrix(self, matrix: Floats) -> "ConeProgram":
+        """The same program with other numbers in the matrix, where there were others than 0."""
+        other = replace(self, matrix=matrix)
+        pattern = self._pattern
+        columns = np.repeat(np.arange(matrix.shape[1]), np.diff(pattern.indptr))
+        self._kept.update(A=matrix[pattern.indices, columns])
+        other.__dict__.update(_pattern=pattern, _kept=self._kept)
+        return other
 
     def solve(self, cost: Floats, *, retry: bool = False) -> Solution:
         """Propose a solution for a cost (k,); `retry`: with care instead of speed."""
@@ -134,6 +135,22 @@ class ConeProgram:
         jacobian[unknown:, :unknown] = -by_s @ self.matrix
         jacobian[unknown:, unknown:] = by_z
         return float(np.abs(residual).max()), residual, jacobian
+
+
+@cache
+def _settings(retry: bool) -> Any:
+    """The solver's settings; to retry with shorter steps and more regularisation."""
+    import clarabel
+
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.presolve_enable = False
+    settings.max_threads = 1
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
+    if retry:
+        settings.max_step_fraction, settings.max_iter = 0.9, 500
+        settings.static_regularization_constant = 1e-7
+    return settings
 
 
 def _arrow(vector: Floats) -> Floats:

@@ -8,8 +8,9 @@ e = G^T u - J v point so far away from the contacts that no smaller cones press 
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from grasp3d.contact.contacts import per_contact
 from grasp3d.errors import SettingError
 from grasp3d.quality.hand_forces.actuation import RANK, kernel
 from grasp3d.quality.hand_forces.cone_program import ConeProgram, Solution
-from grasp3d.quality.hand_forces.hand_grasp import ConeRows, HandGrasp, cone_rows, widened
+from grasp3d.quality.hand_forces.hand_grasp import POINTED, ConeRows, HandGrasp, cone_rows, widened
 
 EXACT = 1e-12
 """Error of balance, relative to the largest force, that is a rounding error."""
@@ -199,7 +200,7 @@ class PressedForces:
         prove nothing.
         """
         grasp, actuation = self.grasp, self.grasp.actuation
-        scale = np.repeat([1.0, grasp.length], 3)
+        scale = grasp.scale
         moving = np.linalg.norm(grasp.span @ (motions.twist * scale))
         pull = motions.motion @ actuation.columns
         size = np.linalg.norm(motions.motion) + moving * grasp.force / grasp.torque
@@ -250,7 +251,7 @@ def hand_closes(grasp: HandGrasp, half_angles: ArrayLike) -> bool:
 
     Below 0: no force of that contact is in its cone.
     """
-    found = _Search.of(grasp, half_angles).at(0.0)
+    found = _Search.of(grasp, half_angles).at(0.0).angle
     return found.closing is not None and found.upper < 0.0
 
 
@@ -260,12 +261,14 @@ class _Search:
 
     pressed: PressedForces
     offsets: Floats
+    programs: dict[bytes, "_Program"] = field(default_factory=dict)
+    """By the contacts and drives that are left out."""
 
     @classmethod
     def of(cls, grasp: HandGrasp, offset: ArrayLike) -> "_Search":
         return cls(PressedForces(grasp), per_contact("offset", offset, grasp.contacts))
 
-    def at(self, angle: float) -> CriticalAngle:
+    def at(self, angle: float) -> "_Found":
         """What programs at an angle prove.
 
         Where contacts cannot be pressed at that angle, or drives stay at bounds, motions of the
@@ -273,54 +276,85 @@ class _Search:
         """
         half_angles = np.minimum(self.offsets + angle, RIGHT_ANGLE)
         dropped = half_angles < 0.0
+        rays = np.abs(half_angles) <= POINTED
         still = np.zeros(len(self.pressed.drives), dtype=np.bool_)
         joints = np.zeros(self.pressed.grasp.actuation.joints)
-        best = CriticalAngle(-math.inf, RIGHT_ANGLE, None, None, 0)
+        best, distance, slope = CriticalAngle(-math.inf, RIGHT_ANGLE, None, None, 0), 0.0, 0.0
         for _ in range(len(dropped) + len(still) + 1):
             if dropped.all():
                 break
-            program = _Program(self.pressed, np.where(dropped, -1.0, half_angles), still)
+            key = np.concatenate([dropped, rays, still]).tobytes()
+            program = self.programs.get(key)
+            if program is None:
+                program = _Program(self.pressed, np.where(dropped, -1.0, half_angles), still)
+            else:
+                program = program.at(np.where(dropped, -1.0, half_angles))
+            self.programs[key] = program
             found = program.solved()
-            closing = program.closing(found.x)
-            upper = self.pressed.closing_angle(closing, self.offsets)
+            distance, slope = float(found.x[-1]), program.slope(found)
             motions = program.motions(found.z)
-            tried = [replace(motions, motion=motions.motion + k * joints) for k in LARGER]
-            angles = [self.pressed.separating_angle(one, self.offsets) for one in tried]
-            lower, separating = max(
-                ((a, one) for a, one in zip(angles, tried, strict=True) if a == a),
-                key=lambda pair: pair[0],
-                default=(-math.inf, None),
-            )
-            if math.isnan(upper):
-                upper = RIGHT_ANGLE
-            result = CriticalAngle(min(lower, RIGHT_ANGLE), upper, closing, separating, 1)
-            if upper == RIGHT_ANGLE:
-                result = replace(result, closing=None)
-            best = best.tightened(result)
-            if found.x[-1] > 0.0 or program.moving(motions) > MOVING:
+            best = best.tightened(self._proven(program, found.x, motions, joints))
+            if distance > 0.0 or np.abs(motions.twist * self.pressed.grasp.scale).max() > MOVING:
                 break
             unpressed, idle = program.forbidden(found.z)
             if not (unpressed & ~dropped).any() and not (idle & ~still).any():
                 break
             dropped, still = dropped | unpressed, still | idle
             joints = joints * LARGER[2] + motions.motion
-        return best
+        return _Found(best, angle - distance / slope if slope > 0.0 else math.nan)
+
+    def _proven(
+        self, program: "_Program", x: Floats, motions: SeparatingMotions, joints: Floats
+    ) -> CriticalAngle:
+        """What the proposals of a program prove; `joints`: a motion of the joints alone."""
+        lower, upper = -math.inf, math.nan
+        closing, separating = None, None
+        if x[-1] > 0.0:
+            closing = program.closing(x)
+            upper = self.pressed.closing_angle(closing, self.offsets)
+        for factor in LARGER if joints.any() else LARGER[:1]:
+            tried = replace(motions, motion=motions.motion + factor * joints)
+            angle = self.pressed.separating_angle(tried, self.offsets)
+            if angle > lower:
+                lower, separating = min(angle, RIGHT_ANGLE), tried
+        if math.isnan(upper):
+            upper, closing = RIGHT_ANGLE, None
+        return CriticalAngle(lower, upper, closing, separating, 1)
 
     def bracket(self, tolerance: float) -> CriticalAngle:
-        """Bounds that are as near as the tolerance, or as the certificates allow."""
-        least = -float(self.offsets.max())
-        best = self.at(RIGHT_ANGLE - float(self.offsets.min()))
-        if best.closing is None:
-            return best
+        """Bounds that are as near as the tolerance, or as the certificates allow.
+
+        Newton's method finds where forces no longer get inside the cones, and both certificates
+        there are nearly as good as it; where it stalls the bracket is halved.
+        """
+        least, most = -float(self.offsets.max()), RIGHT_ANGLE - float(self.offsets.min())
+        found = self.at(0.5 * (least + most))
+        best, widths = found.angle, [math.inf]
         while best.programs < MOST_PROGRAMS:
-            low = max(best.lower, least)
-            if best.upper - low <= tolerance:
+            low, high = max(best.lower, least), min(best.upper, most)
+            widths.append(high - low)
+            if widths[-1] <= tolerance:
                 break
-            found = self.at(0.5 * (low + best.upper))
-            before, best = best, best.tightened(found)
-            if best.upper == before.upper and best.lower == before.lower:
+            middle = found.root
+            slow = len(widths) > 3 and widths[-1] > 0.25 * widths[-3]
+            if best.closing is None and (middle >= most or slow):
+                middle = most
+            elif not low < middle < high or slow:
+                middle = 0.5 * (low + high)
+            if len(widths) > 4 and widths[-1] == widths[-4]:
+                break
+            found = self.at(middle)
+            best = best.tightened(found.angle)
+            if middle == most and best.closing is None:
                 break
         return best
+
+
+class _Found(NamedTuple):
+    """What programs at an angle prove, and where Newton's method would go on."""
+
+    angle: CriticalAngle
+    root: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,6 +387,16 @@ class _Program:
         matrix = np.concatenate([fixed, -inside, -round_])
         return ConeProgram(matrix, bounds, len(fixed), len(inside), (3,) * len(cones.round))
 
+    def at(self, half_angles: Floats) -> "_Program":
+        """The same at other half-angles, of which as many are negative or 0."""
+        other = replace(self, half_angles=half_angles)
+        cones = cone_rows(half_angles)
+        matrix = self.program.matrix.copy()
+        if len(cones.cones):
+            matrix[-len(cones.cones) :, : cones.cones.shape[1]] = -cones.cones
+        other.__dict__.update(_cones=cones, program=self.program.with_matrix(matrix))
+        return other
+
     def solved(self) -> Solution:
         """What the solver proposes."""
         cost = np.zeros(self.program.matrix.shape[1])
@@ -361,6 +405,15 @@ class _Program:
         if found.status not in ("Solved", "AlmostSolved"):
             found = self.program.solve(cost, retry=True)
         return found
+
+    def slope(self, found: Solution) -> float:
+        """How fast the distance grows with the angle of the cones."""
+        round_ = self._cones.round
+        multipliers = found.z[len(found.z) - 3 * len(round_) :].reshape(-1, 3)
+        local = found.x[: 3 * len(self.half_angles)].reshape(-1, 3)[round_]
+        cosines, sines = np.cos(self.half_angles[round_]), np.sin(self.half_angles[round_])
+        changes = np.stack([cosines * local[:, 0], -sines * local[:, 1], -sines * local[:, 2]], 1)
+        return float((multipliers * changes).sum())
 
     def closing(self, x: Floats) -> ClosingForces:
         """Forces of a solution, with all equations solved but for rounding."""
@@ -405,17 +458,13 @@ class _Program:
         twist[3:] /= grasp.length
         return SeparatingMotions(twist, joints @ parts[rank:] * (grasp.force / grasp.torque))
 
-    def moving(self, motions: SeparatingMotions) -> float:
-        """How much the object moves."""
-        return float(np.linalg.norm(motions.twist * np.repeat([1.0, self.pressed.grasp.length], 3)))
-
     def forbidden(self, z: Floats) -> tuple[Bools, Bools]:
         """Contacts whose forces multipliers forbid, and drives that they keep at bounds."""
         after = self.program.equations
         still = self.still.copy()
         count = int((~still).sum())
         still[~self.still] = z[after : after + count] > FORBIDDEN
-        rays = np.flatnonzero(np.abs(self.half_angles) < ADMISSIBLE)
+        rays = np.flatnonzero(np.abs(self.half_angles) <= POINTED)
         unpressed = np.zeros(len(self.half_angles), dtype=np.bool_)
         blocks = z[after + self.program.inequalities :].reshape(-1, 3)
         strict = blocks[:, 0] - np.linalg.norm(blocks[:, 1:], axis=1) > FORBIDDEN

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Floats, angles_between, locked, short_repr
+from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
 from grasp3d.contact.contacts import Contacts, tilts_of
 from grasp3d.contact.friction_cones import tangents
 from grasp3d.errors import ContactError
@@ -109,6 +109,11 @@ class HandGrasp:
         return float(np.linalg.norm(self.contacts.points, axis=1).max()) or 1.0
 
     @cached_property
+    def scale(self) -> Floats:
+        """Factors of a wrench's six numbers: 1, and `length` for torques."""
+        return np.repeat([1.0, self.length], 3)
+
+    @cached_property
     def torque(self) -> float:
         """Unit of torque for the drives [N m]: their largest finite limit."""
         limits = np.abs([self.actuation.lower, self.actuation.upper])
@@ -163,14 +168,15 @@ class HandGrasp:
         )
 
     def velocities(self, twist: Floats, motion: Floats) -> Floats:
-        """Velocity of the object relative to the links at each contact, e = G^T u - J v, (n, 3).
+        """Velocity of the object relative to the links, e = G^T u - J v, in the frames, (n, 3).
 
         Args:
             twist: Velocity and angular velocity of the object, (6,).
             motion: Speeds of the joints, (p,).
         """
-        moving = twist[:3] + np.cross(twist[3:], self.contacts.points)
-        return np.asarray(moving - self.jacobian @ motion)
+        moving = (twist * self.scale) @ self.wrenches
+        driven = motion @ self.joint_torques * (self.torque / self.force)
+        return np.reshape(moving - driven, (-1, 3))
 
     def openings(self, twist: Floats, motion: Floats) -> Floats:
         """Largest half-angles of cones whose forces do no work on motions of object and hand, (n,).
@@ -178,11 +184,10 @@ class HandGrasp:
         The angle between the relative velocity and the normal, less 90 degrees; inf where it is 0.
         """
         e = self.velocities(twist, motion)
-        moving = np.linalg.norm(twist[:3]) + np.linalg.norm(twist[3:]) * self.length
-        sizes = np.linalg.norm(e, axis=1)
-        still = sizes <= STILL * (moving + np.abs(self.jacobian @ motion).max(initial=0.0))
-        angles = angles_between(e, self.contacts.normals) - RIGHT_ANGLE
-        return np.where(still, np.inf, angles)
+        sideways = np.sqrt(e[:, 1] ** 2 + e[:, 2] ** 2)
+        speeds = np.abs(twist * self.scale).max() * 2.0 + np.abs(e).max()
+        still = np.abs(e[:, 0]) + sideways <= STILL * speeds
+        return np.where(still, np.inf, np.arctan2(-e[:, 0], sideways))
 
     def balance(self, forces: Floats) -> Floats:
         """Wrench of contact forces (n, 3) about the centre of mass, (6,)."""
@@ -201,7 +206,7 @@ class HandGrasp:
         """
         tilts = tilts_of(tilt, self.contacts)[0][:, None]
         normals = self.contacts.normals
-        e = self.velocities(twist, motion)
+        e = (self.velocities(twist, motion)[:, None] @ self.frames)[:, 0]
         sizes = np.linalg.norm(e, axis=1, keepdims=True)
         away = -e / np.where(sizes > 0.0, sizes, 1.0)
         across = away - (away * normals).sum(axis=1, keepdims=True) * normals

@@ -79,10 +79,8 @@ class HandPayload:
         if not math.isfinite(self.upper):
             return np.zeros(len(angles))
         velocities = grasp.velocities(self.limiting.twist, self.limiting.motion)
-        normals = grasp.contacts.normals
-        along = (velocities * normals).sum(axis=1, keepdims=True)
-        sliding = np.linalg.norm(velocities - along * normals, axis=1)
-        pressing = (self.limiting.forces * normals).sum(axis=1)
+        sliding = np.linalg.norm(velocities[:, 1:], axis=1)
+        pressing = (self.limiting.forces * grasp.contacts.normals).sum(axis=1)
         friction = grasp.contacts.friction
         wider = np.maximum(angles, 0.0) + np.arctan((1.0 + TENTH) * friction) - np.arctan(friction)
         more = np.tan(wider) - np.tan(np.maximum(angles, 0.0))
@@ -190,7 +188,7 @@ def _of_wrench(
     grasp: HandGrasp, angles: Floats, wrench: Floats, constant: Floats, polish: bool
 ) -> HandPayload:
     """The largest factor of one wrench that acts on the object besides a constant one."""
-    scale = np.repeat([1.0, grasp.length], 3)
+    scale = grasp.scale
     size = float(np.linalg.norm(wrench / scale))
     held, along = -constant / scale, np.ones(1)
     if size == 0.0:
@@ -238,12 +236,12 @@ class _Search:
         """The wrenches of the task's span."""
         parts = [self.growing] if self.constant is None else [self.growing, self.constant]
         rows = [_generators(term) for part in parts for term in part.terms()]
-        scaled = np.concatenate(rows) / np.repeat([1.0, self.grasp.length], 3)
+        scaled = np.concatenate(rows) / self.grasp.scale
         return WrenchSlice(self.grasp, self.angles, span(scaled), np.zeros(6))
 
     def extents(self, directions: Floats) -> tuple[Floats, Floats]:
         """How far the opposite of both parts reaches along directions (r, k), each (r,)."""
-        u = -(directions @ self.slice.basis) / np.repeat([1.0, self.grasp.length], 3)
+        u = -(directions @ self.slice.basis) / self.grasp.scale
         constant = np.zeros(len(u)) if self.constant is None else self.constant.support(u)
         return np.asarray(self.growing.support(u)), np.asarray(constant)
 

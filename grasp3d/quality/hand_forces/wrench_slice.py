@@ -213,7 +213,7 @@ class WrenchSlice:
         )
         beyond = np.maximum(lower - drives, drives - upper) / (units * grasp.torque)
         undriven = actuation.undriven.T @ (torques - offset) / grasp.torque
-        wrench = grasp.balance(forces) / np.repeat([1.0, grasp.length], 3)
+        wrench = grasp.balance(forces) / grasp.scale
         constant = np.zeros(6) if ray else self.constant
         sizes = np.linalg.norm(forces, axis=1)
         largest = max(float(sizes.max()), grasp.force)
@@ -260,7 +260,7 @@ class WrenchSlice:
         if math.isfinite(grasp.most_force):
             work += grasp.most_force * float((sizes * np.sin(np.minimum(into, np.pi / 2))).sum())
             slack = 0.0
-        constant = twist * np.repeat([1.0, grasp.length], 3) @ self.constant
+        constant = twist * grasp.scale @ self.constant
         return (work - float(constant) if slack <= EVIDENT else math.inf), slack
 
     def turned(self, reach: Reach, tilt: Floats) -> "WrenchSlice":
