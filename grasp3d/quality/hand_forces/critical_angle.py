@@ -182,7 +182,12 @@ class PressedForces:
         errors = np.abs(rows @ x) > EXACT * size * (1.0 + np.abs(rows).max(axis=1))
         # Errors must not decide whether a force or a distance is above 0.
         clear = CLEAR * sizes.max()
-        if errors.any() or idle.all() or (sizes[~idle] < clear).any() or (room[~still] < clear).any():
+        if (
+            errors.any()
+            or idle.all()
+            or (sizes[~idle] < clear).any()
+            or (room[~still] < clear).any()
+        ):
             return math.nan
         unpressed = np.eye(len(x))[: 3 * count][np.repeat(idle, 3)]
         kept = kernel(np.concatenate([self.statics, self.drives[still], unpressed]))
@@ -448,7 +453,9 @@ class _Program:
         joints = np.concatenate([actuation.inverse.T @ by_drive[:, pulled], actuation.undriven], 1)
         parts = np.concatenate([-grasp.span @ statics[:6], pulls[pulled], statics[6:-1]])
         # Where an object nearly stands still at a contact it does so but for rounding.
-        relative = np.concatenate([grasp.wrenches.T @ grasp.span.T, -grasp.joint_torques.T @ joints], 1)
+        relative = np.concatenate(
+            [grasp.wrenches.T @ grasp.span.T, -grasp.joint_torques.T @ joints], 1
+        )
         sizes = np.linalg.norm((relative @ parts).reshape(-1, 3), axis=1)
         rows = relative[np.repeat(sizes <= STANDING * sizes.max(), 3)]
         if len(rows):

@@ -253,4 +253,3 @@ def widened(rows: Floats, columns: int) -> Floats:
 def _rank(matrix: Floats) -> int:
     sizes = np.linalg.svd(matrix, compute_uv=False)
     return int((sizes > RANK * sizes.max(initial=0.0)).sum())
-

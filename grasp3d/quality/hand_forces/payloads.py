@@ -207,9 +207,7 @@ def _of_wrench(
         back = part.reach(-along)
         if not back.lower >= -_tolerance(grasp):
             lower = upper = 0.0
-    if math.isnan(lower):
-        lower, upper = 0.0, max(upper, 0.0) if math.isinf(upper) else 0.0
-    lower = max(lower, 0.0)
+    lower = 0.0 if math.isnan(lower) else max(lower, 0.0)
     return HandPayload(lower, max(upper, lower), found, part, along, per_force, programs)
 
 
@@ -259,6 +257,13 @@ class _Search:
         points, programs, lower = [np.zeros(count)], 0, 0.0
         polytope: ConvexHull | None = None
         pending = list(self.first())
+        if self.grasp.actuation.tight is None:
+            # The object must hold the links, without any load as well.
+            nothing = np.zeros((0, 6))
+            found = replace(part, basis=nothing).reach(np.zeros(0))
+            if math.isnan(found.lower):
+                limit = 0.0 if found.upper < 0.0 else math.inf
+                return HandPayload(0.0, limit, found, part, np.zeros(count), 0.0, 1)
         while programs < MOST_PROGRAMS:
             direction = pending.pop(0)
             found = part.reach(direction)
@@ -301,13 +306,9 @@ class _Search:
             polytope.close()
         if best is None:
             nothing = part.reach(np.zeros(count))
-            return HandPayload(
-                lower, math.inf, nothing, part, np.zeros(count), 0.0, programs
-            )
+            return HandPayload(lower, math.inf, nothing, part, np.zeros(count), 0.0, programs)
         upper, reach, direction, per_force = best
-        return HandPayload(
-            min(lower, upper), upper, reach, part, direction, per_force, programs
-        )
+        return HandPayload(min(lower, upper), upper, reach, part, direction, per_force, programs)
 
     def nearest(self, polytope: ConvexHull) -> tuple[float, Floats]:
         """Load up to which the task is inside the polytope, and the facet that limits it."""

@@ -133,7 +133,12 @@ class WrenchSlice:
         rest = actuation.inverse @ actuation.offset
         most = sign / units[drive] * (bound + rest[drive]) / grasp.torque
         rows = cone_rows(self.half_angles)
-        blocks = [matrix, widened(rows.equations, unknown), limits, -widened(rows.pressing, unknown)]
+        blocks = [
+            matrix,
+            widened(rows.equations, unknown),
+            limits,
+            -widened(rows.pressing, unknown),
+        ]
         blocks.append(-widened(rows.cones, unknown))
         bounds = [right, np.zeros(len(rows.equations)), most, np.zeros(len(rows.pressing))]
         bounds.append(np.zeros(len(rows.cones)))
@@ -173,6 +178,11 @@ class WrenchSlice:
             if best.proven:
                 break
         assert best is not None
+        if best.lower == math.inf and direction.any():
+            # A solver that finds a way without end need not have found a point where it starts.
+            if self.grasp.actuation.tight is None or self.constant.any():
+                start = self.reach(np.zeros(len(direction)))
+                return best if not math.isnan(start.lower) else start
         return best
 
     def _evaluated(self, found: Solution, direction: Floats) -> Reach:
@@ -196,7 +206,9 @@ class WrenchSlice:
             size = np.linalg.norm(motion) * np.linalg.norm(grasp.actuation.offset)
             size += np.linalg.norm(twist) * np.linalg.norm(self.constant)
             upper = upper if upper < -EVIDENT * size else math.inf
-        return Reach(lower, upper, point, pressed, drives, twist, motion, residual, slack, grasp.force)
+        return Reach(
+            lower, upper, point, pressed, drives, twist, motion, residual, slack, grasp.force
+        )
 
     def _pressing(
         self, forces: Floats, idle: Floats, point: Floats, *, ray: bool
@@ -256,7 +268,9 @@ class WrenchSlice:
         sizes = np.linalg.norm(velocities, axis=1)
         into = np.maximum(self.half_angles, 0.0) - grasp.openings(twist, motion)
         into = np.where((self.half_angles < 0.0) | (into < 0.0), 0.0, into)
-        slack = float((into * sizes).max() / max(float(sizes.max()), 1e-300))
+        moving = np.linalg.norm(twist * grasp.scale)
+        moving = max(moving, np.linalg.norm(motion) * grasp.torque / grasp.force, 1e-300)
+        slack = float((into * sizes).max() / moving)
         if math.isfinite(grasp.most_force):
             work += grasp.most_force * float((sizes * np.sin(np.minimum(into, np.pi / 2))).sum())
             slack = 0.0
