@@ -23,7 +23,7 @@ RANK = 1e-10
 """Singular value, relative to the largest, that is 0."""
 
 ROUNDED = 1e-9
-"""Pull on a drive, relative to that of the fastest motion of the joints, that is 0 but for rounding."""
+"""Pull on a drive, relative to the motion of the joints, that is 0 but for rounding."""
 
 SUPPORTED = 0.5
 """Slack, of at most 1, above which a bound is not tight: it is 0 or 1 but for rounding."""
@@ -119,7 +119,7 @@ class Actuation:
     @cached_property
     def inverse(self) -> Floats:
         """Pseudoinverse of the columns, shape (q, p)."""
-        return np.linalg.pinv(self.columns, rcond=RANK)
+        return np.asarray(np.linalg.pinv(self.columns, rcond=RANK), dtype=np.float64)
 
     @cached_property
     def idle(self) -> Floats:

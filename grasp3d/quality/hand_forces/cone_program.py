@@ -157,4 +157,4 @@ def _arrow(vector: Floats) -> Floats:
     """Matrix of the Jordan product with a vector of a second-order cone."""
     matrix = vector[0] * np.eye(len(vector))
     matrix[0], matrix[:, 0] = vector, vector
-    return matrix
+    return np.asarray(matrix)

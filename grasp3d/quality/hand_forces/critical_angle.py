@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Bools, Floats, angles_between, short_repr
+from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Bools, Floats, Ints, angles_between, short_repr
 from grasp3d.contact.contacts import per_contact
 from grasp3d.errors import SettingError
 from grasp3d.quality.hand_forces.actuation import RANK, kernel
@@ -131,15 +131,16 @@ class PressedForces:
         rows = sign * np.concatenate([values, actuation.idle[drive], by_t[:, None]], axis=1)
         if actuation.tight is None:
             rows = np.concatenate([rows, np.eye(rows.shape[1])[-1:]])
-        return rows
+        return np.asarray(rows)
 
     @cached_property
-    def bounds(self) -> tuple[Floats, Floats]:
-        """Sides, 0 or 1 for lower and upper ones, and drives of the bounds that count, each (l,)."""
+    def bounds(self) -> tuple[Ints, Ints]:
+        """Sides of bounds that count, 0 for lower ones, and their drives, each (l,)."""
         actuation = self.grasp.actuation
         tight = actuation.tight
         finite = np.isfinite([actuation.lower, actuation.upper])
-        return np.nonzero(finite if tight is None else tight)
+        side, drive = np.nonzero(finite if tight is None else tight)
+        return side, drive
 
     @cached_property
     def statics(self) -> Floats:
@@ -181,13 +182,8 @@ class PressedForces:
         idle = sizes == 0.0
         errors = np.abs(rows @ x) > EXACT * size * (1.0 + np.abs(rows).max(axis=1))
         # Errors must not decide whether a force or a distance is above 0.
-        clear = CLEAR * sizes.max()
-        if (
-            errors.any()
-            or idle.all()
-            or (sizes[~idle] < clear).any()
-            or (room[~still] < clear).any()
-        ):
+        positive = np.concatenate([sizes[~idle], room[~still]])
+        if errors.any() or idle.all() or (positive < CLEAR * sizes.max()).any():
             return math.nan
         unpressed = np.eye(len(x))[: 3 * count][np.repeat(idle, 3)]
         kept = kernel(np.concatenate([self.statics, self.drives[still], unpressed]))
@@ -219,7 +215,8 @@ class PressedForces:
         power = pull @ np.where(rounded & np.isinf(bound) | (pull == 0.0), 0.0, bound)
         if actuation.tight is None:
             power += motions.motion @ actuation.offset
-        if not (moving > 0.0 and power <= grasp.torque * sizes.max(initial=0.0)):
+        joints = grasp.velocities(np.zeros(6), motions.motion)
+        if not (moving > ADMISSIBLE * np.abs(joints).max() and power <= grasp.torque * sizes.max(initial=0.0)):
             return math.nan
         openings = grasp.openings(motions.twist, motions.motion)
         return float((openings - per_contact("offset", offset, grasp.contacts)).min())
@@ -453,9 +450,8 @@ class _Program:
         joints = np.concatenate([actuation.inverse.T @ by_drive[:, pulled], actuation.undriven], 1)
         parts = np.concatenate([-grasp.span @ statics[:6], pulls[pulled], statics[6:-1]])
         # Where an object nearly stands still at a contact it does so but for rounding.
-        relative = np.concatenate(
-            [grasp.wrenches.T @ grasp.span.T, -grasp.joint_torques.T @ joints], 1
-        )
+        turned = (grasp.wrenches.T @ grasp.span.T, -grasp.joint_torques.T @ joints)
+        relative = np.concatenate(turned, axis=1)
         sizes = np.linalg.norm((relative @ parts).reshape(-1, 3), axis=1)
         rows = relative[np.repeat(sizes <= STANDING * sizes.max(), 3)]
         if len(rows):

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
+from grasp3d.arrays import ArrayLike, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts, tilts_of
 from grasp3d.contact.friction_cones import tangents
 from grasp3d.errors import ContactError
@@ -14,7 +14,7 @@ from grasp3d.quality.hand_forces.actuation import RANK, Actuation
 from grasp3d.quality.wrenches import span, wrench_axes
 
 STILL = 1e-13
-"""Relative velocity, relative to the motions, that is a rounding error."""
+"""Relative velocity, relative to the object's, that is a rounding error."""
 
 POINTED = 1e-9
 """Half-angle of a friction cone [rad] up to which it is a ray."""
@@ -185,8 +185,8 @@ class HandGrasp:
         """
         e = self.velocities(twist, motion)
         sideways = np.sqrt(e[:, 1] ** 2 + e[:, 2] ** 2)
-        speeds = np.abs(twist * self.scale).max() * 2.0 + np.abs(e).max()
-        still = np.abs(e[:, 0]) + sideways <= STILL * speeds
+        speed = np.abs(twist * self.scale).max()
+        still = np.abs(e[:, 0]) + sideways <= STILL * speed
         return np.where(still, np.inf, np.arctan2(-e[:, 0], sideways))
 
     def balance(self, forces: Floats) -> Floats:
@@ -226,7 +226,7 @@ class ConeRows(NamedTuple):
     """Components that are at least 0, shape (i, 3 n)."""
     cones: Floats
     """Components of second-order cones, shape (3 c, 3 n)."""
-    round: Floats
+    round: Ints
     """Contacts with second-order cones, (c,)."""
 
 

@@ -80,7 +80,7 @@ class WrenchSlice:
 
     @cached_property
     def _limits(self) -> tuple[Floats, Floats]:
-        """Which side and drive have a limit, (2, l): 0 the lower one; and the unit of each, (q,)."""
+        """Sides, 0 the lower one, and drives that have a limit, (2, l); the units of drives, (q,)."""
         actuation = self.grasp.actuation
         both = np.stack([actuation.lower, actuation.upper])
         finite = np.isfinite(both)
@@ -133,13 +133,9 @@ class WrenchSlice:
         rest = actuation.inverse @ actuation.offset
         most = sign / units[drive] * (bound + rest[drive]) / grasp.torque
         rows = cone_rows(self.half_angles)
-        blocks = [
-            matrix,
-            widened(rows.equations, unknown),
-            limits,
-            -widened(rows.pressing, unknown),
-        ]
-        blocks.append(-widened(rows.cones, unknown))
+        ours = (rows.equations, -rows.pressing, -rows.cones)
+        fixed, pressing, cones = (widened(one, unknown) for one in ours)
+        blocks = [matrix, fixed, limits, pressing, cones]
         bounds = [right, np.zeros(len(rows.equations)), most, np.zeros(len(rows.pressing))]
         bounds.append(np.zeros(len(rows.cones)))
         sizes = (3,) * len(rows.round)
@@ -166,23 +162,23 @@ class WrenchSlice:
         """
         cost = np.zeros(self.program.matrix.shape[1])
         cost[len(cost) - len(direction) :] = -direction
-        best = None
+        best: Reach | None = None
         for retry in (False, True):
             found = self.program.solve(cost, retry=retry)
-            if not polish:
-                best = _better(best, self._evaluated(found, direction))
-            if polish or not best.proven:
-                if not (found.infeasible or found.unbounded):
+            for polished in (False, True)[polish:]:
+                if polished and not (found.infeasible or found.unbounded):
                     found = self.program.polished(cost, found)
                 best = _better(best, self._evaluated(found, direction))
-            if best.proven:
+                if best.proven:
+                    break
+            if best is not None and best.proven:
                 break
         assert best is not None
-        if best.lower == math.inf and direction.any():
+        loaded = self.grasp.actuation.tight is None or self.constant.any()
+        if best.lower == math.inf and direction.any() and loaded:
             # A solver that finds a way without end need not have found a point where it starts.
-            if self.grasp.actuation.tight is None or self.constant.any():
-                start = self.reach(np.zeros(len(direction)))
-                return best if not math.isnan(start.lower) else start
+            start = self.reach(np.zeros(len(direction)))
+            return best if not math.isnan(start.lower) else start
         return best
 
     def _evaluated(self, found: Solution, direction: Floats) -> Reach:
@@ -268,8 +264,8 @@ class WrenchSlice:
         sizes = np.linalg.norm(velocities, axis=1)
         into = np.maximum(self.half_angles, 0.0) - grasp.openings(twist, motion)
         into = np.where((self.half_angles < 0.0) | (into < 0.0), 0.0, into)
-        moving = np.linalg.norm(twist * grasp.scale)
-        moving = max(moving, np.linalg.norm(motion) * grasp.torque / grasp.force, 1e-300)
+        joints = float(np.linalg.norm(motion)) * grasp.torque / grasp.force
+        moving = max(float(np.linalg.norm(twist * grasp.scale)), joints, 1e-300)
         slack = float((into * sizes).max() / moving)
         if math.isfinite(grasp.most_force):
             work += grasp.most_force * float((sizes * np.sin(np.minimum(into, np.pi / 2))).sum())

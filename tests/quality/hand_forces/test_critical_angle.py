@@ -56,7 +56,7 @@ def test_bounds_of_400_hands_are_contradicted_by_no_linear_program() -> None:
 
 
 def pinch(actuation: Actuation, *, offset: float = 0.3) -> HandGrasp:
-    """Two fingers with one joint each that press a ball from both sides, their tips off the line."""
+    """Two fingers with one joint each press a ball from both sides, along tilted normals."""
     points = np.array([[-0.03, 0.0, 0.0], [0.03, 0.0, 0.0]])
     normals = [[1.0, offset, 0.0], [-1.0, offset, 0.0]]
     jacobian = [[[0.05, 0.0], [0.0, 0.0], [0.0, 0.0]], [[0.0, -0.05], [0.0, 0.0], [0.0, 0.0]]]

@@ -54,7 +54,7 @@ def check_worst_tilt(
 ) -> bool:
     """The certificate's tilt reaches the payload, no other falls below it; whether it is any."""
     assert found.limiting.proven
-    if not 0.0 < found.lower < math.inf:
+    if not 1e-6 < found.lower < math.inf:
         return False
     assert found.upper - found.lower <= 1e-6 * found.upper
     worst = found.worst_grasp(tilts)
