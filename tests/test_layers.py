@@ -50,6 +50,7 @@ UPWARD = {
 
 ENGINES = {
     "manifold3d": {"mesh"},
+    "clarabel": {"quality.hand_forces.cone_program"},
     "embreex": {"mesh.ray_tracing"},
     "numba": {"_kernels"},
     "trimesh": {"mesh", "export", "hand", "reading", "surface"},

@@ -216,7 +216,10 @@ class PressedForces:
         if actuation.tight is None:
             power += motions.motion @ actuation.offset
         joints = grasp.velocities(np.zeros(6), motions.motion)
-        if not (moving > ADMISSIBLE * np.abs(joints).max() and power <= grasp.torque * sizes.max(initial=0.0)):
+        if not (
+            moving > ADMISSIBLE * np.abs(joints).max()
+            and power <= grasp.torque * sizes.max(initial=0.0)
+        ):
             return math.nan
         openings = grasp.openings(motions.twist, motions.motion)
         return float((openings - per_contact("offset", offset, grasp.contacts)).min())

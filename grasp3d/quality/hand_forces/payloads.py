@@ -14,7 +14,6 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from grasp3d.arrays import ArrayLike, Floats, short_repr
-from grasp3d.contact.contacts import tilts_of
 from grasp3d.errors import SettingError
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
 from grasp3d.quality.hand_forces.wrench_slice import Reach, WrenchSlice
@@ -66,8 +65,10 @@ class HandPayload:
 
     @cached_property
     def drive_shares(self) -> Floats:
-        """Load that each drive's limits carry, shape (q,): one tenth more of them holds by at most
-        a tenth of it more, and about so much where that is little."""
+        """Load that each drive's limits carry, shape (q,).
+
+        A tenth more of them adds at most a tenth of it; about so much where that is little.
+        """
         actuation = self.slice.grasp.actuation
         shares = actuation.powers(self.limiting.motion) * self.per_force
         return shares if math.isfinite(self.upper) else np.zeros(len(shares))
@@ -84,7 +85,7 @@ class HandPayload:
         friction = grasp.contacts.friction
         wider = np.maximum(angles, 0.0) + np.arctan((1.0 + TENTH) * friction) - np.arctan(friction)
         more = np.tan(wider) - np.tan(np.maximum(angles, 0.0))
-        return sliding * np.maximum(pressing, 0.0) * more * self.per_force
+        return np.asarray(sliding * np.maximum(pressing, 0.0) * more * self.per_force)
 
     @property
     def limit(self) -> str:
@@ -131,15 +132,13 @@ def hand_payload(
         Two fingers with one motor of 0.2 N m and a link of 50 mm each hold a part between them:
 
         >>> import grasp3d
-        >>> from grasp3d.quality import Weight
-        >>> from grasp3d.quality.hand_forces.actuation import Actuation
-        >>> from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
-        >>> from grasp3d.quality.hand_forces.payloads import hand_payload
+        >>> from grasp3d.quality import Actuation, HandGrasp, Weight, hand_payload
         >>> points, normals = [[-0.02, 0, 0], [0.02, 0, 0]], [[1, 0, 0], [-1, 0, 0]]
         >>> contacts = grasp3d.Contacts(points, normals, friction=0.5)
         >>> jacobian = [[[0.05, 0], [0, 0], [0, 0]], [[0, -0.05], [0, 0], [0, 0]]]
         >>> motors = Actuation.of_hand([0.2, 0.2], joints=("left", "right"))
-        >>> found = hand_payload(HandGrasp(contacts, jacobian, motors), Weight(direction=(0, 0, -1)))
+        >>> grasp = HandGrasp(contacts, jacobian, motors)
+        >>> found = hand_payload(grasp, Weight(direction=(0, 0, -1)))
         >>> print(f"{found.value:.3f} kg")
         0.408 kg
     """
@@ -205,14 +204,10 @@ def _of_wrench(
         # What it holds without the load: no mass but 0 is a payload otherwise.
         programs += 1
         back = part.reach(-along)
-        if not back.lower >= -_tolerance(grasp):
+        if not back.lower >= -FLAT * grasp.force:
             lower = upper = 0.0
     lower = 0.0 if math.isnan(lower) else max(lower, 0.0)
     return HandPayload(lower, max(upper, lower), found, part, along, per_force, programs)
-
-
-def _tolerance(grasp: HandGrasp) -> float:
-    return FLAT * grasp.force
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,66 +248,50 @@ class _Search:
     def found(self) -> HandPayload:
         """The payload."""
         part, count = self.slice, len(self.slice.basis)
-        best: tuple[float, Reach, Floats, float] | None = None
-        points, programs, lower = [np.zeros(count)], 0, 0.0
-        polytope: ConvexHull | None = None
+        polytope = _Polytope(count)
+        limit = HandPayload(0.0, math.inf, self.at_rest, part, np.zeros(count), 0.0, 1)
+        if math.isnan(self.at_rest.lower):  # it cannot even hold its own links
+            return replace(limit, upper=0.0 if self.at_rest.upper < 0.0 else math.inf)
         pending = list(self.first())
-        if self.grasp.actuation.tight is None:
-            # The object must hold the links, without any load as well.
-            nothing = np.zeros((0, 6))
-            found = replace(part, basis=nothing).reach(np.zeros(0))
-            if math.isnan(found.lower):
-                limit = 0.0 if found.upper < 0.0 else math.inf
-                return HandPayload(0.0, limit, found, part, np.zeros(count), 0.0, 1)
-        while programs < MOST_PROGRAMS:
-            direction = pending.pop(0)
+        while pending and limit.programs < MOST_PROGRAMS:
+            direction = pending.pop()
             found = part.reach(direction)
-            programs += 1
-            growing, constant = (float(one[0]) for one in self.extents(direction[None]))
-            if growing > 0.0 or found.upper < constant:
-                left = found.upper - constant
-                load = max(left, 0.0) / growing if growing > 0.0 else 0.0
-                if best is None or load < best[0]:
-                    per_force = 1.0 / growing if growing > 0.0 else 0.0
-                    best = load, found, direction, per_force
-            if math.isnan(found.lower):  # nothing at all, or no proof
-                break
-            point = found.point
-            if found.lower == math.inf:
-                point = point * (FAR * self.grasp.force / np.linalg.norm(point))
-            elif point @ direction < lower:
-                break
-            points.append(point)
-            if best is not None and best[0] <= _tolerance(self.grasp):
+            limit = self.limited(limit, found, direction)
+            if not polytope.grows(found, direction):
                 break
             if pending:
                 continue
-            if polytope is None:
-                polytope = _polytope(np.array(points))
-                if polytope is None:
-                    across = np.linalg.svd(np.array(points))[2][-1]
-                    pending = [across, -across] if programs < 4 * count else []
-                    if not pending:
-                        break
-                    continue
-            else:
-                polytope.add_points(point[None])
+            if polytope.flat and limit.programs < 4 * count:
+                pending = polytope.across()
+                continue
             lower, direction = self.nearest(polytope)
-            limit = math.inf if best is None else best[0]
-            if limit - lower <= self.rtol * limit or math.isinf(lower):
-                break
-            pending.append(direction)
-        if polytope is not None:
-            polytope.close()
-        if best is None:
-            nothing = part.reach(np.zeros(count))
-            return HandPayload(lower, math.inf, nothing, part, np.zeros(count), 0.0, programs)
-        upper, reach, direction, per_force = best
-        return HandPayload(min(lower, upper), upper, reach, part, direction, per_force, programs)
+            limit = replace(limit, lower=min(lower, limit.upper))
+            if limit.upper - lower > self.rtol * limit.upper and lower < math.inf:
+                pending.append(direction)
+        return limit
 
-    def nearest(self, polytope: ConvexHull) -> tuple[float, Floats]:
+    @cached_property
+    def at_rest(self) -> Reach:
+        """Whether the hand holds its own links without any load."""
+        return replace(self.slice, basis=np.zeros((0, 6))).reach(np.zeros(0))
+
+    def limited(self, limit: HandPayload, found: Reach, direction: Floats) -> HandPayload:
+        """With the upper bound that a reach along a direction proves, where it is smaller."""
+        growing, constant = (float(one[0]) for one in self.extents(direction[None]))
+        programs = limit.programs + 1
+        left = max(found.upper - constant, 0.0)
+        left = left if left > FLAT * self.grasp.force else 0.0
+        if growing > 0.0:
+            load, per_force = left / growing, 1.0 / growing
+        else:
+            load, per_force = 0.0 if found.upper < constant else math.inf, 0.0
+        if load >= limit.upper:
+            return replace(limit, programs=programs)
+        return HandPayload(limit.lower, load, found, self.slice, direction, per_force, programs)
+
+    def nearest(self, polytope: "_Polytope") -> tuple[float, Floats]:
         """Load up to which the task is inside the polytope, and the facet that limits it."""
-        normals, distances = polytope.equations[:, :-1], -polytope.equations[:, -1]
+        normals, distances = polytope.facets()
         growing, constant = self.extents(normals)
         left = np.maximum(distances, 0.0) - constant
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -321,17 +300,54 @@ class _Search:
         return max(float(loads[nearest]), 0.0), normals[nearest].copy()
 
 
+class _Polytope:
+    """A polytope that grows inside the wrenches of a slice, from the origin."""
+
+    def __init__(self, dimension: int) -> None:
+        self.points = [np.zeros(dimension)]
+        self.hull: ConvexHull | None = None
+
+    def grows(self, found: Reach, direction: Floats) -> bool:
+        """Add what is reached; False: it is known, up to rounding, or nothing is."""
+        if math.isnan(found.lower):
+            return False
+        point = found.point
+        if found.lower == math.inf:
+            point = point * (FAR * found.unit / np.linalg.norm(point))
+        if self.hull is not None:
+            normals, distances = self.facets()
+            facet = int((normals @ direction).argmax())
+            if point @ normals[facet] - distances[facet] <= FLAT * found.unit:
+                return False
+            self.hull.add_points(point[None])
+        self.points.append(point)
+        return True
+
+    @property
+    def flat(self) -> bool:
+        """Whether it has no inside; the hull is made here."""
+        if self.hull is None:
+            try:
+                self.hull = ConvexHull(np.array(self.points), incremental=True)
+            except QhullError:
+                return True
+        return False
+
+    def across(self) -> list[Floats]:
+        """The two directions in which it is thinnest."""
+        thin = np.linalg.svd(np.array(self.points))[2][-1]
+        return [thin, -thin]
+
+    def facets(self) -> tuple[Floats, Floats]:
+        """Normals and distances; of a flat one those of its plane."""
+        if self.hull is None:
+            return np.array(self.across()), np.zeros(2)
+        return self.hull.equations[:, :-1], -self.hull.equations[:, -1]
+
+
 def _generators(term: Term) -> Floats:
     """Wrenches that span a term of a task, (g, 6)."""
     row, points = term.row()
     if len(points):
         return points
     return np.eye(6) if row[9] > 0.0 else np.eye(6)[:3]
-
-
-def _polytope(points: Floats) -> ConvexHull | None:
-    """The hull of points, to which more can be added; None: they are flat."""
-    try:
-        return ConvexHull(points, incremental=True)
-    except QhullError:
-        return None

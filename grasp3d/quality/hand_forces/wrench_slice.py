@@ -80,7 +80,7 @@ class WrenchSlice:
 
     @cached_property
     def _limits(self) -> tuple[Floats, Floats]:
-        """Sides, 0 the lower one, and drives that have a limit, (2, l); the units of drives, (q,)."""
+        """Sides, 0 for lower, and drives that have a limit, (2, l); units of the drives, (q,)."""
         actuation = self.grasp.actuation
         both = np.stack([actuation.lower, actuation.upper])
         finite = np.isfinite(both)
