@@ -1,16 +1,23 @@
-"""The command `grasp3d hand`: prints the description of a gripper, draws and writes it."""
+"""The command `grasp3d hand`: prints the description of a hand, draws and writes it."""
 
 import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from grasp3d.cli.articulated import print_articulated, print_known
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import Report, escaped, table_of
 from grasp3d.cli.tool_commands import Hand
 from grasp3d.errors import SettingError
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.hand import Hand as AnyHand
 from grasp3d.hand.hand_files import read_hand, write_hand
 from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper, preset_names
 from grasp3d.settings.lengths import length_in_unit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 HEADINGS = ("name", "opening,\nmm", "fingers,\nmm", "pads,\nmm", "force,\nN", "sensor\nresolution")
 """Of the table of grippers that are known by name."""
@@ -21,6 +28,7 @@ def run(command: Hand) -> int:
     if not command.hand:
         if not command.quiet:
             print_presets()
+            print_known()
         return 0
     from grasp3d.plots.figures import METADATA, save_as
 
@@ -29,22 +37,43 @@ def run(command: Hand) -> int:
     for path in (command.picture, command.frames):
         check_output(path, METADATA, "figure", overwrite=command.overwrite)
     tcp = length_in_unit("tcp", command.tcp, "m")
-    gripper = read_hand(command.hand, fingers=command.fingers, palm=command.palm, tcp=tcp)
-    if not isinstance(gripper, ParallelGripper):
-        raise SettingError(f"{gripper.name!r} is no parallel gripper; only those are described")
+    hand = read_hand(
+        command.hand, fingers=command.fingers, palm=command.palm, tcp=tcp, preset=command.preset
+    )
     if command.output is not None:
-        write_hand(command.output, gripper)
+        write_hand(command.output, hand)
     if command.picture is not None:
-        from grasp3d.plots.grippers import gripper_figure
-
-        save_as(gripper_figure(gripper), command.picture)
+        save_as(_figure(hand), command.picture)
     if command.frames is not None:
         from grasp3d.plots.grippers import frames_figure
 
-        save_as(frames_figure(gripper), command.frames)
+        if not isinstance(hand, ParallelGripper):
+            raise SettingError(f"--frames is for parallel grippers; {hand.name!r} is none")
+        save_as(frames_figure(hand), command.frames)
     if not command.quiet:
-        print_gripper(gripper, filter(None, (command.output, command.picture, command.frames)))
+        paths = filter(None, (command.output, command.picture, command.frames))
+        if isinstance(hand, ArticulatedHand):
+            print_articulated(hand, paths)
+        else:
+            print_gripper(_gripper(hand), paths)
     return 0
+
+
+def _figure(hand: AnyHand) -> "Figure":
+    if isinstance(hand, ArticulatedHand):
+        from grasp3d.plots.hands import hand_figure
+
+        return hand_figure(hand)
+    from grasp3d.plots.grippers import gripper_figure
+
+    return gripper_figure(_gripper(hand))
+
+
+def _gripper(hand: AnyHand) -> ParallelGripper:
+    """A hand that is a parallel gripper. Raises SettingError."""
+    if not isinstance(hand, ParallelGripper):
+        raise SettingError(f"{hand.name!r} is of a kind that is not described")
+    return hand
 
 
 def print_presets() -> None:

@@ -17,9 +17,9 @@ _LINK = tyro.conf.arg(metavar="LINK")
 
 @dataclass(frozen=True)
 class Hand(Quiet, Overwriting):
-    """Print the lengths, frame, force and touch of a gripper; draw it, write it as JSON.
+    """Print what is known of a gripper or a hand with joints; draw it, write it as JSON.
 
-    Without a gripper: list the ones that are known by name.
+    Without one: list the ones that are known by name.
 
     Example:
         # Print a gripper, and draw it
@@ -28,6 +28,8 @@ class Hand(Quiet, Overwriting):
         grasp3d hand franka --frames frames.png
         # Describe the hand of a URDF by the links of its fingers
         grasp3d hand hand.urdf --fingers left_finger right_finger -o gripper.json
+        # Propose the description of a hand with joints, and draw it
+        grasp3d hand allegro.urdf -o allegro.json --picture allegro.png
     """
 
     hand: Annotated[str, tyro.conf.Positional, _NAME] = ""
@@ -35,7 +37,12 @@ class Hand(Quiet, Overwriting):
     (.xml, .mjcf)."""
 
     fingers: Annotated[tuple[str, str] | None, _LINKS] = None
-    """URDF and MuJoCo: names of the links, or bodies, of the two fingers."""
+    """URDF and MuJoCo: names of the links, or bodies, of the two fingers that slide (default: it is
+    a hand with joints)."""
+
+    preset: str | None = None
+    """URDF and MuJoCo: name of the hand with joints whose numbers it has (default: that one whose
+    joints have the same names, if there is one)."""
 
     palm: Annotated[str | None, _LINK] = None
     """URDF and MuJoCo: name of the link that is the palm (default: the one that carries the
@@ -46,16 +53,16 @@ class Hand(Quiet, Overwriting):
     point, a length with a unit, or in m (default: to the middle of the pads)."""
 
     output: Path | None = None
-    """JSON file for the gripper."""
+    """JSON file for the description."""
 
     picture: Path | None = None
-    """Picture of the gripper with its frame and dimensions (.png, .svg or .pdf)."""
+    """Picture of it with its frame (.png, .svg or .pdf)."""
 
     frames: Path | None = None
     """Picture of all frames in which programs give its pose, by name (.png, .svg or .pdf)."""
 
     def __post_init__(self) -> None:
-        options = ("fingers", "palm", "tcp", "output", "picture", "frames")
+        options = ("fingers", "preset", "palm", "tcp", "output", "picture", "frames")
         names = [name for name in options if getattr(self, name) is not None]
         if names and not self.hand:
             raise SettingError(f"--{names[0]} needs a gripper: a name or a file before the options")
