@@ -94,7 +94,7 @@ class _Drawing:
 
     def box(self) -> Floats:
         """Ends of the box around all that is drawn, shape (2, 2)."""
-        ends = [start + 1.2 * length * way for start, way, length, _, _ in self.arrows]
+        ends = [start + 1.3 * length * way for start, way, length, _, _ in self.arrows]
         points = np.concatenate([self.triangles.reshape(-1, 3), *np.array(ends)[None]])[:, :2]
         space = 0.4 * self.length
         return np.stack([points.min(axis=0) - space, points.max(axis=0) + space])
@@ -121,13 +121,14 @@ def _draw_arrow(
 ) -> None:
     if np.linalg.norm(direction[:2]) < 0.2:  # toward the viewer, or away
         return
-    ends = [start + reach * length * direction for reach in (0.0, 1.0, 1.15)]
+    ends = [start + reach * length * direction for reach in (0.0, 1.0, 1.07)]
     (x0, y0), (x1, y1), (x, y) = ((float(end[0]), float(end[1])) for end in ends)
     style = {"arrowstyle": "-|>", "color": color, "linewidth": 1.4, "shrinkA": 0.0,
              "shrinkB": 0.0, "mutation_scale": 8.0}  # fmt: skip
     plot.annotate("", (x1, y1), (x0, y0), arrowprops=style, zorder=7)
     outline = [withStroke(linewidth=2.0, foreground="white")]
+    beside = "left" if direction[0] > 0.7 else "right" if direction[0] < -0.7 else "center"
     plot.text(
-        x, y, name, color=color, ha="center", va="center", zorder=8, fontsize=7.0,
+        x, y, name, color=color, ha=beside, va="center", zorder=8, fontsize=7.0,
         fontweight="bold", path_effects=outline,
     )  # fmt: skip

@@ -9,10 +9,10 @@ What is not stated follows from the geometry, and is said:
   their distances to their common middle, with a little for the distance from the joints' value 0.
 * The approach direction is that axis of the palm's frame along which the palm is thinnest, among
   those within 65 degrees of the direction from the middle of the palm to where the fingertips meet.
-* A joint closes the hand if the point halfway along the links that it moves comes nearer to the
-  place where the fingertips meet, more than it moves sideways. Other joints keep the values that
-  they have where the fingertips meet; in the open preshape those that close it have the value
-  nearest to 0 within their limits.
+* Joints close the hand that turn about nearly the same axis, within 37 degrees, as the last one of
+  their finger, in the direction in which its tip comes nearer to where the fingertips meet. In the
+  open preshape they have the value nearest to 0 within their limits, and the other joints, which
+  spread the fingers and turn the thumb, the values that they have where the fingertips meet.
 * Torques are the efforts that the file states, where these are plausible.
 """
 
@@ -42,8 +42,8 @@ KEPT = 0.02
 ROUNDED = 1e-9
 """Difference of a length from 1 that is rounding."""
 
-CLOSES = 0.5
-"""Least cosine of the angle between the way of a link and the way to where fingertips meet."""
+PARALLEL = 0.8
+"""Least cosine of the angle between axes that count as nearly the same."""
 
 
 def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None) -> ArticulatedHand:
@@ -255,23 +255,30 @@ class _Proposal:
         middles = self._middles(tips)
         target = self._points(self._meeting, tips, middles).mean(axis=0)
         halfway = 0.5 * (self.zero + self._meeting)
-        poses = self.bare.link_poses(halfway)
         points = self._points(halfway, tips, middles)
-        moves = self.bare.jacobians(
-            poses, np.zeros(len(tips), np.int64), np.array(self._numbers(tips)), points
-        )
-        ways = unit_rows(target - points)
-        towards = np.einsum("nip,ni->np", moves, ways)
-        speeds = np.linalg.norm(moves, axis=1)
-        cosines = np.divide(towards, speeds, out=np.zeros_like(speeds), where=speeds > 1e-6)
-        moving = speeds > 1e-6
-        single = moving.sum(axis=0) == 1  # what moves several fingers at once is a wrist
-        mean = cosines.sum(axis=0)
-        closing = np.where(single & (np.abs(mean) >= CLOSES), np.sign(mean), 0.0)
+        poses = self.bare.link_poses(halfway)
+        rows, numbers = np.zeros(len(tips), np.int64), np.array(self._numbers(tips))
+        moves = self.bare.jacobians(poses, rows, numbers, points)
+        toward = np.einsum("nip,ni->p", moves, target - points)
+        bends = [self._bends(name, poses[0]) for name in self.names]
         self.assumed.append(
-            "joints that close it are those that bring a fingertip nearer to where all meet"
+            "joints close it that turn about nearly the same axis as the last one of their finger, "
+            "in the direction in which it comes nearer to where the fingertips meet"
         )
-        return np.asarray(closing, dtype=np.float64)
+        return np.where(bends, np.sign(toward), 0.0)
+
+    def _bends(self, name: str, poses: Floats) -> bool:
+        """Whether a joint turns about the axis of the last joint of a finger, or slides as it."""
+        joints = self.tree.joints
+        link = next(link for link, joint in joints.items() if joint.name == name)
+        tips = [tip for tip in self.bare.fingertips if link in [tip, *self._above(tip)]]
+        if len(tips) != 1:  # what moves several fingers at once is a wrist
+            return False
+        last = next(one for one in [*tips, *self._above(tips[0])] if joints[one].kind != "fixed")
+        axes = [
+            poses[self.tree.links.index(one), :3, :3] @ joints[one].axis for one in (link, last)
+        ]
+        return joints[link].kind == joints[last].kind and abs(axes[0] @ axes[1]) >= PARALLEL
 
     def _preshapes(self, closing: Floats) -> dict[str, Floats]:
         stated = self.known.get("preshapes", {})
