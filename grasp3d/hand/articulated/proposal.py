@@ -278,7 +278,8 @@ class _Proposal:
         axes = [
             poses[self.tree.links.index(one), :3, :3] @ joints[one].axis for one in (link, last)
         ]
-        return joints[link].kind == joints[last].kind and abs(axes[0] @ axes[1]) >= PARALLEL
+        cosine = abs(float(axes[0] @ axes[1]))
+        return joints[link].kind == joints[last].kind and cosine >= PARALLEL
 
     def _preshapes(self, closing: Floats) -> dict[str, Floats]:
         stated = self.known.get("preshapes", {})
