@@ -153,7 +153,7 @@ def label_library(
 
     Raises:
         MeshError: An input is missing, or there is no mesh among them.
-        SettingError: The cluster cannot be reached.
+        SettingError: The cluster cannot be reached, or the hand cannot make such grasps.
         OutputError: The results cannot be written, or `output` contains other meshes with other
             settings.
 
@@ -179,6 +179,8 @@ def label_library(
     cluster = cluster or ClusterSettings()
     if settings.load is not None:  # other machines need no files, and changed files other labels
         settings = replace(settings, load=settings.load.with_files_read())
+    if settings.reach.hand is not None:
+        settings.reach.hand.check_fingers(settings.model.fingers)
     if not str(output):
         raise OutputError("no folder for the results: name one")
     files = find_meshes(map(str, inputs), results=folder.url)

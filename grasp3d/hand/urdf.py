@@ -172,9 +172,12 @@ def read_collision_mesh(name: str, link: str, path: Path) -> Floats:
     """
     file = mesh_file(name, path)
     if file is None:
-        raise SettingError(
-            printable(f"{path}: there is no mesh {name} of link {link}; put it where the file says")
-        )
+        scheme, _, rest = name.rpartition("://")
+        package = rest.partition("/")[0]
+        where = "put it where the file says"
+        if scheme in {"package", "model"}:
+            where = f"put the folder {package}, which the file takes for a ROS package, beside it"
+        raise SettingError(printable(f"{path}: there is no mesh {name} of link {link}; {where}"))
     try:
         raw = read_mesh(file)
     except MeshError as error:

@@ -1,6 +1,7 @@
 """Hands with joints: their motions against MuJoCo, and Jacobians against differences."""
 
 import importlib.util
+import pickle
 import re
 from functools import cache
 from pathlib import Path
@@ -8,10 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 
 from grasp3d.arrays import Floats
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.errors import SettingError
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, Coupling
 from grasp3d.hand.articulated.proposal import articulated_hand_of
+from grasp3d.hand.link_tree import LinkShape, mesh_shape
 from grasp3d.hand.robot_files import read_links
 from tests.helpers.hands import HANDS, hand_file
 
@@ -84,6 +88,165 @@ def compare_with_mujoco(name: str, folder: Path, count: int) -> None:
     assert worst < 1e-9
 
 
-@pytest.mark.parametrize("name", [*HANDS, *MODELS])
+@pytest.mark.parametrize("name", ["allegro", "barrett", "adroit"])
 def test_links_are_where_mujoco_has_them(name: str, tmp_path: Path) -> None:
     compare_with_mujoco(name, tmp_path, 20)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*HANDS, *MODELS])
+def test_links_of_many_postures_are_where_mujoco_has_them(name: str, tmp_path: Path) -> None:
+    compare_with_mujoco(name, tmp_path, 10_000)
+
+
+MJCF = """<mujoco>
+ <compiler angle="radian"/>
+ <worldbody>
+  <body name="hand" pos="1 2 3" euler="0.3 0.2 0.1">
+   <geom type="box" size="0.03 0.06 0.03"/>
+   <body name="one" pos="0 0.001 0.06" euler="0.1 0.2 0.3">
+    <joint name="swing" type="hinge" axis="1 2 0" pos="0.01 0.02 0.03" ref="0.4" range="-1 1"
+     limited="true"/>
+    <joint name="slide" type="slide" axis="0 1 1" ref="0.02" range="0 0.03" limited="true"/>
+    <joint name="bend" type="hinge" axis="0 0 1" pos="0 0.02 0" range="-1 1" limited="true"/>
+    <geom type="capsule" size="0.01 0.02"/>
+    <body name="tip" pos="0 0 0.05">
+     <joint name="last" type="hinge" axis="1 0 0" ref="-0.3"/>
+     <geom type="ellipsoid" size="0.01 0.02 0.03"/>
+    </body>
+   </body>
+  </body>
+ </worldbody>
+ <equality><joint joint1="last" joint2="bend" polycoef="0.1 0.5 0 0 0"/></equality>
+ {more}
+</mujoco>"""
+
+
+def mjcf(folder: Path, more: str = "") -> Path:
+    path = folder / "hand.xml"
+    path.write_text(MJCF.format(more=more), encoding="utf-8")
+    return path
+
+
+def test_bodies_with_several_joints_away_from_their_origin(tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    path = mjcf(tmp_path)
+    hand = articulated_hand_of(read_links(path))
+    assert hand.joint_names == ("swing", "slide", "bend")
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    data.qpos[:] = 0.3, 0.01, 0.7, -0.3 + 0.1 + 0.5 * 0.7
+    mujoco.mj_kinematics(model, data)
+    (poses,) = hand.link_poses([0.3, 0.01, 0.7])
+    for link in ("one", "tip"):
+        found = poses[hand.link_names.index(link)]
+        np.testing.assert_allclose(found[:3, 3], data.body(link).xpos, atol=1e-12)
+        np.testing.assert_allclose(found[:3, :3].ravel(), data.body(link).xmat, atol=1e-12)
+
+
+def test_tendons_and_motors_of_models(tmp_path: Path) -> None:
+    more = """<tendon><fixed name="t"><joint joint="bend" coef="0.01"/><joint joint="swing"
+     coef="0.02"/></fixed></tendon>
+     <actuator><motor tendon="t"/><motor joint="slide" forcelimited="true" forcerange="-3 3"
+     gear="2"/></actuator>"""
+    pytest.importorskip("mujoco")
+    hand = articulated_hand_of(read_links(mjcf(tmp_path, more)))
+    assert hand.couplings == (Coupling("differential", ("bend", "swing"), (0.01, 0.02)),)
+    np.testing.assert_array_equal(hand.torques, [np.nan, 6.0, np.nan])
+
+
+@pytest.mark.parametrize(
+    ("constraint", "words"),
+    [
+        ('<connect name="rod" body1="tip" body2="hand" anchor="0 0 0"/>', "rod closes a loop"),
+        ('<joint name="bent" joint1="swing" joint2="bend" polycoef="0 1 1 0 0"/>', "bent closes"),
+    ],
+)
+def test_what_is_no_tree_is_refused(tmp_path: Path, constraint: str, words: str) -> None:
+    pytest.importorskip("mujoco")
+    path = mjcf(tmp_path, f"<equality>{constraint}</equality>")
+    with pytest.raises(SettingError, match=words):
+        articulated_hand_of(read_links(path))
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("allegro", "barrett", "adroit"),
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("leap", "shadow", "shadow model")),
+    ],
+)
+def test_jacobians_are_differences_of_points(name: str) -> None:
+    hand = hand_of(name)
+    rng = np.random.default_rng(3)
+    posture = random_postures(hand, 40)
+    poses = hand.link_poses(posture)
+    row, link = np.arange(40), rng.integers(0, len(hand.link_names), 40)
+    points = rng.normal(0.0, 0.1, (40, 3))
+    found = hand.jacobians(poses, row, link, points)
+    local = np.linalg.solve(poses[row, link], np.c_[points, np.ones(40)][..., None])
+    step = 1e-5
+    for joint in range(len(hand.joint_names)):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = posture.copy()
+            moved[:, joint] += sign * step
+            ends.append((hand.link_poses(moved)[row, link] @ local)[:, :3, 0])
+        np.testing.assert_allclose(found[..., joint], (ends[0] - ends[1]) / (2 * step), atol=1e-7)
+
+
+def test_joints_that_follow_move_with_the_one_of_the_posture() -> None:
+    path = hand_file("barrett")
+    medial, distal = "finger_3_med_joint", "finger_3_dist_joint"
+    coupled = Coupling("rigid", (medial, distal), (3.0, 1.0))
+    free, hand = (
+        articulated_hand_of(read_links(path), {"couplings": one}) for one in ((), (coupled,))
+    )
+    assert {*free.joint_names} - {*hand.joint_names} == {distal}
+    posture = np.linspace(-0.6, 0.0, len(hand.joint_names))
+    values = dict(zip(hand.joint_names, posture, strict=True))
+    values[distal] = values[medial] / 3.0
+    expected = free.link_poses([values[name] for name in free.joint_names])
+    np.testing.assert_allclose(hand.link_poses(posture), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        (np.zeros(24), "has 16 joints, and a posture has 24 values; the joints are joint_0.0"),
+        (np.full(16, np.nan), "joint_0.0 of posture 0 is nan; values of joints must be finite"),
+        (np.zeros((1, 2, 16)), "has 16 joints"),
+    ],
+)
+def test_postures_of_other_sizes_are_refused(values: Floats, words: str) -> None:
+    with pytest.raises(SettingError, match=words):
+        hand_of("allegro").link_poses(values)
+
+
+def test_hands_come_from_another_process_as_they_are() -> None:
+    hand = hand_of("barrett")
+    copy = pickle.loads(pickle.dumps(hand))  # noqa: S301, its own
+    assert copy.description() == hand.description()
+    np.testing.assert_array_equal(copy.shape(0.0).vertices, hand.shape(0.0).vertices)
+
+
+def test_shapes_have_the_volume_of_what_they_are() -> None:
+    pose = np.eye(4)
+    pose[:3, 3] = 1.0, 2.0, 3.0
+    cube = trimesh.creation.box([1.0, 1.0, 1.0]).triangles
+    corner = np.concatenate([cube, cube + 2.0])  # two cubes with one hull
+    for shape, volume in [
+        (LinkShape("box", pose, (0.5, 1.0, 1.5)), 6.0),
+        (LinkShape("sphere", pose, (1.0,)), 4.0 / 3.0 * np.pi),
+        (LinkShape("cylinder", pose, (1.0, 2.0)), 4.0 * np.pi),
+        (LinkShape("capsule", pose, (1.0, 2.0)), 16.0 / 3.0 * np.pi),
+        (mesh_shape(corner, pose), trimesh.Trimesh(corner.reshape(-1, 3)).convex_hull.volume),
+    ]:
+        solid = trimesh.Trimesh(**trimesh.triangles.to_kwargs(shape.triangles()))
+        assert abs(solid.volume / volume - 1.0) < 0.03
+        assert solid.volume > 0.0
+        if shape.kind != "mesh":
+            np.testing.assert_allclose(solid.bounds.mean(axis=0), [1.0, 2.0, 3.0], atol=1e-9)
+    own = mesh_shape(corner, pose)
+    assert len(own.vertices) == 14
+    np.testing.assert_allclose(own.triangles(hull=False), corner + [1.0, 2.0, 3.0])

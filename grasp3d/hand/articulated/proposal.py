@@ -163,6 +163,10 @@ class _Proposal:
         closing = self._closing()
         preshapes = self._preshapes(closing)
         approach = self._approach(preshapes["open"])
+        if endless := [
+            n for n, ends in zip(self.names, self.limits, strict=True) if np.isinf(ends).any()
+        ]:
+            self.assumed.append(f"joints without limits: {', '.join(endless)}")
         sensors = known.get("sensors")
         if sensors is None:
             sensors = dict.fromkeys(tips)

@@ -1,0 +1,125 @@
+"""`grasp3d hand` and other commands with hands with joints."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from grasp3d.hand.hand_files import read_hand
+from tests.helpers.commands import printed, refusal
+from tests.helpers.hands import hand_file, three_fingers
+
+
+def test_a_description_is_proposed_printed_and_drawn(tmp_path: Path) -> None:
+    three_fingers(tmp_path, effort=10.0)
+    words = ("hand", "three.urdf", "-o", "three.json", "--picture", "three.png")
+    text = printed(*words, cwd=tmp_path, columns=200)
+    assert text.endswith("written: three.json\nwritten: three.png\n")
+    for line in (
+        r"knuckle0  inner0  -68.75  17.19      0      -1  not stated",
+        r"outer2  fingertip  1 box   the model's",
+        r"assumed    an effort of 10 is not that of such a motor: the torque is not stated (knuckle0",
+        r"approach   (0, 0, 1) in it, open",
+    ):
+        assert " ".join(line.split()) in " ".join(text.split())
+    assert (tmp_path / "three.png").read_bytes().startswith(b"\x89PNG")
+    again = printed("hand", "three.json", cwd=tmp_path, columns=200)
+    assert text.startswith(again)
+    assert read_hand(tmp_path / "three.json").name == "three"
+
+
+def test_known_hands_are_listed_and_named(tmp_path: Path) -> None:
+    text = printed("hand", cwd=tmp_path, columns=80)
+    assert "allegro           0.7 N m" in text
+    assert max(map(len, text.splitlines())) <= 82
+    path = hand_file("barrett")
+    text = printed("hand", path, "--preset", "barrett", cwd=tmp_path, columns=200)
+    assert "rigid coupling  finger_1_med_joint : 3, finger_1_dist_joint : 1" in text
+
+
+BAD = {
+    "links": ({}, "--palm thumb", "no link is called 'thumb'; known: palm, inner0"),
+    "loop": (
+        {"more": '<joint name="rod" type="fixed"><parent link="outer0"/><child link="palm"/></joint>'},
+        "",
+        "is part of a loop of joints",
+    ),
+    "two parents": (
+        {"more": '<joint name="rod" type="fixed"><parent link="palm"/><child link="outer0"/></joint>'},
+        "",
+        "joint rod joins no two links of its own",
+    ),
+    "free": ({"kind": "floating"}, "", "joint knuckle0 neither slides nor turns about an axis"),
+    "mesh": (
+        {"shape": '<mesh filename="tip.stl"/>'},
+        "",
+        "there is no mesh tip.stl of link inner0; put it where the file says",
+    ),
+    "package": (
+        {"shape": '<mesh filename="package://hands/tip.stl"/>'},
+        "",
+        "put the folder hands, which the file takes for a ROS package, beside it",
+    ),
+    "preset": ({}, "--preset leap", "it is no leap as that is known"),
+    "gripper": ({}, "--fingers outer0 outer1", "only fingers that slide can be read"),
+    "frames": ({}, "--frames f.png", "--frames is for parallel grippers; 'three' is none"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_models_are_refused_in_a_sentence(tmp_path: Path, case: str) -> None:
+    options, words, reason = BAD[case]
+    three_fingers(tmp_path, **options)
+    said = refusal(f"hand three.urdf {words} -o three.json", tmp_path)
+    assert reason in said
+    assert not (tmp_path / "three.json").exists() or case == "frames"
+
+
+def test_joints_without_limits_are_said(tmp_path: Path) -> None:
+    path = three_fingers(tmp_path)
+    text = path.read_text(encoding="utf-8").replace('lower="-1.5" upper="0"', "")
+    path.write_text(text, encoding="utf-8")
+    text = printed("hand", path, cwd=tmp_path, columns=200)
+    assert "joints without limits: bend0, bend1, bend2" in text
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ('{"format": "grasp3d articulated hand", ', "is no JSON"),
+        ('{"format": "grasp3d articulated hand", "version": 1}', "description is missing"),
+        ('{"format": "grasp3d articulated hand", "version": 1, "description": "three.urdf", '
+         '"torques": {"bend0": NaN}}', "NaN"),
+        ('{"format": "grasp3d articulated hand", "version": 1, "description": "three.urdf", '
+         '"closing": {"bend0": "fast"}}', "closing must be an object of numbers by joints"),
+        ('{"format": "grasp3d articulated hand", "version": 1, "description": "three.json"}',
+         "three.json"),
+    ],
+)  # fmt: skip
+def test_damaged_descriptions_are_refused(tmp_path: Path, content: str, reason: str) -> None:
+    three_fingers(tmp_path)
+    (tmp_path / "three.json").write_text(content, encoding="utf-8")
+    assert reason in refusal("hand three.json", tmp_path)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "label {mesh} -o out.ply --hand {hand}",
+        "batch {mesh} -o out --hand {hand}",
+        "sweep {mesh} -o out.csv --hand {hand}",
+        "view {mesh} --hand {hand}",
+        "simulate {mesh} --hand {hand}",
+        "validate tried.csv --mesh {mesh} --hand {hand}",
+    ],
+)
+def test_what_needs_jaws_refuses_hands_with_joints(tmp_path: Path, command: str) -> None:
+    three_fingers(tmp_path)
+    description = {"format": "grasp3d articulated hand", "version": 1, "description": "three.urdf"}
+    (tmp_path / "three.json").write_text(json.dumps(description), encoding="utf-8")
+    rows = ("px,py,pz,qx,qy,qz,qw,success", "0,0,0.1,0,0,0,1,1", "0,0,0.1,0,0,0,1,0")
+    (tmp_path / "tried.csv").write_text("\n".join(rows), encoding="utf-8")
+    mesh = Path(__file__).parents[2] / "meshes" / "nut.obj"
+    said = refusal(command.format(mesh=mesh, hand="three.json"), tmp_path)
+    assert "three is a hand with joints: poses with values of its joints are evaluated" in said
+    assert not list(tmp_path.glob("out*"))
