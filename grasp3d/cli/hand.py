@@ -40,6 +40,8 @@ def run(command: Hand) -> int:
     hand = read_hand(
         command.hand, fingers=command.fingers, palm=command.palm, tcp=tcp, preset=command.preset
     )
+    if command.frames is not None and not isinstance(hand, ParallelGripper):
+        raise SettingError(f"--frames is for parallel grippers; {hand.name!r} is none")
     if command.output is not None:
         write_hand(command.output, hand)
     if command.picture is not None:
@@ -47,9 +49,7 @@ def run(command: Hand) -> int:
     if command.frames is not None:
         from grasp3d.plots.grippers import frames_figure
 
-        if not isinstance(hand, ParallelGripper):
-            raise SettingError(f"--frames is for parallel grippers; {hand.name!r} is none")
-        save_as(frames_figure(hand), command.frames)
+        save_as(frames_figure(_gripper(hand)), command.frames)
     if not command.quiet:
         paths = filter(None, (command.output, command.picture, command.frames))
         if isinstance(hand, ArticulatedHand):

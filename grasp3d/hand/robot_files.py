@@ -46,6 +46,9 @@ def watched(make: Callable[..., T], path: Path, *arguments: Any) -> T:
     """
     if problem := problem_of_file(path):
         raise SettingError(printable(f"{path}: {problem}"))
+    if path.suffix.lower() not in SUFFIXES:
+        known = " ".join(SUFFIXES)
+        raise SettingError(printable(f"{path} is no URDF or MuJoCo model: supported are {known}"))
     seconds = SECONDS + size_of_files(path) / BYTES_PER_SECOND
     try:
         made: T = call(_make, make, path, *arguments, memory=MEMORY, seconds=seconds)
