@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from grasp3d.cli.articulated import print_articulated, print_known
 from grasp3d.cli.existing_files import check_output
@@ -16,9 +15,6 @@ from grasp3d.hand.hand_files import read_hand, write_hand
 from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper, preset_names
 from grasp3d.settings.lengths import length_in_unit
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 HEADINGS = ("name", "opening,\nmm", "fingers,\nmm", "pads,\nmm", "force,\nN", "sensor\nresolution")
 """Of the table of grippers that are known by name."""
 
@@ -30,7 +26,7 @@ def run(command: Hand) -> int:
             print_presets()
             print_known()
         return 0
-    from grasp3d.plots.figures import METADATA, save_as
+    from grasp3d.plots.figures import METADATA
 
     # The description that was read is replaced only with --overwrite.
     check_output(command.output, [".json"], "gripper", overwrite=command.overwrite)
@@ -45,8 +41,9 @@ def run(command: Hand) -> int:
     if command.output is not None:
         write_hand(command.output, hand)
     if command.picture is not None:
-        save_as(_figure(hand), command.picture)
+        _draw(hand, command.picture)
     if command.frames is not None:
+        from grasp3d.plots.figures import save_as
         from grasp3d.plots.grippers import frames_figure
 
         save_as(frames_figure(_gripper(hand)), command.frames)
@@ -59,14 +56,17 @@ def run(command: Hand) -> int:
     return 0
 
 
-def _figure(hand: AnyHand) -> "Figure":
+def _draw(hand: AnyHand, path: Path) -> None:
+    from grasp3d.plots.figures import save_as
+
     if isinstance(hand, ArticulatedHand):
         from grasp3d.plots.hands import hand_figure
 
-        return hand_figure(hand)
-    from grasp3d.plots.grippers import gripper_figure
+        save_as(hand_figure(hand), path)
+    else:
+        from grasp3d.plots.grippers import gripper_figure
 
-    return gripper_figure(_gripper(hand))
+        save_as(gripper_figure(_gripper(hand)), path)
 
 
 def _gripper(hand: AnyHand) -> ParallelGripper:
