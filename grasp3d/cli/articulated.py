@@ -11,7 +11,7 @@ from grasp3d.hand.articulated.presets import NAMES, content_of
 
 JOINTS = ("joint", "moves", "from,\n°", "to,\n°", "open,\n°", "closes", "torque,\nN m")
 LINKS = ("link", "is", "shapes", "sensor\nresolution")
-KNOWN = ("hand with joints", "joint\ntorques", "couplings", "from")
+KNOWN = ("hand with joints", "torques", "couplings")
 
 PLURALS = {"box": "boxes", "mesh": "meshes"}
 
@@ -26,8 +26,9 @@ def print_known() -> None:
         stated = ", ".join(f"{torque:g} N m" for torque in torques) or "not stated"
         kinds = Counter(one["kind"] for one in content.get("couplings", ()))
         coupled = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "none"
-        rows.append([name, stated, coupled, escaped(content["source"])])
-    report.table(table_of(KNOWN, rows, texts=4))
+        rows.append([name, stated, coupled])
+    report.line("")
+    report.table(table_of(KNOWN, rows, texts=3))
     report.line("they need a URDF of yours: grasp3d hand FILE.urdf -o NAME.json")
 
 
