@@ -138,6 +138,12 @@ class Actuation:
         return tight is not None and not tight.any() and not self.undriven.size
 
     @cached_property
+    def holds_links(self) -> bool:
+        """Whether the drives hold the hand's own links and springs without any contact."""
+        at_rest = (self.lower <= 0.0).all() and (self.upper >= 0.0).all()
+        return bool(at_rest and not self.offset.any()) or self.tight is not None
+
+    @cached_property
     def tight(self) -> Bools | None:
         """Bounds, lower and upper ones, at which drives stay while no force is exerted, (2, q).
 
@@ -179,23 +185,28 @@ class Actuation:
     def _sizes(self) -> Floats:
         return np.asarray(np.linalg.norm(self.columns, axis=0))
 
-    def powers(self, motion: Floats) -> Floats:
+    def powers(self, motion: Floats, size: float = 0.0) -> Floats:
         """Largest power of each drive on a motion of the joints (p,); may be inf, (q,).
 
         Drives without a limit that a motion moves only by rounding have none.
+
+        Args:
+            motion: Shape (p,).
+            size: Of the motions of which it is part.
         """
         pull = motion @ self.columns
         bound = np.where(pull > 0.0, self.upper, self.lower)
-        rounded = np.abs(pull) <= ROUNDED * np.linalg.norm(motion) * self._sizes
+        size = max(size, float(np.linalg.norm(motion)))
+        rounded = np.abs(pull) <= ROUNDED * size * self._sizes
         return np.asarray(pull * np.where(rounded & np.isinf(bound) | (pull == 0.0), 0.0, bound))
 
-    def power(self, motion: Floats) -> float:
+    def power(self, motion: Floats, size: float = 0.0) -> float:
         """Largest power of all drives and of c on a motion of the joints (p,).
 
         It is the support function of K: no forces in K do more work on the motion of the contact
         points that the joints' motion causes.
         """
-        return float(motion @ self.offset + self.powers(motion).sum())
+        return float(motion @ self.offset + self.powers(motion, size).sum())
 
 
 def short(values: object) -> str:

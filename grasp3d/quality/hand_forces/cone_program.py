@@ -13,6 +13,9 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 
+HUGE = 1e30
+"""Numbers in a proposal that are none."""
+
 STEPS = 8
 """Newton steps of polishing."""
 
@@ -58,7 +61,8 @@ class ConeProgram:
 
         return sparse.csc_matrix(self.matrix)
 
-    def _solver(self, cost: Floats, *, retry: bool) -> Any:
+    def make_solver(self, cost: Floats, *, retry: bool) -> Any:
+        """Clarabel's solver; `retry`: one that goes on with care instead of speed."""
         import clarabel
         from scipy import sparse
 
@@ -74,7 +78,7 @@ class ConeProgram:
 
     @cached_property
     def _kept(self) -> Any:
-        return self._solver(np.zeros(self.matrix.shape[1]), retry=False)
+        return self.make_solver(np.zeros(self.matrix.shape[1]), retry=False)
 
     def with_matrix(self, matrix: Floats) -> "ConeProgram":
         """The same program with other numbers in the matrix, where there were others than 0."""
@@ -88,12 +92,15 @@ class ConeProgram:
     def solve(self, cost: Floats, *, retry: bool = False) -> Solution:
         """Propose a solution for a cost (k,); `retry`: with care instead of speed."""
         if retry:
-            solver = self._solver(cost, retry=True)
+            solver = self.make_solver(cost, retry=True)
         else:
             solver = self._kept
             solver.update(q=cost)
         found = solver.solve()
-        return Solution(np.array(found.x), np.array(found.z), str(found.status))
+        x, z = np.array(found.x), np.array(found.z)
+        if not (np.abs(x).max() < HUGE and np.abs(z).max(initial=0.0) < HUGE):
+            return Solution(np.zeros_like(x), np.zeros_like(z), "NumericalError")
+        return Solution(x, z, str(found.status))
 
     def polished(self, cost: Floats, found: Solution) -> Solution:
         """Newton's method on the conditions of optimality, from a solution nearly at the optimum.

@@ -23,7 +23,10 @@ from grasp3d.quality.wrenches import span
 MOST_PROGRAMS = 600
 """Cone programs after which a search for the worst wrench ends with the bounds reached."""
 
-FAR = 1e6
+MOST_FACETS = 20000
+"""Facets of the polytope after which it ends so."""
+
+FAR = 1e3
 """Force, in the unit of the grasp, that stands for one without limit."""
 
 FLAT = 1e-9
@@ -200,7 +203,7 @@ def _of_wrench(
     lower, upper = found.lower * per_force, found.upper * per_force
     if size == 0.0:
         lower = upper = math.nan if math.isnan(found.lower) else math.inf
-    if constant.any() or grasp.actuation.tight is None:
+    if constant.any() or not grasp.actuation.holds_links:
         # What it holds without the load: no mass but 0 is a payload otherwise.
         programs += 1
         back = part.reach(-along)
@@ -252,21 +255,25 @@ class _Search:
         limit = HandPayload(0.0, math.inf, self.at_rest, part, np.zeros(count), 0.0, 1)
         if math.isnan(self.at_rest.lower):  # it cannot even hold its own links
             return replace(limit, upper=0.0 if self.at_rest.upper < 0.0 else math.inf)
-        pending = list(self.first())
+        pending, endless = list(self.first()), 0
         while pending and limit.programs < MOST_PROGRAMS:
             direction = pending.pop()
             found = part.reach(direction)
             limit = self.limited(limit, found, direction)
-            if not polytope.grows(found, direction):
+            if not polytope.grows(found):
                 break
+            endless += found.lower == math.inf
             if pending:
                 continue
+            if endless == limit.programs - 1:  # every wrench is a sum of some without end
+                return replace(limit, lower=math.inf)
             if polytope.flat and limit.programs < 4 * count:
                 pending = polytope.across()
                 continue
             lower, direction = self.nearest(polytope)
             limit = replace(limit, lower=min(lower, limit.upper))
-            if limit.upper - lower > self.rtol * limit.upper and lower < math.inf:
+            near = limit.upper - lower <= self.rtol * limit.upper or lower == math.inf
+            if not near and polytope.size < MOST_FACETS:
                 pending.append(direction)
         return limit
 
@@ -297,7 +304,13 @@ class _Search:
         with np.errstate(divide="ignore", invalid="ignore"):
             loads = np.where(growing > 0.0, left / growing, np.where(left < 0.0, 0.0, math.inf))
         nearest = int(loads.argmin())
-        return max(float(loads[nearest]), 0.0), normals[nearest].copy()
+        direction = normals[nearest]
+        at_origin = (distances <= FLAT * self.grasp.force) & (growing > 0.0)
+        if at_origin.sum() > 1 and len(polytope.points) % 2:
+            # The origin is a corner still: the middle of its facets cuts most of them off.
+            middle = normals[at_origin].mean(axis=0)
+            direction = middle if middle.any() else direction
+        return max(float(loads[nearest]), 0.0), direction / np.linalg.norm(direction)
 
 
 class _Polytope:
@@ -307,8 +320,8 @@ class _Polytope:
         self.points = [np.zeros(dimension)]
         self.hull: ConvexHull | None = None
 
-    def grows(self, found: Reach, direction: Floats) -> bool:
-        """Add what is reached; False: it is known, up to rounding, or nothing is."""
+    def grows(self, found: Reach) -> bool:
+        """Add what is reached; False: that is impossible, or it is known up to rounding."""
         if math.isnan(found.lower):
             return False
         point = found.point
@@ -316,10 +329,12 @@ class _Polytope:
             point = point * (FAR * found.unit / np.linalg.norm(point))
         if self.hull is not None:
             normals, distances = self.facets()
-            facet = int((normals @ direction).argmax())
-            if point @ normals[facet] - distances[facet] <= FLAT * found.unit:
+            if (normals @ point - distances).max() <= FLAT * found.unit:
                 return False
-            self.hull.add_points(point[None])
+            try:
+                self.hull.add_points(point[None])
+            except QhullError:  # too thin for its precision: what is known so far holds
+                return False
         self.points.append(point)
         return True
 
@@ -332,6 +347,11 @@ class _Polytope:
             except QhullError:
                 return True
         return False
+
+    @property
+    def size(self) -> int:
+        """Number of facets."""
+        return 0 if self.hull is None else len(self.hull.equations)
 
     def across(self) -> list[Floats]:
         """The two directions in which it is thinnest."""

@@ -174,7 +174,7 @@ class WrenchSlice:
             if best is not None and best.proven:
                 break
         assert best is not None
-        loaded = self.grasp.actuation.tight is None or self.constant.any()
+        loaded = not self.grasp.actuation.holds_links or self.constant.any()
         if best.lower == math.inf and direction.any() and loaded:
             # A solver that finds a way without end need not have found a point where it starts.
             start = self.reach(np.zeros(len(direction)))
@@ -259,13 +259,14 @@ class WrenchSlice:
         drives that have no limit.
         """
         grasp = self.grasp
-        work = grasp.actuation.power(motion)
+        turning = float(np.linalg.norm(twist * grasp.scale))
+        work = grasp.actuation.power(motion, turning * grasp.force / grasp.torque)
         velocities = grasp.velocities(twist, motion)
         sizes = np.linalg.norm(velocities, axis=1)
         into = np.maximum(self.half_angles, 0.0) - grasp.openings(twist, motion)
         into = np.where((self.half_angles < 0.0) | (into < 0.0), 0.0, into)
         joints = float(np.linalg.norm(motion)) * grasp.torque / grasp.force
-        moving = max(float(np.linalg.norm(twist * grasp.scale)), joints, 1e-300)
+        moving = max(turning, joints, 1e-300)
         slack = float((into * sizes).max() / moving)
         if math.isfinite(grasp.most_force):
             work += grasp.most_force * float((sizes * np.sin(np.minimum(into, np.pi / 2))).sum())
