@@ -196,6 +196,32 @@ def numbers(values: Sequence[Any], shape: tuple[int, ...], what: str) -> Floats:
     return np.array(flat, dtype=np.float64).reshape(len(values), *shape)
 
 
+def joints_of(values: Sequence[Any], what: str) -> tuple[tuple[str, ...], Floats]:
+    """Values of the joints of each grasp, by name or in lists: their names, and shape (k, p).
+
+    Args:
+        values: Of each grasp, an object of names and numbers, or a list.
+        what: What they are, for messages.
+
+    Raises:
+        ContactError: The joints of two grasps differ, or values are no numbers.
+    """
+    first = values[0] if values else None
+    if not isinstance(first, Mapping):
+        joints = len(first) if isinstance(first, list) else 0
+        return (), numbers(values, (joints,), what)
+    rows = []
+    for number, one in enumerate(values, 1):
+        named = mapping(one, f"grasp {number}: {what}")
+        if other := sorted(map(str, named.keys() ^ first.keys())):
+            raise ContactError(
+                f"grasp {number}: {what} must have the joints of grasp 1; {other[0]!r} is in one "
+                "of them only"
+            )
+        rows.append([named[name] for name in first])
+    return tuple(map(str, first)), numbers(rows, (len(first),), what)
+
+
 def optional_numbers(entries: Entries, key: str) -> Floats:
     """Numbers of a key that entries need not have, shape (k,); nan where it is missing."""
     return numbers([entry.get(key) for entry in entries], (), key)

@@ -1,7 +1,8 @@
 """Poses in the project's own formats: JSON, CSV and Parquet."""
 
 from collections.abc import Iterable, Mapping
-from itertools import count, takewhile
+from itertools import count as naturals
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from grasp3d.grasps.pose_files.documents import (
     each,
     entries_of,
     grasp_list,
+    joints_of,
     json_numbers,
     json_text,
     mapping,
@@ -31,7 +33,7 @@ from grasp3d.grasps.pose_files.frames import (
     quaternions,
 )
 from grasp3d.grasps.pose_files.outcomes import Values, outcomes_of
-from grasp3d.grasps.poses import OWN_NAMES, GraspPoses
+from grasp3d.grasps.poses import OWN_NAMES, STAGES, GraspPoses
 from grasp3d.hand.frames import FRAMES
 from grasp3d.settings.outcome import Outcome
 from grasp3d.system.documents import MEGABYTE, described
@@ -41,6 +43,9 @@ Columns = Mapping[str, npt.NDArray[Any]]
 POSITION = ("px", "py", "pz")
 QUATERNION = ("qx", "qy", "qz", "qw")
 REQUIRED = POSITION + QUATERNION
+
+JOINT = "joint:"
+"""Before the name of a joint in the name of its column."""
 
 VECTORS = {"contacts": "", "normals": "n"}
 """Columns of poses that are contacts and outward normals, and how their names begin in a table."""
@@ -60,10 +65,13 @@ def are_poses(names: list[str]) -> bool:
 
 def write_json(path: Path, poses: GraspPoses) -> None:
     """Write what applies to all grasps, then one line for each grasp."""
-    posture = {"posture": poses.posture} if poses.posture.size else {}
+    posture = {
+        name: values if values.shape[1:] == (4, 4) else _by_name(values, poses.joint_names)
+        for name, values in _further_stages(poses).items()
+    }
     further = {name: values for name, values in poses.columns.items() if name not in VECTORS}
     columns = {
-        name: json_numbers(values)
+        name: json_numbers(values) if isinstance(values, np.ndarray) else values
         for name, values in {**_columns(poses, {"pose": poses.poses}, posture), **further}.items()
     }
     if len(further) < len(poses.columns):
@@ -75,13 +83,33 @@ def write_json(path: Path, poses: GraspPoses) -> None:
     write_rows(path, header, rows_of(columns, poses.count))
 
 
+def _further_stages(poses: GraspPoses) -> dict[str, Floats]:
+    """Postures, and postures and poses before and after the grasp, as far as they are known."""
+    found = {"posture": poses.posture}
+    for stage in STAGES:
+        found[f"{stage}_posture"] = getattr(poses, f"{stage}_posture")
+        if (moved := getattr(poses, f"{stage}_poses")) is not None:
+            found[f"{stage}_pose"] = moved
+    return {name: values for name, values in found.items() if values.size}
+
+
+def _by_name(values: Floats, names: tuple[str, ...]) -> Any:
+    """Values of joints as JSON has them: by name, or a list where joints have no names."""
+    rows = json_numbers(values)
+    return [dict(zip(names, row, strict=True)) for row in rows] if names else rows
+
+
 def write_table(path: Path, poses: GraspPoses) -> None:
     """Write one row for each grasp; Parquet has the header in its metadata."""
     from grasp3d.system.tables import write_columns
 
-    pose = dict(zip(POSITION, poses.poses[:, :3, 3].T, strict=True))
-    pose |= dict(zip(QUATERNION, quaternions(poses.poses).T, strict=True))
-    posture = {f"posture{k + 1}": values for k, values in enumerate(poses.posture.T)}
+    pose, posture = _pose_columns("", poses.poses), dict[str, npt.NDArray[Any]]()
+    for name, values in _further_stages(poses).items():
+        if values.shape[1:] == (4, 4):
+            posture |= _pose_columns(name.removesuffix("pose"), values)
+        else:
+            names = _joint_columns(name, poses.joint_names, values.shape[1])
+            posture |= dict(zip(names, values.T, strict=True))
     columns = {**_columns(poses, pose, posture), "unit": np.full(poses.count, poses.unit or "")}
     if poses.gripper_frame != FRAMES["tcp"]:
         columns["gripper_frame"] = np.full(poses.count, str(poses.gripper_frame))
@@ -97,7 +125,21 @@ def write_table(path: Path, poses: GraspPoses) -> None:
     write_columns(path, columns, settings=header_of(poses))
 
 
-def _columns(poses: GraspPoses, pose: Columns, posture: Columns) -> dict[str, npt.NDArray[Any]]:
+def _pose_columns(prefix: str, poses: Floats) -> dict[str, npt.NDArray[Any]]:
+    """Columns of positions and quaternions."""
+    names = (prefix + name for name in REQUIRED)
+    values = (*poses[:, :3, 3].T, *quaternions(poses).T)
+    return dict(zip(names, values, strict=True))
+
+
+def _joint_columns(name: str, joints: tuple[str, ...], count: int) -> list[str]:
+    """Names of the columns of a posture: with those of its joints, or with numbers."""
+    if joints:
+        return [f"{name.removesuffix('posture')}{JOINT}{joint}" for joint in joints]
+    return [f"{name}{k + 1}" for k in range(count)]
+
+
+def _columns(poses: GraspPoses, pose: Columns, posture: Mapping[str, Any]) -> dict[str, Any]:
     """The columns of every file, with the pose and the posture as this one has them."""
     return {
         "name": np.array(poses.names),
@@ -169,7 +211,7 @@ def parse_json(content: object, given: Given) -> GraspPoses:
         listed,
         given.outcome,
         poses=numbers(each(entries, "pose"), (4, 4), "pose"),
-        posture=_posture(entries),
+        **_postures(entries),
         names=tuple(str(one.get("name", f"grasp_{k}")) for k, one in enumerate(entries, 1)),
         columns={
             **{key: _column(listed[key], key) for key in further},
@@ -179,13 +221,23 @@ def parse_json(content: object, given: Given) -> GraspPoses:
     )
 
 
-def _posture(entries: Entries) -> Floats:
-    """Values of further joints, shape (k, p)."""
-    if "posture" not in entries[0]:
-        return np.zeros((0, 0))
-    first = entries[0]["posture"]
-    joints = len(first) if isinstance(first, list) else 0
-    return numbers(each(entries, "posture"), (joints,), "posture")
+def _postures(entries: Entries) -> dict[str, Any]:
+    """Postures, and poses before and after the grasp, as far as they are stated."""
+    found: dict[str, Any] = {}
+    names: tuple[str, ...] | None = None
+    for name in ("posture", *(f"{stage}_posture" for stage in STAGES)):
+        if any(name in entry for entry in entries):
+            own, found[name] = joints_of(each(entries, name), name)
+            found["joint_names"] = names = own if names is None else names
+            if set(own) != set(names):
+                raise ContactError(f"{name} must have the joints of the posture")
+            if own != names:
+                found[name] = found[name][:, [own.index(joint) for joint in names]]
+    for stage in STAGES:
+        if any(f"{stage}_pose" in entry for entry in entries):
+            key = f"{stage}_pose"
+            found[f"{stage}_poses"] = numbers(each(entries, key), (4, 4), key)
+    return found
 
 
 def _column(values: list[Any], key: str) -> npt.NDArray[Any]:
@@ -238,14 +290,13 @@ def read_table(path: Path, given: Given) -> GraspPoses:
     if not len(columns["px"]):
         raise ContactError("there are no grasps in it, only column names")
     header = read_settings(path) if path.suffix.lower() == ".parquet" else None
-    joints = tuple(takewhile(columns.__contains__, (f"posture{k}" for k in count(1))))
-    vectors = _vector_columns(columns)
+    vectors, (joints, postures) = _vector_columns(columns), _posture_columns(columns)
     used = {*OWN_NAMES, *joints, *(part for parts in vectors.values() for part in parts)}
     return _poses(
         columns,
         given.outcome,
-        poses=from_quaternions(_stacked(columns, POSITION), _stacked(columns, QUATERNION)),
-        posture=_stacked(columns, joints) if joints else np.zeros((0, 0)),
+        poses=_poses_in(columns, ""),
+        **postures,
         names=tuple(map(_text, columns["name"].tolist())) if "name" in columns else (),
         columns={
             **{
@@ -258,6 +309,36 @@ def read_table(path: Path, given: Given) -> GraspPoses:
         },
         **fields_of((header or {}) | _stated(columns), given),
     )
+
+
+def _poses_in(columns: Columns, prefix: str) -> Floats:
+    position, turned = (
+        _stacked(columns, tuple(prefix + name for name in names))
+        for names in (POSITION, QUATERNION)
+    )
+    return from_quaternions(position, turned)
+
+
+def _posture_columns(columns: Columns) -> tuple[list[str], dict[str, Any]]:
+    """The columns of postures, and of poses before and after the grasp, and what they state."""
+    used: list[str] = []
+    found: dict[str, Any] = {}
+    joints = tuple(name.removeprefix(JOINT) for name in columns if name.startswith(JOINT))
+    count = sum(1 for _ in takewhile(columns.__contains__, (f"posture{k}" for k in naturals(1))))
+    for name in ("posture", *(f"{stage}_posture" for stage in STAGES)):
+        names = _joint_columns(name, joints, count)
+        if any(one in columns for one in names):
+            missing = [one for one in names if one not in columns]
+            if missing:
+                raise ContactError(f"column {missing[0]} is missing of {' '.join(names)}")
+            found |= {name: _stacked(columns, tuple(names)), "joint_names": joints}
+            used += names
+    for stage in STAGES:
+        names = [f"{stage}_{name}" for name in REQUIRED]
+        if all(name in columns for name in names):
+            found[f"{stage}_poses"] = _poses_in(columns, f"{stage}_")
+            used += names
+    return used, found
 
 
 def _stated(columns: Mapping[str, Iterable[Any]]) -> dict[str, str]:
@@ -282,7 +363,7 @@ def _parts(name: str, fingers: int) -> tuple[str, ...]:
 def _vector_columns(columns: Columns) -> dict[str, tuple[str, ...]]:
     """The columns of contacts and normals, where there are those of two fingers at least."""
     complete = {
-        name: next(n for n in count() if not set(_parts(name, n + 1)) <= columns.keys())
+        name: next(n for n in naturals() if not set(_parts(name, n + 1)) <= columns.keys())
         for name in VECTORS
     }
     return {name: _parts(name, fingers) for name, fingers in complete.items() if fingers > 1}
