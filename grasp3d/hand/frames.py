@@ -29,7 +29,7 @@ LARGEST = 1.0
 FORM = "approach=+z,closing=+x,tcp=0.1034"
 """A frame as text, for messages."""
 
-_PARTS = ("approach", "closing", "side", "turn", "tcp")
+_PARTS = ("approach", "closing", "side", "turn", "tcp", "link")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,8 +40,10 @@ class GripperFrame:
     one in `FRAMES`, or parts with names: `approach` and `closing`, axes such as +z or -y, and
     `tcp`, how far the TCP is before the origin along the approach direction, in metres or with a
     unit; `base` stands for the `base_to_tcp` of the gripper, `ends` for an origin at the ends of
-    its fingers. `turn` turns the closing axis about the approach direction, and `side`, the third
-    axis, is only checked. Parts after a name replace those of that frame.
+    its fingers. `link` names the link of a hand with joints whose frame it is, where the joints
+    above it are at 0; axes and origin need not be stated then. `turn` turns the closing axis about
+    the approach direction, and `side`, the third axis, is only checked. Parts after a name replace
+    those of that frame.
 
     Example:
         >>> from grasp3d.hand.frames import GripperFrame
@@ -63,6 +65,8 @@ class GripperFrame:
     """What the origin is measured from."""
     ahead: float = 0.0
     """How far that point is before the origin, along the approach direction [m]."""
+    link: str = ""
+    """Link of a hand with joints in whose frame axes and origin are; empty: the base."""
     name: str = field(default="", compare=False)
     """Its name in `FRAMES`; empty: none."""
 
@@ -100,6 +104,9 @@ class GripperFrame:
         axes = {} if own else {n: _signed(getattr(self, n)) for n in ("approach", "closing")}
         turn = {"turn": f"{math.degrees(self.turn):.12g}deg"} if self.turn else {}
         parts = {**axes, **turn, "tcp": self._tcp}
+        if self.link:
+            plain = self == GripperFrame(link=self.link)
+            parts = {"link": self.link, **({} if plain else parts)}
         return ",".join(["hand"] * own + [f"{name}={value}" for name, value in parts.items()])
 
     @property
@@ -117,6 +124,8 @@ class GripperFrame:
             SettingError: The frame depends on the lengths of a gripper, and there is none.
         """
         if self.origin == "tcp":
+            return self.ahead
+        if self.origin == "base" and _has_joints(hand):
             return self.ahead
         jaws = self._jaws(hand)
         return self.ahead + (jaws.base_to_tcp if self.origin == "base" else -jaws.end)
@@ -139,9 +148,22 @@ class GripperFrame:
         pose = np.eye(4)
         pose[:3, :3] = np.stack([closing, np.cross(approach, closing), approach], axis=1)
         pose[:3, 3] = self.distance(hand) * approach
-        return pose
+        return pose @ np.linalg.inv(self._link_pose(hand)) if self.link else pose
+
+    def _link_pose(self, hand: "Hand | None") -> "Floats":
+        """Pose of the link in the hand's frame where all joints are at 0."""
+        import numpy as np
+
+        links = getattr(hand, "link_names", ())
+        if self.link not in links:
+            name = "no hand with joints is given" if hand is None else f"{hand.name} has none"
+            raise SettingError(f"poses are in the frame of the link {self.link!r}, but {name}")
+        poses = hand.link_poses(np.zeros((1, len(hand.joint_names))))  # type: ignore[union-attr]
+        return np.asarray(poses[0, links.index(self.link)])
 
     def _own_axes(self, hand: "Hand | None") -> tuple[str, str]:
+        if _has_joints(hand):
+            return "z", "x"
         closing, approach = self._jaws(hand).base_axes
         return approach, closing
 
@@ -152,6 +174,11 @@ class GripperFrame:
             f"poses in the frame {str(self)!r} need the lengths of a parallel gripper: give it "
             "(--hand, in Python hand=...)"
         )
+
+
+def _has_joints(hand: "Hand | None") -> bool:
+    """Whether a hand's frame is that of its base, as of those with joints."""
+    return hasattr(hand, "link_poses")
 
 
 def _signed(axis: str) -> str:
@@ -171,6 +198,8 @@ def _of_text(text: str) -> GripperFrame:
         raise SettingError(
             f"a gripper's frame is a name or parts such as {FORM} (also turn); got {text!r}"
         )
+    if "link" in parts:
+        base, named = GripperFrame(link=parts["link"]), True
     given = [name for name in ("approach", "closing") if name in parts]
     if len(given) == 1 or (not given and not named):
         missing = ({"approach", "closing"} - {*given}).pop() if given else "approach"
@@ -248,11 +277,11 @@ def known_frames() -> str:
 
 
 def _named(
-    name: str, axes: tuple[str, str], origin: Origin, **values: float
+    name: str, axes: tuple[str, str], origin: Origin, *, turn: float = 0.0, ahead: float = 0.0
 ) -> tuple[str, GripperFrame]:
     approach, closing = axes
     return name, GripperFrame(
-        name=name, approach=approach, closing=closing, origin=origin, **values
+        name=name, approach=approach, closing=closing, origin=origin, turn=turn, ahead=ahead
     )
 
 

@@ -31,6 +31,6 @@ from grasp3d.settings.sampling import search_cone as search_cone
 PoseFormat = Literal[
     "json", "csv", "parquet", "isaac_grasp", "graspdatagen", "replicator", "acronym", "graspgen",
     "graspnet", "interndata", "graspnet_labels", "contact_graspnet", "moveit", "multigrippergrasp",
-    "robotwin",
+    "robotwin", "dexgraspbench", "bodex", "dexgraspnet",
 ]  # fmt: skip
 """Formats of files of a gripper's poses."""

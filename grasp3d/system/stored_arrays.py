@@ -28,8 +28,8 @@ from grasp3d.system.documents import MEGABYTE
 MOST_STEPS = 1_000_000
 """Most steps of a pickle, each of which makes at most one value."""
 
-_KINDS = re.compile(r"b1|[iu][1248]|f[248]|O8?")
-"""Types of arrays: numbers and objects."""
+_KINDS = re.compile(r"b1|[iu][1248]|f[248]|U[1-9]\d{0,5}|O8?")
+"""Types of arrays: numbers, texts and objects."""
 
 MOST_ARGUMENTS, MOST_AXES = 9, 32
 """Most values that an array is made with, of a shape with so many axes."""
@@ -294,7 +294,7 @@ def array_of(content: bytes, what: str) -> Array:
     return values.reshape(shape, order="F" if by_column else "C")
 
 
-def _header(stream: IO[bytes], size: int, what: str) -> Header:
+def _header(stream: IO[bytes], size: int, what: str, *, check: bool = True) -> Header:
     """Shape, order and type of an array of so many bytes, at whose values the stream is then."""
     version = np.lib.format.read_magic(stream)
     read_header = {
@@ -304,9 +304,37 @@ def _header(stream: IO[bytes], size: int, what: str) -> Header:
     if read_header is None:
         raise ValueError(f"{what} is of an unknown version")
     shape, by_column, kind = read_header(stream)
-    if not kind.hasobject and math.prod(shape) * kind.itemsize != size - stream.tell():
+    if check and not kind.hasobject and math.prod(shape) * kind.itemsize != size - stream.tell():
         raise ValueError(f"{what} is not an array of its size")
     return shape, by_column, kind
+
+
+def stored_objects(path: Path) -> list[Any] | None:
+    """The objects of an .npy file, one of them or a row; None: it is an array of numbers or text.
+
+    No pickle is executed, see `unpickled`.
+
+    Raises:
+        RefusedError: The file is no such file, damaged, too large, or has other objects.
+        OSError: It cannot be read.
+    """
+    with path.open("rb") as stream:
+        if stream.read(6) != b"\x93NUMPY":
+            raise RefusedError("is no .npy file")
+        stream.seek(0)
+        try:
+            kind = _header(stream, path.stat().st_size, "it", check=False)[2]
+        except HEADER_ERRORS as error:
+            raise RefusedError(f"is no .npy file ({' '.join(str(error).split())[:200]})") from error
+        if not kind.hasobject:
+            return None
+        if path.stat().st_size > LARGEST:
+            raise RefusedError(f"has more than the {LARGEST / MEGABYTE:,.0f} MB that are read")
+        stored = unpickled(stream.read())
+    values = stored.values if isinstance(stored, StoredArray) else None
+    if not isinstance(values, list):
+        raise RefusedError("has no objects")
+    return values
 
 
 class Archive:

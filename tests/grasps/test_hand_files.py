@@ -1,6 +1,11 @@
 """Files of postures: the same grasps through every format, and what is wrong in files by others."""
 
+import importlib.machinery
+import importlib.util
 import json
+import os
+import sys
+import types
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,11 +13,19 @@ from typing import Any
 import numpy as np
 import pyarrow.csv as pc
 import pytest
+from scipy.spatial.transform import Rotation
 
-from grasp3d.errors import ContactError
-from grasp3d.grasps.pose_files import read_poses, write_poses
+from grasp3d.errors import ContactError, OutputError
+from grasp3d.grasps.pose_files import hand_files, read_poses, write_poses
+from grasp3d.grasps.pose_files.hand_files import ALL_STAGES
 from grasp3d.grasps.poses import GraspPoses
-from tests.grasps.test_poses import with_joints
+from grasp3d.grasps.postures import matched, wrist_of
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.parallel_gripper import preset
+from grasp3d.settings import PoseFormat
+from tests.grasps.test_poses import random_poses, with_joints
+from tests.hand.test_articulated_hand import hand_of, random_postures
+from tests.helpers.hands import HANDS
 
 
 def equal(one: Any, other: Any, tolerance: float = 1e-9) -> None:
@@ -89,3 +102,401 @@ def test_a_table_without_a_joint_of_one_stage_is_refused(tmp_path: Path) -> None
     (tmp_path / "a.csv").write_text("\n".join(rows))
     with pytest.raises(ContactError, match="column squeeze_joint:b is missing"):
         read_poses(tmp_path / "a.csv")
+
+
+# Hands with joints: the same grasps through every format.
+
+FORMATS = {
+    "json": ".json", "csv": ".csv", "parquet": ".parquet", "isaac_grasp": ".yaml",
+    "dexgraspbench": ".npy", "bodex": ".npy", "dexgraspnet": ".npy",
+}  # fmt: skip
+
+SHADOW_JOINTS = ("FFJ4", "FFJ3", "THJ5", "THJ1", "LFJ5")
+IN_MODEL = ("FFJ3", "FFJ2", "THJ4", "THJ0", "LFJ4")
+"""The same joints as DexGraspNet's model calls them."""
+
+
+def grasps_of(name: str, count: int = 4) -> GraspPoses:
+    """Grasps of a hand, in metres."""
+    hand = hand_of(name)
+    posture = random_postures(hand, count)
+    moved = random_poses(count)
+    moved[:, 2, 3] += 0.02
+    return GraspPoses(
+        poses=random_poses(count),
+        posture=posture,
+        joint_names=hand.joint_names,
+        pregrasp_posture=0.8 * posture,
+        squeeze_posture=1.1 * posture,
+        pregrasp_poses=moved,
+        unit="m",
+        hand=hand,
+        object_scale=0.08,
+        object_file="mug.obj",
+    )
+
+
+def palms(poses: GraspPoses) -> Any:
+    """Where the links beyond the wrist are, shape (k, l, 4, 4)."""
+    assert isinstance(poses.hand, ArticulatedHand)
+    links = poses.hand.link_names
+    beyond = links[links.index(wrist_of(poses.hand).beyond) :]
+    chosen = [links.index(link) for link in beyond]
+    return poses.poses[:, None] @ poses.hand.link_poses(poses.posture)[:, chosen]
+
+
+@pytest.mark.parametrize("form", list(FORMATS))
+@pytest.mark.parametrize("name", HANDS)
+def test_every_format_has_the_same_grasps(tmp_path: Path, name: str, form: PoseFormat) -> None:
+    poses = grasps_of(name)
+    path = tmp_path / f"a{FORMATS[form]}"
+    write_poses(path, poses, format=form)
+    back = read_poses(path, hand=poses.hand)
+    equal(palms(back), palms(poses))
+    if form == "dexgraspnet" and name == "shadow":
+        assert str(back.gripper_frame) == "link=palm"  # it has no wrist
+        return
+    equal(back.posture, poses.posture)
+    equal(back.poses, poses.poses)
+    assert back.joint_names == (() if form == "dexgraspbench" else poses.joint_names)
+    if form not in {"dexgraspnet", "isaac_grasp"}:
+        equal(back.squeeze_posture, poses.squeeze_posture)
+        equal(back.pregrasp_poses, poses.pregrasp_poses)
+    if form != "dexgraspnet":
+        equal(back.pregrasp_posture, poses.pregrasp_posture)
+    if form != "csv":
+        assert back.object_scale == 0.08
+
+
+def test_joints_without_names_are_said_to_be_in_the_assumed_order(tmp_path: Path) -> None:
+    poses = grasps_of("leap")
+    write_poses(tmp_path / "a.npy", poses, format="dexgraspbench")
+    back = read_poses(tmp_path / "a.npy", hand=poses.hand)
+    assert back.settings["joint_order"] == "not stated: that of leap is assumed"
+
+
+def test_joints_of_dexgraspnet_are_those_of_the_shadow_hand_with_their_signs() -> None:
+    """Fingertips are where the model of gymnasium-robotics has them, relative to the palm."""
+    model, hand = hand_of("shadow model"), hand_of("shadow")
+    postures = random_postures(model, 20)
+    postures[:, [n for n, joint in enumerate(model.joint_names) if "WRJ" in joint]] = 0.0
+    given = GraspPoses(
+        poses=random_poses(20), posture=postures, joint_names=model.joint_names, unit="m"
+    )
+    of_model = replace(given, joint_names=(), hand=model)
+    names = [n for n, joint in enumerate(model.joint_names) if "WRJ" not in joint]
+    found = matched(
+        replace(
+            given,
+            posture=postures[:, names],
+            joint_names=tuple(model.joint_names[n] for n in names),
+        ),
+        hand,
+        wrist=wrist_of(hand).joints,
+    )
+    tips = {}
+    for one in (of_model, found):
+        assert isinstance(one.hand, ArticulatedHand)
+        links = one.hand.link_poses(one.posture)
+        short = [link.removeprefix("robot0:") for link in one.hand.link_names]
+        palm = np.linalg.inv(links[:, short.index("palm")])
+        tips[one.hand.name] = [
+            (palm @ links[:, short.index(f"{finger}distal")])[:, :3, 3]
+            for finger in ("ff", "mf", "rf", "lf", "th")
+        ]
+    first, second = tips.values()
+    # The descriptions differ by up to 2 mm; a wrong sign moves tips by centimetres.
+    equal(first, second, 0.004)
+
+
+@pytest.mark.parametrize("given", [IN_MODEL, SHADOW_JOINTS])
+def test_a_posture_of_one_numbering_is_never_taken_for_the_other(given: tuple[str, ...]) -> None:
+    hand = hand_of("shadow")
+    names = tuple(f"robot0:{name}" for name in given)
+    poses = GraspPoses(poses=np.eye(4), posture=np.zeros((1, 5)), joint_names=names, unit="m")
+    with pytest.raises(ContactError, match=r"of shadow are missing") as error:
+        matched(poses, hand)
+    assert ("FFJ4," in str(error.value)) == (given == SHADOW_JOINTS)
+
+
+def test_names_may_begin_with_that_of_the_robot() -> None:
+    poses = grasps_of("shadow")
+    joints = tuple(f"rh_{name}" for name in poses.joint_names)
+    order = np.random.default_rng(2).permutation(len(joints))
+    shuffled = replace(
+        poses,
+        joint_names=tuple(joints[k] for k in order),
+        posture=poses.posture[:, order],
+        pregrasp_posture=poses.pregrasp_posture[:, order],
+        squeeze_posture=poses.squeeze_posture[:, order],
+    )
+    same_grasps(matched(shuffled, hand_of("shadow")), poses)
+
+
+@pytest.mark.parametrize(
+    ("joints", "message"),
+    [
+        ({"joint_3.0": None}, r"joint_3.0 of allegro is missing"),
+        ({"joint_3.0": "joint_3"}, r"joint_3 is no joint .*joint_3.0 of allegro is missing \(miss"),
+        ({"joint_3.0": None, "joint_7.0": None}, "joint_3.0, joint_7.0 of allegro are missing"),
+        ({"extra": "extra"}, "extra is no joint of allegro"),
+    ],
+)
+def test_missing_surplus_and_misspelt_joints_are_named(
+    joints: dict[str, str | None], message: str
+) -> None:
+    poses = grasps_of("allegro")
+    known = {name: name for name in poses.joint_names} | joints
+    kept = tuple(name for name in known.values() if name)
+    other = GraspPoses(
+        poses=np.eye(4), posture=np.zeros((1, len(kept))), joint_names=kept, unit="m"
+    )
+    with pytest.raises(ContactError, match=message) as error:
+        matched(other, hand_of("allegro"))
+    assert "\n" not in str(error.value)
+
+
+def test_another_number_of_joints_is_refused_with_both() -> None:
+    poses = GraspPoses(poses=np.eye(4), posture=np.zeros((1, 22)), unit="m")
+    with pytest.raises(ContactError, match="have 22 values without names, but shadow has 24 joint"):
+        matched(poses, hand_of("shadow"))
+    with pytest.raises(ContactError, match="allegro is a hand with joints, but the poses have no"):
+        matched(GraspPoses(poses=np.eye(4), unit="m"), hand_of("allegro"))
+
+
+# Files as their programs lay them out.
+
+
+def save(path: Path, content: Any) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.save(path, content, allow_pickle=True)
+    return path
+
+
+def qpos(poses: Any, posture: Any) -> Any:
+    wxyz = Rotation.from_matrix(poses[:, :3, :3]).as_quat(scalar_first=True)
+    return np.hstack([poses[:, :3, 3], wxyz, posture]).astype(np.float32)
+
+
+def bench(poses: GraspPoses, row: int, **changes: Any) -> dict[str, Any]:
+    """One grasp of DexGraspBench; the object lies somewhere on a table."""
+    at = random_poses(1, seed=row)[0]
+    rows = qpos(at @ poses.poses, poses.posture)
+    of_object = qpos(at[None], np.zeros((1, 0)))[0]
+    return {
+        "obj_pose": of_object, "obj_scale": np.float32(0.08), "obj_path": "assets/DGNObj/mug",
+        "pregrasp_qpos": np.r_[rows[row, :7], 0.9 * rows[row, 7:]], "grasp_qpos": rows[row], "squeeze_qpos": rows[row],
+        **changes,
+    }  # fmt: skip
+
+
+def test_a_folder_of_files_of_one_grasp_each(tmp_path: Path) -> None:
+    poses = grasps_of("allegro")
+    for row in range(4):
+        save(tmp_path / "mug" / "scale008" / f"{row}.npy", bench(poses, row))
+    back = read_poses(tmp_path / "mug", hand=poses.hand)
+    equal(back.poses, poses.poses, 1e-6)
+    equal(back.posture, poses.posture, 1e-6)
+    assert back.names == tuple(f"scale008/{row}" for row in range(4))
+    assert (back.object_file, back.object_scale) == ("assets/DGNObj/mug", pytest.approx(0.08))
+    save(tmp_path / "mug" / "bad.npy", {"other": np.zeros(3)})
+    with pytest.raises(ContactError, match="grasp_qpos is missing"):
+        read_poses(tmp_path / "mug", hand=poses.hand, format="dexgraspbench")
+
+
+def test_poses_under_a_key_of_their_own_and_several_postures_on_the_way(tmp_path: Path) -> None:
+    poses = grasps_of("allegro")
+    one = bench(poses, 1)
+    whole = read_poses(save(tmp_path / "a.npy", one), hand=poses.hand)
+    split = {f"{stage}_{key}": one[f"{stage}_qpos"][part] for stage in ALL_STAGES
+             for key, part in (("pose", slice(0, 7)), ("qpos", slice(7, None)))}  # fmt: skip
+    older = {key: value for key, value in one.items() if not key.endswith("_qpos")} | split
+    same_grasps(read_poses(save(tmp_path / "b.npy", older), hand=poses.hand), whole)
+    steps = np.stack([one["pregrasp_qpos"], one["grasp_qpos"]])
+    later = one | {"pregrasp_qpos": steps, "grasp_qpos": one["grasp_qpos"][None]}
+    same_grasps(read_poses(save(tmp_path / "c.npy", later), hand=poses.hand), whole)
+
+
+def test_a_scene_of_dexonomy_states_the_pose_and_scale_of_its_object(tmp_path: Path) -> None:
+    poses = grasps_of("allegro")
+    one = bench(poses, 2)
+    of_object = {
+        "type": "rigid_object", "pose": one.pop("obj_pose").tolist(), "scale": [0.08] * 3,
+        "file_path": one.pop("obj_path"),
+    }  # fmt: skip
+    del one["obj_scale"]
+    scene = {"scene": {"mug": of_object, "table": {"type": "plane"}}}
+    back = read_poses(save(tmp_path / "a.npy", one | {"scene_cfg": scene}), hand=poses.hand)
+    equal(back.poses[0], poses.poses[2], 1e-6)
+    assert back.object_scale == 0.08
+    scene["scene"]["cup"] = of_object
+    save(tmp_path / "a.npy", one | {"scene_cfg": scene})
+    with pytest.raises(ContactError, match="its scene has 2 objects"):
+        read_poses(tmp_path / "a.npy", hand=poses.hand)
+    elsewhere = save(tmp_path / "a.npy", one | {"scene_path": "scene/tabletop.npy"})
+    with pytest.raises(ContactError, match=r"in the frame 'of the scene scene/tabletop.npy'.*give"):
+        read_poses(elsewhere, hand=poses.hand)
+    given = read_poses(elsewhere, hand=poses.hand, object_pose=random_poses(1, seed=2)[0])
+    equal(given.poses[0], poses.poses[2], 1e-6)
+
+
+def test_bodex_names_its_joints_whose_first_may_be_those_of_the_thumb(tmp_path: Path) -> None:
+    poses = grasps_of("shadow")
+    assert isinstance(poses.hand, ArticulatedHand)
+    names = [*poses.joint_names[19:], *poses.joint_names[2:19]]  # thumb first, without the wrist
+    at = [poses.joint_names.index(name) for name in names]
+    palm = poses.hand.link_poses(poses.posture)[:, poses.hand.link_names.index("palm")]
+    rows = np.stack([qpos(poses.poses @ palm, poses.posture[:, at])] * 3, axis=1)
+    content = {
+        "robot_pose": rows[None], "joint_names": names, "obj_scale": [0.08], "grasp_error": None,
+        "obj_pose": np.array([[0, 0, 0, 1, 0, 0, 0]], np.float32), "obj_path": ["mug"],
+        "world_cfg": [{"mesh": {"mug": {"pose": [0.0] * 7}}}],
+    }  # fmt: skip
+    back = read_poses(save(tmp_path / "mug_grasp.npy", content), hand=poses.hand)
+    equal(palms(back), palms(poses), 1e-5)
+    assert back.object_scale == 0.08
+    del content["joint_names"]
+    wrong = read_poses(save(tmp_path / "mug_grasp.npy", content), hand=poses.hand)
+    assert np.abs(palms(wrong) - palms(poses)).max() > 0.1
+    content["robot_pose"] = rows[None, :, :2]
+    with pytest.raises(ContactError, match="robot_pose must have 3 rows of each grasp"):
+        read_poses(save(tmp_path / "mug_grasp.npy", content), hand=poses.hand)
+
+
+def net(poses: GraspPoses, scales: list[float]) -> list[dict[str, Any]]:
+    angles = Rotation.from_matrix(poses.poses[:, :3, :3]).as_euler("xyz")
+    keys = ["WRJTx", "WRJTy", "WRJTz", "WRJRx", "WRJRy", "WRJRz", *poses.joint_names]
+    values = np.hstack([poses.poses[:, :3, 3], angles, poses.posture]).tolist()
+    return [
+        {"qpos": dict(zip(keys, row, strict=True)), "scale": scale}
+        for row, scale in zip(values, scales, strict=True)
+    ]
+
+
+def test_angles_of_dexgraspnet_are_about_fixed_axes_in_turn(tmp_path: Path) -> None:
+    entries = net(replace(grasps_of("allegro", 1), poses=np.eye(4)), [0.1])
+    entries[0]["qpos"] |= {"WRJRx": 0.3, "WRJRy": -0.7, "WRJRz": 1.9}
+    back = read_poses(save(tmp_path / "a.npy", entries), hand=hand_of("allegro"))
+    about = [Rotation.from_rotvec(v).as_matrix() for v in ([0.3, 0, 0], [0, -0.7, 0], [0, 0, 1.9])]
+    equal(back.poses[0, :3, :3], about[2] @ about[1] @ about[0])
+
+
+def test_grasps_at_several_scales_need_the_one_that_is_meant(tmp_path: Path) -> None:
+    poses = grasps_of("allegro")
+    path = save(tmp_path / "mug.npy", net(poses, [0.06, 0.1, 0.06, 0.15]))
+    with pytest.raises(ContactError, match=r"the object at 3 scales, 0.06, 0.1, 0.15: choose one"):
+        read_poses(path, hand=poses.hand)
+    back = read_poses(path, hand=poses.hand, object_scale=0.06)
+    equal(back.poses, poses.poses[[0, 2]])
+    assert back.object_scale == 0.06
+    with pytest.raises(ContactError, match=r"no grasps of the object at the scale 0.08; known are"):
+        read_poses(path, hand=poses.hand, object_scale=0.08)
+
+
+# What is refused.
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"grasp_qpos": np.zeros(7)},
+            "grasp_qpos must have 7 numbers of a pose and those",
+        ),
+        ({"grasp_qpos": np.zeros(23)}, "quaternion"),
+        ({"squeeze_qpos": np.zeros(22)}, "squeeze_qpos must have .*; got 22, in the first 23"),
+        ({"grasp_qpos": "none"}, "grasp_qpos must be numbers; got"),
+        ({"grasp_qpos": np.array([])}, "grasp_qpos must be numbers; there are none"),
+        (
+            {"grasp_qpos": np.r_[np.zeros(3), 1, np.zeros(18), np.nan]},
+            "value 16 of its posture",
+        ),
+        ({"obj_pose": np.zeros(6)}, "obj_pose must have 7 numbers; got 6"),
+        ({"obj_scale": [1.0, 1.0, 2.0]}, "the scale of the object must be one number"),
+    ],
+)
+def test_dictionaries_with_other_values_are_refused(
+    tmp_path: Path, change: dict[str, Any], message: str
+) -> None:
+    one = bench(grasps_of("allegro"), 0) | change
+    with pytest.raises(ContactError, match=message) as error:
+        read_poses(save(tmp_path / "a.npy", one), hand=hand_of("allegro"))
+    assert "\n" not in str(error.value)
+
+
+class Executes:
+    """What calls a function when it is unpickled in the usual way."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os.mkdir, ("executed",)
+
+
+def test_a_file_that_calls_functions_is_refused_in_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    one = bench(grasps_of("allegro"), 0) | {"note": Executes()}
+    save(tmp_path / "a.npy", one)
+    with pytest.raises(ContactError, match=r"a\.npy: is a pickle that names posix\.mkdir") as error:
+        read_poses("a.npy", hand=hand_of("allegro"))
+    assert "\n" not in str(error.value)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npy"]
+
+
+def test_hands_without_joints_and_grasps_without_postures_are_refused(tmp_path: Path) -> None:
+    poses = grasps_of("allegro")
+    path = save(tmp_path / "a.npy", bench(poses, 0))
+    with pytest.raises(ContactError, match="DexGraspBench files have postures of a hand with joi"):
+        read_poses(path)
+    with pytest.raises(ContactError, match="'franka' is none: give its description"):
+        read_poses(path, hand=preset("franka"))
+    with pytest.raises(OutputError, match="BODex files have the postures before and after"):
+        write_poses(path, replace(poses, squeeze_posture=np.zeros((0, 0))), format="bodex")
+    bare = GraspPoses(poses=poses.poses, unit="m", hand=poses.hand)
+    with pytest.raises(OutputError, match="the poses have no values of them"):
+        write_poses(path, bare, format="dexgraspnet")
+
+
+# PyTorch is not needed, and not there in tests: a stand-in has its one function.
+
+
+class Tensor:
+    def __init__(self, values: Any) -> None:
+        self.values = values
+
+    def detach(self) -> "Tensor":
+        return self
+
+    cpu = detach
+
+    def numpy(self) -> Any:
+        return self.values
+
+
+def test_files_of_pytorch_are_read_by_it_without_executing_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "a.pt").write_bytes(b"")
+    if importlib.util.find_spec("torch") is None:
+        with pytest.raises(ContactError, match="file of PyTorch, which is not installed: save it"):
+            read_poses(tmp_path / "a.pt", hand=hand_of("allegro"))
+    calls: list[dict[str, Any]] = []
+    poses = grasps_of("allegro")
+    content = {"grasp_qpos": Tensor(qpos(poses.poses, poses.posture))}
+
+    def load(path: Path, **options: Any) -> Any:
+        del path
+        calls.append(options)
+        return content
+
+    torch = types.ModuleType("torch")
+    torch.__spec__ = importlib.machinery.ModuleSpec("torch", None)
+    monkeypatch.setattr(torch, "load", load, raising=False)
+    monkeypatch.setitem(sys.modules, "torch", torch)
+    monkeypatch.setattr(hand_files, "watched", lambda read, path: read(path))
+    back = read_poses(tmp_path / "a.pt", hand=poses.hand)
+    equal(back.posture, poses.posture, 1e-6)
+    assert calls == [{"map_location": "cpu", "weights_only": True}]
+    monkeypatch.setattr(torch, "load", lambda *_, **__: 1 / 0)
+    with pytest.raises(ContactError, match="PyTorch does not read it without executing it"):
+        read_poses(tmp_path / "a.pt", hand=poses.hand)

@@ -11,7 +11,14 @@ import numpy as np
 import pytest
 
 from grasp3d.system import stored_arrays
-from grasp3d.system.stored_arrays import Archive, RefusedError, StoredArray, array_in, unpickled
+from grasp3d.system.stored_arrays import (
+    Archive,
+    RefusedError,
+    StoredArray,
+    array_in,
+    stored_objects,
+    unpickled,
+)
 
 ARRAYS = (
     np.arange(24.0).reshape(2, 3, 4),
@@ -34,6 +41,9 @@ def test_values_are_those_that_numpy_stored(protocol: int) -> None:
     assert unpickled(pickle.dumps(PLAIN, protocol)) == PLAIN
     numbers = [np.float32(0.5), np.int64(-3), np.array([True])[0], np.float64(np.inf)]
     assert unpickled(pickle.dumps(numbers, protocol)) == numbers
+    text = unpickled(pickle.dumps([np.str_("mug"), np.array([["a", "bc"]])], protocol))
+    assert text[0] == "mug"
+    assert text[1].values.tolist() == [["a", "bc"]]
     of_objects = unpickled(pickle.dumps(np.array([{1: np.eye(2)}, None]), protocol))
     assert isinstance(of_objects, StoredArray)
     (first, second) = of_objects.values
@@ -67,7 +77,7 @@ MALICIOUS = {
     "new object": b"\x80\x04cnumpy\nndarray\n)\x81.",
     "buffer": b"\x80\x05\x97.",
     "class changed": b"\x80\x02cnumpy\ndtype\n}X\x05\x00\x00\x00_makeK\x01sb0.",
-    "text array": pickle.dumps(np.array(["a"])),
+    "bytes array": pickle.dumps(np.array([b"a"])),
     "dates": pickle.dumps(np.array(1, dtype="M8[s]")),
     "record": pickle.dumps(np.zeros(1, dtype=[("a", "f8")])),
     "cut": pickle.dumps(np.zeros(3))[:-20],
@@ -178,6 +188,37 @@ def test_arrays_are_read_in_parts(tmp_path: Path) -> None:
         archive.shape("one")
     with pytest.raises(RefusedError, match="array other is missing"):
         archive.load("other")
+
+
+def test_objects_of_a_file_are_read_and_numbers_are_left_to_numpy(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", {"one": np.eye(2), "name": "mug"})  # type: ignore[arg-type]
+    (found,) = stored_objects(tmp_path / "a.npy") or []
+    np.testing.assert_array_equal(array_in(found["one"]), np.eye(2))
+    np.save(tmp_path / "b.npy", np.array([{"one": 1}, {"one": 2}], dtype=object))
+    assert stored_objects(tmp_path / "b.npy") == [{"one": 1}, {"one": 2}]
+    np.save(tmp_path / "c.npy", np.eye(3))
+    assert stored_objects(tmp_path / "c.npy") is None
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "is no .npy file"),
+        (b"\x93NUMPY\x01\x00v\x00garbage", "is no .npy file"),
+        (MALICIOUS["function"], "is a pickle that names posix.mkdir"),
+        (pickle.dumps({"a": 1}), "has no objects"),
+        (pickle.dumps(np.zeros(3)), "has no objects"),
+    ],
+)
+def test_files_of_objects_that_are_none_are_refused(
+    tmp_path: Path, content: bytes, message: str
+) -> None:
+    path = tmp_path / "a.npy"
+    np.save(path, np.array([None], dtype=object))
+    head = path.read_bytes()[:128]
+    path.write_bytes(head + content if content[:2] == b"\x80\x04" else content)
+    with pytest.raises(RefusedError, match=message):
+        stored_objects(path)
 
 
 def test_other_compressions_are_refused(tmp_path: Path) -> None:

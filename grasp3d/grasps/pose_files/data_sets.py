@@ -16,7 +16,6 @@ from grasp3d.grasps.pose_files.documents import (
     grasp_list,
     json_numbers,
     json_text,
-    load_array,
     mapping,
     number_or_none,
     numbers,
@@ -153,9 +152,9 @@ def _graspnet_scores(poses: GraspPoses) -> Floats:
     return np.where(np.isnan(poses.scores), np.maximum(implied, NO_OBJECT), poses.scores)
 
 
-def read_graspnet(path: Path, given: Given) -> GraspPoses:
-    """Poses in the order of the rows. Raises ContactError, OSError."""
-    rows = _graspnet_rows(path)
+def parse_graspnet(content: npt.NDArray[Any], given: Given) -> GraspPoses:
+    """Poses in the order of the rows. Raises ContactError."""
+    rows = _graspnet_rows(content)
     hand = given.gripper(GRASPNET)
     if not np.isfinite(rows[:, 3:]).all():
         bad = np.flatnonzero(~np.isfinite(rows[:, 3:]).all(axis=1))
@@ -171,9 +170,9 @@ def read_graspnet(path: Path, given: Given) -> GraspPoses:
     )
 
 
-def read_interndata(path: Path, given: Given) -> GraspPoses:
-    """Poses in the order of the rows; of their scores, smaller is better. As `read_graspnet`."""
-    poses = read_graspnet(path, given)
+def parse_interndata(content: npt.NDArray[Any], given: Given) -> GraspPoses:
+    """Poses in the order of the rows; of their scores, smaller is better. As `parse_graspnet`."""
+    poses = parse_graspnet(content, given)
     return replace(poses, scores=BEST_SCORE - poses.scores)
 
 
@@ -185,9 +184,8 @@ def graspnet_poses(rotations: Floats, points: Floats, depths: Floats) -> Floats:
     return poses
 
 
-def _graspnet_rows(path: Path) -> Floats:
+def _graspnet_rows(array: npt.NDArray[Any]) -> Floats:
     """Rows of the array, whose shape and type are checked before they are loaded."""
-    array = load_array(path)
     fits = array.ndim == 2 and array.shape[1] == LENGTH and array.dtype.kind in "fiu"
     if not fits or len(array) > MOST_ROWS:
         raise ContactError(

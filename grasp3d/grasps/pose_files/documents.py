@@ -58,7 +58,9 @@ Entries = Sequence[Mapping[str, Any]]
 
 
 def check_file(path: Path) -> None:
-    """Raise ContactError unless there is such a file."""
+    """Raise ContactError unless there is such a file, or a folder of files."""
+    if path.is_dir() and not path.suffix:
+        return
     if problem := problem_of_file(path):
         raise ContactError(printable(f"{path}: {problem}"))
 
@@ -336,13 +338,14 @@ def watched(read: Callable[..., ResultT], path: Path, *arguments: object) -> Res
 
     Args:
         read: Called with the absolute path and the arguments.
-        path: The file.
+        path: The file, or a folder.
         arguments: Further ones.
 
     Raises:
         ContactError: The process fails, or exceeds a limit.
     """
-    seconds = SECONDS + path.stat().st_size / BYTES_PER_SECOND
+    files = path.rglob("*") if path.is_dir() else [path]
+    seconds = SECONDS + sum(file.stat().st_size for file in files) / BYTES_PER_SECOND
     try:
         return call(read, path.absolute(), *arguments, memory=MEMORY, seconds=seconds)
     except CallFailedError as failure:

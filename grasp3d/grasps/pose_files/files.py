@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from grasp3d.errors import ContactError, OutputError, SettingError
-from grasp3d.grasps.pose_files import acronym, data_sets, own_files, robots
+from grasp3d.grasps.pose_files import acronym, data_sets, hand_files, own_files, robots
 from grasp3d.grasps.pose_files.documents import (
     check_file,
     load_json,
@@ -28,6 +28,8 @@ from grasp3d.grasps.pose_files.frames import (
     read_object_pose,
 )
 from grasp3d.grasps.poses import GraspPoses
+from grasp3d.grasps.postures import matched
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
@@ -59,11 +61,13 @@ class _Format:
 
 
 _LOADERS: dict[str, Callable[[Path], Any]] = {
-    ".json": load_json, ".yaml": load_yaml, ".yml": load_yaml, ".npz": Archive
+    ".json": load_json, ".yaml": load_yaml, ".yml": load_yaml, ".npz": Archive,
+    ".npy": hand_files.load_npy, ".pt": hand_files.load_npy,
 }  # fmt: skip
 """What is loaded before the format is known."""
 
 _YAML, _HAND, _JAWS = (".yaml", ".yml"), "hand", "graspnetapi"
+_DICTIONARIES = (".npy", ".pt")
 
 _FORMATS: dict[PoseFormat, _Format] = {
     "json": _Format(
@@ -93,8 +97,8 @@ _FORMATS: dict[PoseFormat, _Format] = {
         (".json",), data_sets.write_graspgen, data_sets.parse_graspgen, "graspgen",
         data_sets.is_graspgen,
     ),
-    "graspnet": _Format((".npy",), data_sets.write_graspnet, data_sets.read_graspnet, _JAWS),
-    "interndata": _Format((".npy",), data_sets.write_interndata, data_sets.read_interndata, _JAWS),
+    "graspnet": _Format((".npy",), data_sets.write_graspnet, data_sets.parse_graspnet, _JAWS),
+    "interndata": _Format((".npy",), data_sets.write_interndata, data_sets.parse_interndata, _JAWS),
     "graspnet_labels": _Format((".npz",), None, data_sets.read_labels, _JAWS, data_sets.is_labels),
     "contact_graspnet": _Format(
         (".npz",), None, data_sets.read_contact, "contact_graspnet", data_sets.is_contact
@@ -110,12 +114,24 @@ _FORMATS: dict[PoseFormat, _Format] = {
         (".json",), robots.write_robotwin, robots.parse_robotwin, "robotwin",
         robots.is_robotwin,
     ),
+    "dexgraspbench": _Format(
+        _DICTIONARIES, hand_files.write_bench, hand_files.parse_bench, _HAND,
+        hand_files.is_bench, states_frame=True,
+    ),
+    "bodex": _Format(
+        _DICTIONARIES, hand_files.write_bodex, hand_files.parse_bodex, _HAND,
+        hand_files.is_bodex, states_frame=True,
+    ),
+    "dexgraspnet": _Format(
+        _DICTIONARIES, hand_files.write_net, hand_files.parse_net, _HAND,
+        hand_files.is_net, states_frame=True,
+    ),
 }  # fmt: skip
 
 OWN_FORMATS = frozenset[PoseFormat]({"json", "csv", "parquet"})
 """Formats with the poses of any hand; the others have those of a gripper's base."""
 
-FRAME_FORMATS = OWN_FORMATS | {"moveit"}
+FRAME_FORMATS = OWN_FORMATS | {"moveit", "dexgraspbench", "bodex"}
 """Formats whose poses may be in the frame of a robot; others have the object's by definition."""
 
 JOINT_FORMATS = frozenset[PoseFormat](
@@ -145,6 +161,7 @@ def write_poses(
         poses: At least one pose. Formats of robots need the gripper and the unit.
         format: json, csv, parquet, isaac_grasp, graspdatagen, replicator (.yaml), acronym (.h5),
             graspnet, interndata (.npy), graspgen, moveit, multigrippergrasp or robotwin (.json);
+            of hands with joints dexgraspbench, bodex or dexgraspnet (.npy);
             None: that of the suffix, json for .json, isaac_grasp for .yaml, graspnet for .npy.
         object_pose: Pose of the object in the frame that the file is to have, for json, csv,
             parquet and moveit; see `write_grasps`. None: that of `poses`.
@@ -198,6 +215,7 @@ def read_poses(
     object_pose: GivenPose | None = None,
     frame: GripperFrame | str | None = None,
     outcome: Outcome | str | None = None,
+    object_scale: float | None = None,
 ) -> GraspPoses:
     """Read grasp poses from files of robots, simulators and data sets.
 
@@ -216,6 +234,8 @@ def read_poses(
             states, or that of its format.
         outcome: Which values of the file say whether a grasp held, such as 'fall_time>=3'; see
             `Outcome`. None: those of the format.
+        object_scale: Scale of the object, from numbers of its file to metres, whose grasps are
+            read, of files with grasps at several scales, such as those of DexGraspNet.
 
     Raises:
         ContactError: The file is missing, or contains no such poses or outcomes; or there is no
@@ -234,14 +254,17 @@ def read_poses(
     path = Path(path)
     if format is not None:
         check_choice("format", format, PoseFormat)
-    elif path.suffix.lower() not in SUFFIXES:
+    elif path.suffix.lower() not in SUFFIXES and not path.is_dir():
         raise ContactError(unsupported(path, SUFFIXES, "pose"))
     check_file(path)
     pose = None if object_pose is None else read_object_pose(object_pose)
     chosen = None if frame is None else GripperFrame.of(frame)
-    given = Given(hand, unit, None if outcome is None else Outcome.of(outcome))
+    held = None if outcome is None else Outcome.of(outcome)
+    given = Given(hand, unit, held, object_scale)
     try:
-        return _relative(of_tcp(_read(path, format, given, chosen)), pose)
+        poses = _relative(of_tcp(_read(path, format, given, chosen)), pose)
+        is_matched = isinstance(poses.hand, ArticulatedHand) and poses.posture.size
+        return matched(poses, poses.hand) if is_matched else poses  # type: ignore[arg-type]
     except OSError as error:
         raise one_line(path, f"cannot be read ({error.strerror or error})") from error
     except UnknownUnitError as error:
@@ -284,7 +307,7 @@ def holds_poses(path: str | Path) -> bool:
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in {".json", ".csv", ".parquet"}:
-        return suffix in SUFFIXES
+        return suffix in SUFFIXES or path.is_dir()
     try:
         if suffix == ".json":
             return _format_in(suffix, load_json(path)) is not None
@@ -349,6 +372,7 @@ def _read(
 ) -> GraspPoses:
     """Poses as a file has them. Raises ContactError, ValueError, OSError, OutputError."""
     suffix = path.suffix.lower() if name is None else _FORMATS[name].suffixes[0]
+    suffix = ".npy" if path.is_dir() else suffix
     content = _LOADERS[suffix](path) if suffix in _LOADERS else path
     if name is None:
         name = _format_in(suffix, content)

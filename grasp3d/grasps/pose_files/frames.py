@@ -21,6 +21,8 @@ from grasp3d.grasps.pose_files.documents import (
     text_or_none,
 )
 from grasp3d.grasps.poses import GraspPoses
+from grasp3d.grasps.postures import matched
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_of
@@ -42,13 +44,37 @@ def for_robots(poses: GraspPoses, what: str) -> tuple[ParallelGripper, GraspPose
     """
     if not isinstance(poses.hand, ParallelGripper):
         raise OutputError(missing_of_hand(poses.hand, what))
+    return poses.hand, in_file_metres(poses, what)
+
+
+def in_file_metres(poses: GraspPoses, what: str) -> GraspPoses:
+    """Poses of the frame of a file in metres, with the scale of the object's file.
+
+    Raises:
+        OutputError: The unit of the poses is not known.
+    """
     if poses.unit is None:
         raise OutputError(
             f"{what} files are in metres, but the unit of the poses is not known: give the mesh's "
             "unit (--unit, in Python unit=...)"
         )
     scale = poses.object_scale or METRES[poses.unit]
-    return poses.hand, replace(as_in_file(poses.in_unit("m")), object_scale=scale)
+    return replace(as_in_file(poses.in_unit("m")), object_scale=scale)
+
+
+def joints_for_robots(poses: GraspPoses, what: str) -> tuple[ArticulatedHand, GraspPoses]:
+    """The hand with joints of poses to write, and the poses, as `for_robots` has them.
+
+    Raises:
+        OutputError: There is no such hand, the unit is not known, or joints are missing.
+    """
+    hand = poses.hand
+    if not isinstance(hand, ArticulatedHand):
+        raise OutputError(missing_of_hand(hand, what))
+    try:
+        return hand, in_file_metres(matched(poses, hand), what)
+    except ContactError as error:
+        raise OutputError(str(error)) from error
 
 
 def known_outcomes(poses: GraspPoses, what: str) -> Floats:
@@ -108,6 +134,8 @@ class Given:
     """Unit of the lengths, if the file states none."""
     outcome: Outcome | None = None
     """Which values of the file say whether a grasp held; None: those of the format."""
+    object_scale: float | None = None
+    """Scale of the object whose grasps are read, of files of several."""
 
     def check_metres(self, what: str) -> None:
         """Refuse another unit for a file that is in metres. Raises ContactError."""
@@ -131,6 +159,21 @@ class Given:
             )
         return self.hand
 
+    def joints(self, what: str) -> ArticulatedHand:
+        """The hand with joints of a file that is in metres.
+
+        Raises:
+            ContactError: There is none, or another unit is given.
+        """
+        self.check_metres(what)
+        if not isinstance(self.hand, ArticulatedHand):
+            raise ContactError(missing_of_hand(self.hand, what))
+        return self.hand
+
+
+JOINTED = ("dexgraspbench", "bodex", "dexgraspnet")
+"""Formats of hands with joints only."""
+
 
 def missing_of_hand(hand: Hand | str | None, what: str, *, joints: bool = False) -> str:
     """What a hand lacks for files with the pose of its base, a sentence; empty: nothing.
@@ -140,6 +183,18 @@ def missing_of_hand(hand: Hand | str | None, what: str, *, joints: bool = False)
         what: The format.
         joints: Whether its files state values of joints.
     """
+    if what.lower() in JOINTED:
+        wrong = (
+            "" if hand is None else f" {hand if isinstance(hand, str) else hand.name!r} is none:"
+        )
+        return (
+            ""
+            if isinstance(hand, ArticulatedHand)
+            else f"{what} files have postures of a hand with joints;{wrong} give its description "
+            "(--hand, in Python hand=...)"
+        )
+    if isinstance(hand, ArticulatedHand) and what.lower() == "isaac_grasp":
+        return ""
     if not isinstance(hand, ParallelGripper):
         return (
             f"{what} files have the pose of the hand's base and so need the lengths of the "

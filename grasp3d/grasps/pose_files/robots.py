@@ -23,6 +23,7 @@ from grasp3d.grasps.pose_files.documents import (
     each,
     entries_of,
     grasp_list,
+    joints_of,
     json_numbers,
     json_text,
     mapping,
@@ -40,12 +41,14 @@ from grasp3d.grasps.pose_files.frames import (
     for_robots,
     from_quaternions,
     joint_values,
+    joints_for_robots,
     known_outcomes,
     of_tcp,
     quaternions,
 )
 from grasp3d.grasps.pose_files.outcomes import outcomes_of, outcomes_of_entries
 from grasp3d.grasps.poses import GraspPoses
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.jaws import AXES
 from grasp3d.hand.parallel_gripper import ParallelGripper
@@ -65,7 +68,9 @@ NO_FORCE_LIMIT = 0.0
 
 def write_isaac(path: Path, poses: GraspPoses, **further: object) -> None:
     """Write grasps by name, the gripper's frame relative to the object, and further keys."""
-    hand, in_metres = for_robots(poses, ISAAC)
+    hand: ParallelGripper | ArticulatedHand
+    has_joints = isinstance(poses.hand, ArticulatedHand)
+    hand, in_metres = (joints_for_robots if has_joints else for_robots)(poses, ISAAC)
     twice = [name for name, count in Counter(in_metres.names).items() if count > 1]
     if twice:
         raise OutputError(f"two grasps are called {twice[0]!r}: give each a name of its own")
@@ -81,7 +86,9 @@ def write_isaac(path: Path, poses: GraspPoses, **further: object) -> None:
     write_yaml(path, document)
 
 
-def _isaac_entries(poses: GraspPoses, hand: ParallelGripper) -> list[dict[str, Any]]:
+def _isaac_entries(
+    poses: GraspPoses, hand: ParallelGripper | ArticulatedHand
+) -> list[dict[str, Any]]:
     outside = np.flatnonzero((poses.scores < 0.0) | (poses.scores > 1.0))
     if len(outside):
         raise OutputError(
@@ -89,8 +96,12 @@ def _isaac_entries(poses: GraspPoses, hand: ParallelGripper) -> list[dict[str, A
             f"{poses.scores[outside[0]]:g}"
         )
     turned = quaternions(poses.poses).tolist()
-    closed = _named_joints(hand, poses.opening)
-    opened = _named_joints(hand, poses.pregrasp_opening)
+    if isinstance(hand, ArticulatedHand):
+        values = [poses.posture, poses.pregrasp_posture]
+    else:
+        openings = poses.opening, poses.pregrasp_opening
+        values = [joint_values(hand, one, ISAAC) for one in openings]
+    closed, opened = (_named_joints(hand.joint_names, one) for one in values)
     return [
         {
             "confidence": float(poses.scores[k]),
@@ -103,11 +114,13 @@ def _isaac_entries(poses: GraspPoses, hand: ParallelGripper) -> list[dict[str, A
     ]
 
 
-def _named_joints(hand: ParallelGripper, openings: Floats) -> list[dict[str, float]]:
-    """Joint values by name; empty where the opening is not known."""
-    rows = json_numbers(joint_values(hand, openings, ISAAC))
+def _named_joints(names: tuple[str, ...], values: Floats) -> list[dict[str, float]]:
+    """Joint values by name; empty where they are not known."""
+    if not values.size:
+        return [{} for _ in values]
     return [
-        {n: v for n, v in zip(hand.joint_names, row, strict=True) if v is not None} for row in rows
+        {n: v for n, v in zip(names, row, strict=True) if v is not None}
+        for row in json_numbers(values)
     ]
 
 
@@ -122,14 +135,20 @@ def parse_isaac(content: object, given: Given) -> GraspPoses:
     grasps = mapping(required(document, "grasps"), "grasps")
     if not grasps:
         raise ContactError("there are no grasps in it")
-    hand = given.gripper(ISAAC)
     entries = entries_of(grasps.values())
+    keys = "cspace_position", "pregrasp_cspace_position"
+    hand: ParallelGripper | ArticulatedHand
+    fields: dict[str, Any]
+    if isinstance(given.hand, ArticulatedHand):
+        hand = given.joints(ISAAC)
+        fields = _stated_postures(entries, *keys)
+    else:
+        hand = gripper = given.gripper(ISAAC)
+        openings = (openings_of_joints(gripper, _stated_joints(entries, key)) for key in keys)
+        fields = dict(zip(("opening", "pregrasp_opening"), openings, strict=True))
     return GraspPoses(
         poses=poses_of_entries(entries),
-        opening=openings_of_joints(hand, _stated_joints(entries, "cspace_position")),
-        pregrasp_opening=openings_of_joints(
-            hand, _stated_joints(entries, "pregrasp_cspace_position")
-        ),
+        **fields,
         scores=optional_numbers(entries, "confidence"),
         outcome=outcomes_of_entries(given.outcome, entries),
         names=tuple(map(str, grasps)),
@@ -160,6 +179,21 @@ def _stated_joints(entries: list[dict[str, Any]], key: str) -> list[dict[str, An
         mapping({} if entry.get(key) is None else entry[key], f"grasp {number}: {key}")
         for number, entry in enumerate(entries, 1)
     ]
+
+
+def _stated_postures(entries: list[dict[str, Any]], key: str, before: str) -> dict[str, Any]:
+    """Postures by name; of before the grasp where all grasps state one."""
+    names, posture = joints_of(each(entries, key), key)
+    fields: dict[str, Any] = {"posture": posture, "joint_names": names}
+    stated = [entry for entry in entries if entry.get(before)]
+    if stated:
+        own, values = joints_of(each(stated, before), before)
+        if {*own} != {*names}:
+            raise ContactError(f"{before} must have the joints of {key}")
+        known = np.array([bool(entry.get(before)) for entry in entries])
+        fields["pregrasp_posture"] = np.full(posture.shape, np.nan)
+        fields["pregrasp_posture"][known] = values[:, [own.index(name) for name in names]]
+    return fields
 
 
 def _isaac_frames(document: dict[str, Any]) -> dict[str, str]:
