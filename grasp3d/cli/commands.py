@@ -432,6 +432,11 @@ class Evaluate(Guarded, GivenPoses):
     """Poses: whether the object gives way to the closing jaws, and settles between them, or does
     not move."""
 
+    object_scale: Annotated[float | None, Group("gripper")] = None
+    """Factor from the numbers of the object's file to metres, of which the poses are: for files of
+    poses on an object at several scales, or that do not state it (default: the one that they
+    state)."""
+
     outcome: Annotated[OutcomeOption, Group("object")] = None
     """Poses: which column or key says whether a grasp held, and which of its values mean that it
     did, as grasp3d validate takes it; it is written with the results (default: outcome or success,

@@ -102,7 +102,9 @@ def _evaluate_poses(command: Evaluate, output: Path) -> Measures | None:
 
 def _of_poses(command: Evaluate) -> dict[str, Any]:
     """What is given of a file of poses, for `read_grasps`."""
-    return {**command.of_poses, "outcome": command.outcome}
+    return {
+        **command.of_poses, "outcome": command.outcome, "object_scale": command.object_scale
+    }  # fmt: skip
 
 
 def _evaluate_contacts(command: Evaluate, output: Path) -> Measures | None:

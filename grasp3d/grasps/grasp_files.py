@@ -65,6 +65,7 @@ def read_grasps(
     object_pose: GivenPose | None = None,
     frame: GripperFrame | str | None = None,
     outcome: Outcome | str | None = None,
+    object_scale: float | None = None,
 ) -> GraspPoses | Floats:
     """Read grasps from files of grasp3d, robots, simulators and data sets: poses or contacts.
 
@@ -74,9 +75,9 @@ def read_grasps(
     frame, whatever frame the file has; see `GraspPoses`.
 
     Args:
-        path: File to read.
+        path: File to read; of poses of hands with joints also a folder of .npy files.
         format: Of poses: one of those of `write_grasps`, graspnet_labels or contact_graspnet
-            (.npz); None: found from the suffix and the content, of .npy graspnet.
+            (.npz); None: found from the suffix and the content, of .npy with numbers graspnet.
         hand: The gripper that the poses are of; formats with the pose of the hand's base (all but
             json, csv, parquet, acronym and robotwin) need it.
         unit: Unit of the lengths of poses, for files that state none; formats of robots are in
@@ -89,6 +90,8 @@ def read_grasps(
         outcome: Which column or key says whether a grasp held, and which of its values mean that
             it did: 'success', 'confidence>=0.5', 'result=ok', 'result=ok/slipped', or 'held/tried'
             for counts; see `Outcome`. None: those of the format.
+        object_scale: Factor from the numbers of the object's file to metres, of which the poses
+            are: for files of poses on an object at several scales, or that do not state it.
 
     Returns:
         The poses; or contacts in the order of the file, shape (b, n, 3) with n from 2 to 32; b at
@@ -112,7 +115,9 @@ def read_grasps(
         >>> grasp3d.read_grasps("poses.csv", unit="mm").in_unit("m").poses[0, :3, 3].tolist()
         [0.0, 0.0, 0.06]
     """
-    of_poses: dict[str, Any] = {"object_pose": object_pose, "frame": frame, "outcome": outcome}
+    of_poses: dict[str, Any] = {
+        "object_pose": object_pose, "frame": frame, "outcome": outcome, "object_scale": object_scale
+    }  # fmt: skip
     if format is not None or holds_poses(path):
         return read_poses(path, format=format, hand=hand, unit=unit, **of_poses)
     for name, given in of_poses.items():
@@ -311,8 +316,8 @@ def write_grasps(
 
     Grasps with a gripper, and poses, are written with their poses, also in formats of robots and
     simulators: isaac_grasp, graspdatagen, replicator (.yaml), acronym (.h5), graspnet, interndata
-    (.npy), graspgen, moveit, multigrippergrasp or robotwin (.json). These need the gripper and the
-    unit.
+    (.npy), graspgen, moveit, multigrippergrasp or robotwin (.json); of hands with joints
+    isaac_grasp, dexgraspbench, bodex or dexgraspnet (.npy). These need the gripper and the unit.
 
     Args:
         path: File to make or replace; .csv, .parquet or .json, with poses also .yaml, .h5 or .npy.

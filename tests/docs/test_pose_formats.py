@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 import pyarrow.csv as pc
 import pyarrow.parquet as pq
+import pytest
 import yaml
 
 from grasp3d import GraspModel, ParallelGripper, best_grasps, label_surface, load_mesh
@@ -19,10 +20,13 @@ from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.grasp_files import poses_of
 from grasp3d.grasps.pose_files import SUFFIXES, data_sets, write_poses
 from grasp3d.grasps.pose_files.outcomes import WORDS
-from grasp3d.grasps.poses import GraspPoses
+from grasp3d.grasps.poses import STAGES, GraspPoses
+from grasp3d.grasps.postures import POSTURES
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.settings import PoseFormat
+from grasp3d.system.stored_arrays import stored_objects
 from tests.docs.test_formats import Names, sections_of, tables_of
+from tests.hand.test_articulated_hand import hand_of
 from tests.helpers import shapes
 
 PAGE = Path(__file__).parents[2] / "docs" / "pose_formats.md"
@@ -54,6 +58,20 @@ def plain() -> GraspPoses:
 
 
 @cache
+def of_hand() -> GraspPoses:
+    """A pose of a hand with a joint."""
+    moved = np.eye(4)
+    return GraspPoses(
+        poses=moved,
+        posture=np.ones((1, 1)),
+        joint_names=("a",),
+        unit="m",
+        **{f"{stage}_posture": np.ones((1, 1)) for stage in STAGES},  # type: ignore[arg-type]
+        **{f"{stage}_poses": moved for stage in STAGES},  # type: ignore[arg-type]
+    )
+
+
+@cache
 def found() -> GraspPoses:
     """Poses of grasps that were found."""
     mesh = load_mesh(shapes.box(), unit="cm", max_edge=0.5)
@@ -74,7 +92,7 @@ def paths(content: dict[str, Any], head: str = "") -> Iterator[str]:
 
 def test_every_format_is_listed() -> None:
     text = sections_of(PAGE)["Frames"]
-    rows = [row.split("|")[2:4] for row in text.splitlines() if row.startswith("|")][-14:]
+    rows = [row.split("|")[2:4] for row in text.splitlines() if row.startswith("|")][-17:]
     suffixes, formats = (
         {name for row in rows for name in re.findall("`(.+?)`", row[k])} for k in (0, 1)
     )
@@ -89,14 +107,23 @@ def test_json(tmp_path: Path) -> None:
     assert set(written) == {"grasp3d", "grasps"}
     assert set(written["grasp3d"]) - set(OBJECT) == header
     (entry,) = written["grasps"]
-    assert set(entry) == grasp
+    further = {"pregrasp_pose", "squeeze_pose", "squeeze_posture", "posture", "pregrasp_posture"}
+    assert set(entry) == grasp - further
+    write_poses(tmp_path / "hand.json", of_hand())
+    (of_joints,) = json.loads((tmp_path / "hand.json").read_text())["grasps"]
+    assert set(of_joints) == grasp - {"contacts"}
     assert set(entry["contacts"][0]) == {"point", "normal"}
 
 
 def test_tables(tmp_path: Path) -> None:
     write_poses(tmp_path / "out.csv", plain(), frame="graspgen")
     (columns,) = tables("CSV and Parquet")
-    assert set(pc.read_csv(tmp_path / "out.csv").column_names) == columns
+    write_poses(tmp_path / "hand.csv", of_hand())
+    joints = {name for name in columns if "joint:" in name or "pre" in name or "squeeze" in name}
+    joints -= {"pregrasp_opening"}
+    assert set(pc.read_csv(tmp_path / "out.csv").column_names) == columns - joints - {"posture1"}
+    written = set(pc.read_csv(tmp_path / "hand.csv").column_names)
+    assert {name.replace("NAME", "a") for name in joints - {"pregrasp_posture1"}} <= written
     write_poses(tmp_path / "out.parquet", plain())
     metadata = json.loads(pq.read_schema(tmp_path / "out.parquet").metadata[b"grasp3d"])
     assert set(metadata) - set(OBJECT) == tables("JSON")[0]
@@ -184,3 +211,23 @@ def test_moveit(tmp_path: Path) -> None:
     write_poses(tmp_path / "out.json", plain(), format="moveit")
     (message,) = json.loads((tmp_path / "out.json").read_text())
     assert set(message) - {"header"} == tables("ROS moveit_msgs/Grasp")[0]
+
+
+@pytest.mark.parametrize(
+    ("form", "title"),
+    [("dexgraspbench", "DexGraspBench"), ("bodex", "BODex"), ("dexgraspnet", "DexGraspNet")],
+)
+def test_formats_of_hands(tmp_path: Path, form: PoseFormat, title: str) -> None:
+    hand = hand_of("allegro")
+    poses = GraspPoses(
+        poses=np.eye(4),
+        joint_names=hand.joint_names,
+        unit="m",
+        hand=hand,
+        **{name: np.zeros((1, 16)) for name in POSTURES},  # type: ignore[arg-type]
+    )
+    write_poses(tmp_path / "out.npy", poses, format=form)
+    (content,) = stored_objects(tmp_path / "out.npy") or []
+    joints = {f"qpos.{name}" for name in hand.joint_names}
+    written = {"qpos.NAME" if name in joints else name for name in paths(content)}
+    assert written == {name.split(" ")[0] for name in tables(title)[0]}

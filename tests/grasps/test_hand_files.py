@@ -285,7 +285,8 @@ def bench(poses: GraspPoses, row: int, **changes: Any) -> dict[str, Any]:
     of_object = qpos(at[None], np.zeros((1, 0)))[0]
     return {
         "obj_pose": of_object, "obj_scale": np.float32(0.08), "obj_path": "assets/DGNObj/mug",
-        "pregrasp_qpos": np.r_[rows[row, :7], 0.9 * rows[row, 7:]], "grasp_qpos": rows[row], "squeeze_qpos": rows[row],
+        "pregrasp_qpos": np.r_[rows[row, :7], 0.9 * rows[row, 7:]], "grasp_qpos": rows[row],
+        "squeeze_qpos": rows[row],
         **changes,
     }  # fmt: skip
 
@@ -391,6 +392,18 @@ def test_grasps_at_several_scales_need_the_one_that_is_meant(tmp_path: Path) -> 
     assert back.object_scale == 0.06
     with pytest.raises(ContactError, match=r"no grasps of the object at the scale 0.08; known are"):
         read_poses(path, hand=poses.hand, object_scale=0.08)
+
+
+def test_the_scale_of_the_object_may_be_given_where_a_file_states_none(tmp_path: Path) -> None:
+    poses = grasps_of("allegro")
+    one = bench(poses, 0)
+    del one["obj_scale"]
+    path = save(tmp_path / "a.npy", one)
+    assert read_poses(path, hand=poses.hand).object_scale is None
+    assert read_poses(path, hand=poses.hand, object_scale=0.1).object_scale == 0.1
+    write_poses(tmp_path / "a.json", poses)
+    with pytest.raises(ContactError, match=r"states the object's scale 0.08, not 0.1: give"):
+        read_poses(tmp_path / "a.json", object_scale=0.1)
 
 
 # What is refused.

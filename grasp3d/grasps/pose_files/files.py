@@ -1,5 +1,6 @@
 """Reading and writing of grasp poses in files of every format."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -222,9 +223,9 @@ def read_poses(
     Poses are those of the TCP in the object's frame, whatever frame the file has; see `GraspPoses`.
 
     Args:
-        path: File to read.
+        path: File to read; of hands with joints also a folder of .npy files.
         format: One of those of `write_poses`, graspnet_labels or contact_graspnet (.npz); None:
-            found from the suffix and the content, of .npy graspnet.
+            found from the suffix and the content, of .npy with numbers graspnet.
         hand: The gripper that the grasps are of; formats with the pose of the hand's base (all but
             json, csv, parquet, acronym and robotwin) need it.
         unit: Unit of the lengths, for files that state none; formats of robots are in metres.
@@ -234,8 +235,9 @@ def read_poses(
             states, or that of its format.
         outcome: Which values of the file say whether a grasp held, such as 'fall_time>=3'; see
             `Outcome`. None: those of the format.
-        object_scale: Scale of the object, from numbers of its file to metres, whose grasps are
-            read, of files with grasps at several scales, such as those of DexGraspNet.
+        object_scale: Factor from the numbers of the object's file to metres, of which the poses
+            are: for files of poses on an object at several scales, such as those of DexGraspNet, or
+            that do not state it.
 
     Raises:
         ContactError: The file is missing, or contains no such poses or outcomes; or there is no
@@ -263,6 +265,7 @@ def read_poses(
     given = Given(hand, unit, held, object_scale)
     try:
         poses = _relative(of_tcp(_read(path, format, given, chosen)), pose)
+        poses = _with_scale(poses, object_scale)
         is_matched = isinstance(poses.hand, ArticulatedHand) and poses.posture.size
         return matched(poses, poses.hand) if is_matched else poses  # type: ignore[arg-type]
     except OSError as error:
@@ -289,6 +292,14 @@ def _relative(poses: GraspPoses, object_pose: ObjectPose | None) -> GraspPoses:
             "pose of the object in it (--object-pose, in Python object_pose=...)"
         )
     return poses
+
+
+def _with_scale(poses: GraspPoses, scale: float | None) -> GraspPoses:
+    """Poses with the scale that is given. Raises ContactError if they state another one."""
+    stated = poses.object_scale
+    if scale is not None and stated is not None and not math.isclose(stated, scale, rel_tol=1e-6):
+        raise ContactError(f"it states the object's scale {stated:g}, not {scale:g}: give none")
+    return poses if scale is None else replace(poses, object_scale=scale)
 
 
 def holds_poses(path: str | Path) -> bool:

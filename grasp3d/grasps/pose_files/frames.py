@@ -22,6 +22,7 @@ from grasp3d.grasps.pose_files.documents import (
 )
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.postures import matched
+from grasp3d.hand.articulated.articulated_hand import FORMAT as ARTICULATED
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
@@ -414,4 +415,6 @@ def _gripper(value: object) -> Hand | str | None:
     try:
         return hand_of(value)
     except SettingError as error:
+        if isinstance(value, dict) and value.get("format") == ARTICULATED:
+            return str(value.get("name", "a hand with joints"))  # its model is another file
         raise ContactError(f"its gripper {error}") from error

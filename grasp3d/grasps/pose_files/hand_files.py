@@ -416,7 +416,7 @@ def _of_one_scale(
             scales[starts[k] : starts[k + 1]] = values.reshape(-1)[0]
     known = np.unique(np.round(scales[np.isfinite(scales)], 9))
     if not len(known):
-        return replace(poses, object_scale=wanted)
+        return poses
     if wanted is None and len(known) > 1:
         raise ContactError(
             f"its grasps are of the object at {len(known)} scales, "
