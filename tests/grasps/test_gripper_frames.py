@@ -13,14 +13,16 @@ from hypothesis import strategies as st
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.pose_files import read_poses, write_poses
 from grasp3d.grasps.pose_files.files import _FORMATS, suffixes_of
+from grasp3d.grasps.pose_files.frames import JOINTED
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.jaws import AXES
 from grasp3d.hand.parallel_gripper import preset
 from tests.docs.field_tables import FRAME_SOURCES
+from tests.hand.test_articulated_hand import hand_of
 
 FRANKA = preset("franka")
-WRITTEN = [name for name, one in _FORMATS.items() if one.write]
+WRITTEN = [name for name, one in _FORMATS.items() if one.write and name not in JOINTED]
 
 TCP = [[0, 1, 0, 0.1], [1, 0, 0, 0.2], [0, 0, -1, 0.3], [0, 0, 0, 1]]
 """From above onto an object, the jaws along its y: the pose that all of these files have."""
@@ -196,3 +198,19 @@ def test_parts_after_a_name_replace_its_own() -> None:
 def test_what_is_no_frame_is_refused(text: str, message: str) -> None:
     with pytest.raises(SettingError, match=message):
         GripperFrame.of(text)
+
+
+def test_links_of_hands_with_joints_are_frames() -> None:
+    shadow = hand_of("shadow")
+    frame = GripperFrame.of("link=palm")
+    assert str(frame) == "link=palm"
+    assert GripperFrame.of(str(frame)) == frame
+    (links,) = shadow.link_poses(np.zeros((1, 24)))
+    same(np.linalg.inv(frame.to_tcp(shadow)), links[shadow.link_names.index("palm")])
+    turned = GripperFrame.of("link=palm,approach=+x,closing=+y,tcp=0.1")
+    assert GripperFrame.of(str(turned)) == turned
+    same(GripperFrame.of("hand").to_tcp(shadow), np.eye(4))
+    with pytest.raises(SettingError, match="frame of the link 'palm', but no hand with joints is"):
+        frame.to_tcp(None)
+    with pytest.raises(SettingError, match="frame of the link 'palm', but franka has none"):
+        frame.to_tcp(FRANKA)
