@@ -22,8 +22,8 @@ from grasp3d.grasps.pose_files.documents import (
 )
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.postures import matched
-from grasp3d.hand.articulated.articulated_hand import FORMAT as ARTICULATED
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated.presets import FORMAT as ARTICULATED
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_of
