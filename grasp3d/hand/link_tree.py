@@ -1,5 +1,6 @@
 """Links and joints of a robot description, and the hand among them."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -99,7 +100,7 @@ class Joint:
     """Direction in which it slides, or about which it turns, in the frame of the moved link, shape
     (3,)."""
     limits: tuple[float, float] | None
-    """Smallest and largest value [m or rad]; None: unlimited."""
+    """Smallest and largest value [m or rad], infinite: unlimited; None: the file states none."""
     follows: tuple[str, float, float] | None = None
     """Its value is that of another joint, of this name, times a factor, plus an offset."""
     position: Floats = field(default_factory=lambda: locked(np.zeros(3)))
@@ -243,15 +244,16 @@ class LinkTree:
         return SlidingFinger(name, joint.name, axis, self._limits(joint), triangles)
 
     def _limits(self, joint: Joint) -> tuple[float, float]:
+        limits = joint.limits
         if joint.follows is not None:
             name, factor, offset = joint.follows
             source = next((one for one in self.joints.values() if one.name == name), None)
             if source is not None and source.limits is not None:
                 low, high = sorted(factor * limit + offset for limit in source.limits)
-                return low, high
-        if joint.limits is None or not joint.limits[0] < joint.limits[1]:
+                limits = low, high
+        if limits is None or not 0.0 < limits[1] - limits[0] < math.inf:
             raise self.error(f"joint {joint.name} has no limits, from which the stroke follows")
-        return joint.limits
+        return limits
 
     def _below(self, link: str) -> dict[str, Floats]:
         """Poses of a link and all that is fixed below it, in its frame."""

@@ -1,5 +1,6 @@
 """Links and joints of a robot in a MuJoCo model."""
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -104,7 +105,7 @@ def _joint(model: "MjModel", number: int, parent: str, pose: Floats) -> Joint:
         parent,
         pose @ back,
         axis,
-        (low, high) if model.jnt_limited[number] else None,
+        (low, high) if model.jnt_limited[number] else (-math.inf, math.inf),
         _followed(model, number),
         position,
         _effort(model, number),

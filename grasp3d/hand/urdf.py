@@ -87,7 +87,9 @@ def _joint(element: Element, name: str, parent: str) -> Joint:
     length = float(np.linalg.norm(direction))
     limits = follows = effort = None
     kind = element.get("type", "")
-    if kind != "continuous" and limit is not None and {"lower", "upper"} <= {*limit.keys()}:
+    if kind == "continuous":
+        limits = -math.inf, math.inf
+    elif limit is not None and {"lower", "upper"} <= {*limit.keys()}:
         limits = _number(limit, "lower"), _number(limit, "upper")
     if limit is not None and math.isfinite(stated := number_of(limit.get("effort", "nan"))):
         effort = stated

@@ -76,12 +76,22 @@ def test_bad_models_are_refused_in_a_sentence(tmp_path: Path, case: str) -> None
     assert reason in said
 
 
-def test_joints_without_limits_are_said(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("limits", "reason"),
+    [("", "no limits"), ('lower="1" upper="-1"', "limits from 1 to -1")],
+)
+def test_joints_without_limits_are_refused(tmp_path: Path, limits: str, reason: str) -> None:
     path = three_fingers(tmp_path)
-    text = path.read_text(encoding="utf-8").replace('lower="-1.5" upper="0"', "")
+    text = path.read_text(encoding="utf-8").replace('lower="-1.5" upper="0"', limits)
     path.write_text(text, encoding="utf-8")
-    text = printed("hand", path, cwd=tmp_path, columns=200)
-    assert "joints without limits: bend0, bend1, bend2" in text
+    assert f"joint bend0 has {reason}; state its smallest" in refusal("hand three.urdf", tmp_path)
+    path.write_text(text.replace('"bend0" type="revolute"', '"bend0" type="continuous"'))
+    assert "joint bend1 has" in refusal("hand three.urdf", tmp_path)
+
+
+def test_joints_that_turn_without_end_are_said(tmp_path: Path) -> None:
+    path = three_fingers(tmp_path, kind="continuous")
+    assert "joints without limits: knuckle0" in printed("hand", path, cwd=tmp_path, columns=200)
 
 
 START = '{"format": "grasp3d articulated hand", "version": 1'

@@ -250,3 +250,19 @@ def test_shapes_have_the_volume_of_what_they_are() -> None:
     own = mesh_shape(corner, pose)
     assert len(own.vertices) == 14
     np.testing.assert_allclose(own.triangles(hull=False), corner + [1.0, 2.0, 3.0])
+
+
+def test_the_base_of_a_scene_is_the_hand_in_it(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    path = mjcf(tmp_path)
+    flying = path.read_text(encoding="utf-8").replace(
+        '<geom type="box" size="0.03 0.06 0.03"/>',
+        '<freejoint/><geom type="box" size="0.03 0.06 0.03"/>',
+    )
+    ball = '<body name="ball"><freejoint/><geom type="sphere" size="0.1"/></body></worldbody>'
+    path.write_text(flying.replace("</worldbody>", ball), encoding="utf-8")
+    hand = articulated_hand_of(read_links(path))
+    assert hand.link_names[0] == "hand"
+    assert "the base is hand, with most joints below it" in hand.assumed
+    with pytest.raises(SettingError, match="neither slides nor turns about an axis"):
+        articulated_hand_of(read_links(path), {"base": "world"})

@@ -136,7 +136,8 @@ class ArticulatedHand:
         Raises:
             SettingError: They are of another number than `joint_names`, or not finite.
         """
-        postures = np.atleast_2d(np.asarray(values, dtype=np.float64))
+        # A copy: kernels are compiled ahead for arrays that can be written to.
+        postures = np.atleast_2d(np.array(values, dtype=np.float64, order="C"))
         count = len(self.joint_names)
         if postures.ndim != 2 or postures.shape[1] != count:
             raise SettingError(
@@ -154,7 +155,7 @@ class ArticulatedHand:
                     f"{postures[row, column]:g}; values of joints must be finite"
                 )
             )
-        return np.ascontiguousarray(postures)
+        return postures
 
     def link_poses(self, postures: ArrayLike) -> Floats:
         """Poses of the links in the hand's frame [m], shape (k, L, 4, 4).

@@ -63,7 +63,7 @@ def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None)
     if base is None:
         base = _base(tree)
         if base != tree.links[0]:
-            assumed.append(f"the base is {base}, the body in the world with most joints")
+            assumed.append(f"the base is {base}, with most joints below it")
     couplings = tuple(known.get("couplings", ()))
     whole = _coupled(tree.branch(base), couplings)
     _check(whole)
@@ -90,10 +90,13 @@ def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None)
 
 def _base(tree: LinkTree) -> str:
     """The link that is the base of the hand, if none is stated."""
-    root = tree.links[0]
-    if root != "world" or len(tree.children(root)) < 2:
-        return root
-    base = max(tree.children(root), key=lambda link: len(_moving(tree.branch(link))))
+    roots = [link for link in tree.links if link not in tree.joints]
+    below = tree.children(roots[0])
+    flies = [link for link in below if tree.joints[link].kind == "free"]
+    if len(roots) == 1 and ((len(below) < 2 and not flies) or roots[0] != "world"):
+        return roots[0]
+    candidates = roots if len(roots) > 1 else below
+    base = max(candidates, key=lambda link: len(_moving(tree.branch(link))))
     while not tree.shapes(base) and len(below := tree.children(base)) == 1:
         if tree.joints[below[0]].kind == "fixed":
             break
@@ -128,6 +131,13 @@ def _check(tree: LinkTree) -> None:
             raise tree.error(
                 f"joint {joint.name} neither slides nor turns about an axis, and has no value of "
                 "a posture; name a base of the hand below it"
+            )
+        low, high = joint.limits or (1.0, 0.0)
+        if joint.kind != "fixed" and joint.follows is None and not low <= high:
+            stated = "no limits" if joint.limits is None else f"limits from {low:g} to {high:g}"
+            raise tree.error(
+                f"joint {joint.name} has {stated}; state its smallest and its largest value, or "
+                "that it has none (continuous)"
             )
         tree.source_of(joint)
     if tree.closures:
