@@ -38,6 +38,10 @@ def test_known_hands_are_listed_and_named(tmp_path: Path) -> None:
     assert "rigid coupling  finger_1_med_joint : 3, finger_1_dist_joint : 1" in text
 
 
+TIP = (
+    '<link name="tip"/><joint name="{}" type="{}"><parent link="outer0"/><child link="tip"/>{}'
+    "</joint>"
+)
 ROD = '<joint name="rod" type="fixed"><parent link="{}"/><child link="{}"/></joint>'
 BAD = {
     "links": ({}, "--palm thumb", "no link is called 'thumb'; known: palm, inner0"),
@@ -52,6 +56,12 @@ BAD = {
         "joint rod joins no two links of its own",
     ),
     "free": ({"kind": "floating"}, "", "joint knuckle0 neither slides nor turns about an axis"),
+    "twice": ({"more": TIP.format("bend0", "fixed", "")}, "", "several joints are called bend0"),
+    "follower": (
+        {"more": TIP.format("tip", "continuous", '<mimic joint="thumb"/>')},
+        "",
+        "joint tip follows thumb, which it cannot",
+    ),
     "mesh": (
         {"shape": '<mesh filename="tip.stl"/>'},
         "",

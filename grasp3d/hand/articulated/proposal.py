@@ -16,6 +16,7 @@ What is not stated follows from the geometry, and is said:
 * Torques are the efforts that the file states, where these are plausible.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -126,6 +127,10 @@ def _coupled(tree: LinkTree, couplings: Iterable[Coupling]) -> LinkTree:
 
 def _check(tree: LinkTree) -> None:
     """Refuse what has no posture. Raises SettingError."""
+    kinds = {joint.name: joint.kind for joint in tree.joints.values()}
+    if len(kinds) < len(tree.joints):
+        twice = Counter(joint.name for joint in tree.joints.values()).most_common(1)[0][0]
+        raise tree.error(f"several joints are called {twice}")
     for joint in tree.joints.values():
         if joint.kind == "free":
             raise tree.error(
@@ -139,7 +144,9 @@ def _check(tree: LinkTree) -> None:
                 f"joint {joint.name} has {stated}; state its smallest and its largest value, or "
                 "that it has none (continuous)"
             )
-        tree.source_of(joint)
+        source = tree.source_of(joint)[0]
+        if joint.kind != "fixed" and kinds[source] == "fixed":
+            raise tree.error(f"joint {joint.name} follows {source}, which does not move")
     if tree.closures:
         raise tree.error(f"{tree.closures[0]} closes a loop of links; only trees of links are read")
 
