@@ -10,7 +10,7 @@ from numba import typeof
 from numba.core import types
 
 from grasp3d._kernels.forces import grip_force, sure_forces, tasks
-from grasp3d._kernels.hands import kinematics, link_shapes, touched_surface, touching
+from grasp3d._kernels.hands import kinematics, link_shapes, settling, touched_surface, touching
 from grasp3d._kernels.hull import frictionless_closure, pair_epsilon, wrench_problem, wrenches
 from grasp3d._kernels.hull.polytope import make_polytope
 from grasp3d._kernels.hull.support_functions import TOTAL
@@ -199,7 +199,10 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     touching.touch: [
         (_f4, _f, _f, _i, _i, _BODIES, _TOUCHED, _TOUCHES, _TOUCH_SCRATCH),
     ],
+    touching.measure_points: [(_f2, _TOUCHED, _f1, _f2)],
     touched_surface.fill_grid: [(_TOUCHED,)],
+    settling.self_overlaps: [(_f4, _i, _i, _i2, _BODIES, _f1, _i2)],
+    settling.smallest_changes: [(_i1, _f2, _f1, _f2, _f1, _f2, _f3, _i)],
     kinematics.link_poses: [(_f2, _CHAIN)],
     kinematics.jacobians: [(_f4, _i1, _i1, _f2, _i, _CHAIN)],
     patches.reset_front: [(_FRONT,)],

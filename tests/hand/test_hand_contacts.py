@@ -1,6 +1,7 @@
 """Contacts of hands with joints: distances of links against FCL, depths and contacts of shapes."""
 
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ SHAPES = {
 }
 
 
+@cache
 def ring() -> trimesh.Trimesh:
     return trimesh.creation.annulus(0.03, 0.04, 0.1, sections=48)
 
@@ -60,36 +62,45 @@ def random_frames(count: int, links: int, extent: float) -> Floats:
     return frames
 
 
+SIZE = 0.06
+"""Length of the largest shape [m]."""
+
+
 def compare_with_fcl(kind: str, count: int) -> None:
-    """An answer is the distance of two points: never too small. FCL's are right to about 1e-5."""
+    """FCL's own answers for shapes that are no meshes are off by up to 0.1 mm: it gets meshes."""
     fcl = known.reader("fcl")
     one, mesh = SHAPES[kind], solid(ring())
     frames = random_frames(count, 1, 0.09)
     found = gaps([one], mesh, frames).gaps[:, 0]
-    body = fcl.CollisionObject(_fcl_shape(fcl, one))
+    vertices, faces, radius = _core(one)
+    body = fcl.CollisionObject(_fcl_mesh(fcl, vertices, faces))
     other = fcl.CollisionObject(_fcl_mesh(fcl, mesh.vertices, mesh.faces))
     apart = np.zeros(count, dtype=bool)
     for row, frame in enumerate(frames[:, 0]):
         body.setTransform(fcl.Transform(frame[:, :3], frame[:, 3]))
-        distance = fcl.distance(body, other, fcl.DistanceRequest(), fcl.DistanceResult())
+        distance = fcl.distance(body, other, fcl.DistanceRequest(), fcl.DistanceResult()) - radius
         inside = found[row] < 0.0 < distance  # within the wall as a whole
         apart[row] = distance > 1e-6 and not inside
         if apart[row]:
-            assert found[row] <= distance + 2e-9
-            assert found[row] >= distance - 2e-5
+            assert found[row] == pytest.approx(distance, abs=1e-6 * SIZE)
     assert apart.mean() > 0.3
     assert np.median(np.abs(found[~apart])) > 1e-3
 
 
-def _fcl_shape(fcl: Any, one: LinkShape) -> Any:
+def _core(one: LinkShape) -> tuple[Any, Any, float]:
+    """Vertices and faces of a shape, or of a core and the radius of the ball around it."""
     if one.kind == "mesh":
         hull = trimesh.convex.convex_hull(one.vertices)
-        return _fcl_mesh(fcl, hull.vertices, hull.faces)
+        return hull.vertices, hull.faces, 0.0
     if one.kind == "box":
-        return fcl.Box(*(2.0 * np.array(one.size)))
-    if one.kind == "sphere":
-        return fcl.Sphere(one.size[0])
-    return getattr(fcl, one.kind.capitalize())(one.size[0], 2.0 * one.size[1])
+        box = trimesh.creation.box(2.0 * np.array(one.size))
+        return box.vertices, box.faces, 0.0
+    if one.kind == "cylinder":  # 2e-8 m inside the round one
+        round_one = trimesh.creation.cylinder(one.size[0], 2.0 * one.size[1], sections=1500)
+        return round_one.vertices, round_one.faces, 0.0
+    half = one.size[1] if one.kind == "capsule" else 0.0
+    ends = np.array([[0.0, 0.0, -half], [0.0, 0.0, half], [0.0, 0.0, 0.5 * half]])
+    return ends, np.array([[0, 1, 2]]), one.size[0]
 
 
 def _fcl_mesh(fcl: Any, vertices: Any, faces: Any) -> Any:
@@ -108,9 +119,10 @@ def test_gaps_are_those_of_fcl(kind: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", SHAPES)
 def test_many_gaps_are_those_of_fcl(kind: str) -> None:
-    compare_with_fcl(kind, 3000)
+    compare_with_fcl(kind, 4000)
 
 
+@cache
 def block() -> ObjectMesh:
     """60 x 60 x 40 mm, its top at z = 0."""
     return solid(trimesh.creation.box([0.06, 0.06, 0.04], at(0.0, 0.0, -0.02)))
@@ -242,6 +254,7 @@ def test_depth_in_the_table() -> None:
         assert found.table_depth[0] == pytest.approx(-0.001 - lowest, abs=3e-4)
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), scale=st.sampled_from(["m", "mm", "cm"]))
 def test_motions_units_and_the_order_of_links_change_nothing(seed: int, scale: str) -> None:
@@ -255,7 +268,7 @@ def test_motions_units_and_the_order_of_links_change_nothing(seed: int, scale: s
     motion = at(*rng.normal(0, 0.3, 3), Rotation.random(random_state=rng).as_matrix())
     factor = {"m": 1.0, "cm": 100.0, "mm": 1000.0}[scale]
     one = contacts_of(solid(ring()), *links)
-    moved = ring().apply_transform(motion).apply_scale(factor)
+    moved = ring().copy().apply_transform(motion).apply_scale(factor)
     pose = motion.copy()
     pose[:3, 3] *= factor
     order = rng.permutation(len(links))

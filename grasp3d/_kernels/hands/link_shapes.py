@@ -35,6 +35,9 @@ EXACT = 1e-12
 TOUCHING = 1e-9
 """Distance of a core from a triangle below which they count as overlapping [m]."""
 
+ROUGH = 5e-4
+"""How much deeper than in the hull a point may be in the planes around it [m]."""
+
 NEAR = 1e-6
 """Distance below which the direction is that from a smaller core [m]."""
 
@@ -371,7 +374,8 @@ def shape_distance(kind, size, box, hull, planes, triangle, limit, scratch):
             deeper = point_depth(triple(triangle, 3 * i), kind, size, box, planes)
             if deeper < depth:
                 depth, corner = deeper, i
-    if min(middle, depth) > -TOUCHING:
+    distance = 0.0
+    if min(middle, depth) > -(TOUCHING if kind != HULL else ROUGH):
         distance = core_distance(kind, size, box, hull, 1.0, triangle, max(limit, 0.0), scratch)
         if distance > NEAR:
             if distance < math.inf:
@@ -389,6 +393,11 @@ def shape_distance(kind, size, box, hull, planes, triangle, limit, scratch):
         copy(centroid, scratch.on_face)
     else:
         copy(divided(scratch.guess, inner), scratch.guess)
+    if kind == HULL and inner > NEAR:
+        # Along the direction of the way out, which the planes know roughly only.
+        x, y, z = triple(scratch.guess, 0)
+        p = _farthest_vertex(hull, scratch.at, -x, -y, -z)
+        return min(dot(scratch.guess, p) - dot(scratch.guess, scratch.on_face), distance)
     if min(middle, depth) <= 0.0:
         depth_here = point_depth(scratch.on_face, kind, size, box, planes)
         if depth < depth_here - 1e-9:

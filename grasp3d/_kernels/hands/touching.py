@@ -71,7 +71,8 @@ class Touches(NamedTuple):
     gaps: npt.NDArray[np.float64]
     """Signed distance of each shape, inf: beyond the search; negative: depth (k, m)."""
     points: npt.NDArray[np.float64]
-    """Where: a point of the surface, or of the shape where that is inside (k, m, 3)."""
+    """Where: the point of the surface; that of the shape is as far along the direction as the gap,
+    which may be negative (k, m, 3)."""
     directions: npt.NDArray[np.float64]
     """Unit vector along which the shape moves away from there (k, m, 3)."""
     counts: npt.NDArray[np.int64]
@@ -239,12 +240,11 @@ def _sample(p, slot, radius, gap, surface, scratch):
     weights = nearest_weights(p, triangle)
     depth = math.sqrt(square)
     if is_inside(p, slot, weights, surface) and -depth - radius < gap:
-        gap = -depth - radius
-        copy(p, scratch.point)
-        n = triple(surface.outward[slot], 0)
-        if depth > 1e-9:
-            n = divided(difference(point_of(weights, triangle), p), depth)
-        copy(n, scratch.direction)
+        gap, q = -depth - radius, point_of(weights, triangle)
+        copy(q, scratch.point)
+        copy(divided(difference(q, p), depth), scratch.direction)
+        if depth < EQUAL:
+            copy(triple(surface.outward[slot], 0), scratch.direction)
     return slot, gap
 
 
@@ -437,6 +437,30 @@ def _write_contact(row, first, last, frame, shapes, surface, scratch):
     for k in range(3):
         row[3 + k] = n[k]
     row[6] = _gap_at(q, first, last, frame, shapes, scratch)
+
+
+@kernel
+def measure_points(points, surface, gaps, directions):
+    """Signed distances of points from an object, and the directions away from it.
+
+    Args:
+        points: In the object's frame [m] (k, 3).
+        surface: `TouchedSurface`.
+        gaps: Written (k,).
+        directions: Written: unit vectors (k, 3).
+    """
+    nodes, bounds = np.empty(STACK, np.int64), np.empty(STACK)
+    for i in range(points.shape[0]):
+        p, most = points[i], least_distance(points[i], surface)[1]
+        slot, square = nearest_triangle(p, most * most, -1, surface.tree, nodes, bounds)
+        triangle = surface.tree.triangles[slot]
+        weights = nearest_weights(p, triangle)
+        sign = -1.0 if is_inside(p, slot, weights, surface) else 1.0
+        gaps[i] = sign * math.sqrt(square)
+        if abs(gaps[i]) < EQUAL:
+            copy(triple(surface.outward[slot], 0), directions[i])
+        else:
+            copy(divided(difference(p, point_of(weights, triangle)), gaps[i]), directions[i])
 
 
 @kernel

@@ -1,22 +1,21 @@
 """Contacts of a hand with joints: which of its links touch an object, where, and how far off."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from grasp3d._kernels.hands.touching import MOST, Touches, make_touch_scratch, touch
+from grasp3d._kernels.hands.touching import MOST
 from grasp3d.arrays import ArrayLike, Floats, Ints, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.articulated.link_bodies import reach_along
+from grasp3d.hand.articulated.hand_scene import HandScene
+from grasp3d.hand.articulated.settling import close, motion_of_object, settle
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.hand.table import Table
 from grasp3d.settings.checks import check_choice, check_range
-from grasp3d.system.context import thread_count
 
 if TYPE_CHECKING:
     from grasp3d.mesh import ObjectMesh
@@ -28,11 +27,8 @@ links touch and none penetrates; or after closing from a preshape."""
 CONTACT_DISTANCE = 0.005
 """Gap up to which a link counts as touching [m]: published postures are off by millimetres."""
 
-SEARCH = 2.0
-"""Largest gap that is measured, in contact distances."""
-
-CHUNK = 16
-"""Poses that a thread takes at once."""
+TOUCHED = 3e-4
+"""Gap up to which a link touches after it settled, or closed [m]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -118,99 +114,46 @@ def hand_contacts(
         raise SettingError(
             f"{hand.name} has no preshape {preshape!r}; known: {', '.join(hand.preshapes)}"
         )
-    if rule != "given":
-        raise SettingError(f"contacts of rule {rule} are not found yet; take 'given'")
     if len(matrices) != len(values):
         raise SettingError(f"{len(matrices)} poses have {len(values)} postures: give one for each")
-    return Scene(mesh, hand, metres, contact_distance, table).contacts(rule, matrices, values)
-
-
-class Scene:
-    """A hand and an object for the kernels, in metres in the frame of the mesh."""
-
-    def __init__(
-        self,
-        mesh: "ObjectMesh",
-        hand: ArticulatedHand,
-        metres: float,
-        distance: float,
-        table: Table | None,
-    ) -> None:
-        self.hand, self.metres, self.distance, self.table = hand, metres, distance, table
-        self.bodies, self.surface = hand.bodies, mesh.touched_surface
-
-    def frames(self, poses: Floats, postures: Floats) -> Floats:
-        """Frames of the links in that of the mesh [m], shape (k, L, 3, 4)."""
-        base = poses[:, None, :3].copy()
-        base[..., 3] *= self.metres
-        return np.ascontiguousarray(base @ self.hand.link_poses(postures))
-
-    def touch(self, frames: Floats, *, contacts: bool = True) -> Touches:
-        """Gaps, and contacts unless they are not wanted."""
-        count, links, shapes = len(frames), frames.shape[1], len(self.bodies.kinds)
-        listed = links if contacts else 0
-        touches = Touches(
-            gaps=np.full((count, shapes), np.inf),
-            points=np.zeros((count, shapes, 3)),
-            directions=np.zeros((count, shapes, 3)),
-            counts=np.zeros((count, listed), dtype=np.int64),
-            contacts=np.zeros((count, listed, MOST, 7)),
-        )
-        starts = range(0, count, CHUNK)
-        threads = max(1, min(thread_count(), len(starts)))
-
-        def run(number: int) -> None:
-            scratch = make_touch_scratch(self.bodies)
-            for start in starts[number::threads]:
-                touch(
-                    frames, self.distance, SEARCH * self.distance, start,
-                    min(start + CHUNK, count), self.bodies, self.surface, touches, scratch,
-                )  # fmt: skip
-
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(run, range(threads)))
-        return touches
-
-    def link_gaps(self, touches: Touches) -> Floats:
-        """Signed distance of each link [m], shape (k, L)."""
-        gaps = np.full((len(touches.gaps), len(self.hand.link_names)), np.inf)
-        np.minimum.at(gaps.T, self.bodies.links, touches.gaps.T)
-        return gaps
-
-    def table_depth(self, frames: Floats) -> Floats:
-        """How deep the hand is in the table [m], shape (k,); nan without one."""
-        if self.table is None:
-            return np.full(len(frames), np.nan)
-        lowest = np.full(len(frames), np.inf)
-        for body, link in enumerate(self.bodies.links):
-            placed = frames[:, link, :, :3] @ self.bodies.poses[body]
-            placed[..., 3] += frames[:, link, :, 3]
-            up = self.table.normal @ placed  # (k, 4), in the body's frame
-            lowest = np.minimum(lowest, up[:, 3] - reach_along(self.bodies, body, -up[:, :3]))
-        return self.table.offset * self.metres - lowest
-
-    def contacts(self, rule: Rule, poses: Floats, postures: Floats) -> HandContacts:
-        """The result of a rule in the unit of the mesh."""
-        frames = self.frames(poses, postures)
-        touches = self.touch(frames)
-        listed = np.arange(MOST) < touches.counts[:, :, None]
-        row, link, _ = np.nonzero(listed)
-        contacts = touches.contacts[listed]
-        count = len(poses)
-        return HandContacts(
-            rule=rule,
-            poses=poses,
-            posture=postures,
-            row=row,
-            link=link,
-            points=contacts[:, :3] / self.metres,
-            normals=contacts[:, 3:6],
-            gap=contacts[:, 6] / self.metres,
-            gaps=self.link_gaps(touches) / self.metres,
-            self_collision=np.full((count, 2), -1),
-            self_depth=np.zeros(count),
-            table_depth=self.table_depth(frames) / self.metres,
-            change=np.zeros(count),
-            shift=np.zeros(count),
-            turn=np.zeros(count),
-        )
+    if not len(hand.bodies.kinds):
+        raise SettingError(f"{hand.name} has no collision geometry: nothing of it can touch")
+    scene = HandScene(mesh, hand, metres, contact_distance)
+    start, end = matrices.copy(), values
+    start[:, :3, 3] *= metres
+    moved = start
+    if rule == "settled":
+        moved, end = settle(scene, start, values, free=object_motion == "free")
+    elif rule == "closed":
+        opened = np.where(hand.closing != 0.0, hand.preshapes[preshape], values)
+        end = close(scene, start, opened)
+    shift, turn = motion_of_object(start, moved, scene.center)
+    frames = scene.frames(moved, end)
+    touches = scene.touch(frames)
+    gaps = scene.link_gaps(touches)
+    if rule != "given":
+        touches.counts[gaps > TOUCHED] = 0
+    depth, pairs = scene.self_collisions(frames)
+    listed = np.arange(MOST) < touches.counts[:, :, None]
+    row, link, _ = np.nonzero(listed)
+    contacts = touches.contacts[listed]
+    if rule == "settled":
+        matrices = moved.copy()
+        matrices[:, :3, 3] /= metres
+    return HandContacts(
+        rule=rule,
+        poses=matrices,
+        posture=end,
+        row=row,
+        link=link,
+        points=contacts[:, :3] / metres,
+        normals=contacts[:, 3:6],
+        gap=contacts[:, 6] / metres,
+        gaps=gaps / metres,
+        self_collision=pairs,
+        self_depth=depth / metres,
+        table_depth=scene.table_depth(frames, table) / metres,
+        change=np.abs(end - values).max(axis=1, initial=0.0),
+        shift=shift / metres,
+        turn=turn,
+    )

@@ -1,0 +1,112 @@
+"""Smallest changes of postures with which links touch, and overlaps of links with each other."""
+
+import math
+
+import numpy as np
+
+from grasp3d._kernels.compiling.decorators import kernel, part
+from grasp3d._kernels.hands.link_shapes import box_distance, point_depth
+from grasp3d._kernels.hands.touching import moved, moved_back, place
+
+
+@kernel
+def smallest_changes(first, rows, targets, bounds, forces, now, limits, sweeps):
+    """Solve a small problem per pose: the smallest change z of its state with linear gaps.
+
+    The dual of: minimise |z|^2 / 2, with z between limits, plus for each row a cost of its
+    remaining gap of at most so much per metre, by coordinates. Rows that cannot be met remain, and
+    do not spoil others.
+
+    Args:
+        first: First row of each pose (k + 1,).
+        rows: Change of each gap per change of the state (c, n).
+        targets: Wanted change of each gap, counted from the state where the change is 0 (c,).
+        bounds: Least and largest multiplier of each row (c, 2).
+        forces: Multipliers to begin with, replaced by those found (c,).
+        now: The changes, written (k, n).
+        limits: Least and largest changes (k, n, 2).
+        sweeps: Number of sweeps over the rows.
+    """
+    width = now.shape[1]
+    pull = np.empty(width)
+    for pose in range(first.shape[0] - 1):
+        for k in range(width):
+            pull[k] = 0.0
+            for i in range(first[pose], first[pose + 1]):
+                forces[i] = min(max(forces[i], bounds[i, 0]), bounds[i, 1])
+                pull[k] += forces[i] * rows[i, k]
+            now[pose, k] = min(max(pull[k], limits[pose, k, 0]), limits[pose, k, 1])
+        for _ in range(sweeps):
+            largest = 0.0
+            for i in range(first[pose], first[pose + 1]):
+                missing, square = targets[i], 1e-9
+                for k in range(width):
+                    missing -= rows[i, k] * now[pose, k]
+                    square += rows[i, k] * rows[i, k]
+                force = min(max(forces[i] + missing / square, bounds[i, 0]), bounds[i, 1])
+                change = force - forces[i]
+                largest = max(largest, abs(change) * math.sqrt(square))
+                forces[i] = force
+                for k in range(width):
+                    pull[k] += change * rows[i, k]
+                    now[pose, k] = min(max(pull[k], limits[pose, k, 0]), limits[pose, k, 1])
+            if largest < 1e-7:
+                break
+
+
+@part
+def _overlap(i, j, one, other, shapes):
+    """Depth of the deepest point of shape i in shape j; negative: apart, or nearly."""
+    kind, size, box = shapes.kinds[j], shapes.sizes[j], shapes.boxes[j]
+    planes = shapes.planes[shapes.first_plane[j] : shapes.first_plane[j + 1]]
+    middle = moved_back(other, moved(one, shapes.boxes[i]))
+    if box_distance(middle, box) >= shapes.boxes[i, 6]:
+        return -1.0
+    deepest = -1.0
+    for k in range(shapes.first_sample[i], shapes.first_sample[i + 1]):
+        p = moved_back(other, moved(one, shapes.samples[k]))
+        if box_distance(p, box) < -deepest:
+            deepest = max(deepest, -point_depth(p, kind, size, box, planes))
+    return deepest
+
+
+@kernel
+def self_overlaps(frames, begin, end, allowed, shapes, depths, pairs):
+    """Find the two links of each pose that overlap most.
+
+    Args:
+        frames: Frames of the links (k, L, 3, 4).
+        begin: First pose.
+        end: The one after the last.
+        allowed: 1: the two links may overlap, or are not looked at (L, L).
+        shapes: `LinkShapes`.
+        depths: Written: how deep they overlap, 0: not at all (k,).
+        pairs: Written: the links, -1: none (k, 2).
+    """
+    size = shapes.kinds.shape[0]
+    placed = np.empty((size, 3, 4))
+    middles = np.empty((size, 3))
+    for pose in range(begin, end):
+        for i in range(size):
+            place(frames[pose, shapes.links[i]], shapes.poses[i], placed[i])
+            middles[i, 0], middles[i, 1], middles[i, 2] = moved(placed[i], shapes.boxes[i])
+        depths[pose], pairs[pose, 0], pairs[pose, 1] = 0.0, -1, -1
+        for i in range(size):
+            for j in range(i + 1, size):
+                one, other = shapes.links[i], shapes.links[j]
+                if allowed[one, other] == 1:
+                    continue
+                square = 0.0
+                for k in range(3):
+                    square += (middles[i, k] - middles[j, k]) ** 2
+                if square >= (shapes.boxes[i, 6] + shapes.boxes[j, 6]) ** 2:
+                    continue
+                depth = _overlap(i, j, placed[i], placed[j], shapes)
+                if (
+                    depth >= 0.0
+                    or box_distance(moved_back(placed[i], middles[j]), shapes.boxes[i])
+                    < shapes.boxes[j, 6]
+                ):
+                    depth = max(depth, _overlap(j, i, placed[j], placed[i], shapes))
+                if depth > depths[pose]:
+                    depths[pose], pairs[pose, 0], pairs[pose, 1] = depth, one, other

@@ -1,0 +1,148 @@
+"""A hand with joints and an object in one frame: where its links are, and what they touch."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from grasp3d._kernels.hands.settling import self_overlaps
+from grasp3d._kernels.hands.touching import MOST, Touches, make_touch_scratch, touch
+from grasp3d.arrays import Floats, Ints
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated.link_bodies import reach_along
+from grasp3d.hand.table import Table
+from grasp3d.system.context import thread_count
+
+if TYPE_CHECKING:
+    from grasp3d.mesh import ObjectMesh
+
+SEARCH = 2.0
+"""Largest gap that is measured, in contact distances."""
+
+CHUNK = 16
+"""Poses that a thread takes at once."""
+
+OVERLAPS = 5e-4
+"""Overlap of two links at the open preshape from which on they are meant to overlap [m]."""
+
+
+class HandScene:
+    """A hand and an object for the kernels, in metres in the frame of the mesh."""
+
+    def __init__(
+        self, mesh: "ObjectMesh", hand: ArticulatedHand, metres: float, distance: float
+    ) -> None:
+        """Prepare the surface, once for a mesh, and the hand, once for a hand.
+
+        Args:
+            mesh: The object.
+            hand: The hand.
+            metres: Metres per unit of the mesh.
+            distance: Contact distance [m].
+        """
+        self.hand, self.metres, self.distance = hand, metres, distance
+        self.bodies, self.surface = hand.bodies, mesh.touched_surface
+        self.center: Floats = self.surface.box[:3]
+
+    def frames(self, poses: Floats, postures: Floats) -> Floats:
+        """Frames of the links in that of the mesh [m], shape (k, L, 3, 4).
+
+        Args:
+            poses: Hand's frame to that of the mesh, translations in metres, shape (k, 4, 4).
+            postures: Values of the joints, shape (k, p).
+        """
+        return np.ascontiguousarray(poses[:, None, :3] @ self.hand.link_poses(postures))
+
+    def touch(
+        self, frames: Floats, *, contacts: bool = True, search: float | None = None
+    ) -> Touches:
+        """Gaps up to a distance, and contacts unless they are not wanted."""
+        count, links, shapes = len(frames), frames.shape[1], len(self.bodies.kinds)
+        listed = links if contacts else 0
+        touches = Touches(
+            gaps=np.full((count, shapes), np.inf),
+            points=np.zeros((count, shapes, 3)),
+            directions=np.zeros((count, shapes, 3)),
+            counts=np.zeros((count, listed), dtype=np.int64),
+            contacts=np.zeros((count, listed, MOST, 7)),
+        )
+        limit = SEARCH * self.distance if search is None else search
+
+        def run(begin: int, end: int, scratch: Any) -> None:
+            touch(
+                frames, self.distance, limit, begin, end, self.bodies, self.surface, touches,
+                scratch,
+            )  # fmt: skip
+
+        _in_threads(run, count, lambda: make_touch_scratch(self.bodies))
+        return touches
+
+    def link_gaps(self, touches: Touches) -> Floats:
+        """Signed distance of each link [m], shape (k, L)."""
+        gaps = np.full((len(touches.gaps), len(self.hand.link_names)), np.inf)
+        np.minimum.at(gaps.T, self.bodies.links, touches.gaps.T)
+        return gaps
+
+    def table_depth(self, frames: Floats, table: Table | None) -> Floats:
+        """How deep the hand is in a table [m], shape (k,); nan without one."""
+        if table is None:
+            return np.full(len(frames), np.nan)
+        lowest = np.full(len(frames), np.inf)
+        for body, link in enumerate(self.bodies.links):
+            placed = frames[:, link, :, :3] @ self.bodies.poses[body]
+            placed[..., 3] += frames[:, link, :, 3]
+            up = table.normal @ placed  # (k, 4), in the body's frame
+            lowest = np.minimum(lowest, up[:, 3] - reach_along(self.bodies, body, -up[:, :3]))
+        return np.asarray(table.offset * self.metres - lowest)
+
+    def self_collisions(self, frames: Floats) -> tuple[Floats, Ints]:
+        """How deep the two links that overlap most do [m], (k,), and which they are (k, 2)."""
+        return self._overlaps(frames, self._may_overlap)
+
+    def _overlaps(self, frames: Floats, allowed: Ints) -> tuple[Floats, Ints]:
+        depths, pairs = np.zeros(len(frames)), np.full((len(frames), 2), -1)
+
+        def run(begin: int, end: int, _scratch: None) -> None:
+            self_overlaps(frames, begin, end, allowed, self.bodies, depths, pairs)
+
+        _in_threads(run, len(frames), lambda: None)
+        return depths, pairs
+
+    @cached_property
+    def _may_overlap(self) -> Ints:
+        """1: two links are one, or next to each other, or overlap at the open preshape (L, L)."""
+        hand = self.hand
+        chain, count = hand.chain, len(hand.link_names)
+        rigid = np.arange(count)
+        allowed = np.eye(count, dtype=np.int64)
+        for link in range(1, count):
+            parent = rigid[chain.parents[link]]
+            if chain.columns[link] < 0:
+                rigid[link] = parent
+            else:
+                allowed[link, parent] = allowed[parent, link] = 1
+        allowed = np.ascontiguousarray(allowed[np.ix_(rigid, rigid)])
+        frames = self.frames(np.eye(4)[None], hand.preshapes["open"][None])
+        while True:
+            (depth,), (pair,) = self._overlaps(frames, allowed)
+            if depth <= OVERLAPS:
+                return allowed
+            allowed[pair[0], pair[1]] = allowed[pair[1], pair[0]] = 1
+
+
+def _in_threads(
+    work: Callable[[int, int, Any], None], count: int, scratch: Callable[[], Any]
+) -> None:
+    """Run work on chunks of poses in threads, each with scratch arrays of its own."""
+    starts = range(0, count, CHUNK)
+    threads = max(1, min(thread_count(), len(starts)))
+
+    def run(number: int) -> None:
+        own = scratch()
+        for start in starts[number::threads]:
+            work(start, min(start + CHUNK, count), own)
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(run, range(threads)))
