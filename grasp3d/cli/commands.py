@@ -32,7 +32,7 @@ from grasp3d.cli.options import (
 )
 from grasp3d.cli.time_limit import TimeLimited
 from grasp3d.errors import SettingError
-from grasp3d.hand.choices import ObjectMotion
+from grasp3d.hand.choices import ContactRule, ObjectMotion
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.physics.simulation_settings import SimulationSettings
@@ -436,6 +436,18 @@ class Evaluate(Guarded, GivenPoses):
     """Factor from the numbers of the object's file to metres, of which the poses are: for files of
     poses on an object at several scales, or that do not state it (default: the one that they
     state)."""
+
+    contact_rule: Annotated[
+        ContactRule | None, Group("gripper"), Main("hands with joints: which contacts poses make")
+    ] = None
+    """Poses of a hand with joints: which contacts they make. given: the links within the contact
+    distance of the surface; settled: joints, and a free object, first move as little as makes these
+    touch and none penetrate; closed: the hand closes from its open preshape until its links touch
+    (default: given)."""
+
+    contact_distance: Annotated[LengthOption, Group("gripper")] = None
+    """Poses of a hand with joints: distance from the surface up to which a link touches, a length
+    (default: 5mm)."""
 
     outcome: Annotated[OutcomeOption, Group("object")] = None
     """Poses: which column or key says whether a grasp held, and which of its values mean that it

@@ -4,7 +4,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from grasp3d.cli import grasp_report, progress_bars
+from grasp3d.cli import grasp_report, hand_report, progress_bars
 from grasp3d.cli.commands import Evaluate
 from grasp3d.cli.existing_files import check_not_source, check_not_task, check_output
 from grasp3d.errors import ContactError, SettingError
@@ -59,8 +59,13 @@ def _check_gripper(command: Evaluate, *, poses: bool) -> None:
         )
     if not poses and command.reach.pose_error:
         raise SettingError("pose_error applies to poses of a gripper, not to contacts")
-    if not poses and command.object_motion != "free":
-        raise SettingError("object_motion applies to poses of a gripper, not to contacts")
+    for name, changed in {
+        "object_motion": command.object_motion != "free",
+        "contact_rule": command.contact_rule is not None,
+        "contact_distance": command.contact_distance is not None,
+    }.items():
+        if changed and not poses:
+            raise SettingError(f"{name} applies to poses of a gripper, not to contacts")
     if poses and command.max_distance is not None:
         raise SettingError("max_distance applies to contacts, not to poses of a gripper")
     if command.metrics is not None and command.model.contact == "patch":
@@ -89,14 +94,15 @@ def _evaluate_poses(command: Evaluate, output: Path) -> Measures | None:
     with progress_bars.progress(f"evaluating {command.contacts.name}", quiet=command.quiet):
         if command.frame == AUTO:
             poses = explained(mesh, poses, scene.hand, table=scene.table)
-        options: dict[str, Any] = {"scene": scene, "object_motion": command.object_motion}
-        results = evaluate_grasps(mesh, poses, model, load=load, **options)
-    progress_bars.measure(lambda: results.epsilon_range, "measuring epsilon", quiet=command.quiet)
+        chosen = ("object_motion", "contact_rule", "contact_distance")
+        options: dict[str, Any] = {name: getattr(command, name) for name in chosen}
+        results: Any = evaluate_grasps(mesh, poses, model, load=load, scene=scene, **options)
     metrics = None if command.metrics is None else results.metrics(command.metrics)
+    progress_bars.measure(lambda: results.epsilon, "measuring epsilon", quiet=command.quiet)
     write_grasps(output, results, metrics=metrics)
     if not command.quiet:
-        assert isinstance(results, EvaluatedPoses)
-        grasp_report.print_poses(results, output)
+        of_jaws = isinstance(results, EvaluatedPoses)
+        (grasp_report.print_poses if of_jaws else hand_report.print_hand_grasps)(results, output)
     return None if metrics is None else (metrics, mesh.unit)
 
 

@@ -28,7 +28,7 @@ from grasp3d.cli.report import (
     uncertainty_lines,
 )
 from grasp3d.grasps.evaluated_parts import EvaluatedParts
-from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses, GivenGrasps
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
 from grasp3d.grasps.pose_readings import READING, READINGS
 from grasp3d.grasps.ranking import listed_rows, stated_label
@@ -101,7 +101,7 @@ def print_evaluated(evaluated: EvaluatedParts, output: Path) -> None:
     report.warnings(grasps.warnings)
     _, *columns = _columns(grasps, grasps.label)
     columns += _conditional_columns(grasps, distances=True)
-    _print_some(report, [("grasp", lambda row: str(rows[row] + 1)), *columns], grasps, size)
+    print_some(report, [("grasp", lambda row: str(rows[row] + 1)), *columns], grasps, size)
     report.line(_legend(grasps))
     report.written(output)
 
@@ -138,7 +138,7 @@ def print_best(
         if grasps.closed is not None:
             report.lines(_robust_legend(grasps, grasps.closed.robustness))
         if grasps.has_poses:
-            report.line(_frame_text(object_pose))
+            report.line(frame_text(object_pose))
         report.warnings(warnings_of_best(grasps, object_pose))
         if grasps.size < requested:
             report.paragraph(f"{requested} were requested; all others are similar to one of these")
@@ -175,14 +175,14 @@ def print_poses(poses: EvaluatedPoses, output: Path) -> None:
     report.lines(uncertainty_lines(poses, None, of="poses", unit=mesh.unit))
     report.lines(_outside(poses))
     if not np.isnan(poses.outcome).all():
-        report.line(_outcomes(poses))
+        report.line(outcomes_line(poses))
     report.line(f"[bold]{escaped(str(verdict_of(poses)))}[/]")
     print_load(report, poses.holding)
     report.warnings(poses.warnings)
-    _print_some(report, _pose_columns(poses), poses, poses.size)
+    print_some(report, _pose_columns(poses), poses, poses.size)
     report.line(f"{_added_legend(poses)}{_POSES_LEGEND}{mesh.unit}")
     report.lines(_robust_legend(poses, poses.robustness))
-    report.line(_frame_text(poses.given.object_pose))
+    report.line(frame_text(poses.given.object_pose))
     if read := poses.given.settings.get(READING):
         report.line(f"{READINGS[READING]}: {escaped(read)}")
     report.written(output)
@@ -213,8 +213,8 @@ def print_metrics(metrics: MetricValues, unit: str | None) -> None:
         report.lines(lines, f"{metric.name} undefined:")
 
 
-def _print_some(
-    report: Report, columns: Sequence[Column], grasps: GraspTable | EvaluatedPoses, size: int
+def print_some(
+    report: Report, columns: Sequence[Column], grasps: GraspTable | GivenGrasps, size: int
 ) -> None:
     """Print a table of the grasps; where all are many, `size`, of those to be taken first."""
     rows = np.arange(grasps.size)
@@ -245,7 +245,8 @@ def _legend(grasps: GraspTable) -> str:
     )
 
 
-def _frame_text(pose: ObjectPose | None) -> str:
+def frame_text(pose: ObjectPose | None) -> str:
+    """Frame of the poses in the file."""
     frame = "mesh's frame" if pose is None else f"robot's frame {pose.frame!r}"
     return f"poses in the file: in the {frame}"
 
@@ -270,10 +271,10 @@ def _columns(
         (first, lambda row: str(row + 1)),
         ("label", lambda row: label_name(Label(int(labels[row])))),
         ("β*", lambda row: angle_text(grasps.critical_angle[row])),
-        ("α*", lambda row: _resolution(grasps.max_resolution[row])),
+        ("α*", lambda row: resolution_text(grasps.max_resolution[row])),
         *margin_columns(grasps),
-        ("ε", lambda row: _number(grasps.epsilon[row])),
-        ("ε_min", lambda row: _number(grasps.epsilon_min[row])),
+        ("ε", lambda row: number_text(grasps.epsilon[row])),
+        ("ε_min", lambda row: number_text(grasps.epsilon_min[row])),
         ("opening", lambda row: f"{grasps.opening[row]:.4g}"),
     ]
 
@@ -345,11 +346,13 @@ def _robust_legend(grasps: GraspTable | EvaluatedPoses, robustness: Robustness |
     ]
 
 
-def _number(value: float) -> str:
+def number_text(value: float) -> str:
+    """Format a number; nan means that there is no grasp."""
     return "none" if math.isnan(value) else f"{value:.3f}"
 
 
-def _resolution(angle: float) -> str:
+def resolution_text(angle: float) -> str:
+    """Format a sensor resolution; 0 means that none is fine enough."""
     return angle_text(angle) if angle > 0.0 else "none"
 
 
@@ -382,7 +385,7 @@ def _outside(grasps: EvaluatedParts | EvaluatedPoses) -> tuple[str, ...]:
     return (f"{count} of {grasps.size} have a contact that --only and --avoid exclude: U",)
 
 
-def _outcomes(poses: EvaluatedPoses) -> str:
+def outcomes_line(poses: GivenGrasps) -> str:
     """Return the fraction of the poses of each label that held, of those that were tried."""
     parts = []
     for label in sorted(Label, reverse=True):

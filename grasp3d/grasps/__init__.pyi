@@ -9,6 +9,7 @@ from .evaluation import evaluate_grasps as evaluate_grasps
 from .grasp_files import poses_of as poses_of
 from .grasp_files import read_grasps as read_grasps
 from .grasp_files import write_grasps as write_grasps
+from .hand_grasps import EvaluatedHandGrasps as EvaluatedHandGrasps
 from .pose_files.frames import read_object_pose as read_object_pose
 from .pose_readings import PoseReading as PoseReading
 from .pose_readings import suspected_reading as suspected_reading

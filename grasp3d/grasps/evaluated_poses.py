@@ -1,9 +1,10 @@
 """Poses of a gripper with the grasps that its jaws make there."""
 
 import math
+from abc import abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,8 +20,16 @@ from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.pose_checks import pose_warning
 from grasp3d.quality.measures.formulas import METRICS
 from grasp3d.quality.measures.measuring import UNDEFINED, MetricValues
-from grasp3d.surface.fields import CLOSED, FORCES, ROBUST, columns_of, given_poses
+from grasp3d.surface.fields import (
+    CLOSED,
+    FORCES,
+    ROBUST,
+    Arrays,
+    columns_of,
+    given_poses,
+)
 from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.robustness import Robustness, robustness_of
 from grasp3d.surface.rows import NO_ROW, rows_where
 from grasp3d.surface.vertex_grasps import SpreadGrasps
@@ -29,8 +38,70 @@ STALE = frozenset({UNDEFINED, *METRICS, *(field.name for field in (*CLOSED, *FOR
 """Columns of given poses that may be of other settings."""
 
 
+class GivenGrasps(LabelledGrasps):
+    """Given poses of a hand, a row for each, with what it holds there."""
+
+    given: GraspPoses
+
+    if TYPE_CHECKING:  # fields and attributes of the classes that have this base
+
+        @property
+        def label(self) -> Bytes: ...  # noqa: D102
+        @property
+        def reachable(self) -> Bools: ...  # noqa: D102
+
+    @abstractmethod
+    def _columns(self) -> Arrays:
+        """Results of shape (k,)."""
+
+    @abstractmethod
+    def _settings(self) -> dict[str, Any]:
+        """Settings of the evaluation; angles in radians."""
+
+    @property
+    def hand(self) -> Hand:
+        """The hand."""
+        assert self.scene is not None
+        return self.scene.hand
+
+    @property
+    def size(self) -> int:
+        """Number of poses."""
+        return self.given.count
+
+    @property
+    def poses(self) -> Floats:
+        """The poses as they were given, from the hand's frame to the mesh's, shape (k, 4, 4)."""
+        return self.given.poses
+
+    def poses_in(self, object_pose: ObjectPose | str | ArrayLike) -> Floats:
+        """The poses in the frame of a robot, shape (k, 4, 4) [m]; see `GraspPoses.poses_in`."""
+        return self.given.poses_in(object_pose)
+
+    @property
+    def outcome(self) -> Floats:
+        """Outcomes of the given poses: 1 held, 0 failed, nan not tried, shape (k,)."""
+        return self.given.outcome
+
+    def to_poses(self, metrics: MetricValues | None = None) -> GraspPoses:
+        """The poses with the results as columns, as `write_grasps` writes them.
+
+        Args:
+            metrics: Quality measures that become columns, too.
+        """
+        own = {**self._columns(), **({} if metrics is None else metrics.columns())}
+        # Measures, forces and labels in the given file may be of other settings.
+        others = {
+            name: column
+            for name, column in self.given.columns.items()
+            if name not in own and name not in STALE
+        }
+        settings = {**self.given.settings, **self._settings()}
+        return replace(self.given, hand=self.hand, columns={**others, **own}, settings=settings)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
-class EvaluatedPoses(SpreadGrasps):
+class EvaluatedPoses(GivenGrasps, SpreadGrasps):
     """Poses of a gripper with the grasps that its jaws make there, a row for each.
 
     Numbers are nan, and the label is U, where the jaws do not close on the object.
@@ -62,26 +133,6 @@ class EvaluatedPoses(SpreadGrasps):
     __repr__ = short_repr
 
     @property
-    def hand(self) -> Hand:
-        """The gripper."""
-        assert self.scene is not None
-        return self.scene.hand
-
-    @property
-    def size(self) -> int:
-        """Number of poses."""
-        return self.given.count
-
-    @property
-    def poses(self) -> Floats:
-        """The poses as they were given, from the gripper's frame to the mesh's, shape (k, 4, 4)."""
-        return self.given.poses
-
-    def poses_in(self, object_pose: ObjectPose | str | ArrayLike) -> Floats:
-        """The poses in the frame of a robot, shape (k, 4, 4) [m]; see `GraspPoses.poses_in`."""
-        return self.given.poses_in(object_pose)
-
-    @property
     def state(self) -> Bytes:
         """`Closing` codes, shape (k,)."""
         return self.jaws.state
@@ -90,11 +141,6 @@ class EvaluatedPoses(SpreadGrasps):
     def opening(self) -> Floats:
         """Distance of the pads, or of the nearest points of round tips [mesh unit], shape (k,)."""
         return self.jaws.opening
-
-    @property
-    def outcome(self) -> Floats:
-        """Outcomes of the given poses: 1 held, 0 failed, nan not tried, shape (k,)."""
-        return self.given.outcome
 
     @cached_property
     def robustness(self) -> Robustness:
@@ -127,26 +173,10 @@ class EvaluatedPoses(SpreadGrasps):
         return (*super().warnings, *(line for line in (reading, inside, tilted) if line))
 
     def to_poses(self, metrics: MetricValues | None = None) -> GraspPoses:
-        """The poses with the results as columns, as `write_grasps` writes them.
-
-        Args:
-            metrics: Quality measures that become columns, too.
-        """
-        own = {**self._columns(), **({} if metrics is None else metrics.columns())}
-        # Measures, forces and labels in the given file may be of other settings.
-        others = {
-            name: column
-            for name, column in self.given.columns.items()
-            if name not in own and name not in STALE
-        }
-        columns = {**others, **own, "contacts": self.jaws.points, "normals": self.jaws.normals}
-        return replace(
-            self.given,
-            opening=self.opening,
-            hand=self.hand,
-            columns=columns,
-            settings={**self.given.settings, **self._settings()},
-        )
+        """The poses with the results as columns; see `GivenGrasps.to_poses`."""
+        poses = super().to_poses(metrics)
+        touched = {"contacts": self.jaws.points, "normals": self.jaws.normals}
+        return replace(poses, opening=self.opening, columns={**poses.columns, **touched})
 
     def take(self, rows: Ints) -> "EvaluatedPoses":
         """The chosen poses, in that order.

@@ -11,10 +11,12 @@ from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps, evaluate_hand
 from grasp3d.grasps.pose_files import read_poses
 from grasp3d.grasps.pose_files.frames import UnknownUnitError
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.choices import ObjectMotion
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.choices import ContactRule, ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.closing import ways
 from grasp3d.hand.hand import Hand, touching
@@ -58,6 +60,13 @@ PROJECTED, ANGLES_COMPUTED = 0.5, 0.9
 @overload
 def evaluate_grasps(
     mesh: MeshSource, grasps: GraspPoses, model: GraspModel | None = None, *,
+    hand: ArticulatedHand, table: Table | None = None, approach: Approach | None = None,
+    contact_rule: ContactRule = "given", contact_distance: GivenLength | None = None,
+    object_motion: ObjectMotion = "free",
+) -> EvaluatedHandGrasps: ...  # fmt: skip
+@overload
+def evaluate_grasps(
+    mesh: MeshSource, grasps: GraspPoses, model: GraspModel | None = None, *,
     hand: Hand | None = None, table: Table | None = None,
     approach: Approach | None = None, pose_error: PoseError | str | None = None,
     scene: Scene | None = None, object_motion: ObjectMotion = "free", load: Load | None = None,
@@ -84,10 +93,12 @@ def evaluate_grasps(
     approach: Approach | None = None,
     pose_error: PoseError | str | None = None,
     scene: Scene | None = None,
+    contact_rule: ContactRule | None = None,
+    contact_distance: GivenLength | None = None,
     object_motion: ObjectMotion = "free",
     max_distance: GivenLength | None = None,
     load: Load | None = None,
-) -> GraspTable | EvaluatedPoses:
+) -> GraspTable | EvaluatedPoses | EvaluatedHandGrasps:
     """Compute the label, critical friction angle and epsilon of given grasps: contacts, or poses.
 
     Contacts are moved to the nearest surface points, and have the normals there. The order of the
@@ -97,6 +108,9 @@ def evaluate_grasps(
     model's friction; see `close_jaws`, which also says how a touched patch becomes a contact. A
     pose whose jaws close on nothing is U, without numbers. So is a grasp with a contact outside the
     region of `only` and `avoid`, with an infinite critical angle.
+
+    At poses of a hand with joints, given with their values, the links that touch make the grasp:
+    see `EvaluatedHandGrasps`.
 
     Args:
         mesh: The object: an `ObjectMesh`, or whatever `load_mesh` takes (a path, a mesh of trimesh,
@@ -109,14 +123,21 @@ def evaluate_grasps(
         model: Friction and sensor resolution [rad]; None: the defaults, at poses with the
             resolution that the gripper states, if any. Its number of fingers, unless it is the
             default 2, must be that of the grasps.
-        hand: The gripper of the poses.
+        hand: The gripper, or hand, of the poses.
         table: What the object stands on, at poses; None: nothing.
         approach: Allowed approach directions of the gripper; None: any.
         pose_error: How wrong the poses may be, as a text '5mm,3deg': `robustness` then has numbers
             of poses that are wrong by so much, and fingers that start in the object by less are not
             refused. None: the poses are exact.
         scene: The gripper, the table, the approach and the pose error as one, instead of the four.
-        object_motion: Of poses: free: the object settles between the jaws; fixed: it does not move.
+        contact_rule: Hands with joints: which contacts a pose makes. given, or None: the points of
+            links within `contact_distance` of the surface; settled: joints, and a free object,
+            first move as little as makes such links touch and none penetrate; closed: the hand
+            closes from its preshape "open" until its links touch.
+        contact_distance: Hands with joints: distance from the surface, to either side, up to which
+            a link touches, in the mesh's unit or with a unit; None: 5 mm.
+        object_motion: Of poses: free: the object settles between the jaws, or links; fixed: it does
+            not move.
         max_distance: Largest distance of a contact from the surface, in the mesh's unit or with a
             unit; None: 1/100 of the object's size.
         load: What each grasp must hold, and with which force: `holding` then has the grip force and
@@ -177,6 +198,10 @@ def evaluate_grasps(
     """
     scene = scene or Scene.given(hand, table, approach, pose_error)
     grasps = _poses_or_contacts(grasps)
+    of_links = {"contact_rule": contact_rule, "contact_distance": contact_distance}
+    of_links = {name: value for name, value in of_links.items() if value is not None}
+    if of_links and not (scene is not None and isinstance(scene.hand, ArticulatedHand)):
+        raise SettingError(f"{next(iter(of_links))} applies to poses of a hand with joints")
     if not isinstance(grasps, GraspPoses):
         if scene is not None or object_motion != "free":
             raise SettingError(
@@ -189,7 +214,9 @@ def evaluate_grasps(
         raise SettingError(
             "poses are evaluated for a gripper; give it (--hand, in Python hand=...)"
         )
-    return evaluate_poses(mesh, grasps, model, scene, object_motion=object_motion, load=load)
+    return evaluate_poses(
+        mesh, grasps, model, scene, object_motion=object_motion, load=load, **of_links
+    )
 
 
 def _poses_or_contacts(grasps: GraspPoses | ArrayLike) -> GraspPoses | ArrayLike:
@@ -332,10 +359,11 @@ def evaluate_poses(
     *,
     object_motion: ObjectMotion = "free",
     load: Load | None = None,
-) -> EvaluatedPoses:
+    **of_links: Any,
+) -> EvaluatedPoses | EvaluatedHandGrasps:
     """Close the jaws of a gripper on an object from given poses, and evaluate the grasps.
 
-    As `evaluate_grasps` does.
+    As `evaluate_grasps` does, also of a hand with joints.
 
     Args:
         mesh: The object; one whose unit is not known gets the scale that the poses state, if any.
@@ -345,6 +373,7 @@ def evaluate_poses(
         scene: The gripper, the table and the allowed approach.
         object_motion: free: the object settles between the jaws; fixed: it does not move.
         load: What each grasp must hold; None: nothing.
+        of_links: Hands with joints: `contact_rule` and `contact_distance`.
 
     Raises:
         MeshError: It is no mesh.
@@ -360,6 +389,10 @@ def evaluate_poses(
     start = poses.scaled(1.0, mesh.unit) if poses.unit is None else poses.in_unit(mesh.unit)
     _check_external(start)
     check_near(start.poses, mesh.center, mesh.size, mesh.unit, stated=poses.unit, reach=reach)
+    if isinstance(hand, ArticulatedHand):
+        return evaluate_hand(
+            mesh, start, model, scene, object_motion=object_motion, load=load, **of_links
+        )
     own_model = touching(hand, GraspModel()) if model is None else model
     (own_model,) = mesh.in_own_unit(with_fingers(own_model, hand.fingers[-1]))
     if load is not None:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.evaluated_poses import GivenGrasps
 from grasp3d.grasps.pose_files import holds_poses, read_poses, write_poses
 from grasp3d.grasps.pose_files.documents import (
     check_file,
@@ -291,7 +291,7 @@ def _grasp(number: int, grasp: object) -> list[list[float]]:
 
 def write_grasps(
     path: str | Path,
-    grasps: GraspTable | EvaluatedPoses | GraspPoses,
+    grasps: GraspTable | GivenGrasps | GraspPoses,
     *,
     format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
     metrics: MetricValues | None = None,
@@ -351,7 +351,7 @@ def write_grasps(
         (3, 2, 3)
     """
     path = Path(path)
-    if isinstance(grasps, EvaluatedPoses):
+    if isinstance(grasps, GivenGrasps):
         grasps = grasps.to_poses(metrics)
     posed = any(given is not None for given in (format, object_pose, frame))
     if isinstance(grasps, GraspTable) and (posed or (grasps.has_poses and grasps.size)):

@@ -14,12 +14,18 @@ from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.settings.lengths import METRES, Unit
-from grasp3d.surface.fields import FOUND_POSES, LENGTH
+from grasp3d.surface.fields import FOUND_POSES, HAND_GRASPS, LENGTH
 
 LENGTH_COLUMNS = frozenset(
-    {"centroid_distance", *(field.name for field in FOUND_POSES if field.unit == LENGTH)}
+    {
+        "centroid_distance",
+        *(field.name for field in (*FOUND_POSES, *HAND_GRASPS) if field.unit == LENGTH),
+    }
 )
 """Columns that are lengths, and are converted with the unit."""
+
+GAP = "gap_"
+"""Start of the names of columns with the distance of one link of a hand from the surface."""
 
 OWN_NAMES = frozenset({
     "name", "pose", "opening", "pregrasp_opening", "posture", "score", "outcome", "success",
@@ -176,7 +182,7 @@ class GraspPoses:
             return poses
 
         columns = {
-            name: values * factor if name in LENGTH_COLUMNS else values
+            name: values * factor if name in LENGTH_COLUMNS or name.startswith(GAP) else values
             for name, values in self.columns.items()
         }
         return replace(

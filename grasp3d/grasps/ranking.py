@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from grasp3d.arrays import Bools, Floats, Ints
-from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses, GivenGrasps
 from grasp3d.hand.jaws import Jaws
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
@@ -37,7 +37,7 @@ LEAST = 1e-6
 """Fraction of a step by which rounding errors do not make a margin belong to the step below."""
 
 
-def ranked_rows(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None = None) -> Ints:
+def ranked_rows(grasps: GraspTable | GivenGrasps, closed: ClosedGrasps | None = None) -> Ints:
     """Rows of grasps, the one to be taken first at the front; computes epsilon and grip forces.
 
     Grasps are compared by, one after the other:
@@ -83,13 +83,13 @@ def ranked_rows(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None
     return np.asarray(order[np.isfinite(angles[order])])
 
 
-def listed_rows(grasps: GraspTable | EvaluatedPoses, count: int) -> Ints:
+def listed_rows(grasps: GraspTable | GivenGrasps, count: int) -> Ints:
     """So many rows for a list: of `ranked_rows`, then of those without a critical angle."""
     ranked = ranked_rows(grasps)
     return np.concatenate([ranked, np.setdiff1d(np.arange(grasps.size), ranked)])[:count]
 
 
-def stated_label(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None = None) -> Ints:
+def stated_label(grasps: GraspTable | GivenGrasps, closed: ClosedGrasps | None = None) -> Ints:
     """`Label` codes that take everything stated into account, shape (b,).
 
     With a load whose mass and force are known that is the label with force; else where jaws have
@@ -116,7 +116,7 @@ def stated_label(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | Non
 
 
 def robust_number(
-    grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None, name: str
+    grasps: GraspTable | GivenGrasps, closed: ClosedGrasps | None, name: str
 ) -> Floats:
     """A number of `Robustness` of each grasp, shape (b,); nan: not known."""
     if isinstance(grasps, EvaluatedPoses):
@@ -126,7 +126,7 @@ def robust_number(
 
 
 def margins_in_units(
-    grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None = None
+    grasps: GraspTable | GivenGrasps, closed: ClosedGrasps | None = None
 ) -> dict[str, Floats]:
     """How far grasps are from failing, in units of what is stated or of documented errors.
 
@@ -157,15 +157,15 @@ def margins_in_units(
     return {name: np.where(np.isnan(values), -math.inf, values) for name, values in margins.items()}
 
 
-def _executable(grasps: GraspTable | EvaluatedPoses) -> Bools:
+def _executable(grasps: GraspTable | GivenGrasps) -> Bools:
     """Whether the gripper reaches the grasps without collision, shape (b,)."""
-    if isinstance(grasps, EvaluatedPoses):
+    if isinstance(grasps, GivenGrasps):
         return grasps.reachable
     reach = grasps.reach
     return np.ones(grasps.size, dtype=bool) if reach is None else reach.reached
 
 
-def _place(grasps: GraspTable | EvaluatedPoses, closed: ClosedGrasps | None, jaws: Jaws) -> Floats:
+def _place(grasps: GraspTable | GivenGrasps, closed: ClosedGrasps | None, jaws: Jaws) -> Floats:
     """Distance of the contacts from the border of flat pads [m], below 0 beside them, shape (b,).
 
     The smallest of both jaws, along the axis y and z of the gripper. Where the jaws have not been

@@ -390,3 +390,48 @@ def given_poses(fingers: int = 2) -> tuple[Field, ...]:
         *ROBUST,
         *FORCES,
     )  # fmt: skip
+
+
+HAND_GRASPS = (
+    LABEL,
+    replace(LABEL, name="label_fingertips", meaning="the same of the fingertips with sensors alone",
+            of=attrgetter("fingertips.label")),
+    replace(CRITICAL_ANGLE, meaning="critical friction angle of all contacts, as if each normal "
+            "were known; `nan`: no grasp", allowed=Allowed(-math.pi, math.pi, unknown=True)),
+    replace(MAX_RESOLUTION, meaning="sensor resolution, the same of all sensors, below which the "
+            "grasp is S; `0`: none"),
+    replace(MARGIN, meaning="angle by which the grasp is S, at the contacts that are not blind; S "
+            "where it is above 0; `-inf`: too much is blind, `nan`: no grasp",
+            allowed=Allowed(infinite=-math.inf, unknown=True)),
+    EPSILON,
+    *(
+        Field(name, meaning, kind="i8")
+        for name, meaning in (
+            ("rank", "dimension of the span of the wrenches, the rank of $G$; 0: none"),
+            ("internal", r"dimension of the internal forces, $\mathrm{null}(G)$"),
+            ("structural", "and of those that no motor sets, whose joint torques are all 0"),
+            ("redundant", r"dimension of the motions without contacts, $\mathrm{null}(J)$"),
+        )
+    ),
+    Field("links", "links that touch, separated by spaces", kind="U"),
+    Field("gap", "largest distance of a link that touches from the surface, inside or outside",
+          LENGTH, (), POSITIVE_OR_NAN),
+    Field("penetration", "how deep the deepest link is inside the object; `0`: none is", LENGTH,
+          (), Allowed(0.0)),
+    Field("overlap", "depth of the deepest collision of two links with each other", LENGTH, (),
+          Allowed(0.0)),
+    Field("below_table", "how far the hand reaches below the table; `nan`: there is none", LENGTH,
+          (), POSITIVE_OR_NAN),
+    *(
+        Field(name, meaning, unit, of=attrgetter(f"contacts.{name}"))
+        for name, meaning, unit in (
+            ("change", "largest change of a joint by the contact rule", RADIANS),
+            ("shift", "by how much a free object moved", LENGTH),
+            ("turn", "angle by which it turned", RADIANS),
+        )
+    ),
+    Field("reachable", "whether the hand can be there: no joint beyond its limits, no link inside "
+          "the object, another link or the table by more than the contact distance", kind="?"),
+    Field("reason", "what is wrong with the grasp, in one sentence; empty: nothing", kind="U"),
+)  # fmt: skip
+"""Given poses of a hand with joints, with what its links touch."""

@@ -453,28 +453,13 @@ class GraspTable(LabelledGrasps):
 
     def settings(self) -> dict[str, Any]:
         """Settings that the grasps were evaluated with, as files have them; angles in radians."""
-        mesh, model, scene = self.mesh, self.model, self.scene
-        meaning = MEANING["scan"]
-        surroundings = {} if scene is None else scene_settings(scene)
-        surroundings.pop("gripper", None)  # it is stated beside the poses
         load = {}
         if self.holding is not None:
             load = {**load_settings(self.load), **self.holding.settings()}
         return {
-            "version": package_version(),
-            "source": mesh.report.source,
-            **plain_values(model),
-            **plain_values(mesh.options),
-            "center_of_mass": one_line(mesh.options.center_of_mass),
-            "unit": mesh.unit or "unknown",
-            "size": mesh.size,
-            "center_mass": mesh.center_mass.tolist(),
-            "torque_scale": mesh.torque_scale,
-            "epsilon_rtol": EPSILON_RTOL,
-            "epsilon_min": model.tilts,
-            "epsilon_max": "sampled_tilts" if model.method == "extremes" else "upper_bound",
-            "labels": {label.name: meaning[label] for label in sorted(Label)},
-            **surroundings,
+            **settings_of(self.mesh, self.model, self.scene),
+            "epsilon_min": self.model.tilts,
+            "epsilon_max": "sampled_tilts" if self.model.method == "extremes" else "upper_bound",
             **{name: value for name, value in load.items() if value is not None},
         }
 
@@ -507,6 +492,33 @@ def _distances(points: Floats) -> Floats:
     """Distances of all pairs of contacts of each grasp (b, n, 3), shape (b, n (n - 1) / 2)."""
     first, second = np.triu_indices(points.shape[1], 1)
     return np.asarray(np.linalg.norm(points[:, second] - points[:, first], axis=2))
+
+
+def settings_of(mesh: ObjectMesh, model: GraspModel, scene: Scene | None) -> dict[str, Any]:
+    """Settings that grasps on an object were evaluated with, as files have them.
+
+    Args:
+        mesh: The object.
+        model: Friction and sensor resolution; angles in radians.
+        scene: The hand, which is stated beside the poses, and the table; None: ideal points.
+    """
+    meaning = MEANING["scan"]
+    surroundings = {} if scene is None else scene_settings(scene)
+    surroundings.pop("gripper", None)
+    return {
+        "version": package_version(),
+        "source": mesh.report.source,
+        **plain_values(model),
+        **plain_values(mesh.options),
+        "center_of_mass": one_line(mesh.options.center_of_mass),
+        "unit": mesh.unit or "unknown",
+        "size": mesh.size,
+        "center_mass": mesh.center_mass.tolist(),
+        "torque_scale": mesh.torque_scale,
+        "epsilon_rtol": EPSILON_RTOL,
+        "labels": {label.name: meaning[label] for label in sorted(Label)},
+        **surroundings,
+    }
 
 
 def _limits(model: GraspModel) -> bytes:

@@ -167,7 +167,7 @@ def input_warnings(
         None if load is None else mass_of(mesh, load),
         load is not None and load.density is not None,
         0.0 if hand is None else math.sqrt(hand.touch_area),
-        math.inf if hand is None else hand.max_opening,
+        math.inf if hand is None else hand.max_opening or math.inf,  # 0: it has no opening
     )
     return (*object_warnings(mesh, purpose), *length_warnings(lengths, mesh.size, mesh.unit))
 

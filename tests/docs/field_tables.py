@@ -14,7 +14,16 @@ from typing import get_args
 
 from grasp3d.export.ply import HIDDEN
 from grasp3d.hand.frames import FRAMES, GripperFrame
-from grasp3d.surface.fields import CONTACTS, FOUND_POSES, GRASPS, ROBUST, Field, When, given_poses
+from grasp3d.surface.fields import (
+    CONTACTS,
+    FOUND_POSES,
+    GRASPS,
+    HAND_GRASPS,
+    ROBUST,
+    Field,
+    When,
+    given_poses,
+)
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -177,7 +186,8 @@ def _shape(sizes: Iterable[int | str]) -> str:
 
 
 def _type(field: Field) -> str:
-    return "text" if field.texts else {"f": "number", "i": "int", "?": "bool"}[field.kind[0]]
+    kinds = {"f": "number", "i": "int", "?": "bool", "U": "text"}
+    return "text" if field.texts else kinds[field.kind[0]]
 
 
 TABLES = {
@@ -192,6 +202,7 @@ TABLES = {
     ),
     "found poses, gripper": column_table(FOUND_POSES, "gripper", "column"),
     "given poses": column_table(given_poses(), "always", "column"),
+    "hands with joints": column_table(HAND_GRASPS, "always", "column"),
     "patches": column_table(ROBUST, "gripper", "column"),
     "tried poses": column_table(ROBUST, "pose error", "column"),
     "gripper frames": frame_table(),

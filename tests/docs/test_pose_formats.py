@@ -24,6 +24,7 @@ from grasp3d.grasps.poses import STAGES, GraspPoses
 from grasp3d.grasps.postures import POSTURES
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.settings import PoseFormat
+from grasp3d.surface.fields import HAND_GRASPS
 from grasp3d.system.stored_arrays import stored_objects
 from tests.docs.test_formats import Names, sections_of, tables_of
 from tests.hand.test_articulated_hand import hand_of
@@ -136,7 +137,8 @@ def test_outcomes() -> None:
 
 
 def test_further_columns() -> None:
-    of_found, of_closed, of_evaluated, of_patches, of_tried = tables("Further columns")
+    of_found, of_closed, of_evaluated, of_hands, of_patches, of_tried = tables("Further columns")
+    assert of_hands == {field.name for field in HAND_GRASPS}
     of_found |= of_closed
     of_evaluated |= of_patches
     vectors = {"contacts", "normals"}

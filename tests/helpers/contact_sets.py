@@ -1,7 +1,7 @@
 """Grasps of any numbers of contacts, some blind, and their closure by linear programs."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +72,9 @@ def closes(points: Floats, normals: Floats, friction: float, *, around: bool) ->
     return bool(result.status == 0 and result.x[-1] > WEIGHT)
 
 
-def true_normals(one: Sets, grasp: int, count: int, rng: np.random.Generator) -> Floats:
+def true_normals(
+    one: Sets, grasp: int | np.integer[Any], count: int, rng: np.random.Generator
+) -> Floats:
     """Normals that may be true (count + 2, n, 3): random, and those that hurt and help most."""
     mine = one.sets.row == grasp
     points, normals, known = one.sets.points[mine], one.sets.normals[mine], one.tilt[mine]

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 import numpy as np
@@ -319,7 +320,7 @@ class ArticulatedHand:
         )
 
     def description(self) -> Mapping[str, Any]:
-        """What files state of it; `description` is the file as it was named when it was read."""
+        """What files state of it; `description` is the file of its links, wherever they are."""
 
         def by_name(values: Floats) -> Mapping[str, float]:
             pairs = zip(self.joint_names, values.tolist(), strict=True)
@@ -330,7 +331,7 @@ class ArticulatedHand:
             "format": FORMAT,
             "version": VERSION,
             "name": self.name,
-            "description": self.tree.source,
+            "description": Path(self.tree.source).absolute().as_posix(),
             "base": self.link_names[0],
             "palm": self.palm,
             "approach": self.approach.tolist(),

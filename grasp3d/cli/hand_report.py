@@ -1,0 +1,128 @@
+"""Printed report of evaluated poses of a hand with joints."""
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from grasp3d.cli.grasp_report import (
+    frame_text,
+    number_text,
+    outcomes_line,
+    print_some,
+    resolution_text,
+)
+from grasp3d.cli.report import (
+    LEVELS,
+    PERCENTS,
+    Column,
+    Report,
+    angle_text,
+    escaped,
+    label_name,
+    margin_text,
+    model_words,
+    percent_text,
+)
+from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
+from grasp3d.grasps.pose_readings import READING, READINGS
+from grasp3d.grasps.ranking import ranked_rows
+from grasp3d.hand.jaws import metres_per_unit
+from grasp3d.settings.lengths import small_length
+from grasp3d.stability.label import Label
+from grasp3d.surface.area_statistics import quantiles
+from grasp3d.system.counts import counted
+
+_RULES = {
+    "given": "contacts as given",
+    "settled": "contacts settled",
+    "closed": "contacts closed from the open preshape",
+}
+
+_LEGEND = (
+    "tips: label of the fingertips with sensors alone; β*: critical friction angle of all contacts;"
+    " α*: coarsest resolution of all sensors; margin: friction angle to spare without what is "
+    "blind; gap: largest distance of a link that touches, in mm"
+)
+
+
+def print_hand_grasps(grasps: EvaluatedHandGrasps, output: Path) -> None:
+    """Print the numbers of poses by label, gaps, depths and reasons, and the best poses.
+
+    Args:
+        grasps: Evaluated poses.
+        output: The file that they were written to.
+    """
+    report, mesh, size = Report(), grasps.mesh, grasps.size
+    distance = small_length(grasps.contact_distance, mesh.unit)
+    report.heading(
+        mesh.report.source,
+        f"{counted(size, 'poses')} of hand {escaped(grasps.hand.name)}; "
+        f"{model_words(grasps.model)}; {_RULES[grasps.contacts.rule]}, within {distance}",
+    )
+
+    def cells(label: Label) -> list[str]:
+        counts = [int((codes == label).sum()) for codes in (grasps.label, grasps.label_fingertips)]
+        return [text for count in counts for text in (str(count), percent_text(count / size))]
+
+    report.labels("scan", ("all links", "fraction", "fingertips", "fraction"), cells)
+    report.line(_lengths(grasps))
+    kinds = Counter(kind for kind in grasps.reasons.kinds if kind)
+    report.lines(f"{count} of {size}: {kind}" for kind, count in kinds.most_common())
+    if not np.isnan(grasps.outcome).all():
+        report.line(outcomes_line(grasps))
+    report.line(f"[bold]{_verdict(grasps)}[/]")
+    report.warnings(grasps.warnings)
+    print_some(report, _columns(grasps), grasps, size)
+    report.line(_LEGEND)
+    report.line(frame_text(grasps.given.object_pose))
+    if read := grasps.given.settings.get(READING):
+        report.line(f"{READINGS[READING]}: {escaped(read)}")
+    report.written(output)
+
+
+def _lengths(grasps: EvaluatedHandGrasps) -> str:
+    """How far links that touch are from the surface, and how deep links are in it."""
+    texts = []
+    for name, values in (("gap", grasps.gap), ("deepest penetration", grasps.penetration)):
+        known = values[~np.isnan(values)]
+        if len(known):
+            levels = quantiles(known, LEVELS, np.ones(len(known)))
+            lengths = (small_length(value, grasps.mesh.unit, 2) for value in levels)
+            texts.append(f"{name} {', '.join(lengths)}")
+    return f"{PERCENTS} of the poses: {'; '.join(texts)}"
+
+
+def _verdict(grasps: EvaluatedHandGrasps) -> str:
+    """How many poses are surely stable, and the best one."""
+    sure = grasps.reachable & (grasps.label == Label.S)
+    text = (
+        f"{int(sure.sum())} of {counted(grasps.size, 'poses')} can be reached and are surely stable"
+    )
+    rows = ranked_rows(grasps)
+    if not sure.any() or not len(rows):
+        return text
+    best = rows[0]
+    name, margin = grasps.given.names[best], margin_text(grasps.margin[best])
+    return f"{text}; the best is pose {best + 1} ({escaped(name)}), with a margin of {margin}"
+
+
+def _columns(grasps: EvaluatedHandGrasps) -> list[Column]:
+    """The columns of a table of poses."""
+    metres = metres_per_unit(grasps.mesh)
+
+    def known(text: str) -> str:
+        return "none" if text.startswith("nan") else text
+
+    return [
+        ("pose", lambda row: str(row + 1)),
+        ("label", lambda row: label_name(Label(int(grasps.label[row])))),
+        ("tips", lambda row: label_name(Label(int(grasps.label_fingertips[row])))),
+        ("β*", lambda row: known(angle_text(grasps.critical_angle[row]))),
+        ("α*", lambda row: resolution_text(grasps.max_resolution[row])),
+        ("margin", lambda row: margin_text(grasps.margin[row])),
+        ("ε", lambda row: number_text(grasps.epsilon[row])),
+        ("links", lambda row: str(len(grasps.links[row].split()))),
+        ("gap", lambda row: known(f"{1000.0 * metres * grasps.gap[row]:.1f}")),
+        ("reason", lambda row: escaped(str(grasps.reason[row]))),
+    ]

@@ -1,0 +1,493 @@
+"""Poses of a hand with joints, with the grasps that its links make there."""
+
+import math
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.errors import SettingError
+from grasp3d.grasps.evaluated_poses import GivenGrasps
+from grasp3d.grasps.hand_reasons import Reasons
+from grasp3d.grasps.poses import GAP, GraspPoses
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
+from grasp3d.hand.choices import ContactRule, ObjectMotion
+from grasp3d.hand.jaws import metres_per_unit
+from grasp3d.hand.pose_checks import pose_warning
+from grasp3d.hand.scene import Scene
+from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.region import allowed_contacts
+from grasp3d.quality.loads import Load
+from grasp3d.quality.wrenches import EpsilonOptions, wrench_axes
+from grasp3d.settings import GraspModel
+from grasp3d.settings.lengths import GivenLength
+from grasp3d.stability.contact_sets import ContactSets, SetLabels, label_sets
+from grasp3d.stability.normal_sets import WorstAndBest
+from grasp3d.surface.fields import HAND_GRASPS, Arrays, columns_of
+from grasp3d.surface.grasp_numbers import EPSILON_RTOL
+from grasp3d.surface.grasp_table import settings_of
+from grasp3d.system.context import refuse_warnings, report_progress, within
+
+TOUCHED = 0.5
+"""Fraction of the work after which contacts are known."""
+
+DISTANCE = "5mm"
+"""Distance from the surface up to which a link touches, unless another one is given."""
+
+OF_CONTACTS = ("link", "points", "normals", "gap")
+"""What `HandContacts` has of each contact besides its pose."""
+
+RANK = 1e-9
+"""Singular values that count as 0, relative to the largest."""
+
+NO_SENSORS = "{} has no sensors: no grasp can be S"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EvaluatedHandGrasps(GivenGrasps):
+    """Poses of a hand with joints, with the grasps that its links make there, a row for each.
+
+    What a link touches is a contact. Links that carry a sensor know its normal within their
+    resolution; all others are blind, and do not count for S. The letters are those of a posture
+    that does not give way. Numbers are nan, and the label is U, where fewer than two links touch.
+    """
+
+    mesh: ObjectMesh
+    """The object."""
+    model: GraspModel
+    """Friction and sensor resolution, with lengths in the mesh's unit."""
+    scene: Scene
+    """The hand, and what it must not touch."""
+    given: GraspPoses
+    """The poses as they were given, with their outcomes, in the mesh's unit; the posture in the
+    order of the hand's joints."""
+    contacts: HandContacts
+    """What the links touch, by which rule, with gaps and collisions."""
+    contact_distance: float
+    """Distance of a link from the surface up to which it touches, in the mesh's unit."""
+    object_motion: ObjectMotion
+    """Whether the object gave way."""
+
+    load = None
+    holding = None
+
+    __repr__ = short_repr
+
+    @property
+    def hand(self) -> ArticulatedHand:
+        """The hand."""
+        assert isinstance(self.scene.hand, ArticulatedHand)
+        return self.scene.hand
+
+    @cached_property
+    def outside(self) -> Bools:
+        """Whether a pose has a contact outside the region of `only` and `avoid`, shape (k,)."""
+        wrong = ~allowed_contacts(self.mesh, self.contacts.points[:, None])
+        return np.asarray(np.bincount(self.contacts.row[wrong], minlength=self.size) > 0)
+
+    @cached_property
+    def _counted(self) -> Bools:
+        """Contacts of poses at which two links touch, all in the region, shape (c,)."""
+        grasped = (self._touching.sum(axis=1) >= 2) & ~self.outside
+        return np.asarray(grasped[self.contacts.row])
+
+    @cached_property
+    def sets(self) -> ContactSets:
+        """The contacts relative to the centre of mass, of poses at which two links touch."""
+        contacts, chosen = self.contacts, self._counted
+        return ContactSets(
+            size=self.size,
+            row=contacts.row[chosen],
+            points=contacts.points[chosen] - self.mesh.center_mass,
+            normals=contacts.normals[chosen],
+        )
+
+    @cached_property
+    def _touching(self) -> Bools:
+        """Whether each link touches, shape (k, L)."""
+        touching = np.zeros((self.size, len(self.hand.link_names)), dtype=np.bool_)
+        touching[self.contacts.row, self.contacts.link] = True
+        return touching
+
+    @cached_property
+    def _link(self) -> Ints:
+        """Link of each contact of `sets`."""
+        return self.contacts.link[self._counted]
+
+    @cached_property
+    def tilts_of_links(self) -> Floats:
+        """Largest angle between true and perceived normals of each link [rad], nan: blind, (L,)."""
+        stated, own = self.hand.sensors, self.model.sensor_resolution
+        resolutions = [
+            (own if stated[name] is None else stated[name]) if name in stated else math.nan
+            for name in self.hand.link_names
+        ]
+        return locked(np.array(resolutions, dtype=np.float64) / 2.0 + self.model.normal_error)
+
+    @cached_property
+    def all_links(self) -> SetLabels:
+        """Labels of all links, with the angles that they follow from."""
+        return self._labels(self.sets, self.tilts_of_links[self._link])
+
+    @cached_property
+    def fingertips(self) -> SetLabels:
+        """Labels of the fingertips with sensors alone."""
+        tips = np.isin(self.hand.link_names, self.hand.fingertips)
+        tilts = np.where(tips, self.tilts_of_links, math.nan)[self._link]
+        felt = ~np.isnan(tilts)
+        return self._labels(self.sets.of(felt), tilts[felt])
+
+    def _labels(self, sets: ContactSets, tilts: Floats) -> SetLabels:
+        low, high = (math.atan(friction) for friction in self.model.friction_interval)
+        return label_sets(sets, tilts, (low, high))
+
+    @property
+    def label(self) -> Bytes:
+        """`Label` codes of all links: 0 U, 1 M, 2 S; shape (k,)."""
+        return self.all_links.label
+
+    @property
+    def label_fingertips(self) -> Bytes:
+        """The same of the fingertips with sensors alone."""
+        return self.fingertips.label
+
+    @property
+    def critical_angle(self) -> Floats:
+        """Critical friction angles of all contacts, as if each normal were known [rad], (k,)."""
+        return self.all_links.critical_angle
+
+    @property
+    def located_angles(self) -> WorstAndBest:
+        """The same, as other grasps have them."""
+        return self.critical_angle, self.critical_angle
+
+    @property
+    def margin(self) -> Floats:
+        """Angle by which the grasp is S, at the contacts that are not blind [rad], shape (k,)."""
+        return self.all_links.margin
+
+    @cached_property
+    def max_resolution(self) -> Floats:
+        """Resolution of all sensors alike below which a grasp is S [rad], shape (k,); 0: none."""
+        smallest, _ = self.model.friction_interval
+        return self.all_links.max_resolution(math.atan(smallest) - self.model.normal_error)
+
+    @cached_property
+    def epsilon(self) -> Floats:
+        """Epsilon of all contacts at the perceived normals, certified from below, shape (k,)."""
+        model, mesh = self.model, self.mesh
+        options = EpsilonOptions.of_model(model, torque_scale=mesh.torque_scale, rtol=EPSILON_RTOL)
+        assert isinstance(model.torsion_radius, float)
+        return self.sets.epsilon(
+            options, friction=model.friction, torsion_radius=model.torsion_radius
+        )
+
+    @property
+    def rank(self) -> Ints:
+        """Dimension of the span of the wrenches, shape (k,); 0: no grasp."""
+        return self.sets.rank
+
+    @cached_property
+    def jacobians(self) -> Floats:
+        """How the links move at the contacts of `sets` with the joints, in the mesh's frame [m].
+
+        Shape (c, 3, p).
+        """
+        contacts, metres, row = self.contacts, metres_per_unit(self.mesh), self.sets.row
+        rotation, offset = contacts.poses[:, :3, :3], contacts.poses[:, :3, 3]
+        points = self.sets.points + self.mesh.center_mass - offset[row]
+        in_hand = metres * (points[:, None] @ rotation[row])[:, 0]
+        links = self.hand.link_poses(contacts.posture)
+        return locked(rotation[row] @ self.hand.jacobians(links, row, self._link, in_hand))
+
+    @cached_property
+    def _dimensions(self) -> Ints:
+        """(internal, structural, redundant), shape (k, 3)."""
+        found = np.zeros((self.size, 3), dtype=np.int64)
+        scale = self.mesh.torque_scale
+        for grasps, index in self.sets.groups():
+            contacts = self.sets.contacts(index)
+            axes = wrench_axes(contacts.points, contacts.normals, np.zeros(index.shape), scale)
+            forces = 3 * index.shape[1]
+            # The axes of forces are those of the contacts: turn the Jacobians the same way.
+            turned = (
+                axes[..., :3, :3] @ self.jacobians[index] / (scale * metres_per_unit(self.mesh))
+            )
+            columns = np.concatenate([axes[..., :3, :], turned], axis=-1)
+            columns = columns.reshape(len(index), forces, -1)  # (b, 3 n, 6 + p)
+            both, moving = _ranks(columns), _ranks(columns[..., 6:])
+            found[grasps, 0] = forces - self.rank[grasps]
+            found[grasps, 1] = forces - both
+            found[grasps, 2] = columns.shape[-1] - 6 - moving
+        return locked(found)
+
+    @property
+    def internal(self) -> Ints:
+        """Dimension of the internal forces, shape (k,)."""
+        return self._dimensions[:, 0]
+
+    @property
+    def structural(self) -> Ints:
+        """Dimension of the internal forces that no motor sets, shape (k,)."""
+        return self._dimensions[:, 1]
+
+    @property
+    def redundant(self) -> Ints:
+        """Dimension of the motions of the joints at which no contact moves, shape (k,)."""
+        return self._dimensions[:, 2]
+
+    @cached_property
+    def links(self) -> npt.NDArray[np.str_]:
+        """Names of the links that touch, separated by spaces, shape (k,)."""
+        names = np.array(self.hand.link_names)
+        return np.array([" ".join(names[row]) for row in self._touching], dtype=np.str_)
+
+    @cached_property
+    def gap(self) -> Floats:
+        """Largest distance of a link that touches from the surface, shape (k,); nan: none does."""
+        gaps = np.where(self._touching, np.abs(self.contacts.gaps), -math.inf).max(axis=1)
+        return locked(np.where(np.isinf(gaps), math.nan, gaps))
+
+    @property
+    def penetration(self) -> Floats:
+        """How deep the deepest link is inside the object [mesh unit], shape (k,)."""
+        return np.asarray(np.maximum(0.0, -self.contacts.gaps.min(axis=1, initial=math.inf)))
+
+    @property
+    def overlap(self) -> Floats:
+        """Depth of the deepest collision of two links [mesh unit], shape (k,)."""
+        return np.maximum(0.0, self.contacts.self_depth)
+
+    @property
+    def below_table(self) -> Floats:
+        """How far the hand reaches below the table [mesh unit], shape (k,); nan: no table."""
+        return np.maximum(0.0, self.contacts.table_depth)
+
+    @cached_property
+    def reasons(self) -> Reasons:
+        """What is wrong with each grasp."""
+        reasons = Reasons(self.hand, self.mesh, self.contacts, self.contact_distance)
+        reasons.add_impossible(self.given.posture, self.scene)
+        reasons.add_contacts(self._touching)
+        reasons.add("touches where --only and --avoid allow no contact", self.outside)
+        return reasons
+
+    @property
+    def reason(self) -> npt.NDArray[np.str_]:
+        """What is wrong with each grasp, in one sentence, shape (k,); empty: nothing."""
+        return self.reasons.texts
+
+    @property
+    def reachable(self) -> Bools:
+        """Whether the hand can be there without a collision, shape (k,)."""
+        return locked(~self.reasons.impossible)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What may make the results wrong, one sentence each."""
+        mesh, poses = self.mesh, self.given.poses
+        assert mesh.unit is not None
+        reach = self.hand.size / metres_per_unit(mesh)
+        toward = _toward_object(poses, self.hand.approach)
+        wrong = pose_warning(toward, mesh.center, mesh.size, mesh.unit, reach=reach)
+        tilted = self.scene.tilt_warning(self.given.object_pose)
+        unfelt = None if self.hand.sensors else NO_SENSORS.format(self.hand.name)
+        return (*super().warnings, *(line for line in (wrong, tilted, unfelt) if line))
+
+    def metrics(self, names: str) -> NoReturn:
+        """Refuse: measures are for grasps of equal numbers of contacts. Raises SettingError."""
+        raise SettingError(f"{self.hand.name} is a hand with joints, and takes no metrics {names}")
+
+    def take(self, rows: Ints) -> "EvaluatedHandGrasps":
+        """The chosen poses, in that order.
+
+        Args:
+            rows: Their indices, shape (c,).
+        """
+        own = self.contacts
+        start = np.searchsorted(own.row, np.arange(self.size + 1))
+        counts = np.diff(start)[rows]
+        # The contacts of each chosen pose follow each other.
+        index = np.repeat(start[rows] - np.cumsum(counts) + counts, counts) + np.arange(
+            counts.sum()
+        )
+        of_contacts = {name: locked(getattr(own, name)[index]) for name in OF_CONTACTS}
+        of_poses = {
+            field.name: locked(getattr(own, field.name)[rows])
+            for field in fields(own)
+            if field.name not in {"rule", "row", *OF_CONTACTS}
+        }
+        row = locked(np.repeat(np.arange(len(rows)), counts))
+        changed: dict[str, Any] = {"row": row, **of_contacts, **of_poses}
+        contacts = replace(own, **changed)
+        return replace(self, given=self.given.take(rows), contacts=contacts)
+
+    def to_table(self) -> Any:
+        """Return a `pyarrow.Table` with a row for each pose; nan leaves the cell empty.
+
+        `grasp` (its number from 1), `name`, `label`, `label_fingertips`, `critical_angle`,
+        `max_resolution`, `margin` [rad], `epsilon`, `rank`, `internal`, `structural`, `redundant`,
+        `links`, `gap`, `penetration`, `overlap`, `below_table` [mesh unit], `change` [rad],
+        `shift`, `turn` [rad], `reachable`, `reason`, `outcome`, and `gap_LINK` [mesh unit] of every
+        link that comes near the surface at some pose.
+        """
+        from grasp3d.system.tables import table_of_columns
+
+        columns: Arrays = {
+            "grasp": np.arange(1, self.size + 1),
+            "name": np.array(self.given.names),
+            **self._columns(),
+            "outcome": self.outcome,
+        }
+        return table_of_columns(columns, settings=self._settings())
+
+    def _columns(self) -> Arrays:
+        """Results of shape (k,)."""
+        gaps = np.where(np.isfinite(self.contacts.gaps), self.contacts.gaps, math.nan)
+        near = {
+            f"{GAP}{name}": column
+            for name, column in zip(self.hand.link_names, gaps.T, strict=True)
+            if not np.isnan(column).all()
+        }
+        return {**columns_of(HAND_GRASPS, self), **near}
+
+    def _settings(self) -> dict[str, Any]:
+        """Settings of the evaluation; angles in radians."""
+        tilts = self.tilts_of_links
+        felt = {
+            name: 2.0 * (tilt - self.model.normal_error)
+            for name, tilt in zip(self.hand.link_names, tilts.tolist(), strict=True)
+            if not math.isnan(tilt)
+        }
+        return settings_of(self.mesh, self.model, self.scene) | {
+            "hand": self.hand.name,
+            "contact_rule": self.contacts.rule,
+            "contact_distance": self.contact_distance,
+            "object_motion": self.object_motion,
+            "sensor_resolutions": felt,
+        }
+
+
+def _ranks(matrices: Floats) -> Ints:
+    """Ranks of matrices (b, m, n)."""
+    if not matrices.shape[-1]:
+        return np.zeros(len(matrices), dtype=np.int64)
+    values = np.linalg.svd(matrices, compute_uv=False)
+    return np.asarray((values > RANK * np.maximum(values[:, :1], 1.0)).sum(axis=1))
+
+
+def _toward_object(poses: Floats, approach: Floats) -> Floats:
+    """Poses whose z is the approach direction, as checks of poses expect it."""
+    turned = poses.copy()
+    turned[:, :3, 2] = poses[:, :3, :3] @ approach
+    return turned
+
+
+def evaluate_hand(
+    mesh: ObjectMesh,
+    poses: GraspPoses,
+    model: GraspModel | None,
+    scene: Scene,
+    *,
+    contact_rule: ContactRule = "given",
+    contact_distance: GivenLength = DISTANCE,
+    object_motion: ObjectMotion = "free",
+    load: Load | None = None,
+) -> EvaluatedHandGrasps:
+    """Evaluate poses of a hand with joints, as `evaluate_grasps` does.
+
+    Args:
+        mesh: The object.
+        poses: The poses, in the unit of the mesh, with values of the joints.
+        model: Friction and sensor resolution [rad]; None: the defaults.
+        scene: The hand and the table.
+        contact_rule: given, settled or closed.
+        contact_distance: Distance of a link from the surface up to which it touches.
+        object_motion: free: a settled object gives way; fixed: it does not move.
+        load: None.
+
+    Raises:
+        SettingError: A setting that does not apply to hands with joints, or postures of other
+            joints.
+    """
+    hand = scene.hand
+    assert isinstance(hand, ArticulatedHand)
+    _refuse(scene, model or GraspModel(), load)
+    (own_model,) = mesh.in_own_unit(model or GraspModel())
+    distance = mesh.length("contact_distance", contact_distance)
+    poses = in_order(poses, hand)
+    with within(0.0, TOUCHED):
+        contacts = hand_contacts(
+            mesh, hand, poses.poses, poses.posture, rule=contact_rule,
+            contact_distance=distance * metres_per_unit(mesh), table=scene.table,
+            object_motion=object_motion,
+        )  # fmt: skip
+    result = EvaluatedHandGrasps(
+        mesh=mesh, model=own_model, scene=scene, given=poses, contacts=contacts,
+        contact_distance=distance, object_motion=object_motion,
+    )  # fmt: skip
+    refuse_warnings(result.warnings)
+    with within(TOUCHED, 1.0):
+        result.compute("label")
+        report_progress(1.0)
+    return result
+
+
+def in_order(poses: GraspPoses, hand: ArticulatedHand) -> GraspPoses:
+    """Poses whose postures are in the order of the hand's joints.
+
+    Args:
+        poses: The poses; without names of joints they are in that order.
+        hand: The hand.
+
+    Raises:
+        SettingError: They have no values of joints, or of others.
+    """
+    names, own = poses.joint_names, hand.joint_names
+    count = poses.posture.shape[1]
+    if not count and own:
+        raise SettingError(
+            f"{hand.name} has {len(own)} joints, but the poses have no values of joints"
+        )
+    if not names:
+        if count != len(own):
+            raise SettingError(
+                f"the poses have {count} values of joints, but {hand.name} has {len(own)} joints: "
+                f"{', '.join(own)}"
+            )
+        return replace(poses, joint_names=own)
+    missing = [name for name in own if name not in names]
+    if missing:
+        unknown = [name for name in names if name not in own]
+        found = f"; the poses have {', '.join(unknown)}, which it has not" if unknown else ""
+        raise SettingError(
+            f"the poses have no values of joint {missing[0]} of {hand.name}, as of {len(missing)} "
+            f"of its {len(own)}{found}"
+        )
+    columns = [names.index(name) for name in own]
+    stages = {
+        name: getattr(poses, name)[:, columns]
+        for name in ("posture", "pregrasp_posture", "squeeze_posture")
+        if getattr(poses, name).shape[1]
+    }
+    return replace(poses, joint_names=own, **stages)
+
+
+def _refuse(scene: Scene, model: GraspModel, load: Load | None) -> None:
+    """Refuse settings that do not apply. Raises SettingError."""
+    refused = {
+        "fingers: a hand touches with as many links as it happens to": model.fingers != 2,
+        "method extremes: its labels are exact": model.method != "exact",
+        "per_finger: its description states the sensors of its links": bool(model.per_finger),
+        "location_error: its contacts follow from pose and posture": model.location_error != 0.0,
+        f"contact {model.contact}: its contacts are points": model.contact != "point",
+        "pose_error: that is for parallel grippers": bool(scene.pose_error),
+        "load: what its motors hold is not known": load is not None,
+    }
+    for text, applies in refused.items():
+        if applies:
+            raise SettingError(f"{scene.hand.name} is a hand with joints, and takes no {text}")

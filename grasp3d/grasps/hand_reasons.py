@@ -1,0 +1,163 @@
+"""Why a pose of a hand with joints is no grasp: one sentence for each."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.arrays import Bools, Floats, angles_between
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated.contacts import HandContacts
+from grasp3d.hand.scene import LEVEL, Scene
+from grasp3d.mesh import ObjectMesh
+from grasp3d.settings import MAX_FINGERS
+from grasp3d.settings.lengths import METRES
+
+BEYOND = 1e-3
+"""Angle [rad], or length [m], by which a joint may exceed its limit through rounding."""
+
+
+class Reasons:
+    """Sentences on poses; of each the first one that was added.
+
+    Args:
+        hand: The hand.
+        mesh: The object.
+        contacts: What its links touch at k poses.
+        tolerance: Depth up to which links may be inside something [mesh unit].
+    """
+
+    def __init__(
+        self, hand: ArticulatedHand, mesh: ObjectMesh, contacts: HandContacts, tolerance: float
+    ) -> None:
+        self._hand, self._contacts, self._tolerance = hand, contacts, tolerance
+        self._kinds = {joint.name: joint.kind for joint in hand.tree.joints.values()}
+        self._millimetres = 1000.0 * METRES[mesh.unit or "m"]
+        self._texts = [""] * len(contacts.poses)
+        self.kinds = [""] * len(self._texts)
+        """What the sentences are about, to count them."""
+        self.impossible: Bools = np.zeros(len(self._texts), dtype=np.bool_)
+        """Whether the hand cannot be there, shape (k,)."""
+
+    @property
+    def texts(self) -> npt.NDArray[np.str_]:
+        """A sentence for each pose, shape (k,); empty: none."""
+        return np.array(self._texts, dtype=np.str_)
+
+    def add(self, kind: str, wrong: Bools, texts: Sequence[str] = ()) -> None:
+        """Add sentences.
+
+        Args:
+            kind: What they are about.
+            wrong: Of which poses, shape (k,).
+            texts: One for each of these; empty: `kind`.
+        """
+        for number, row in enumerate(np.flatnonzero(wrong)):
+            if not self._texts[row]:
+                self._texts[row], self.kinds[row] = texts[number] if texts else kind, kind
+
+    def add_impossible(self, posture: Floats, scene: Scene) -> None:
+        """Add why the hand cannot be there.
+
+        Args:
+            posture: Values of its joints as they were given, shape (k, p).
+            scene: The table, and the allowed approach.
+        """
+        for kind, (wrong, texts) in {
+            "a joint is beyond its limit": self._joints(posture),
+            "a link is inside the object": self._inside(),
+            "links overlap each other": self._together(),
+            "the hand is below the table": self._table(),
+            "the hand comes from another direction": self._approach(scene),
+        }.items():
+            self.add(kind, wrong, texts)
+            self.impossible |= wrong
+
+    def add_contacts(self, touching: Bools) -> None:
+        """Add why there is no grasp.
+
+        Args:
+            touching: Whether each link touches, shape (k, L).
+        """
+        counts, names = touching.sum(axis=1), self._hand.link_names
+        self.add(f"no link within {self._length(self._tolerance)} of the object", counts == 0)
+        single = counts == 1
+        one = touching[single].argmax(axis=1) if single.any() else ()
+        self.add("touches with one link only", single, [
+            f"touches with one link only, {self._name(names[k])}" for k in one
+        ])  # fmt: skip
+        contacts = np.bincount(self._contacts.row, minlength=len(counts))
+        many = (contacts > MAX_FINGERS) & (counts > 1)
+        self.add("touches at too many points", many, [
+            f"touches at {count} points, more than the {MAX_FINGERS} that are evaluated"
+            for count in contacts[many]
+        ])  # fmt: skip
+
+    def _joints(self, posture: Floats) -> tuple[Bools, list[str]]:
+        closed = self._contacts.rule == "closed"  # given postures are not those that are evaluated
+        values = self._contacts.posture if closed else posture
+        limits = self._hand.limits_of_joints
+        excess = np.maximum(limits[:, 0] - values, values - limits[:, 1])  # (k, p)
+        if not excess.shape[1]:
+            return np.zeros(len(excess), dtype=np.bool_), []
+        worst = excess.argmax(axis=1)
+        most = excess.max(axis=1)
+        wrong = most > BEYOND
+        return wrong, [
+            f"joint {joint + 1} ({self._hand.joint_names[joint]}) is "
+            f"{self._motion(joint, value)} beyond its limit"
+            for joint, value in zip(worst[wrong].tolist(), most[wrong].tolist(), strict=True)
+        ]
+
+    def _motion(self, joint: int, value: float) -> str:
+        if self._kinds[self._hand.joint_names[joint]] == "slides":
+            return f"{1000.0 * value:.3g} mm"
+        return f"{math.degrees(value):.2g}°" if value < 0.1 else f"{math.degrees(value):.0f}°"
+
+    def _inside(self) -> tuple[Bools, list[str]]:
+        gaps = self._contacts.gaps
+        depth, link = -gaps.min(axis=1), gaps.argmin(axis=1)
+        wrong = depth > self._tolerance
+        names = self._hand.link_names
+        return wrong, [
+            f"{self._name(names[number])} {self._length(value)} inside the object"
+            for number, value in zip(link[wrong].tolist(), depth[wrong].tolist(), strict=True)
+        ]
+
+    def _together(self) -> tuple[Bools, list[str]]:
+        pairs, depth = self._contacts.self_collision, self._contacts.self_depth
+        wrong = depth > self._tolerance
+        names = self._hand.link_names
+        return wrong, [
+            f"{self._name(names[one])} and {self._name(names[other])} overlap by "
+            f"{self._length(value)}"
+            for (one, other), value in zip(pairs[wrong].tolist(), depth[wrong], strict=True)
+        ]
+
+    def _table(self) -> tuple[Bools, list[str]]:
+        depth = self._contacts.table_depth
+        wrong = depth > self._tolerance  # nan: no table
+        return wrong, [f"{self._length(value)} below the table" for value in depth[wrong]]
+
+    def _approach(self, scene: Scene) -> tuple[Bools, list[str]]:
+        direction, within = scene.approach.direction, scene.approach.within
+        if direction is None and scene.table is not None:
+            direction = -scene.table.normal
+        # The table itself is what keeps hands from coming from below.
+        if direction is None or within >= LEVEL:
+            return np.zeros(len(self._texts), dtype=np.bool_), []
+        angles = angles_between(self._contacts.poses[:, :3, :3] @ self._hand.approach, direction)
+        wrong = np.asarray(angles > within + BEYOND)
+        return wrong, [
+            f"comes {math.degrees(angle):.0f}° from the approach direction, more than "
+            f"{math.degrees(within):.0f}°"
+            for angle in angles[wrong]
+        ]
+
+    def _name(self, link: str) -> str:
+        return "palm" if link == self._hand.palm else link
+
+    def _length(self, length: float) -> str:
+        millimetres = self._millimetres * float(length)
+        return f"{millimetres:.2g} mm" if millimetres < 10.0 else f"{millimetres:.0f} mm"

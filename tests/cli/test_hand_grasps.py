@@ -1,0 +1,101 @@
+"""`grasp3d evaluate` for poses of hands with joints."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pyarrow.csv as pc
+import pytest
+
+from grasp3d.grasps import GraspPoses, write_grasps
+from tests.helpers import shapes, slider_hand
+from tests.helpers.commands import export, printed
+from tests.helpers.commands import run_here as grasp3d
+from tests.helpers.slider_hand import BOX, TOUCHING
+
+HAND = ("--hand", "sliders.json", "--unit", "m", "--sensor-resolution", "10")
+POSES = ("box.stl", "poses.csv", *HAND)
+
+
+def write(folder: Path, *postures: float | tuple[float, ...], name: str = "poses.csv") -> None:
+    """Poses with the hand's axis through the middle of the box."""
+    values = np.array([np.broadcast_to(one, 4) for one in postures])
+    joints = tuple(f"slide_{number}" for number in range(4))
+    poses = np.tile(np.eye(4), (len(values), 1, 1))
+    write_grasps(
+        folder / name, GraspPoses(poses=poses, posture=values, joint_names=joints, unit="m")
+    )
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    export(tmp_path / "box.stl", shapes.box(BOX))
+    slider_hand.write(tmp_path)
+    write(tmp_path, TOUCHING, 0.0, (TOUCHING, TOUCHING, TOUCHING, -0.02))
+    return tmp_path
+
+
+def test_report(folder: Path) -> None:
+    text = printed("evaluate", *POSES, cwd=folder)
+    assert "box.stl: 3 poses of hand sliders; friction 0.5, sensor resolution 10°" in text
+    assert "contacts as given, within 5 mm" in text
+    for line in (
+        "1 of 3: a joint is beyond its limit",
+        "1 of 3: no link within 5 mm of the object",
+        "1 of 3 poses can be reached and are surely stable; the best is pose 1 (grasp_1)",
+        "with a margin of 21.",
+        "joint 4 (slide_3) is 20 mm beyond its limit",
+        "written: box_grasps.csv",
+    ):
+        assert line in text
+
+
+def test_contact_distance(folder: Path) -> None:
+    write(folder, TOUCHING - 0.002)
+    text = printed("evaluate", *POSES, "--contact-distance", "1mm", cwd=folder)
+    assert "1 of 1: no link within 1 mm of the object" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--method extremes", "sliders is a hand with joints, and takes no method extremes"),
+        ("--pose-error 5mm", "sliders is a hand with joints, and takes no pose_error"),
+        ("--mass 0.5", "sliders is a hand with joints, and takes no load"),
+        ("--metrics all", "sliders is a hand with joints, and takes no metrics"),
+        ("--max-distance 1mm", "max_distance applies to contacts"),
+        ("--contact-rule touching", "given"),
+        ("--contact-distance -1mm", "contact_distance"),
+    ],
+)
+def test_options_that_do_not_apply(folder: Path, words: str, message: str) -> None:
+    run = grasp3d("evaluate", *POSES, *words.split(), cwd=folder)
+    assert run.returncode == 2
+    assert message in run.stderr
+    assert "Traceback" not in run.stderr
+    assert not (folder / "box_grasps.csv").exists()
+
+
+def test_options_of_hands_do_not_apply_to_others(folder: Path) -> None:
+    (folder / "pair.json").write_text("[[[0.03, 0, 0], [-0.03, 0, 0]]]", encoding="utf-8")
+    for words in (("--contact-rule", "given"), ("--contact-distance", "1mm")):
+        run = grasp3d("evaluate", "box.stl", "pair.json", "--unit", "m", *words, cwd=folder)
+        assert run.returncode == 2
+        assert "applies to poses of a" in run.stderr
+        run = grasp3d("evaluate", "box.stl", "poses.csv", "--hand", "franka", *words, cwd=folder)
+        assert run.returncode == 2
+
+
+def test_more_friction_and_finer_sensors_hold_more(folder: Path) -> None:
+    """As many of the poses are S at least."""
+    rng = np.random.default_rng(1)
+    write(folder, *map(tuple, TOUCHING - rng.uniform(0.0, 0.004, size=(12, 4))))
+    counts = []
+    for resolution in (60, 40, 20, 5):
+        words = ("--sensor-resolution", resolution, "--overwrite")
+        printed("evaluate", *POSES[:-2], *map(str, words), cwd=folder)
+        labels = pc.read_csv(folder / "box_grasps.csv")["label"].to_pylist()
+        counts.append(labels.count("S"))
+    assert counts == sorted(counts)
+    assert counts[-1] == 12
+    assert math.isclose(TOUCHING, 0.04)

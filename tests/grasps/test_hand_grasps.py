@@ -1,0 +1,231 @@
+"""Poses of hands with joints: labels, numbers and reasons of known grasps."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import grasp3d
+from grasp3d import Contacts, Label, critical_friction_angle
+from grasp3d.errors import SettingError
+from grasp3d.grasps import GraspPoses
+from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps, in_order
+from grasp3d.hand.table import Approach, Table
+from grasp3d.mesh import ObjectMesh
+from grasp3d.surface.fields import HAND_GRASPS
+from tests.helpers import shapes, slider_hand
+from tests.helpers.slider_hand import BOX, TIP, TOUCHING
+
+Floats = NDArray[np.float64]
+SAMPLED = math.radians(1.0)
+FINE = grasp3d.GraspModel(sensor_resolution=math.radians(10.0))
+
+
+@pytest.fixture(scope="module")
+def box() -> ObjectMesh:
+    return grasp3d.load_mesh(shapes.box(BOX), unit="m")
+
+
+def given(*postures: Any, shift: Floats | None = None, **options: Any) -> GraspPoses:
+    """The hand's axis through the middle of the box, or shifted; the joints' values."""
+    poses = np.tile(np.eye(4), (len(postures), 1, 1))
+    if shift is not None:
+        poses[:, :3, 3] = shift
+    values = [np.broadcast_to(posture, 4) for posture in postures]
+    return GraspPoses(poses=poses, posture=np.array(values), unit="m", **options)
+
+
+def evaluated(box: ObjectMesh, folder: Path, *postures: Any, **options: Any) -> EvaluatedHandGrasps:
+    found = grasp3d.evaluate_grasps(
+        box, given(*postures), FINE, hand=slider_hand.hand(folder, **options)
+    )
+    assert isinstance(found, EvaluatedHandGrasps)
+    return found
+
+
+def test_four_fingers_on_a_box(box: ObjectMesh, tmp_path: Path) -> None:
+    found = evaluated(box, tmp_path, TOUCHING)
+    assert found.label.tolist() == found.label_fingertips.tolist() == [Label.S]
+    assert found.links.tolist() == ["finger_0 finger_1 finger_2 finger_3"]
+    # Points near the surface are averaged, which leaves contacts off the middle a little.
+    assert found.critical_angle[0] == pytest.approx(0.0, abs=SAMPLED)
+    assert found.margin[0] == pytest.approx(math.atan(0.5) - math.radians(5.0), abs=SAMPLED)
+    assert found.max_resolution[0] == pytest.approx(2.0 * math.atan(0.5), abs=2.0 * SAMPLED)
+    assert (found.reason.tolist(), found.reachable.tolist()) == ([""], [True])
+    # Forces along the sides of the box balance in 2 ways that no finger's motor sets.
+    numbers = found.rank, found.internal, found.structural, found.redundant
+    assert [value[0] for value in numbers] == [6, 6, 2, 0]
+
+
+def test_critical_angle_is_that_of_the_contacts_bit_for_bit(
+    box: ObjectMesh, tmp_path: Path
+) -> None:
+    postures = TOUCHING + np.random.default_rng(0).uniform(-0.004, 0.002, size=(5, 4))
+    found = evaluated(box, tmp_path, *postures)
+    for row in range(5):
+        mine = found.contacts.row == row
+        contacts = Contacts(
+            found.contacts.points[mine] - box.center_mass, found.contacts.normals[mine]
+        )
+        assert found.critical_angle[row] == critical_friction_angle(contacts)
+
+
+def test_links_without_sensors_do_not_count_for_s(box: ObjectMesh, tmp_path: Path) -> None:
+    sensors = {"finger_0": None, "finger_2": math.radians(4.0)}
+    found = evaluated(box, tmp_path, TOUCHING, sensors=sensors)
+    # The two that feel hold the box in 5 of 6 dimensions; the blind ones add the sixth.
+    assert (found.label.tolist(), found.label_fingertips.tolist()) == ([Label.M], [Label.S])
+    assert found.margin.tolist() == [-math.inf]
+    tips = math.atan(0.5) - math.radians(5.0)
+    assert found.fingertips.margin[0] == pytest.approx(tips, abs=SAMPLED)
+    assert found.to_poses().settings["sensor_resolutions"] == pytest.approx(
+        {"finger_0": math.radians(10.0), "finger_2": math.radians(4.0)}
+    )
+
+
+def test_a_hand_without_sensors_is_never_s(box: ObjectMesh, tmp_path: Path) -> None:
+    found = evaluated(box, tmp_path, TOUCHING, sensors={})
+    assert found.label.tolist() == [Label.M]
+    assert found.label_fingertips.tolist() == [Label.U]
+    assert "sliders has no sensors: no grasp can be S" in found.warnings
+
+
+@pytest.mark.parametrize(
+    ("posture", "label", "reason"),
+    [
+        ([TOUCHING, TOUCHING, TOUCHING, -0.02], Label.S,
+         "joint 4 (slide_3) is 20 mm beyond its limit"),
+        ([TOUCHING + 0.014, TOUCHING, TOUCHING, TOUCHING], Label.S,
+         "finger_0 14 mm inside the object"),
+        (0.01, Label.U, "no link within 5 mm of the object"),
+        ([TOUCHING, 0, 0, 0], Label.U, "touches with one link only, finger_0"),
+    ],
+)  # fmt: skip
+def test_reasons(box: ObjectMesh, tmp_path: Path, posture: Any, label: Label, reason: str) -> None:
+    found = evaluated(box, tmp_path, posture)
+    assert (found.reason.tolist(), found.label.tolist()) == ([reason], [label])
+    inside = "limit" in reason or "inside" in reason
+    assert found.reachable.tolist() == [not inside]
+    if label == Label.U:
+        assert np.isnan([found.critical_angle[0], found.epsilon[0], found.margin[0]]).all()
+
+
+def test_reasons_of_collisions(box: ObjectMesh, tmp_path: Path) -> None:
+    found = evaluated(box, tmp_path, TOUCHING)
+    contacts = replace(
+        found.contacts, self_collision=np.array([[0, 2]]), self_depth=np.array([0.007])
+    )
+    overlapping = replace(found, contacts=contacts)
+    assert overlapping.reason.tolist() == ["palm and finger_1 overlap by 7 mm"]
+    below = replace(found, contacts=replace(found.contacts, table_depth=np.array([0.02])))
+    assert below.reason.tolist() == ["20 mm below the table"]
+    assert overlapping.reachable.tolist() == below.reachable.tolist() == [False]
+
+
+def test_table_and_approach(box: ObjectMesh, tmp_path: Path) -> None:
+    hand = slider_hand.hand(tmp_path)
+    found = grasp3d.evaluate_grasps(
+        box, given(TOUCHING), FINE, hand=hand, table=Table.below(box),
+        approach=Approach(np.array([0.0, 0, -1]), within=1.0),
+    )  # fmt: skip
+    assert found.reason.tolist() == ["42 mm below the table"]  # the palm
+    found = grasp3d.evaluate_grasps(
+        box, given(TOUCHING), FINE, hand=hand, approach=Approach(np.array([0.0, 0, -1]), within=1.0)
+    )
+    assert found.reason.tolist() == ["comes 180° from the approach direction, more than 57°"]
+
+
+def test_contact_distance_is_what_touches(box: ObjectMesh, tmp_path: Path) -> None:
+    hand, poses = slider_hand.hand(tmp_path), given(TOUCHING - 0.003)
+    near = grasp3d.evaluate_grasps(box, poses, FINE, hand=hand)
+    assert near.label.tolist() == [Label.S]
+    assert near.gap[0] == pytest.approx(0.003, abs=1e-6)
+    found = grasp3d.evaluate_grasps(box, poses, FINE, hand=hand, contact_distance="2mm")
+    assert found.reason.tolist() == ["no link within 2 mm of the object"]
+
+
+def test_results_in_other_units_are_the_same(box: ObjectMesh, tmp_path: Path) -> None:
+    hand, poses = slider_hand.hand(tmp_path), given(TOUCHING - 0.002, 0.01)
+    millimetres = grasp3d.load_mesh(shapes.box(1000.0 * np.array(BOX)), unit="mm")
+    one, other = (
+        grasp3d.evaluate_grasps(mesh, poses, FINE, hand=hand) for mesh in (box, millimetres)
+    )
+    assert one.label.tolist() == other.label.tolist()
+    assert one.reason.tolist() == other.reason.tolist()
+    np.testing.assert_allclose(1000.0 * one.gap, other.gap, atol=1e-3)
+    np.testing.assert_allclose(one.epsilon, other.epsilon, rtol=2e-2)
+    assert one.structural.tolist() == other.structural.tolist()
+
+
+def test_contacts_outside_the_region_are_refused(tmp_path: Path) -> None:
+    part = grasp3d.load_mesh(shapes.box(BOX), unit="m", avoid=f"box:-1,-1,-1,{-TIP},1,1")
+    found = evaluated(part, tmp_path, TOUCHING)
+    assert found.reason.tolist() == ["touches where --only and --avoid allow no contact"]
+    assert found.label.tolist() == [Label.U]
+
+
+def test_joints_are_matched_by_name(box: ObjectMesh, tmp_path: Path) -> None:
+    hand = slider_hand.hand(tmp_path)
+    values = np.array([TOUCHING, 0.01, 0.02, 0.03])
+    names = tuple(reversed(hand.joint_names))
+    found = in_order(given(values[::-1], joint_names=names), hand)
+    assert found.posture.tolist() == [values.tolist()]
+    assert found.joint_names == hand.joint_names
+    with pytest.raises(SettingError, match=r"no values of joint slide_0 .* have thumb, which"):
+        in_order(given(values, joint_names=(*hand.joint_names[1:], "thumb")), hand)
+    poses = GraspPoses(poses=np.eye(4), posture=np.zeros((1, 6)), unit="m")
+    with pytest.raises(SettingError, match="the poses have 6 values of joints, but sliders has 4"):
+        in_order(poses, hand)
+    with pytest.raises(SettingError, match="the poses have no values of joints"):
+        grasp3d.evaluate_grasps(box, np.eye(4)[None], hand=hand)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"model": grasp3d.GraspModel(method="extremes")}, "takes no method extremes"),
+        ({"model": grasp3d.GraspModel(location_error=0.001)}, "takes no location_error"),
+        ({"model": grasp3d.GraspModel(per_finger="normal_error=2;")}, "takes no per_finger"),
+        ({"model": grasp3d.GraspModel(contact="patch")}, "takes no contact patch"),
+        ({"model": grasp3d.GraspModel(fingers=3)}, "takes no fingers"),
+        ({"pose_error": "5mm"}, "takes no pose_error"),
+        ({"load": grasp3d.Load(mass=0.5)}, "takes no load"),
+        ({"max_distance": 0.1}, "max_distance applies to contacts"),
+    ],
+)
+def test_settings_that_do_not_apply_are_refused(
+    box: ObjectMesh, tmp_path: Path, options: dict[str, Any], message: str
+) -> None:
+    hand = slider_hand.hand(tmp_path)
+    with pytest.raises(SettingError, match=message):
+        grasp3d.evaluate_grasps(box, given(TOUCHING), **options, hand=hand)
+
+
+def test_settings_of_links_do_not_apply_to_grippers(box: ObjectMesh) -> None:
+    franka = grasp3d.read_hand("franka")
+    for options in ({"contact_rule": "settled"}, {"contact_distance": 0.001}):
+        with pytest.raises(SettingError, match="applies to poses of a hand with joints"):
+            grasp3d.evaluate_grasps(box, np.eye(4)[None], hand=franka, **options)
+
+
+def test_chosen_poses_and_tables(box: ObjectMesh, tmp_path: Path) -> None:
+    found = evaluated(box, tmp_path, 0.01, TOUCHING, TOUCHING - 0.003)
+    chosen = found.take(np.array([2, 0]))
+    for name in ("label", "critical_angle", "epsilon", "gap", "structural", "reason"):
+        np.testing.assert_array_equal(getattr(chosen, name), getattr(found, name)[[2, 0]])
+    frame = found.to_dataframe()
+    assert frame["label"].tolist() == ["U", "S", "S"]
+    assert frame["reason"].tolist()[1:] == ["", ""]
+    assert frame["gap_finger_0"].round(6).tolist()[1:] == [0.0, 0.003]
+    poses = found.to_poses()
+    assert poses.joint_names == tuple(f"slide_{number}" for number in range(4))
+    assert poses.columns["links"].tolist()[0] == ""
+    columns = {name for name in poses.columns if not name.startswith("gap_")}
+    assert columns == {field.name for field in HAND_GRASPS}
+    assert poses.in_unit("mm").columns["gap"][2] == pytest.approx(3.0)
+    assert poses.settings["contact_rule"] == "given"
+    assert grasp3d.grasps.ranked_rows(found).tolist() == [1, 2]
