@@ -13,6 +13,7 @@ from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import GivenGrasps
 from grasp3d.grasps.hand_reasons import Reasons
 from grasp3d.grasps.poses import GAP, GraspPoses
+from grasp3d.grasps.postures import ORDER, matched
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
 from grasp3d.hand.choices import ContactRule, ObjectMotion
@@ -296,7 +297,9 @@ class EvaluatedHandGrasps(GivenGrasps):
         wrong = pose_warning(toward, mesh.center, mesh.size, mesh.unit, reach=reach)
         tilted = self.scene.tilt_warning(self.given.object_pose)
         unfelt = None if self.hand.sensors else NO_SENSORS.format(self.hand.name)
-        return (*super().warnings, *(line for line in (wrong, tilted, unfelt) if line))
+        order = self.given.settings.get(ORDER)
+        unnamed = f"the order of the joints is {order}" if order else None
+        return (*super().warnings, *(line for line in (wrong, tilted, unfelt, unnamed) if line))
 
     def metrics(self, names: str) -> NoReturn:
         """Refuse: measures are for grasps of equal numbers of contacts. Raises SettingError."""
@@ -411,15 +414,15 @@ def evaluate_hand(
         load: None.
 
     Raises:
-        SettingError: A setting that does not apply to hands with joints, or postures of other
-            joints.
+        SettingError: A setting that does not apply to hands with joints.
+        ContactError: The poses have values of other joints, or none.
     """
     hand = scene.hand
     assert isinstance(hand, ArticulatedHand)
     _refuse(scene, model or GraspModel(), load)
     (own_model,) = mesh.in_own_unit(model or GraspModel())
     distance = mesh.length("contact_distance", contact_distance)
-    poses = in_order(poses, hand)
+    poses = replace(matched(poses, hand), joint_names=hand.joint_names)
     with within(0.0, TOUCHED):
         contacts = hand_contacts(
             mesh, hand, poses.poses, poses.posture, rule=contact_rule,
@@ -435,46 +438,6 @@ def evaluate_hand(
         result.compute("label")
         report_progress(1.0)
     return result
-
-
-def in_order(poses: GraspPoses, hand: ArticulatedHand) -> GraspPoses:
-    """Poses whose postures are in the order of the hand's joints.
-
-    Args:
-        poses: The poses; without names of joints they are in that order.
-        hand: The hand.
-
-    Raises:
-        SettingError: They have no values of joints, or of others.
-    """
-    names, own = poses.joint_names, hand.joint_names
-    count = poses.posture.shape[1]
-    if not count and own:
-        raise SettingError(
-            f"{hand.name} has {len(own)} joints, but the poses have no values of joints"
-        )
-    if not names:
-        if count != len(own):
-            raise SettingError(
-                f"the poses have {count} values of joints, but {hand.name} has {len(own)} joints: "
-                f"{', '.join(own)}"
-            )
-        return replace(poses, joint_names=own)
-    missing = [name for name in own if name not in names]
-    if missing:
-        unknown = [name for name in names if name not in own]
-        found = f"; the poses have {', '.join(unknown)}, which it has not" if unknown else ""
-        raise SettingError(
-            f"the poses have no values of joint {missing[0]} of {hand.name}, as of {len(missing)} "
-            f"of its {len(own)}{found}"
-        )
-    columns = [names.index(name) for name in own]
-    stages = {
-        name: getattr(poses, name)[:, columns]
-        for name in ("posture", "pregrasp_posture", "squeeze_posture")
-        if getattr(poses, name).shape[1]
-    }
-    return replace(poses, joint_names=own, **stages)
 
 
 def _refuse(scene: Scene, model: GraspModel, load: Load | None) -> None:

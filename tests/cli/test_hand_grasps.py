@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow.csv as pc
 import pytest
 
-from grasp3d.grasps import GraspPoses, write_grasps
+from grasp3d.grasps import GraspPoses, read_grasps, write_grasps
 from tests.helpers import shapes, slider_hand
 from tests.helpers.commands import export, printed
 from tests.helpers.commands import run_here as grasp3d
@@ -99,3 +99,34 @@ def test_more_friction_and_finer_sensors_hold_more(folder: Path) -> None:
     assert counts == sorted(counts)
     assert counts[-1] == 12
     assert math.isclose(TOUCHING, 0.04)
+
+
+@pytest.mark.parametrize("name", ["found.csv", "found.parquet", "found.json"])
+def test_results_are_written_with_joints_by_name(folder: Path, name: str) -> None:
+    printed("evaluate", *POSES, "-o", name, cwd=folder)
+    poses = read_grasps(folder / name)
+    assert isinstance(poses, GraspPoses)
+    assert poses.joint_names == tuple(f"slide_{number}" for number in range(4))
+    assert poses.columns["label"].tolist() == ["S", "U", "S"]
+    assert poses.columns["reason"].tolist()[1] == "no link within 5 mm of the object"
+    assert poses.columns["gap_finger_0"][0] == pytest.approx(0.0, abs=1e-6)
+    # They are evaluated again to the same results.
+    assert "contacts as given" in printed(
+        "evaluate", "box.stl", name, *HAND, "-o", "again.csv", cwd=folder
+    )
+    again = pc.read_csv(folder / "again.csv").to_pydict()
+    assert again["label"] == ["S", "U", "S"]
+
+
+def test_wrong_postures_are_refused(folder: Path) -> None:
+    text = (folder / "poses.csv").read_text(encoding="utf-8")
+    (folder / "fewer.csv").write_text(text.replace("slide_3", "thumb"), encoding="utf-8")
+    (folder / "nan.csv").write_text(text.replace(str(TOUCHING), "nan", 1), encoding="utf-8")
+    for name, message in (
+        ("fewer.csv", "thumb is no joint of sliders, and slide_3 of sliders is missing"),
+        ("nan.csv", "nan"),
+    ):
+        run = grasp3d("evaluate", "box.stl", name, *HAND, cwd=folder)
+        assert run.returncode == 2, name
+        assert message in run.stderr
+        assert run.stderr.count("\n") == 1

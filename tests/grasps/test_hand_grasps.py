@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 import grasp3d
 from grasp3d import Contacts, Label, critical_friction_angle
-from grasp3d.errors import SettingError
+from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps import GraspPoses
-from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps, in_order
+from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh import ObjectMesh
 from grasp3d.surface.fields import HAND_GRASPS
@@ -171,16 +171,16 @@ def test_contacts_outside_the_region_are_refused(tmp_path: Path) -> None:
 def test_joints_are_matched_by_name(box: ObjectMesh, tmp_path: Path) -> None:
     hand = slider_hand.hand(tmp_path)
     values = np.array([TOUCHING, 0.01, 0.02, 0.03])
-    names = tuple(reversed(hand.joint_names))
-    found = in_order(given(values[::-1], joint_names=names), hand)
-    assert found.posture.tolist() == [values.tolist()]
-    assert found.joint_names == hand.joint_names
-    with pytest.raises(SettingError, match=r"no values of joint slide_0 .* have thumb, which"):
-        in_order(given(values, joint_names=(*hand.joint_names[1:], "thumb")), hand)
-    poses = GraspPoses(poses=np.eye(4), posture=np.zeros((1, 6)), unit="m")
-    with pytest.raises(SettingError, match="the poses have 6 values of joints, but sliders has 4"):
-        in_order(poses, hand)
-    with pytest.raises(SettingError, match="the poses have no values of joints"):
+    poses = given(values[::-1], joint_names=tuple(reversed(hand.joint_names)))
+    found = grasp3d.evaluate_grasps(box, poses, hand=hand)
+    assert found.given.posture.tolist() == [values.tolist()]
+    assert found.given.joint_names == hand.joint_names
+    assert found.links.tolist() == ["finger_0"]
+    unnamed = grasp3d.evaluate_grasps(box, given(values), hand=hand)
+    assert unnamed.links.tolist() == ["finger_0"]
+    order = "the order of the joints is not stated: that of sliders is assumed"
+    assert order in unnamed.warnings
+    with pytest.raises(ContactError, match="no values of them"):
         grasp3d.evaluate_grasps(box, np.eye(4)[None], hand=hand)
 
 
