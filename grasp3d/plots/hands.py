@@ -16,6 +16,9 @@ from grasp3d.system.names import printable
 LIGHT = np.array([0.3, 0.5, 0.8])
 """Direction of the light, in coordinates of the view: right, up, toward the viewer."""
 
+NARROWEST = 0.7
+"""Width of a view, relative to the widest one."""
+
 DARKEST = 0.45
 """Brightness of faces in the shade."""
 
@@ -45,16 +48,18 @@ def hand_figure(hand: ArticulatedHand) -> Figure:
     drawings = [_Drawing(hand, posture, axes) for _, posture, axes in views]
     boxes = [drawing.box() for drawing in drawings]
     widths = [float(box[1, 0] - box[0, 0]) for box in boxes]
+    widths = [max(width, NARROWEST * max(widths)) for width in widths]  # titles need space
     tall = max(float(box[1, 1] - box[0, 1]) for box in boxes)
     figure = new_figure(PAGE, PAGE * tall / sum(widths) + 0.6)
     plots = figure.subplots(1, 3, width_ratios=widths)
-    for plot, (title, _, _), drawing, box in zip(plots, views, drawings, boxes, strict=True):
+    for number, plot in enumerate(plots):
+        (title, _, _), drawing, width = views[number], drawings[number], widths[number]
         bare(plot)
         plot.set_title(title)
         drawing.draw(plot)
-        middle = 0.5 * (box[0, 1] + box[1, 1])
-        plot.set_xlim(box[0, 0], box[1, 0])
-        plot.set_ylim(middle - 0.5 * tall, middle + 0.5 * tall)
+        x, y = boxes[number].mean(axis=0)
+        plot.set_xlim(x - 0.5 * width, x + 0.5 * width)
+        plot.set_ylim(y - 0.5 * tall, y + 0.5 * tall)
     figure.suptitle(printable(hand.name), fontsize=9.0, parse_math=False)
     return figure
 

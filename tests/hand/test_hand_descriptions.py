@@ -14,6 +14,7 @@ from grasp3d.hand.articulated.hand_json import KEYS
 from grasp3d.hand.articulated.presets import NAMES, content_of
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_line, hand_of_line, write_hand
+from tests.hand.test_robot_descriptions import urdf
 from tests.helpers.hands import HANDS, hand_file, three_fingers
 
 
@@ -37,6 +38,21 @@ def test_a_hand_is_proposed_from_its_links(tmp_path: Path) -> None:
     for words in ("fingertips are", "the palm is palm", "joints close it", "open: ", "+z of palm",
                   "torques are the efforts", "every fingertip carries a tactile"):  # fmt: skip
         assert words in said
+
+
+def test_a_camera_on_a_palm_that_turns_is_no_fingertip(tmp_path: Path) -> None:
+    more = (
+        '<link name="arm"/><joint name="wrist" type="continuous"><parent link="arm"/>'
+        '<child link="palm"/></joint><link name="camera"><collision><geometry>'
+        '<sphere radius="0.01"/></geometry></collision></link><joint name="mount" type="fixed">'
+        '<parent link="palm"/><child link="camera"/></joint>'
+    )
+    hand = read(three_fingers(tmp_path, more=more))
+    assert (hand.link_names[0], hand.palm) == ("arm", "palm")
+    assert hand.fingertips == ("outer0", "outer1", "outer2")
+    assert hand.joint_names[-1] == "wrist"
+    assert hand.closing[-1] == 0.0
+    assert "joints without limits: wrist" in hand.assumed
 
 
 @pytest.mark.parametrize("effort", [0.0, 5.0, 10.0, 1000.0])
@@ -146,8 +162,18 @@ def test_only_the_palm_is_named_beside_a_model(tmp_path: Path) -> None:
 
 def test_links_without_joints_are_no_hand(tmp_path: Path) -> None:
     path = tmp_path / "post.urdf"
-    path.write_text('<robot name="p"><link name="a"/></robot>', encoding="utf-8")
-    with pytest.raises(SettingError, match="no joint turns anything: name the links of its two"):
+    for links, words in (('<link name="a"/>', "no joint moves anything"), ("", "it has no links")):
+        path.write_text(f'<robot name="p">{links}</robot>', encoding="utf-8")
+        with pytest.raises(SettingError, match=words):
+            read_hand(path)
+
+
+def test_an_arm_with_a_gripper_needs_the_names_of_its_fingers(tmp_path: Path) -> None:
+    path = urdf(tmp_path)
+    arm = '<joint name="wrist" type="continuous">'
+    text = path.read_text(encoding="utf-8").replace('<joint name="wrist" type="fixed">', arm)
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(SettingError, match="its fingers slide: name the links of its two fingers"):
         read_hand(path)
 
 

@@ -142,12 +142,6 @@ def proposed_hand(path: Path, preset: str | None, palm: str | None) -> Articulat
 
 def _proposed(tree: LinkTree, preset: str | None, palm: str | None) -> ArticulatedHand:
     stated: dict[str, Any] = {}
-    if all(joint.kind != "turns" for joint in tree.joints.values()):
-        raise tree.error(
-            f"no joint turns anything: name the links of its two fingers: grasp3d hand "
-            f"{tree.source} --fingers LINK LINK -o NAME.json makes a description of it, for all "
-            "commands"
-        )
     name = preset or fitting(tree)
     if name is not None:
         stated = stated_of(numbers_of(name, tree))
@@ -155,4 +149,17 @@ def _proposed(tree: LinkTree, preset: str | None, palm: str | None) -> Articulat
             stated["assumed"] = [f"it is the hand {name}, whose joints have the same names"]
     if palm is not None:
         stated["palm"] = palm
-    return articulated_hand_of(tree, stated)
+    hand = articulated_hand_of(tree, stated)
+    if all(_slides(hand, tip) for tip in hand.fingertips):
+        raise tree.error(
+            f"its fingers slide: name the links of its two fingers: grasp3d hand {tree.source} "
+            "--fingers LINK LINK -o NAME.json makes a description of it, for all commands"
+        )
+    return hand
+
+
+def _slides(hand: ArticulatedHand, link: str) -> bool:
+    """Whether the last joint that moves a link slides."""
+    while hand.tree.joints[link].kind == "fixed":
+        link = hand.tree.joints[link].parent
+    return hand.tree.joints[link].kind == "slides"

@@ -11,8 +11,9 @@ What is not stated follows from the geometry, and is said:
   those within 65 degrees of the direction from the middle of the palm to where the fingertips meet.
 * Joints close the hand that turn about nearly the same axis, within 37 degrees, as the last one of
   their finger, in the direction in which its tip comes nearer to where the fingertips meet. In the
-  open preshape they have the value nearest to 0 within their limits, and the other joints, which
-  spread the fingers and turn the thumb, the values that they have where the fingertips meet.
+  open preshape they have the value nearest to 0 within their limits. So have the other joints, but
+  for those, such as the base of a thumb, that are more than 34 degrees from it where the fingertips
+  meet: these stay as they are there.
 * Torques are the efforts that the file states, where these are plausible.
 """
 
@@ -42,6 +43,10 @@ KEPT = 0.02
 
 ROUNDED = 1e-9
 """Difference of a length from 1 that is rounding."""
+
+TURNED = 0.6
+"""Distance from 0 from which a joint that does not close the hand is part of its open preshape
+[rad or m]."""
 
 PARALLEL = 0.8
 """Least cosine of the angle between axes that count as nearly the same."""
@@ -85,13 +90,15 @@ def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None)
         source=known.get("source", ""),
     )
     if not hand.joint_names:
-        raise tree.error(f"no joint moves anything below {base}")
+        raise tree.error("no joint moves anything, so that it is no hand")
     return _Proposal(hand, known, assumed).hand()
 
 
 def _base(tree: LinkTree) -> str:
     """The link that is the base of the hand, if none is stated."""
     roots = [link for link in tree.links if link not in tree.joints]
+    if not roots:
+        raise tree.error("it has no links")
     below = tree.children(roots[0])
     flies = [link for link in below if tree.joints[link].kind == "free"]
     if len(roots) == 1 and ((len(below) < 2 and not flies) or roots[0] != "world"):
@@ -209,6 +216,9 @@ class _Proposal:
             ends[name] = name if self.tree.shapes(name) else above
         # Several ends that have no geometry of their own may stand for one link.
         found = tuple(dict.fromkeys(end for end in ends.values() if self.tree.shapes(end)))
+        # What carries something that moves, or is fixed to it as a camera on the palm, is no end.
+        carriers = {joint.parent for joint in self.tree.joints.values() if joint.kind != "fixed"}
+        found = tuple(name for name in found if carriers.isdisjoint(self.tree.rigid(name)))
         inner = {above for name in found for above in self._above(name)}
         found = tuple(name for name in found if name not in inner)
         if not found:
@@ -309,10 +319,12 @@ class _Proposal:
             for name, values in stated.items()
         }
         if "open" not in found:
-            found["open"] = locked(np.where(closing == 0.0, self._meeting, self.zero))
+            turned = (closing == 0.0) & (np.abs(self._meeting - self.zero) > TURNED)
+            found["open"] = locked(np.where(turned, self._meeting, self.zero))
+            others = [name for name, one in zip(self.names, turned, strict=True) if one]
             self.assumed.append(
-                "open: joints that close it are at 0, or at the limit nearest to 0; the others as "
-                "where the fingertips meet"
+                "open: joints are at 0, or at the limit nearest to 0"
+                + (f", but as where the fingertips meet: {', '.join(others)}" if others else "")
             )
         return found
 
