@@ -1,202 +1,295 @@
-"""Hands that settle on an object or close on it, and overlaps of links with each other."""
+"""Free objects that settle between closing jaws: known shapes, and laws that hold for any shape."""
 
 import math
-from functools import cache
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
-from grasp3d.arrays import Floats
+from grasp3d import ObjectMesh, best_grasps, label_surface, load_mesh
+from grasp3d._kernels.jaws.settling import lowest_point
 from grasp3d.errors import SettingError
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
-from grasp3d.hand.articulated.proposal import articulated_hand_of
-from grasp3d.hand.hand_files import read_links
-from grasp3d.hand.link_tree import Joint
-from grasp3d.mesh import ObjectMesh
-from tests.helpers.hands import hand_file
-from tests.helpers.link_scenes import at, hand_of, shape, solid
+from grasp3d.grasps import poses_of
+from grasp3d.hand.closed_jaws import ClosedJaws, Closing, Touch, centres_of_pressure
+from grasp3d.hand.closing import close_jaws
+from grasp3d.hand.jaws import problem_of_face
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from tests.helpers import shapes
+from tests.helpers.closing_jaws import Floats, pads, pose, random_poses, tips
 
-X = np.array([1.0, 0.0, 0.0])
-Y = np.array([0.0, 1.0, 0.0])
+BOX = (0.04, 0.05, 0.03)
 
 
-@cache
-def ball() -> ObjectMesh:
-    return solid(trimesh.creation.icosphere(4, radius=0.03))
+def mesh_of(solid: trimesh.Trimesh | shapes.Surface) -> ObjectMesh:
+    return load_mesh(solid, unit="m", max_edge=1.0)
 
 
-def slider(name: str, axis: Floats, limits: tuple[float, float]) -> Joint:
-    return Joint(name, "slides", "palm", np.eye(4), axis, limits)
+def about(axis: str, degrees: float) -> Rotation:
+    return Rotation.from_euler(axis, degrees, degrees=True)
 
 
-def pincer(limits: tuple[float, float] = (0.0, 0.1)) -> ArticulatedHand:
-    """Two capsules along z that slide from 60 mm away toward the middle."""
-    fingers = {
-        "left": [shape("capsule", 0.007, 0.02, pose=at(-0.067))],
-        "right": [shape("capsule", 0.007, 0.02, pose=at(0.067))],
-    }
-    joints = {"left": slider("a", X, limits), "right": slider("b", -X, limits)}
-    return hand_of({"palm": [], **fingers}, joints, [1.0, 1.0])
+def free(
+    mesh: ObjectMesh, poses: Any, hand: ParallelGripper | None = None, **options: Any
+) -> ClosedJaws:
+    return close_jaws(mesh, poses, hand or pads(), object_motion="free", **options)
 
 
-def finger() -> ArticulatedHand:
-    """Two links of 40 mm along z; both joints bend them toward +x."""
-    links = [shape("capsule", 0.006, 0.02, pose=at(0, 0, 0.02))]
-    joints = {
-        "proximal": Joint("a", "turns", "palm", np.eye(4), Y, (0.0, 2.0)),
-        "distal": Joint("b", "turns", "proximal", at(0, 0, 0.04), Y, (0.0, 2.0)),
-    }
-    return hand_of({"palm": [], "proximal": links, "distal": links}, joints, [1.0, 1.0])
+@pytest.fixture(scope="module")
+def box() -> ObjectMesh:
+    return mesh_of(shapes.box(BOX))
 
 
-def found_at(
-    hand: ArticulatedHand, mesh: ObjectMesh, pose: Floats, posture: Any, **options: Any
-) -> HandContacts:
-    return hand_contacts(mesh, hand, pose[None], np.atleast_2d(posture), **options)
+@pytest.mark.parametrize("axis", ["y", "z"])
+@pytest.mark.parametrize("degrees", [-8.0, 3.0, 12.0])
+def test_a_box_turns_until_it_is_flush_with_the_pads(
+    box: ObjectMesh, axis: str, degrees: float
+) -> None:
+    found = free(box, pose(turn=about(axis, degrees)), friction=0.0)
+    assert found.opening[0] == pytest.approx(BOX[0], abs=2e-6)
+    assert np.degrees(found.turn[0]) == pytest.approx(abs(degrees), abs=0.1)
+    np.testing.assert_allclose(np.abs(found.normals[0, :, 0]), 1.0, atol=1e-6)
+    assert (found.touch[0] == Touch.FACE).all()
+    assert not found.apart[0]
 
 
-def test_closing_fingers_stop_where_they_touch() -> None:
-    found = found_at(pincer(), ball(), at(0.005), [0.0, 0.0], rule="closed")
-    np.testing.assert_allclose(found.posture, [[0.025, 0.035]], atol=2e-4)
-    assert np.abs(found.gaps[0, 1:]).max() < 1e-4
-    assert found.link.tolist() == [1, 2]
-    assert found.change[0] == pytest.approx(0.035, abs=2e-4)
-    assert found.shift[0] == 0.0
+def test_friction_holds_a_wide_object_that_touches_within_its_cone(box: ObjectMesh) -> None:
+    """Corners of the pads 10 mm apart, on a box of 40 mm: friction of 0.25 balances the couple."""
+    turned = pose(turn=about("z", 5.0))
+    held, slips = (free(box, turned, friction=friction) for friction in (0.6, 0.1))
+    assert held.turn[0] == 0.0
+    assert np.degrees(slips.turn[0]) == pytest.approx(5.0, abs=0.2)
 
 
-def test_closing_joints_stop_at_their_limits() -> None:
-    found = found_at(pincer((0.0, 0.02)), ball(), np.eye(4), [0.0, 0.0], rule="closed")
-    np.testing.assert_allclose(found.posture, [[0.02, 0.02]], atol=1e-12)
-    assert len(found.row) == 0
-    assert found.gaps[0, 1] == pytest.approx(0.01, abs=1e-4)
+def test_objects_at_rest_do_not_move(box: ObjectMesh) -> None:
+    ball = mesh_of(trimesh.creation.icosphere(4, 0.02))
+    for mesh in (box, ball):
+        for hand in (pads(), tips()):
+            found = free(mesh, np.eye(4), hand)
+            assert found.turn[0] == 0.0
+            np.testing.assert_allclose(found.poses[0], np.eye(4), atol=1e-9)
 
 
-def test_the_distal_joint_goes_on_where_the_proximal_link_touches() -> None:
-    block = solid(trimesh.creation.box([0.02, 0.1, 0.02]))
-    found = found_at(finger(), block, at(-0.017, 0, -0.02), [0.0, 0.0], rule="closed")
-    proximal, distal = found.posture[0]
-    assert proximal < 0.1
-    assert distal > 0.8
-    assert np.abs(found.gaps[0, 1:]).max() < 1e-4
-    assert set(found.link.tolist()) == {1, 2}
+def test_the_gripper_ends_up_midway_between_its_jaws(box: ObjectMesh) -> None:
+    found = free(box, pose((0.006, 0.0, 0.0)))
+    np.testing.assert_allclose(found.poses[0, :3, 3], 0.0, atol=1e-9)
+    assert found.offset[0] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_finger_inside_does_not_close() -> None:
-    found = found_at(pincer(), ball(), at(0.04), [0.0, 0.0], rule="closed")
-    assert found.posture[0, 0] == 0.0
-    assert found.gaps[0, 1] < -0.005
+def wedge(half_angle: float, thin: float, **options: Any) -> ObjectMesh:
+    """A prism along y of 25 mm height whose thin end is at z = 0 and its wide one above [deg]."""
+    half = [0.5 * thin, 0.5 * thin + 0.025 * math.tan(math.radians(half_angle))]
+    corners = zip((0.0, 0.0, 0.025, 0.025), (-half[0], half[0], -half[1], half[1]), strict=True)
+    points = [[x, y, z] for z, x in corners for y in (-0.02, 0.02)]
+    return load_mesh(trimesh.Trimesh(points).convex_hull, unit="m", **options)
 
 
-@pytest.mark.parametrize("free", [False, True])
-def test_settled_fingers_touch_by_the_smallest_change(free: bool) -> None:
-    motion: Any = "free" if free else "fixed"
-    found = found_at(pincer(), ball(), at(), [0.031, 0.028], rule="settled", object_motion=motion)
-    assert np.abs(found.gaps[0, 1:]).max() < 1e-4
-    assert found.link.tolist() == [1, 2]
-    if free:  # each of three moves where that is cheap: joints in metres count as in radians
-        assert found.shift[0] < 2e-3
-        assert found.change[0] < 2.1e-3
-    else:
-        np.testing.assert_allclose(found.posture, [[0.03, 0.03]], atol=2e-4)
-        assert found.change[0] == pytest.approx(0.002, abs=1e-4)
-        assert found.shift[0] == 0.0
-        assert found.turn[0] == 0.0
+FRICTIONS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
+HALF_ANGLES = (1.0, 2.0, 3.0, 5.0, 8.0, 10.0, 12.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0)
 
 
-def test_what_cannot_touch_within_limits_stays_away_and_says_so() -> None:
-    hand = pincer((0.0, 0.028))
-    found = found_at(hand, ball(), at(), [0.031, 0.026], rule="settled", object_motion="fixed")
-    np.testing.assert_allclose(found.posture, [[0.028, 0.028]], atol=1e-6)
-    np.testing.assert_allclose(found.gaps[0, 1:], 0.002, atol=1e-4)
-    assert len(found.row) == 0
-
-
-def test_a_free_object_moves_out_of_a_palm() -> None:
-    palm = hand_of({"palm": [shape("box", 0.05, 0.05, 0.01)]})
-    found = found_at(palm, ball(), at(0, 0, -0.037), np.zeros((1, 0)), rule="settled")
-    assert abs(found.gaps[0, 0]) < 1e-4
-    assert found.shift[0] == pytest.approx(0.003, abs=2e-4)
-    assert found.poses[0, 2, 3] == pytest.approx(-0.04, abs=2e-4)
-
-
-def test_settling_what_is_far_away_changes_nothing() -> None:
-    found = found_at(pincer(), ball(), at(), [0.01, 0.01], rule="settled")
-    assert found.change[0] == found.shift[0] == found.turn[0] == 0.0
-
-
-def test_links_that_overlap_are_named_with_their_depth() -> None:
-    rods = {
-        name: [shape("cylinder", 0.01, 0.05, pose=at(0, y, 0))]
-        for name, y in (("one", 0.1), ("two", 0.117))
-    }
-    joints = {
-        "one": slider("a", Y, (0.0, 0.1)),
-        "two": slider("b", Y, (-0.1, 0.1)),
-    }
-    hand = hand_of({"palm": [shape("box", 0.02, 0.02, 0.02)], **rods}, joints)
-    apart = found_at(hand, ball(), at(1.0), [0.0, 0.05])
-    assert apart.self_collision.tolist() == [[-1, -1]]
-    assert apart.self_depth[0] == 0.0
-    # By design they overlap in the open posture, and the palm is next to each.
-    assert found_at(hand, ball(), at(1.0), [0.0, 0.0]).self_depth[0] == 0.0
-    third = {**rods, "three": [shape("sphere", 0.01, pose=at(0, 0.15, 0))]}
-    joints["three"] = slider("c", Y, (-0.1, 0.1))
-    hand = hand_of({"palm": [], **third}, joints)
-    found = found_at(hand, ball(), at(1.0), [0.0, 0.0, -0.02])
-    assert found.self_collision.tolist() == [[2, 3]]
-    assert found.self_depth[0] == pytest.approx(0.007, abs=1e-3)
-
-
-def test_what_does_not_fit_is_refused() -> None:
-    with pytest.raises(SettingError, match="no preshape 'fist'; known: open"):
-        found_at(pincer(), ball(), at(), [0.0, 0.0], rule="closed", preshape="fist")
-    with pytest.raises(SettingError, match="2 poses have 1 postures"):
-        hand_contacts(ball(), pincer(), [np.eye(4)] * 2, np.zeros((1, 2)))
-    with pytest.raises(SettingError, match="no collision geometry"):
-        hand_contacts(ball(), hand_of({"palm": []}), np.eye(4)[None], np.zeros((1, 0)))
-    rule: Any = "taken"
-    with pytest.raises(SettingError, match="no rule is called"):
-        found_at(pincer(), ball(), at(), [0.0, 0.0], rule=rule)
-
-
-def closed_on_a_ball(name: str, count: int) -> tuple[ArticulatedHand, ObjectMesh, HandContacts]:
-    """Grasps of a ball by closing from poses near the middle of the fingertips."""
-    hand = articulated_hand_of(read_links(hand_file(name)), {})
-    mesh = solid(trimesh.creation.icosphere(5, radius=0.035))
-    rng = np.random.default_rng(0)
-    half = np.clip(hand.preshapes["open"] + 0.9 * np.sign(hand.closing), *hand.limits_of_joints.T)
-    (links,) = hand.link_poses(half)
-    tips = links[[hand.link_names.index(one) for one in hand.fingertips], :3, 3]
-    palm = links[hand.link_names.index(hand.palm), :3, 3]
-    poses = np.tile(np.eye(4), (count, 1, 1))
-    poses[:, :3, 3] = rng.normal(0.0, 0.008, (count, 3))
-    poses[:, :3, 3] -= 0.6 * tips.mean(axis=0) + 0.4 * palm
-    opened = np.tile(hand.preshapes["open"], (count, 1))
-    return hand, mesh, hand_contacts(mesh, hand, poses, opened, rule="closed")
+def obeys_coulomb(
+    thin: float,
+    half_angles: tuple[float, ...],
+    frictions: tuple[float, ...] = FRICTIONS,
+    **options: Any,
+) -> None:
+    """Check pads at the thin end of wedges: those steeper than the angle of friction slip out."""
+    poses = [
+        pose((0.0, 0.0, height), about("x", around) * about("y", tilt))
+        for height in (0.0, 0.003, 0.006)
+        for around, tilt in ((0.0, 0.0), (0.0, 0.5), (90.0, 0.0), (180.0, 0.0))
+    ]
+    for half_angle in half_angles:
+        mesh = wedge(half_angle, thin, **options)
+        for friction in frictions:
+            steep = math.tan(math.radians(half_angle)) > friction
+            for compliance in (0.0, 0.0005, 0.002):
+                found = free(mesh, poses, pads(compliance=compliance), friction=friction)
+                expected = Closing.SLIPS_OUT if steep else Closing.CLOSED
+                assert (found.state == expected).all(), (half_angle, friction, compliance)
+                reached = np.linalg.norm(found.poses[:, :3, 3] - np.array(poses)[:, :3, 3], axis=1)
+                if steep:  # the thin end is at the edges of the pads, or slid past them
+                    assert (reached > 0.003).all()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["allegro", "leap", "shadow"])
-def test_perturbed_grasps_settle(name: str) -> None:
-    """Those links touch again that touched before; of others near them not all can."""
-    hand, mesh, closed = closed_on_a_ball(name, 60)
-    good = closed.gaps.min(axis=1) > -1e-4
-    assert good.sum() >= 5
-    rng = np.random.default_rng(1)
-    posture = closed.posture[good] + rng.normal(0.0, 0.02, closed.posture[good].shape)
-    posture = np.clip(posture, *hand.limits_of_joints.T)
-    poses = closed.poses[good].copy()
-    poses[:, :3, 3] += rng.normal(0.0, 0.001, (len(poses), 3))
-    before = hand_contacts(mesh, hand, poses, posture)
-    after = hand_contacts(mesh, hand, poses, posture, rule="settled")
-    assert before.gaps.min() < -1e-3
-    deepest = after.gaps.min(axis=1)
-    assert np.mean(deepest > -1e-4) > 0.95
-    near = (np.abs(closed.gaps[good]) < 1e-4) & (before.gaps < 0.005)
-    assert np.mean(np.abs(after.gaps[near]) < 1e-4) > 0.7
-    assert np.median(after.change) < 0.15
-    assert np.all(after.change >= 0.0)
-    assert math.isfinite(after.turn.max())
+def test_a_wedge_slips_out_where_its_half_angle_exceeds_that_of_friction() -> None:
+    obeys_coulomb(0.004, HALF_ANGLES, max_edge=1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("thin", [0.0, 0.01])
+def test_a_finely_meshed_wedge_slips_out_too(thin: float) -> None:
+    """Its end face is passed by a jaw, and edges within its faces are parallel to the pads'."""
+    obeys_coulomb(thin, (5.0, 15.0, 30.0, 40.0))
+
+
+def test_steep_and_gentle_wedges() -> None:
+    obeys_coulomb(0.004, (12.0,), (0.1, 0.3), max_edge=1.0)
+
+
+@pytest.mark.parametrize("max_edge", [1.0, pytest.param(0.002, marks=pytest.mark.slow)])
+def test_a_rim_on_an_inclined_face_rests_at_the_angle_of_friction(max_edge: float) -> None:
+    """A tilted wedge turns until its steeper face is inclined by the angle of friction."""
+    tested = 0
+    for half_angle in (5.0, 8.0, 12.0, 17.0, 22.0):
+        mesh = wedge(half_angle, 0.02, max_edge=max_edge)
+        for friction in (0.15, 0.2, 0.3, 0.4, 0.5):
+            rest = math.degrees(math.atan(friction)) - half_angle
+            tilts = [fraction * half_angle for fraction in (0.5, 0.8, 0.95)]
+            tilts = [tilt for tilt in tilts if 0.3 < rest < tilt]
+            if not tilts:
+                continue
+            tested += len(tilts)
+            poses = [pose((0.0, 0.0, 0.009), about("y", tilt)) for tilt in tilts]
+            axes = free(mesh, poses, friction=friction).poses[:, [0, 2], 2]
+            angles = np.degrees(np.arctan2(axes[:, 0], axes[:, 1]))
+            np.testing.assert_allclose(angles, rest, atol=0.1)
+    assert tested >= 20
+
+
+def opening_after(
+    mesh: ObjectMesh, found: ClosedJaws, row: int, turn: Floats, shift: Floats
+) -> float:
+    """Opening after a motion of the object, by rigid jaws."""
+    moved = found.poses[row].copy()
+    middle = found.points[row].mean(axis=0)
+    rotation = moved[:3, :3] @ Rotation.from_rotvec(-turn).as_matrix()
+    local = moved[:3, :3].T @ (middle - moved[:3, 3])
+    moved[:3, 3] = middle - rotation @ (local + shift)
+    moved[:3, :3] = rotation
+    rigid = pads(compliance=0.0)
+    start = min(found.opening[row] + 0.008, rigid.max_opening)
+    return float(close_jaws(mesh, moved, rigid, opening=start).opening[0])
+
+
+@pytest.mark.slow
+def test_at_rest_no_small_motion_pays() -> None:
+    """Opening plus friction times slips, for random motions of up to 0.3 degrees and 0.1 mm."""
+    vertices, faces = shapes.lopsided()
+    mesh, friction = mesh_of((0.025 * vertices, faces)), 0.4
+    found = free(mesh, random_poses(60, 0.006, seed=5), pads(compliance=0.0), friction=friction)
+    rows = np.flatnonzero(found.closed)
+    assert len(rows) > 30
+    assert (found.turn[rows] > 0.02).sum() > 5
+    rng = np.random.default_rng(0)
+    pays = 0
+    for row in rows:
+        for _ in range(8):
+            turn, shift = np.zeros(3), np.zeros(3)
+            turn[1:], shift[1:] = rng.normal(0, 0.002, 2), rng.normal(0, 5e-5, 2)
+            half = 0.5 * found.opening[row] * np.array([turn[2], -turn[1]])
+            slips = np.linalg.norm(shift[1:] + half) + np.linalg.norm(shift[1:] - half)
+            after = opening_after(mesh, found, row, turn, shift)
+            pays += after + friction * slips < found.opening[row] - 5e-6
+    assert pays <= 0.01 * 8 * len(rows)
+
+
+@pytest.mark.slow
+def test_rounding_does_not_choose_what_is_touched_of_a_symmetric_object() -> None:
+    """Faces that lie flat on a pad, and equal motions to either side, are tied."""
+    mesh, hand = load_mesh(shapes.LIBRARY / "bulb.glb"), ParallelGripper.preset("franka")
+    labels = label_surface(mesh, hand=hand)
+    poses = poses_of(best_grasps(labels, 60, distance=0.02 * mesh.size)).poses
+    expected, rng = free(mesh, poses, hand), np.random.default_rng(1)
+    for _ in range(3):
+        noise = rng.normal(0.0, 1e-14 * mesh.size, mesh.vertices.shape)
+        found = free(replace(mesh, vertices=mesh.vertices + noise), poses, hand)
+        np.testing.assert_array_equal(found.state, expected.state)
+        np.testing.assert_allclose(found.points, expected.points, atol=1e-9 * mesh.size)
+        np.testing.assert_allclose(found.normals, expected.normals, atol=1e-8)
+
+
+def test_what_closes_does_not_start_inside_where_it_comes_to_rest() -> None:
+    """A finger that follows the object passes what is behind it."""
+    vertices, faces = shapes.lopsided()
+    mesh, given = mesh_of((0.025 * vertices, faces)), random_poses(100, 0.012, seed=7)
+    found, fixed = free(mesh, given), close_jaws(mesh, given, pads())
+    outside = fixed.state != Closing.STARTS_INSIDE
+    assert 20 < outside.sum() < 100
+    assert (found.state[outside] != Closing.STARTS_INSIDE).all()
+
+
+def test_a_fixed_object_has_the_poses_that_were_given(box: ObjectMesh) -> None:
+    given = random_poses(20, 0.01)
+    found = close_jaws(box, given, pads(), friction=0.1)
+    np.testing.assert_allclose(found.poses, given, atol=1e-12)
+    assert (found.turn == 0.0).all()
+
+
+def test_a_rectangle_as_inner_face_is_the_pad(box: ObjectMesh) -> None:
+    face = ((0.0, -0.01, -0.005), (0.0, 0.01, -0.005), (0.0, 0.01, 0.005), (0.0, -0.01, 0.005))
+    given = random_poses(50, 0.01, seed=2)
+    one, two = (free(box, given, hand) for hand in (pads(), pads(inner_faces=(face,))))
+    np.testing.assert_array_equal(one.state, two.state)
+    np.testing.assert_allclose(one.points, two.points, atol=1e-9)
+
+
+def test_a_recessed_face_touches_what_stands_out() -> None:
+    """Behind the pad is a face 2 mm back, on which a wider part of the object lies."""
+    pad = ((0.0, -0.01, -0.005), (0.0, 0.01, -0.005), (0.0, 0.01, 0.005), (0.0, -0.01, 0.005))
+    back = tuple((-0.002, y, z - 0.01) for _, y, z in pad)
+    thin = trimesh.creation.box(bounds=[[-0.01, -0.01, -0.004], [0.01, 0.01, 0.004]])
+    wide = trimesh.creation.box(bounds=[[-0.014, -0.01, -0.014], [0.014, 0.01, -0.006]])
+    neck = trimesh.creation.box(bounds=[[-0.002, -0.01, -0.007], [0.002, 0.01, -0.003]])
+    mesh = mesh_of(trimesh.boolean.union([thin, neck, wide]))
+    found = close_jaws(mesh, np.eye(4), pads(inner_faces=(pad, back), compliance=0.0))
+    assert found.opening[0] == pytest.approx(0.028 - 0.004, abs=1e-9)
+    assert found.points[0, 0, 2] == pytest.approx(-0.01, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("face", "problem"),
+    [
+        (((0.0, 0.0, 0.0), (0.0, 1e-3, 0.0)), "3 to 12 corners"),
+        (((1e-3, 0.0, 0.0), (0.0, 1e-3, 0.0), (0.0, 0.0, 1e-3)), "at most 0"),
+        (((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), (0.0, 0.0, 1e-3)), "in metres"),
+        (((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 1.0)), "convex"),
+        (((-0.1, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 1.0), (0.0, 0.0, 1.0)), "flat"),
+    ],
+)
+def test_faces_that_are_none_are_refused(face: Any, problem: str) -> None:
+    assert problem in str(problem_of_face(face))
+    with pytest.raises(SettingError, match=problem):
+        replace(pads(), inner_faces=(face,))
+
+
+def test_friction_must_be_a_coefficient(box: ObjectMesh) -> None:
+    with pytest.raises(SettingError, match="friction must be a finite number of at least 0"):
+        free(box, np.eye(4), friction=-0.1)
+
+
+def test_centres_of_pressure_are_on_one_line_where_patches_overlap() -> None:
+    points = np.array([[[-1.0, 0.0, 0.0], [1.0, 0.4, 0.0]]])
+    low, high = np.array([[[-0.5, -1], [0.2, -1]]]), np.array([[[0.3, 1], [0.8, 1]]])
+    identity = np.eye(4)[None, :3]
+    found = centres_of_pressure(points, low, high, identity)
+    np.testing.assert_allclose(found[0, :, 1], 0.2)
+    np.testing.assert_allclose(found[0, :, 0], [-1.0, 1.0])
+    apart = centres_of_pressure(
+        points, low + [[[0, 0], [1, 0]]], high + [[[0, 0], [1, 0]]], identity
+    )
+    np.testing.assert_allclose(apart[0, :, 1], [0.3, 1.2])
+
+
+@pytest.mark.slow
+@given(
+    st.lists(st.tuples(*[st.floats(-1.0, 1.0) for _ in range(3)]), min_size=1, max_size=6),
+    st.floats(0.0, 1.0),
+)
+@settings(deadline=None, max_examples=60)
+def test_the_lowest_point_is_lower_than_all_others(rows: Any, slope: float) -> None:
+    planes = np.array(rows)
+    value, u, v = lowest_point(planes, len(planes), 1.0, slope)
+    grid = np.linspace(-1.0, 1.0, 41)
+    x, y = (axis.ravel() for axis in np.meshgrid(grid, grid))
+    heights = (planes[:, :1] + planes[:, 1:2] * x + planes[:, 2:] * y).max(axis=0)
+    heights += slope * np.hypot(x, y)
+    assert value <= heights.min() + 1e-9
+    own = (planes[:, 0] + planes[:, 1] * u + planes[:, 2] * v).max() + slope * math.hypot(u, v)
+    assert own == pytest.approx(value, abs=1e-12)
