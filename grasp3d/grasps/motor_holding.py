@@ -1,0 +1,157 @@
+"""What the motors of a hand with joints hold at given poses."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr
+from grasp3d.hand.articulated.actuation import actuation_of
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.quality.hand_forces.critical_angle import hand_closes
+from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
+from grasp3d.quality.hand_forces.payloads import HandPayload, hand_payload
+from grasp3d.stability.contact_sets import ContactSets
+from grasp3d.surface.load_case import LoadCase
+from grasp3d.system.context import report_progress
+
+FORCE_RTOL = 1e-2
+"""Width of the brackets of payloads, relative to them."""
+
+STRUCTURE = 1e3
+"""Largest length of a contact's force [N]: what is held by preload that no motor sets, between the
+palm and rigid links, is limited by what these bear."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MotorForces:
+    """The grasps of k poses, with the drives of the hand."""
+
+    hand: ArticulatedHand
+    torques: Floats
+    """Greatest torques of the motors of the joints [N m], shape (p,)."""
+    sets: ContactSets
+    jacobians: Floats
+    """Of its contacts, in the mesh's frame [m], shape (c, 3, p)."""
+    tilts: Floats
+    """Largest angle between true and perceived normals [rad], nan: blind, shape (c,)."""
+    postures: Floats
+    """Shape (k, p)."""
+
+    __repr__ = short_repr
+
+    def grasp(self, row: int, contacts: Ints, friction: float) -> HandGrasp:
+        """The grasp of some contacts of a pose."""
+        return HandGrasp(
+            self.sets.contacts(contacts, friction),
+            self.jacobians[contacts],
+            actuation_of(self.hand, self.postures[row], self.torques),
+            most_force=STRUCTURE,
+        )
+
+    def contacts(self, rows: Ints) -> Iterator[tuple[int, Ints]]:
+        """Chosen poses, of those that are evaluated, with their contacts."""
+        start = np.searchsorted(self.sets.row, np.arange(self.sets.size + 1))
+        for row in rows[self.sets.evaluated[rows]].tolist():
+            yield row, np.arange(start[row], start[row + 1])
+
+    def pressed(self, sure: Bools, friction: float) -> Bools:
+        """Whether the drives can press what makes grasps S, shape (k,).
+
+        Motors that reach every torque can; what differentials cannot press does not count for S.
+
+        Args:
+            sure: The grasps that are S with the posture locked, shape (k,).
+            friction: The smallest coefficient.
+        """
+        pressed = sure.copy()
+        for row, contacts in self.contacts(np.flatnonzero(sure)):
+            angles = math.atan(friction) - self.tilts[contacts]
+            felt = angles > 0.0  # nan: blind
+            grasp = self.grasp(row, contacts[felt], friction)
+            if not grasp.actuation.two_way:
+                pressed[row] = hand_closes(grasp, angles[felt])
+        return locked(pressed)
+
+    def payloads(
+        self, load: LoadCase, friction: float, *, tilted: bool
+    ) -> tuple[Floats, list[HandPayload | None]]:
+        """Largest masses that are held, from below [kg], shape (k,), and their proofs.
+
+        Args:
+            load: What must be held.
+            friction: The coefficient.
+            tilted: At the worst normals, with the contacts that are not blind; else at the
+                perceived ones with all.
+        """
+        values = np.full(self.sets.size, math.nan)
+        found: list[HandPayload | None] = [None] * self.sets.size
+        for row, contacts in self.contacts(np.arange(self.sets.size)):
+            tilts = np.zeros(len(contacts))
+            if tilted:
+                felt = ~np.isnan(self.tilts[contacts])
+                contacts, tilts = contacts[felt], self.tilts[contacts[felt]]
+            values[row] = 0.0
+            if len(contacts):
+                grasp = self.grasp(row, contacts, friction)
+                found[row] = one = hand_payload(grasp, load.task, tilt=tilts, rtol=FORCE_RTOL)
+                values[row] = one.lower
+            report_progress((row + 1) / self.sets.size)
+        return locked(values), found
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MotorHolding:
+    """What the motors of a hand hold at each of k poses: masses [kg], or factors of wrenches."""
+
+    load: LoadCase
+    forces: MotorForces
+    friction: tuple[float, float]
+    """The smallest coefficient, which counts for what is sure, and the nominal one."""
+
+    __repr__ = short_repr
+
+    @cached_property
+    def _sure(self) -> tuple[Floats, list[HandPayload | None]]:
+        return self.forces.payloads(self.load, self.friction[0], tilted=True)
+
+    @cached_property
+    def payload(self) -> Floats:
+        """Held at the perceived normals, with all links that touch, shape (k,); nan: no grasp."""
+        return self.forces.payloads(self.load, self.friction[1], tilted=False)[0]
+
+    @property
+    def payload_sure(self) -> Floats:
+        """Held at the worst normals, with the links that feel theirs, shape (k,)."""
+        return self._sure[0]
+
+    @cached_property
+    def load_fraction(self) -> Floats:
+        """Mass over what is surely held, shape (k,): above 1 it is not; nan: no mass is known."""
+        mass = self.load.mass if self.load.by_mass else 1.0
+        with np.errstate(divide="ignore"):
+            return locked((math.nan if mass is None else mass) / self.payload_sure)
+
+    @cached_property
+    def limit(self) -> npt.NDArray[np.str_]:
+        """What limits the mass that is surely held: a joint, or friction, shape (k,)."""
+        return self._texts(lambda one: one.limit)
+
+    @cached_property
+    def more_torque(self) -> Floats:
+        """Mass that a tenth more of all torques adds at most to what is surely held, shape (k,)."""
+        return self._numbers(lambda one: 0.1 * float(one.drive_shares.sum()))
+
+    @cached_property
+    def more_friction(self) -> Floats:
+        """Mass that a tenth more of friction adds to it, about, shape (k,)."""
+        return self._numbers(lambda one: float(one.friction_gains.sum()))
+
+    def _texts(self, of: Callable[[HandPayload], str]) -> npt.NDArray[np.str_]:
+        return np.array(["" if one is None else of(one) for one in self._sure[1]], dtype=np.str_)
+
+    def _numbers(self, of: Callable[[HandPayload], float]) -> Floats:
+        return locked(np.array([math.nan if one is None else of(one) for one in self._sure[1]]))
