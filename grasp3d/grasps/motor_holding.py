@@ -90,13 +90,11 @@ class MotorForces:
         values = np.full(self.sets.size, math.nan)
         found: list[HandPayload | None] = [None] * self.sets.size
         for row, contacts in self.contacts(np.arange(self.sets.size)):
-            tilts = np.zeros(len(contacts))
-            if tilted:
-                felt = ~np.isnan(self.tilts[contacts])
-                contacts, tilts = contacts[felt], self.tilts[contacts[felt]]
+            used = contacts[~np.isnan(self.tilts[contacts])] if tilted else contacts
+            tilts = self.tilts[used] if tilted else np.zeros(len(used))
             values[row] = 0.0
-            if len(contacts):
-                grasp = self.grasp(row, contacts, friction)
+            if len(used):
+                grasp = self.grasp(row, used, friction)
                 found[row] = one = hand_payload(grasp, load.task, tilt=tilts, rtol=FORCE_RTOL)
                 values[row] = one.lower
             report_progress((row + 1) / self.sets.size)

@@ -18,7 +18,7 @@ from grasp3d.settings.lengths import (
     settings_in_unit,
 )
 from grasp3d.settings.parsing import Main, TextValue, settings_of_texts
-from grasp3d.settings.quantities import DENSITIES, FORCES, MASSES, Quantity
+from grasp3d.settings.quantities import DENSITIES, FORCES, MASSES, TORQUES, Quantity
 
 if TYPE_CHECKING:
     from grasp3d.quality.tasks import Task
@@ -41,6 +41,8 @@ class Load(LengthSettings):
             follows from them.
         grip_force: Force at hand of each finger, normal to the surface [N], or with a unit: 40N.
             none: the greatest force of the gripper, if any states one.
+        torque_limits: Hands with joints: greatest torque of the motor of every joint [N m], or with
+            a unit: 0.7Nm. none: those that its description states.
         task: What the grasp must resist: weight; 'weight within 30 of -z' (gravity at most 30
             degrees from an axis, or from three numbers); 'acceleration 5' [m/s^2]; 'wrench
             0,0,-5,0,0,0.1' (force [N], torque about the centre of mass [N m]); a file of wrenches
@@ -66,6 +68,7 @@ class Load(LengthSettings):
     )
     density: Quantity[float | tuple[float, ...] | None] = Quantity(None, DENSITIES, several=True)
     grip_force: Quantity[float | None] = Quantity(None, FORCES)
+    torque_limits: Quantity[float | None] = Quantity(None, TORQUES)
     task: TaskField = TaskField(TaskText.of("weight"))
     center_of_mass_radius: Length[float] = Length(0.0)
 
@@ -143,7 +146,7 @@ def load_settings(load: Load | None) -> dict[str, str | float | None]:
         >>> stored["density"], stored["task"]
         ('7850.0,700.0', 'weight')
         >>> load_from({name: str(value) for name, value in stored.items()})
-        Load(mass=None, density=(7850.0, 700.0), grip_force=40.0, task='weight', ...)
+        Load(mass=None, density=(7850.0, 700.0), grip_force=40.0, torque_limits=None, ...)
     """
     names = [one.name for one in fields(Load)]
     return {name: None if load is None else _one_line(getattr(load, name)) for name in names}

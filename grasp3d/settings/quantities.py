@@ -13,6 +13,7 @@ POUND = 0.45359237
 
 MASSES: dict[str, float] = {"kg": 1.0, "g": 1e-3, "lb": POUND, "oz": POUND / 16.0}
 FORCES: dict[str, float] = {"N": 1.0, "kN": 1e3, "lbf": POUND * 9.80665}
+TORQUES: dict[str, float] = {"Nm": 1.0, "Ncm": 1e-2, "Nmm": 1e-3}
 STIFFNESSES: dict[str, float] = {"N/m": 1.0, "N/mm": 1e3}
 DENSITIES: dict[str, float] = {"kg/m^3": 1.0, "g/cm^3": 1e3, "lb/in^3": POUND / METRES["in"] ** 3}
 """Units by name, the SI unit first, as multiples of it."""
