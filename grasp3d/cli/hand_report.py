@@ -72,6 +72,8 @@ def print_hand_grasps(grasps: EvaluatedHandGrasps, output: Path) -> None:
     if not np.isnan(grasps.outcome).all():
         report.line(outcomes_line(grasps))
     report.line(f"[bold]{_verdict(grasps)}[/]")
+    if grasps.motor_holding is not None:
+        report.line(f"[bold]{escaped(grasps.motor_holding.verdict(grasps.reachable))}[/]")
     report.warnings(grasps.warnings)
     print_some(report, _columns(grasps), grasps, size)
     report.line(_LEGEND)
@@ -114,6 +116,15 @@ def _columns(grasps: EvaluatedHandGrasps) -> list[Column]:
     def known(text: str) -> str:
         return "none" if text.startswith("nan") else text
 
+    holding = grasps.motor_holding
+    held: list[Column] = []
+    if holding is not None:
+        unit = "kg" if holding.load.by_mass else ""
+        held = [
+            (f"holds\n{unit}", lambda row: known(number_text(holding.payload[row]))),
+            (f"surely\n{unit}", lambda row: known(number_text(holding.payload_sure[row]))),
+            ("limit", lambda row: escaped(str(holding.limit[row]))),
+        ]
     return [
         ("pose", lambda row: str(row + 1)),
         ("label", lambda row: label_name(Label(int(grasps.label[row])))),
@@ -124,5 +135,6 @@ def _columns(grasps: EvaluatedHandGrasps) -> list[Column]:
         ("ε", lambda row: number_text(grasps.epsilon[row])),
         ("links", lambda row: str(len(grasps.links[row].split()))),
         ("gap", lambda row: known(f"{1000.0 * metres * grasps.gap[row]:.1f}")),
+        *held,
         ("reason", lambda row: escaped(str(grasps.reason[row]))),
     ]

@@ -62,7 +62,7 @@ def evaluate_grasps(
     mesh: MeshSource, grasps: GraspPoses, model: GraspModel | None = None, *,
     hand: ArticulatedHand, table: Table | None = None, approach: Approach | None = None,
     contact_rule: ContactRule = "given", contact_distance: GivenLength | None = None,
-    object_motion: ObjectMotion = "free",
+    object_motion: ObjectMotion = "free", load: Load | None = None,
 ) -> EvaluatedHandGrasps: ...  # fmt: skip
 @overload
 def evaluate_grasps(
@@ -142,8 +142,8 @@ def evaluate_grasps(
             unit; None: 1/100 of the object's size.
         load: What each grasp must hold, and with which force: `holding` then has the grip force and
             payload of each, at poses with the greatest force of the gripper at hand unless the load
-            states another one. The mass is held by the fingers alone, not by the table. None:
-            nothing.
+            states another one; of hands with joints `motor_holding` has what the motors hold. The
+            mass is held by the fingers alone, not by the table. None: nothing.
 
     Returns:
         The grasps in their order, with `label`, `critical_angle` [rad] and `epsilon`, shape (b,)
@@ -390,8 +390,9 @@ def evaluate_poses(
     _check_external(start)
     check_near(start.poses, mesh.center, mesh.size, mesh.unit, stated=poses.unit, reach=reach)
     if isinstance(hand, ArticulatedHand):
+        case = None if load is None else LoadCase.of(load, mesh, model or GraspModel(), hand)
         return evaluate_hand(
-            mesh, start, model, scene, object_motion=object_motion, load=load, **of_links
+            mesh, start, model, scene, object_motion=object_motion, load=case, **of_links
         )
     own_model = touching(hand, GraspModel()) if model is None else model
     (own_model,) = mesh.in_own_unit(with_fingers(own_model, hand.fingers[-1]))

@@ -12,8 +12,10 @@ from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import GivenGrasps
 from grasp3d.grasps.hand_reasons import Reasons
+from grasp3d.grasps.motor_holding import MotorForces, MotorHolding
 from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.postures import ORDER, matched
+from grasp3d.hand.articulated.actuation import torques_of
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
 from grasp3d.hand.choices import ContactRule, ObjectMotion
@@ -22,15 +24,17 @@ from grasp3d.hand.pose_checks import pose_warning
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.region import allowed_contacts
-from grasp3d.quality.loads import Load
+from grasp3d.quality.loads import load_settings
 from grasp3d.quality.wrenches import EpsilonOptions, wrench_axes
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import GivenLength
 from grasp3d.stability.contact_sets import ContactSets, SetLabels, label_sets
+from grasp3d.stability.label import Label
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.surface.fields import HAND_GRASPS, Arrays, columns_of
 from grasp3d.surface.grasp_numbers import EPSILON_RTOL
 from grasp3d.surface.grasp_table import settings_of
+from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.context import refuse_warnings, report_progress, within
 
 TOUCHED = 0.5
@@ -72,6 +76,8 @@ class EvaluatedHandGrasps(GivenGrasps):
     """Distance of a link from the surface up to which it touches, in the mesh's unit."""
     object_motion: ObjectMotion
     """Whether the object gave way."""
+    to_hold: LoadCase | None = None
+    """What each grasp must hold; None: nothing is stated."""
 
     load = None
     holding = None
@@ -146,10 +152,41 @@ class EvaluatedHandGrasps(GivenGrasps):
         low, high = (math.atan(friction) for friction in self.model.friction_interval)
         return label_sets(sets, tilts, (low, high))
 
-    @property
+    @cached_property
+    def motors(self) -> MotorForces | None:
+        """What the hand can press; None: torques of its motors are not stated."""
+        limit = None if self.to_hold is None else self.to_hold.load.torque_limits
+        torques = torques_of(self.hand, limit)
+        if torques is None:
+            return None
+        return MotorForces(
+            hand=self.hand, torques=torques, sets=self.sets, jacobians=self.jacobians,
+            tilts=self.tilts_of_links[self._link], postures=self.contacts.posture,
+        )  # fmt: skip
+
+    @cached_property
+    def motor_holding(self) -> MotorHolding | None:
+        """What the motors hold at each pose; None: no load is stated."""
+        if self.to_hold is None or self.motors is None:
+            return None
+        friction = self.model.friction_interval[0], float(self.model.friction)
+        return MotorHolding(load=self.to_hold, forces=self.motors, friction=friction)
+
+    @cached_property
+    def unpressed(self) -> Bools:
+        """Whether a grasp would be S if the hand could press it with its motors, shape (k,)."""
+        sure = np.asarray(self.all_links.label == Label.S)
+        if self.motors is None:
+            return locked(np.zeros_like(sure))
+        return locked(sure & ~self.motors.pressed(sure, self.model.friction_interval[0]))
+
+    @cached_property
     def label(self) -> Bytes:
-        """`Label` codes of all links: 0 U, 1 M, 2 S; shape (k,)."""
-        return self.all_links.label
+        """`Label` codes of all links: 0 U, 1 M, 2 S; shape (k,).
+
+        Where torques are stated, those of differentials for instance, S is what the hand can press.
+        """
+        return locked(np.where(self.unpressed, Label.M, self.all_links.label), np.uint8)
 
     @property
     def label_fingertips(self) -> Bytes:
@@ -275,6 +312,7 @@ class EvaluatedHandGrasps(GivenGrasps):
         reasons.add_impossible(self.given.posture, self.scene)
         reasons.add_contacts(self._touching)
         reasons.add("touches where --only and --avoid allow no contact", self.outside)
+        reasons.add("the hand cannot press it", self.unpressed)
         return reasons
 
     @property
@@ -371,6 +409,7 @@ class EvaluatedHandGrasps(GivenGrasps):
             "contact_rule": self.contacts.rule,
             "contact_distance": self.contact_distance,
             "object_motion": self.object_motion,
+            **load_settings(None if self.to_hold is None else self.to_hold.load),
             "sensor_resolutions": felt,
         }
 
@@ -399,7 +438,7 @@ def evaluate_hand(
     contact_rule: ContactRule = "given",
     contact_distance: GivenLength = DISTANCE,
     object_motion: ObjectMotion = "free",
-    load: Load | None = None,
+    load: LoadCase | None = None,
 ) -> EvaluatedHandGrasps:
     """Evaluate poses of a hand with joints, as `evaluate_grasps` does.
 
@@ -411,7 +450,7 @@ def evaluate_hand(
         contact_rule: given, settled or closed.
         contact_distance: Distance of a link from the surface up to which it touches.
         object_motion: free: a settled object gives way; fixed: it does not move.
-        load: None.
+        load: What each grasp must hold; None: nothing.
 
     Raises:
         SettingError: A setting that does not apply to hands with joints.
@@ -431,16 +470,23 @@ def evaluate_hand(
         )  # fmt: skip
     result = EvaluatedHandGrasps(
         mesh=mesh, model=own_model, scene=scene, given=poses, contacts=contacts,
-        contact_distance=distance, object_motion=object_motion,
+        contact_distance=distance, object_motion=object_motion, to_hold=load,
     )  # fmt: skip
+    if load is not None and result.motors is None:
+        raise SettingError(
+            f"the description of {hand.name} states no torques of its motors: give torque_limits, "
+            "the greatest torque of each"
+        )
     refuse_warnings(result.warnings)
     with within(TOUCHED, 1.0):
         result.compute("label")
+        if result.motor_holding is not None:
+            result.motor_holding.compute()
         report_progress(1.0)
     return result
 
 
-def _refuse(scene: Scene, model: GraspModel, load: Load | None) -> None:
+def _refuse(scene: Scene, model: GraspModel, load: LoadCase | None) -> None:
     """Refuse settings that do not apply. Raises SettingError."""
     refused = {
         "fingers: a hand touches with as many links as it happens to": model.fingers != 2,
@@ -449,7 +495,8 @@ def _refuse(scene: Scene, model: GraspModel, load: Load | None) -> None:
         "location_error: its contacts follow from pose and posture": model.location_error != 0.0,
         f"contact {model.contact}: its contacts are points": model.contact != "point",
         "pose_error: that is for parallel grippers": bool(scene.pose_error),
-        "load: what its motors hold is not known": load is not None,
+        "grip_force: it follows from torque_limits": load is not None
+        and load.available is not None,
     }
     for text, applies in refused.items():
         if applies:

@@ -17,6 +17,7 @@ from grasp3d.quality.hand_forces.payloads import HandPayload, hand_payload
 from grasp3d.stability.contact_sets import ContactSets
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.context import report_progress
+from grasp3d.system.counts import short_number
 
 FORCE_RTOL = 1e-2
 """Width of the brackets of payloads, relative to them."""
@@ -68,6 +69,8 @@ class MotorForces:
             friction: The smallest coefficient.
         """
         pressed = sure.copy()
+        if all(coupling.kind == "rigid" for coupling in self.hand.couplings):
+            return locked(pressed)
         for row, contacts in self.contacts(np.flatnonzero(sure)):
             angles = math.atan(friction) - self.tilts[contacts]
             felt = angles > 0.0  # nan: blind
@@ -112,6 +115,10 @@ class MotorHolding:
 
     __repr__ = short_repr
 
+    def compute(self) -> None:
+        """Compute the masses, which takes the time of some thousand cone programs a second."""
+        _ = self.payload_sure, self.payload
+
     @cached_property
     def _sure(self) -> tuple[Floats, list[HandPayload | None]]:
         return self.forces.payloads(self.load, self.friction[0], tilted=True)
@@ -147,6 +154,33 @@ class MotorHolding:
     def more_friction(self) -> Floats:
         """Mass that a tenth more of friction adds to it, about, shape (k,)."""
         return self._numbers(lambda one: float(one.friction_gains.sum()))
+
+    def verdict(self, chosen: Bools) -> str:
+        """What the motors hold at the best pose, in one sentence.
+
+        Args:
+            chosen: The poses that count, shape (k,).
+        """
+        forces, hand = self.forces, self.forces.hand
+        surely = np.where(chosen & (self.payload > 0.0), self.payload_sure, -1.0)
+        if not (surely >= 0.0).any():
+            return f"the motors of {hand.name} hold {self.load.to_hold} at no pose"
+        row = int(np.lexsort((self.payload, surely))[-1])
+        unit = " kg" if self.load.by_mass else " times the wrenches"
+        torques = np.unique(forces.torques)
+        slides = {joint.kind for joint in hand.tree.joints.values()} <= {"slides", "fixed"}
+        size = "N" if slides else "N m"
+        at = f"{short_number(torques[0])} {size}" if len(torques) == 1 else "its torques"
+        task = str(self.load.load.task)
+        where = "in any orientation" if task == "weight" else f"({task})"
+        felt = forces.tilts[forces.sets.row == row]
+        known = felt[~np.isnan(felt)]
+        text = f"{hand.name} holds {short_number(self.payload[row])}{unit} at {at} {where}"
+        if not len(known):
+            return f"{text}, and nothing surely: no link that touches has a sensor"
+        resolution = short_number(2.0 * math.degrees(known.max()))
+        sure = f"{short_number(surely[row])}{unit} surely for {resolution}° fingertips"
+        return f"{text}; {sure}; {self.limit[row]} limits (pose {row + 1})"
 
     def _texts(self, of: Callable[[HandPayload], str]) -> npt.NDArray[np.str_]:
         return np.array(["" if one is None else of(one) for one in self._sure[1]], dtype=np.str_)

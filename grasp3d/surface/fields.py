@@ -392,6 +392,8 @@ def given_poses(fingers: int = 2) -> tuple[Field, ...]:
     )  # fmt: skip
 
 
+HELD = Allowed(0.0, infinite=math.inf, unknown=True)
+
 HAND_GRASPS = (
     LABEL,
     replace(LABEL, name="label_fingertips", meaning="the same of the fingertips with sensors alone",
@@ -430,6 +432,23 @@ HAND_GRASPS = (
             ("turn", "angle by which it turned", RADIANS),
         )
     ),
+    *(
+        Field(name, f"{meaning}. Absent without a load", unit, (), allowed,
+              of=of_part("motor_holding", name))
+        for name, meaning, unit, allowed in (
+            ("payload", ("mass that the motors hold at the nominal normals, with all links that "
+             "touch; of given wrenches the factor; `inf`: any, `nan`: no grasp"), KILOGRAMS, HELD),
+            ("payload_sure", "the same at the worst normals, with the links that feel theirs",
+             KILOGRAMS, HELD),
+            ("load_fraction", "the mass over that; `nan`: it is not known", "", HELD),
+            ("more_torque", ("by how much `payload_sure` grows at most with a tenth more of all "
+             "torques"), KILOGRAMS, HELD),
+            ("more_friction", "and about by how much with a tenth more of friction", KILOGRAMS,
+             HELD),
+        )
+    ),
+    Field("limit", "what limits `payload_sure`: a joint, or friction. Absent without a load",
+          kind="U", of=of_part("motor_holding", "limit")),
     Field("reachable", "whether the hand can be there: no joint beyond its limits, no link inside "
           "the object, another link or the table by more than the contact distance", kind="?"),
     Field("reason", "what is wrong with the grasp, in one sentence; empty: nothing", kind="U"),
