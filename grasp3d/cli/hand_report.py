@@ -45,6 +45,11 @@ _LEGEND = (
     "blind; gap: largest distance of a link that touches, in mm"
 )
 
+_HELD = (
+    "holds: what the motors hold at the perceived normals; surely: at the worst that the sensors "
+    "cannot distinguish, with the links that have some; limit: what limits that"
+)
+
 
 def print_hand_grasps(grasps: EvaluatedHandGrasps, output: Path) -> None:
     """Print the numbers of poses by label, gaps, depths and reasons, and the best poses.
@@ -77,6 +82,8 @@ def print_hand_grasps(grasps: EvaluatedHandGrasps, output: Path) -> None:
     report.warnings(grasps.warnings)
     print_some(report, _columns(grasps), grasps, size)
     report.line(_LEGEND)
+    if grasps.motor_holding is not None:
+        report.line(_HELD)
     report.line(frame_text(grasps.given.object_pose))
     if read := grasps.given.settings.get(READING):
         report.line(f"{READINGS[READING]}: {escaped(read)}")

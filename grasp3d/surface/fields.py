@@ -433,8 +433,7 @@ HAND_GRASPS = (
         )
     ),
     *(
-        Field(name, f"{meaning}. Absent without a load", unit, (), allowed,
-              of=of_part("motor_holding", name))
+        Field(name, meaning, unit, (), allowed, of=of_part("motor_holding", name), when="load")
         for name, meaning, unit, allowed in (
             ("payload", ("mass that the motors hold at the nominal normals, with all links that "
              "touch; of given wrenches the factor; `inf`: any, `nan`: no grasp"), KILOGRAMS, HELD),
@@ -447,8 +446,8 @@ HAND_GRASPS = (
              HELD),
         )
     ),
-    Field("limit", "what limits `payload_sure`: a joint, or friction. Absent without a load",
-          kind="U", of=of_part("motor_holding", "limit")),
+    Field("limit", "what limits `payload_sure`: a joint, or friction", kind="U",
+          of=of_part("motor_holding", "limit"), when="load"),
     Field("reachable", "whether the hand can be there: no joint beyond its limits, no link inside "
           "the object, another link or the table by more than the contact distance", kind="?"),
     Field("reason", "what is wrong with the grasp, in one sentence; empty: nothing", kind="U"),

@@ -61,7 +61,7 @@ def test_contact_distance(folder: Path) -> None:
     [
         ("--method extremes", "sliders is a hand with joints, and takes no method extremes"),
         ("--pose-error 5mm", "sliders is a hand with joints, and takes no pose_error"),
-        ("--mass 0.5", "sliders is a hand with joints, and takes no load"),
+        ("--grip-force 5", "sliders is a hand with joints, and takes no grip_force"),
         ("--metrics all", "sliders is a hand with joints, and takes no metrics"),
         ("--max-distance 1mm", "max_distance applies to contacts"),
         ("--contact-rule touching", "given"),
@@ -130,3 +130,22 @@ def test_wrong_postures_are_refused(folder: Path) -> None:
         assert run.returncode == 2, name
         assert message in run.stderr
         assert run.stderr.count("\n") == 1
+
+
+def test_load(folder: Path) -> None:
+    text = printed("evaluate", *POSES, "--mass", "0.5kg", "--torque-limits", "10", cwd=folder)
+    assert "sliders holds 1.6" in text
+    assert " kg at 10 N in any orientation; 1.3" in text
+    assert "kg surely for 10° fingertips; slide_" in text
+    columns = pc.read_csv(folder / "box_grasps.csv").to_pydict()
+    held, surely = columns["payload"], columns["payload_sure"]
+    assert columns["load_fraction"][0] == pytest.approx(0.5 / surely[0])
+    assert held[0] > surely[0] > 0.0
+    assert held[1] is None
+    assert columns["limit"][0].startswith("slide_")
+    assert columns["more_torque"][0] == pytest.approx(0.1 * surely[0], rel=0.02)
+
+
+def test_torque_limits_are_for_hands_with_joints(folder: Path) -> None:
+    run = grasp3d("label", "box.stl", "--unit", "m", "--torque-limits", "1", cwd=folder)
+    assert "torque_limits are those of the motors of a hand with joints" in run.stderr

@@ -203,6 +203,7 @@ TABLES = {
     "found poses, gripper": column_table(FOUND_POSES, "gripper", "column"),
     "given poses": column_table(given_poses(), "always", "column"),
     "hands with joints": column_table(HAND_GRASPS, "always", "column"),
+    "motors": column_table(HAND_GRASPS, "load", "column"),
     "patches": column_table(ROBUST, "gripper", "column"),
     "tried poses": column_table(ROBUST, "pose error", "column"),
     "gripper frames": frame_table(),

@@ -1,0 +1,82 @@
+"""What the motors of hands with joints hold at given poses."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import grasp3d
+from grasp3d import Label
+from grasp3d.errors import SettingError
+from grasp3d.grasps import GraspPoses
+from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
+from grasp3d.quality.tasks import STANDARD_GRAVITY
+from tests.helpers import shapes, slider_hand
+from tests.helpers.slider_hand import BOX, TOUCHING
+
+ANGLE = math.radians(5.0)
+FINE = grasp3d.GraspModel(sensor_resolution=2.0 * ANGLE)
+DOWN = "weight within 0 of -z"
+
+
+def evaluated(folder: Path, load: grasp3d.Load | None, **stated: Any) -> EvaluatedHandGrasps:
+    """The slider hand around a box, at a pose that touches its four sides and at one that none."""
+    box = grasp3d.load_mesh(shapes.box(BOX), unit="m")
+    posture = np.array([[TOUCHING] * 4, [0.0] * 4])
+    poses = GraspPoses(poses=np.tile(np.eye(4), (2, 1, 1)), posture=posture, unit="m")
+    hand = grasp3d.read_hand(slider_hand.write(folder, **stated))
+    found = grasp3d.evaluate_grasps(box, poses, FINE, hand=hand, load=load)
+    assert isinstance(found, EvaluatedHandGrasps)
+    return found
+
+
+def test_four_sliding_fingers_hold_a_box_by_friction_alone(tmp_path: Path) -> None:
+    holding = evaluated(tmp_path, grasp3d.Load(task=DOWN, torque_limits=10.0)).motor_holding
+    assert holding is not None
+    # Contacts are averaged over what is near, a little off the middle of the sides.
+    most = 4.0 * 10.0 * 0.5 / STANDARD_GRAVITY
+    sure = 4.0 * 10.0 * math.tan(math.atan(0.5) - ANGLE) / STANDARD_GRAVITY
+    assert holding.payload[0] == pytest.approx(most, rel=0.03)
+    assert holding.payload_sure[0] == pytest.approx(sure, rel=0.04)
+    assert np.isnan(holding.payload[1])
+    assert holding.limit[0] in {f"slide_{k}" for k in range(4)}
+    assert np.isnan(holding.load_fraction).all()
+    double = evaluated(tmp_path, grasp3d.Load(task=DOWN, torque_limits=20.0)).motor_holding
+    assert double is not None
+    assert double.payload[0] == pytest.approx(2.0 * holding.payload[0], rel=1e-6)
+
+
+def test_blind_links_hold_nothing_surely(tmp_path: Path) -> None:
+    blind = evaluated(tmp_path, grasp3d.Load(task=DOWN), sensors={}).motor_holding
+    assert blind is not None
+    assert blind.payload[0] > 1.0
+    assert blind.payload_sure[0] == 0.0
+    assert "nothing surely" in blind.verdict(np.array([True, True]))
+
+
+def test_torques_that_are_not_stated_are_asked_for(tmp_path: Path) -> None:
+    unstated = {"torques": {"slide_0": 20.0}}
+    with pytest.raises(SettingError, match="give torque_limits"):
+        evaluated(tmp_path, grasp3d.Load(mass=1.0), **unstated)
+    found = evaluated(tmp_path, None, **unstated)
+    assert found.motors is None
+    assert found.motor_holding is None
+
+
+def test_what_a_differential_cannot_press_is_not_surely_stable(tmp_path: Path) -> None:
+    """A tendon that pushes opposite fingers in opposite senses presses neither of them."""
+    opposed = [
+        {"kind": "differential", "joints": ["slide_0", "slide_2"], "ratios": [1, -1]},
+        {"kind": "differential", "joints": ["slide_1", "slide_3"], "ratios": [1, -1]},
+    ]
+    found = evaluated(tmp_path, None, couplings=opposed)
+    assert found.all_links.label[0] == Label.S
+    assert found.label[0] == Label.M
+    assert found.reason[0] == "the hand cannot press it"
+    together = [
+        {"kind": "differential", "joints": ["slide_0", "slide_2"], "ratios": [1, 1]},
+        {"kind": "differential", "joints": ["slide_1", "slide_3"], "ratios": [1, 1]},
+    ]
+    assert evaluated(tmp_path, None, couplings=together).label[0] == Label.S
