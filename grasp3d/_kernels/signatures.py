@@ -112,13 +112,13 @@ _BODIES = _tuple(
     _tuple(link_shapes.Hulls, _f2, _i1, _i1, _i1), _i1, _f2, _i1, _f2,
 )  # fmt: skip
 _TOUCHED = _tuple(
-    touched_surface.TouchedSurface, _BOX_TREE, _b, _i2, _i2, _f2, _f2, _f1, _f1, _f,
+    touched_surface.TouchedSurface, _BOX_TREE, _f32_2, _b, _i2, _i2, _f2, _f2, _f1, _f1, _f,
     _array(types.float32, 3),
 )  # fmt: skip
 _TOUCHES = _tuple(touching.Touches, _f2, _f3, _f3, _i2, _f4)
 _SHAPE_SCRATCH = typeof(link_shapes.make_shape_scratch())
 _TOUCH_SCRATCH = _tuple(
-    touching.TouchScratch, _SHAPE_SCRATCH, _i1, _f1, _f2, _f1, _f1, _f1, _f1, _f1, _f2, _i1
+    touching.TouchScratch, _SHAPE_SCRATCH, _i1, _f1, _f2, _f1, _f1, _f1, _f1, _f1, _f1, _f2, _i1
 )
 _CHAIN = _tuple(
     kinematics.Chain, _fixed_i1, _fixed_i1, _fixed_f3, _fixed_f2, _fixed_f2, _fixed_i1, _fixed_f1,

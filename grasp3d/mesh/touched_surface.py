@@ -1,9 +1,10 @@
 """The surface of an object as the kernels of hands take it: nearest points, signs and normals."""
 
 import numpy as np
+import numpy.typing as npt
 
 from grasp3d._kernels.hands.touched_surface import TouchedSurface, fill_grid
-from grasp3d._kernels.surface.box_tree import box_tree
+from grasp3d._kernels.surface.box_tree import RADIUS, box_tree
 from grasp3d.arrays import Floats, Ints, locked, unit_rows
 from grasp3d.mesh.measures import Triangles
 
@@ -46,6 +47,7 @@ def touched_surface(
     nodes = np.ceil(extent / step - 1e-9).astype(int) + 1
     touched = TouchedSurface(
         tree=tree,
+        boxes=_small_boxes(tree.boxes),
         closed=closed,
         corners=np.ascontiguousarray(faces[tree.order]),
         across=np.where(across < 0, -1, place[across]).reshape(-1, 3)[tree.order],
@@ -58,3 +60,13 @@ def touched_surface(
     )
     fill_grid(touched)
     return touched
+
+
+def _small_boxes(boxes: Floats) -> npt.NDArray[np.float32]:
+    """Boxes in single precision that contain those of a tree."""
+    small = np.zeros((len(boxes), 8), dtype=np.float32)
+    small[:, :7] = boxes[:, :7]
+    off = np.abs(small[:, :3] - boxes[:, :3])
+    small[:, 3:6] = (boxes[:, 3:6] + off) * (1.0 + 1e-6)
+    small[:, 6] = (boxes[:, RADIUS] + np.linalg.norm(off, axis=1)) * (1.0 + 1e-6)
+    return small

@@ -35,9 +35,6 @@ EXACT = 1e-12
 TOUCHING = 1e-9
 """Distance of a core from a triangle below which they count as overlapping [m]."""
 
-ROUGH = 5e-4
-"""How much deeper than in the hull a point may be in the planes around it [m]."""
-
 NEAR = 1e-6
 """Distance below which the direction is that from a smaller core [m]."""
 
@@ -155,7 +152,7 @@ def _farthest_vertex(hull, at, x, y, z):
 
 
 @part
-def _support(kind, size, box, hull, at, shrink, x, y, z):
+def support(kind, size, box, hull, at, shrink, x, y, z):
     """Point of a shrunk core that lies farthest along a direction."""
     cx, cy, cz = box[0], box[1], box[2]
     if kind == BOX:
@@ -269,7 +266,7 @@ def core_distance(kind, size, box, hull, shrink, triangle, limit, scratch):
         x = 1.0
     count, square = 0, math.inf
     for _ in range(ROUNDS):
-        a = _support(kind, size, box, hull, scratch.at, shrink, -x, -y, -z)
+        a = support(kind, size, box, hull, scratch.at, shrink, -x, -y, -z)
         best, farthest = 0, -math.inf
         for i in range(3):
             height = triangle[3 * i] * x + triangle[3 * i + 1] * y + triangle[3 * i + 2] * z
@@ -365,17 +362,17 @@ def shape_distance(kind, size, box, hull, planes, triangle, limit, scratch):
         around = max(around, squared_distance(centroid, triple(triangle, 3 * i)))
     around = math.sqrt(around)
     middle = box_distance(centroid, box)
-    if kind != BOX and middle - around < limit:
+    if kind == CYLINDER and middle - around < limit:
         middle = point_depth(centroid, kind, size, box, planes)
     if middle - around >= limit:
         return math.inf
-    if middle < around:
+    if middle < around and kind != HULL:
         for i in range(3):
             deeper = point_depth(triple(triangle, 3 * i), kind, size, box, planes)
             if deeper < depth:
                 depth, corner = deeper, i
     distance = 0.0
-    if min(middle, depth) > -(TOUCHING if kind != HULL else ROUGH):
+    if kind == HULL or min(middle, depth) > -TOUCHING:
         distance = core_distance(kind, size, box, hull, 1.0, triangle, max(limit, 0.0), scratch)
         if distance > NEAR:
             if distance < math.inf:

@@ -24,6 +24,9 @@ class TouchedSurface(NamedTuple):
     """Triangles in the order of a tree's leaves, and signed distances at the nodes of a grid."""
 
     tree: BoxTree
+    boxes: npt.NDArray[np.float32]
+    """Centre and half lengths of the box, and radius of the ball, around each node of the tree, in
+    few bytes and a little larger (N, 8)."""
     closed: bool
     """Whether it bounds a volume; else distances have no sign."""
     corners: npt.NDArray[np.int64]
@@ -54,21 +57,21 @@ def _box_square(p, box):
 
 
 @part
-def nearest_triangle(p, reach, slot, tree, nodes, bounds):
+def nearest_triangle(p, reach, slot, surface, nodes, bounds):
     """The triangle that is nearest to a point.
 
     Args:
         p: The point (3,).
         reach: Square of the largest distance.
         slot: A triangle that may be near, -1: none.
-        tree: `BoxTree`.
+        surface: `TouchedSurface`.
         nodes: Scratch (STACK,).
         bounds: Scratch (STACK,).
 
     Returns:
         The triangle, -1: all are farther away; and its squared distance.
     """
-    best = -1
+    tree, best = surface.tree, -1
     if slot >= 0:
         square = triangle_distance(p, tree.triangles[slot])
         if square <= reach:
@@ -87,7 +90,7 @@ def nearest_triangle(p, reach, slot, tree, nodes, bounds):
         one, other = below(node, tree.depth)
         if one < 0:
             continue
-        near, far = _box_square(p, tree.boxes[one]), _box_square(p, tree.boxes[other])
+        near, far = _box_square(p, surface.boxes[one]), _box_square(p, surface.boxes[other])
         if near > far:
             one, other, near, far = other, one, far, near
         if far < reach:
@@ -221,7 +224,7 @@ def fill_grid(surface):
                 copy((float(i), float(j), float(k)), p)
                 for c in range(3):
                     p[c] = surface.origin[c] + p[c] * surface.step
-                slot, square = nearest_triangle(p, math.inf, slot, surface.tree, nodes, bounds)
+                slot, square = nearest_triangle(p, math.inf, slot, surface, nodes, bounds)
                 weights = nearest_weights(p, surface.tree.triangles[slot])
                 inside = is_inside(p, slot, weights, surface)
                 values[i, j, k] = -math.sqrt(square) if inside else math.sqrt(square)

@@ -10,7 +10,6 @@ from grasp3d._kernels.compiling.decorators import kernel, merged, part
 from grasp3d._kernels.hands.link_shapes import (
     CAPSULE,
     HULL,
-    NEAR,
     SPHERE,
     LinkShapes,
     ShapeScratch,
@@ -18,7 +17,9 @@ from grasp3d._kernels.hands.link_shapes import (
     core_distance,
     make_shape_scratch,
     point_depth,
+    radius_of,
     shape_distance,
+    support,
 )
 from grasp3d._kernels.hands.touched_surface import (
     faces_away,
@@ -30,7 +31,7 @@ from grasp3d._kernels.hands.touched_surface import (
     point_of,
     side_of,
 )
-from grasp3d._kernels.surface.box_tree import RADIUS, leaf_rows
+from grasp3d._kernels.surface.box_tree import leaf_rows
 from grasp3d._kernels.surface.face_tree import STACK, below
 from grasp3d._kernels.surface.vectors import copy, difference, divided, dot, norm, triple
 
@@ -95,6 +96,8 @@ class TouchScratch(NamedTuple):
     point: npt.NDArray[np.float64]
     """Of the nearest point so far (3,)."""
     direction: npt.NDArray[np.float64]
+    deepest: npt.NDArray[np.float64]
+    """Point and direction of the deepest sample (6,)."""
     start: npt.NDArray[np.float64]
     """Direction with which the next triangle begins, in the shape's frame (3,)."""
     lows: npt.NDArray[np.float64]
@@ -112,8 +115,8 @@ def make_touch_scratch(shapes: LinkShapes) -> TouchScratch:
     one, two, three = np.zeros((3, 3))
     return TouchScratch(
         make_shape_scratch(), np.zeros(STACK, np.int64), np.zeros(STACK), np.zeros((3, 4)),
-        np.zeros(9), one, two, three, np.zeros(most), np.zeros((4 * most + 4, COLUMNS)),
-        np.zeros(4 * most + 4, np.int64),
+        np.zeros(9), one, two, np.zeros(6), three, np.zeros(most),
+        np.zeros((4 * most + 4, COLUMNS)), np.zeros(4 * most + 4, np.int64),
     )  # fmt: skip
 
 
@@ -156,16 +159,27 @@ def place(link, pose, placed):
 
 
 @merged
-def _node_bound(node, kind, size, box, planes, flat, tree, scratch):
+def _node_bound(node, kind, size, box, planes, flat, surface, scratch):
     """Lower bound of the signed distance of a shape from the triangles of a node."""
-    row, n = tree.boxes[node], scratch.direction
+    row, n = surface.boxes[node], scratch.direction
     middle = moved_back(scratch.placed, row)
     bound = (
         box_distance(middle, box) if kind == HULL else point_depth(middle, kind, size, box, planes)
     )
     # Beyond the plane across the nearest point so far.
     size = abs(n[0]) * row[3] + abs(n[1]) * row[4] + abs(n[2]) * row[5]
-    return max(bound - row[RADIUS], flat - dot(n, row) - size)
+    return max(bound - row[6], flat - dot(n, row) - size)
+
+
+@part
+def _flat(kind, size, box, hull, along, scratch):
+    """Write a direction (in the shape's frame) in the object's; the shape's least height along."""
+    length = norm(along)
+    x, y, z = divided(along, length) if length > 0.0 else (0.0, 0.0, 1.0)
+    p = support(kind, size, box, hull, scratch.shape.at, 1.0, -x, -y, -z)
+    n = turned(scratch.placed, (x, y, z))
+    copy(n, scratch.direction)
+    return dot(n, moved(scratch.placed, p)) - radius_of(kind, size)
 
 
 @part
@@ -176,8 +190,9 @@ def _surface_distance(i, limit, shapes, surface, scratch):
     placed, shape, triangle = scratch.placed, scratch.shape, scratch.triangle
     start = scratch.start
     nodes, bounds, tree = scratch.nodes, scratch.bounds, surface.tree
-    best, found, flat = limit, False, -math.inf
+    best, found = limit, False
     shape.at[0] = shapes.hull.at[i]
+    flat = _flat(kind, size, box, shapes.hull, start, scratch)
     nodes[0], bounds[0], top = 0, -math.inf, 1
     while top > 0:
         top -= 1
@@ -186,6 +201,11 @@ def _surface_distance(i, limit, shapes, surface, scratch):
         node = nodes[top]
         first, last = leaf_rows(node, tree)
         for j in range(first, last):
+            highest, n = -math.inf, scratch.direction
+            for c in range(3):
+                highest = max(highest, dot(n, triple(tree.triangles[j], 3 * c)))
+            if flat - highest >= best - EQUAL:
+                continue
             for c in range(3):
                 p = moved_back(placed, triple(tree.triangles[j], 3 * c))
                 triangle[3 * c], triangle[3 * c + 1], triangle[3 * c + 2] = p
@@ -197,13 +217,12 @@ def _surface_distance(i, limit, shapes, surface, scratch):
                 best, found = gap, True
                 copy(shape.guess, start)
                 copy(moved(placed, shape.on_face), scratch.point)
-                copy(turned(placed, shape.guess), scratch.direction)
-                flat = dot(scratch.direction, scratch.point) + best if best > NEAR else -math.inf
+                flat = _flat(kind, size, box, shapes.hull, start, scratch)
         one, other = below(node, tree.depth)
         if one < 0:
             continue
-        near = _node_bound(one, kind, size, box, planes, flat, tree, scratch)
-        far = _node_bound(other, kind, size, box, planes, flat, tree, scratch)
+        near = _node_bound(one, kind, size, box, planes, flat, surface, scratch)
+        far = _node_bound(other, kind, size, box, planes, flat, surface, scratch)
         if near > far:
             one, other, near, far = other, one, far, near
         if far < best:
@@ -233,9 +252,7 @@ def _deepest_of_core(i, gap, shapes, surface, scratch):
 def _sample(p, slot, radius, gap, surface, scratch):
     """Lower the gap by a point that is deeper inside; returns its nearest triangle, and the gap."""
     most = least_distance(p, surface)[1]
-    slot, square = nearest_triangle(
-        p, most * most, slot, surface.tree, scratch.nodes, scratch.bounds
-    )
+    slot, square = nearest_triangle(p, most * most, slot, surface, scratch.nodes, scratch.bounds)
     triangle = surface.tree.triangles[slot]
     weights = nearest_weights(p, triangle)
     depth = math.sqrt(square)
@@ -276,8 +293,33 @@ def _shape_gap(i, start, search, shapes, surface, scratch):
                 p = moved(scratch.placed, shapes.samples[j])
                 slot, gap = _sample(p, slot, 0.0, gap, surface, scratch)
     copy(turned_back(scratch.placed, difference(middle, surface.box)), scratch.start)
-    deepest = _surface_distance(i, min(limit + 2.0 * EQUAL, gap), shapes, surface, scratch)
-    return min(gap, deepest)
+    if nearest >= 0:
+        limit = min(limit, _begin_at(nearest, limit, shapes, surface, scratch))
+    if gap < math.inf:
+        copy(scratch.point, scratch.deepest)
+        copy(scratch.direction, scratch.deepest[3:])
+    least = _surface_distance(i, min(limit + 2.0 * EQUAL, gap), shapes, surface, scratch)
+    if least == math.inf and gap < math.inf:
+        copy(scratch.deepest, scratch.point)
+        copy(scratch.deepest[3:], scratch.direction)
+    return min(gap, least)
+
+
+@part
+def _begin_at(j, limit, shapes, surface, scratch):
+    """Begin with the direction from the surface to a point of a shape; returns its distance."""
+    p = moved(scratch.placed, shapes.samples[j])
+    slot, square = nearest_triangle(p, limit * limit, -1, surface, scratch.nodes, scratch.bounds)
+    if slot < 0:
+        return limit
+    triangle = surface.tree.triangles[slot]
+    weights = nearest_weights(p, triangle)
+    away = difference(p, point_of(weights, triangle))
+    if is_inside(p, slot, weights, surface):
+        away = -away[0], -away[1], -away[2]
+    if square > EQUAL * EQUAL:
+        copy(turned_back(scratch.placed, away), scratch.start)
+    return math.sqrt(square)
 
 
 @part
@@ -336,7 +378,7 @@ def _near_points(i, start, distance, count, shapes, surface, scratch):
             continue
         most = min(least_distance(p, surface)[1], distance)
         slot, square = nearest_triangle(
-            p, most * most, slot, surface.tree, scratch.nodes, scratch.bounds
+            p, most * most, slot, surface, scratch.nodes, scratch.bounds
         )
         if slot < 0:
             continue
@@ -415,7 +457,7 @@ def _sides(count, distance, contacts, scratch):
 @part
 def _on_side(p, n, point, surface, scratch):
     """The mean point of a side, or its nearest point where another side is nearer to the mean."""
-    slot, _ = nearest_triangle(p, math.inf, -1, surface.tree, scratch.nodes, scratch.bounds)
+    slot, _ = nearest_triangle(p, math.inf, -1, surface, scratch.nodes, scratch.bounds)
     weights = nearest_weights(p, surface.tree.triangles[slot])
     same = side_of(weights) > 0 or dot(n, inward_at(slot, weights, surface)) >= ONE_SIDE
     return p if same else point
@@ -427,7 +469,7 @@ def _write_contact(row, first, last, frame, shapes, surface, scratch):
     p, n = triple(row, 0), triple(row, 3)
     if norm(n) > 0.0:
         p = _on_side(p, n, triple(scratch.near[int(row[6])], POINT), surface, scratch)
-    slot, _ = nearest_triangle(p, math.inf, -1, surface.tree, scratch.nodes, scratch.bounds)
+    slot, _ = nearest_triangle(p, math.inf, -1, surface, scratch.nodes, scratch.bounds)
     weights = nearest_weights(p, surface.tree.triangles[slot])
     q = point_of(weights, surface.tree.triangles[slot])
     for k in range(3):
@@ -452,7 +494,7 @@ def measure_points(points, surface, gaps, directions):
     nodes, bounds = np.empty(STACK, np.int64), np.empty(STACK)
     for i in range(points.shape[0]):
         p, most = points[i], least_distance(points[i], surface)[1]
-        slot, square = nearest_triangle(p, most * most, -1, surface.tree, nodes, bounds)
+        slot, square = nearest_triangle(p, most * most, -1, surface, nodes, bounds)
         triangle = surface.tree.triangles[slot]
         weights = nearest_weights(p, triangle)
         sign = -1.0 if is_inside(p, slot, weights, surface) else 1.0
