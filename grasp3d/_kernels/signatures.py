@@ -113,7 +113,7 @@ _BODIES = _tuple(
 )  # fmt: skip
 _TOUCHED = _tuple(
     touched_surface.TouchedSurface, _BOX_TREE, _f32_2, _b, _i2, _i2, _f2, _f2, _f1, _f1, _f,
-    _array(types.float32, 3),
+    _array(types.float32, 3), _array(types.int32, 3),
 )  # fmt: skip
 _TOUCHES = _tuple(touching.Touches, _f2, _f3, _f3, _i2, _f4)
 _SHAPE_SCRATCH = typeof(link_shapes.make_shape_scratch())

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.hands.touched_surface import TouchedSurface, fill_grid
-from grasp3d._kernels.surface.box_tree import RADIUS, box_tree
+from grasp3d._kernels.surface.box_tree import HEIGHT, RADIUS, THICKNESS, box_tree
 from grasp3d.arrays import Floats, Ints, locked, unit_rows
 from grasp3d.mesh.measures import Triangles
 
@@ -57,6 +57,7 @@ def touched_surface(
         origin=origin,
         step=step,
         values=np.empty(tuple(nodes), dtype=np.float32),
+        slots=np.zeros(tuple(nodes), dtype=np.int32),
     )
     fill_grid(touched)
     return touched
@@ -64,9 +65,11 @@ def touched_surface(
 
 def _small_boxes(boxes: Floats) -> npt.NDArray[np.float32]:
     """Boxes in single precision that contain those of a tree."""
-    small = np.zeros((len(boxes), 8), dtype=np.float32)
-    small[:, :7] = boxes[:, :7]
+    small = boxes.astype(np.float32)
     off = np.abs(small[:, :3] - boxes[:, :3])
+    away = np.linalg.norm(off, axis=1)
     small[:, 3:6] = (boxes[:, 3:6] + off) * (1.0 + 1e-6)
-    small[:, 6] = (boxes[:, RADIUS] + np.linalg.norm(off, axis=1)) * (1.0 + 1e-6)
+    small[:, RADIUS] = (boxes[:, RADIUS] + away) * (1.0 + 1e-6)
+    wide = boxes[:, THICKNESS] + away + 1e-6 * (boxes[:, RADIUS] + np.abs(boxes[:, HEIGHT]))
+    small[:, THICKNESS] = wide * (1.0 + 1e-6)
     return small

@@ -148,8 +148,9 @@ def test_depth_of_a_mesh_in_a_block(depth: float) -> None:
 
 
 def test_what_is_wholly_inside_is_as_deep_as_its_deepest_point() -> None:
+    """Of a box the deepest of points 5 mm apart."""
     assert gap_of(SHAPES["sphere"], at(z=-0.012), block()) == pytest.approx(-0.023, abs=1e-4)
-    assert gap_of(SHAPES["box"], at(z=-0.02), block()) == pytest.approx(-0.02, abs=1e-9)
+    assert gap_of(SHAPES["box"], at(z=-0.02), block()) == pytest.approx(-0.02, abs=2.5e-3)
 
 
 def test_an_edge_of_the_object_in_the_side_of_a_link_has_its_depth() -> None:
@@ -273,7 +274,10 @@ def test_motions_units_and_the_order_of_links_change_nothing(seed: int, scale: s
     pose[:3, 3] *= factor
     order = rng.permutation(len(links))
     two = contacts_of(solid(moved, scale), *(links[i] for i in order), pose=pose)
-    np.testing.assert_allclose(two.gaps[0] / factor, one.gaps[0, order], atol=1e-7)
+    before, after = one.gaps[0, order], two.gaps[0] / factor
+    exact = (before >= 0.0) | np.array([links[i].kind != "mesh" for i in order])
+    np.testing.assert_allclose(after[exact], before[exact], atol=1e-7)
+    np.testing.assert_allclose(after, before, rtol=0.1)  # how deep a mesh is, is estimated
     back = {int(link): sorted(one.points[one.link == link].tolist()) for link in one.link}
     assert {int(order[link]) for link in two.link} == set(back)
     for link, points in back.items():

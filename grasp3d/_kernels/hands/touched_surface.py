@@ -7,7 +7,15 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.compiling.decorators import kernel, merged, part
-from grasp3d._kernels.surface.box_tree import BoxTree, leaf_rows, triangle_distance
+from grasp3d._kernels.surface.box_tree import (
+    HEIGHT,
+    NORMAL,
+    RADIUS,
+    THICKNESS,
+    BoxTree,
+    leaf_rows,
+    triangle_distance,
+)
 from grasp3d._kernels.surface.face_tree import STACK, below
 from grasp3d._kernels.surface.vectors import (
     combined,
@@ -25,8 +33,7 @@ class TouchedSurface(NamedTuple):
 
     tree: BoxTree
     boxes: npt.NDArray[np.float32]
-    """Centre and half lengths of the box, and radius of the ball, around each node of the tree, in
-    few bytes and a little larger (N, 8)."""
+    """Those of the tree in few bytes, and a little larger (N, COLUMNS)."""
     closed: bool
     """Whether it bounds a volume; else distances have no sign."""
     corners: npt.NDArray[np.int64]
@@ -45,6 +52,8 @@ class TouchedSurface(NamedTuple):
     step: float
     values: npt.NDArray[np.float32]
     """Signed distance at each node (x, y, z)."""
+    slots: npt.NDArray[np.int32]
+    """Nearest triangle of each node (x, y, z)."""
 
 
 @merged
@@ -56,14 +65,33 @@ def _box_square(p, box):
     return x * x + y * y + z * z
 
 
+@merged
+def _disc_square(p, box):
+    """Lower bound of the squared distance from what is in a node's ball and in its slab."""
+    r = difference(p, box)
+    height = dot(triple(box, NORMAL), r)
+    aside = math.sqrt(max(dot(r, r) - height * height, 0.0)) - box[RADIUS]
+    off = max(abs(height - box[HEIGHT]) - box[THICKNESS], 0.0)
+    return off * off + max(aside, 0.0) ** 2
+
+
+@merged
+def _slot_near(p, surface):
+    """A triangle near a point: that which is nearest to a node of the grid."""
+    slots, origin, step = surface.slots, surface.origin, surface.step
+    i = int(min(max((p[0] - origin[0]) / step + 0.5, 0.0), slots.shape[0] - 1.0))
+    j = int(min(max((p[1] - origin[1]) / step + 0.5, 0.0), slots.shape[1] - 1.0))
+    k = int(min(max((p[2] - origin[2]) / step + 0.5, 0.0), slots.shape[2] - 1.0))
+    return slots[i, j, k]
+
+
 @part
-def nearest_triangle(p, reach, slot, surface, nodes, bounds):
+def nearest_triangle(p, reach, surface, nodes, bounds):
     """The triangle that is nearest to a point.
 
     Args:
         p: The point (3,).
         reach: Square of the largest distance.
-        slot: A triangle that may be near, -1: none.
         surface: `TouchedSurface`.
         nodes: Scratch (STACK,).
         bounds: Scratch (STACK,).
@@ -71,11 +99,10 @@ def nearest_triangle(p, reach, slot, surface, nodes, bounds):
     Returns:
         The triangle, -1: all are farther away; and its squared distance.
     """
-    tree, best = surface.tree, -1
-    if slot >= 0:
-        square = triangle_distance(p, tree.triangles[slot])
-        if square <= reach:
-            best, reach = slot, square
+    tree, best, slot = surface.tree, -1, _slot_near(p, surface)
+    square = triangle_distance(p, tree.triangles[slot])
+    if square <= reach:
+        best, reach = slot, square
     nodes[0], bounds[0], top = 0, 0.0, 1
     while top > 0:
         top -= 1
@@ -83,6 +110,8 @@ def nearest_triangle(p, reach, slot, surface, nodes, bounds):
             continue
         node = nodes[top]
         first, last = leaf_rows(node, tree)
+        if last > first and _disc_square(p, surface.boxes[node]) >= reach:
+            continue
         for i in range(first, last):
             square = triangle_distance(p, tree.triangles[i])
             if square < reach:
@@ -214,17 +243,18 @@ def fill_grid(surface):
     """Write the signed distances at the nodes of a surface's grid.
 
     Args:
-        surface: `TouchedSurface`, of which `values` are written.
+        surface: `TouchedSurface`, of which `values` and `slots` are written.
     """
     nodes, bounds, p = np.empty(STACK, np.int64), np.empty(STACK), np.empty(3)
-    values, slot = surface.values, -1
+    values, slot = surface.values, 0
     for i in range(values.shape[0]):
         for j in range(values.shape[1]):
             for k in range(values.shape[2]):
                 copy((float(i), float(j), float(k)), p)
                 for c in range(3):
                     p[c] = surface.origin[c] + p[c] * surface.step
-                slot, square = nearest_triangle(p, math.inf, slot, surface, nodes, bounds)
+                surface.slots[i, j, k] = slot  # that of the node before, to begin with
+                slot, square = nearest_triangle(p, math.inf, surface, nodes, bounds)
                 weights = nearest_weights(p, surface.tree.triangles[slot])
-                inside = is_inside(p, slot, weights, surface)
+                inside, surface.slots[i, j, k] = is_inside(p, slot, weights, surface), slot
                 values[i, j, k] = -math.sqrt(square) if inside else math.sqrt(square)

@@ -31,7 +31,8 @@ from grasp3d._kernels.hands.touched_surface import (
     point_of,
     side_of,
 )
-from grasp3d._kernels.surface.box_tree import leaf_rows
+from grasp3d._kernels.surface.box_tree import HEIGHT, RADIUS, THICKNESS, leaf_rows
+from grasp3d._kernels.surface.box_tree import NORMAL as NORMAL_OF_NODE
 from grasp3d._kernels.surface.face_tree import STACK, below
 from grasp3d._kernels.surface.vectors import copy, difference, divided, dot, norm, triple
 
@@ -167,8 +168,11 @@ def _node_bound(node, kind, size, box, planes, flat, surface, scratch):
         box_distance(middle, box) if kind == HULL else point_depth(middle, kind, size, box, planes)
     )
     # Beyond the plane across the nearest point so far.
-    size = abs(n[0]) * row[3] + abs(n[1]) * row[4] + abs(n[2]) * row[5]
-    return max(bound - row[6], flat - dot(n, row) - size)
+    tall = abs(n[0]) * row[3] + abs(n[1]) * row[4] + abs(n[2]) * row[5]
+    cosine = dot(n, triple(row, NORMAL_OF_NODE))
+    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0) + 1e-6)
+    slab = cosine * row[HEIGHT] + abs(cosine) * row[THICKNESS] + sine * row[RADIUS]
+    return max(bound - row[RADIUS], flat - dot(n, row) - min(tall, slab))
 
 
 @part
@@ -244,15 +248,15 @@ def _deepest_of_core(i, gap, shapes, surface, scratch):
         z = -half + 2.0 * half * j / steps if steps > 0 else 0.0
         p = moved(scratch.placed, (0.0, 0.0, z))
         if least_distance(p, surface)[0] - reach < min(gap, -reach):
-            gap = _sample(p, -1, reach, gap, surface, scratch)[1]
+            gap = _sample(p, reach, gap, surface, scratch)
     return gap
 
 
 @part
-def _sample(p, slot, radius, gap, surface, scratch):
-    """Lower the gap by a point that is deeper inside; returns its nearest triangle, and the gap."""
+def _sample(p, radius, gap, surface, scratch):
+    """The gap, or that of a point that is deeper inside, of which the place is written."""
     most = least_distance(p, surface)[1]
-    slot, square = nearest_triangle(p, most * most, slot, surface, scratch.nodes, scratch.bounds)
+    slot, square = nearest_triangle(p, most * most, surface, scratch.nodes, scratch.bounds)
     triangle = surface.tree.triangles[slot]
     weights = nearest_weights(p, triangle)
     depth = math.sqrt(square)
@@ -262,7 +266,7 @@ def _sample(p, slot, radius, gap, surface, scratch):
         copy(divided(difference(q, p), depth), scratch.direction)
         if depth < EQUAL:
             copy(triple(surface.outward[slot], 0), scratch.direction)
-    return slot, gap
+    return gap
 
 
 @part
@@ -287,11 +291,11 @@ def _shape_gap(i, start, search, shapes, surface, scratch):
         gap = _deepest_of_core(i, gap, shapes, surface, scratch)
     elif surface.closed and nearest >= 0 and lows[nearest - start] < 0.0:
         p = moved(scratch.placed, shapes.samples[nearest])
-        slot, gap = _sample(p, -1, 0.0, gap, surface, scratch)
+        gap = _sample(p, 0.0, gap, surface, scratch)
         for j in range(shapes.first_sample[i], shapes.first_sample[i + 1]):
             if j != nearest and lows[j - start] < min(gap, 0.0):
                 p = moved(scratch.placed, shapes.samples[j])
-                slot, gap = _sample(p, slot, 0.0, gap, surface, scratch)
+                gap = _sample(p, 0.0, gap, surface, scratch)
     copy(turned_back(scratch.placed, difference(middle, surface.box)), scratch.start)
     if nearest >= 0:
         limit = min(limit, _begin_at(nearest, limit, shapes, surface, scratch))
@@ -309,7 +313,7 @@ def _shape_gap(i, start, search, shapes, surface, scratch):
 def _begin_at(j, limit, shapes, surface, scratch):
     """Begin with the direction from the surface to a point of a shape; returns its distance."""
     p = moved(scratch.placed, shapes.samples[j])
-    slot, square = nearest_triangle(p, limit * limit, -1, surface, scratch.nodes, scratch.bounds)
+    slot, square = nearest_triangle(p, limit * limit, surface, scratch.nodes, scratch.bounds)
     if slot < 0:
         return limit
     triangle = surface.tree.triangles[slot]
@@ -368,7 +372,6 @@ def _corner(triangle, vertex, surface):
 @part
 def _near_points(i, start, distance, count, shapes, surface, scratch):
     """Add those samples of a shape that are near the surface; returns the number of all."""
-    slot = -1
     for j in range(shapes.first_sample[i], shapes.first_sample[i + 1]):
         if scratch.lows[j - start] > distance:
             continue
@@ -377,9 +380,7 @@ def _near_points(i, start, distance, count, shapes, surface, scratch):
         if faces_away(p, outward, surface):
             continue
         most = min(least_distance(p, surface)[1], distance)
-        slot, square = nearest_triangle(
-            p, most * most, slot, surface, scratch.nodes, scratch.bounds
-        )
+        slot, square = nearest_triangle(p, most * most, surface, scratch.nodes, scratch.bounds)
         if slot < 0:
             continue
         weights = nearest_weights(p, surface.tree.triangles[slot])
@@ -457,7 +458,7 @@ def _sides(count, distance, contacts, scratch):
 @part
 def _on_side(p, n, point, surface, scratch):
     """The mean point of a side, or its nearest point where another side is nearer to the mean."""
-    slot, _ = nearest_triangle(p, math.inf, -1, surface, scratch.nodes, scratch.bounds)
+    slot, _ = nearest_triangle(p, math.inf, surface, scratch.nodes, scratch.bounds)
     weights = nearest_weights(p, surface.tree.triangles[slot])
     same = side_of(weights) > 0 or dot(n, inward_at(slot, weights, surface)) >= ONE_SIDE
     return p if same else point
@@ -469,7 +470,7 @@ def _write_contact(row, first, last, frame, shapes, surface, scratch):
     p, n = triple(row, 0), triple(row, 3)
     if norm(n) > 0.0:
         p = _on_side(p, n, triple(scratch.near[int(row[6])], POINT), surface, scratch)
-    slot, _ = nearest_triangle(p, math.inf, -1, surface, scratch.nodes, scratch.bounds)
+    slot, _ = nearest_triangle(p, math.inf, surface, scratch.nodes, scratch.bounds)
     weights = nearest_weights(p, surface.tree.triangles[slot])
     q = point_of(weights, surface.tree.triangles[slot])
     for k in range(3):
@@ -494,7 +495,7 @@ def measure_points(points, surface, gaps, directions):
     nodes, bounds = np.empty(STACK, np.int64), np.empty(STACK)
     for i in range(points.shape[0]):
         p, most = points[i], least_distance(points[i], surface)[1]
-        slot, square = nearest_triangle(p, most * most, -1, surface, nodes, bounds)
+        slot, square = nearest_triangle(p, most * most, surface, nodes, bounds)
         triangle = surface.tree.triangles[slot]
         weights = nearest_weights(p, triangle)
         sign = -1.0 if is_inside(p, slot, weights, surface) else 1.0

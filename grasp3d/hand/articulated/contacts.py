@@ -54,7 +54,8 @@ class HandContacts:
     """Signed distance of the link's shapes from that point [mesh unit], shape (c,)."""
     gaps: Floats
     """Signed distance of each link from the object [mesh unit], shape (k, L); inf: beyond twice the
-    contact distance; negative: how deep the link is in the object, or the object in the link."""
+    contact distance; negative: how deep the link is in the object, or the object in the link, of
+    meshes to about 5 %, and deep inside to 3 mm."""
     self_collision: Ints
     """The two links that overlap most, shape (k, 2); -1: none."""
     self_depth: Floats

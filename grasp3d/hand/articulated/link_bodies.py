@@ -18,7 +18,7 @@ from grasp3d._kernels.hands.link_shapes import (
 from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.hand.link_tree import LinkShape
 
-SPACING = 0.004
+SPACING = 0.005
 """About how far apart the points on the surface of a link are [m]."""
 
 KINDS = {"box": BOX, "cylinder": CYLINDER, "capsule": CAPSULE, "sphere": SPHERE, "mesh": HULL}
