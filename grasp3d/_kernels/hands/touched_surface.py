@@ -225,7 +225,7 @@ def least_distance(p, surface):
 def faces_away(p, outward, surface):
     """Whether a direction leads away from the surface that is nearest to a point, by the grid.
 
-    Only where that is beyond doubt: distances fall by at least 0.7 of the way.
+    Only where that is beyond doubt: distances rise by at least 0.9 of the way, in one direction.
     """
     values, origin, step = surface.values, surface.origin, surface.step
     i = int(min(max((p[0] - origin[0]) / step + 0.5, 1.0), values.shape[0] - 2.0))
@@ -235,7 +235,7 @@ def faces_away(p, outward, surface):
     y = values[i, j + 1, k] - values[i, j - 1, k]
     z = values[i, j, k + 1] - values[i, j, k - 1]
     rise, along = math.sqrt(x * x + y * y + z * z), dot(outward, (x, y, z))
-    return surface.closed and rise > 1.4 * step and along > 0.2 * rise
+    return surface.closed and rise > 1.8 * step and along > 0.2 * rise
 
 
 @kernel
