@@ -25,8 +25,9 @@ from scipy.spatial.transform import Rotation
 
 import grasp3d
 from grasp3d.arrays import Floats
-from grasp3d.grasps.pose_readings import PoseReading, suspected_reading
+from grasp3d.grasps.pose_readings import suspected_reading
 from grasp3d.grasps.poses import GraspPoses
+from grasp3d.grasps.readings import PoseReading
 from grasp3d.hand.frames import GripperFrame
 
 MESHES = Path(__file__).parents[1] / "meshes"

@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
-from grasp3d.grasps.pose_readings import SUSPECTED, PoseReading, starting_inside, suspected_reading
+from grasp3d.grasps.pose_readings import starting_inside, suspected_reading
 from grasp3d.grasps.poses import GraspPoses
+from grasp3d.grasps.readings import SUSPECTED, PoseReading
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.hand import Hand

@@ -510,16 +510,8 @@ def in_stated_scale(mesh: ObjectMesh, grasps: GraspPoses | Floats) -> ObjectMesh
         assert isinstance(grasps, GraspPoses)
         return _checked_scale(mesh, mesh.unit, scale, grasps.object_file)
     step = RepairStep(SCALED, len(mesh.vertices), f"vertices scaled by {scale:g}: the poses say so")
-    # Normals and their sets do not depend on the size.
-    return replace(
-        mesh,
-        vertices=locked(mesh.vertices * scale),
-        center=locked(mesh.center * scale),
-        size=mesh.size * scale,
-        center_mass=locked(mesh.center_mass * scale),
-        volume=mesh.volume * scale**3,
-        report=replace(mesh.report, unit="m", repairs=(*mesh.report.repairs, step)),
-    )
+    repairs = (*mesh.report.repairs, step)
+    return replace(mesh.scaled(scale), report=replace(mesh.report, unit="m", repairs=repairs))
 
 
 SCALED = "scaled"

@@ -1,6 +1,6 @@
 """ObjectMesh, the surface that contacts lie on, and the report of how it was made."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -250,6 +250,22 @@ class ObjectMesh:
             corners.corners,
             corners.normals,
             closed=self.report.closed,
+        )
+
+    def scaled(self, factor: float) -> "ObjectMesh":
+        """The same object at another size, in the same unit.
+
+        Args:
+            factor: Of all lengths, above 0.
+        """
+        # Normals and their sets do not depend on the size.
+        return replace(
+            self,
+            vertices=locked(self.vertices * factor),
+            center=locked(self.center * factor),
+            size=self.size * factor,
+            center_mass=locked(self.center_mass * factor),
+            volume=self.volume * factor**3,
         )
 
     def to_trimesh(self) -> "trimesh.Trimesh":
