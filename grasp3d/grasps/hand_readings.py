@@ -58,8 +58,11 @@ class JointTrial(Trial):
             yield Alternative(with_frame(words, stated, poses), stated, posture=change)
         words = "if their joints are in degrees"
         yield Alternative(with_frame(words, stated, poses), stated, posture=np.radians)
+
+    def last_alternatives(self, poses: GraspPoses, *, lengths: bool) -> Iterator[Alternative]:
+        """See `Trial`."""
+        yield from _other_hands(self.hand, poses.gripper_frame)
         if lengths:
-            yield from _other_hands(hand, stated)
             yield from _other_sizes(self, poses)
 
     def of(self, readings: Sequence[Alternative], poses: GraspPoses) -> list[Tried]:
@@ -106,7 +109,7 @@ def _orders(hand: ArticulatedHand) -> Iterator[tuple[str, Change]]:
     """Orders in which programs have the joints of a hand, and what takes them to the hand's."""
     joints = hand.joint_names
     wrist = wrist_of(hand).joints
-    fingers = [[joints.index(name) for name in finger] for finger in _fingers(hand)]
+    fingers = [sorted(map(joints.index, finger)) for finger in _fingers(hand)]
     first = [joints.index(name) for name in wrist]
     deepest = max(map(len, fingers), default=0)
     orders = {
@@ -136,7 +139,7 @@ def _taken(order: Sequence[int]) -> Change:
 
 
 def _fingers(hand: ArticulatedHand) -> list[list[str]]:
-    """Joints of each finger, from the palm to the tip."""
+    """Joints of each finger."""
     root = wrist_of(hand).beyond
     found: dict[str, list[str]] = {}
     carrier: dict[str, str] = {}
@@ -155,10 +158,8 @@ def _other_hands(hand: ArticulatedHand, stated: GripperFrame) -> Iterator[Altern
     """Hands of the other side: mirrored ones."""
     for axis, number in MIRRORS.items():
         for kept in (True, False):
-            words = (
-                f"for a hand of the other side, mirrored along {axis}"
-                f"{', with the axes of its joints kept' * kept} (give its description),"
-            )
+            turned = "turn about the same axes" if kept else "turn the other way"
+            words = f"of a hand of the other side, mirrored along {axis}, whose joints {turned},"
             yield Alternative(words, stated, hand=mirrored(hand, number, axes_kept=kept))
 
 
@@ -170,8 +171,8 @@ def _other_sizes(trial: JointTrial, poses: GraspPoses) -> Iterator[Alternative]:
     for factor in sorted(stated) + sorted(of_units - stated):
         size = trial.mesh.size * metres * factor
         if factor != 1.0 and SIZES[0] <= size <= SIZES[1]:
-            why = " (the scale that the poses state)" if factor in stated else ""
-            words = f"with the object at {factor:.4g} times its size{why} (--unit, --object-scale),"
+            why = ", the scale that they state," if factor in stated else ""
+            words = f"on the object at {factor:.4g} times its size{why}"
             yield Alternative(words, poses.gripper_frame, size=factor)
 
 

@@ -106,18 +106,26 @@ def suspected_reading(
     if stated.fitting >= FITTING * tried.count:
         return None
     none_fits = stated.fitting <= NONE_FITS * tried.count
-    others = [
-        one
-        for one in trial.alternatives(tried, lengths=none_fits)
-        if not one.is_length
-        or trial.tells(one, tried)
-        or trial.spread(stated.reading, tried) >= FAR
-    ]
-    screened = trial.of(others, tried.take(_spread(tried.count, SCREENED)))
-    found = trial.of(_best_few(screened, hand), tried)
-    first = max(found, key=lambda one: one.fitting)
-    enough = max(LEAST_FIT * tried.count, stated.fitting + LEAST_GAIN * tried.count)
-    if first.fitting < enough or not first.fits_more(stated, SUSPICION / len(others)):
+    for alternatives in (
+        trial.alternatives(tried, lengths=none_fits),
+        trial.last_alternatives(tried, lengths=none_fits),
+    ):
+        others = [
+            one
+            for one in alternatives
+            if not one.is_length
+            or trial.tells(one, tried)
+            or trial.spread(stated.reading, tried) >= FAR
+        ]
+        if not others:
+            return None
+        screened = trial.of(others, tried.take(_spread(tried.count, SCREENED)))
+        found = trial.of(_best_few(screened, hand), tried)
+        first = max(found, key=lambda one: one.fitting)
+        enough = max(LEAST_FIT * tried.count, stated.fitting + LEAST_GAIN * tried.count)
+        if first.fitting >= enough and first.fits_more(stated, SUSPICION / len(others)):
+            break
+    else:
         return None
     chosen = _chosen(found, first, hand)
     if len(chosen) == 1 and chosen[0].reading.series:

@@ -254,6 +254,16 @@ class Trial:
         """
         raise NotImplementedError
 
+    def last_alternatives(self, poses: GraspPoses, *, lengths: bool) -> Iterator[Alternative]:
+        """Further readings, which are only tried if none of these is better, as they take longer.
+
+        Args:
+            poses: As above.
+            lengths: As above.
+        """
+        del poses, lengths
+        yield from ()
+
     def fits(self, poses: Floats, posture: Floats) -> tuple[Bools, Floats, Floats]:
         """Which poses fit, how much is touched, and how far before the TCP [m], shape (k,) each.
 

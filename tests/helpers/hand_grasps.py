@@ -1,0 +1,37 @@
+"""Poses and postures of hands with joints that touch an object."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from grasp3d import ObjectMesh
+from grasp3d.grasps.hand_readings import JointTrial
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+
+
+def touching(hand: ArticulatedHand, mesh: ObjectMesh, count: int = 40, seed: int = 0) -> GraspPoses:
+    """Random ones with which two links at least touch and none is deep; the wrist is straight."""
+    rng = np.random.default_rng(seed)
+    low, high = np.clip(hand.limits_of_joints, -1.5, 1.5).T
+    straight = ["WRJ" in name for name in hand.joint_names]
+    tips = [hand.link_names.index(name) for name in hand.fingertips]
+    poses, postures = np.zeros((0, 4, 4)), np.zeros((0, len(low)))
+    while len(poses) < count:
+        posture = rng.uniform(0.8 * low + 0.2 * high, 0.3 * low + 0.7 * high, (200, len(low)))
+        posture[:, straight] = 0.0
+        links = hand.link_poses(posture)[..., :3, 3]
+        middle = 0.5 * (links[:, tips].mean(axis=1) + links[:, hand.link_names.index(hand.palm)])
+        middle += rng.normal(0.0, 0.02, (200, 3))
+        tried = np.tile(np.eye(4), (200, 1, 1))
+        tried[:, :3, :3] = Rotation.random(200, rng=rng).as_matrix()
+        tried[:, :3, 3] = mesh.center - np.einsum("kij,kj->ki", tried[:, :3, :3], middle)
+        fits = JointTrial(mesh, hand, None).fits(tried, posture)[0]
+        poses = np.concatenate([poses, tried[fits]])
+        postures = np.concatenate([postures, posture[fits]])
+    return GraspPoses(
+        poses=poses[:count],
+        posture=postures[:count],
+        joint_names=hand.joint_names,
+        unit="m",
+        hand=hand,
+    )
