@@ -28,8 +28,8 @@ def box() -> ObjectMesh:
 
 
 @cache
-def right(name: str) -> GraspPoses:
-    return touching(hand_of(name), box())
+def right(name: str, count: int = 40) -> GraspPoses:
+    return touching(hand_of(name), box(), count)
 
 
 def turned(poses: GraspPoses, *order: int) -> GraspPoses:
@@ -100,13 +100,15 @@ def check(poses: GraspPoses, wrong: GraspPoses, words: str) -> None:
 @pytest.mark.parametrize("name", HANDS)
 def test_a_mistake_is_named_with_how_many_poses_touch(name: str, mistake: str) -> None:
     plant, words = MISTAKES[mistake]
-    check(right(name), plant(right(name)), words)
+    poses = right(name, 100 if mistake == "reversed" else 40)  # many orders touch as well
+    check(poses, plant(poses), words)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["allegro", "leap"])
 def test_a_thumb_that_comes_first_is_named(name: str) -> None:
-    check(right(name), thumb_first(right(name)), "(the last finger, the thumb, first)")
+    poses = right(name, 100)
+    check(poses, thumb_first(poses), "(the last finger, the thumb, first)")
 
 
 @pytest.mark.slow
