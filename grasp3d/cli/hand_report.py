@@ -25,8 +25,9 @@ from grasp3d.cli.report import (
     percent_text,
 )
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
-from grasp3d.grasps.pose_readings import READING, READINGS
+from grasp3d.grasps.pose_readings import READINGS
 from grasp3d.grasps.ranking import ranked_rows
+from grasp3d.grasps.readings import READING
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.settings.lengths import small_length
 from grasp3d.stability.label import Label

@@ -13,8 +13,10 @@ from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import GivenGrasps
 from grasp3d.grasps.hand_reasons import Reasons
 from grasp3d.grasps.motor_holding import MotorForces, MotorHolding
+from grasp3d.grasps.pose_readings import suspected_reading
 from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.postures import ORDER, matched
+from grasp3d.grasps.readings import SUSPECTED, PoseReading
 from grasp3d.hand.articulated.actuation import torques_of
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
@@ -326,13 +328,19 @@ class EvaluatedHandGrasps(GivenGrasps):
         return locked(~self.reasons.impossible)
 
     @cached_property
+    def reading(self) -> PoseReading | None:
+        """Another reading of the poses, which explains them better than the stated one, if any."""
+        return suspected_reading(self.mesh, self.given, self.hand, table=self.scene.table)
+
+    @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What may make the results wrong, one sentence each."""
         mesh, poses = self.mesh, self.given.poses
         assert mesh.unit is not None
         reach = self.hand.size / metres_per_unit(mesh)
         toward = _toward_object(poses, self.hand.approach)
-        wrong = pose_warning(toward, mesh.center, mesh.size, mesh.unit, reach=reach)
+        wrong = str(self.reading) if self.reading else None
+        wrong = wrong or pose_warning(toward, mesh.center, mesh.size, mesh.unit, reach=reach)
         tilted = self.scene.tilt_warning(self.given.object_pose)
         unfelt = None if self.hand.sensors else NO_SENSORS.format(self.hand.name)
         order = self.given.settings.get(ORDER)
@@ -404,7 +412,9 @@ class EvaluatedHandGrasps(GivenGrasps):
             for name, tilt in zip(self.hand.link_names, tilts.tolist(), strict=True)
             if not math.isnan(tilt)
         }
+        suspected = {SUSPECTED: str(self.reading)} if self.reading else {}
         return settings_of(self.mesh, self.model, self.scene) | {
+            **suspected,
             "hand": self.hand.name,
             "contact_rule": self.contacts.rule,
             "contact_distance": self.contact_distance,

@@ -60,6 +60,9 @@ LEAST_TOUCH = 0.05
 NONE_FITS = 0.05
 """Fraction of the poses that fit as stated above which the scale of lengths is not suspected."""
 
+FEW_FIT = 0.5
+"""Fraction up to which readings are tried that take longer."""
+
 CENTRED = 3
 """Most times that an origin of a series is moved to where the contacts are at the TCP."""
 
@@ -106,9 +109,10 @@ def suspected_reading(
     if stated.fitting >= FITTING * tried.count:
         return None
     none_fits = stated.fitting <= NONE_FITS * tried.count
+    further = trial.last_alternatives(tried, lengths=none_fits)
     for alternatives in (
         trial.alternatives(tried, lengths=none_fits),
-        trial.last_alternatives(tried, lengths=none_fits),
+        further if stated.fitting <= FEW_FIT * tried.count else iter(()),
     ):
         others = [
             one

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from grasp3d import ObjectMesh, load_mesh
+from grasp3d.cli import main
 from grasp3d.errors import ContactError
+from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.hand_readings import mirrored
+from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.pose_readings import explained, suspected_reading
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.postures import ORDER
@@ -19,7 +23,7 @@ from grasp3d.grasps.readings import READING
 from tests.hand.test_articulated_hand import hand_of
 from tests.helpers import shapes
 from tests.helpers.hand_grasps import touching
-from tests.helpers.hands import HANDS
+from tests.helpers.hands import HANDS, hand_file
 
 
 @cache
@@ -155,3 +159,26 @@ def test_a_mirrored_hand_is_the_mirror_image() -> None:
     size: Any = two.min(axis=0), two.max(axis=0)
     image = one * (-1.0, 1.0, 1.0)
     np.testing.assert_allclose(size, (image.min(axis=0), image.max(axis=0)), atol=1e-9)
+
+
+@pytest.mark.slow
+def test_the_evaluation_warns_and_the_command_line_says_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = turned(right("allegro"), 1, 2, 3, 0)
+    result = evaluate_grasps(box(), wrong, hand=hand_of("allegro"))
+    words = "if their quaternions are in the order (x y z w) instead of (w x y z)"
+    assert any(words in warning and "in 40" in warning for warning in result.warnings)
+    np.testing.assert_array_equal(result.poses, wrong.poses)  # nothing is changed
+    box().to_trimesh().export(tmp_path / "box.stl")
+    write_poses(tmp_path / "wrong.csv", replace(wrong, hand=None))
+    command = [
+        "evaluate", str(tmp_path / "box.stl"), str(tmp_path / "wrong.csv"), "--unit", "m",
+        "--hand", str(hand_file("allegro")), "-o", str(tmp_path / "out.csv"),
+    ]  # fmt: skip
+    assert main(command) == 0
+    told = " ".join(" ".join(capsys.readouterr()).split())
+    assert words in told
+    assert main([*command, "--frame", "auto", "--overwrite"]) == 0
+    told = " ".join(" ".join(capsys.readouterr()).split())
+    assert "--frame auto: as stated ('tcp') at least two links touch" in told
