@@ -51,16 +51,23 @@ class ContactSets:
         """Whether a grasp has 2 to `MAX_FINGERS` contacts, shape (k,)."""
         return np.asarray((self.counts >= 2) & (self.counts <= MAX_FINGERS))
 
+    @cached_property
+    def _parts(self) -> dict[bytes, "ContactSets"]:
+        return {}
+
     def of(self, chosen: Bools) -> "ContactSets":
-        """The same grasps with some of their contacts.
+        """The same grasps with some of their contacts; of the same ones the same object.
 
         Args:
             chosen: Whether a contact stays, shape (c,).
         """
-        return ContactSets(
+        if (known := self._parts.get(chosen.tobytes())) is not None:
+            return known
+        part = ContactSets(
             size=self.size, row=self.row[chosen], points=self.points[chosen],
             normals=self.normals[chosen],
         )  # fmt: skip
+        return self._parts.setdefault(chosen.tobytes(), part)
 
     def groups(self) -> Iterator[tuple[Ints, Ints]]:
         """Grasps that are evaluated, by their number of contacts.
@@ -213,9 +220,8 @@ def _critical_angles_of(sets: ContactSets, chosen: Bools) -> Floats:
     angles = sets.critical_angle.copy()
     fewer = np.bincount(sets.row[~chosen], minlength=sets.size) > 0
     if fewer.any():
-        concerned = fewer[sets.row]
-        some, whole = sets.of(chosen & concerned), sets.of(concerned)
-        missing = np.isnan(some.critical_angle) | (some.rank < whole.rank)
+        some = sets.of(chosen)
+        missing = np.isnan(some.critical_angle) | (some.rank < sets.rank)
         known = fewer & sets.evaluated
         angles[known] = np.where(missing, math.inf, some.critical_angle)[known]
     return angles
