@@ -106,9 +106,7 @@ def _lengths(grasps: EvaluatedHandGrasps) -> str:
 def _verdict(grasps: EvaluatedHandGrasps) -> str:
     """How many poses are surely stable, and the best one."""
     sure = grasps.reachable & (grasps.label == Label.S)
-    text = (
-        f"{int(sure.sum())} of {counted(grasps.size, 'poses')} can be reached and are surely stable"
-    )
+    text = f"surely stable and reached: {int(sure.sum())} of {counted(grasps.size, 'poses')}"
     rows = ranked_rows(grasps)
     if not sure.any() or not len(rows):
         return text

@@ -42,7 +42,7 @@ def test_report(folder: Path) -> None:
     for line in (
         "1 of 3: a joint is beyond its limit",
         "1 of 3: no link within 5 mm of the object",
-        "1 of 3 poses can be reached and are surely stable; the best is pose 1 (grasp_1)",
+        "surely stable and reached: 1 of 3 poses; the best is pose 1 (grasp_1)",
         "with a margin of 21.",
         "joint 4 (slide_3) is 20 mm beyond its limit",
         "written: box_grasps.csv",
