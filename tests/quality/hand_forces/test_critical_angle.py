@@ -89,6 +89,17 @@ def test_a_joint_that_nothing_drives_presses_nothing() -> None:
     assert hand_critical_angle(pinch(against)).closing is None
 
 
+def test_forces_in_equilibrium_are_not_enough_where_drives_span_too_little() -> None:
+    grasp = pinch(Actuation.of_hand([1.0, 1.0], joints=2))
+    # A joint that nothing drives lets the first finger give way along z.
+    loose = np.concatenate([grasp.jacobian, np.zeros((2, 3, 1))], axis=2)
+    loose[0, 2, 2] = 0.05
+    motors = Actuation.of_hand([1.0, 1.0], joints=3, arms=np.eye(3)[:2])
+    found = hand_critical_angle(HandGrasp(grasp.contacts, loose, motors))
+    assert found.closing is None
+    assert not hand_closes(HandGrasp(grasp.contacts, loose, motors), 1.0)
+
+
 def test_weight_within_the_limits_of_motors_changes_no_angle() -> None:
     loaded = Actuation.of_hand([1.0, 1.0], joints=2, weight=[0.9, -0.5])
     assert loaded.two_way

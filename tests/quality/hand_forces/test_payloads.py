@@ -310,6 +310,16 @@ def test_weight_of_the_links_is_taken_from_what_motors_hold() -> None:
     assert found.limit == "joint 0"
 
 
+def test_what_is_held_only_with_a_load_is_no_payload() -> None:
+    contacts = Contacts([[-0.02, 0, 0], [0.02, 0, 0]], [[1, 0, 0], [-1, 0, 0]], 0.5)
+    jacobian = [[[0.05, 0], [0, 0], [0, 0]], [[0, -0.05], [0, 0], [0, 0]]]
+    grasp = HandGrasp(contacts, jacobian, Actuation.of_hand([0.2, 0.2], joints=2))  # 4 N up or down
+    down = Weight(direction=(0, 0, -1))
+    for lifted, held in ((3.0, (4.0 + 3.0) / STANDARD_GRAVITY), (10.0, 0.0)):
+        lift = Wrenches([[0.0, 0.0, lifted, 0.0, 0.0, 0.0]])
+        assert hand_payload(grasp, down + lift).value == pytest.approx(held, rel=1e-7)
+
+
 def test_dimensions_say_what_statics_determines() -> None:
     contacts = Contacts([[-0.02, 0, 0], [0.02, 0, 0]], [[1, 0, 0], [-1, 0, 0]], 0.5)
     actuation = Actuation.of_hand([0.2, 0.2], joints=2)
