@@ -8,7 +8,7 @@ have any direction. Both are exact: the contacts tilt independently.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -24,6 +24,13 @@ from grasp3d.stability.located_angles import ContactLimits, located_contacts
 
 TETRAHEDRON = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / math.sqrt(3.0)
 """Normals whose cones span all directions, however narrow they are: a blind contact."""
+
+
+WIDEST = RIGHT_ANGLE - 1e-6
+"""Widest cone that `contact_margins` tries [rad]."""
+
+MARGIN_STEPS = 11
+"""Halvings of the angle that `contact_margins` searches: to 0.05 degrees."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -206,6 +213,60 @@ def label_sets(sets: ContactSets, tilt: Floats, friction_angles: tuple[float, fl
         critical_angle_sensed=locked(sensed),
         margin=locked(margin),
     )
+
+
+def contact_margins(sets: ContactSets, tilt: Floats, friction_angle: float) -> Floats:
+    """Angle by which the cone of each contact alone could be narrower, and its grasp still S.
+
+    Args:
+        sets: The contacts.
+        tilt: As in `label_sets`.
+        friction_angle: At the smallest friction [rad].
+
+    Returns:
+        Margins [rad], shape (c,), within `MARGIN_STEPS` halvings of a right angle: below 0 where it
+        must be wider for S, the others as they are, -inf where that does not suffice; at most its
+        whole cone; nan: it is blind.
+
+    Example:
+        Of four fingers around a disc any one may push along its normal alone:
+
+        >>> import numpy as np
+        >>> from grasp3d.stability.contact_sets import ContactSets, contact_margins
+        >>> angle = np.radians([0.0, 90.0, 180.0, 270.0])
+        >>> points = np.stack([np.cos(angle), np.sin(angle), np.zeros(4)], axis=1)
+        >>> sets = ContactSets(size=1, row=np.zeros(4, int), points=points, normals=-points)
+        >>> contact_margins(sets, np.array([0.1, 0.2, 0.3, np.nan]), 0.5).round(2).tolist()
+        [0.4, 0.3, 0.2, nan]
+    """
+    margins = np.where(np.isnan(tilt), math.nan, -math.inf)
+    cones = np.clip(friction_angle - tilt, 0.0, None)
+    felt = np.flatnonzero(~np.isnan(tilt))
+    spans = np.isfinite(_critical_angles_of(sets, ~np.isnan(tilt)))
+    sensed = sets.of(~np.isnan(tilt))
+    for grasps, group in sensed.groups():
+        index, count = group[spans[grasps]], group.shape[1]
+        variants, own = (
+            np.repeat(index, count, axis=0),
+            np.tile(np.eye(count, dtype=bool), (len(index), 1)),
+        )
+        others = cones[felt[variants]]
+        closed = partial(_closed, sensed.contacts(variants, friction=0.0), others, own)
+        low, high = np.zeros(len(variants)), np.full(len(variants), WIDEST)
+        never, always = ~closed(high), closed(low)
+        for _ in range(MARGIN_STEPS):
+            middle = 0.5 * (low + high)
+            suffices = closed(middle)
+            low, high = np.where(suffices, low, middle), np.where(suffices, middle, high)
+        needed = np.where(always, 0.0, np.where(never, math.inf, high))
+        margins[felt[index.ravel()]] = (friction_angle - tilt)[felt[index.ravel()]] - needed
+    return locked(margins)
+
+
+def _closed(contacts: Contacts, cones: Floats, own: Bools, angles: Floats) -> Bools:
+    """Whether grasps (b, n) are force-closed with cones of angles (b,) where `own`, shape (b,)."""
+    offsets = np.where(own, angles[:, None], cones)
+    return np.asarray(force_closure(contacts, cone_offset=offsets).closed)
 
 
 def _reduced(ufunc: np.ufunc, sets: ContactSets, values: Floats) -> Floats:
