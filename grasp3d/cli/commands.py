@@ -364,6 +364,13 @@ class View(Labelling, TimeLimited):
     ]
     """A mesh, a labelled PLY, or the folder of results of `grasp3d batch`."""
 
+    grasps: Annotated[Path | None, Main("poses of a hand with joints to step through")] = None
+    """Poses of a hand with joints on the mesh, as grasp3d evaluate takes them, instead of its
+    labels: the hand is shown at each, the one to be taken first at the front. Needs --hand."""
+
+    contact_rule: Annotated[ContactRule | None, Group("gripper")] = None
+    """With --grasps: which contacts the poses make, as in grasp3d evaluate (default: given)."""
+
     web: Annotated[Flag, Main("serve a page for a browser, open no window")] = False
     """Serve a page for a browser instead of opening a window, as where there is no display; each
     visitor has a view of their own."""
@@ -448,6 +455,9 @@ class Evaluate(Guarded, GivenPoses):
     contact_distance: Annotated[LengthOption, Group("gripper")] = None
     """Poses of a hand with joints: distance from the surface up to which a link touches, a length
     (default: 5mm)."""
+
+    picture: Annotated[Path | None, Main("hands with joints: picture of the best poses")] = None
+    """Poses of a hand with joints: picture of the 12 to be taken first (.png, .svg or .pdf)."""
 
     outcome: Annotated[OutcomeOption, Group("object")] = None
     """Poses: which column or key says whether a grasp held, and which of its values mean that it

@@ -19,8 +19,11 @@ from grasp3d.grasps.grasp_files import (
     write_grasps,
     write_parts,
 )
+from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.grasps.pose_files import holds_poses, read_poses
 from grasp3d.grasps.pose_readings import explained
+from grasp3d.grasps.ranking import listed_rows
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import AUTO
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh, load_mesh
@@ -31,6 +34,9 @@ from grasp3d.settings import GraspModel, with_fingers
 from grasp3d.settings.lengths import Unit
 from grasp3d.surface.load_case import loaded_mesh
 from grasp3d.system.names import safe_stem
+
+PICTURED = 12
+"""Poses in a picture."""
 
 Measures = tuple[MetricValues, Unit | None]
 
@@ -45,10 +51,23 @@ def run(command: Evaluate) -> int:
     _check_gripper(command, poses=poses)
     check_not_source(output, command.contacts, "poses" if poses else "contacts")
     check_output(output, SUFFIXES, "table", overwrite=command.overwrite, sources=[command.file])
+    if command.picture is not None:
+        _check_picture(command)
     metrics = (_evaluate_poses if poses else _evaluate_contacts)(command, output)
     if metrics is not None and not command.quiet:
         grasp_report.print_metrics(*metrics)
     return 0
+
+
+def _check_picture(command: Evaluate) -> None:
+    """Check before the work that a picture can be drawn and written."""
+    from grasp3d.plots.figures import METADATA
+    from grasp3d.plots.rendering import check_rendering
+
+    if not isinstance(command.reach.hand, ArticulatedHand):
+        raise SettingError("picture applies to poses of a hand with joints")
+    check_output(command.picture, METADATA, "figure", overwrite=command.overwrite)
+    check_rendering()
 
 
 def _check_gripper(command: Evaluate, *, poses: bool) -> None:
@@ -100,10 +119,28 @@ def _evaluate_poses(command: Evaluate, output: Path) -> Measures | None:
     metrics = None if command.metrics is None else results.metrics(command.metrics)
     progress_bars.measure(lambda: results.epsilon, "measuring epsilon", quiet=command.quiet)
     write_grasps(output, results, metrics=metrics)
-    if not command.quiet:
-        of_jaws = isinstance(results, EvaluatedPoses)
-        (grasp_report.print_poses if of_jaws else hand_report.print_hand_grasps)(results, output)
+    if isinstance(results, EvaluatedPoses):
+        if not command.quiet:
+            grasp_report.print_poses(results, output)
+    else:
+        _finish_hand(command, results, output)
     return None if metrics is None else (metrics, mesh.unit)
+
+
+def _finish_hand(command: Evaluate, results: EvaluatedHandGrasps, output: Path) -> None:
+    """Draw poses of a hand with joints, if that is asked for, and print the results."""
+    if command.picture is not None:
+        from grasp3d.plots.figures import save_as
+        from grasp3d.plots.grasps import hand_grasp_figure
+        from grasp3d.viewer.scene.sheets import draw_hand_grasps
+
+        rows = listed_rows(results, PICTURED)
+        shown = results.take(rows)
+        with progress_bars.progress("drawing poses", quiet=command.quiet):
+            pictures = draw_hand_grasps(shown)
+        save_as(hand_grasp_figure(shown, pictures, [int(row) + 1 for row in rows]), command.picture)
+    if not command.quiet:
+        hand_report.print_hand_grasps(results, *filter(None, (output, command.picture)))
 
 
 def _of_poses(command: Evaluate) -> dict[str, Any]:

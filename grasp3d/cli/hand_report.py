@@ -52,12 +52,12 @@ _HELD = (
 )
 
 
-def print_hand_grasps(grasps: EvaluatedHandGrasps, output: Path) -> None:
+def print_hand_grasps(grasps: EvaluatedHandGrasps, *outputs: Path) -> None:
     """Print the numbers of poses by label, gaps, depths and reasons, and the best poses.
 
     Args:
         grasps: Evaluated poses.
-        output: The file that they were written to.
+        outputs: The files that they were written to.
     """
     report, mesh, size = Report(), grasps.mesh, grasps.size
     distance = small_length(grasps.contact_distance, mesh.unit)
@@ -88,7 +88,7 @@ def print_hand_grasps(grasps: EvaluatedHandGrasps, output: Path) -> None:
     report.line(frame_text(grasps.given.object_pose))
     if read := grasps.given.settings.get(READING):
         report.line(f"{READINGS[READING]}: {escaped(read)}")
-    report.written(output)
+    report.written(*outputs)
 
 
 def _lengths(grasps: EvaluatedHandGrasps) -> str:

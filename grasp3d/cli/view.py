@@ -1,15 +1,26 @@
 """`grasp3d view`: view an object in a window, in a browser, or as a picture."""
 
+from pathlib import Path
+
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import View
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.options import given_sampling
 from grasp3d.cli.time_limit import time_limit
-from grasp3d.errors import GraspError, WarningError
+from grasp3d.errors import GraspError, SettingError, WarningError
+from grasp3d.grasps.evaluation import evaluate_poses, poses_on
+from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
+from grasp3d.grasps.ranking import listed_rows
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.scene import Scene
 from grasp3d.system.context import refuse_warnings
 from grasp3d.system.names import printable
 from grasp3d.viewer.scene.pictures import check_film, check_picture, save_picture, save_turntable
-from grasp3d.viewer.session.collection import Collection, open_collection
+from grasp3d.viewer.session.collection import (
+    Collection,
+    collection_of_grasps,
+    open_collection,
+)
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.window.display import display_problem
 
@@ -29,9 +40,13 @@ def run(command: View) -> int:
     return 0
 
 
-def _opened(command: View) -> Collection:
-    """The collection, with its first object opened."""
-    collection = open_collection(
+def _collection(command: View) -> Collection:
+    """The objects, or the poses of a hand."""
+    if command.grasps is not None:
+        return collection_of_grasps(_hand_grasps(command, command.grasps))
+    if command.contact_rule is not None:
+        raise SettingError("contact_rule applies to poses of a hand with joints: give --grasps")
+    return open_collection(
         command.target,
         command.model,
         given_sampling(command.sampling, command.multifinger),
@@ -40,6 +55,27 @@ def _opened(command: View) -> Collection:
         reach=command.reach,
         load=command.load.chosen,
     )
+
+
+def _hand_grasps(command: View, path: Path) -> EvaluatedHandGrasps:
+    """Evaluate poses of a hand, the one to be taken first at the front."""
+    hand, rule = command.reach.hand, command.contact_rule or "given"
+    if not isinstance(hand, ArticulatedHand):
+        raise SettingError("grasps are poses of a hand with joints: give it with --hand FILE")
+    poses, mesh = poses_on(path, command.target, command.mesh, hand=hand)
+    scene = Scene.of(command.reach, mesh)
+    assert scene is not None
+    with progress_bars.progress(f"evaluating {path.name}", quiet=command.quiet):
+        results = evaluate_poses(
+            mesh, poses, command.model, scene, load=command.load.chosen, contact_rule=rule
+        )
+    assert isinstance(results, EvaluatedHandGrasps)
+    return results.take(listed_rows(results, results.size))
+
+
+def _opened(command: View) -> Collection:
+    """The collection, with its first object opened."""
+    collection = _collection(command)
     first = collection.items[0]
     try:
         with progress_bars.progress(f"opening {first.name}", quiet=command.quiet):

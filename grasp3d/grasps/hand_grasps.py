@@ -30,7 +30,7 @@ from grasp3d.quality.loads import load_settings
 from grasp3d.quality.wrenches import EpsilonOptions, wrench_axes
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import GivenLength
-from grasp3d.stability.contact_sets import ContactSets, SetLabels, label_sets
+from grasp3d.stability.contact_sets import ContactSets, SetLabels, contact_margins, label_sets
 from grasp3d.stability.label import Label
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.surface.fields import HAND_GRASPS, Arrays, columns_of
@@ -209,6 +209,27 @@ class EvaluatedHandGrasps(GivenGrasps):
     def margin(self) -> Floats:
         """Angle by which the grasp is S, at the contacts that are not blind [rad], shape (k,)."""
         return self.all_links.margin
+
+    @cached_property
+    def link_margin(self) -> Floats:
+        """Smallest margin of a contact of each link [rad], shape (k, L); see `contact_margins`.
+
+        nan: it is blind, or does not touch, or the pose is no grasp.
+        """
+        low, _ = (math.atan(friction) for friction in self.model.friction_interval)
+        margins = np.full(self._touching.shape, math.nan)
+        own = contact_margins(self.sets, self.tilts_of_links[self._link], low)
+        np.fmin.at(margins, (self.sets.row, self._link), own)
+        return locked(margins)
+
+    def contacts_of(self, row: int) -> tuple[Floats, Floats]:
+        """Points of a pose's contacts, and inward normals there, shape (n, 3) each."""
+        mine = self.contacts.row == row
+        return self.contacts.points[mine], self.contacts.normals[mine]
+
+    def using(self, model: GraspModel) -> "EvaluatedHandGrasps":
+        """The same contacts with another friction and sensor resolution."""
+        return replace(self, model=model)
 
     @cached_property
     def max_resolution(self) -> Floats:

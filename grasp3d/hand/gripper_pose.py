@@ -1,12 +1,17 @@
-"""The pose in which a gripper holds one grasp."""
+"""The pose in which a gripper, or a hand with joints, holds one grasp."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from grasp3d.arrays import Bools, Floats, short_repr
+from grasp3d.hand.hand import Hand
 from grasp3d.hand.reach import Reach
+from grasp3d.hand.shapes import hand_triangles
+from grasp3d.hand.triangles import Triangles
+from grasp3d.settings.lengths import Unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +28,12 @@ class GripperPose:
     """Half-width of the free approach angles about the closing axis [rad]; nan: unknown."""
     depth: float
     """How far the TCP is inserted beyond the contacts, along the approach; nan: unknown."""
+    posture: Floats = field(default_factory=lambda: np.zeros(0))
+    """Values of the joints of a hand [rad or m], shape (p,); p is 0 for a parallel gripper."""
+    toward: Floats = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    """Approach direction in the gripper's frame, unit vector, shape (3,)."""
+    colors: Mapping[int, tuple[int, int, int]] = field(default_factory=dict)
+    """Red, green and blue of links by their number; others have the grey of their part."""
 
     __repr__ = short_repr
 
@@ -43,6 +54,20 @@ class GripperPose:
             float(reach.approach_margin[row]),
             float(reach.depth[row]),
         )
+
+    @property
+    def has_joints(self) -> bool:
+        """Whether it is a hand with joints, which has neither a closing axis nor a TCP."""
+        return len(self.posture) > 0
+
+    @property
+    def approach(self) -> Floats:
+        """Approach direction in the mesh's frame, shape (3,)."""
+        return np.asarray(self.pose[:3, :3] @ self.toward)
+
+    def triangles(self, hand: Hand, unit: Unit) -> Triangles:
+        """The shape of the gripper there, in the frame and unit of the mesh."""
+        return hand_triangles(hand, self.opening, posture=self.posture, pose=self.pose, unit=unit)
 
     @property
     def arcs(self) -> list[tuple[float, float]]:

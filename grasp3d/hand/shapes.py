@@ -58,7 +58,7 @@ def hand_triangles(
     """
     shape = hand.shape(opening * METRES[unit], posture)
     vertices = moved(shape.vertices / METRES[unit], pose)
-    return triangles_of(vertices, shape.faces, shape.parts)
+    return triangles_of(vertices, shape.faces, shape.parts, shape.links)
 
 
 def approach_triangles(

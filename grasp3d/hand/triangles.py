@@ -40,12 +40,20 @@ class Triangles:
     """Vertices of the triangles, shape (F, 3)."""
     parts: Bytes
     """Part of the gripper that each triangle belongs to, a `Part`, shape (F,); 0 elsewhere."""
+    links: Ints
+    """Number of its link of a hand with joints, shape (F,); 0 elsewhere."""
 
 
-def triangles_of(vertices: ArrayLike, faces: ArrayLike, parts: Bytes | None = None) -> Triangles:
-    """Triangles with arrays that are locked; without parts all are of part 0."""
-    numbers = np.zeros(len(np.asarray(faces)), np.uint8) if parts is None else parts
-    return Triangles(locked(vertices, np.float64), locked(faces, np.int64), locked(numbers))
+def triangles_of(
+    vertices: ArrayLike, faces: ArrayLike, parts: Bytes | None = None, links: Ints | None = None
+) -> Triangles:
+    """Triangles with arrays that are locked; without parts or links all are of number 0."""
+    none = np.zeros(len(np.asarray(faces)), np.uint8)
+    numbers = none if parts is None else parts
+    return Triangles(
+        locked(vertices, np.float64), locked(faces, np.int64), locked(numbers),
+        locked(none if links is None else links, np.int64),
+    )  # fmt: skip
 
 
 PAD_DEPTH = 0.25

@@ -1,19 +1,26 @@
 """Figure of a surface's best grasps: one small picture each, in the view that shows it best."""
 
 import math
+from collections.abc import Sequence
+from textwrap import wrap
 
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 
 from grasp3d.arrays import Bytes
+from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.grasps.ranking import stated_label
 from grasp3d.plots.figures import PAGE, as_text, label_patches, new_figure, show_picture, styled
+from grasp3d.plots.margin_colors import BOTH_SIDES, most_margin
 from grasp3d.settings.model_text import model_line
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.closed_grasps import UNKNOWN
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.counts import short_number
+from grasp3d.system.names import printable
 
 COLUMNS = 4
 HEIGHT, APPROACH = 1.9, 0.25
@@ -22,6 +29,9 @@ MARGINS = 0.9
 """Height of the headline and the legend [inch]."""
 LEAST_WIDTH = 4.6
 """Least width of the figure, which the legend needs [inch]."""
+
+REASON = 34
+"""Characters in a line of a reason."""
 
 LONGEST = 48
 """Characters of a name in the headline."""
@@ -36,26 +46,75 @@ def grasp_figure(labels: SurfaceLabels, grasps: GraspTable, pictures: list[Bytes
         grasps: The grasps, best first.
         pictures: Pictures of the first grasps, at least one.
     """
-    columns = min(len(pictures), COLUMNS)
-    rows = math.ceil(len(pictures) / columns)
-    width = max(PAGE * columns / COLUMNS, LEAST_WIDTH)
-    height = HEIGHT if grasps.reach is None else HEIGHT + APPROACH
-    figure = new_figure(width, rows * height + MARGINS)
-    model = labels.model
-    figure.suptitle(
-        f"{_short(labels.mesh.report.source)}\n"
-        f"{model.fingers} fingers, {model_line(model, labels.mesh.unit)}",
-        fontsize=8.5,
-    )
-    grid = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes in grid[len(pictures) :]:
-        axes.set_axis_off()
-    for number, (axes, picture) in enumerate(zip(grid, pictures, strict=False)):
-        _show(axes, grasps, number, picture)
+    model, below = labels.model, 0 if grasps.reach is None else 1
+    settings = f"{model.fingers} fingers, {model_line(model, labels.mesh.unit)}"
+    figure, grid = _sheet(labels.mesh.report.source, settings, len(pictures), below)
+    for number, (axes, picture) in enumerate(zip(grid, pictures, strict=True)):
+        label = Label(int(stated_label(grasps, grasps.closed)[number]))
+        title = _title(number + 1, label, grasps.critical_angle[number], grasps.epsilon[number])
+        show_picture(axes, picture, title, _approach(grasps, number))
     figure.legend(
         handles=label_patches(MEANING[labels.mode]), loc="outside lower center", ncols=len(Label)
     )
     return figure
+
+
+@styled
+def hand_grasp_figure(
+    grasps: EvaluatedHandGrasps, pictures: list[Bytes], numbers: Sequence[int] = ()
+) -> Figure:
+    """Lay out the pictures of poses of a hand with joints, with the legend of their colours.
+
+    Args:
+        grasps: The poses.
+        pictures: Pictures of the first poses, at least one.
+        numbers: What they are called; empty: 1, 2 and so on.
+    """
+    model, rule = grasps.model, grasps.contacts.rule
+    settings = (
+        f"{printable(grasps.hand.name)}, {model_line(model, grasps.mesh.unit)}, contacts {rule}"
+    )
+    figure, grid = _sheet(grasps.mesh.report.source, settings, len(pictures), below=2)
+    for number, (axes, picture) in enumerate(zip(grid, pictures, strict=True)):
+        label, angle = Label(int(grasps.label[number])), grasps.critical_angle[number]
+        name = numbers[number] if numbers else number + 1
+        title = _title(name, label, angle, grasps.epsilon[number])
+        margin = math.degrees(grasps.margin[number])
+        felt = f"margin {margin:+.1f}°" if math.isfinite(margin) else "no margin"
+        felt = felt.replace("-", "−")
+        tips = Label(int(grasps.label_fingertips[number])).name
+        reason = "\n".join(wrap(str(grasps.reason[number]), REASON)[:2])
+        show_picture(axes, picture, title, f"{felt}, fingertips {tips}\n{reason}")
+    most = math.degrees(most_margin(model))
+    colors = ListedColormap(BOTH_SIDES / 255.0)
+    bar = figure.colorbar(
+        ScalarMappable(Normalize(-most, most), colors), ax=list(grid), location="bottom",
+        shrink=0.6, aspect=40, pad=0.02, extend="both",
+    )  # fmt: skip
+    bar.set_label("how much narrower the cone of a link may be for S [°]; grey: blind, or no touch")
+    bar.ax.grid(visible=False)
+    return figure
+
+
+def _sheet(source: str, settings: str, count: int, below: int) -> tuple[Figure, list[Axes]]:
+    """A figure for `count` pictures, with lines of text below each."""
+    columns = min(count, COLUMNS)
+    rows = math.ceil(count / columns)
+    width = max(PAGE * columns / COLUMNS, LEAST_WIDTH)
+    figure = new_figure(width, rows * (HEIGHT + below * APPROACH) + MARGINS)
+    figure.suptitle(f"{_short(source)}\n{settings}", fontsize=8.5)
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in grid[count:]:
+        axes.set_axis_off()
+    return figure, list(grid[:count])
+
+
+def _title(number: int, label: Label, angle: float, epsilon: float) -> str:
+    title = rf"$\bf{{{number}}}$  {label.name}"
+    if math.isnan(angle):
+        return title
+    degrees = round(math.degrees(angle), 1) + 0.0  # never -0
+    return rf"{title}   $\beta^*$ {degrees:.1f}°   $\varepsilon$ {epsilon:.3f}"
 
 
 def _short(name: str) -> str:
@@ -63,16 +122,6 @@ def _short(name: str) -> str:
     text = as_text(name)
     short = text if len(text) <= LONGEST else f"…{text[1 - LONGEST :]}"
     return short.replace("$", r"\$")
-
-
-def _show(axes: Axes, grasps: GraspTable, number: int, picture: Bytes) -> None:
-    angle = math.degrees(grasps.critical_angle[number])
-    label = Label(int(stated_label(grasps, grasps.closed)[number])).name
-    title = (
-        rf"$\bf{{{number + 1}}}$  {label}   $\beta^*$ {angle:.1f}°"
-        rf"   $\varepsilon$ {grasps.epsilon[number]:.3f}"
-    )
-    show_picture(axes, picture, title, _approach(grasps, number))
 
 
 def _approach(grasps: GraspTable, number: int) -> str:

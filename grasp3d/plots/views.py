@@ -9,7 +9,6 @@ from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.contact.friction_cones import tangents
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.scene import Scene
-from grasp3d.hand.shapes import hand_triangles
 from grasp3d.hand.triangles import Part, Triangles
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import FaceRays
@@ -37,6 +36,9 @@ THROUGH = 0.4
 TIP = 0.4
 """Greatest distance of a fingertip's points from its contact, in lengths of the finger."""
 
+LINK_TIP = 0.08
+"""The same of a hand with joints, in sizes of the hand."""
+
 SAMPLES = 600
 """Points on the fingers of a hand at which visibility is tested."""
 
@@ -58,7 +60,8 @@ and distance from it, relative to the object's size."""
 class GraspViews:
     """Chooses the views of grasps of one object: of each fingertip as much as possible is seen.
 
-    What hides a tip is the object, the hand and the table.
+    What hides a tip is the object, the hand and the table. Of many contacts hardly any view shows
+    all: those half of them decide that are seen least.
     """
 
     def __init__(self, mesh: ObjectMesh, scene: Scene | None) -> None:
@@ -87,27 +90,32 @@ class GraspViews:
         """The view that shows a grasp best; about `up`, see `view_axes`.
 
         Args:
-            points: Contacts, shape (n, 3).
+            points: Contacts, shape (n, 3); where there are none, the usual view is the best.
             normals: Inward unit normals there, (n, 3).
             pose: Pose of the hand at them; None: arrows are drawn.
         """
         mesh, scene = self._mesh, self._scene
+        if not len(points):
+            return View()
         if scene is None or pose is None or mesh.unit is None:
             tails = points - ARROW * mesh.size * normals
             seen = self._seen(*_rods(points, tails, RADIUS * mesh.size), len(points), None)
             against = np.zeros(len(self._views))
         else:
-            shape = hand_triangles(scene.hand, pose.opening, pose=pose.pose, unit=mesh.unit)
+            shape = pose.triangles(scene.hand, mesh.unit)
             length = scene.hand.finger_length / METRES[mesh.unit]
-            tail, tip = approach_ends(pose, length)
-            tips, arrow = _tips(shape, points, TIP * length), _rods(tip, tail, RADIUS * length)
+            ends = approach_ends(pose, length)
+            tips = _tips(shape, points, (LINK_TIP if pose.has_joints else TIP) * length)
+            arrow = _rods(ends[1:], ends[:1], RADIUS * length)
             arrow[2][:] = len(points)
             parts = [np.concatenate(pair) for pair in zip(tips, arrow, strict=True)]
-            seen = self._seen(parts[0], parts[1], parts[2], len(points) + 1, shape)
-            along = self._toward @ pose.pose[:3, :3]  # (v, 3), of the closing axis, y, approach
-            against = ENDWISE * (along[:, 0] ** 2 + along[:, 2] ** 2)
-            against += BEHIND * np.minimum(along[:, 2], 0.0) ** 2
-        least = np.sqrt(seen[:, : len(points)].min(axis=1))
+            seen = self._seen(parts[0], parts[1], parts[2], len(points) + len(ends) // 2, shape)
+            along = self._toward @ pose.approach
+            against = ENDWISE * along**2 + BEHIND * np.minimum(along, 0.0) ** 2
+            if not pose.has_joints:
+                against += ENDWISE * (self._toward @ pose.pose[:3, 0]) ** 2
+        half = (len(points) + 1) // 2
+        least = np.sqrt(np.sort(seen[:, : len(points)], axis=1)[:, :half]).mean(axis=1)
         score = self._bonus + least + MEAN * seen.mean(axis=1) - against
         return self._views[int(np.argmax(score))]
 
@@ -144,9 +152,10 @@ class GraspViews:
 def _tips(shape: Triangles, contacts: Floats, reach: float) -> tuple[Floats, Floats, Ints]:
     """Points on the fingers of a hand, their outward normals, and the contact that each is near.
 
-    Those beyond reach of all contacts (n, 3) are of -1.
+    Those beyond reach of all contacts (n, 3) are of -1. The palm of a hand with joints may touch.
     """
-    corners = shape.vertices[shape.faces[shape.parts != Part.PALM]]  # (F, 3, 3)
+    fingers = (shape.parts != Part.PALM) | shape.links.any()
+    corners = shape.vertices[shape.faces[fingers]]  # (F, 3, 3)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas, random = np.linalg.norm(normals, axis=1), np.random.default_rng(0)
     face = random.choice(len(corners), SAMPLES, p=areas / areas.sum())
@@ -169,5 +178,10 @@ def _rods(tips: Floats, tails: Floats, radius: float) -> tuple[Floats, Floats, I
 
 
 def approach_ends(pose: GripperPose, length: float) -> Floats:
-    """Tail and tip of the arrow along the approach between fingers of a length, (2, 3)."""
+    """Tail and tip of the arrow along the approach between fingers of a length, (2, 3).
+
+    (0, 3) of a hand with joints, which has no TCP.
+    """
+    if pose.has_joints:
+        return np.empty((0, 3))
     return np.asarray(pose.pose[:3, 3] - np.outer(APPROACH * length, pose.pose[:3, 2]))

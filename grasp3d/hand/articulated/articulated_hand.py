@@ -198,14 +198,15 @@ class ArticulatedHand:
         del opening
         values = np.asarray(posture, dtype=np.float64)
         (poses,) = self.link_poses(values if values.size else self.preshapes["open"])
-        corners, parts = [np.zeros((0, 3, 3))], [np.zeros(0, np.uint8)]
-        for name, shapes, pose in zip(self.link_names, self.shapes, poses, strict=True):
+        corners, links = [np.zeros((0, 3, 3))], [np.zeros(0, np.int64)]
+        for link, (shapes, pose) in enumerate(zip(self.shapes, poses, strict=True)):
             for shape in shapes:
                 corners.append(shape.triangles(hull=False) @ pose[:3, :3].T + pose[:3, 3])
-                parts.append(np.full(len(corners[-1]), self._part(name), np.uint8))
-        vertices = np.concatenate(corners).reshape(-1, 3)
+                links.append(np.full(len(corners[-1]), link))
+        vertices, numbers = np.concatenate(corners).reshape(-1, 3), np.concatenate(links)
         faces = np.arange(len(vertices)).reshape(-1, 3)
-        return triangles_of(vertices, faces, np.concatenate(parts))
+        parts = np.array([self._part(name) for name in self.link_names], np.uint8)
+        return triangles_of(vertices, faces, parts[numbers], numbers)
 
     def _part(self, link: str) -> Part:
         if link in self.fingertips:

@@ -151,7 +151,10 @@ def _caption(
     if model.friction_error > 0.0:
         friction += f" ± {round(model.friction_error, 4):g}"
     unit, limit, scene = subject.mesh.unit, session.state.max_opening, session.scene
-    parts = [resolution, friction, *error_texts(model, unit), finger_words(model.fingers)]
+    parts = [resolution, friction, *error_texts(model, unit)]
+    if subject.hand_grasps is not None:
+        return (*parts, f"hand {subject.hand_grasps.hand.name}")
+    parts.append(finger_words(model.fingers))
     if subject.labels.mode != "scan" and math.isfinite(limit):  # the search had a limit
         name = sampling_kind(subject.labels.model.fingers).span
         parts.append(f"{name} ≤ {limit:.4g} {unit or ''}".rstrip())

@@ -121,13 +121,14 @@ class Marks:
         size, fixed_key = subject.mesh.size, (id(subject.mesh.vertices), fixed.tobytes())
         grasp_key = (contacts.points.tobytes(), contacts.normals.tobytes())
         safe = model and model.effective_friction_angle
-        cones = len(contacts.points) > 1 and not len(approach)
+        of_links = hand is not None and shown.held is not None and shown.held.has_joints
+        cones = len(contacts.points) > 1 and not (len(approach) or of_links)
         cones_key = model and (model.friction_angle, model.tilt, safe, approach.tobytes())
         before, self._content = self._content, (fixed_key, grasp_key, cones_key)
         if fixed_key != before[0]:
             self._show_fixed(_fixed_contacts(subject, fixed), size)
         if (fixed_key, grasp_key) != before[:2]:
-            self._show_grasp(contacts, fixed, size)
+            self._show_grasp(contacts, fixed, size, connected=not of_links)
         if (fixed_key, grasp_key, cones_key) != before:
             outside = contacts if cones else NO_CONTACTS
             self._show_cones(outside, model, size)
@@ -141,7 +142,9 @@ class Marks:
             if isinstance(marker, _Marker):
                 marker.show([])
 
-    def _show_grasp(self, grasp: MarkedContacts, fixed: Floats, size: float) -> None:
+    def _show_grasp(
+        self, grasp: MarkedContacts, fixed: Floats, size: float, *, connected: bool
+    ) -> None:
         gaps = np.linalg.norm(grasp.points[:, None] - fixed[None], axis=2)
         free = MarkedContacts(
             *(one[(gaps > SAME * size).all(axis=1)] for one in (grasp.points, grasp.normals))
@@ -152,8 +155,9 @@ class Marks:
             (RIM * size, self._hidden_rims, self._rims),
         ):
             shapes = spheres(free.points, CONTACT_RADIUS * size + extra)
-            if several:
+            if several and connected:
                 shapes += cylinders(*_connections(grasp.points), ROD_RADIUS * size + extra)
+            if several:
                 shapes += _arrows(free, size, extra)
             hidden.show(shapes)
             visible.show(shapes)

@@ -1,18 +1,20 @@
 """A pane: a coloured surface with its grasp, gripper and texts, in one renderer of a plotter."""
 
+from dataclasses import replace
+
 import numpy as np
 import pyvista
 from vtkmodules.vtkCommonDataModel import vtkPlane
 from vtkmodules.vtkRenderingCore import vtkTexture
 
 from grasp3d.arrays import Bytes, Floats
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.shapes import (
     ARC_COLOR,
     TABLE_COLOR,
     approach_triangles,
-    hand_triangles,
     table_triangles,
 )
 from grasp3d.hand.table import Table
@@ -37,6 +39,9 @@ PALETTE = np.array(
 )
 """Red, green, blue and opacity of the parts."""
 
+OPAQUE = 255
+"""Opacity of the links of hands with joints, which overlap, but for the palm."""
+
 EDGE, EDGE_ANGLE, EDGE_WIDTH = "#2B2F33", 40.0, 1.2
 """Colour of the edges of fingers and palm; angle of the faces there [degrees]; width of the lines
 [pixels at 72 per inch]."""
@@ -54,12 +59,14 @@ class GripperActors:
         self._table = new_actor(renderer, TABLE_COLOR, opacity=TABLE_OPACITY)
         self._arc = new_actor(renderer, ARC_COLOR, opacity=ARC_OPACITY, lighting=False)
         self._gripper = new_actor(renderer, EDGE, culling="back")
+        self._links = new_actor(renderer, EDGE, culling="back")
         self._edges = new_actor(renderer, EDGE, lighting=False)
-        mapper = self._gripper.mapper
-        mapper.SetScalarVisibility(True)  # noqa: FBT003
-        mapper.SetScalarModeToUseCellFieldData()
-        mapper.SelectColorArray("color")  # red, green, blue, opacity
-        mapper.SetColorModeToDirectScalars()
+        for actor in (self._gripper, self._links):
+            mapper = actor.mapper
+            mapper.SetScalarVisibility(True)  # noqa: FBT003
+            mapper.SetScalarModeToUseCellFieldData()
+            mapper.SelectColorArray("color")  # red, green, blue, opacity
+            mapper.SetColorModeToDirectScalars()
         self._drawn: tuple[object, ...] = (None,) * 3
         self.table_mapper = self._table.mapper
         self.points = NO_POINTS
@@ -92,7 +99,7 @@ class GripperActors:
         """Show nothing."""
         self._drawn = (None,) * 3
         self.points = self.table_points = NO_POINTS
-        for actor in (self._table, self._arc, self._gripper, self._edges):
+        for actor in (self._table, self._arc, self._gripper, self._links, self._edges):
             actor.visibility = False
 
     def _show_table(self, subject: Subject, table: Table | None) -> None:
@@ -104,21 +111,38 @@ class GripperActors:
             self.table_points = plate.vertices
 
     def _show_gripper(self, subject: Subject, hand: Hand | None, pose: GripperPose | None) -> None:
-        for actor in (self._gripper, self._edges, self._arc):
+        for actor in (self._gripper, self._links, self._edges, self._arc):
             actor.visibility = False
         self.points = NO_POINTS
         if hand is None or pose is None or subject.mesh.unit is None:
             return
-        solid = hand_triangles(hand, pose.opening, pose=pose.pose, unit=subject.mesh.unit)
-        shape, parts = surface_of(solid), solid.parts
-        shape.cell_data["color"] = PALETTE[parts]
-        self._gripper.mapper.dataset = shape
-        self._edges.mapper.dataset = shape.extract_feature_edges(
-            feature_angle=EDGE_ANGLE, boundary_edges=False, manifold_edges=False
+        solid = pose.triangles(hand, subject.mesh.unit)
+        parts = solid.parts
+        colors = PALETTE[parts]
+        if pose.has_joints:
+            colors[parts != Part.PALM, 3] = OPAQUE
+        for link, color in pose.colors.items():
+            colors[solid.links == link] = (*color, OPAQUE)
+        opaque = colors[:, 3] == OPAQUE
+        for actor, chosen in ((self._gripper, ~opaque), (self._links, opaque)):
+            some = surface_of(replace(solid, faces=solid.faces[chosen]))
+            some.cell_data["color"] = colors[chosen]
+            actor.mapper.dataset = some
+            actor.visibility = bool(chosen.any())
+        self._edges.mapper.dataset = (
+            surface_of(solid)
+            .clean()
+            .extract_feature_edges(
+                feature_angle=EDGE_ANGLE, boundary_edges=False, manifold_edges=False
+            )
         )
         self._edges.prop.line_width = EDGE_WIDTH * pixel_ratio(self._renderer)
-        self._gripper.visibility = self._edges.visibility = True
-        self.points = solid.vertices[np.unique(solid.faces[parts <= Part.FINGER])]
+        self._edges.visibility = True
+        framed = parts <= Part.FINGER
+        if isinstance(hand, ArticulatedHand):  # a forearm would make the fingers small
+            palm = hand.link_names.index(hand.palm)
+            framed = (parts != Part.PALM) | (solid.links == palm)
+        self.points = solid.vertices[np.unique(solid.faces[framed])]
         if pose.arcs:
             radius = ARC_RADIUS * hand.finger_length / METRES[subject.mesh.unit]
             arc = approach_triangles(pose.pose, pose.arcs, radius=radius, inner=ARC_INNER)

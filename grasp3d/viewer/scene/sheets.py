@@ -1,7 +1,11 @@
 """Pictures of a surface's best grasps for a sheet: each as the viewer draws it, at one scale."""
 
+from collections.abc import Sequence
+
 from grasp3d.arrays import Bytes, Floats
+from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.hand.gripper_pose import GripperPose
+from grasp3d.hand.scene import Scene
 from grasp3d.plots.rendering import check_rendering, screenshot, view_axes
 from grasp3d.plots.views import GraspViews
 from grasp3d.surface.grasp_table import GraspTable
@@ -11,7 +15,8 @@ from grasp3d.viewer.scene.framing import Frame, FreeArea, aim, frame_of, paralle
 from grasp3d.viewer.scene.marks import MarkedContacts
 from grasp3d.viewer.scene.panes import Pane
 from grasp3d.viewer.scene.pictures import averaged, off_screen
-from grasp3d.viewer.subjects.subject import subject_of
+from grasp3d.viewer.session.hand_inspection import held_by, subject_of_hand
+from grasp3d.viewer.subjects.subject import Subject, subject_of
 
 PIXELS = (512, 512)
 
@@ -36,32 +41,58 @@ def draw_grasps(labels: SurfaceLabels, grasps: GraspTable) -> list[Bytes]:
     Raises:
         OutputError: OpenGL is not available.
     """
+    contacts = grasps.contacts.take(slice(MOST_PICTURES))
+    marked = [
+        MarkedContacts(points, normals, labels.model, GripperPose.of(grasps.reach, row))
+        for row, (points, normals) in enumerate(zip(contacts.points, contacts.normals, strict=True))
+    ]
+    return _drawn(subject_of(labels), grasps.scene, marked)
+
+
+def draw_hand_grasps(grasps: EvaluatedHandGrasps) -> list[Bytes]:
+    """Render the object with the hand at each grasp, as `draw_grasps` does.
+
+    Links that touch have the colours of the margins of their contacts.
+
+    Args:
+        grasps: Evaluated poses of a hand with joints.
+
+    Returns:
+        Red, green, blue from 0 to 255, shape (height, width, 3) each.
+
+    Raises:
+        OutputError: OpenGL is not available.
+    """
+    rows = range(min(grasps.size, MOST_PICTURES))
+    marked = [
+        MarkedContacts(*grasps.contacts_of(row), grasps.model, held_by(grasps, row)) for row in rows
+    ]
+    return _drawn(subject_of_hand(grasps), grasps.scene, marked)
+
+
+def _drawn(subject: Subject, scene: Scene | None, grasps: Sequence[MarkedContacts]) -> list[Bytes]:
+    """Pictures of grasps of a surface, shape (height, width, 3) each."""
     check_rendering()
-    scene, contacts = grasps.scene, grasps.contacts.take(slice(MOST_PICTURES))
-    points, normals = contacts.points, contacts.normals
-    poses = [GripperPose.of(grasps.reach, row) for row in range(contacts.size)]
     hand, table = (None, None) if scene is None else (scene.hand, scene.table)
-    views, area, pictures = GraspViews(labels.mesh, scene), FreeArea(*PIXELS), []
+    views, area, pictures = GraspViews(subject.mesh, scene), FreeArea(*PIXELS), []
     with off_screen(*PIXELS) as (plotter, factor):
         pane = Pane(plotter.renderers[0])
         pane.renderer.viewport = (0.0, 0.0, 1.0, 1.0)
         plotter.renderers[1].SetDraw(0)
-        pane.show(subject_of(labels), "label", labels.model)
+        pane.show(subject, "label", subject.labels.model)
 
-        def framed(row: int) -> tuple[Floats, Frame]:
+        def framed(grasp: MarkedContacts) -> tuple[Floats, Frame]:
             """Draw a grasp; returns the axes of its view, and what the picture shows."""
-            grasp = MarkedContacts(points[row], normals[row], labels.model, poses[row])
             pane.hold(grasp, hand, table)
-            view = views.best(points[row], normals[row], poses[row])
-            axes = view_axes(view, views.up)
+            axes = view_axes(views.best(grasp.points, grasp.normals, grasp.held), views.up)
             return axes, frame_of(pane.points, pane.beside, axes)
 
-        camera, rows = pane.renderer.camera, range(contacts.size)
-        scale = max(parallel_scale(framed(row)[1].reach, area) for row in rows)
-        for row in rows:
-            axes, frame = framed(row)
-            aim(camera, labels.mesh.size + scale, axes, frame.middle)
+        camera, frames = pane.renderer.camera, [framed(grasp) for grasp in grasps]
+        scale = max(parallel_scale(frame.reach, area) for _, frame in frames)
+        for number, (grasp, (axes, frame)) in enumerate(zip(grasps, frames, strict=True)):
+            pane.hold(grasp, hand, table)
+            aim(camera, subject.mesh.size + scale, axes, frame.middle)
             camera.parallel_scale = scale
             pictures.append(averaged(screenshot(plotter), factor))
-            report_progress((row + 1) / len(rows))
+            report_progress((number + 1) / len(grasps))
     return pictures

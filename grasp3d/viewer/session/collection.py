@@ -9,12 +9,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
+import numpy as np
+
 from grasp3d.batch.inputs import MARKER
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.store import read_summary
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.export.read_labels import READERS, labels_in, read_labels
 from grasp3d.export.stored import settings_from, stored_settings
+from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
@@ -30,6 +33,7 @@ from grasp3d.system.context import current_progress, report_progress, running, w
 from grasp3d.system.documents import is_file, is_folder
 from grasp3d.system.names import as_unicode, printable
 from grasp3d.viewer.session.computations import search_grasps
+from grasp3d.viewer.session.hand_inspection import subject_of_hand
 from grasp3d.viewer.session.inspection import warm_up
 from grasp3d.viewer.session.scans import scan_of_grasp
 from grasp3d.viewer.subjects.subject import Subject, subject_of
@@ -149,11 +153,12 @@ def collection_of_mesh(
     return _single(mesh.report.source, partial(_label_mesh, mesh, *settings), *settings)
 
 
-def collection_of_grasps(grasps: GraspTable) -> Collection:
+def collection_of_grasps(grasps: GraspTable | EvaluatedHandGrasps) -> Collection:
     """Collection of grasps on one surface, an item for each.
 
     The surface has the labels that the first finger would have at every vertex, with the others
-    fixed; the grasp itself is shown until a vertex is inspected.
+    fixed; the grasp itself is shown until a vertex is inspected. At poses of a hand with joints it
+    has none, and the links have colours.
 
     Raises:
         SettingError: There are no grasps.
@@ -161,9 +166,18 @@ def collection_of_grasps(grasps: GraspTable) -> Collection:
     if not grasps.size:
         raise SettingError("there are no grasps to view")
     cache, source = SubjectCache(), as_unicode(grasps.mesh.report.source)
+    names = [f"grasp {row + 1}" for row in range(grasps.size)]
+    if isinstance(grasps, EvaluatedHandGrasps):
+        names = [as_unicode(name) for name in grasps.given.names]
+
+    def opened(row: int) -> Subject:
+        if isinstance(grasps, EvaluatedHandGrasps):
+            return subject_of_hand(grasps.take(np.array([row])))
+        return scan_of_grasp(grasps, row)
+
     items = tuple(
-        Item(f"{source}, grasp {row + 1}", cache.cached(partial(scan_of_grasp, grasps, row)))
-        for row in range(grasps.size)
+        Item(f"{source}, {name}", cache.cached(partial(opened, row)))
+        for row, name in enumerate(names)
     )
     return Collection(items, grasps.model, _default(grasps.model))
 

@@ -16,7 +16,7 @@ from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.context import report_progress, within
 from grasp3d.viewer.session.inspection import warm_up
 from grasp3d.viewer.session.painting import ROUNDING
-from grasp3d.viewer.subjects.subject import Subject, dependence, subject_of
+from grasp3d.viewer.subjects.subject import NO_LABELS, Subject, dependence, subject_of
 
 WIDEST = math.pi / 2.0
 
@@ -136,10 +136,12 @@ def check_savable(subject: Subject, model: GraspModel, path: Path) -> None:
         path: File to create or replace.
 
     Raises:
-        SettingError: The search does not cover the model.
+        SettingError: It has no labels, or the search does not cover the model.
         OutputError: No writer has that suffix.
     """
     writer_for(path)
+    if subject.hand_grasps is not None:
+        raise SettingError(NO_LABELS)
     if not subject.covers(model):
         raise SettingError(
             "the grasps for this friction and resolution are not searched yet; save when the "

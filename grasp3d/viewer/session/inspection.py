@@ -51,15 +51,15 @@ def budget_text(case: Case) -> str:
     located = None if case.perceived is None else case.worst
     budget = margin_budget(case.model, critical, located)
     parts = [
-        f"{SYMBOLS.get(name, name)} {_signed(float(angle))}"
+        f"{SYMBOLS.get(name, name)} {signed_angle(float(angle))}"
         for name, angle in budget.stack.items()
         if float(angle) != 0.0 or name in {"critical angle", "margin"}
     ]
-    return f"β {_signed(float(budget.friction_angle))} = {' + '.join(parts)}"
+    return f"β {signed_angle(float(budget.friction_angle))} = {' + '.join(parts)}"
 
 
 def _critical_angles(worst: float, best: float, of: str) -> str:
-    texts = [_signed(angle) for angle in (worst, best)]
+    texts = [signed_angle(angle) for angle in (worst, best)]
     if texts[0] == texts[1]:
         return texts[0]
     return f"{texts[0] if math.isfinite(worst) else 'none'} (worst), {texts[1]} (best {of})"
@@ -68,14 +68,14 @@ def _critical_angles(worst: float, best: float, of: str) -> str:
 def _max_resolution(case: Case) -> str:
     """Coarsest resolution of all fingers below which it is S: alpha + 2 margins."""
     coarsest = case.model.sensor_resolution + 2.0 * case.margin
-    return _signed(coarsest) if coarsest > 0.0 else "no sensor is fine enough"
+    return signed_angle(coarsest) if coarsest > 0.0 else "no sensor is fine enough"
 
 
 def _margin(case: Case) -> str:
-    return "none" if math.isinf(case.margin) else _signed(case.margin, always=True)
+    return "none" if math.isinf(case.margin) else signed_angle(case.margin, always=True)
 
 
-def _signed(angle: float, *, always: bool = False) -> str:
+def signed_angle(angle: float, *, always: bool = False) -> str:
     """An angle in degrees with a typographic minus sign, and on demand with a plus sign."""
     degrees = round(math.degrees(angle), 1) + 0.0  # never -0
     return f"{degrees:{'+' if always else ''}.1f}°".replace("-", "−")

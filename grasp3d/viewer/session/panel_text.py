@@ -30,6 +30,8 @@ HINTS = {
 }
 """What a click does, by `ViewState.click`."""
 
+OF_HAND = "Links that touch have the colours of the margins of their contacts."
+
 NOTHING, EVERYTHING = "0.0 %", "100.0 %"
 ROUNDING = 1e-9
 """Rounding error of sums of area fractions."""
@@ -90,11 +92,12 @@ def panel_text(session: Session) -> PanelText:
     count = len(session.collection.items)
     title = session.name if count == 1 else f"{session.name} ({session.number + 1} of {count})"
     stale = session.stale
-    current = None if stale else subject
+    of_hand = subject is not None and subject.hand_grasps is not None
+    current = None if stale or of_hand else subject
     return PanelText(
         title=title,
         facts=_facts(subject, len(session.state.fixed), stale=stale) if subject else "",
-        rules=_rules(session),
+        rules=() if of_hand else _rules(session),
         fractions=_fractions(current, model) if current else (),
         other_fractions=_fractions(current, other) if current and other else (),
         ramp=ramp_of(subject, session.state.paint, model) if subject else None,
@@ -125,10 +128,11 @@ def _facts(subject: Subject, fixed: int, *, stale: bool) -> str:
     )
     if subject.labels.scene is not None:
         table = "" if subject.labels.scene.table is None else " and a table"
-        facts += f"; gripper {subject.labels.scene.hand.name}{table}"
+        kind = "gripper" if subject.hand_grasps is None else "hand"
+        facts += f"; {kind} {subject.labels.scene.hand.name}{table}"
     if subject.labels.load_case is not None:
         facts += f"; load {subject.labels.load_case}"
-    if subject.labels.mode == "scan" and not stale:
+    if subject.labels.mode == "scan" and not stale and subject.hand_grasps is None:
         count = fixed or subject.labels.model.fingers - 1
         facts += f", {counted(count, 'fingers')} fixed"
     return facts
@@ -155,7 +159,8 @@ def _notes(session: Session) -> Iterator[str]:
     if state.model.per_finger:
         yield f"added for each finger: {state.model.per_finger} (angles in degrees)"
     models = [session.model] + [session.other_model] * (session.other_model is not None)
-    if any(model is not None and not subject.covers(model) for model in models):
+    searched = subject.hand_grasps is None
+    if searched and any(model is not None and not subject.covers(model) for model in models):
         yield (
             f"grasps were searched up to β* = {math.degrees(subject.cone):.1f}°; grey vertices "
             "need a wider search"

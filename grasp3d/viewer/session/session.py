@@ -10,6 +10,7 @@ from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel
 from grasp3d.viewer.session.background import Finished, Worker
 from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.session.computations import check_savable
+from grasp3d.viewer.session.hand_inspection import inspect_hand
 from grasp3d.viewer.session.inspection import (
     Inspection,
     best_vertices,
@@ -28,11 +29,14 @@ from grasp3d.viewer.session.planning import (
     next_job,
 )
 from grasp3d.viewer.session.state import ViewState, changed_state, has_errors
-from grasp3d.viewer.subjects.subject import Subject
+from grasp3d.viewer.subjects.subject import NO_LABELS, Subject
 from grasp3d.viewer.view_settings import Paint, ViewSettings
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
+
+OF_FINGERS = frozenset({"fingers", "max_opening", "fixed", "location_error", "compare"})
+"""Choices that do not apply to them."""
 
 BEST = 20
 """Number of the best grasps of a surface that a user steps through."""
@@ -151,15 +155,19 @@ class Session:
         alternative = self.state.alternative
         if subject is None or self.stale:
             return None
-        if vertex is None:
+        if vertex is None and subject.hand_grasps is None:
             return inspect_last_contact(subject, model)
-        if vertex >= len(subject.mesh.vertices):
+        if vertex is not None and vertex >= len(subject.mesh.vertices):
             return None
         last = self._last_inspection
         key = (vertex, model, alternative)
         if last is None or last[0] is not subject or last[1] != key:
-            last = (subject, key, inspect(subject, vertex, model, alternative))
-            self._last_inspection = last
+            if subject.hand_grasps is not None:
+                found = inspect_hand(subject.hand_grasps, model)
+            else:
+                assert vertex is not None
+                found = inspect(subject, vertex, model, alternative)
+            last = self._last_inspection = (subject, key, found)
         return last[2]
 
     @property
@@ -180,6 +188,11 @@ class Session:
         state = changed_state(self.state, changes)
         if state.paint != self.state.paint:
             self.check_paint(state.paint)
+        subject = self.subject
+        of_hand = subject is not None and subject.hand_grasps is not None
+        if of_hand and OF_FINGERS & changes.keys():
+            name = min(OF_FINGERS & changes.keys()).replace("_", " ")
+            raise SettingError(f"{name} does not apply to poses of a hand with joints")
         if "fingers" in changes and not 2 <= state.model.fingers <= MAX_SEARCHED_FINGERS:
             raise SettingError(
                 f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {state.model.fingers}"
@@ -219,6 +232,8 @@ class Session:
         if vertex is not None and not 0 <= vertex < len(subject.mesh.vertices):
             count = len(subject.mesh.vertices)
             raise SettingError(f"there is no vertex {vertex}; there are {count:,}, from 0")
+        if vertex is not None and subject.hand_grasps is not None:
+            raise SettingError(NO_LABELS)
         if vertex is None or inspect or self.state.click == "inspect":
             self._set_state(replace(self.state, vertex=vertex, alternative=0))
             return
@@ -256,6 +271,9 @@ class Session:
             SettingError: There is no grasp, or they are still searched.
         """
         subject = self.subject
+        if subject is not None and subject.hand_grasps is not None:
+            self.step(by)
+            return
         if subject is None or self.stale:
             raise SettingError("the grasps are not known yet; wait until they are searched")
         best = [int(vertex) for vertex in best_vertices(subject, BEST)]

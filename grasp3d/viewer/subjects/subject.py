@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from grasp3d.arrays import Floats, locked, short_repr
+from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import FaceRays
@@ -22,6 +23,9 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 
 PAIR = 2
+
+NO_LABELS = "the surface has no labels: poses of a hand with joints are shown"
+"""Why it cannot be clicked or saved."""
 
 KEPT = 4
 """Sets of located angles that are kept: those of two panes, before and after a change."""
@@ -74,6 +78,8 @@ class Subject:
     yet."""
     last_contact: LastContact | None = None
     """With fixed fingers: the best contact found for the last one; None: unknown."""
+    hand_grasps: EvaluatedHandGrasps | None = None
+    """Poses of a hand with joints, of which the first one is shown; the surface has no labels."""
     alternatives: Alternatives | None = None
     """Other grasps of the vertex that was inspected last; None: not searched."""
     located: Mapping[object, WorstAndBest] = field(default_factory=dict)
@@ -160,7 +166,9 @@ class Subject:
         return model.fingers == PAIR and fits(model)
 
     def covers(self, model: GraspModel) -> bool:
-        """Whether the search went far enough for a model."""
+        """Whether the search went far enough for a model: no, where poses of a hand are given."""
+        if self.hand_grasps is not None:
+            return False
         needed, searched = search_cone(model), search_cone(self.labels.model)
         return needed <= max(self.cone, searched) + 1e-9  # rounding
 

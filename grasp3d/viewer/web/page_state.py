@@ -11,6 +11,7 @@ from grasp3d.viewer.session.painting import HEX_PALETTE, Ramp
 from grasp3d.viewer.session.panel_text import (
     HINTS,
     NOTHING,
+    OF_HAND,
     LabelFraction,
     PanelText,
     grasp_number,
@@ -70,6 +71,7 @@ def page_state(session: Session) -> dict[str, Any]:
         "message": session.message,
         "notes": list(text.notes),
         "ready": subject is not None,
+        "labelled": subject is None or subject.hand_grasps is None,
         "unit": (subject and subject.mesh.unit) or "",
         "trame__title": f"{session.name} · grasp3d",
     }
@@ -113,6 +115,8 @@ def click_hint(session: Session) -> str:
     if session.stale and session.working is not None:
         then = " Then the grasp of the clicked vertex is shown."
         return f"{session.working[0]} …{then if session.state.vertex is not None else ''}"
+    if session.subject is not None and session.subject.hand_grasps is not None:
+        return OF_HAND
     count, missing = len(session.state.fixed), session.state.model.fingers - 1
     if not count:
         return HINTS[session.state.click]

@@ -1,0 +1,131 @@
+"""A given pose of a hand with joints: what it holds, as it is listed and drawn."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
+from grasp3d.hand.gripper_pose import GripperPose
+from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.plots.margin_colors import margin_colors
+from grasp3d.settings import GraspModel
+from grasp3d.settings.lengths import small_length
+from grasp3d.stability.label import Label
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.vertex_grasps import Reason, SearchReport
+from grasp3d.viewer.session.inspection import UNKNOWN, Inspection, signed_angle
+from grasp3d.viewer.session.painting import ROUNDING
+from grasp3d.viewer.subjects.subject import Subject, subject_of
+
+WHY = {
+    Label.S: "Surely stable: the links that feel hold it whatever its true normals are.",
+    Label.M: "Ambiguous: some normals that the sensors cannot tell apart do not hold it.",
+    Label.U: "Surely unstable: no normals that the sensors cannot tell apart hold it.",
+}
+"""Reasons of grasps that the hand can reach."""
+
+
+def subject_of_hand(grasps: EvaluatedHandGrasps) -> Subject:
+    """The object of poses of a hand, of which the first one is shown; its surface has no labels.
+
+    Args:
+        grasps: Evaluated poses.
+    """
+    mesh = grasps.mesh
+    count = len(mesh.vertices)
+    labels = SurfaceLabels.of_vertices(
+        mesh,
+        grasps.model,
+        angles=(np.full(count, math.inf), np.full(count, math.inf)),
+        partners=np.full((count, 1, 3), math.nan),
+        partner_points=SurfacePoints(np.zeros((count, 2, 1), np.int64), np.zeros((count, 2, 1, 3))),
+        grip=np.zeros(count, np.int8),
+        reason=np.full(count, Reason.SAME_POINT),
+        sampling=None,
+        mode="scan",
+        search=SearchReport(cone=0.0),
+        scene=grasps.scene,
+    )  # fmt: skip
+    return replace(subject_of(labels), hand_grasps=grasps)
+
+
+def held_by(grasps: EvaluatedHandGrasps, row: int) -> GripperPose:
+    """The hand at a pose, with colours of the links that touch by the margins of their contacts."""
+    contacts, margins = grasps.contacts, grasps.link_margin[row]
+    known = np.flatnonzero(~np.isnan(margins))
+    colors = margin_colors(margins[known], grasps.model)
+    return GripperPose(
+        contacts.poses[row], 0.0, math.nan, math.nan, math.nan,
+        posture=contacts.posture[row],
+        toward=grasps.hand.approach,
+        colors=dict(zip(known.tolist(), map(tuple, colors.tolist()), strict=True)),
+    )  # fmt: skip
+
+
+def inspect_hand(grasps: EvaluatedHandGrasps, model: GraspModel) -> Inspection:
+    """Inspect the first pose of a hand at another friction and sensor resolution.
+
+    Args:
+        grasps: Evaluated poses.
+        model: Friction and resolution; the contacts remain.
+    """
+    found = grasps.using(model)
+    points, normals = found.contacts_of(0)
+    return Inspection(
+        None, int(found.label[0]), points, normals, model, tuple(_numbers(found)),
+        reason_of(found, 0), held_by(found, 0),
+    )  # fmt: skip
+
+
+def reason_of(grasps: EvaluatedHandGrasps, row: int) -> str:
+    """Why a pose is S, M or U, or what is wrong with it, in one sentence."""
+    reason = str(grasps.reason[row])
+    text = f"{reason[:1].upper()}{reason[1:]}." if reason else ""
+    if text and not grasps.reachable[row]:
+        return f"Not a grasp as it is: {reason}."
+    return text or WHY[Label(int(grasps.label[row]))]
+
+
+def _numbers(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
+    """Names and values of the first pose; those that are not known are left out."""
+    contacts, unit = grasps.contacts, grasps.mesh.unit
+    links = grasps.links[0].split()
+    numbers = [
+        ("pose", str(grasps.given.names[0])),
+        ("contacts", contacts.rule),
+        ("links", ", ".join(links) or "none"),
+        ("fingertips alone", Label(int(grasps.label_fingertips[0])).name),
+        *(
+            (name, signed_angle(float(value), always=name == "margin"))
+            for name, value in (
+                ("β*", grasps.critical_angle[0]),
+                ("α*", grasps.max_resolution[0]),
+                ("margin", grasps.margin[0]),
+            )
+            if math.isfinite(value)
+        ),
+        ("ε", f"{grasps.epsilon[0]:.3g}" if math.isfinite(grasps.epsilon[0]) else UNKNOWN),
+        ("rank", str(grasps.rank[0])),
+    ]
+    lengths = (
+        ("gap", grasps.gap[0]),
+        ("inside the object", grasps.penetration[0]),
+        ("links overlap", grasps.overlap[0]),
+        ("below the table", grasps.below_table[0]),
+        ("object moved", contacts.shift[0]),
+    )
+    least = ROUNDING * grasps.mesh.size
+    numbers += [(name, small_length(value, unit, 2)) for name, value in lengths if value > least]
+    felt = np.flatnonzero(~np.isnan(grasps.link_margin[0]))
+    names = grasps.hand.link_names
+    numbers += [
+        (f"margin of {names[link]}", margin_text(float(grasps.link_margin[0, link])))
+        for link in felt.tolist()
+    ]
+    return numbers
+
+
+def margin_text(margin: float) -> str:
+    """A margin of a link in degrees."""
+    return signed_angle(margin, always=True) if math.isfinite(margin) else "none"

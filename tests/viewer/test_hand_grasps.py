@@ -1,0 +1,208 @@
+"""Poses of hands with joints in pictures, in the viewer's session and on its page."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import grasp3d
+from grasp3d import GraspModel, Label
+from grasp3d.errors import SettingError
+from grasp3d.grasps import EvaluatedHandGrasps, GraspPoses, write_grasps
+from grasp3d.hand.triangles import COLORS, Part
+from grasp3d.plots.figures import save_as
+from grasp3d.plots.grasps import hand_grasp_figure
+from grasp3d.plots.margin_colors import margin_colors
+from grasp3d.plots.rendering import view_axes
+from grasp3d.plots.views import GraspViews
+from grasp3d.viewer.scene.sheets import draw_hand_grasps
+from grasp3d.viewer.session.collection import collection_of_grasps
+from grasp3d.viewer.session.hand_inspection import held_by
+from grasp3d.viewer.session.panel_text import panel_text
+from grasp3d.viewer.web.page_state import page_state
+from tests.helpers import shapes, slider_hand
+from tests.helpers.commands import export
+from tests.helpers.commands import run_here as run
+from tests.helpers.figures import check_texts, drawn_texts
+from tests.helpers.slider_hand import BOX, TOUCHING
+from tests.helpers.viewing import ready_session, wait_until_idle
+from tests.plots.test_rendering import needs_opengl
+
+Bytes = NDArray[np.uint8]
+FINE = GraspModel(sensor_resolution=math.radians(10.0))
+
+
+def grasps(folder: Path, *postures: float, **stated: object) -> EvaluatedHandGrasps:
+    """Four fingers at the sides of a box."""
+    values = np.array([np.full(4, one) for one in postures])
+    poses = np.tile(np.eye(4), (len(values), 1, 1))
+    found = grasp3d.evaluate_grasps(
+        grasp3d.load_mesh(shapes.box(BOX), unit="m"),
+        GraspPoses(poses=poses, posture=values, unit="m"),
+        FINE,
+        hand=slider_hand.hand(folder, **stated),
+    )
+    assert isinstance(found, EvaluatedHandGrasps)
+    return found
+
+
+def pixels_of(picture: Bytes, color: object) -> int:
+    """Pixels of a colour, however the light falls on it."""
+    shown, wanted = picture.reshape(-1, 3).astype(float), np.asarray(color, dtype=float)
+    brightness = np.linalg.norm(shown, axis=1) / np.linalg.norm(wanted)
+    same = shown @ wanted > 0.9995 * np.linalg.norm(shown, axis=1) * np.linalg.norm(wanted)
+    return int((same & (brightness > 0.5) & (brightness < 1.01)).sum())
+
+
+@pytest.mark.slow
+@needs_opengl
+def test_links_have_the_colours_of_their_margins(tmp_path: Path) -> None:
+    sensors = {"finger_0": None, "finger_1": None, "finger_2": None}
+    felt = grasps(tmp_path, TOUCHING, sensors=sensors)
+    margins = felt.link_margin[0]
+    names = felt.hand.link_names
+    assert np.isnan(margins[names.index("palm")])
+    assert np.isnan(margins[names.index("finger_3")])
+    (picture,) = draw_hand_grasps(felt)
+    colors = margin_colors(margins[[names.index(name) for name in sensors]], FINE)
+    assert len(np.unique(colors, axis=0)) > 1  # the one opposite of the blind one is needed less
+    assert all(pixels_of(picture, color) > 100 for color in np.unique(colors, axis=0))
+    (blind,) = draw_hand_grasps(grasps(tmp_path, TOUCHING, sensors={}))
+    assert not any(pixels_of(blind, color) for color in colors)
+    assert pixels_of(blind, COLORS[Part.TIP]) > 100
+
+
+def test_view_shows_the_contacts_and_not_the_palm(tmp_path: Path) -> None:
+    found = grasps(tmp_path, TOUCHING)
+    pose, views = held_by(found, 0), GraspViews(found.mesh, found.scene)
+    view = views.best(*found.contacts_of(0), pose)
+    toward = view_axes(view, views.up)[2]
+    assert toward @ pose.approach > -0.2  # the palm is below, and would hide all
+    assert pose.triangles(found.hand, "m").links.max() == len(found.hand.link_names) - 1
+
+
+@pytest.mark.slow
+@needs_opengl
+def test_figure(tmp_path: Path) -> None:
+    found = grasps(tmp_path, TOUCHING, 0.0)
+    figure = hand_grasp_figure(found, draw_hand_grasps(found), [3, 7])
+    save_as(figure, tmp_path / "sheet.png")
+    check_texts(figure)
+    texts = " ".join(text for text, _ in drawn_texts(figure))
+    for part in ("sliders", "contacts given", "{3}", "  S ", "margin +21.", "{7}", "no margin"):
+        assert part in texts
+    assert "no link within 5 mm" in texts.replace("\n", " ")
+
+
+def test_session_steps_through_poses(tmp_path: Path) -> None:
+    found = grasps(tmp_path, TOUCHING, 0.0)
+    session = ready_session(collection_of_grasps(found))
+    shown = session.inspection
+    assert shown is not None
+    numbers = dict(shown.numbers)
+    assert (shown.code, shown.vertex) == (Label.S, None)
+    assert shown.reason.startswith("Surely stable")
+    assert numbers["links"] == "finger_0, finger_1, finger_2, finger_3"
+    assert numbers["margin"].startswith("+21.")
+    assert numbers["margin of finger_2"].startswith("+21.")
+    assert shown.held is not None
+    assert len(shown.held.colors) == 4
+    session.step_best(1)
+    wait_until_idle(session)
+    other = session.inspection
+    assert other is not None
+    assert other.code == Label.U
+    assert other.reason == "No link within 5 mm of the object."
+    assert (len(other.points), other.held and dict(other.held.colors)) == (0, {})
+    session.close()
+
+
+def test_session_evaluates_at_another_resolution(tmp_path: Path) -> None:
+    session = ready_session(collection_of_grasps(grasps(tmp_path, TOUCHING)))
+    before = session.inspection
+    session.change(sensor_resolution=math.radians(70.0))
+    after = session.inspection
+    assert before is not None
+    assert after is not None
+    assert (before.code, after.code) == (Label.S, Label.M)
+    assert session.working is None
+    assert not session.stale
+    session.close()
+
+
+def test_texts_are_those_of_a_hand(tmp_path: Path) -> None:
+    session = ready_session(collection_of_grasps(grasps(tmp_path, TOUCHING)))
+    text, page = panel_text(session), page_state(session)
+    assert (text.fractions, text.rules, text.notes) == ((), (), ())
+    assert text.facts.endswith("hand sliders")
+    assert text.ramp is not None
+    assert text.ramp.grey == "blind, or does not touch"
+    assert page["labelled"] is False
+    assert "margins of their contacts" in page["hint"]
+    session.close()
+
+
+@pytest.mark.parametrize(
+    "action",
+    [
+        lambda session: session.click(0),
+        lambda session: session.save(Path("x.ply")),
+        lambda session: session.change(fingers=3),
+        lambda session: session.change(location_error=0.001),
+        lambda session: session.change(compare=0.7),
+    ],
+)
+def test_what_needs_labels_is_refused(action: object, tmp_path: Path) -> None:
+    session = ready_session(collection_of_grasps(grasps(tmp_path, TOUCHING)))
+    state = session.state
+    with pytest.raises(SettingError, match="poses of a hand with joints"):
+        action(session)  # type: ignore[operator]
+    assert session.state == state
+    session.close()
+
+
+def write(folder: Path) -> None:
+    """The box, the hand, and poses."""
+    export(folder / "box.stl", shapes.box(BOX))
+    slider_hand.write(folder)
+    joints = tuple(f"slide_{number}" for number in range(4))
+    given = GraspPoses(
+        poses=np.tile(np.eye(4), (2, 1, 1)), posture=np.array([np.zeros(4), np.full(4, TOUCHING)]),
+        joint_names=joints, unit="m",
+    )  # fmt: skip
+    write_grasps(folder / "poses.csv", given)
+
+
+HAND = ("--hand", "sliders.json", "--unit", "m", "-q")
+
+
+@pytest.mark.slow
+@needs_opengl
+def test_commands_draw_poses(tmp_path: Path) -> None:
+    write(tmp_path)
+    for words in (
+        ("evaluate", "box.stl", "poses.csv", *HAND, "--picture", "sheet.png"),
+        ("view", "box.stl", "--grasps", "poses.csv", *HAND, "--screenshot", "view.png"),
+    ):
+        done = run(*words, cwd=tmp_path)
+        assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "sheet.png").stat().st_size > 10_000
+    assert (tmp_path / "view.png").stat().st_size > 5_000
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("evaluate box.stl poses.csv --hand franka --picture x.png", "picture applies to poses"),
+        ("view box.stl --grasps poses.csv --hand franka", "a hand with joints: give it with --ha"),
+        ("view box.stl --contact-rule closed --screenshot x.png", "give --grasps"),
+    ],
+)
+def test_other_grippers_are_refused(words: str, message: str, tmp_path: Path) -> None:
+    write(tmp_path)
+    done = run(*words.split(), "--unit", "m", cwd=tmp_path)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
