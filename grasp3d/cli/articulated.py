@@ -5,6 +5,8 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+import numpy as np
+
 from grasp3d.cli.report import Report, escaped, table_of
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.presets import NAMES, content_of
@@ -79,7 +81,7 @@ def _links(hand: ArticulatedHand) -> Iterator[list[str]]:
 
 def _rows(hand: ArticulatedHand) -> Iterator[tuple[str, str]]:
     yield "frame", f"that of {hand.link_names[0]}, the base"
-    x, y, z = hand.approach
+    x, y, z = np.round(hand.approach, 4) + 0.0  # without -0
     yield "approach", f"({x:.4g}, {y:.4g}, {z:.4g}) in it, open"
     yield "preshapes", ", ".join(hand.preshapes)
     for coupling in hand.couplings:

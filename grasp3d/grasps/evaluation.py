@@ -15,6 +15,7 @@ from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps, evaluate_hand
 from grasp3d.grasps.pose_files import read_poses
 from grasp3d.grasps.pose_files.frames import UnknownUnitError
 from grasp3d.grasps.poses import GraspPoses
+from grasp3d.grasps.postures import refuse_joints
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.choices import ContactRule, ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws
@@ -394,6 +395,7 @@ def evaluate_poses(
         return evaluate_hand(
             mesh, start, model, scene, object_motion=object_motion, load=case, **of_links
         )
+    refuse_joints(start, hand)
     own_model = touching(hand, GraspModel()) if model is None else model
     (own_model,) = mesh.in_own_unit(with_fingers(own_model, hand.fingers[-1]))
     if load is not None:

@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
 from grasp3d.grasps.poses import STAGES, GraspPoses
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.system.names import printable
 
 MOST_LISTED = 8
@@ -19,6 +22,9 @@ MOST_LISTED = 8
 
 PARALLEL = 0.98
 """Cosine from which two axes of joints are the same."""
+
+LOOSE = 0.02
+"""Largest difference of a joint that follows another one from what that says [rad or m]."""
 
 ORDER = "joint_order"
 """Setting of poses whose file does not name the joints: whose order is assumed."""
@@ -70,8 +76,9 @@ def matched(poses: GraspPoses, hand: ArticulatedHand, *, wrist: Sequence[str] = 
 
     Joints are matched by name; names may all begin with a name of the robot, such as rh_. Those of
     the Shadow hand in DexGraspNet (robot0:FFJ3) are found in descriptions for ROS (FFJ4), with the
-    signs of its axes. Where the file does not name joints, it must have as many as the hand, whose
-    order is assumed: the setting `joint_order` says so.
+    signs of its axes. Values of joints that follow others must be those that these say. Where the
+    file does not name joints, it must have as many as the hand, whose order is assumed: the setting
+    `joint_order` says so.
 
     Args:
         poses: Poses with postures.
@@ -79,8 +86,8 @@ def matched(poses: GraspPoses, hand: ArticulatedHand, *, wrist: Sequence[str] = 
         wrist: Joints of it that the poses need not have: those that they lack are at 0.
 
     Raises:
-        ContactError: There are no postures, joints are missing or unknown, or their number is
-            another one.
+        ContactError: There are no postures, joints are missing, unknown or contradict the one that
+            they follow, or their number is another one.
     """
     names, count = poses.joint_names, poses.posture.shape[1]
     if not count:
@@ -92,6 +99,7 @@ def matched(poses: GraspPoses, hand: ArticulatedHand, *, wrist: Sequence[str] = 
     settings = dict(poses.settings)
     if names:
         found = _named(names, hand, wrist)
+        _check_followers(poses, found, hand)
     else:
         found = _in_order(count, hand, wrist)
         settings[ORDER] = f"not stated: that of {hand.name} is assumed"
@@ -151,22 +159,62 @@ def _in_order(count: int, hand: ArticulatedHand, wrist: Sequence[str]) -> Column
 
 def _named(names: tuple[str, ...], hand: ArticulatedHand, wrist: Sequence[str]) -> Columns:
     """The columns of joints that have these names. Raises ContactError."""
-    own = {name: (name, 1.0) for name in hand.joint_names}
+    followers = tuple(joint.name for joint in hand.tree.joints.values() if joint.follows)
+    known = (*hand.joint_names, *followers)
+    own = {name: (name, 1.0) for name in known}
     if not {*names} & own.keys():
         if any(map(_MODEL.fullmatch, names)):  # of another numbering, so before names are cut
             own = _of_shadow(hand)
         else:
-            names = _short(names)
-            short = zip(_short(hand.joint_names), hand.joint_names, strict=True)
-            own = {name: (joint, 1.0) for name, joint in short}
+            pairs = product((_short(names), names), (known, _short(known)))
+            same = ((given, keys) for given, keys in pairs if {*given} & {*keys})
+            names, keys = next(same, (names, known))
+            own = {key: (joint, 1.0) for key, joint in zip(keys, known, strict=True)}
     columns = {name: k for k, name in enumerate(names)}
     found = {own[name][0]: (k, own[name][1]) for name, k in columns.items() if name in own}
-    followers = {joint.name for joint in hand.tree.joints.values() if joint.follows}
-    surplus = [name for name in names if name not in own and name not in followers]
+    surplus = [name for name in names if name not in own]
     missing = [name for name in hand.joint_names if name not in found and name not in wrist]
     if surplus or missing:
         raise ContactError(printable(_difference(surplus, missing, hand.name)))
     return found
+
+
+def _check_followers(poses: GraspPoses, found: Columns, hand: ArticulatedHand) -> None:
+    """Refuse values of joints that contradict the joint that they follow. Raises ContactError."""
+    for joint in hand.tree.joints.values():
+        if joint.follows is None or joint.name not in found:
+            continue
+        source, factor, offset = hand.tree.source_of(joint)
+        (own, _), (at, sign) = found[joint.name], found.get(source, (-1, 0.0))
+        for name in POSTURES:
+            posture = getattr(poses, name)
+            if not posture.size:
+                continue
+            follows = factor * sign * posture[:, at] + offset
+            wrong = np.flatnonzero(np.abs(posture[:, own] - follows) > LOOSE)
+            if len(wrong):
+                first = wrong[0]
+                raise ContactError(
+                    printable(
+                        f"grasp {first + 1}: joint {joint.name} of its {name} is at "
+                        f"{posture[first, own]:.4g}, but it follows {source}, which says "
+                        f"{follows[first]:.4g}; so in {len(wrong)} of {poses.count} grasps: give "
+                        f"the hand that they are of, or leave {joint.name} out"
+                    )
+                )
+
+
+def refuse_joints(poses: GraspPoses, hand: Hand | None) -> None:
+    """Refuse postures where the hand is a gripper of two jaws. Raises ContactError."""
+    joints = poses.posture.shape[1]
+    if joints and isinstance(hand, ParallelGripper):
+        named = f" ({_listed(poses.joint_names)})" if poses.joint_names else ""
+        raise ContactError(
+            printable(
+                f"the poses have values of {joints} joints{named}, but {hand.name} is a gripper "
+                "of two jaws, which has none: give the hand that they are of"
+            )
+        )
 
 
 def _short(names: Sequence[str]) -> tuple[str, ...]:

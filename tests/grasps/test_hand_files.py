@@ -15,17 +15,21 @@ import pyarrow.csv as pc
 import pytest
 from scipy.spatial.transform import Rotation
 
+from grasp3d import load_mesh, read_hand
 from grasp3d.errors import ContactError, OutputError
+from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.pose_files import hand_files, read_poses, write_poses
+from grasp3d.grasps.pose_files.frames import JOINTED
 from grasp3d.grasps.pose_files.hand_files import ALL_STAGES
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.grasps.postures import matched, wrist_of
+from grasp3d.grasps.postures import POSTURES, matched, wrist_of
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.parallel_gripper import preset
 from grasp3d.settings import PoseFormat
 from tests.grasps.test_poses import random_poses, with_joints
 from tests.hand.test_articulated_hand import hand_of, random_postures
-from tests.helpers.hands import HANDS
+from tests.helpers import shapes
+from tests.helpers.hands import HANDS, hand_file
 
 
 def equal(one: Any, other: Any, tolerance: float = 1e-9) -> None:
@@ -116,9 +120,9 @@ IN_MODEL = ("FFJ3", "FFJ2", "THJ4", "THJ0", "LFJ4")
 """The same joints as DexGraspNet's model calls them."""
 
 
-def grasps_of(name: str, count: int = 4) -> GraspPoses:
+def grasps_of(name: str | ArticulatedHand, count: int = 4) -> GraspPoses:
     """Grasps of a hand, in metres."""
-    hand = hand_of(name)
+    hand = hand_of(name) if isinstance(name, str) else name
     posture = random_postures(hand, count)
     moved = random_poses(count)
     moved[:, 2, 3] += 0.02
@@ -254,6 +258,52 @@ def test_missing_surplus_and_misspelt_joints_are_named(
     with pytest.raises(ContactError, match=message) as error:
         matched(other, hand_of("allegro"))
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("prefix", ["", "bh_"])
+@pytest.mark.parametrize("stage", ["posture", "squeeze_posture"])
+def test_joints_that_follow_others_must_not_contradict_them(prefix: str, stage: str) -> None:
+    hand = read_hand(hand_file("barrett"))
+    assert isinstance(hand, ArticulatedHand)
+    poses = grasps_of(hand)
+    followers = [joint for joint in hand.tree.joints.values() if joint.follows]
+    assert followers
+
+    def values(posture: Any) -> Any:
+        """A posture with the joints that follow, each as the one that it follows says."""
+        more = [hand.tree.source_of(joint) for joint in followers]
+        at = [hand.joint_names.index(source) for source, _, _ in more]
+        factors, offsets = (np.array([one[k] for one in more]) for k in (1, 2))
+        return np.hstack([posture, factors * posture[:, at] + offsets])
+
+    names = (*hand.joint_names, *(joint.name for joint in followers))
+    last = np.arange(len(names)) == len(names) - 1
+    stages = {name: values(getattr(poses, name)) for name in POSTURES}
+    full = replace(poses, joint_names=tuple(prefix + name for name in names), **stages)
+    same_grasps(matched(full, hand), poses)
+    stages[stage] = stages[stage] + 0.01 * last
+    matched(replace(full, **stages), hand)
+    stages[stage] = stages[stage] + 0.05 * (np.arange(4) == 2)[:, None] * last
+    words = (
+        f"grasp 3: joint finger_3_dist_joint of its {stage} .* follows finger_3_med_joint, which"
+    )
+    with pytest.raises(ContactError, match=rf"{words} says .*; so in 1 of 4 grasps") as error:
+        matched(replace(full, **stages), hand)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("form", ["json", "csv", "parquet"])
+def test_joints_are_not_ignored_where_the_hand_is_a_gripper(
+    tmp_path: Path, form: PoseFormat
+) -> None:
+    path, poses = tmp_path / f"a{FORMATS[form]}", grasps_of("allegro")
+    write_poses(path, poses, format=form)
+    box = load_mesh(shapes.box((9.0, 9.0, 9.0)), unit="m")
+    words = r"values of 16 joints \(joint_0.0, .* but franka is a gripper of two jaws, which"
+    with pytest.raises(ContactError, match=words):
+        read_poses(path, hand=preset("franka"))
+    with pytest.raises(ContactError, match=words):
+        evaluate_grasps(box, poses, hand=preset("franka"))
 
 
 def test_another_number_of_joints_is_refused_with_both() -> None:
@@ -435,6 +485,17 @@ def test_dictionaries_with_other_values_are_refused(
     with pytest.raises(ContactError, match=message) as error:
         read_poses(save(tmp_path / "a.npy", one), hand=hand_of("allegro"))
     assert "\n" not in str(error.value)
+
+
+def test_dictionaries_of_no_format_and_arrays_instead_of_them_are_refused(tmp_path: Path) -> None:
+    path = save(tmp_path / "a.npy", {"scale": 1.0})
+    for form in (None, "graspnet", "interndata"):
+        with pytest.raises(ContactError, match=r"its dictionaries must have the key grasp_qpos"):
+            read_poses(path, hand=hand_of("allegro"), format=form)
+    np.save(path, np.zeros((3, 17)))
+    for name in JOINTED:
+        with pytest.raises(ContactError, match="an array of numbers, not dictionaries of"):
+            read_poses(path, hand=hand_of("allegro"), format=name)
 
 
 class Executes:

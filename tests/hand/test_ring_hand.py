@@ -24,6 +24,7 @@ from grasp3d.arrays import Floats
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.grasps import poses_of
 from grasp3d.grasps.pose_files.files import OWN_FORMATS, check_hand, suffixes_of, write_poses
+from grasp3d.grasps.pose_files.frames import JOINTED
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.hand import Hand
@@ -292,17 +293,24 @@ def test_poses_are_written_and_read_back(tmp_path: Path, suffix: str) -> None:
 
 
 @pytest.mark.parametrize("name", sorted({*get_args(PoseFormat)} - READ_ONLY))
-def test_formats_with_the_base_of_a_gripper_are_refused_before_the_work(
+def test_formats_of_another_kind_of_hand_are_refused_before_the_work(
     name: PoseFormat, tmp_path: Path
 ) -> None:
     if name in OWN_FORMATS:
         check_hand(name, RING)
         return
-    with pytest.raises(SettingError, match="need the lengths of the gripper") as early:
+    franka = grasp3d.ParallelGripper.preset("franka")
+    if name in JOINTED:
+        message = "have postures of a hand with joints; '.*' is none"
+        with pytest.raises(SettingError, match="hand with joints; 'franka' is none"):
+            check_hand(name, franka)
+    else:
+        message = "need the lengths of the gripper"
+        check_hand(name, franka)
+    with pytest.raises(SettingError, match=message) as early:
         check_hand(name, RING)
-    check_hand(name, grasp3d.ParallelGripper.preset("franka"))
     path = tmp_path / f"poses{suffixes_of(name)[0]}"
-    with pytest.raises(OutputError, match="need the lengths of the gripper") as late:
+    with pytest.raises(OutputError, match=message) as late:
         write_poses(path, GraspPoses(poses=np.eye(4), unit="m", hand=RING), format=name)
     assert str(early.value).partition(" files")[2] == str(late.value).partition(" files")[2]
 

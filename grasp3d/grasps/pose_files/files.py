@@ -19,6 +19,7 @@ from grasp3d.grasps.pose_files.documents import (
 )
 from grasp3d.grasps.pose_files.frames import (
     FIELD,
+    JOINTED,
     OBJECT_FRAMES,
     Given,
     GivenPose,
@@ -29,7 +30,7 @@ from grasp3d.grasps.pose_files.frames import (
     read_object_pose,
 )
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.grasps.postures import matched
+from grasp3d.grasps.postures import matched, refuse_joints
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import GripperFrame
 from grasp3d.hand.hand import Hand
@@ -266,6 +267,7 @@ def read_poses(
     try:
         poses = _relative(of_tcp(_read(path, format, given, chosen)), pose)
         poses = _with_scale(poses, object_scale)
+        refuse_joints(poses, hand)
         is_matched = isinstance(poses.hand, ArticulatedHand) and poses.posture.size
         return matched(poses, poses.hand) if is_matched else poses  # type: ignore[arg-type]
     except OSError as error:
@@ -390,6 +392,13 @@ def _read(
     if name is None:
         raise ContactError(_unknown(content))
     entry = _FORMATS[name]
+    if suffix in _DICTIONARIES and isinstance(content, list) != (name in JOINTED):
+        keys = "grasp_qpos (DexGraspBench), robot_pose (BODex) or qpos (DexGraspNet)"
+        raise ContactError(
+            f"contains no poses: its dictionaries must have the key {keys}"
+            if isinstance(content, list)
+            else f"contains an array of numbers, not dictionaries of {name}"
+        )
     poses = entry.read(content, given)
     stated = poses.settings.get(FIELD, poses.gripper_frame)
     return replace(
