@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.grasps.pose_readings import starting_inside, suspected_reading
-from grasp3d.grasps.poses import GraspPoses
+from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.readings import SUSPECTED, PoseReading
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws
@@ -24,6 +24,7 @@ from grasp3d.quality.measures.measuring import UNDEFINED, MetricValues
 from grasp3d.surface.fields import (
     CLOSED,
     FORCES,
+    HAND_GRASPS,
     ROBUST,
     Arrays,
     columns_of,
@@ -35,7 +36,9 @@ from grasp3d.surface.robustness import Robustness, robustness_of
 from grasp3d.surface.rows import NO_ROW, rows_where
 from grasp3d.surface.vertex_grasps import SpreadGrasps
 
-STALE = frozenset({UNDEFINED, *METRICS, *(field.name for field in (*CLOSED, *FORCES, *ROBUST))})
+STALE = frozenset(
+    {UNDEFINED, *METRICS, *(field.name for field in (*CLOSED, *FORCES, *ROBUST, *HAND_GRASPS))}
+)
 """Columns of given poses that may be of other settings."""
 
 
@@ -95,7 +98,7 @@ class GivenGrasps(LabelledGrasps):
         others = {
             name: column
             for name, column in self.given.columns.items()
-            if name not in own and name not in STALE
+            if name not in own and name not in STALE and not name.startswith(GAP)
         }
         settings = {**self.given.settings, **self._settings()}
         return replace(self.given, hand=self.hand, columns={**others, **own}, settings=settings)

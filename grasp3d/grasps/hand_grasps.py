@@ -17,7 +17,7 @@ from grasp3d.grasps.pose_readings import suspected_reading
 from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.postures import ORDER, matched
 from grasp3d.grasps.readings import SUSPECTED, PoseReading
-from grasp3d.hand.articulated.actuation import torques_of
+from grasp3d.hand.articulated.actuation import torques_of, unstated_torques
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
 from grasp3d.hand.choices import ContactRule, ObjectMotion
@@ -143,12 +143,15 @@ class EvaluatedHandGrasps(GivenGrasps):
         return self._labels(self.sets, self.tilts_of_links[self._link])
 
     @cached_property
+    def _tips(self) -> Bools:
+        """Contacts of `sets` of fingertips with sensors."""
+        tips = np.isin(self.hand.link_names, self.hand.fingertips) & ~np.isnan(self.tilts_of_links)
+        return np.asarray(tips[self._link])
+
+    @cached_property
     def fingertips(self) -> SetLabels:
-        """Labels of the fingertips with sensors alone."""
-        tips = np.isin(self.hand.link_names, self.hand.fingertips)
-        tilts = np.where(tips, self.tilts_of_links, math.nan)[self._link]
-        felt = ~np.isnan(tilts)
-        return self._labels(self.sets.of(felt), tilts[felt])
+        """Labels of the fingertips with sensors alone, with the posture locked."""
+        return self._labels(self.sets.of(self._tips), self.tilts_of_links[self._link][self._tips])
 
     def _labels(self, sets: ContactSets, tilts: Floats) -> SetLabels:
         low, high = (math.atan(friction) for friction in self.model.friction_interval)
@@ -161,9 +164,11 @@ class EvaluatedHandGrasps(GivenGrasps):
         torques = torques_of(self.hand, limit)
         if torques is None:
             return None
+        names = np.array(self.hand.link_names)
         return MotorForces(
-            hand=self.hand, torques=torques, sets=self.sets, jacobians=self.jacobians,
-            tilts=self.tilts_of_links[self._link], postures=self.contacts.posture,
+            hand=self.hand, torques=torques, sets=self.sets, links=names[self._link],
+            jacobians=self.jacobians, tilts=self.tilts_of_links[self._link],
+            postures=self.contacts.posture,
         )  # fmt: skip
 
     @cached_property
@@ -172,15 +177,21 @@ class EvaluatedHandGrasps(GivenGrasps):
         if self.to_hold is None or self.motors is None:
             return None
         friction = self.model.friction_interval[0], float(self.model.friction)
-        return MotorHolding(load=self.to_hold, forces=self.motors, friction=friction)
+        return MotorHolding(
+            load=self.to_hold, forces=self.motors, friction=friction,
+            normal_error=self.model.normal_error,
+        )  # fmt: skip
 
     @cached_property
     def unpressed(self) -> Bools:
         """Whether a grasp would be S if the hand could press it with its motors, shape (k,)."""
-        sure = np.asarray(self.all_links.label == Label.S)
-        if self.motors is None:
+        return self._unpressed(self.all_links, self.motors)
+
+    def _unpressed(self, labels: SetLabels, motors: MotorForces | None) -> Bools:
+        sure = np.asarray(labels.label == Label.S)
+        if motors is None:
             return locked(np.zeros_like(sure))
-        return locked(sure & ~self.motors.pressed(sure, self.model.friction_interval[0]))
+        return locked(sure & ~motors.pressed(sure, self.model.friction_interval[0]))
 
     @cached_property
     def label(self) -> Bytes:
@@ -190,10 +201,12 @@ class EvaluatedHandGrasps(GivenGrasps):
         """
         return locked(np.where(self.unpressed, Label.M, self.all_links.label), np.uint8)
 
-    @property
+    @cached_property
     def label_fingertips(self) -> Bytes:
         """The same of the fingertips with sensors alone."""
-        return self.fingertips.label
+        motors = None if self.motors is None else self.motors.of(self._tips)
+        unpressed = self._unpressed(self.fingertips, motors)
+        return locked(np.where(unpressed, Label.M, self.fingertips.label), np.uint8)
 
     @property
     def critical_angle(self) -> Floats:
@@ -489,7 +502,7 @@ def evaluate_hand(
     """
     hand = scene.hand
     assert isinstance(hand, ArticulatedHand)
-    _refuse(scene, model or GraspModel(), load)
+    _refuse(hand, scene, model or GraspModel(), load)
     (own_model,) = mesh.in_own_unit(model or GraspModel())
     distance = mesh.length("contact_distance", contact_distance)
     poses = replace(matched(poses, hand), joint_names=hand.joint_names)
@@ -503,11 +516,6 @@ def evaluate_hand(
         mesh=mesh, model=own_model, scene=scene, given=poses, contacts=contacts,
         contact_distance=distance, object_motion=object_motion, to_hold=load,
     )  # fmt: skip
-    if load is not None and result.motors is None:
-        raise SettingError(
-            f"the description of {hand.name} states no torques of its motors: give torque_limits, "
-            "the greatest torque of each"
-        )
     refuse_warnings(result.warnings)
     with within(TOUCHED, 1.0):
         result.compute("label")
@@ -517,8 +525,14 @@ def evaluate_hand(
     return result
 
 
-def _refuse(scene: Scene, model: GraspModel, load: LoadCase | None) -> None:
-    """Refuse settings that do not apply. Raises SettingError."""
+def _refuse(hand: ArticulatedHand, scene: Scene, model: GraspModel, load: LoadCase | None) -> None:
+    """Refuse settings that do not apply, and loads without torques. Raises SettingError."""
+    if load is not None and torques_of(hand, load.load.torque_limits) is None:
+        unstated = ", ".join(unstated_torques(hand)[:5])
+        raise SettingError(
+            f"the description of {hand.name} states no torque of the motor of {unstated}: give "
+            "torque_limits, the greatest torque of each motor"
+        )
     refused = {
         "fingers: a hand touches with as many links as it happens to": model.fingers != 2,
         "method extremes: its labels are exact": model.method != "exact",
@@ -531,4 +545,4 @@ def _refuse(scene: Scene, model: GraspModel, load: LoadCase | None) -> None:
     }
     for text, applies in refused.items():
         if applies:
-            raise SettingError(f"{scene.hand.name} is a hand with joints, and takes no {text}")
+            raise SettingError(f"{hand.name} is a hand with joints, and takes no {text}")

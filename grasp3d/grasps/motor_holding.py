@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -33,8 +33,10 @@ class MotorForces:
 
     hand: ArticulatedHand
     torques: Floats
-    """Greatest torques of the motors of the joints [N m], shape (p,)."""
+    """As `torques_of` has them, shape (p,)."""
     sets: ContactSets
+    links: npt.NDArray[np.str_]
+    """Names of the links of its contacts, shape (c,)."""
     jacobians: Floats
     """Of its contacts, in the mesh's frame [m], shape (c, 3, p)."""
     tilts: Floats
@@ -43,6 +45,17 @@ class MotorForces:
     """Shape (k, p)."""
 
     __repr__ = short_repr
+
+    def of(self, chosen: Bools) -> "MotorForces":
+        """The same grasps with some of their contacts.
+
+        Args:
+            chosen: Whether a contact stays, shape (c,).
+        """
+        return replace(
+            self, sets=self.sets.of(chosen), links=self.links[chosen],
+            jacobians=self.jacobians[chosen], tilts=self.tilts[chosen],
+        )  # fmt: skip
 
     def grasp(self, row: int, contacts: Ints, friction: float) -> HandGrasp:
         """The grasp of some contacts of a pose."""
@@ -112,6 +125,8 @@ class MotorHolding:
     forces: MotorForces
     friction: tuple[float, float]
     """The smallest coefficient, which counts for what is sure, and the nominal one."""
+    normal_error: float
+    """Part of the tilts that is not the sensors' [rad]."""
 
     __repr__ = short_repr
 
@@ -145,8 +160,13 @@ class MotorHolding:
 
     @cached_property
     def limit(self) -> npt.NDArray[np.str_]:
-        """What limits the mass that is surely held: a joint, or friction, shape (k,)."""
-        return self._texts(lambda one: one.limit)
+        """What limits the mass that is surely held: a joint, or friction at a link, shape (k,)."""
+        texts, forces = [""] * self.forces.sets.size, self.forces
+        for row, contacts in forces.contacts(np.arange(len(texts))):
+            if (one := self._sure[1][row]) is not None:
+                used = contacts[~np.isnan(forces.tilts[contacts])]
+                texts[row] = one.limit_at(forces.links[used].tolist())
+        return np.array(texts, dtype=np.str_)
 
     @cached_property
     def more_torque(self) -> Floats:
@@ -170,7 +190,7 @@ class MotorHolding:
             return f"the motors of {hand.name} hold {self.load.to_hold} at no pose"
         row = int(np.lexsort((self.payload, surely))[-1])
         unit = " kg" if self.load.by_mass else " times the wrenches"
-        torques = np.unique(forces.torques)
+        torques = np.unique(forces.torques[~np.isnan(forces.torques)])
         slides = {joint.kind for joint in hand.tree.joints.values()} <= {"slides", "fixed"}
         size = "N" if slides else "N m"
         at = f"{short_number(torques[0])} {size}" if len(torques) == 1 else "its torques"
@@ -181,12 +201,9 @@ class MotorHolding:
         text = f"{hand.name} holds {short_number(self.payload[row])}{unit} at {at} {where}"
         if not len(known):
             return f"{text}, and nothing surely: no link that touches has a sensor"
-        resolution = short_number(2.0 * math.degrees(known.max()))
+        resolution = short_number(2.0 * math.degrees(known.max() - self.normal_error))
         sure = f"{short_number(surely[row])}{unit} surely for {resolution}° fingertips"
         return f"{text}; {sure}; {self.limit[row]} limits (pose {row + 1})"
-
-    def _texts(self, of: Callable[[HandPayload], str]) -> npt.NDArray[np.str_]:
-        return np.array(["" if one is None else of(one) for one in self._sure[1]], dtype=np.str_)
 
     def _numbers(self, of: Callable[[HandPayload], float]) -> Floats:
         return locked(np.array([math.nan if one is None else of(one) for one in self._sure[1]]))

@@ -396,8 +396,8 @@ HELD = Allowed(0.0, infinite=math.inf, unknown=True)
 
 HAND_GRASPS = (
     LABEL,
-    replace(LABEL, name="label_fingertips", meaning="the same of the fingertips with sensors alone",
-            of=attrgetter("fingertips.label")),
+    replace(LABEL, name="label_fingertips",
+            meaning="the same of the fingertips with sensors alone"),
     replace(CRITICAL_ANGLE, meaning="critical friction angle of all contacts, as if each normal "
             "were known; `nan`: no grasp", allowed=Allowed(-math.pi, math.pi, unknown=True)),
     replace(MAX_RESOLUTION, meaning="sensor resolution, the same of all sensors, below which the "

@@ -1,6 +1,7 @@
 """What the motors of hands with joints hold at given poses."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +22,15 @@ FINE = grasp3d.GraspModel(sensor_resolution=2.0 * ANGLE)
 DOWN = "weight within 0 of -z"
 
 
-def evaluated(folder: Path, load: grasp3d.Load | None, **stated: Any) -> EvaluatedHandGrasps:
+def evaluated(
+    folder: Path, load: grasp3d.Load | None, model: grasp3d.GraspModel = FINE, **stated: Any
+) -> EvaluatedHandGrasps:
     """The slider hand around a box, at a pose that touches its four sides and at one that none."""
     box = grasp3d.load_mesh(shapes.box(BOX), unit="m")
     posture = np.array([[TOUCHING] * 4, [0.0] * 4])
     poses = GraspPoses(poses=np.tile(np.eye(4), (2, 1, 1)), posture=posture, unit="m")
     hand = grasp3d.read_hand(slider_hand.write(folder, **stated))
-    found = grasp3d.evaluate_grasps(box, poses, FINE, hand=hand, load=load)
+    found = grasp3d.evaluate_grasps(box, poses, model, hand=hand, load=load)
     assert isinstance(found, EvaluatedHandGrasps)
     return found
 
@@ -56,9 +59,26 @@ def test_blind_links_hold_nothing_surely(tmp_path: Path) -> None:
     assert "nothing surely" in blind.verdict(np.array([True, True]))
 
 
+def test_friction_that_limits_is_that_of_a_link(tmp_path: Path) -> None:
+    holding = evaluated(tmp_path, grasp3d.Load(), replace(FINE, friction=0.05)).motor_holding
+    assert holding is not None
+    assert holding.payload_sure[0] == 0.0
+    assert holding.limit[0] in {f"friction at finger_{k}" for k in range(4)}
+
+
+def test_numbers_of_another_load_do_not_stay_with_the_poses(tmp_path: Path) -> None:
+    held = evaluated(tmp_path, grasp3d.Load(task=DOWN))
+    poses = held.to_poses()
+    poses = replace(poses, columns={**poses.columns, "gap_other": held.gap, "own": held.gap})
+    again = grasp3d.evaluate_grasps(held.mesh, poses, FINE, hand=held.hand).to_poses()
+    lost = poses.columns.keys() - again.columns.keys()
+    assert {"payload_sure", "limit", "gap_other"} <= lost
+    assert "own" in again.columns
+
+
 def test_torques_that_are_not_stated_are_asked_for(tmp_path: Path) -> None:
     unstated = {"torques": {"slide_0": 20.0}}
-    with pytest.raises(SettingError, match="give torque_limits"):
+    with pytest.raises(SettingError, match="of the motor of slide_1, slide_2, slide_3: give"):
         evaluated(tmp_path, grasp3d.Load(mass=1.0), **unstated)
     found = evaluated(tmp_path, None, **unstated)
     assert found.motors is None
@@ -73,10 +93,20 @@ def test_what_a_differential_cannot_press_is_not_surely_stable(tmp_path: Path) -
     ]
     found = evaluated(tmp_path, None, couplings=opposed)
     assert found.all_links.label[0] == Label.S
-    assert found.label[0] == Label.M
+    assert found.label[0] == found.label_fingertips[0] == Label.M
     assert found.reason[0] == "the hand cannot press it"
     together = [
         {"kind": "differential", "joints": ["slide_0", "slide_2"], "ratios": [1, 1]},
         {"kind": "differential", "joints": ["slide_1", "slide_3"], "ratios": [1, 1]},
     ]
-    assert evaluated(tmp_path, None, couplings=together).label[0] == Label.S
+    found = evaluated(tmp_path, None, couplings=together)
+    assert found.label[0] == found.label_fingertips[0] == Label.S
+    pulled = {"couplings": together, "torques": {"slide_0": 20.0, "slide_1": 20.0}}
+    assert evaluated(tmp_path, None, **pulled).motors is not None
+
+
+def test_the_verdict_names_the_resolution_of_the_sensors_alone(tmp_path: Path) -> None:
+    model = replace(FINE, normal_error=math.radians(2.0))
+    found = evaluated(tmp_path, grasp3d.Load(task=DOWN), model)
+    assert found.motor_holding is not None
+    assert "for 10° fingertips" in found.motor_holding.verdict(np.array([True, True]))

@@ -153,6 +153,9 @@ def test_tendons_and_motors_of_models(tmp_path: Path) -> None:
     hand = articulated_hand_of(read_links(mjcf(tmp_path, more)))
     assert hand.couplings == (Coupling("differential", ("bend", "swing"), (0.01, 0.02)),)
     np.testing.assert_array_equal(hand.torques, [np.nan, 6.0, np.nan])
+    stated = Coupling("differential", ("swing", "bend"), (1.0, 1.0))
+    again = articulated_hand_of(hand.tree, {"couplings": (stated,)})
+    assert again.couplings == (stated,)  # not a second motor beside it
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """The actuation of a hand with joints in a posture: its motors, couplings, and joints at stops."""
 
+import math
+
 import numpy as np
 
 from grasp3d.arrays import Floats
@@ -11,8 +13,19 @@ AT_STOP = 1e-3
 """Distance from its limit [rad or m] at which a joint is at its stop."""
 
 
+def unstated_torques(hand: ArticulatedHand) -> list[str]:
+    """Joints with a motor of their own whose greatest torque is not stated."""
+    pulled = {
+        name for one in hand.couplings if one.kind == "differential" for name in one.joints[1:]
+    }
+    torques = zip(hand.joint_names, hand.torques.tolist(), strict=True)
+    return [name for name, torque in torques if math.isnan(torque) and name not in pulled]
+
+
 def torques_of(hand: ArticulatedHand, torque_limit: float | None = None) -> Floats | None:
     """Greatest torque of the motor of each joint [N m or N], (p,); None: one is not stated.
+
+    It is nan where a differential pulls a joint with the motor of another one.
 
     Args:
         hand: The hand.
@@ -20,8 +33,7 @@ def torques_of(hand: ArticulatedHand, torque_limit: float | None = None) -> Floa
     """
     if torque_limit is not None:
         return np.full(len(hand.joint_names), torque_limit)
-    stated = np.asarray(hand.torques, dtype=np.float64)
-    return None if np.isnan(stated).any() else stated
+    return None if unstated_torques(hand) else np.asarray(hand.torques, dtype=np.float64)
 
 
 def actuation_of(hand: ArticulatedHand, posture: Floats, torques: Floats) -> Actuation:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NoReturn
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 
@@ -17,14 +17,7 @@ from grasp3d.hand.articulated.link_bodies import link_bodies
 from grasp3d.hand.articulated.presets import FORMAT, VERSION
 from grasp3d.hand.link_tree import Joint, LinkShape, LinkTree
 from grasp3d.hand.triangles import Part, Triangles, triangles_of
-from grasp3d.settings.sampling import Grip
 from grasp3d.system.names import printable
-
-if TYPE_CHECKING:
-    from grasp3d.arrays import Bools
-    from grasp3d.hand.closed_jaws import ClosedJaws
-    from grasp3d.hand.reach import Reach
-    from grasp3d.mesh import ObjectMesh
 
 _KINDS = {"fixed": kinematics.FIXED, "slides": kinematics.SLIDES, "turns": kinematics.TURNS}
 
@@ -271,54 +264,15 @@ class ArticulatedHand:
         del friction
         return 0.0
 
-    def check_fingers(self, count: int) -> NoReturn:
-        """Refuse: it makes no grasps by itself. Raises SettingError."""
-        del count
-        self._refuse()
-
-    def distances(self, grip: Grip) -> NoReturn:
-        """Refuse. Raises SettingError."""
-        del grip
-        self._refuse()
-
-    def opening_at(
-        self, points: Floats, normals: Floats, internal: "Bools", metres: float
-    ) -> Floats:
-        """Refuse. Raises SettingError."""
-        del points, normals, internal, metres
-        self._refuse()
-
-    def reach(
-        self, mesh: "ObjectMesh", points: ArrayLike, normals: ArrayLike, **options: Any
-    ) -> "Reach":
-        """Refuse. Raises SettingError."""
-        del mesh, points, normals, options
-        self._refuse()
-
-    def close(self, mesh: "ObjectMesh", poses: ArrayLike, **options: Any) -> "ClosedJaws":
-        """Refuse: see `grasp3d.hand.articulated.contacts`. Raises SettingError."""
-        del mesh, poses, options
-        self._refuse()
-
-    def blocked(
-        self, mesh: "ObjectMesh", poses: Floats, closed: "ClosedJaws", **options: Any
-    ) -> "Bools":
-        """Refuse. Raises SettingError."""
-        del mesh, poses, closed, options
-        self._refuse()
-
-    def opens_to(self, mesh: "ObjectMesh", closed: "ClosedJaws") -> "Bools":
-        """Refuse. Raises SettingError."""
-        del mesh, closed
-        self._refuse()
-
-    def _refuse(self) -> NoReturn:
+    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
         raise SettingError(
             printable(
                 f"{self.name} is a hand with joints: poses with values of its joints are evaluated "
                 "(grasp3d evaluate MESH GRASPS --hand FILE), and nothing else yet"
             )
         )
+
+    check_fingers = distances = opening_at = reach = close = blocked = opens_to = _refuse
 
     def description(self) -> Mapping[str, Any]:
         """What files state of it; `description` is the file of its links, wherever they are."""

@@ -84,7 +84,7 @@ def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None)
         fingertips=(),
         sensors={},
         torques=locked(np.zeros(0)),
-        couplings=couplings + _tendons(whole),
+        couplings=couplings + _tendons(whole, couplings),
         preshapes={},
         closing=locked(np.zeros(0)),
         source=known.get("source", ""),
@@ -158,12 +158,14 @@ def _check(tree: LinkTree) -> None:
         raise tree.error(f"{tree.closures[0]} closes a loop of links; only trees of links are read")
 
 
-def _tendons(tree: LinkTree) -> tuple[Coupling, ...]:
+def _tendons(tree: LinkTree, stated: Iterable[Coupling]) -> tuple[Coupling, ...]:
+    """Couplings by tendons, but for those over joints of which one is stated."""
     names = {joint.name for joint in tree.joints.values()}
+    known = [set(one.joints) for one in stated]
     return tuple(
         Coupling("differential", tuple(arms), tuple(arms.values()))
         for arms in tree.tendons
-        if names.issuperset(arms)
+        if names.issuperset(arms) and set(arms) not in known
     )
 
 

@@ -6,7 +6,7 @@ relative velocities that they cause make the same proof for the full friction co
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -93,6 +93,10 @@ class HandPayload:
     @property
     def limit(self) -> str:
         """What limits the load: the drive with the largest share, or the friction of a contact."""
+        return self.limit_at([f"contact {k}" for k in range(len(self.forces))])
+
+    def limit_at(self, names: Sequence[str]) -> str:
+        """The same with names of the n contacts."""
         shares, gains = self.drive_shares, self.friction_gains / TENTH
         if not math.isfinite(self.upper):
             return "nothing"
@@ -100,7 +104,7 @@ class HandPayload:
             return self.slice.grasp.actuation.names[int(shares.argmax())]
         if math.isfinite(self.slice.grasp.most_force) and self.lower > 0.0:
             return "the largest contact force"
-        return f"friction at contact {int(gains.argmax())}" if gains.any() else "the contacts"
+        return f"friction at {names[int(gains.argmax())]}" if gains.any() else "the contacts"
 
     def worst_grasp(self, tilt: ArrayLike) -> HandGrasp:
         """The grasp with the normals, within the tilts, at which it holds no more than this."""
