@@ -44,3 +44,8 @@ def random_actuation(generator: np.random.Generator, joints: int) -> Actuation:
         np.stack([least, most], axis=1), joints=joints, arms=arms, rigid=rigid, stops=stops,
         springs=springs,
     )  # fmt: skip
+
+
+def driven(grasp: HandGrasp, actuation: Actuation) -> HandGrasp:
+    """The same grasp with other drives."""
+    return HandGrasp(grasp.contacts, grasp.jacobian, actuation, most_force=grasp.most_force)

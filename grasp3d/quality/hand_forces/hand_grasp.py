@@ -10,7 +10,7 @@ from grasp3d.arrays import ArrayLike, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts, tilts_of
 from grasp3d.contact.friction_cones import tangents
 from grasp3d.errors import ContactError
-from grasp3d.quality.hand_forces.actuation import RANK, Actuation
+from grasp3d.quality.hand_forces.actuation import Actuation
 from grasp3d.quality.wrenches import span, wrench_axes
 
 STILL = 1e-13
@@ -18,20 +18,6 @@ STILL = 1e-13
 
 POINTED = 1e-9
 """Half-angle of a friction cone [rad] up to which it is a ray."""
-
-
-class Dimensions(NamedTuple):
-    """Four dimensions that say what statics determines."""
-
-    rank: int
-    """Of the wrenches that the contacts apply."""
-    internal: int
-    """Of the contact forces that balance each other."""
-    structural: int
-    """Of those that no joint feels: preload that no motor sets. Above 0 statics does not determine
-    the forces, and a label says that forces in equilibrium exist."""
-    redundant: int
-    """Of the motions of the joints that leave all contact points where they are."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -87,10 +73,6 @@ class HandGrasp:
         """The same grasp with other unit normals (n, 3)."""
         contacts = Contacts(self.contacts.points, normals, self.contacts.friction)
         return HandGrasp(contacts, self.jacobian, self.actuation, most_force=self.most_force)
-
-    def with_actuation(self, actuation: Actuation) -> "HandGrasp":
-        """The same grasp with other drives."""
-        return HandGrasp(self.contacts, self.jacobian, actuation, most_force=self.most_force)
 
     def half_angles(self, tilt: ArrayLike = 0.0) -> Floats:
         """Half-angles of the cones that are in the friction cones at all normals within a tilt.
@@ -153,19 +135,6 @@ class HandGrasp:
         shape = (3 * self.contacts.count, self.actuation.joints)
         rows = np.reshape(self.frames @ self.jacobian, shape)
         return rows.T * (self.force / self.torque)
-
-    @cached_property
-    def dimensions(self) -> Dimensions:
-        """What statics determines."""
-        both = np.concatenate([self.wrenches, self.joint_torques])
-        columns = both.shape[1]
-        rank = len(self.span)
-        return Dimensions(
-            rank,
-            columns - rank,
-            columns - _rank(both),
-            self.actuation.joints - _rank(self.joint_torques),
-        )
 
     def velocities(self, twist: Floats, motion: Floats) -> Floats:
         """Velocity of the object relative to the links, e = G^T u - J v, in the frames, (n, 3).
@@ -248,8 +217,3 @@ def cone_rows(half_angles: Floats) -> ConeRows:
 def widened(rows: Floats, columns: int) -> Floats:
     """Rows with 0 for further unknowns, so many in all."""
     return np.pad(rows, ((0, 0), (0, columns - rows.shape[1])))
-
-
-def _rank(matrix: Floats) -> int:
-    sizes = np.linalg.svd(matrix, compute_uv=False)
-    return int((sizes > RANK * sizes.max(initial=0.0)).sum())

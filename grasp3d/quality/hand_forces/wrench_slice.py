@@ -274,11 +274,6 @@ class WrenchSlice:
         constant = twist * grasp.scale @ self.constant
         return (work - float(constant) if slack <= EVIDENT else math.inf), slack
 
-    def turned(self, reach: Reach, tilt: Floats) -> "WrenchSlice":
-        """The wrenches with the full friction cones about the worst normals within a tilt."""
-        worst = self.grasp.worst_tilt(reach.twist, reach.motion, tilt)
-        return WrenchSlice(worst, worst.half_angles(), self.basis, self.constant)
-
 
 def _better(first: Reach | None, second: Reach) -> Reach:
     """The better proven of two."""

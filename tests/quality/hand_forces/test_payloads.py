@@ -19,7 +19,7 @@ from grasp3d.quality.hand_forces.cone_program import ConeProgram, Solution
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
 from grasp3d.quality.hand_forces.payloads import HandPayload, hand_epsilon, hand_payload
 from grasp3d.quality.hand_forces.wrench_slice import WrenchSlice
-from tests.helpers.random_hands import random_hand
+from tests.helpers.random_hands import driven, random_hand
 
 STANDARD_GRAVITY = 9.80665
 
@@ -244,7 +244,7 @@ def test_more_torque_friction_or_contacts_never_hold_less(
     some = np.ones(len(actuation.lower))
     some[part % len(some)] = factor
     stronger = replace(actuation, lower=some * actuation.lower, upper=some * actuation.upper)
-    assert hand_payload(grasp.with_actuation(stronger), wrench).upper >= least
+    assert hand_payload(driven(grasp, stronger), wrench).upper >= least
     friction = contacts.friction.copy()
     friction[part % contacts.count] *= factor
     rougher = Contacts(contacts.points, contacts.normals, friction)
@@ -271,7 +271,7 @@ def test_duals_say_what_a_tenth_more_would_help() -> None:
         factors = np.ones(12)
         factors[drive] += step
         limits = 0.5 * factors
-        stronger = grasp.with_actuation(Actuation.of_hand(limits, joints=12))
+        stronger = driven(grasp, Actuation.of_hand(limits, joints=12))
         more = hand_payload(stronger, wrench, tilt=0.1, polish=True).value - found.value
         assert more / step == pytest.approx(found.drive_shares[drive], rel=1e-2, abs=1e-5)
     for contact in range(4):
@@ -295,7 +295,7 @@ def test_a_hand_that_cannot_hold_its_own_links_holds_nothing() -> None:
 
 def test_without_any_limit_the_payload_has_none() -> None:
     unlimited = Actuation.of_hand(np.full(12, math.inf), joints=12)
-    grasp = hand_of(1).with_actuation(unlimited)
+    grasp = driven(hand_of(1), unlimited)
     found = hand_payload(grasp, Weight(direction=(0, 0, -1)))
     assert found.lower == found.upper == math.inf
     assert found.limit == "nothing"
@@ -318,15 +318,6 @@ def test_what_is_held_only_with_a_load_is_no_payload() -> None:
     for lifted, held in ((3.0, (4.0 + 3.0) / STANDARD_GRAVITY), (10.0, 0.0)):
         lift = Wrenches([[0.0, 0.0, lifted, 0.0, 0.0, 0.0]])
         assert hand_payload(grasp, down + lift).value == pytest.approx(held, rel=1e-7)
-
-
-def test_dimensions_say_what_statics_determines() -> None:
-    contacts = Contacts([[-0.02, 0, 0], [0.02, 0, 0]], [[1, 0, 0], [-1, 0, 0]], 0.5)
-    actuation = Actuation.of_hand([0.2, 0.2], joints=2)
-    jacobian = np.zeros((2, 3, 2))
-    jacobian[0, 0] = 0.05, 0.03
-    assert HandGrasp(contacts, jacobian, actuation).dimensions == (5, 1, 0, 1)
-    assert HandGrasp(contacts, np.zeros((2, 3, 2)), actuation).dimensions == (5, 1, 1, 2)
 
 
 def test_proofs_do_not_rest_on_the_solver(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -358,7 +349,7 @@ def test_bounds_of_motions_that_prove_nothing_are_infinite() -> None:
     assert upper == found.upper
     assert slack == found.slack
     assert part.bound(found.twist, 0.5 * found.motion)[0] == math.inf
-    unlimited = grasp.with_actuation(Actuation.of_hand(np.full(12, math.inf), joints=12))
+    unlimited = driven(grasp, Actuation.of_hand(np.full(12, math.inf), joints=12))
     free = WrenchSlice(unlimited, grasp.half_angles(), np.eye(6)[:1], np.zeros(6))
     assert free.bound(found.twist, found.motion)[0] == math.inf
 
