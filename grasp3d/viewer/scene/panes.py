@@ -125,10 +125,12 @@ class GripperActors:
             colors[solid.links == link] = (*color, OPAQUE)
         opaque = colors[:, 3] == OPAQUE
         for actor, chosen in ((self._gripper, ~opaque), (self._links, opaque)):
+            if not chosen.any():
+                continue
             some = surface_of(replace(solid, faces=solid.faces[chosen]))
             some.cell_data["color"] = colors[chosen]
             actor.mapper.dataset = some
-            actor.visibility = bool(chosen.any())
+            actor.visibility = True
         self._edges.mapper.dataset = (
             surface_of(solid)
             .clean()
