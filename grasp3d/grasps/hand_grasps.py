@@ -183,15 +183,17 @@ class EvaluatedHandGrasps(GivenGrasps):
         )  # fmt: skip
 
     @cached_property
-    def unpressed(self) -> Bools:
-        """Whether a grasp would be S if the hand could press it with its motors, shape (k,)."""
-        return self._unpressed(self.all_links, self.motors)
+    def pressed(self) -> Floats:
+        """Whether the hand can press with its motors what makes a grasp S, shape (k,).
 
-    def _unpressed(self, labels: SetLabels, motors: MotorForces | None) -> Bools:
-        sure = np.asarray(labels.label == Label.S)
+        1: it can, or the grasp is not S with the posture locked; 0: it cannot; nan: not known.
+        """
+        return self._pressed(self.all_links, self.motors)
+
+    def _pressed(self, labels: SetLabels, motors: MotorForces | None) -> Floats:
         if motors is None:
-            return locked(np.zeros_like(sure))
-        return locked(sure & ~motors.pressed(sure, self.model.friction_interval[0]))
+            return locked(np.ones(self.size))
+        return motors.pressed(labels.label == Label.S, self.model.friction_interval[0])
 
     @cached_property
     def label(self) -> Bytes:
@@ -199,14 +201,14 @@ class EvaluatedHandGrasps(GivenGrasps):
 
         Where torques are stated, those of differentials for instance, S is what the hand can press.
         """
-        return locked(np.where(self.unpressed, Label.M, self.all_links.label), np.uint8)
+        return locked(np.where(self.pressed == 1.0, self.all_links.label, Label.M), np.uint8)
 
     @cached_property
     def label_fingertips(self) -> Bytes:
         """The same of the fingertips with sensors alone."""
         motors = None if self.motors is None else self.motors.of(self._tips)
-        unpressed = self._unpressed(self.fingertips, motors)
-        return locked(np.where(unpressed, Label.M, self.fingertips.label), np.uint8)
+        pressed = self._pressed(self.fingertips, motors) == 1.0
+        return locked(np.where(pressed, self.fingertips.label, Label.M), np.uint8)
 
     @property
     def critical_angle(self) -> Floats:
@@ -348,7 +350,8 @@ class EvaluatedHandGrasps(GivenGrasps):
         reasons.add_impossible(self.given.posture, self.scene)
         reasons.add_contacts(self._touching)
         reasons.add("touches where --only and --avoid allow no contact", self.outside)
-        reasons.add("the hand cannot press it", self.unpressed)
+        reasons.add("the hand cannot press it", self.pressed == 0.0)
+        reasons.add("it is not known whether the hand can press it", np.isnan(self.pressed))
         return reasons
 
     @property

@@ -72,16 +72,16 @@ class MotorForces:
         for row in rows[self.sets.evaluated[rows]].tolist():
             yield row, np.arange(start[row], start[row + 1])
 
-    def pressed(self, sure: Bools, friction: float) -> Bools:
-        """Whether the drives can press what makes grasps S, shape (k,).
+    def pressed(self, sure: Bools, friction: float) -> Floats:
+        """Whether the drives can press what makes grasps S: 1, 0, or nan: it is not known, (k,).
 
         Motors that reach every torque can; what differentials cannot press does not count for S.
 
         Args:
-            sure: The grasps that are S with the posture locked, shape (k,).
+            sure: The grasps that are S with the posture locked, shape (k,); of others it is 1.
             friction: The smallest coefficient.
         """
-        pressed = sure.copy()
+        pressed = np.ones(len(sure))
         if all(coupling.kind == "rigid" for coupling in self.hand.couplings):
             return locked(pressed)
         for row, contacts in self.contacts(np.flatnonzero(sure)):
@@ -89,7 +89,8 @@ class MotorForces:
             felt = angles > 0.0  # nan: blind
             grasp = self.grasp(row, contacts[felt], friction)
             if not grasp.actuation.two_way:
-                pressed[row] = hand_closes(grasp, angles[felt])
+                closes = hand_closes(grasp, angles[felt])
+                pressed[row] = math.nan if closes is None else closes
         return locked(pressed)
 
     def payloads(

@@ -251,13 +251,18 @@ def hand_critical_angle(
     return _Search.of(grasp, offset).bracket(tolerance)
 
 
-def hand_closes(grasp: HandGrasp, half_angles: ArrayLike) -> bool:
-    """Whether the hand's drives surely close a grasp with cones of half-angles, one value or (n,).
+def hand_closes(grasp: HandGrasp, half_angles: ArrayLike) -> bool | None:
+    """Whether the hand's drives close a grasp with cones of half-angles, one value or (n,).
 
     Below 0: no force of that contact is in its cone.
+
+    Returns:
+        None: neither is proven.
     """
     found = _Search.of(grasp, half_angles).at(0.0).angle
-    return found.closing is not None and found.upper < 0.0
+    if found.closing is not None and found.upper < 0.0:
+        return True
+    return False if found.lower >= 0.0 else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,7 +303,7 @@ class _Search:
             found = program.solved()
             distance, slope = float(found.x[-1]), program.slope(found)
             motions = program.motions(found.z)
-            best = best.tightened(self._proven(program, found.x, motions, joints))
+            best = best.tightened(self._proven(program, found, motions, joints))
             if distance > 0.0 or np.abs(motions.twist * self.pressed.grasp.scale).max() > MOVING:
                 break
             unpressed, idle = program.forbidden(found.z)
@@ -309,16 +314,21 @@ class _Search:
         return _Found(best, angle - distance / slope if slope > 0.0 else math.nan)
 
     def _proven(
-        self, program: "_Program", x: Floats, motions: SeparatingMotions, joints: Floats
+        self, program: "_Program", found: Solution, motions: SeparatingMotions, joints: Floats
     ) -> CriticalAngle:
         """What the proposals of a program prove; `joints`: a motion of the joints alone."""
         lower, upper = -math.inf, math.nan
         closing, separating = None, None
-        if x[-1] > 0.0:
-            closing = program.closing(x)
+        if found.x[-1] > 0.0:
+            closing = program.closing(found.x)
             upper = self.pressed.closing_angle(closing, self.offsets)
-        for factor in LARGER if joints.any() else LARGER[:1]:
-            tried = replace(motions, motion=motions.motion + factor * joints)
+        factors = LARGER if joints.any() else LARGER[:1]
+        tries = [replace(motions, motion=motions.motion + factor * joints) for factor in factors]
+        if found.infeasible:  # nothing can press: links withdraw, whatever the object does
+            grasp = self.pressed.grasp
+            withdrawing = LARGER[-1] * (motions.motion + joints)
+            tries.append(SeparatingMotions(grasp.span[0] / grasp.scale, withdrawing))
+        for tried in tries:
             angle = self.pressed.separating_angle(tried, self.offsets)
             if angle > lower:
                 lower, separating = min(angle, RIGHT_ANGLE), tried
