@@ -252,7 +252,8 @@ def core_distance(kind, size, box, hull, shrink, triangle, limit, scratch):
         hull: `Hulls`.
         shrink: Factor by which the core is smaller, about the centre of its box.
         triangle: Nine numbers.
-        limit: Distance beyond which the exact one does not matter.
+        limit: Distance beyond which the exact one does not matter; it is that of the whole shape
+            where the core is smaller, and negative where this has to overlap by so much.
         scratch: `ShapeScratch`; where the distance is within the limit, the nearest points and the
             vector between them are written.
 
@@ -275,7 +276,10 @@ def core_distance(kind, size, box, hull, shrink, triangle, limit, scratch):
         b = triple(triangle, 3 * best)
         w = difference(a, b)
         along, length = x * w[0] + y * w[1] + z * w[2], x * x + y * y + z * z
-        if along > 0.0 and along * along > limit * limit * length:
+        outer = along
+        if shrink < 1.0:
+            outer += (1.0 / shrink - 1.0) * dot((x, y, z), difference(a, box))
+        if outer > limit * math.sqrt(length):
             copy((x, y, z), guess)
             return math.inf
         if count > 0:
@@ -371,6 +375,11 @@ def shape_distance(kind, size, box, hull, planes, triangle, limit, scratch):
             deeper = point_depth(triple(triangle, 3 * i), kind, size, box, planes)
             if deeper < depth:
                 depth, corner = deeper, i
+    # Few directions tell that a triangle is not as deep as what was found.
+    if limit < 0.0 and core_distance(kind, size, box, hull, 0.8, triangle, limit, scratch) == (
+        math.inf
+    ):
+        return math.inf
     distance = 0.0
     if kind == HULL or min(middle, depth) > -TOUCHING:
         distance = core_distance(kind, size, box, hull, 1.0, triangle, max(limit, 0.0), scratch)

@@ -5,8 +5,9 @@ import math
 import numpy as np
 
 from grasp3d._kernels.compiling.decorators import kernel, part
-from grasp3d._kernels.hands.link_shapes import box_distance, point_depth
-from grasp3d._kernels.hands.touching import moved, moved_back, place
+from grasp3d._kernels.hands.link_shapes import point_depth
+from grasp3d._kernels.hands.touching import moved, moved_back, place, turned_back
+from grasp3d._kernels.surface.vectors import copy, difference
 
 
 @kernel
@@ -55,17 +56,27 @@ def smallest_changes(first, rows, targets, bounds, forces, now, limits, sweeps):
 
 
 @part
-def _overlap(i, j, one, other, shapes):
-    """Depth of the deepest point of shape i in shape j; negative: apart, or nearly."""
-    kind, size, box = shapes.kinds[j], shapes.sizes[j], shapes.boxes[j]
+def _overlap(i, j, one, other, deepest, relative, shapes):
+    """Depth of the deepest point of shape i in shape j, if more than another; -inf: apart."""
+    kind, size, box, own = shapes.kinds[j], shapes.sizes[j], shapes.boxes[j], shapes.boxes[i]
     planes = shapes.planes[shapes.first_plane[j] : shapes.first_plane[j + 1]]
-    middle = moved_back(other, moved(one, shapes.boxes[i]))
-    if box_distance(middle, box) >= shapes.boxes[i, 6]:
-        return -1.0
-    deepest = -1.0
+    for c in range(3):
+        copy(turned_back(other, (one[0, c], one[1, c], one[2, c])), relative[:, c])
+    copy(moved_back(other, (one[0, 3], one[1, 3], one[2, 3])), relative[:, 3])
+    away = difference(moved(relative, own), box)
+    # The boxes around both are apart along an axis of one of them.
+    for k in range(3):
+        mine, its, along = own[3 + k], box[3 + k], 0.0
+        for c in range(3):
+            mine += abs(relative[c, k]) * box[3 + c]
+            its += abs(relative[k, c]) * own[3 + c]
+            along += relative[c, k] * away[c]
+        if abs(away[k]) >= its or abs(along) >= mine:
+            return -math.inf
     for k in range(shapes.first_sample[i], shapes.first_sample[i + 1]):
-        p = moved_back(other, moved(one, shapes.samples[k]))
-        if box_distance(p, box) < -deepest:
+        p = difference(moved(relative, shapes.samples[k]), box)
+        if max(abs(p[0]) - box[3], abs(p[1]) - box[4], abs(p[2]) - box[5]) < -deepest:
+            p = moved(relative, shapes.samples[k])
             deepest = max(deepest, -point_depth(p, kind, size, box, planes))
     return deepest
 
@@ -85,7 +96,7 @@ def self_overlaps(frames, begin, end, allowed, shapes, depths, pairs):
     """
     size = shapes.kinds.shape[0]
     placed = np.empty((size, 3, 4))
-    middles = np.empty((size, 3))
+    middles, relative = np.empty((size, 3)), np.empty((3, 4))
     for pose in range(begin, end):
         for i in range(size):
             place(frames[pose, shapes.links[i]], shapes.poses[i], placed[i])
@@ -101,12 +112,9 @@ def self_overlaps(frames, begin, end, allowed, shapes, depths, pairs):
                     square += (middles[i, k] - middles[j, k]) ** 2
                 if square >= (shapes.boxes[i, 6] + shapes.boxes[j, 6]) ** 2:
                     continue
-                depth = _overlap(i, j, placed[i], placed[j], shapes)
-                if (
-                    depth >= 0.0
-                    or box_distance(moved_back(placed[i], middles[j]), shapes.boxes[i])
-                    < shapes.boxes[j, 6]
-                ):
-                    depth = max(depth, _overlap(j, i, placed[j], placed[i], shapes))
+                depth = depths[pose]
+                depth = _overlap(i, j, placed[i], placed[j], depth, relative, shapes)
+                if depth > -math.inf:
+                    depth = _overlap(j, i, placed[j], placed[i], depth, relative, shapes)
                 if depth > depths[pose]:
                     depths[pose], pairs[pose, 0], pairs[pose, 1] = depth, one, other

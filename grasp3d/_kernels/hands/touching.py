@@ -34,7 +34,15 @@ from grasp3d._kernels.hands.touched_surface import (
 from grasp3d._kernels.surface.box_tree import HEIGHT, RADIUS, THICKNESS, leaf_rows
 from grasp3d._kernels.surface.box_tree import NORMAL as NORMAL_OF_NODE
 from grasp3d._kernels.surface.face_tree import STACK, below
-from grasp3d._kernels.surface.vectors import copy, difference, divided, dot, norm, triple
+from grasp3d._kernels.surface.vectors import (
+    copy,
+    difference,
+    divided,
+    dot,
+    norm,
+    squared_distance,
+    triple,
+)
 
 MOST = 3
 """Most contacts of a link: one per side of an object that it touches."""
@@ -279,8 +287,13 @@ def _shape_gap(i, start, search, shapes, surface, scratch):
     middle = moved(scratch.placed, box)
     if least_distance(middle, surface)[0] - box[6] >= search:
         return math.inf
-    lows, nearest, limit = scratch.lows, -1, search
+    lows, nearest, limit, low = scratch.lows, -1, search, -math.inf
     for j in range(shapes.first_sample[i], shapes.first_sample[i + 1]):
+        if nearest >= 0:  # no farther away than the way from the point before allows
+            low -= math.sqrt(squared_distance(shapes.samples[j], shapes.samples[j - 1]))
+            lows[j - start] = low
+            if low > 0.5 * search:
+                continue
         low, most = least_distance(moved(scratch.placed, shapes.samples[j]), surface)
         lows[j - start] = low
         limit = min(limit, most)

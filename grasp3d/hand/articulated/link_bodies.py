@@ -21,6 +21,10 @@ from grasp3d.hand.link_tree import LinkShape
 SPACING = 0.005
 """About how far apart the points on the surface of a link are [m]."""
 
+THINNED, ALIKE = 0.7 * SPACING, math.cos(math.radians(50.0))
+"""Of two points of a hull that are nearer than this [m], with normals whose cosine is larger, one
+is dropped."""
+
 KINDS = {"box": BOX, "cylinder": CYLINDER, "capsule": CAPSULE, "sphere": SPHERE, "mesh": HULL}
 
 MOST_PLANES = 256
@@ -214,7 +218,13 @@ def _hull_samples(triangles: Floats) -> Floats:
     # Faces of a sharp edge have points of their own.
     cells = np.hstack([np.floor(samples[:, :3] / SPACING), np.round(samples[:, 3:])])
     _, first = np.unique(cells, axis=0, return_index=True)
-    return np.asarray(samples[np.sort(first)])
+    samples, number = samples[np.sort(first)], 0
+    while number < len(samples):
+        away = np.linalg.norm(samples[:, :3] - samples[number, :3], axis=1)
+        like = (away < THINNED) & (samples[:, 3:] @ samples[number, 3:] > ALIKE)
+        like[: number + 1] = False
+        samples, number = samples[~like], number + 1
+    return samples
 
 
 def _uncovered(
