@@ -368,18 +368,17 @@ def shape_distance(kind, size, box, hull, planes, triangle, limit, scratch):
     middle = box_distance(centroid, box)
     if kind == CYLINDER and middle - around < limit:
         middle = point_depth(centroid, kind, size, box, planes)
-    if middle - around >= limit:
+    # Few directions tell that a triangle is not as deep as what was found.
+    if middle - around >= limit or (
+        limit < 0.0
+        and core_distance(kind, size, box, hull, 0.8, triangle, limit, scratch) == math.inf
+    ):
         return math.inf
     if middle < around and kind != HULL:
         for i in range(3):
             deeper = point_depth(triple(triangle, 3 * i), kind, size, box, planes)
             if deeper < depth:
                 depth, corner = deeper, i
-    # Few directions tell that a triangle is not as deep as what was found.
-    if limit < 0.0 and core_distance(kind, size, box, hull, 0.8, triangle, limit, scratch) == (
-        math.inf
-    ):
-        return math.inf
     distance = 0.0
     if kind == HULL or min(middle, depth) > -TOUCHING:
         distance = core_distance(kind, size, box, hull, 1.0, triangle, max(limit, 0.0), scratch)

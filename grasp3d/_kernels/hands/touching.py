@@ -31,8 +31,7 @@ from grasp3d._kernels.hands.touched_surface import (
     point_of,
     side_of,
 )
-from grasp3d._kernels.surface.box_tree import HEIGHT, RADIUS, THICKNESS, leaf_rows
-from grasp3d._kernels.surface.box_tree import NORMAL as NORMAL_OF_NODE
+from grasp3d._kernels.surface.box_tree import RADIUS, leaf_rows
 from grasp3d._kernels.surface.face_tree import STACK, below
 from grasp3d._kernels.surface.vectors import (
     copy,
@@ -177,10 +176,7 @@ def _node_bound(node, kind, size, box, planes, flat, surface, scratch):
     )
     # Beyond the plane across the nearest point so far.
     tall = abs(n[0]) * row[3] + abs(n[1]) * row[4] + abs(n[2]) * row[5]
-    cosine = dot(n, triple(row, NORMAL_OF_NODE))
-    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0) + 1e-6)
-    slab = cosine * row[HEIGHT] + abs(cosine) * row[THICKNESS] + sine * row[RADIUS]
-    return max(bound - row[RADIUS], flat - dot(n, row) - min(tall, slab))
+    return max(bound - row[RADIUS], flat - dot(n, row) - tall)
 
 
 @part
@@ -469,23 +465,22 @@ def _sides(count, distance, contacts, scratch):
 
 
 @part
-def _on_side(p, n, point, surface, scratch):
-    """The mean point of a side, or its nearest point where another side is nearer to the mean."""
-    slot, _ = nearest_triangle(p, math.inf, surface, scratch.nodes, scratch.bounds)
-    weights = nearest_weights(p, surface.tree.triangles[slot])
-    same = side_of(weights) > 0 or dot(n, inward_at(slot, weights, surface)) >= ONE_SIDE
-    return p if same else point
-
-
-@part
 def _write_contact(row, first, last, frame, shapes, surface, scratch):
-    """Move a contact's point to the surface, and write its gap."""
+    """Move a contact's point to the surface, and write its gap.
+
+    That is the mean point of a side, or its nearest point where another side is nearer to the mean.
+    """
     p, n = triple(row, 0), triple(row, 3)
-    if norm(n) > 0.0:
-        p = _on_side(p, n, triple(scratch.near[int(row[6])], POINT), surface, scratch)
     slot, _ = nearest_triangle(p, math.inf, surface, scratch.nodes, scratch.bounds)
     weights = nearest_weights(p, surface.tree.triangles[slot])
-    q = point_of(weights, surface.tree.triangles[slot])
+    if (
+        norm(n) > 0.0
+        and side_of(weights) == 0
+        and dot(n, inward_at(slot, weights, surface)) < (ONE_SIDE)
+    ):
+        q = triple(scratch.near[int(row[6])], POINT)
+    else:
+        q = point_of(weights, surface.tree.triangles[slot])
     for k in range(3):
         row[k] = q[k]
     if not norm(n) > 0.0:
