@@ -42,7 +42,11 @@ def known_grasps(
 ) -> tuple[HandContacts, np.ndarray]:
     """Closed hands that do not penetrate; which links of them touch."""
     opened = np.tile(hand.preshapes["open"], (count, 1))
-    closed = hand_contacts(mesh, hand, around(hand, count, rng), opened, rule="closed")
+    poses = around(hand, count, rng)
+    for _ in range(3):  # out of the palm, of which the frame may be at the wrist
+        depth = np.maximum(-hand_contacts(mesh, hand, poses, opened).gaps.min(axis=1), 0.0)
+        poses[:, :3, 3] -= 1.1 * depth[:, None] * hand.approach
+    closed = hand_contacts(mesh, hand, poses, opened, rule="closed")
     return closed, closed.gaps.min(axis=1) > -TOUCHES
 
 

@@ -273,7 +273,7 @@ def metres_per_unit(mesh: "ObjectMesh") -> float:
     """
     if mesh.unit is None:
         raise SettingError(
-            f"a gripper is given in metres, but the unit of {mesh.report.source} is not known: "
+            f"hands and grippers are given in metres, but the unit of {mesh.report.source} is not known: "
             "give the unit of its coordinates (--unit, in Python unit=...)"
         )
     return METRES[mesh.unit]

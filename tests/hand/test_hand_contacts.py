@@ -66,8 +66,11 @@ SIZE = 0.06
 """Length of the largest shape [m]."""
 
 
-def compare_with_fcl(kind: str, count: int) -> None:
-    """FCL's own answers for shapes that are no meshes are off by up to 0.1 mm: it gets meshes."""
+def compare_with_fcl(kind: str, count: int) -> int:
+    """Compare gaps; returns how many shapes are apart from the ring.
+
+    FCL's own answers for shapes that are no meshes are off by up to 0.1 mm: it gets meshes.
+    """
     fcl = known.reader("fcl")
     one, mesh = SHAPES[kind], solid(ring())
     frames = random_frames(count, 1, 0.09)
@@ -85,6 +88,7 @@ def compare_with_fcl(kind: str, count: int) -> None:
             assert found[row] == pytest.approx(distance, abs=1e-6 * SIZE)
     assert apart.mean() > 0.3
     assert np.median(np.abs(found[~apart])) > 1e-3
+    return int(apart.sum())
 
 
 def _core(one: LinkShape) -> tuple[Any, Any, float]:
@@ -119,7 +123,8 @@ def test_gaps_are_those_of_fcl(kind: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", SHAPES)
 def test_many_gaps_are_those_of_fcl(kind: str) -> None:
-    compare_with_fcl(kind, 4000)
+    """Of the five kinds together at least 10,000 pairs that are apart."""
+    assert compare_with_fcl(kind, 4000) >= 2000
 
 
 @cache

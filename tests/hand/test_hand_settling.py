@@ -15,7 +15,7 @@ from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
 from grasp3d.hand.articulated.proposal import articulated_hand_of
 from grasp3d.hand.hand_files import read_links
 from grasp3d.hand.link_tree import Joint
-from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh import ObjectMesh, load_mesh
 from tests.helpers.hands import hand_file
 from tests.helpers.link_scenes import at, hand_of, shape, solid
 
@@ -157,6 +157,8 @@ def test_what_does_not_fit_is_refused() -> None:
         hand_contacts(ball(), pincer(), [np.eye(4)] * 2, np.zeros((1, 2)))
     with pytest.raises(SettingError, match="no collision geometry"):
         hand_contacts(ball(), hand_of({"palm": []}), np.eye(4)[None], np.zeros((1, 0)))
+    with pytest.raises(SettingError, match="hands and grippers are given in metres"):
+        found_at(pincer(), load_mesh(trimesh.creation.box()), at(), [0.0, 0.0])
     rule: Any = "taken"
     with pytest.raises(SettingError, match="no rule is called"):
         found_at(pincer(), ball(), at(), [0.0, 0.0], rule=rule)
@@ -175,6 +177,10 @@ def closed_on_a_ball(name: str, count: int) -> tuple[ArticulatedHand, ObjectMesh
     poses[:, :3, 3] = rng.normal(0.0, 0.008, (count, 3))
     poses[:, :3, 3] -= 0.6 * tips.mean(axis=0) + 0.4 * palm
     opened = np.tile(hand.preshapes["open"], (count, 1))
+    # Of a long palm its frame is at the wrist: the ball would be in it, and the hand never close.
+    for _ in range(3):
+        depth = np.maximum(-hand_contacts(mesh, hand, poses, opened).gaps.min(axis=1), 0.0)
+        poses[:, :3, 3] -= 1.1 * depth[:, None] * hand.approach
     return hand, mesh, hand_contacts(mesh, hand, poses, opened, rule="closed")
 
 
