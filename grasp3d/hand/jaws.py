@@ -273,8 +273,8 @@ def metres_per_unit(mesh: "ObjectMesh") -> float:
     """
     if mesh.unit is None:
         raise SettingError(
-            f"hands and grippers are given in metres, but the unit of {mesh.report.source} is not known: "
-            "give the unit of its coordinates (--unit, in Python unit=...)"
+            f"hands and grippers are given in metres, but the unit of {mesh.report.source} is "
+            "not known: give the unit of its coordinates (--unit, in Python unit=...)"
         )
     return METRES[mesh.unit]
 

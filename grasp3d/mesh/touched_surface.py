@@ -18,7 +18,7 @@ MARGIN = 0.006
 def touched_surface(
     vertices: Floats, faces: Ints, corners: Ints, normals: Floats, *, closed: bool
 ) -> TouchedSurface:
-    """Prepare a surface; its grid takes about 0.2 s.
+    """Prepare a surface; 20,480 faces took 0.5 s of CPU time.
 
     Args:
         vertices: Positions [m], shape (V, 3).

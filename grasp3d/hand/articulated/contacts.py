@@ -54,8 +54,10 @@ class HandContacts:
     """Signed distance of the link's shapes from that point [mesh unit], shape (c,)."""
     gaps: Floats
     """Signed distance of each link from the object [mesh unit], shape (k, L); inf: beyond twice the
-    contact distance; negative: how deep the link is in the object, or the object in the link, of
-    meshes to about 5 %, and deep inside to 3 mm."""
+    contact distance; negative: an estimate of how deep the link is in the object, or the object in
+    the link. Measured: of boxes and hulls in a flat face it is exact; 0.5 to 6 mm deep in a ball of
+    35 mm off by 1 and 5 % in the median and 50 % at most; wholly inside too small by 3.3 mm at most.
+    Tilted cylinders in a flat face: too small by 0.4 mm at most."""
     self_collision: Ints
     """The two links that overlap most, shape (k, 2); -1: none."""
     self_depth: Floats
