@@ -56,7 +56,7 @@ class HandContacts:
     """Signed distance of each link from the object [mesh unit], shape (k, L); inf: beyond twice the
     contact distance; negative: an estimate of how deep the link is in the object, or the object in
     the link. Measured: of boxes and hulls in a flat face it is exact; 0.5 to 6 mm deep in a ball of
-    35 mm off by 1 and 5 % in the median and 50 % at most; wholly inside too small by 3.3 mm at most.
+    35 mm off by 1 and 5 % in the median, 50 % at most; wholly inside by 3.3 mm at most, too small.
     Tilted cylinders in a flat face: too small by 0.4 mm at most."""
     self_collision: Ints
     """The two links that overlap most, shape (k, 2); -1: none."""
