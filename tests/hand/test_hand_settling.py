@@ -190,7 +190,7 @@ def test_perturbed_grasps_settle(name: str) -> None:
     """Those links touch again that touched before; of others near them not all can."""
     hand, mesh, closed = closed_on_a_ball(name, 60)
     good = closed.gaps.min(axis=1) > -1e-4
-    assert good.sum() >= 5
+    assert good.sum() >= 20
     rng = np.random.default_rng(1)
     posture = closed.posture[good] + rng.normal(0.0, 0.02, closed.posture[good].shape)
     posture = np.clip(posture, *hand.limits_of_joints.T)
@@ -200,9 +200,9 @@ def test_perturbed_grasps_settle(name: str) -> None:
     after = hand_contacts(mesh, hand, poses, posture, rule="settled")
     assert before.gaps.min() < -1e-3
     deepest = after.gaps.min(axis=1)
-    assert np.mean(deepest > -1e-4) > 0.95
+    assert np.mean(deepest > -1e-4) > 0.98
     near = (np.abs(closed.gaps[good]) < 1e-4) & (before.gaps < 0.005)
-    assert np.mean(np.abs(after.gaps[near]) < 1e-4) > 0.7
+    assert np.mean(np.abs(after.gaps[near]) < 1e-4) > 0.78
     assert np.median(after.change) < 0.15
     assert np.all(after.change >= 0.0)
     assert math.isfinite(after.turn.max())
