@@ -92,7 +92,10 @@ def matched(poses: GraspPoses, hand: ArticulatedHand, *, wrist: Sequence[str] = 
     names, count = poses.joint_names, poses.posture.shape[1]
     if not count:
         raise ContactError(
-            printable(f"{hand.name} is a hand with joints, but the poses have no values of them")
+            printable(
+                f"{hand.name} is a hand with joints, but the poses have no values of them"
+                f"{_meant(poses, hand)}"
+            )
         )
     if names == hand.joint_names:
         return poses if poses.hand is hand else replace(poses, hand=hand)
@@ -112,6 +115,12 @@ def matched(poses: GraspPoses, hand: ArticulatedHand, *, wrist: Sequence[str] = 
     postures: dict[str, Any] = {name: of_hand(getattr(poses, name)) for name in POSTURES}
     joints = hand.joint_names if names else ()
     return replace(poses, hand=hand, joint_names=joints, settings=settings, **postures)
+
+
+def _meant(poses: GraspPoses, hand: ArticulatedHand) -> str:
+    """How a file states what its other columns may be."""
+    plain = [name for name in poses.columns if name in hand.joint_names]
+    return f": call the column {plain[0]} joint:{plain[0]}, and so on" if plain else ""
 
 
 def as_in_model(poses: GraspPoses, hand: ArticulatedHand) -> tuple[tuple[str, ...], GraspPoses]:

@@ -292,6 +292,17 @@ def test_joints_that_follow_others_must_not_contradict_them(prefix: str, stage: 
     assert "\n" not in str(error.value)
 
 
+def test_columns_that_are_called_as_the_joints_are_said_to_lack_their_prefix(
+    tmp_path: Path,
+) -> None:
+    hand = hand_of("allegro")
+    write_poses(tmp_path / "a.csv", grasps_of("allegro"))
+    text = (tmp_path / "a.csv").read_text().replace('"joint:', '"')
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(ContactError, match=r"call the column joint_0\.0 joint:joint_0\.0, and so"):
+        matched(read_poses(tmp_path / "a.csv", hand=hand), hand)
+
+
 @pytest.mark.parametrize("form", ["json", "csv", "parquet"])
 def test_joints_are_not_ignored_where_the_hand_is_a_gripper(
     tmp_path: Path, form: PoseFormat

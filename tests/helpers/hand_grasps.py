@@ -4,12 +4,19 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from grasp3d import ObjectMesh
-from grasp3d.grasps.hand_readings import JointTrial
+from grasp3d.grasps.hand_readings import DEEPEST, JointTrial
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 
 
-def touching(hand: ArticulatedHand, mesh: ObjectMesh, count: int = 40, seed: int = 0) -> GraspPoses:
+def touching(
+    hand: ArticulatedHand,
+    mesh: ObjectMesh,
+    count: int = 40,
+    seed: int = 0,
+    *,
+    deepest: float = DEEPEST,
+) -> GraspPoses:
     """Random ones with which two links at least touch and none is deep; the wrist is straight."""
     rng = np.random.default_rng(seed)
     low, high = np.clip(hand.limits_of_joints, -1.5, 1.5).T
@@ -25,7 +32,8 @@ def touching(hand: ArticulatedHand, mesh: ObjectMesh, count: int = 40, seed: int
         tried = np.tile(np.eye(4), (200, 1, 1))
         tried[:, :3, :3] = Rotation.random(200, rng=rng).as_matrix()
         tried[:, :3, 3] = mesh.center - np.einsum("kij,kj->ki", tried[:, :3, :3], middle)
-        fits = JointTrial(mesh, hand, None).fits(tried, posture)[0]
+        fits, touch, _ = JointTrial(mesh, hand, None).fits(tried, posture)
+        fits &= (np.ceil(touch) - touch) * DEEPEST <= deepest
         poses = np.concatenate([poses, tried[fits]])
         postures = np.concatenate([postures, posture[fits]])
     return GraspPoses(
