@@ -177,6 +177,7 @@ LONG = "a" * 300
         lambda: read_hand("a\0b.json"),
         lambda: grasp3d.read_grasps(f"{LONG}.csv"),
         lambda: read_poses(f"{LONG}.json"),
+        lambda: read_poses(LONG),
         lambda: read_poses("a\0b.yaml"),
         lambda: read_object_pose(f"{LONG}.json"),
         lambda: grasp3d.load_mesh(f"{LONG}.stl"),

@@ -59,7 +59,7 @@ Entries = Sequence[Mapping[str, Any]]
 
 def check_file(path: Path) -> None:
     """Raise ContactError unless there is such a file, or a folder of files."""
-    if path.is_dir() and not path.suffix:
+    if documents.is_folder(path) and not path.suffix:
         return
     if problem := problem_of_file(path):
         raise ContactError(printable(f"{path}: {problem}"))

@@ -38,6 +38,7 @@ from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.settings import PoseFormat, check_choice
 from grasp3d.settings.lengths import Unit
 from grasp3d.settings.outcome import Outcome
+from grasp3d.system.documents import is_folder
 from grasp3d.system.files import check_suffix
 from grasp3d.system.names import unsupported
 from grasp3d.system.stored_arrays import Archive
@@ -257,7 +258,7 @@ def read_poses(
     path = Path(path)
     if format is not None:
         check_choice("format", format, PoseFormat)
-    elif path.suffix.lower() not in SUFFIXES and not path.is_dir():
+    elif path.suffix.lower() not in SUFFIXES and not is_folder(path):
         raise ContactError(unsupported(path, SUFFIXES, "pose"))
     check_file(path)
     pose = None if object_pose is None else read_object_pose(object_pose)
@@ -320,7 +321,7 @@ def holds_poses(path: str | Path) -> bool:
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in {".json", ".csv", ".parquet"}:
-        return suffix in SUFFIXES or path.is_dir()
+        return suffix in SUFFIXES or is_folder(path)
     try:
         if suffix == ".json":
             return _format_in(suffix, load_json(path)) is not None
@@ -385,7 +386,7 @@ def _read(
 ) -> GraspPoses:
     """Poses as a file has them. Raises ContactError, ValueError, OSError, OutputError."""
     suffix = path.suffix.lower() if name is None else _FORMATS[name].suffixes[0]
-    suffix = ".npy" if path.is_dir() else suffix
+    suffix = ".npy" if is_folder(path) else suffix
     content = _LOADERS[suffix](path) if suffix in _LOADERS else path
     if name is None:
         name = _format_in(suffix, content)
