@@ -1,11 +1,15 @@
 """`grasp3d hand` and other commands with hands with joints."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trimesh
 
+from grasp3d.cli.articulated import print_articulated
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.hand_files import read_hand
 from tests.helpers.commands import printed, refusal
 from tests.helpers.hands import hand_file, three_fingers
@@ -147,3 +151,12 @@ def test_what_needs_jaws_refuses_hands_with_joints(tmp_path: Path, command: str)
     said = refusal(command.format(mesh="box.glb", hand="three.json"), tmp_path)
     assert "three is a hand with joints: poses with values of its joints are evaluated" in said
     assert not list(tmp_path.glob("out*"))
+
+
+def test_a_direction_is_printed_without_what_rounding_left(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    hand = read_hand(hand_file("allegro"))
+    assert isinstance(hand, ArticulatedHand)
+    print_articulated(replace(hand, approach=np.array([1.0, -6.3e-6, -1e-9])))
+    assert "(1, 0, 0) in it, open" in capsys.readouterr().out
