@@ -26,7 +26,7 @@ from grasp3d.cli.report import (
 )
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.grasps.pose_readings import READINGS
-from grasp3d.grasps.ranking import ranked_rows
+from grasp3d.grasps.ranking import ranked_rows, stated_label
 from grasp3d.grasps.readings import READING
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.settings.lengths import small_length
@@ -105,8 +105,9 @@ def _lengths(grasps: EvaluatedHandGrasps) -> str:
 
 def _verdict(grasps: EvaluatedHandGrasps) -> str:
     """How many poses are surely stable, and the best one."""
-    sure = grasps.reachable & (grasps.label == Label.S)
-    text = f"surely stable and reached: {int(sure.sum())} of {counted(grasps.size, 'poses')}"
+    sure = stated_label(grasps) == Label.S
+    held = "stable" if grasps.label_with_force is None else "held"
+    text = f"surely {held} and reached: {int(sure.sum())} of {counted(grasps.size, 'poses')}"
     rows = ranked_rows(grasps)
     if not sure.any() or not len(rows):
         return text

@@ -210,6 +210,12 @@ class EvaluatedHandGrasps(GivenGrasps):
         pressed = self._pressed(self.fingertips, motors) == 1.0
         return locked(np.where(pressed, self.fingertips.label, Label.M), np.uint8)
 
+    @cached_property
+    def label_with_force(self) -> Bytes | None:
+        """`label` with the load: S is what the motors surely hold, shape (k,); None: no mass."""
+        holding = self.motor_holding
+        return None if holding is None else holding.label(self.label)
+
     @property
     def critical_angle(self) -> Floats:
         """Critical friction angles of all contacts, as if each normal were known [rad], (k,)."""

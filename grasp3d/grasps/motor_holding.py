@@ -8,13 +8,14 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr
+from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.hand.articulated.actuation import actuation_of
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.quality.hand_forces.critical_angle import hand_closes
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
 from grasp3d.quality.hand_forces.payloads import HandPayload, hand_payload
 from grasp3d.stability.contact_sets import ContactSets
+from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.context import report_progress, within
 from grasp3d.system.counts import short_number
@@ -152,12 +153,36 @@ class MotorHolding:
         """Held at the worst normals, with the links that feel theirs, shape (k,)."""
         return self._sure[0]
 
+    @property
+    def _mass(self) -> float:
+        """What must be held, nan: it is not known."""
+        mass = self.load.mass if self.load.by_mass else 1.0
+        return math.nan if mass is None else mass
+
     @cached_property
     def load_fraction(self) -> Floats:
         """Mass over what is surely held, shape (k,): above 1 it is not; nan: no mass is known."""
-        mass = self.load.mass if self.load.by_mass else 1.0
         with np.errstate(divide="ignore"):
-            return locked((math.nan if mass is None else mass) / self.payload_sure)
+            return locked(self._mass / self.payload_sure)
+
+    @property
+    def spare(self) -> Floats:
+        """What is surely held beyond the mass, in units of it, shape (k,)."""
+        return self.payload_sure / self._mass - 1.0
+
+    def label(self, codes: Bytes) -> Bytes | None:
+        """Labels that take the load into account, shape (k,); None: no mass is known.
+
+        A grasp is S if the motors hold the mass at the worst normals, too; one that is stable and
+        not held there is M.
+
+        Args:
+            codes: Those without a load, shape (k,).
+        """
+        if math.isnan(self._mass):
+            return None
+        held = self.payload_sure >= self._mass
+        return locked(np.where(held, codes, np.minimum(codes, Label.M)), np.uint8)
 
     @cached_property
     def limit(self) -> npt.NDArray[np.str_]:

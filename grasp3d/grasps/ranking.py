@@ -6,6 +6,7 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses, GivenGrasps
+from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.hand.jaws import Jaws
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
@@ -101,6 +102,8 @@ def stated_label(grasps: GraspTable | GivenGrasps, closed: ClosedGrasps | None =
     """
     holding = grasps.holding
     held = None if holding is None else holding.label
+    if isinstance(grasps, EvaluatedHandGrasps):
+        held = grasps.label_with_force
     codes = (grasps.label if held is None else held).astype(np.int64)
     if closed is not None:
         unknown = closed.label == UNKNOWN
@@ -154,6 +157,9 @@ def margins_in_units(
         else:
             needed = np.maximum(holding.grip_force_largest, np.finfo(float).tiny)
             margins["load"] = (holding.available or FORCE) / needed - 1.0
+    if isinstance(grasps, EvaluatedHandGrasps) and grasps.label_with_force is not None:
+        assert grasps.motor_holding is not None
+        margins["load"] = grasps.motor_holding.spare
     return {name: np.where(np.isnan(values), -math.inf, values) for name, values in margins.items()}
 
 

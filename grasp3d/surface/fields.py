@@ -448,6 +448,8 @@ HAND_GRASPS = (
     ),
     Field("limit", "what limits `payload_sure`: a joint, or friction", kind="U",
           of=of_part("motor_holding", "limit"), when="load"),
+    replace(LABEL, name="label_with_force", when="load", meaning="the label with the load: S is "
+            "what the motors surely hold. Absent where no mass is known"),
     Field("reachable", "whether the hand can be there: no joint beyond its limits, no link inside "
           "the object, another link or the table by more than the contact distance", kind="?"),
     Field("reason", "what is wrong with the grasp, in one sentence; empty: nothing", kind="U"),

@@ -144,6 +144,15 @@ def test_load(folder: Path) -> None:
     assert held[1] is None
     assert columns["limit"][0].startswith("slide_")
     assert columns["more_torque"][0] == pytest.approx(0.1 * surely[0], rel=0.02)
+    assert (columns["label"][0], columns["label_with_force"][0]) == ("S", "S")
+    assert "surely held and reached: 1 of " in text
+
+
+def test_what_motors_do_not_hold_is_not_surely_held(folder: Path) -> None:
+    text = printed("evaluate", *POSES, "--mass", "5kg", "--torque-limits", "10", cwd=folder)
+    assert "surely held and reached: 0 of " in text
+    columns = pc.read_csv(folder / "box_grasps.csv").to_pydict()
+    assert (columns["label"][0], columns["label_with_force"][0]) == ("S", "M")
 
 
 def test_torque_limits_are_for_hands_with_joints(folder: Path) -> None:
