@@ -16,12 +16,14 @@ from grasp3d.grasps.readings import (
     READING,
     SUSPECTED,
     SUSPICION,
+    TAKEN,
     Alternative,
     PoseReading,
     Trial,
     Tried,
     changed_readings,
     frame_key,
+    frame_words,
     framed,
     same,
 )
@@ -65,6 +67,9 @@ FEW_FIT = 0.5
 
 CENTRED = 3
 """Most times that an origin of a series is moved to where the contacts are at the TCP."""
+
+LISTED = 3
+"""Most readings that are named where none wins."""
 
 STEP, BEHIND = 0.01, 0.06
 """Steps of the distance from origin to TCP in a series, and how far it goes beyond the base [m]."""
@@ -137,7 +142,7 @@ def suspected_reading(
         chosen = [centred] if trial.tells(centred.reading, tried) else []
     reading = chosen[0].reading if len(chosen) == 1 else None
     return PoseReading(
-        words=reading.words if reading else _several(chosen),
+        words=reading.words if reading else _several(chosen, found, first, hand),
         frame=reading.frame if reading and reading.can_be_applied else None,
         posture=reading.posture if reading else same,
         fit=trial.fit,
@@ -169,7 +174,8 @@ def explained(
     reading = suspected_reading(mesh, poses, hand, table=table)
     if reading and reading.frame:
         return reading.applied(poses if poses.unit else replace(poses, unit=mesh.unit))
-    kept = f"kept {str(poses.gripper_frame)!r}, as stated: no other frame is named"
+    stated = frame_words(poses.gripper_frame, hand)
+    kept = f"kept {stated}, as stated: no other frame is named"
     return replace(poses, settings={**poses.settings, READING: kept})
 
 
@@ -238,10 +244,18 @@ def _chosen(found: Sequence[Tried], first: Tried, hand: Hand) -> list[Tried]:
     return next(([one] for one in winners), best)
 
 
-def _several(chosen: Sequence[Tried]) -> str:
-    """Words for several readings that fit as well."""
+def _several(chosen: Sequence[Tried], found: Sequence[Tried], first: Tried, hand: Hand) -> str:
+    """Words for several readings that fit as well, at most `LISTED` of other kinds."""
     if not chosen:
-        return "with one of several other readings, of which none wins (state it with --frame),"
+        rivals: dict[tuple[str, str], str] = {}
+        for one in sorted(found, key=lambda one: -one.fitting):
+            if not first.fits_more(one):
+                words = one.reading.words.removesuffix(TAKEN)
+                rivals.setdefault(one.reading.kind(hand), words)
+        named = "; ".join([*rivals.values()][:LISTED])
+        more = "; and more" if len(rivals) > LISTED else ""
+        several = "with one of several other readings, of which none wins"
+        return f"{several} ({named}{more}: state it with --frame),"
     frames = " or ".join(str(one.reading.frame) for one in chosen)
     return f"{FRAME}{frames}, which differ in the place of the origin,"
 

@@ -11,7 +11,8 @@ from scipy.stats import binom
 from grasp3d.arrays import Bools, Floats
 from grasp3d.errors import ContactError
 from grasp3d.grasps.poses import STAGES, GraspPoses
-from grasp3d.hand.frames import GripperFrame
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaws import Jaws, metres_per_unit
 from grasp3d.hand.table import Table
@@ -36,6 +37,9 @@ ROUNDING = 1e-9
 
 FRAME = "with --frame "
 """Words before a frame."""
+
+TAKEN = ", which --frame auto takes,"
+"""Words after another reading, if it is the one that is named."""
 
 FACTORS = 0.1, 2.0, 10.0
 """Scales of lengths that are tried beside those of units and the one that a file states. None is
@@ -111,8 +115,9 @@ class PoseReading:
     def __str__(self) -> str:
         """Both readings with their counts, one sentence without a full stop."""
         sample = "" if self.tried == self.count else f", a sample of the {self.count}"
+        frame = frame_words(self.stated_frame, self.hand)
         return (
-            f"as stated ({str(self.stated_frame)!r}) {self.fit} in {self.stated} of {self.tried} "
+            f"as stated ({frame}) {self.fit} in {self.stated} of {self.tried} "
             f"poses{sample}; {self.words} in {self.fitting}"
         )
 
@@ -301,6 +306,13 @@ class Trial:
         ]
 
 
+def frame_words(frame: GripperFrame, hand: Hand) -> str:
+    """What people know a frame as: hands with joints have no TCP."""
+    if isinstance(hand, ArticulatedHand) and frame == FRAMES["tcp"]:
+        return f"the frame of the hand's base, {hand.link_names[0]}"
+    return repr(str(frame))
+
+
 def framed(frame: GripperFrame, *, series: bool = False) -> Alternative:
     """The reading that the poses are in another frame of the hand."""
     return Alternative(f"{FRAME}{frame}", frame, same, series=series)
@@ -333,7 +345,7 @@ def changed_readings(
 def with_frame(words: str, frame: GripperFrame, poses: GraspPoses) -> str:
     """Words for a reading that has another frame, too."""
     other = "" if frame == poses.gripper_frame else f" in the frame {str(frame)!r}"
-    return f"{words}{other}, which --frame auto takes,"
+    return f"{words}{other}{TAKEN}"
 
 
 def frame_key(matrix: Floats, hand: Hand) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from grasp3d import ObjectMesh, load_mesh
+from grasp3d import ObjectMesh, ParallelGripper, load_mesh
 from grasp3d.cli import main
 from grasp3d.errors import ContactError
 from grasp3d.grasps.evaluation import evaluate_grasps
@@ -19,7 +19,8 @@ from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.pose_readings import explained, suspected_reading
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.postures import ORDER
-from grasp3d.grasps.readings import READING
+from grasp3d.grasps.readings import READING, frame_words
+from grasp3d.hand.frames import FRAMES, GripperFrame
 from tests.hand.test_articulated_hand import hand_of
 from tests.helpers import shapes
 from tests.helpers.hand_grasps import touching
@@ -120,7 +121,8 @@ def test_a_thumb_that_comes_first_is_named(name: str) -> None:
 def test_poses_that_touch_are_suspected_of_nothing(name: str) -> None:
     poses = right(name)
     assert suspected_reading(box(), poses, hand_of(name)) is None
-    assert explained(box(), poses, hand_of(name)).settings[READING].startswith("kept 'tcp'")
+    kept = explained(box(), poses, hand_of(name)).settings[READING]
+    assert kept.startswith("kept the frame of the hand's base, ")
 
 
 @pytest.mark.slow
@@ -148,6 +150,14 @@ def test_poses_of_the_other_hand_are_named(name: str) -> None:
         reading
     )
     assert reading.fitting == 40
+
+
+def test_the_stated_frame_is_called_that_of_the_base() -> None:
+    hand = hand_of("barrett")
+    base = FRAMES["tcp"]
+    assert frame_words(base, hand) == "the frame of the hand's base, base_link"
+    assert frame_words(GripperFrame(link="palm"), hand) == "'link=palm'"
+    assert frame_words(base, ParallelGripper.preset("franka")) == "'tcp'"
 
 
 def test_a_mirrored_hand_is_the_mirror_image() -> None:
@@ -183,4 +193,5 @@ def test_the_evaluation_warns_and_the_command_line_says_it(
     assert words in told
     assert main([*command, "--frame", "auto", "--overwrite"]) == 0
     told = " ".join(" ".join(capsys.readouterr()).split())
-    assert "--frame auto: as stated ('tcp') at least two links touch" in told
+    assert "--frame auto: as stated (the frame of the hand's base, " in told
+    assert "base_link) at least two links touch" in told

@@ -222,7 +222,12 @@ def test_several_readings_that_fit_are_not_named(cone: ObjectMesh, good: GraspPo
     reading = suspected(cone, wrong)
     assert reading is not None
     assert reading.frame is None
-    assert "with one of several other readings, of which none wins" in str(reading)
+    told = str(reading)
+    assert "with one of several other readings, of which none wins" in told
+    named = told.partition("none wins (")[2].partition(": state it")[0].split("; ")
+    assert len(named) == 3
+    assert all(name.startswith("with --frame ") for name in named)
+    assert "which --frame auto takes" not in told
     with pytest.raises(ContactError, match=r"give the frame \(--frame"):
         reading.applied(wrong)
     np.testing.assert_array_equal(explained(cone, wrong, HAND).poses, wrong.poses)
