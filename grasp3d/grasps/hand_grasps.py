@@ -176,7 +176,8 @@ class EvaluatedHandGrasps(GivenGrasps):
         """What the motors hold at each pose; None: no load is stated."""
         if self.to_hold is None or self.motors is None:
             return None
-        friction = self.model.friction_interval[0], float(self.model.friction)
+        low, high = self.model.friction_interval
+        friction = low, float(self.model.friction), high
         return MotorHolding(
             load=self.to_hold, forces=self.motors, friction=friction,
             normal_error=self.model.normal_error,

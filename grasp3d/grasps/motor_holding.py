@@ -8,13 +8,14 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.arrays import RIGHT_ANGLE, Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.contact.contacts import Contacts
 from grasp3d.hand.articulated.actuation import actuation_of
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.quality.hand_forces.critical_angle import hand_closes
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
 from grasp3d.quality.hand_forces.payloads import HandPayload, hand_payload
-from grasp3d.stability.contact_sets import ContactSets
+from grasp3d.stability.contact_sets import TETRAHEDRON, ContactSets
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.context import report_progress, within
@@ -26,6 +27,10 @@ FORCE_RTOL = 1e-2
 STRUCTURE = 1e3
 """Largest length of a contact's force [N]: what is held by preload that no motor sets, between the
 palm and rigid links, is limited by what these bear."""
+
+
+FLAT = 1e-3
+"""Angle by which cones must be narrower than a half-space [rad]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,12 +65,29 @@ class MotorForces:
 
     def grasp(self, row: int, contacts: Ints, friction: float) -> HandGrasp:
         """The grasp of some contacts of a pose."""
-        return HandGrasp(
-            self.sets.contacts(contacts, friction),
-            self.jacobians[contacts],
-            actuation_of(self.hand, self.postures[row], self.torques),
-            most_force=STRUCTURE,
-        )
+        return self._grasp(row, contacts, self.sets.contacts(contacts, friction))
+
+    def _grasp(self, row: int, index: Ints, contacts: Contacts) -> HandGrasp:
+        actuation = actuation_of(self.hand, self.postures[row], self.torques)
+        return HandGrasp(contacts, self.jacobians[index], actuation, most_force=STRUCTURE)
+
+    def widest(self, row: int, contacts: Ints, friction: float) -> HandGrasp | None:
+        """The grasp whose forces include those of every normal that may be true, or None.
+
+        Its cones have the angles beta + a; blind contacts press in any direction. None: some cone
+        would be a half-space or more.
+        """
+        tilts = self.tilts[contacts]
+        blind = np.isnan(tilts)
+        angles = math.atan(friction) + tilts[~blind]
+        if (angles >= RIGHT_ANGLE - FLAT).any():
+            return None
+        unseen = contacts[blind].repeat(len(TETRAHEDRON))
+        index = np.concatenate([contacts[~blind], unseen])
+        normals = np.tile(TETRAHEDRON, (int(blind.sum()), 1))
+        normals = np.concatenate([self.sets.normals[contacts[~blind]], normals])
+        frictions = np.concatenate([np.tan(angles), np.ones(len(unseen))])
+        return self._grasp(row, index, Contacts(self.sets.points[index], normals, frictions))
 
     def contacts(self, rows: Ints) -> Iterator[tuple[int, Ints]]:
         """Chosen poses, of those that are evaluated, with their contacts."""
@@ -118,6 +140,24 @@ class MotorForces:
             report_progress((row + 1) / self.sets.size)
         return locked(values), found
 
+    def possible(self, load: LoadCase, friction: float) -> Floats:
+        """Masses above which no normals, of those that may be true, let the hand hold, (k,).
+
+        Of each wrench alone, so they need not be held at any one of the normals.
+
+        Args:
+            load: What must be held.
+            friction: The largest coefficient.
+        """
+        values = np.full(self.sets.size, math.nan)
+        for row, contacts in self.contacts(np.arange(self.sets.size)):
+            grasp = self.widest(row, contacts, friction)
+            values[row] = (
+                math.inf if grasp is None else hand_payload(grasp, load.task, rtol=FORCE_RTOL).upper
+            )
+            report_progress((row + 1) / self.sets.size)
+        return locked(values)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MotorHolding:
@@ -125,8 +165,8 @@ class MotorHolding:
 
     load: LoadCase
     forces: MotorForces
-    friction: tuple[float, float]
-    """The smallest coefficient, which counts for what is sure, and the nominal one."""
+    friction: tuple[float, float, float]
+    """The smallest coefficient, which counts for what is sure, the nominal and the largest one."""
     normal_error: float
     """Part of the tilts that is not the sensors' [rad]."""
 
@@ -134,10 +174,12 @@ class MotorHolding:
 
     def compute(self) -> None:
         """Compute the masses, which takes the time of some thousand cone programs a second."""
-        with within(0.0, 0.5):
+        with within(0.0, 0.3):
             _ = self.payload_sure
-        with within(0.5, 1.0):
+        with within(0.3, 0.6):
             _ = self.payload
+        with within(0.6, 1.0):
+            _ = self.payload_possible
 
     @cached_property
     def _sure(self) -> tuple[Floats, list[HandPayload | None]]:
@@ -152,6 +194,11 @@ class MotorHolding:
     def payload_sure(self) -> Floats:
         """Held at the worst normals, with the links that feel theirs, shape (k,)."""
         return self._sure[0]
+
+    @cached_property
+    def payload_possible(self) -> Floats:
+        """Held at the best normals that may be true, at most, shape (k,)."""
+        return self.forces.possible(self.load, self.friction[2])
 
     @property
     def _mass(self) -> float:
@@ -173,8 +220,8 @@ class MotorHolding:
     def label(self, codes: Bytes) -> Bytes | None:
         """Labels that take the load into account, shape (k,); None: no mass is known.
 
-        A grasp is S if the motors hold the mass at the worst normals, too; one that is stable and
-        not held there is M.
+        A grasp is S if the motors hold the mass at the worst normals, too, and U if they do not at
+        any that may be true.
 
         Args:
             codes: Those without a load, shape (k,).
@@ -182,7 +229,9 @@ class MotorHolding:
         if math.isnan(self._mass):
             return None
         held = self.payload_sure >= self._mass
-        return locked(np.where(held, codes, np.minimum(codes, Label.M)), np.uint8)
+        most = np.where(held, Label.S, Label.M)
+        most[self.payload_possible < self._mass] = Label.U
+        return locked(np.minimum(codes, most), np.uint8)
 
     @cached_property
     def limit(self) -> npt.NDArray[np.str_]:

@@ -439,7 +439,9 @@ HAND_GRASPS = (
              "touch; of given wrenches the factor; `inf`: any, `nan`: no grasp"), KILOGRAMS, HELD),
             ("payload_sure", "the same at the worst normals, with the links that feel theirs",
              KILOGRAMS, HELD),
-            ("load_fraction", "the mass over that; `nan`: it is not known", "", HELD),
+            ("payload_possible", "at most that at the best normals that may be true", KILOGRAMS,
+             HELD),
+            ("load_fraction", "the mass over `payload_sure`; `nan`: it is not known", "", HELD),
             ("more_torque", ("by how much `payload_sure` grows at most with a tenth more of all "
              "torques"), KILOGRAMS, HELD),
             ("more_friction", "and about by how much with a tenth more of friction", KILOGRAMS,
@@ -449,7 +451,8 @@ HAND_GRASPS = (
     Field("limit", "what limits `payload_sure`: a joint, or friction", kind="U",
           of=of_part("motor_holding", "limit"), when="load"),
     replace(LABEL, name="label_with_force", when="load", meaning="the label with the load: S is "
-            "what the motors surely hold. Absent where no mass is known"),
+            "what the motors surely hold, U what they surely do not. Absent where no mass is "
+            "known"),
     Field("reachable", "whether the hand can be there: no joint beyond its limits, no link inside "
           "the object, another link or the table by more than the contact distance", kind="?"),
     Field("reason", "what is wrong with the grasp, in one sentence; empty: nothing", kind="U"),

@@ -152,6 +152,12 @@ def test_what_motors_do_not_hold_is_not_surely_held(folder: Path) -> None:
     text = printed("evaluate", *POSES, "--mass", "5kg", "--torque-limits", "10", cwd=folder)
     assert "surely held and reached: 0 of " in text
     columns = pc.read_csv(folder / "box_grasps.csv").to_pydict()
+    assert columns["payload"][0] < columns["payload_possible"][0] < 5.0
+    assert (columns["label"][0], columns["label_with_force"][0]) == ("S", "U")
+    between = f"{(columns['payload_sure'][0] + columns['payload_possible'][0]) / 2:.3f}kg"
+    words = ("--mass", between, "--torque-limits", "10", "--overwrite")
+    printed("evaluate", *POSES, *words, cwd=folder)
+    columns = pc.read_csv(folder / "box_grasps.csv").to_pydict()
     assert (columns["label"][0], columns["label_with_force"][0]) == ("S", "M")
 
 

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import grasp3d
 from grasp3d import Label
+from grasp3d.arrays import unit_rows
 from grasp3d.errors import SettingError
 from grasp3d.grasps import GraspPoses
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
@@ -43,6 +45,8 @@ def test_four_sliding_fingers_hold_a_box_by_friction_alone(tmp_path: Path) -> No
     sure = 4.0 * 10.0 * math.tan(math.atan(0.5) - ANGLE) / STANDARD_GRAVITY
     assert holding.payload[0] == pytest.approx(most, rel=0.03)
     assert holding.payload_sure[0] == pytest.approx(sure, rel=0.04)
+    best = 4.0 * 10.0 * math.tan(math.atan(0.5) + ANGLE) / STANDARD_GRAVITY
+    assert holding.payload_possible[0] == pytest.approx(best, rel=0.04)
     assert np.isnan(holding.payload[1])
     assert holding.limit[0] in {f"slide_{k}" for k in range(4)}
     assert np.isnan(holding.load_fraction).all()
@@ -56,7 +60,20 @@ def test_blind_links_hold_nothing_surely(tmp_path: Path) -> None:
     assert blind is not None
     assert blind.payload[0] > 1.0
     assert blind.payload_sure[0] == 0.0
+    assert blind.payload_possible[0] > 100.0  # any force may be what a blind finger presses with
     assert "nothing surely" in blind.verdict(np.array([True, True]))
+
+
+def test_no_normals_that_may_be_true_hold_more_than_is_possible(tmp_path: Path) -> None:
+    holding = evaluated(tmp_path, grasp3d.Load(torque_limits=10.0)).motor_holding
+    assert holding is not None
+    forces, random = holding.forces, np.random.default_rng(0)
+    for _ in range(10):
+        axes = ANGLE * random.random((4, 1)) * unit_rows(random.normal(size=(4, 3)))
+        normals = Rotation.from_rotvec(axes).apply(forces.sets.normals)
+        tilted = replace(forces, sets=replace(forces.sets, normals=normals))
+        held = tilted.payloads(holding.load, 0.5, tilted=False)[0][0]
+        assert 0.99 * holding.payload_sure[0] <= held <= 1.01 * holding.payload_possible[0]
 
 
 def test_friction_that_limits_is_that_of_a_link(tmp_path: Path) -> None:
