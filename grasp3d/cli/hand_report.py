@@ -43,7 +43,7 @@ _RULES = {
 _LEGEND = (
     "tips: label of the fingertips with sensors alone; β*: critical friction angle of all contacts;"
     " α*: coarsest resolution of all sensors; margin: friction angle to spare without what is "
-    "blind; gap: largest distance of a link that touches, in mm"
+    "blind; gap: largest one of a link that touches, in mm (0: all are inside)"
 )
 
 _HELD = (

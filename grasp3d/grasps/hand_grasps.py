@@ -331,8 +331,11 @@ class EvaluatedHandGrasps(GivenGrasps):
 
     @cached_property
     def gap(self) -> Floats:
-        """Largest distance of a link that touches from the surface, shape (k,); nan: none does."""
-        gaps = np.where(self._touching, np.abs(self.contacts.gaps), -math.inf).max(axis=1)
+        """Largest gap between the surface and a link that touches [mesh unit], shape (k,).
+
+        0: all of them are inside; nan: none touches.
+        """
+        gaps = np.where(self._touching, np.maximum(self.contacts.gaps, 0.0), -math.inf).max(axis=1)
         return locked(np.where(np.isinf(gaps), math.nan, gaps))
 
     @property

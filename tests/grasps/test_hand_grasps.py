@@ -144,6 +144,11 @@ def test_contact_distance_is_what_touches(box: ObjectMesh, tmp_path: Path) -> No
     near = grasp3d.evaluate_grasps(box, poses, FINE, hand=hand)
     assert near.label.tolist() == [Label.S]
     assert near.gap[0] == pytest.approx(0.003, abs=1e-6)
+    deep = grasp3d.evaluate_grasps(
+        box, given(TOUCHING + 0.004, [TOUCHING + 0.004, *[TOUCHING - 0.001] * 3]), FINE, hand=hand
+    )
+    np.testing.assert_allclose(deep.gap, [0.0, 0.001], atol=1e-6)  # depths are no gaps
+    np.testing.assert_allclose(deep.penetration, 0.004, atol=1e-4)
     found = grasp3d.evaluate_grasps(box, poses, FINE, hand=hand, contact_distance="2mm")
     assert found.reason.tolist() == ["no link within 2 mm of the object"]
 
