@@ -97,21 +97,22 @@ class Reasons:
     def _joints(self, posture: Floats) -> tuple[Bools, list[str]]:
         closed = self._contacts.rule == "closed"  # given postures are not those that are evaluated
         values = self._contacts.posture if closed else posture
-        limits = self._hand.limits_of_joints
-        excess = np.maximum(limits[:, 0] - values, values - limits[:, 1])  # (k, p)
-        if not excess.shape[1]:
-            return np.zeros(len(excess), dtype=np.bool_), []
+        ranges = self._hand.ranges
+        if not ranges:
+            return np.zeros(len(values), dtype=np.bool_), []
+        excess = np.stack([one.excess(values) for one in ranges], axis=1)
         worst = excess.argmax(axis=1)
         most = excess.max(axis=1)
         wrong = most > BEYOND
+        numbered = {name: f"{k} ({name})" for k, name in enumerate(self._hand.joint_names, 1)}
         return wrong, [
-            f"joint {joint + 1} ({self._hand.joint_names[joint]}) is "
-            f"{self._motion(joint, value)} beyond its limit"
+            f"joint {numbered.get(ranges[joint].name, ranges[joint].name)} is "
+            f"{self._motion(ranges[joint].name, value)} beyond its limit"
             for joint, value in zip(worst[wrong].tolist(), most[wrong].tolist(), strict=True)
         ]
 
-    def _motion(self, joint: int, value: float) -> str:
-        if self._kinds[self._hand.joint_names[joint]] == "slides":
+    def _motion(self, joint: str, value: float) -> str:
+        if self._kinds[joint] == "slides":
             return f"{1000.0 * value:.3g} mm"
         return f"{math.degrees(value):.2g}°" if value < 0.1 else f"{math.degrees(value):.0f}°"
 

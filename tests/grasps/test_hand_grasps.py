@@ -14,6 +14,7 @@ from grasp3d import Contacts, Label, critical_friction_angle
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps import GraspPoses
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh import ObjectMesh
 from grasp3d.surface.fields import HAND_GRASPS
@@ -112,6 +113,20 @@ def test_reasons(box: ObjectMesh, tmp_path: Path, posture: Any, label: Label, re
     assert found.reachable.tolist() == [not inside]
     if label == Label.U:
         assert np.isnan([found.critical_angle[0], found.epsilon[0], found.margin[0]]).all()
+
+
+def test_joints_that_follow_have_limits_of_their_own(box: ObjectMesh, tmp_path: Path) -> None:
+    rigid = {"kind": "rigid", "joints": ["slide_0", "slide_1"], "ratios": [1, 2]}
+    hand = grasp3d.read_hand(slider_hand.write(tmp_path, couplings=[rigid]))
+    assert isinstance(hand, ArticulatedHand)
+    np.testing.assert_allclose(hand.limits_of_joints, [[0.0, 0.03], [0.0, 0.06], [0.0, 0.06]])
+    postures = np.array([[0.04, 0.0, 0.0], [0.03, 0.0, 0.0], [0.04, 0.0, 0.09]])
+    poses = GraspPoses(poses=np.tile(np.eye(4), (3, 1, 1)), posture=postures, unit="m")
+    found = grasp3d.evaluate_grasps(box, poses, FINE, hand=hand)
+    first, second, third = found.reason.tolist()
+    assert first == "joint slide_1 is 20 mm beyond its limit"
+    assert "limit" not in second
+    assert third == "joint 3 (slide_3) is 30 mm beyond its limit"
 
 
 def test_reasons_of_collisions(box: ObjectMesh, tmp_path: Path) -> None:

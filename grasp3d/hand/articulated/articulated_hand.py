@@ -35,6 +35,24 @@ class Coupling:
     """Of their values, or of their torques."""
 
 
+@dataclass(frozen=True)
+class JointRange:
+    """The limits of a joint that moves, whose value a joint of a posture states."""
+
+    name: str
+    column: int
+    """Of the joint that states its value: itself, or the one that it follows."""
+    factor: float
+    offset: float
+    limits: tuple[float, float]
+    """Its smallest and largest value [m or rad]; infinite: none."""
+
+    def excess(self, postures: Floats) -> Floats:
+        """How far it is beyond its limits at postures (k, p), below 0 within them, shape (k,)."""
+        value = self.factor * postures[:, self.column] + self.offset
+        return np.maximum(self.limits[0] - value, value - self.limits[1])
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ArticulatedHand:
     """A hand whose fingers have joints; lengths in metres, angles in radians.
@@ -76,11 +94,33 @@ class ArticulatedHand:
         return tuple(joint.name for joint in moving if joint.follows is None)
 
     @cached_property
+    def ranges(self) -> tuple[JointRange, ...]:
+        """Limits of all joints that move: of those of a posture, then of those that follow."""
+        joints = [joint for joint in self.tree.joints.values() if joint.kind != "fixed"]
+        found = []
+        for joint in sorted(joints, key=lambda one: one.follows is not None):
+            name, factor, offset = self.tree.source_of(joint)
+            low, high = joint.limits or (-np.inf, np.inf)
+            limits = (low, high) if low <= high else (-np.inf, np.inf)
+            column = self.joint_names.index(name)
+            found.append(JointRange(joint.name, column, factor, offset, limits))
+        return tuple(found)
+
+    @cached_property
     def limits_of_joints(self) -> Floats:
-        """Smallest and largest values of the joints of a posture, shape (p, 2); inf: none."""
-        joints = {joint.name: joint for joint in self.tree.joints.values()}
-        limits = [joints[name].limits or (-np.inf, np.inf) for name in self.joint_names]
-        return locked(np.reshape(limits, (-1, 2)), np.float64)
+        """Smallest and largest values of the joints of a posture, shape (p, 2); inf: none.
+
+        Joints that follow one end its range, too, unless they leave nothing of it.
+        """
+        limits = np.full((len(self.joint_names), 2), (-np.inf, np.inf))
+        for one in self.ranges:
+            if one.factor:
+                ends = np.sort((np.array(one.limits) - one.offset) / one.factor)
+                low, high = limits[one.column]
+                both = max(low, ends[0]), min(high, ends[1])
+                if both[0] <= both[1]:
+                    limits[one.column] = both
+        return locked(limits)
 
     @property
     def link_names(self) -> tuple[str, ...]:
