@@ -416,7 +416,8 @@ HAND_GRASPS = (
         )
     ),
     Field("links", "links that touch, separated by spaces", kind="U"),
-    Field("gap", "largest distance of a link that touches from the surface, inside or outside",
+    Field("gap", "largest gap between the surface and a link that touches; `0`: all of them are "
+          "inside, `nan`: none touches",
           LENGTH, (), POSITIVE_OR_NAN),
     Field("penetration", "how deep the deepest link is inside the object; `0`: none is", LENGTH,
           (), Allowed(0.0)),
