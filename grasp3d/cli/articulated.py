@@ -30,7 +30,9 @@ def print_known() -> None:
         coupled = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "none"
         rows.append([name, stated, coupled])
     report.line("")
-    report.table(table_of(KNOWN, rows, texts=3))
+    table = table_of(KNOWN, rows, texts=3)
+    table.columns[1].no_wrap = True  # no spaces keep a unit with its number
+    report.table(table)
     report.line("they need a URDF of yours: grasp3d hand FILE.urdf -o NAME.json")
 
 

@@ -37,6 +37,9 @@ def test_known_hands_are_listed_and_named(tmp_path: Path) -> None:
     text = printed("hand", cwd=tmp_path, columns=80)
     assert "allegro           0.7 N m" in text
     assert max(map(len, text.splitlines())) <= 82
+    for columns in (20, 27):
+        narrow = printed("hand", cwd=tmp_path, columns=columns)
+        assert "0.93 N m" in narrow
     path = hand_file("barrett")
     text = printed("hand", path, "--preset", "barrett", cwd=tmp_path, columns=200)
     assert "rigid coupling  finger_1_med_joint : 3, finger_1_dist_joint : 1" in text
