@@ -60,7 +60,7 @@ def _joints(hand: ArticulatedHand) -> Iterator[list[str]]:
         unit = 1e3 if joint.kind == "slides" else math.degrees(1.0)
         numbers = [f"{unit * value:.4g}" for value in (*limits, opened)]
         closes = f"{speed:+g}" if speed else ""
-        force = "not stated" if math.isnan(torque) else f"{torque:g}"
+        force = "not stated" if math.isnan(torque) else f"{torque:g}" if torque else "no motor"
         yield [escaped(name), escaped(link), *numbers, closes, force]
 
 

@@ -1,17 +1,19 @@
 """The drives of hands with joints, and labels that limits of torques do not change."""
 
+import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import grasp3d
 from grasp3d.contact.contacts import Contacts
-from grasp3d.hand.articulated.actuation import actuation_of, torques_of
+from grasp3d.hand.articulated.actuation import actuation_of, torques_of, unstated_torques
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.quality.hand_forces.critical_angle import hand_closes
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
-from tests.helpers.hands import hand_file
+from tests.helpers.hands import hand_file, three_fingers
 
 
 def known(name: str) -> ArticulatedHand:
@@ -45,6 +47,33 @@ def test_a_differential_drives_two_joints_by_one_tendon() -> None:
     assert drives.columns.shape == (24, 20)
     tendon = drives.columns[:, drives.names.index("FFJ2 and FFJ1")]
     assert [hand.joint_names[k] for k in np.flatnonzero(tendon)] == ["FFJ2", "FFJ1"]
+
+
+def test_a_joint_without_a_motor_is_driven_by_none(tmp_path: Path) -> None:
+    three_fingers(tmp_path, effort=0.4)
+    names = [f"{part}{n}" for n in range(3) for part in ("knuckle", "bend")]
+    stated = {**dict.fromkeys(names, 0.4), "bend1": 0}
+    content = {"format": "grasp3d articulated hand", "version": 1, "description": "three.urdf"}
+    path = tmp_path / "passive.json"
+    path.write_text(json.dumps({**content, "torques": stated}), encoding="utf-8")
+    hand = grasp3d.read_hand(path)
+    assert isinstance(hand, ArticulatedHand)
+    assert hand.description()["torques"] == stated
+    assert unstated_torques(hand) == []
+    for limit, most in ((None, 0.4), (0.7, 0.7)):
+        torques = torques_of(hand, limit)
+        np.testing.assert_array_equal(torques, [most, most, most, np.nan, most, most])
+        assert torques is not None
+        drives = actuation_of(hand, np.full(6, -0.2), torques)
+        assert drives.names == tuple(name for name in names if name != "bend1")
+        assert np.abs(drives.undriven[:, 0]).tolist() == [0, 0, 0, 1, 0, 0]
+        assert not drives.two_way
+    del stated["bend1"]  # left out: its motor is not known
+    path.write_text(json.dumps({**content, "torques": stated}), encoding="utf-8")
+    unknown = grasp3d.read_hand(path)
+    assert isinstance(unknown, ArticulatedHand)
+    assert unstated_torques(unknown) == ["bend1"]
+    assert torques_of(unknown) is None
 
 
 @pytest.mark.slow

@@ -135,7 +135,14 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
         },
         "joint bend0 follows bend0, which it cannot",
     ),
-    "a torque": ({"torques": {"bend0": 0.0}}, "torques must be an object of numbers by joints"),
+    "a torque": ({"torques": {"bend0": -0.1}}, "torques must be an object of numbers by joints"),
+    "a tendon without a motor": (
+        {
+            "torques": {"bend0": 0},
+            "couplings": [{"kind": "differential", "joints": ["bend0", "bend1"], "ratios": [1, 1]}],
+        },
+        "torques: the motor of bend0 pulls others; it is not 0",
+    ),
     "a direction": ({"approach": [0, 0, 0]}, "approach must be a list of three numbers"),
 }
 

@@ -25,15 +25,15 @@ def unstated_torques(hand: ArticulatedHand) -> list[str]:
 def torques_of(hand: ArticulatedHand, torque_limit: float | None = None) -> Floats | None:
     """Greatest torque of the motor of each joint [N m or N], (p,); None: one is not stated.
 
-    It is nan where a differential pulls a joint with the motor of another one.
+    It is nan where a joint has no motor, or a differential pulls it with that of another one.
 
     Args:
         hand: The hand.
         torque_limit: That of every motor, instead of the stated ones.
     """
     if torque_limit is not None:
-        return np.full(len(hand.joint_names), torque_limit)
-    return None if unstated_torques(hand) else np.asarray(hand.torques, dtype=np.float64)
+        return np.where(hand.torques == 0.0, np.nan, torque_limit)
+    return None if unstated_torques(hand) else np.where(hand.torques == 0.0, np.nan, hand.torques)
 
 
 def actuation_of(hand: ArticulatedHand, posture: Floats, torques: Floats) -> Actuation:
@@ -46,7 +46,7 @@ def actuation_of(hand: ArticulatedHand, posture: Floats, torques: Floats) -> Act
     Args:
         hand: The hand.
         posture: Values of its joints (p,).
-        torques: Greatest torques of their motors, shape (p,).
+        torques: Greatest torques of their motors, as `torques_of` has them, shape (p,).
 
     Raises:
         SettingError: A differential pulls a joint that follows another one.
@@ -69,7 +69,7 @@ def actuation_of(hand: ArticulatedHand, posture: Floats, torques: Floats) -> Act
             actuators.append(" and ".join(coupling.joints))
             together |= set(coupling.joints)
     for column, name in enumerate(names):
-        if name not in together:
+        if name not in together and not math.isnan(torques[column]):
             arms.append(np.eye(len(names))[column])
             limits.append(torques[column])
             actuators.append(name)

@@ -76,7 +76,7 @@ class ArticulatedHand:
     the contact model."""
     torques: Floats
     """Greatest torque, or force, of the motor of each joint [N m or N], shape (p,); nan: not
-    stated."""
+    stated; 0: it has none, and turns freely."""
     couplings: tuple[Coupling, ...] = ()
     preshapes: Mapping[str, Floats]
     """Postures by name, each of shape (p,); "open" is the one from which the hand closes."""

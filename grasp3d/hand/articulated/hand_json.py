@@ -68,8 +68,8 @@ KEYS: dict[str, tuple[Callable[[object], bool], str]] = {
         "an object of sensor resolutions [rad] from 0 to below pi, or null, by links",
     ),
     "torques": (
-        _is_object(lambda one: _is_number(one) and one > 0.0),  # type: ignore[operator]
-        f"{_NUMBERS}, above 0",
+        _is_object(lambda one: _is_number(one) and one >= 0.0),  # type: ignore[operator]
+        f"{_NUMBERS}, at least 0 (0: no motor)",
     ),
     "couplings": (
         _is_list(_is_coupling),

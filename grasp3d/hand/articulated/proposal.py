@@ -365,7 +365,12 @@ class _Proposal:
     def _torques(self) -> Floats:
         unknown = np.full(len(self.names), np.nan)
         if "torques" in self.known:
-            return self._by_name(self.known["torques"], unknown, "torques")
+            stated = self._by_name(self.known["torques"], unknown, "torques")
+            for coupling in self.bare.couplings:
+                name = coupling.joints[0]
+                if coupling.kind == "differential" and self.known["torques"].get(name) == 0.0:
+                    raise self.tree.error(f"torques: the motor of {name} pulls others; it is not 0")
+            return stated
         joints = {joint.name: joint for joint in self.tree.joints.values()}
         beyond = {self.tree.joints[link].name for link in self.bare.beyond_palm}
         found, odd = unknown.copy(), dict[float, list[str]]()
