@@ -105,7 +105,8 @@ class MotorForces:
             friction: The smallest coefficient.
         """
         pressed = np.ones(len(sure))
-        if all(coupling.kind == "rigid" for coupling in self.hand.couplings):
+        rigid = all(coupling.kind == "rigid" for coupling in self.hand.couplings)
+        if rigid and not np.isnan(self.torques).any():  # nan: a joint without a motor
             return locked(pressed)
         for row, contacts in self.contacts(np.flatnonzero(sure)):
             angles = math.atan(friction) - self.tilts[contacts]

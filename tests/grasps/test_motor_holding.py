@@ -122,6 +122,15 @@ def test_what_a_differential_cannot_press_is_not_surely_stable(tmp_path: Path) -
     assert evaluated(tmp_path, None, **pulled).motors is not None
 
 
+def test_what_needs_a_joint_without_a_motor_is_not_surely_stable(tmp_path: Path) -> None:
+    torques = {f"slide_{k}": 20.0 for k in range(4)}
+    passive = torques | {"slide_0": 0.0, "slide_1": 0.0}
+    assert evaluated(tmp_path, None, torques=torques).label[0] == Label.S
+    found = evaluated(tmp_path, None, torques=passive)
+    assert (found.all_links.label[0], found.label[0]) == (Label.S, Label.M)
+    assert found.reason[0] == "the hand cannot press it"
+
+
 def test_the_verdict_names_the_resolution_of_the_sensors_alone(tmp_path: Path) -> None:
     model = replace(FINE, normal_error=math.radians(2.0))
     found = evaluated(tmp_path, grasp3d.Load(task=DOWN), model)
