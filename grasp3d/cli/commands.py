@@ -445,7 +445,10 @@ class Evaluate(Guarded, GivenPoses):
     state)."""
 
     contact_rule: Annotated[
-        ContactRule | None, Group("gripper"), Main("hands with joints: which contacts poses make")
+        ContactRule | None,
+        tyro.conf.arg(metavar="RULE"),
+        Group("gripper"),
+        Main("hands with joints: given, settled or closed"),
     ] = None
     """Poses of a hand with joints: which contacts they make. given: the links within the contact
     distance of the surface; settled: joints, and a free object, first move as little as makes these

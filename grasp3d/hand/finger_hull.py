@@ -17,7 +17,6 @@ from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
-import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
 from grasp3d.arrays import Floats
@@ -182,6 +181,8 @@ def _cut_by(new: Face, faces: Sequence[Face]) -> list[Face]:
 
 def _pieces(triangles: Floats) -> list[Floats]:
     """Triangles (n, 3, 3) of each closed, connected surface; of all where some are not closed."""
+    import trimesh  # slow to import, and needed where a robot's description is read alone
+
     solid = trimesh.Trimesh(
         triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3), process=False
     )

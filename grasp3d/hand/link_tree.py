@@ -8,7 +8,6 @@ from typing import Any, Literal
 
 import numpy as np
 from scipy.spatial import QhullError
-from trimesh import convex, creation
 
 from grasp3d.arrays import Floats, locked
 from grasp3d.errors import SettingError
@@ -55,12 +54,16 @@ class LinkShape:
         return np.asarray(faces @ self.pose[:3, :3].T + self.pose[:3, 3])
 
     def _hull(self) -> Floats:
+        from trimesh import convex
+
         try:
             return np.asarray(convex.convex_hull(self.vertices).triangles)
         except QhullError:  # flat
             return self.surface
 
     def _solid(self) -> Any:
+        from trimesh import creation  # it brings much that readers of poses do not need
+
         if self.kind == "box":
             return creation.box(2.0 * np.array(self.size))
         if self.kind == "sphere":
@@ -78,6 +81,8 @@ def mesh_shape(surface: Floats, pose: Floats) -> LinkShape:
         surface: Corners of its triangles in its own frame, shape (t, 3, 3).
         pose: From its frame to the link's, shape (4, 4).
     """
+    from trimesh import convex
+
     points = np.unique(surface.reshape(-1, 3), axis=0)
     # Flat ones have none; those with infinite numbers are refused where they are used.
     with suppress(QhullError, ValueError):

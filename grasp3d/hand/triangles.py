@@ -3,13 +3,16 @@
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 
 from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked
 from grasp3d.errors import SettingError
 from grasp3d.hand.jaws import Jaws
+
+if TYPE_CHECKING:
+    import trimesh
 
 
 class Part(IntEnum):
@@ -86,20 +89,22 @@ def jaw_triangles(jaws: Jaws, opening: float) -> Triangles:
     return triangles_of(vertices, np.concatenate(faces), np.concatenate(ids))
 
 
-def _palm(jaws: Jaws) -> trimesh.Trimesh:
+def _palm(jaws: Jaws) -> "trimesh.Trimesh":
     front = jaws.end - jaws.finger_length
     x, y = 0.5 * jaws.palm_thickness, 0.5 * jaws.palm_width
     return _box((-x, -y, front - jaws.palm_length), (x, y, front))
 
 
-def _finger(jaws: Jaws, opening: float, side: float) -> list[tuple[Part, trimesh.Trimesh]]:
+def _finger(jaws: Jaws, opening: float, side: float) -> "list[tuple[Part, trimesh.Trimesh]]":
     """Parts of the finger on one side of the closing axis, -1 or 1; lengths in metres."""
     half = 0.5 * jaws.finger_width
     low, high = jaws.end - jaws.finger_length, jaws.end
     inner = 0.5 * opening
     if jaws.round_tips:
         centre = inner + jaws.tip_radius
-        ball = trimesh.creation.icosphere(subdivisions=3, radius=jaws.tip_radius)
+        from trimesh import creation
+
+        ball = creation.icosphere(subdivisions=3, radius=jaws.tip_radius)
         ball.apply_translation([side * centre, 0.0, 0.0])
         near, far = (centre + sign * 0.5 * jaws.finger_thickness for sign in (-1.0, 1.0))
         return [(Part.FINGER, _beside(side, near, far, half, low, high)), (Part.TIP, ball)]
@@ -113,12 +118,14 @@ def _finger(jaws: Jaws, opening: float, side: float) -> list[tuple[Part, trimesh
 
 def _beside(
     side: float, near: float, far: float, half: float, low: float, high: float
-) -> trimesh.Trimesh:
+) -> "trimesh.Trimesh":
     """A box from near to far of x = 0, on one side of it."""
     ends = sorted((side * near, side * far))
     return _box((ends[0], -half, low), (ends[1], half, high))
 
 
-def _box(low: tuple[float, float, float], high: tuple[float, float, float]) -> trimesh.Trimesh:
-    box: trimesh.Trimesh = trimesh.creation.box(bounds=[low, high])
+def _box(low: tuple[float, float, float], high: tuple[float, float, float]) -> "trimesh.Trimesh":
+    from trimesh import creation  # it brings much that readers of poses do not need
+
+    box: trimesh.Trimesh = creation.box(bounds=[low, high])
     return box

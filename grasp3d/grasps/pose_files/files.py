@@ -320,8 +320,10 @@ def holds_poses(path: str | Path) -> bool:
     """
     path = Path(path)
     suffix = path.suffix.lower()
+    if is_folder(path):
+        return any(file.suffix.lower() in _DICTIONARIES for file in path.iterdir())
     if suffix not in {".json", ".csv", ".parquet"}:
-        return suffix in SUFFIXES or is_folder(path)
+        return suffix in SUFFIXES
     try:
         if suffix == ".json":
             return _format_in(suffix, load_json(path)) is not None
