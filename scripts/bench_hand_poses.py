@@ -17,6 +17,7 @@ import trimesh
 
 import grasp3d
 from grasp3d.arrays import Floats
+from grasp3d.grasps import GraspPoses
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
 from grasp3d.hand.articulated.hand_scene import HandScene
@@ -59,6 +60,12 @@ def timed(name: str, count: int, work: Callable[[], Any]) -> tuple[float, Any]:
     return rate, result
 
 
+def labelled(mesh: ObjectMesh, poses: GraspPoses, hand: ArticulatedHand) -> tuple[Any, ...]:
+    """Everything that `evaluate_grasps` says of poses as they are given, but epsilon."""
+    found = grasp3d.evaluate_grasps(mesh, poses, hand=hand)
+    return found.label, found.label_fingertips, found.margin, found.reason
+
+
 def main() -> None:
     """Measure."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -86,6 +93,8 @@ def main() -> None:
     timed("gaps", options.n, lambda: scene.touch(frames, contacts=False))
     timed("overlaps of links", options.n, lambda: scene.self_collisions(frames))
     one, given = timed("as given", options.n, lambda: hand_contacts(mesh, hand, poses, postures))
+    stated = GraspPoses(poses=poses, posture=postures, unit="m")
+    timed("labels and reasons, as given", options.n, lambda: labelled(mesh, stated, hand))
     some = slice(options.n // 5)
     other, settled = timed(
         "settled", len(poses[some]),
