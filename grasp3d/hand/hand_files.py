@@ -14,7 +14,6 @@ from grasp3d.hand.hand import Hand
 from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, gripper_of
 from grasp3d.hand.parallel_gripper import preset as known_gripper
 from grasp3d.hand.robot_files import SUFFIXES as MODELS
-from grasp3d.hand.robot_files import read_links as read_links  # noqa: PLC0414, for scripts
 from grasp3d.hand.robot_files import watched
 from grasp3d.system.documents import is_file, parse_json, problem_of_file
 from grasp3d.system.files import atomic_write, check_suffix

@@ -13,8 +13,8 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
 from grasp3d.hand.articulated.proposal import articulated_hand_of
-from grasp3d.hand.hand_files import read_links
 from grasp3d.hand.link_tree import Joint
+from grasp3d.hand.robot_files import read_links
 from grasp3d.mesh import ObjectMesh, load_mesh
 from tests.helpers.hands import hand_file
 from tests.helpers.link_scenes import at, hand_of, shape, solid

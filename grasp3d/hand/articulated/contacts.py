@@ -1,7 +1,7 @@
 """Contacts of a hand with joints: which of its links touch an object, where, and how far off."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.hand_scene import HandScene
 from grasp3d.hand.articulated.settling import close, motion_of_object, settle
-from grasp3d.hand.choices import ObjectMotion
+from grasp3d.hand.choices import ContactRule, ObjectMotion
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.hand.table import Table
@@ -19,10 +19,6 @@ from grasp3d.settings.checks import check_choice, check_range
 
 if TYPE_CHECKING:
     from grasp3d.mesh import ObjectMesh
-
-Rule = Literal["given", "settled", "closed"]
-"""Which contacts count: those of the poses as given; after the smallest change with which near
-links touch and none penetrates; or after closing from a preshape."""
 
 CONTACT_DISTANCE = 0.005
 """Gap up to which a link counts as touching [m]: published postures are off by millimetres."""
@@ -35,7 +31,7 @@ TOUCHED = 3e-4
 class HandContacts:
     """Contacts of k poses of a hand of L links, by ascending pose, c in all."""
 
-    rule: Rule
+    rule: ContactRule
     """How they were found."""
     poses: Floats
     """Hand's frame to that of the mesh, (k, 4, 4) [mesh unit]; of settled ones where the object
@@ -80,7 +76,7 @@ def hand_contacts(
     poses: ArrayLike,
     posture: ArrayLike,
     *,
-    rule: Rule = "given",
+    rule: ContactRule = "given",
     contact_distance: float = CONTACT_DISTANCE,
     table: Table | None = None,
     object_motion: ObjectMotion = "free",
@@ -98,7 +94,7 @@ def hand_contacts(
         hand: The hand.
         poses: Hand's frame to that of the mesh, translations in its unit, shape (k, 4, 4).
         posture: Values of the hand's joints, shape (k, p).
-        rule: Which contacts count; see `Rule`.
+        rule: Which contacts count; see `ContactRule`.
         contact_distance: Gap up to which a link touches [m].
         table: The table below the object, in the mesh's frame.
         object_motion: Whether the object gives way when contacts settle.
@@ -109,7 +105,7 @@ def hand_contacts(
             another number or not finite, or a setting is outside its range.
     """
     metres = metres_per_unit(mesh)
-    check_choice("rule", rule, Rule)
+    check_choice("rule", rule, ContactRule)
     check_range("contact_distance", contact_distance, 0.0, 0.1, ends="(]", unit="m")
     matrices, values = checked_poses(poses), hand.postures(posture)
     check_choice("object motion", object_motion, ObjectMotion)
