@@ -25,6 +25,7 @@ from grasp3d.cli.report import (
     percent_text,
 )
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
+from grasp3d.grasps.motor_holding import load_text
 from grasp3d.grasps.pose_readings import READINGS
 from grasp3d.grasps.ranking import ranked_rows, stated_label
 from grasp3d.grasps.readings import READING
@@ -48,8 +49,11 @@ _LEGEND = (
 
 _HELD = (
     "holds: what the motors hold at the perceived normals; surely: at the worst that the sensors "
-    "cannot distinguish, with the links that have some; limit: what limits that"
+    "cannot distinguish, with the links that have some; limit: what limits that; ε N: of the "
+    "wrenches that the motors resist, in newtons"
 )
+
+_LOAD = "; held: label with the mass; load: the mass over what is surely held"
 
 
 def print_hand_grasps(grasps: EvaluatedHandGrasps, *outputs: Path) -> None:
@@ -78,13 +82,13 @@ def print_hand_grasps(grasps: EvaluatedHandGrasps, *outputs: Path) -> None:
     if not np.isnan(grasps.outcome).all():
         report.line(outcomes_line(grasps))
     report.line(f"[bold]{_verdict(grasps)}[/]")
-    if grasps.motor_holding is not None:
-        report.line(f"[bold]{escaped(grasps.motor_holding.verdict(grasps.reachable))}[/]")
+    if grasps.verdict is not None:
+        report.line(f"[bold]{escaped(grasps.verdict)}[/]")
     report.warnings(grasps.warnings)
     print_some(report, _columns(grasps), grasps, size)
     report.line(_LEGEND)
     if grasps.motor_holding is not None:
-        report.line(_HELD)
+        report.line(_HELD if grasps.label_with_force is None else f"{_HELD}{_LOAD}")
     report.line(frame_text(grasps.given.object_pose))
     if read := grasps.given.settings.get(READING):
         report.line(f"{READINGS[READING]}: {escaped(read)}")
@@ -123,15 +127,21 @@ def _columns(grasps: EvaluatedHandGrasps) -> list[Column]:
     def known(text: str) -> str:
         return "none" if text.startswith("nan") else text
 
-    holding = grasps.motor_holding
+    holding, codes = grasps.motor_holding, grasps.label_with_force
     held: list[Column] = []
     if holding is not None:
         unit = "kg" if holding.load.by_mass else ""
         held = [
+            ("ε\nN", lambda row: known(number_text(holding.epsilon[row]))),
             (f"holds\n{unit}", lambda row: known(number_text(holding.payload[row]))),
             (f"surely\n{unit}", lambda row: known(number_text(holding.payload_sure[row]))),
             ("limit", lambda row: escaped(str(holding.limit[row]))),
         ]
+        if codes is not None:
+            held[-1:-1] = [
+                ("load", lambda row: known(load_text(float(holding.load_fraction[row])))),
+                ("held", lambda row: label_name(Label(int(codes[row])))),
+            ]
     return [
         ("pose", lambda row: str(row + 1)),
         ("label", lambda row: label_name(Label(int(grasps.label[row])))),

@@ -19,7 +19,7 @@ from grasp3d.grasps.postures import ORDER, matched
 from grasp3d.grasps.readings import SUSPECTED, PoseReading
 from grasp3d.hand.articulated.actuation import torques_of, unstated_torques
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
+from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE, HandContacts, hand_contacts
 from grasp3d.hand.choices import ContactRule, ObjectMotion
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.pose_checks import pose_warning
@@ -41,9 +41,6 @@ from grasp3d.system.context import refuse_warnings, report_progress, within
 
 TOUCHED = 0.5
 """Fraction of the work after which contacts are known."""
-
-DISTANCE = "5mm"
-"""Distance from the surface up to which a link touches, unless another one is given."""
 
 OF_CONTACTS = ("link", "points", "normals", "gap")
 """What `HandContacts` has of each contact besides its pose."""
@@ -180,7 +177,7 @@ class EvaluatedHandGrasps(GivenGrasps):
         friction = low, float(self.model.friction), high
         return MotorHolding(
             load=self.to_hold, forces=self.motors, friction=friction,
-            normal_error=self.model.normal_error,
+            normal_error=self.model.normal_error, torque_scale=self.mesh.torque_scale,
         )  # fmt: skip
 
     @cached_property
@@ -221,6 +218,13 @@ class EvaluatedHandGrasps(GivenGrasps):
     def critical_angle(self) -> Floats:
         """Critical friction angles of all contacts, as if each normal were known [rad], (k,)."""
         return self.all_links.critical_angle
+
+    @cached_property
+    def critical_angle_hand(self) -> Floats | None:
+        """The same with forces that the motors can press [rad], shape (k,); None: no load."""
+        if self.motor_holding is None:
+            return None
+        return self.motor_holding.forces.critical_angle(self.critical_angle)
 
     @property
     def located_angles(self) -> WorstAndBest:
@@ -362,6 +366,10 @@ class EvaluatedHandGrasps(GivenGrasps):
         reasons.add("touches where --only and --avoid allow no contact", self.outside)
         reasons.add("the hand cannot press it", self.pressed == 0.0)
         reasons.add("it is not known whether the hand can press it", np.isnan(self.pressed))
+        if (held := self.label_with_force) is not None and (of := self.motor_holding) is not None:
+            short = held < self.label
+            texts = [of.shortfall(row) for row in np.flatnonzero(short).tolist()]
+            reasons.add("the motors do not surely hold it", short, texts)
         return reasons
 
     @property
@@ -373,6 +381,12 @@ class EvaluatedHandGrasps(GivenGrasps):
     def reachable(self) -> Bools:
         """Whether the hand can be there without a collision, shape (k,)."""
         return locked(~self.reasons.impossible)
+
+    @property
+    def verdict(self) -> str | None:
+        """What the motors hold at the best pose, in one sentence; None: no load is stated."""
+        holding = self.motor_holding
+        return None if holding is None else holding.verdict(self.reachable)
 
     @cached_property
     def reading(self) -> PoseReading | None:
@@ -467,6 +481,7 @@ class EvaluatedHandGrasps(GivenGrasps):
             "contact_distance": self.contact_distance,
             "object_motion": self.object_motion,
             **load_settings(None if self.to_hold is None else self.to_hold.load),
+            "verdict": self.verdict,
             "sensor_resolutions": felt,
         }
 
@@ -493,7 +508,7 @@ def evaluate_hand(
     scene: Scene,
     *,
     contact_rule: ContactRule = "given",
-    contact_distance: GivenLength = DISTANCE,
+    contact_distance: GivenLength = f"{CONTACT_DISTANCE} m",
     object_motion: ObjectMotion = "free",
     load: LoadCase | None = None,
 ) -> EvaluatedHandGrasps:

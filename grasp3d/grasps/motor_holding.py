@@ -12,9 +12,9 @@ from grasp3d.arrays import RIGHT_ANGLE, Bools, Bytes, Floats, Ints, locked, shor
 from grasp3d.contact.contacts import Contacts
 from grasp3d.hand.articulated.actuation import actuation_of
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.quality.hand_forces.critical_angle import hand_closes
+from grasp3d.quality.hand_forces.critical_angle import hand_closes, hand_critical_angle
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
-from grasp3d.quality.hand_forces.payloads import HandPayload, hand_payload
+from grasp3d.quality.hand_forces.payloads import HandPayload, hand_epsilon, hand_payload
 from grasp3d.stability.contact_sets import TETRAHEDRON, ContactSets
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import LoadCase
@@ -28,6 +28,8 @@ STRUCTURE = 1e3
 """Largest length of a contact's force [N]: what is held by preload that no motor sets, between the
 palm and rigid links, is limited by what these bear."""
 
+MOST_LOAD = 10.0
+"""Load fraction from which on texts do not say how large it is."""
 
 FLAT = 1e-3
 """Angle by which cones must be narrower than a half-space [rad]."""
@@ -141,6 +143,33 @@ class MotorForces:
             report_progress((row + 1) / self.sets.size)
         return locked(values), found
 
+    def critical_angle(self, locked_angles: Floats) -> Floats:
+        """Friction angles above which the drives press what closes a grasp [rad], shape (k,).
+
+        Args:
+            locked_angles: Those with the posture locked, shape (k,).
+        """
+        angles = np.array(locked_angles)
+        for row, contacts in self.contacts(np.arange(self.sets.size)):
+            grasp = self.grasp(row, contacts, 1.0)
+            if not grasp.actuation.two_way:
+                angles[row] = max(hand_critical_angle(grasp).upper, angles[row])
+        return locked(angles)
+
+    def epsilon(self, friction: float, torque_scale: float) -> Floats:
+        """Radii of the largest balls of wrenches that the drives resist [N], shape (k,).
+
+        Args:
+            friction: The coefficient.
+            torque_scale: Torques are divided by it [mesh unit].
+        """
+        values = np.full(self.sets.size, math.nan)
+        for row, contacts in self.contacts(np.arange(self.sets.size)):
+            grasp = self.grasp(row, contacts, friction)
+            values[row] = hand_epsilon(grasp, torque_scale, rtol=FORCE_RTOL).lower
+            report_progress((row + 1) / self.sets.size)
+        return locked(values)
+
     def possible(self, load: LoadCase, friction: float) -> Floats:
         """Masses above which no normals, of those that may be true, let the hand hold, (k,).
 
@@ -170,17 +199,21 @@ class MotorHolding:
     """The smallest coefficient, which counts for what is sure, the nominal and the largest one."""
     normal_error: float
     """Part of the tilts that is not the sensors' [rad]."""
+    torque_scale: float
+    """Of the object [mesh unit]."""
 
     __repr__ = short_repr
 
     def compute(self) -> None:
         """Compute the masses, which takes the time of some thousand cone programs a second."""
-        with within(0.0, 0.3):
+        with within(0.0, 0.2):
             _ = self.payload_sure
-        with within(0.3, 0.6):
+        with within(0.2, 0.4):
             _ = self.payload
-        with within(0.6, 1.0):
+        with within(0.4, 0.7):
             _ = self.payload_possible
+        with within(0.7, 1.0):
+            _ = self.epsilon
 
     @cached_property
     def _sure(self) -> tuple[Floats, list[HandPayload | None]]:
@@ -200,6 +233,11 @@ class MotorHolding:
     def payload_possible(self) -> Floats:
         """Held at the best normals that may be true, at most, shape (k,)."""
         return self.forces.possible(self.load, self.friction[2])
+
+    @cached_property
+    def epsilon(self) -> Floats:
+        """Epsilon at the perceived normals [N], shape (k,); nan: no grasp."""
+        return self.forces.epsilon(self.friction[1], self.torque_scale)
 
     @property
     def _mass(self) -> float:
@@ -254,6 +292,18 @@ class MotorHolding:
         """Mass that a tenth more of friction adds to it, about, shape (k,)."""
         return self._numbers(lambda one: float(one.friction_gains.sum()))
 
+    @property
+    def unit(self) -> str:
+        """Unit of the masses, with a space; of wrenches alone what their factors are."""
+        return " kg" if self.load.by_mass else " times the wrenches"
+
+    def shortfall(self, row: int) -> str:
+        """Why the mass is not surely held at a pose, in one sentence."""
+        most, sure = self.payload_possible[row], self.payload_sure[row]
+        if most < self._mass:
+            return f"holds {short_number(most)}{self.unit} at most"
+        return f"surely holds {short_number(sure)}{self.unit} only"
+
     def verdict(self, chosen: Bools) -> str:
         """What the motors hold at the best pose, in one sentence.
 
@@ -265,7 +315,6 @@ class MotorHolding:
         if not (surely >= 0.0).any():
             return f"the motors of {hand.name} hold {self.load.to_hold} at no pose"
         row = int(np.lexsort((self.payload, surely))[-1])
-        unit = " kg" if self.load.by_mass else " times the wrenches"
         torques = np.unique(forces.torques[~np.isnan(forces.torques)])
         slides = {joint.kind for joint in hand.tree.joints.values()} <= {"slides", "fixed"}
         size = "N" if slides else "N m"
@@ -274,12 +323,20 @@ class MotorHolding:
         where = "in any orientation" if task == "weight" else f"({task})"
         felt = forces.tilts[forces.sets.row == row]
         known = felt[~np.isnan(felt)]
-        text = f"{hand.name} holds {short_number(self.payload[row])}{unit} at {at} {where}"
+        text = f"{hand.name} holds {short_number(self.payload[row])}{self.unit} at {at} {where}"
         if not len(known):
             return f"{text}, and nothing surely: no link that touches has a sensor"
         resolution = short_number(2.0 * math.degrees(known.max() - self.normal_error))
-        sure = f"{short_number(surely[row])}{unit} surely for {resolution}° fingertips"
-        return f"{text}; {sure}; {self.limit[row]} limits (pose {row + 1})"
+        sure = f"{short_number(surely[row])}{self.unit} surely for {resolution}° fingertips"
+        limit = str(self.limit[row])
+        if limit.partition(" ")[0] in hand.joint_names and not limit.startswith("joint"):
+            limit = f"joint {limit}"
+        return f"{text}; {sure}; {limit} limits (pose {row + 1})"
 
     def _numbers(self, of: Callable[[HandPayload], float]) -> Floats:
         return locked(np.array([math.nan if one is None else of(one) for one in self._sure[1]]))
+
+
+def load_text(fraction: float) -> str:
+    """A load fraction in percent."""
+    return f"{100.0 * fraction:.0f} %" if fraction < MOST_LOAD else f"> {100.0 * MOST_LOAD:.0f} %"

@@ -30,7 +30,7 @@ MARGINS = 0.9
 LEAST_WIDTH = 4.6
 """Least width of the figure, which the legend needs [inch]."""
 
-REASON = 34
+REASON = 28
 """Characters in a line of a reason."""
 
 LONGEST = 48
@@ -74,7 +74,9 @@ def hand_grasp_figure(
     settings = (
         f"{printable(grasps.hand.name)}, {model_line(model, grasps.mesh.unit)}, contacts {rule}"
     )
-    figure, grid = _sheet(grasps.mesh.report.source, settings, len(pictures), below=2)
+    held = grasps.motor_holding
+    below = 2 if held is None else 3
+    figure, grid = _sheet(grasps.mesh.report.source, settings, len(pictures), below)
     for number, (axes, picture) in enumerate(zip(grid, pictures, strict=True)):
         label, angle = Label(int(grasps.label[number])), grasps.critical_angle[number]
         name = numbers[number] if numbers else number + 1
@@ -83,8 +85,11 @@ def hand_grasp_figure(
         felt = f"margin {margin:+.1f}°" if math.isfinite(margin) else "no margin"
         felt = felt.replace("-", "−")
         tips = Label(int(grasps.label_fingertips[number])).name
-        reason = "\n".join(wrap(str(grasps.reason[number]), REASON)[:2])
-        show_picture(axes, picture, title, f"{felt}, fingertips {tips}\n{reason}")
+        lines = [f"{felt}, fingertips {tips}", *wrap(str(grasps.reason[number]), REASON)[:2]]
+        if held is not None and not math.isnan(held.payload[number]):
+            sure = f"{short_number(held.payload_sure[number])} surely"
+            lines.insert(1, f"holds {short_number(held.payload[number])}{held.unit}, {sure}")
+        show_picture(axes, picture, title, "\n".join(lines))
     most = math.degrees(most_margin(model))
     colors = ListedColormap(BOTH_SIDES / 255.0)
     bar = figure.colorbar(

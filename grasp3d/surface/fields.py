@@ -393,13 +393,14 @@ def given_poses(fingers: int = 2) -> tuple[Field, ...]:
 
 
 HELD = Allowed(0.0, infinite=math.inf, unknown=True)
+ANGLE_HAND = Allowed(-math.pi, math.pi, unknown=True)
 
 HAND_GRASPS = (
     LABEL,
     replace(LABEL, name="label_fingertips",
             meaning="the same of the fingertips with sensors alone"),
     replace(CRITICAL_ANGLE, meaning="critical friction angle of all contacts, as if each normal "
-            "were known; `nan`: no grasp", allowed=Allowed(-math.pi, math.pi, unknown=True)),
+            "were known; `nan`: no grasp", allowed=ANGLE_HAND),
     replace(MAX_RESOLUTION, meaning="sensor resolution, the same of all sensors, below which the "
             "grasp is S; `0`: none"),
     replace(MARGIN, meaning="angle by which the grasp is S, at the contacts that are not blind; S "
@@ -449,6 +450,11 @@ HAND_GRASPS = (
              HELD),
         )
     ),
+    replace(EPSILON, name="epsilon_hand", unit=NEWTONS, of=of_part("motor_holding", "epsilon"),
+            when="load", meaning=r"$\varepsilon$ of what the motors press, at the nominal normals: "
+            "radius of the ball of wrenches that they resist, torques divided by the torque scale"),
+    replace(CRITICAL_ANGLE, name="critical_angle_hand", when="load", meaning="`critical_angle` of "
+            "what the motors press, a bound from above; `nan`: no grasp", allowed=ANGLE_HAND),
     Field("limit", "what limits `payload_sure`: a joint, or friction", kind="U",
           of=of_part("motor_holding", "limit"), when="load"),
     replace(LABEL, name="label_with_force", when="load", meaning="the label with the load: S is "

@@ -1,6 +1,8 @@
 """`grasp3d evaluate` for poses of hands with joints."""
 
+import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -136,7 +138,7 @@ def test_load(folder: Path) -> None:
     text = printed("evaluate", *POSES, "--mass", "0.5kg", "--torque-limits", "10", cwd=folder)
     assert "sliders holds 1.6" in text
     assert " kg at 10 N in any orientation; 1.3" in text
-    assert "kg surely for 10° fingertips; slide_" in text
+    assert "kg surely for 10° fingertips; joint slide_" in text
     columns = pc.read_csv(folder / "box_grasps.csv").to_pydict()
     held, surely = columns["payload"], columns["payload_sure"]
     assert columns["load_fraction"][0] == pytest.approx(0.5 / surely[0])
@@ -146,6 +148,13 @@ def test_load(folder: Path) -> None:
     assert columns["more_torque"][0] == pytest.approx(0.1 * surely[0], rel=0.02)
     assert (columns["label"][0], columns["label_with_force"][0]) == ("S", "S")
     assert "surely held and reached: 1 of " in text
+    # Of motors that drive every joint both ways it is that of the contacts.
+    assert columns["critical_angle_hand"] == columns["critical_angle"]
+    assert columns["epsilon_hand"][1] is None
+    row = next(line.split() for line in text.splitlines() if re.match(" +1 .* slide_", line))
+    assert f"{columns['epsilon_hand'][0]:.3f}" in row
+    assert f"{100.0 * columns['load_fraction'][0]:.0f}" in row
+    assert row.count("S") == 3  # all links, fingertips, held
 
 
 def test_what_motors_do_not_hold_is_not_surely_held(folder: Path) -> None:
@@ -154,11 +163,24 @@ def test_what_motors_do_not_hold_is_not_surely_held(folder: Path) -> None:
     columns = pc.read_csv(folder / "box_grasps.csv").to_pydict()
     assert columns["payload"][0] < columns["payload_possible"][0] < 5.0
     assert (columns["label"][0], columns["label_with_force"][0]) == ("S", "U")
+    assert re.fullmatch(r"holds [\d.]+ kg at most", columns["reason"][0])
+    assert "1 of 3: the motors do not surely hold it" in text
     between = f"{(columns['payload_sure'][0] + columns['payload_possible'][0]) / 2:.3f}kg"
     words = ("--mass", between, "--torque-limits", "10", "--overwrite")
     printed("evaluate", *POSES, *words, cwd=folder)
     columns = pc.read_csv(folder / "box_grasps.csv").to_pydict()
     assert (columns["label"][0], columns["label_with_force"][0]) == ("S", "M")
+    assert re.fullmatch(r"surely holds [\d.]+ kg only", columns["reason"][0])
+
+
+def test_the_verdict_on_the_object_is_in_the_file(folder: Path) -> None:
+    text = printed("evaluate", *POSES, "--mass", "0.5kg", "-o", "held.json", cwd=folder)
+    settings = json.loads((folder / "held.json").read_text(encoding="utf-8"))["grasp3d"]
+    assert settings["verdict"].startswith("sliders holds ")
+    assert settings["verdict"] in text
+    printed("evaluate", "box.stl", "held.json", *HAND, "-o", "free.json", cwd=folder)
+    again = json.loads((folder / "free.json").read_text(encoding="utf-8"))["grasp3d"]
+    assert again["verdict"] is None
 
 
 def test_torque_limits_are_for_hands_with_joints(folder: Path) -> None:

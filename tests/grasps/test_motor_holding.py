@@ -131,6 +131,40 @@ def test_what_needs_a_joint_without_a_motor_is_not_surely_stable(tmp_path: Path)
     assert found.reason[0] == "the hand cannot press it"
 
 
+def test_epsilon_in_newtons_is_proportional_to_the_torques(tmp_path: Path) -> None:
+    one, two = (
+        evaluated(tmp_path, grasp3d.Load(task=DOWN, torque_limits=limit)).motor_holding
+        for limit in (10.0, 20.0)
+    )
+    assert one is not None
+    assert two is not None
+    # No force of 4 fingers of 10 N along the axis is larger.
+    assert 1.0 < one.epsilon[0] <= 4.0 * 10.0 * 0.5
+    assert two.epsilon[0] == pytest.approx(2.0 * one.epsilon[0], rel=0.02)
+    assert np.isnan(one.epsilon[1])
+
+
+def test_friction_that_motors_need_is_more_than_that_of_the_contacts(tmp_path: Path) -> None:
+    """Of opposite fingers that one tendon pushes in opposite senses neither is pressed."""
+    opposed = [{"kind": "differential", "joints": ["slide_0", "slide_2"], "ratios": [1, -1]}]
+    load = grasp3d.Load(task=DOWN, torque_limits=10.0)
+    free, coupled = (evaluated(tmp_path, load, couplings=one) for one in ([], opposed))
+    assert free.critical_angle_hand is not None
+    assert coupled.critical_angle_hand is not None
+    np.testing.assert_array_equal(free.critical_angle_hand, free.critical_angle)
+    assert coupled.critical_angle[0] == free.critical_angle[0]
+    assert coupled.critical_angle_hand[0] > free.critical_angle[0] + 0.1
+    assert np.isnan(coupled.critical_angle_hand[1])
+
+
+def test_what_is_not_held_at_some_normals_is_none_and_no_motor_limits_it(tmp_path: Path) -> None:
+    slippery = replace(FINE, friction=math.tan(0.5 * ANGLE))
+    holding = evaluated(tmp_path, grasp3d.Load(torque_limits=10.0), slippery).motor_holding
+    assert holding is not None
+    assert holding.payload_sure[0] == 0.0
+    assert not holding.limit[0].startswith("slide_")
+
+
 def test_the_verdict_names_the_resolution_of_the_sensors_alone(tmp_path: Path) -> None:
     model = replace(FINE, normal_error=math.radians(2.0))
     found = evaluated(tmp_path, grasp3d.Load(task=DOWN), model)

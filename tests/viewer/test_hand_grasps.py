@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 import grasp3d
-from grasp3d import GraspModel, Label
+from grasp3d import GraspModel, Label, Load
 from grasp3d.errors import SettingError
 from grasp3d.grasps import EvaluatedHandGrasps, GraspPoses, write_grasps
 from grasp3d.hand.triangles import COLORS, Part
@@ -34,7 +34,9 @@ Bytes = NDArray[np.uint8]
 FINE = GraspModel(sensor_resolution=math.radians(10.0))
 
 
-def grasps(folder: Path, *postures: float, **stated: object) -> EvaluatedHandGrasps:
+def grasps(
+    folder: Path, *postures: float, load: Load | None = None, **stated: object
+) -> EvaluatedHandGrasps:
     """Four fingers at the sides of a box."""
     values = np.array([np.full(4, one) for one in postures])
     poses = np.tile(np.eye(4), (len(values), 1, 1))
@@ -43,6 +45,7 @@ def grasps(folder: Path, *postures: float, **stated: object) -> EvaluatedHandGra
         GraspPoses(poses=poses, posture=values, unit="m"),
         FINE,
         hand=slider_hand.hand(folder, **stated),
+        load=load,
     )
     assert isinstance(found, EvaluatedHandGrasps)
     return found
@@ -81,6 +84,23 @@ def test_view_shows_the_contacts_and_not_the_palm(tmp_path: Path) -> None:
     toward = view_axes(view, views.up)[2]
     assert toward @ pose.approach > -0.2  # the palm is below, and would hide all
     assert pose.triangles(found.hand, "m").links.max() == len(found.hand.link_names) - 1
+
+
+def test_what_the_motors_hold_is_drawn_and_listed(tmp_path: Path) -> None:
+    found = grasps(tmp_path, TOUCHING, load=Load(mass=1.5, torque_limits=10.0))
+    assert found.motor_holding is not None
+    picture = np.zeros((40, 40, 3), dtype=np.uint8)
+    texts = " ".join(text for text, _ in drawn_texts(hand_grasp_figure(found, [picture])))
+    sure = f"{found.motor_holding.payload_sure[0]:.3g}"
+    assert f" kg, {sure} surely" in texts
+    session = ready_session(collection_of_grasps(found))
+    assert session.inspection is not None
+    numbers = dict(session.inspection.numbers)
+    assert numbers["holds surely"] == f"{sure} kg"
+    assert numbers["limited by"].startswith("slide_")
+    assert numbers["1.5 kg"] == f"M, load {150.0 / found.motor_holding.payload_sure[0]:.0f} %"
+    assert session.inspection.reason == f"Surely holds {sure} kg only."
+    session.close()
 
 
 @pytest.mark.slow

@@ -100,7 +100,7 @@ class HandPayload:
         shares, gains = self.drive_shares, self.friction_gains / TENTH
         if not math.isfinite(self.upper):
             return "nothing"
-        if shares.max(initial=0.0) > 0.0:
+        if self.lower > 0.0 and shares.max(initial=0.0) > 0.0:
             return self.slice.grasp.actuation.names[int(shares.argmax())]
         if math.isfinite(self.slice.grasp.most_force) and self.lower > 0.0:
             return "the largest contact force"
@@ -304,12 +304,13 @@ class _Search:
         """Load up to which the task is inside the polytope, and the facet that limits it."""
         normals, distances = polytope.facets()
         growing, constant = self.extents(normals)
-        left = np.maximum(distances, 0.0) - constant
+        flat = distances <= FLAT * self.grasp.force
+        left = np.where(flat, 0.0, distances) - constant
         with np.errstate(divide="ignore", invalid="ignore"):
             loads = np.where(growing > 0.0, left / growing, np.where(left < 0.0, 0.0, math.inf))
         nearest = int(loads.argmin())
         direction = normals[nearest]
-        at_origin = (distances <= FLAT * self.grasp.force) & (growing > 0.0)
+        at_origin = flat & (growing > 0.0)
         if at_origin.sum() > 1 and len(polytope.points) % 2:
             # The origin is a corner still: the middle of its facets cuts most of them off.
             middle = normals[at_origin].mean(axis=0)

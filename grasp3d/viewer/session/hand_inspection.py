@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
+from grasp3d.grasps.motor_holding import load_text
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.plots.margin_colors import margin_colors
@@ -14,6 +15,7 @@ from grasp3d.settings.lengths import small_length
 from grasp3d.stability.label import Label
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason, SearchReport
+from grasp3d.system.counts import short_number
 from grasp3d.viewer.session.inspection import UNKNOWN, Inspection, signed_angle
 from grasp3d.viewer.session.painting import ROUNDING
 from grasp3d.viewer.subjects.subject import Subject, subject_of
@@ -107,6 +109,7 @@ def _numbers(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
         ),
         ("ε", f"{grasps.epsilon[0]:.3g}" if math.isfinite(grasps.epsilon[0]) else UNKNOWN),
         ("rank", str(grasps.rank[0])),
+        *_held(grasps),
     ]
     lengths = (
         ("gap", grasps.gap[0]),
@@ -123,6 +126,24 @@ def _numbers(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
         (f"margin of {names[link]}", margin_text(float(grasps.link_margin[0, link])))
         for link in felt.tolist()
     ]
+    return numbers
+
+
+def _held(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
+    """What the motors hold at the first pose; nothing where no load is stated, or no grasp is."""
+    holding = grasps.motor_holding
+    if holding is None or math.isnan(holding.payload[0]):
+        return []
+    numbers = [
+        ("ε of the motors", f"{short_number(holding.epsilon[0])} N"),
+        ("holds", f"{short_number(holding.payload[0])}{holding.unit}"),
+        ("holds surely", f"{short_number(holding.payload_sure[0])}{holding.unit}"),
+        ("limited by", str(holding.limit[0]) or UNKNOWN),
+    ]
+    if grasps.label_with_force is not None:
+        held = Label(int(grasps.label_with_force[0])).name
+        load = load_text(holding.load_fraction[0])
+        numbers.append((holding.load.to_hold, f"{held}, load {load}"))
     return numbers
 
 
