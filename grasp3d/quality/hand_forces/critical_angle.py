@@ -43,6 +43,10 @@ FORBIDDEN = 1e-6
 LARGER = (0.0, 1.0, 1e2, 1e4, 1e6)
 """Factors of motions of the joints alone that are tried."""
 
+BEYOND, FARTHER, NEAR = 0.5, 8.0, 0.8
+"""How far beyond Newton's root the other bound is looked for, in tolerances; the factor of that
+each time; and distance of the root, relative to it, from a bound that is as good."""
+
 MOST_PROGRAMS = 60
 """Cone programs after which the search ends with the bounds reached."""
 
@@ -339,25 +343,29 @@ class _Search:
     def bracket(self, tolerance: float) -> CriticalAngle:
         """Bounds that are as near as the tolerance, or as the certificates allow.
 
-        Newton's method finds where forces no longer get inside the cones, and both certificates
-        there are nearly as good as it; where it stalls the bracket is halved.
+        Newton's method finds where forces no longer get inside the cones. It comes from one side,
+        whose certificate is soon as good as it; that of the other side is then looked for beyond,
+        farther away each time. Where steps do not get shorter the bracket is halved.
         """
         least, most = -float(self.offsets.max()), RIGHT_ANGLE - float(self.offsets.min())
-        found = self.at(0.5 * (least + most))
-        best, widths = found.angle, [math.inf]
+        middle = 0.5 * (least + most)
+        found = self.at(middle)
+        best, step, beyond = found.angle, math.inf, BEYOND * tolerance
         while best.programs < MOST_PROGRAMS:
             low, high = max(best.lower, least), min(best.upper, most)
-            widths.append(high - low)
-            if widths[-1] <= tolerance:
+            if high - low <= tolerance:
                 break
-            middle = found.root
-            slow = len(widths) > 3 and widths[-1] > 0.25 * widths[-3]
-            if best.closing is None and (middle >= most or slow):
+            before, step = step, abs(found.root - middle)
+            stalls, root = not step <= 0.5 * before, found.root
+            middle = 0.5 * (low + high)
+            if best.closing is None and (root >= most or stalls):
                 middle = most
-            elif not low < middle < high or slow:
-                middle = 0.5 * (low + high)
-            if len(widths) > 4 and widths[-1] == widths[-4]:
-                break
+            elif min(abs(root - low), abs(high - root)) <= NEAR * beyond:
+                if beyond < middle - low:
+                    middle = root + beyond if root < middle else root - beyond
+                beyond *= FARTHER
+            elif low < root < high and not stalls:
+                middle = root
             found = self.at(middle)
             best = best.tightened(found.angle)
             if middle == most and best.closing is None:
