@@ -18,6 +18,7 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Bools, Floats, locked, short_repr
 from grasp3d.errors import SettingError
+from grasp3d.quality.hand_forces.cone_program import ConeProgram
 
 RANK = 1e-10
 """Singular value, relative to the largest, that is 0."""
@@ -152,34 +153,29 @@ class Actuation:
         bounds = np.stack([self.lower, self.upper])
         if not self.offset.any() and (bounds[0] < 0.0).all() and (bounds[1] > 0.0).all():
             return np.zeros(bounds.shape, dtype=np.bool_)
-        # Homogeneous: z and t may be scaled up until every slack that can be above 0 reaches 1.
-        from scipy.optimize import linprog
-
         side, drive = np.nonzero(np.isfinite(bounds))
-        sign = 1.0 - 2.0 * side
-        slacks, drives = len(side), len(self.lower)
-        unit = np.abs(bounds[side, drive])
-        unit = np.where(unit > 0.0, unit, 1.0)
-        at_least = np.zeros((slacks + 1, drives + 1 + slacks + 1))
-        at_least[np.arange(slacks), drive] = sign / unit
-        at_least[:slacks, drives] = -sign * bounds[side, drive] / unit
-        at_least[slacks, drives] = 1.0
-        at_least[:, drives + 1 :] = -np.eye(slacks + 1)
-        size = float(np.abs(self.offset).max()) or 1.0
-        balance = np.concatenate([self.columns, self.offset[:, None]], axis=1) / size
-        found = linprog(
-            np.r_[np.zeros(drives + 1), -np.ones(slacks + 1)],
-            A_ub=-at_least,
-            b_ub=np.zeros(slacks + 1),
-            A_eq=np.pad(balance, ((0, 0), (0, slacks + 1))),
-            b_eq=np.zeros(self.joints),
-            bounds=[(None, None)] * drives + [(0.0, None)] + [(0.0, 1.0)] * (slacks + 1),
-        )
-        if found.x is None or found.x[-1] < SUPPORTED:
+        sign, idle = 1.0 - 2.0 * side, self.idle
+        at_rest = -self.inverse @ self.offset
+        rounded = ROUNDED * np.abs(at_rest).max(initial=0.0)
+        room = sign * (at_rest[drive] - bounds[side, drive])
+        if not self._resisted:
+            return None
+        if idle.shape[1]:
+            unit = np.abs(bounds[side, drive])
+            unit = np.where(unit > 0.0, unit, 1.0)[:, None]
+            rows = np.concatenate([sign[:, None] * idle[drive], room[:, None]], axis=1) / unit
+            room, rounded = _supported(rows), SUPPORTED
+        if (room < -rounded).any():
             return None
         tight = np.zeros(bounds.shape, dtype=np.bool_)
-        tight[side, drive] = found.x[drives + 1 : -1] < SUPPORTED
+        tight[side, drive] = room <= rounded
         return tight
+
+    @property
+    def _resisted(self) -> bool:
+        """Whether drives act on all that springs and weight turn."""
+        size = float(np.abs(self.offset).max(initial=0.0))
+        return not (np.abs(self.undriven.T @ self.offset) > ROUNDED * size).any()
 
     @cached_property
     def _sizes(self) -> Floats:
@@ -222,6 +218,27 @@ def kernel(matrix: Floats) -> Floats:
     _, sizes, rows = np.linalg.svd(matrix)
     rank = int((sizes > RANK * sizes[0]).sum()) if len(sizes) else 0
     return rows[rank:].T
+
+
+def _supported(rows: Floats) -> Floats:
+    """Which of rows . (y, t) can be above 0, where t is and none is below: 1, 0, or all -1: t not.
+
+    Args:
+        rows: Shape (l, k).
+    """
+    # Homogeneous: y and t may be scaled up until every row that can be above 0 reaches 1.
+    rows = np.concatenate([rows, np.eye(rows.shape[1])[-1:]])
+    count, unknown = rows.shape
+    one = np.eye(count)
+    matrix = np.block([[-rows, one], [np.zeros((count, unknown)), one], [np.zeros_like(rows), -one]])
+    bounds = np.repeat([0.0, 1.0, 0.0], count)
+    program = ConeProgram(matrix, bounds, 0, 3 * count, ())
+    cost = np.repeat([0.0, -1.0], [unknown, count])
+    found = program.solve(cost)
+    if not found.status == "Solved":
+        found = program.solve(cost, retry=True)
+    least = found.x[unknown:]
+    return least[:-1] if least[-1] > SUPPORTED else np.full(count - 1, -1.0)
 
 
 def _numbers(name: str, values: ArrayLike) -> Floats:
