@@ -230,12 +230,14 @@ def _supported(rows: Floats) -> Floats:
     rows = np.concatenate([rows, np.eye(rows.shape[1])[-1:]])
     count, unknown = rows.shape
     one = np.eye(count)
-    matrix = np.block([[-rows, one], [np.zeros((count, unknown)), one], [np.zeros_like(rows), -one]])
+    matrix = np.block(
+        [[-rows, one], [np.zeros((count, unknown)), one], [np.zeros_like(rows), -one]]
+    )
     bounds = np.repeat([0.0, 1.0, 0.0], count)
     program = ConeProgram(matrix, bounds, 0, 3 * count, ())
     cost = np.repeat([0.0, -1.0], [unknown, count])
     found = program.solve(cost)
-    if not found.status == "Solved":
+    if found.status != "Solved":
         found = program.solve(cost, retry=True)
     least = found.x[unknown:]
     return least[:-1] if least[-1] > SUPPORTED else np.full(count - 1, -1.0)

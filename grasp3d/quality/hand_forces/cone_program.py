@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from grasp3d.arrays import Floats
+from grasp3d.arrays import Floats, Ints
 
 HUGE = 1e30
 """Numbers in a proposal that are none."""
@@ -56,10 +56,10 @@ class ConeProgram:
     """Sizes of the second-order cones."""
 
     @cached_property
-    def _pattern(self) -> Any:
-        from scipy import sparse
-
-        return sparse.csc_matrix(self.matrix)
+    def _place(self) -> tuple[Ints, Ints]:
+        """Rows and columns of the numbers in the matrix that are not 0, by columns."""
+        column, row = np.nonzero(self.matrix.T)
+        return row, column
 
     def make_solver(self, cost: Floats, *, retry: bool) -> Any:
         """Clarabel's solver; `retry`: one that goes on with care instead of speed."""
@@ -72,8 +72,11 @@ class ConeProgram:
         if self.inequalities:
             kinds.append(clarabel.NonnegativeConeT(self.inequalities))
         kinds += [clarabel.SecondOrderConeT(size) for size in self.cones]
-        none = sparse.csc_matrix((len(cost), len(cost)))
-        matrix = sparse.csc_matrix(self.matrix)
+        row, column = self._place
+        ends = np.searchsorted(column, np.arange(len(cost) + 1))
+        parts = (self.matrix[row, column], row, ends)
+        matrix = sparse.csc_matrix(parts, shape=self.matrix.shape)
+        none = _no_squares(len(cost))
         return clarabel.DefaultSolver(none, cost, matrix, self.bounds, kinds, _settings(retry))
 
     @cached_property
@@ -83,10 +86,8 @@ class ConeProgram:
     def with_matrix(self, matrix: Floats) -> "ConeProgram":
         """The same program with other numbers in the matrix, where there were others than 0."""
         other = replace(self, matrix=matrix)
-        pattern = self._pattern
-        columns = np.repeat(np.arange(matrix.shape[1]), np.diff(pattern.indptr))
-        self._kept.update(A=matrix[pattern.indices, columns])
-        other.__dict__.update(_pattern=pattern, _kept=self._kept)
+        self._kept.update(A=matrix[self._place])
+        other.__dict__.update(_kept=self._kept, _place=self._place)
         return other
 
     def solve(self, cost: Floats, *, retry: bool = False) -> Solution:
@@ -158,6 +159,14 @@ def _settings(retry: bool) -> Any:
         settings.max_step_fraction, settings.max_iter = 0.9, 500
         settings.static_regularization_constant = 1e-7
     return settings
+
+
+@cache
+def _no_squares(count: int) -> Any:
+    """Of a cost that is linear."""
+    from scipy import sparse
+
+    return sparse.csc_matrix((count, count))
 
 
 def _arrow(vector: Floats) -> Floats:

@@ -14,12 +14,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Bools, Floats, Ints, angles_between, short_repr
+from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Bools, Floats, Ints, short_repr
 from grasp3d.contact.contacts import per_contact
 from grasp3d.errors import SettingError
 from grasp3d.quality.hand_forces.actuation import RANK, kernel
 from grasp3d.quality.hand_forces.cone_program import ConeProgram, Solution
-from grasp3d.quality.hand_forces.hand_grasp import POINTED, ConeRows, HandGrasp, cone_rows, widened
+from grasp3d.quality.hand_forces.hand_grasp import (
+    POINTED,
+    HandGrasp,
+    cone_factors,
+    cone_rows,
+    widened,
+)
 
 EXACT = 1e-12
 """Error of balance, relative to the largest force, that is a rounding error."""
@@ -168,6 +174,18 @@ class PressedForces:
         kept = sizes > RANK * sizes[0]
         return sizes[kept, None] * axes[kept], left[:, kept]
 
+    @cached_property
+    def motions(self) -> tuple[Floats, Floats]:
+        """Motions of the joints for each bound and each motion that no drive acts on, as columns.
+
+        And the relative velocities, in the frames, for each of `HandGrasp.span` and of these.
+        """
+        grasp, (side, drive) = self.grasp, self.bounds
+        by_bound = grasp.actuation.inverse.T[:, drive] * (2.0 * side - 1.0)
+        joints = np.concatenate([by_bound, grasp.actuation.undriven], axis=1)
+        turned = (grasp.wrenches.T @ grasp.span.T, -grasp.joint_torques.T @ joints)
+        return joints, np.concatenate(turned, axis=1)
+
     def closing_angle(self, closing: ClosingForces, offset: ArrayLike = 0.0) -> float:
         """Friction angle, less the offsets, above which forces prove closure [rad]; nan: at none.
 
@@ -194,7 +212,7 @@ class PressedForces:
         spanned = np.linalg.svd(grasp.wrenches @ kept[: 3 * count], compute_uv=False)
         if (spanned > RANK * max(1.0, spanned.max(initial=0.0))).sum() < len(grasp.span):
             return math.nan
-        angles = angles_between(closing.forces, grasp.contacts.normals)
+        angles = np.arctan2(np.hypot(local[:, 1], local[:, 2]), local[:, 0])
         return float((angles - per_contact("offset", offset, grasp.contacts))[~idle].max())
 
     def separating_angle(self, motions: SeparatingMotions, offset: ArrayLike = 0.0) -> float:
@@ -389,13 +407,14 @@ class _Program:
     still: Bools
 
     @cached_property
-    def _cones(self) -> ConeRows:
-        return cone_rows(self.half_angles)
+    def _round(self) -> Ints:
+        """Contacts with second-order cones."""
+        return np.flatnonzero(self.half_angles > POINTED)
 
     @cached_property
     def program(self) -> ConeProgram:
         """Unknown are the vectors of `PressedForces` and the distance from all borders."""
-        cones, drives = self._cones, self.pressed.drives
+        cones, drives = cone_rows(self.half_angles), self.pressed.drives
         balance, _ = self.pressed.balance
         unknown = drives.shape[1] + 1
         total = np.zeros((1, unknown))
@@ -408,16 +427,16 @@ class _Program:
         bounds = np.zeros(len(fixed) + len(inside) + len(round_))
         bounds[len(fixed) - 1] = 1.0
         matrix = np.concatenate([fixed, -inside, -round_])
-        return ConeProgram(matrix, bounds, len(fixed), len(inside), (3,) * len(cones.round))
+        return ConeProgram(matrix, bounds, len(fixed), len(inside), (3,) * len(self._round))
 
     def at(self, half_angles: Floats) -> "_Program":
         """The same at other half-angles, of which as many are negative or 0."""
         other = replace(self, half_angles=half_angles)
-        cones = cone_rows(half_angles)
-        matrix = self.program.matrix.copy()
-        if len(cones.cones):
-            matrix[-len(cones.cones) :, : cones.cones.shape[1]] = -cones.cones
-        other.__dict__.update(_cones=cones, program=self.program.with_matrix(matrix))
+        matrix, round_ = self.program.matrix.copy(), self._round
+        factors = cone_factors(half_angles[round_]).ravel()
+        columns = (3 * round_[:, None] + np.arange(3)).ravel()
+        matrix[len(matrix) - len(factors) + np.arange(len(factors)), columns] = -factors
+        other.__dict__.update(_round=round_, program=self.program.with_matrix(matrix))
         return other
 
     def solved(self) -> Solution:
@@ -431,11 +450,10 @@ class _Program:
 
     def slope(self, found: Solution) -> float:
         """How fast the distance grows with the angle of the cones."""
-        round_ = self._cones.round
+        round_ = self._round
         multipliers = found.z[len(found.z) - 3 * len(round_) :].reshape(-1, 3)
         local = found.x[: 3 * len(self.half_angles)].reshape(-1, 3)[round_]
-        cosines, sines = np.cos(self.half_angles[round_]), np.sin(self.half_angles[round_])
-        changes = np.stack([cosines * local[:, 0], -sines * local[:, 1], -sines * local[:, 2]], 1)
+        changes = cone_factors(self.half_angles[round_] + RIGHT_ANGLE) * local
         return float((multipliers * changes).sum())
 
     def closing(self, x: Floats) -> ClosingForces:
@@ -464,20 +482,17 @@ class _Program:
         pulls[self.still] = -z[len(balance) : len(balance) + kept]
         pulls[~self.still] = z[after : after + len(pulls) - kept]
         pulls[np.abs(pulls) <= ADMISSIBLE * pulls.max(initial=1.0)] = 0.0
-        side, drive = self.pressed.bounds
-        by_drive = np.zeros((len(actuation.lower), len(drive)))
-        by_drive[drive, np.arange(len(drive))] = 2.0 * side - 1.0
-        pulled = np.flatnonzero(pulls[: len(drive)])
-        joints = np.concatenate([actuation.inverse.T @ by_drive[:, pulled], actuation.undriven], 1)
-        parts = np.concatenate([-grasp.span @ statics[:6], pulls[pulled], statics[6:-1]])
+        joints, relative = self.pressed.motions
+        rank, pulled = len(grasp.span), len(joints.T) - actuation.undriven.shape[1]
+        parts = np.concatenate([-grasp.span @ statics[:6], pulls[:pulled], statics[6:-1]])
         # Where an object nearly stands still at a contact it does so but for rounding.
-        turned = (grasp.wrenches.T @ grasp.span.T, -grasp.joint_torques.T @ joints)
-        relative = np.concatenate(turned, axis=1)
+        moved = parts != 0.0
+        moved[:rank] = moved[rank + pulled :] = True
+        joints, relative, parts = joints[:, moved[rank:]], relative[:, moved], parts[moved]
         sizes = np.linalg.norm((relative @ parts).reshape(-1, 3), axis=1)
         rows = relative[np.repeat(sizes <= STANDING * sizes.max(), 3)]
         if len(rows):
             parts -= np.linalg.lstsq(rows, rows @ parts, rcond=RANK)[0]
-        rank = len(grasp.span)
         twist = parts[:rank] @ grasp.span
         twist[3:] /= grasp.length
         return SeparatingMotions(twist, joints @ parts[rank:] * (grasp.force / grasp.torque))
@@ -492,6 +507,6 @@ class _Program:
         unpressed = np.zeros(len(self.half_angles), dtype=np.bool_)
         blocks = z[after + self.program.inequalities :].reshape(-1, 3)
         strict = blocks[:, 0] - np.linalg.norm(blocks[:, 1:], axis=1) > FORBIDDEN
-        unpressed[self._cones.round[strict]] = True
+        unpressed[self._round[strict]] = True
         unpressed[rays] = z[after + count : after + count + len(rays)] > FORBIDDEN
         return unpressed, still

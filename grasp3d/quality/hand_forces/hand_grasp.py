@@ -204,8 +204,7 @@ def cone_rows(half_angles: Floats) -> ConeRows:
     rows = np.eye(3 * len(half_angles)).reshape(-1, 3, 3 * len(half_angles))
     none, ray = half_angles < -POINTED, np.abs(half_angles) <= POINTED
     both = none | ray
-    factors = np.stack([np.sin(half_angles), *[np.cos(half_angles)] * 2], axis=1)
-    scaled = factors[:, :, None] * rows
+    scaled = cone_factors(half_angles)[:, :, None] * rows
     return ConeRows(
         np.concatenate([rows[none, 0], rows[both][:, 1:].reshape(-1, rows.shape[2])]),
         rows[ray, 0],
@@ -214,6 +213,13 @@ def cone_rows(half_angles: Floats) -> ConeRows:
     )
 
 
+def cone_factors(half_angles: Floats) -> Floats:
+    """Factors of forces in frames that make them vectors of second-order cones, shape (n, 3)."""
+    return np.stack([np.sin(half_angles), *[np.cos(half_angles)] * 2], axis=1)
+
+
 def widened(rows: Floats, columns: int) -> Floats:
     """Rows with 0 for further unknowns, so many in all."""
-    return np.pad(rows, ((0, 0), (0, columns - rows.shape[1])))
+    wide = np.zeros((len(rows), columns))
+    wide[:, : rows.shape[1]] = rows
+    return wide
