@@ -125,6 +125,8 @@ class PressedForces:
     """
 
     grasp: HandGrasp
+    ranks: dict[bytes, int] = field(default_factory=dict)
+    """Of the wrenches that forces exert, by drives kept at bounds and contacts without force."""
 
     @cached_property
     def drives(self) -> Floats:
@@ -186,7 +188,7 @@ class PressedForces:
         turned = (grasp.wrenches.T @ grasp.span.T, -grasp.joint_torques.T @ joints)
         return joints, np.concatenate(turned, axis=1)
 
-    def closing_angle(self, closing: ClosingForces, offset: ArrayLike = 0.0) -> float:
+    def closing_angle(self, closing: ClosingForces, offset: Floats | float = 0.0) -> float:
         """Friction angle, less the offsets, above which forces prove closure [rad]; nan: at none.
 
         Evaluated from the forces alone: they balance, the drives press them, and forces near them,
@@ -207,15 +209,18 @@ class PressedForces:
         positive = np.concatenate([sizes[~idle], room[~still]])
         if errors.any() or idle.all() or (positive < CLEAR * sizes.max()).any():
             return math.nan
-        unpressed = np.eye(len(x))[: 3 * count][np.repeat(idle, 3)]
-        kept = kernel(np.concatenate([self.statics, self.drives[still], unpressed]))
-        spanned = np.linalg.svd(grasp.wrenches @ kept[: 3 * count], compute_uv=False)
-        if (spanned > RANK * max(1.0, spanned.max(initial=0.0))).sum() < len(grasp.span):
+        key = np.concatenate([still, idle]).tobytes()
+        if key not in self.ranks:
+            unpressed = np.eye(len(x))[: 3 * count][np.repeat(idle, 3)]
+            kept = kernel(np.concatenate([self.statics, self.drives[still], unpressed]))
+            spanned = np.linalg.svd(grasp.wrenches @ kept[: 3 * count], compute_uv=False)
+            self.ranks[key] = (spanned > RANK * max(1.0, spanned.max(initial=0.0))).sum()
+        if self.ranks[key] < len(grasp.span):
             return math.nan
         angles = np.arctan2(np.hypot(local[:, 1], local[:, 2]), local[:, 0])
-        return float((angles - per_contact("offset", offset, grasp.contacts))[~idle].max())
+        return float((angles - offset)[~idle].max())
 
-    def separating_angle(self, motions: SeparatingMotions, offset: ArrayLike = 0.0) -> float:
+    def separating_angle(self, motions: SeparatingMotions, offset: Floats | float = 0.0) -> float:
         """Friction angle, less the offsets, up to which motions prove that there is no closure.
 
         Evaluated from the motions alone: the object moves as the contacts can push it, and the
@@ -244,7 +249,7 @@ class PressedForces:
         ):
             return math.nan
         openings = grasp.openings(motions.twist, motions.motion)
-        return float((openings - per_contact("offset", offset, grasp.contacts)).min())
+        return float((openings - offset).min())
 
 
 def hand_critical_angle(
