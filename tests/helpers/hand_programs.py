@@ -5,7 +5,9 @@ import math
 import numpy as np
 from scipy.optimize import linprog
 
+from grasp3d.arrays import Bools
 from grasp3d.contact.friction_cones import cone_edges
+from grasp3d.quality.hand_forces.actuation import Actuation
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
 
 
@@ -52,3 +54,31 @@ def closes_by_linear_programs(
                 return False
             assert found.status == 0, found.message
     return True
+
+
+def tight_by_linear_programs(actuation: Actuation) -> Bools | None:
+    """Bounds, lower and upper ones, at which drives stay while no force is exerted, (2, q).
+
+    One program for each; None: the drives cannot hold the hand's own links and springs.
+    """
+    bounds = np.stack([actuation.lower, actuation.upper])
+    side, drive = np.nonzero(np.isfinite(bounds))
+    sign = 1.0 - 2.0 * side
+    count = len(actuation.lower)
+    room = np.zeros((len(side), count + 2))  # of z and t, of any scale, and of what is sought
+    room[np.arange(len(side)), drive] = sign
+    room[:, count] = -sign * bounds[side, drive]
+    columns = (actuation.columns, actuation.offset[:, None], np.zeros((actuation.joints, 1)))
+    sought = np.eye(count + 2)[-1]
+    tight = np.zeros(bounds.shape, dtype=np.bool_)
+    for one in range(len(side)):
+        found = linprog(
+            -sought, A_ub=np.concatenate([-room, sought[None] - room[one]]),
+            b_ub=np.zeros(len(side) + 1), A_eq=np.concatenate(columns, axis=1),
+            b_eq=np.zeros(actuation.joints),
+            bounds=[(None, None)] * count + [(1.0, None), (0.0, 1.0)],
+        )  # fmt: skip
+        if found.x is None:
+            return None
+        tight[side[one], drive[one]] = found.x[-1] < 0.5
+    return tight

@@ -16,8 +16,8 @@ from grasp3d.quality.hand_forces.critical_angle import (
     hand_critical_angle,
 )
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
-from tests.helpers.hand_programs import closes_by_linear_programs
-from tests.helpers.random_hands import random_hand
+from tests.helpers.hand_programs import closes_by_linear_programs, tight_by_linear_programs
+from tests.helpers.random_hands import random_actuation, random_hand
 
 TOLERANCE = 1e-4
 
@@ -53,6 +53,40 @@ def test_bounds_of_400_hands_are_contradicted_by_no_linear_program() -> None:
     generator = np.random.default_rng(4)
     for _ in range(400):
         check(random_hand(generator), generator)
+
+
+def test_few_programs_bracket_the_angle() -> None:
+    generator = np.random.default_rng(0)
+    hands = [one for one in map(random_hand, [generator] * 90) if not one.actuation.two_way]
+    programs = [hand_critical_angle(one).programs for one in hands]
+    assert np.quantile(programs, 0.9) <= 9
+    assert max(programs) <= 24
+
+
+def check_drives_at_rest(generator: np.random.Generator) -> None:
+    joints = int(generator.integers(2, 9))
+    drives = random_actuation(generator, joints)
+    if generator.random() < 0.5:  # more tendons than joints, which may pull against each other
+        arms = generator.normal(size=(joints + 2, joints))
+        limits = np.sort(generator.normal(size=(joints + 2, 2)) * generator.choice([0, 1], 2))
+        weight = 0.1 * generator.normal(size=joints) * generator.integers(0, 2)
+        drives = Actuation.of_hand(limits, joints=joints, arms=arms, weight=weight)
+    expected = tight_by_linear_programs(drives)
+    assert (drives.tight is None) == (expected is None)
+    assert expected is None or (drives.tight == expected).all()
+
+
+def test_drives_stay_at_the_bounds_of_linear_programs() -> None:
+    generator = np.random.default_rng(5)
+    for _ in range(8):
+        check_drives_at_rest(generator)
+
+
+@pytest.mark.slow
+def test_drives_of_300_hands_stay_at_the_bounds_of_linear_programs() -> None:
+    generator = np.random.default_rng(6)
+    for _ in range(300):
+        check_drives_at_rest(generator)
 
 
 def pinch(actuation: Actuation, *, offset: float = 0.3) -> HandGrasp:
