@@ -10,9 +10,9 @@ from grasp3d.arrays import Ints
 from grasp3d.export.npz import packed, unpacked
 from grasp3d.export.stored import Stored, damaged, fingers_of
 from grasp3d.reading.obj_off_stl import check_declared_size
-from grasp3d.reading.ply import Element, PlyHeader, read_ply_header
-from grasp3d.reading.sources import Source
-from grasp3d.surface.fields import DECIDED, EPSILONS, FLOAT, present
+from grasp3d.reading.ply import Column, PlyHeader, read_elements, read_ply_header
+from grasp3d.reading.sources import Source, check_corners
+from grasp3d.surface.fields import DECIDED, EPSILONS, FLOAT, Arrays, present
 from grasp3d.surface.label_settings import complete_settings
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
@@ -76,12 +76,8 @@ _KINDS = {"u1": "a uchar", "f8": "a double"}
 def read_ply(source: Source) -> Stored | None:
     """Read a labelled PLY; None: it has no labels. Raises MeshError."""
     header = read_ply_header(source)
-    kinds = {
-        entry.name: "list" if entry.length else entry.type
-        for element in header.elements
-        if element.name == "vertex"
-        for entry in element.properties
-    }
+    vertex = header.element("vertex")
+    kinds = {one.name: "list" if one.length else one.type for one in vertex.properties}
     if not set(LABELLED) & set(kinds):
         return None
     settings = settings_of_header(source.head(header.start))
@@ -112,13 +108,7 @@ def read_ply(source: Source) -> Stored | None:
     return Stored(source, settings, values)
 
 
-CORNERS = 3
-"""Corners of each face."""
-
-Columns = dict[str, npt.NDArray[Any]]
-
-
-def read_tables(source: Source, header: PlyHeader) -> tuple[Columns, Ints]:
+def read_tables(source: Source, header: PlyHeader) -> tuple[Arrays, Ints]:
     """Read a PLY whose vertices have only scalar properties and whose faces are triangles.
 
     Args:
@@ -131,81 +121,26 @@ def read_tables(source: Source, header: PlyHeader) -> tuple[Columns, Ints]:
     Raises:
         MeshError: The file has other elements, is incomplete, or has invalid faces.
     """
-    vertex, face = _layout(source, header)
-    data = source.path.read_bytes()[header.start :]
-    reader = _binary if header.order else _text
-    columns, corners = reader(source, header.order, vertex, face, data)
-    if corners.size and (corners.min() < 0 or corners.max() >= vertex.count):
-        raise damaged(source, f"a face refers to none of its {vertex.count:,} vertices")
-    return columns, np.asarray(corners, dtype=np.int64)
+    vertex, face = header.element("vertex"), header.element("face")
+    lists = vertex.lists, face.lists, len(face.properties)
+    if [element.name for element in header.elements] != ["vertex", "face"] or lists != (0, 1, 1):
+        raise damaged(source, "its elements are not vertices with numbers, then triangles")
+    elements = read_elements(source, header)
+    (corners,) = elements["face"].values()
+    if not isinstance(corners, np.ndarray) or corners.shape[1:] != (3,):
+        raise damaged(source, "its faces are not all triangles")
+    faces = corners.astype(np.int64)
+    check_corners(faces, vertex.count, source.where, "; label the mesh again")
+    columns = elements["vertex"]
+    return {one.name: _exact(columns[one.name], one.type) for one in vertex.properties}, faces
 
 
-def _layout(source: Source, header: PlyHeader) -> tuple[Element, Element]:
-    """The vertex and the face element of a file that has only these two."""
-    if [element.name for element in header.elements] == ["vertex", "face"]:
-        vertex, face = header.elements
-        if not vertex.lists and face.lists == len(face.properties) == 1:
-            return vertex, face
-    raise damaged(source, "its elements are not vertices with scalar properties, then triangles")
-
-
-def _binary(
-    source: Source, order: str, vertex: Element, face: Element, data: bytes
-) -> tuple[Columns, npt.NDArray[Any]]:
-    (corners,) = face.properties
-    rows = np.dtype([(entry.name, order + entry.type) for entry in vertex.properties])
-    triangle = np.dtype(
-        [("count", f"{order}{corners.length}"), ("corners", order + corners.type, (CORNERS,))]
-    )
-    head = vertex.count * rows.itemsize
-    if len(data) != head + face.count * triangle.itemsize:
-        raise damaged(
-            source, f"{len(data):,} bytes are not {vertex.count:,} vertices and {face.count:,} "
-            "triangles: is it complete?",
-        )  # fmt: skip
-    table = np.frombuffer(data, rows, vertex.count)
-    triangles = np.frombuffer(data, triangle, face.count, head)
-    _check_triangles(source, triangles["count"])
-    return {name: table[name].astype(rows[name].newbyteorder("=")) for name in rows.names or ()}, (
-        triangles["corners"]
-    )
-
-
-def _text(
-    source: Source, _: str, vertex: Element, face: Element, data: bytes
-) -> tuple[Columns, npt.NDArray[Any]]:
-    words = data.split()
-    width = len(vertex.properties)
-    head = vertex.count * width
-    if len(words) != head + face.count * (1 + CORNERS):
-        raise damaged(
-            source, f"{len(words):,} numbers are not {vertex.count:,} vertices and {face.count:,} "
-            "triangles: is it complete?",
-        )  # fmt: skip
-    try:
-        rows = np.array(words[:head], dtype=np.float64).reshape(-1, width)
-        triangles = np.array(words[head:], dtype=np.int64).reshape(-1, 1 + CORNERS)
-        columns = {
-            entry.name: _exact(rows[:, number], entry.type)
-            for number, entry in enumerate(vertex.properties)
-        }
-    except (ValueError, OverflowError) as error:
-        raise damaged(source, f"it contains something that is not a number ({error})") from error
-    _check_triangles(source, triangles[:, 0])
-    return columns, triangles[:, 1:]
-
-
-def _exact(values: npt.NDArray[np.float64], kind: str) -> npt.NDArray[Any]:
-    """Convert parsed numbers to the type given in the header."""
+def _exact(values: Column, kind: str) -> npt.NDArray[Any]:
+    """Numbers in the type that the header gives. Raises ValueError: they do not have it."""
+    values = np.asarray(values)
     if kind[0] == "f":
-        with np.errstate(over="ignore"):  # overflow gives inf, which is checked later
-            return values.astype(kind)
+        return values.astype(kind)  # only the order of the bytes
     limits = np.iinfo(kind)
     if not ((values >= limits.min) & (values <= limits.max) & (values % 1.0 == 0.0)).all():
         raise ValueError("expected a whole number")
     return values.astype(kind)
-
-
-def _check_triangles(source: Source, counts: npt.NDArray[Any]) -> None:
-    if (counts != CORNERS).any():
-        raise damaged(source, "its faces are not all triangles")

@@ -10,7 +10,7 @@ from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.surface_points import nearest_surface_points
 from grasp3d.reading.mesh_files import read_mesh
-from grasp3d.reading.ply import vertex_columns
+from grasp3d.reading.ply import read_elements, read_ply_header, scalars
 from grasp3d.reading.sources import find_source
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.lengths import one_line, settings_in_unit
@@ -135,7 +135,9 @@ def _on_paint(mesh: ObjectMesh, mask: Mask) -> Bools:
     """Mask of the vertices whose nearest point on a painted surface is painted, shape (V,)."""
     where, most = printable(str(mask.path)), mesh.options.max_memory
     raw = read_mesh(mask.path, max_memory=most)
-    paint = _paint(vertex_columns(find_source(mask.path, most, {".ply"})), mask.painted, where)
+    source = find_source(mask.path, most, {".ply"})
+    columns = scalars(read_elements(source, read_ply_header(source))["vertex"])
+    paint = _paint(columns, mask.painted, where)
     faces = raw.faces[face_areas(raw.vertices, raw.faces) > 0.0]
     surface = replace(mesh, vertices=raw.vertices, faces=faces)
     used, reach = np.flatnonzero(mesh.on_surface), OFF_MASK * mesh.size

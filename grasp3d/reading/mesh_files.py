@@ -1,7 +1,7 @@
 """Reading of mesh files: checks of the declared sizes, then of the content.
 
-Some formats are read in a child process with limits on memory and time. trimesh parses what passed
-the checks.
+Some formats are read in a child process with limits on memory and time, where trimesh parses what
+passed the checks.
 """
 
 import contextlib
@@ -14,30 +14,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 with contextlib.suppress(ImportError):  # Windows has no resource limits
     import resource
 
-from grasp3d.arrays import first_at_position
 from grasp3d.errors import MeshError, MeshUnreadError
 from grasp3d.reading.archives import check_archive, check_declarations, count_parts
 from grasp3d.reading.gltf import stripped_gltf
-from grasp3d.reading.obj_off_stl import (
-    STL_FACE,
-    STL_HEADER,
-    binary_stl_faces,
-    check_declared_size,
-    off_counts,
-    plain_obj,
-    plain_off,
-    plain_stl,
-)
-from grasp3d.reading.ply import plain_ply, read_ply_header
+from grasp3d.reading.obj_off_stl import check_declared_size, read_obj, read_off, read_stl
+from grasp3d.reading.ply import read_ply
 from grasp3d.reading.sources import (
-    DIRECT_FORMATS,
     RawMesh,
     Source,
+    check_corners,
     check_finite,
     find_source,
     flattened,
@@ -63,18 +51,15 @@ BYTES_PER_SECOND = 1e6
 _child_lock = threading.Lock()
 """One file at a time in a child process, since each may take all the memory that is allowed."""
 
-_lock = threading.Lock()
-"""One file at a time in this process, since warning filters apply to all threads."""
 
-
-def _reset_locks() -> None:
-    """Create new locks after a fork, since a thread of the parent may have held an old one."""
-    global _child_lock, _lock
-    _child_lock, _lock = threading.Lock(), threading.Lock()
+def _reset_lock() -> None:
+    """Create a new lock after a fork, since a thread of the parent may have held the old one."""
+    global _child_lock  # noqa: PLW0603
+    _child_lock = threading.Lock()
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_reset_locks)
+    os.register_at_fork(after_in_child=_reset_lock)
 
 
 def read_mesh(path: Path, *, max_memory: float = MeshOptions.max_memory) -> RawMesh:
@@ -107,7 +92,7 @@ def _read(source: Source) -> RawMesh:
     if source.kind == "xaml":
         with source.path.open("rb") as stream:
             check_declarations(source, stream)
-    if source.kind not in DIRECT_FORMATS:
+    if source.kind not in _DIRECT:
         return _read_in_child(source, source.size)
     return parse(source)
 
@@ -157,12 +142,14 @@ def parse(source: Source) -> RawMesh:
         MeshError: It is damaged, or has no triangles.
     """
     try:
-        with _lock, warnings.catch_warnings():
-            # These warnings mean damaged files: incomplete or invalid numbers. Other warnings are
-            # about trimesh itself.
-            warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
-            warnings.filterwarnings("error", category=RuntimeWarning, module="trimesh")
-            return _flattened(source, _READERS.get(source.kind, _parsed)(source))
+        if read := _DIRECT.get(source.kind):
+            (vertices, faces), declared = read(source), None
+            check_finite(vertices, source.where)
+            check_corners(faces, len(vertices), source.where, "; export the mesh again")
+        else:
+            scene = _parsed(source)
+            vertices, faces = flattened(scene, source.where)
+            declared = "m" if source.kind in {"glb", "gltf"} else scene.units
     except (MeshError, MemoryError, RecursionError):
         raise
     except Exception as error:  # each reader raises its own classes of errors
@@ -174,6 +161,12 @@ def parse(source: Source) -> RawMesh:
         raise source.unexpected(
             f"cannot be read as {source.kind.upper()} ({reason[:200]})"
         ) from error
+    if len(faces) == 0:
+        raise source.error(
+            f"holds no triangles; is it a complete {source.kind.upper()} file "
+            "with a surface (not a point cloud, a drawing or another format renamed)?"
+        )
+    return RawMesh(vertices, faces, source.kind, *stated_unit(declared))
 
 
 def parse_limited(source: Source) -> RawMesh:
@@ -193,31 +186,31 @@ def parse_limited(source: Source) -> RawMesh:
         return parse(source)
 
 
+_DIRECT = {"stl": read_stl, "ply": read_ply, "obj": read_obj, "off": read_off}
+"""Readers of the formats whose file size limits the size of the mesh."""
+
+
 def _parsed(source: Source) -> "trimesh.Scene":
-    return _scene(source, source.path.read_bytes())
-
-
-def _scene(source: Source, data: bytes, **options: Any) -> "trimesh.Scene":
-    import trimesh  # not where a child process reads
-
-    return trimesh.load_scene(io.BytesIO(data), file_type=source.kind, process=False, **options)
-
-
-def _no_parts() -> "trimesh.Scene":
-    import trimesh
-
-    return trimesh.Scene()
-
-
-def _parsed_gltf(source: Source) -> "trimesh.Scene":
-    data, side_files = stripped_gltf(source)
-    return _scene(source, data, resolver=side_files, skip_materials=True)
+    """What trimesh reads of a file, without its materials."""
+    with warnings.catch_warnings():
+        # These warnings mean damaged files: incomplete or invalid numbers. Other warnings are
+        # about trimesh itself.
+        warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
+        warnings.filterwarnings("error", category=RuntimeWarning, module="trimesh")
+        if source.kind == "3mf":
+            return _parsed_3mf(source)
+        if source.kind in {"gltf", "glb"}:
+            data, side_files = stripped_gltf(source)
+            return _scene(source, data, resolver=side_files, skip_materials=True)
+        return _scene(source, source.path.read_bytes())
 
 
 def _parsed_3mf(source: Source) -> "trimesh.Scene":
     declared = count_parts(source)
     if not declared:
-        return _no_parts()
+        import trimesh
+
+        return trimesh.Scene()
     scene = _scene(source, source.path.read_bytes(), postprocess=False)
     count = len(scene.graph.nodes_geometry)
     if count != declared:
@@ -228,70 +221,7 @@ def _parsed_3mf(source: Source) -> "trimesh.Scene":
     return scene
 
 
-def _parsed_obj(source: Source) -> "trimesh.Scene":
-    plain, *declared = plain_obj(source, source.path.read_bytes())
-    scene = _scene(source, plain, maintain_order=True, skip_materials=True)
-    return _complete(source, scene, *declared)
+def _scene(source: Source, data: bytes, **options: Any) -> "trimesh.Scene":
+    import trimesh  # not where a child process reads
 
-
-def _parsed_off(source: Source) -> "trimesh.Scene":
-    scene = _scene(source, plain_off(source, source.path.read_bytes()))
-    return _complete(source, scene, *off_counts(source))
-
-
-def _parsed_ply(source: Source) -> "trimesh.Scene":
-    header = read_ply_header(source)
-    if not header.count("face"):
-        return _no_parts()
-    data = plain_ply(source, header, source.path.read_bytes())
-    scene = _scene(source, data, fix_texture=False, skip_materials=True)
-    return _complete(source, scene, header.count("vertex"), header.count("face"))
-
-
-def _parsed_stl(source: Source) -> "trimesh.Scene":
-    data, faces = source.path.read_bytes(), binary_stl_faces(source)
-    if faces is None:
-        data, facets = plain_stl(source, data)
-        return _complete(source, _scene(source, data), 3 * facets, facets)
-    # Some exporters write a few bytes after the last face.
-    data = data[: STL_HEADER + STL_FACE * faces]
-    rows = np.frombuffer(data, dtype="V12, (9,)<f4, V2", offset=STL_HEADER)["f1"]
-    check_finite(rows.reshape(-1, 3), source.where)  # trimesh would leave out such faces
-    return _scene(source, data)
-
-
-def _complete(source: Source, scene: "trimesh.Scene", vertices: int, faces: int) -> "trimesh.Scene":
-    """The scene, after rejecting one with fewer vertices or faces than the file declares."""
-    parts = list(scene.geometry.values())
-    counts = [sum(len(getattr(part, name, ())) for part in parts) for name in ("vertices", "faces")]
-    if counts[0] < vertices or counts[1] < faces:
-        raise source.incomplete(
-            f"declares {vertices:,} vertices and {faces:,} faces, but contains {counts[0]:,} and "
-            f"{counts[1]:,}"
-        )
-    return scene
-
-
-_READERS = {
-    "stl": _parsed_stl,
-    "ply": _parsed_ply,
-    "obj": _parsed_obj,
-    "off": _parsed_off,
-    "gltf": _parsed_gltf,
-    "glb": _parsed_gltf,
-    "3mf": _parsed_3mf,
-}
-
-
-def _flattened(source: Source, scene: "trimesh.Scene") -> RawMesh:
-    vertices, faces = flattened(scene, source.where)
-    if len(faces) == 0:
-        raise source.error(
-            f"holds no triangles; is it a complete {source.kind.upper()} file "
-            "with a surface (not a point cloud, a drawing or another format renamed)?"
-        )
-    if source.kind == "stl":  # each face has its own vertices: merge those at equal positions
-        first, faces = np.unique(first_at_position(vertices)[faces], return_inverse=True)
-        vertices, faces = vertices[first], faces.reshape(-1, 3)
-    declared = "m" if source.kind in {"glb", "gltf"} else scene.units
-    return RawMesh(vertices, faces, source.kind, *stated_unit(declared))
+    return trimesh.load_scene(io.BytesIO(data), file_type=source.kind, process=False, **options)

@@ -1,9 +1,18 @@
-"""OBJ, OFF and STL: declared sizes, and reduction of text to what trimesh reads correctly."""
+"""OBJ, OFF and STL: their declared sizes, vertices and faces."""
 
 import re
-from itertools import pairwise
 
-from grasp3d.reading.sources import LONGEST_HEADER, Source, check_count, check_memory
+import numpy as np
+
+from grasp3d.arrays import Floats, Ints, first_at_position
+from grasp3d.reading.sources import (
+    LONGEST_HEADER,
+    MOST_CORNERS,
+    Source,
+    as_triangles,
+    check_count,
+    check_memory,
+)
 
 MEMORY_PER_BYTE = {"stl": 16.0, "ply": 24.0, "obj": 12.0, "off": 24.0, "glb": 12.0, "gltf": 12.0}
 """Memory for reading, per byte of the file, measured on 300,000 faces; text needs most."""
@@ -20,9 +29,6 @@ is often left out; alone on a line it cannot be a vertex."""
 
 _OTHER_OFF = re.compile(rb"\s*(?:(?:ST)?C?N?(?:4n?|n)OFF|(?:ST)?C?N?OFF\s+BINARY)\b")
 """Headers of the kinds of OFF that are not read."""
-
-MOST_CORNERS = 1000
-"""Largest number of corners of a face; round lids have a few hundred."""
 
 _NAME = re.compile(rb"solid[^\n]*")
 
@@ -85,109 +91,106 @@ def off_counts(source: Source) -> tuple[int, int]:
     return vertices, faces
 
 
-def plain_obj(source: Source, data: bytes) -> tuple[bytes, int, int]:
-    """Return an OBJ with positions and faces only, so that trimesh keeps the order of vertices.
-
-    With texture coordinates and normals trimesh would split and reorder vertices; with materials
-    and groups it would split the mesh and open other files.
-
-    Returns:
-        (the OBJ, number of positions, number of faces).
+def read_obj(source: Source) -> tuple[Floats, Ints]:
+    """Read the vertices (V, 3) and faces (F, 3) of an OBJ, of all its parts together.
 
     Raises:
         MeshError: A vertex has too few coordinates, or a face too few or too many corners, or no
             valid vertex number.
     """
-    lines = re.sub(rb"\\\r?\n", b" ", data).splitlines()
-    total, count = sum(line.split(None, 1)[:1] == [b"v"] for line in lines), 0
-    plain: list[bytes] = []
+    lines = re.sub(rb"\\\r?\n", b" ", source.path.read_bytes()).splitlines()
+    total = sum(line.split(None, 1)[:1] == [b"v"] for line in lines)
+    positions, polygons = list[list[float]](), list[list[int]]()
     for number, line in enumerate(lines, 1):
         kind, *words = line.split() or [b""]
-        if kind not in {b"v", b"f"}:
-            continue
-        count += kind == b"v"
         try:
-            values = (
-                _position(words) if kind == b"v" else [_absolute(w, count, total) for w in words]
-            )
+            if kind == b"v":
+                positions.append(_position(words))
+            elif kind == b"f":
+                polygons.append([_vertex(word, len(positions), total) for word in words])
         except ValueError as error:
             text = line.decode("utf-8", "replace")[:40]
             raise source.damaged(f"line {number}, {text!r}, cannot be read ({error})") from error
-        if kind == b"f" and not 3 <= len(words) <= MOST_CORNERS:
-            raise source.error(
-                f"line {number} is a face of {len(words):,} corners; 3 to {MOST_CORNERS:,} are "
-                "allowed"
-            )
-        plain.append(b" ".join([kind, *values]))
-    return b"\n".join(plain), count, len(plain) - count
+    return np.array(positions).reshape(-1, 3), as_triangles(source, polygons)
 
 
-def _position(words: list[bytes]) -> list[bytes]:
-    """Return the three coordinates of a vertex, which colours may follow."""
-    if len([float(word) for word in words[:3]]) < 3:
+def _position(words: list[bytes]) -> list[float]:
+    """The three coordinates of a vertex, which colours may follow."""
+    position = [float(word) for word in words[:3]]
+    if len(position) < 3:
         raise ValueError("a vertex needs three coordinates")
-    return words[:3]
+    return position
 
 
-def _absolute(corner: bytes, count: int, total: int) -> bytes:
-    """Return the vertex number of a face's corner `v/vt/vn`, counted from the start of the file."""
+def _vertex(corner: bytes, count: int, total: int) -> int:
+    """The vertex of a face's corner `v/vt/vn`, of which numbers below 0 count backwards."""
     number = int(corner.split(b"/", 1)[0])
     absolute = number if number > 0 else count + 1 + number
     if number == 0 or absolute < 1:
         raise ValueError(f"a face uses vertex {number}")
     if absolute > total:
         raise ValueError(f"there are {total:,} vertices")
-    return b"%d" % absolute
+    return absolute - 1
 
 
-def plain_off(source: Source, data: bytes) -> bytes:
-    """Return an OFF without comments and with faces of at most four corners.
-
-    trimesh reads comments as data, and reads no larger faces: they become triangle fans.
+def read_off(source: Source) -> tuple[Floats, Ints]:
+    """Read the vertices (V, 3) and faces (F, 3) of an OFF.
 
     Raises:
-        MeshError: A face has fewer corners than it declares.
+        MeshError: It is incomplete, or a face has fewer corners than it declares.
     """
     vertices, faces = off_counts(source)
-    data = without_comments(data)
+    data = without_comments(source.path.read_bytes())
     header = OFF_HEADER.match(data)
-    data = data[header.end() if header else 0 :]
-    start, lines = vertices, [line for line in data.splitlines() if line.strip()]
-    rows: list[bytes] = []
-    for number, line in enumerate(lines[start : start + faces]):
+    lines = [line for line in data[header.end() if header else 0 :].splitlines() if line.strip()]
+    if len(lines) < vertices + faces:
+        raise source.incomplete(
+            f"declares {vertices:,} vertices and {faces:,} faces, but contains {len(lines):,} lines"
+        )
+    try:
+        positions = np.array([_position(line.split()) for line in lines[:vertices]])
+    except ValueError as error:
+        raise source.damaged(f"a vertex cannot be read ({error})") from error
+    polygons = list[list[int]]()
+    for number, line in enumerate(lines[vertices : vertices + faces]):
         words = line.split()
         count = int(words[0]) if words[0].isdigit() else 0
+        try:
+            polygons.append([int(word) for word in words[1 : count + 1]])
+        except ValueError:
+            count = 0
         if not 3 <= count < min(len(words), MOST_CORNERS + 1):
             text = line.decode("utf-8", "replace")[:40]
             raise source.damaged(
                 f"face {number} ({text!r}) does not have the corners that it declares, of which 3 "
                 f"to {MOST_CORNERS:,} are allowed"
             )
-        if count <= 4:
-            rows.append(line)
-        else:
-            first, *rest = words[1 : count + 1]
-            rows += [b"3 %s %s %s" % (first, a, b) for a, b in pairwise(rest)]
-    head = b"OFF\n%d %d 0" % (vertices, len(rows))
-    return b"\n".join([head, *lines[:start], *rows])
+    return positions.reshape(-1, 3), as_triangles(source, polygons)
 
 
-def plain_stl(source: Source, data: bytes) -> tuple[bytes, int]:
-    """Return a text STL with all its solids as one solid without a name.
-
-    Names may contain keywords of the format, and trimesh misreads several solids.
-
-    Returns:
-        (the text, its number of facets).
+def read_stl(source: Source) -> tuple[Floats, Ints]:
+    """Read the vertices (V, 3), each position once, and the faces (F, 3) of an STL.
 
     Raises:
         MeshError: It is incomplete.
     """
+    data, faces = source.path.read_bytes(), binary_stl_faces(source)
+    if faces is None:
+        corners = _text_corners(source, data)
+    else:
+        rows = np.frombuffer(data, "V12, (9,)<f4, V2", faces, STL_HEADER)["f1"]
+        corners = rows.reshape(-1, 3).astype(np.float64)
+    first, numbers = np.unique(first_at_position(corners), return_inverse=True)
+    return corners[first], numbers.reshape(-1, 3)
+
+
+def _text_corners(source: Source, data: bytes) -> Floats:
+    """Corners of the facets of all solids of a text STL, whose names may be any, shape (3 F, 3)."""
     if b"\n" not in data:
         data = data.replace(b"\r", b"\n")
     data = data.lower()
     ends = data.count(b"endsolid")
-    text = _NAME.sub(b"", data).replace(b"normal", b"")  # normals are not read
+    text = _NAME.sub(b"", data)
     facets, corners = text.count(b"endfacet"), text.count(b"vertex")
     started = text.count(b"facet") - facets
     if not facets or not ends or started != facets or corners != 3 * facets:
@@ -195,4 +198,7 @@ def plain_stl(source: Source, data: bytes) -> tuple[bytes, int]:
         if started == corners == 0:
             reason = "it holds no triangles"
         raise source.unexpected(f"cannot be read as STL: {reason}")
-    return b"solid\n" + text + b"\nendsolid\n", facets
+    try:
+        return np.array([_position(part.split(None, 3)) for part in text.split(b"vertex")[1:]])
+    except ValueError as error:
+        raise source.damaged(f"a vertex cannot be read ({error})") from error

@@ -1,21 +1,16 @@
-"""PLY files: their headers, checked against the file size, and reduction to the surface.
-
-The reduced file is one that trimesh reads correctly: positions, and faces with equal corners.
-"""
+"""PLY files: their headers, checked against the file size, and the columns of their elements."""
 
 import re
-import struct
-from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
-from itertools import chain
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import Ints
-from grasp3d.reading.obj_off_stl import MOST_CORNERS
-from grasp3d.reading.sources import LONGEST_HEADER, Source, check_count
+from grasp3d.arrays import Floats, Ints
+from grasp3d.errors import MeshError
+from grasp3d.reading.sources import LONGEST_HEADER, Source, as_triangles, check_count
 
 _TYPES = {
     "char": "i1", "uchar": "u1", "int8": "i1", "uint8": "u1", "short": "i2", "ushort": "u2",
@@ -23,10 +18,16 @@ _TYPES = {
     "int64": "i8", "uint64": "u8", "float": "f4", "double": "f8", "float32": "f4", "float64": "f8",
 }  # fmt: skip
 _LENGTHS = ("i1", "u1", "i2", "u2", "i4", "u4")
-_FORMATS = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}
+_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _CORNERS = ("vertex_indices", "vertex_index")
 _MIN_TEXT_BYTES = 2
 """Least size of a number and its separator in a text file [bytes]."""
+
+Column: TypeAlias = npt.NDArray[Any] | list[npt.NDArray[Any]]
+"""A property of all records: numbers (N,), lists of one length (N, k), or lists that differ."""
+
+Columns: TypeAlias = dict[str, Column]
+"""Columns of an element by the name of their property."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +35,6 @@ class Property:
     """A number, or a list of numbers, of each record of an element."""
 
     name: str
-    type_words: tuple[str, ...]
-    """The type as the header writes it."""
     type: str
     """NumPy type of one number, without byte order."""
     length: str | None
@@ -65,15 +64,18 @@ class Element:
         """Number of properties that are lists."""
         return sum(entry.length is not None for entry in self.properties)
 
-    def lines(self) -> list[str]:
-        """Return the header lines of the element, with neutral names for what is not read."""
-        names = {"vertex": ("x", "y", "z"), "face": _CORNERS}.get(self.name, ())
-        only = self.name == "face" and len(self.properties) == 1
-        lines = [f"element {self.name if names else 'other_' + self.name} {self.count}"]
-        for number, entry in enumerate(self.properties):
-            name = entry.name if entry.name in names or only else f"other_{number}"
-            lines.append(" ".join(["property", *entry.type_words, name]))
-        return lines
+    @property
+    def plural(self) -> str:
+        """Its records, for messages."""
+        plurals = {"vertex": "vertices", "face": "faces"}
+        return plurals.get(self.name, f"elements {self.name[:20]!r}")
+
+    @property
+    def corners(self) -> Property | None:
+        """The list of the corners of each face; None: there is none."""
+        lists = [entry for entry in self.properties if entry.length is not None]
+        only = len(self.properties) == 1
+        return next((entry for entry in lists if only or entry.name in _CORNERS), None)
 
 
 @dataclass(frozen=True)
@@ -86,20 +88,9 @@ class PlyHeader:
     start: int
     """Position of the first byte of data."""
 
-    def count(self, name: str) -> int:
-        """Return the declared number of records of the elements of a name."""
-        return sum(element.count for element in self.elements if element.name == name)
-
-    def plain(self) -> bytes:
-        """Return the header without comments, colours and textures, which trimesh would read."""
-        return _header_text(self.order, [element for element in self.elements if element.count])
-
-
-def _header_text(order: str, elements: Iterable[Element], *more: str) -> bytes:
-    """A header of some elements, and further lines."""
-    lines = chain.from_iterable(element.lines() for element in elements)
-    text = ["ply", f"format {_FORMATS[order]} 1.0", *lines, *more, "end_header\n"]
-    return "\n".join(text).encode("utf-8", "replace")
+    def element(self, name: str) -> Element:
+        """The element of a name; an empty one if there is none."""
+        return next((one for one in self.elements if one.name == name), Element(name, 0))
 
 
 def read_ply_header(source: Source) -> PlyHeader:
@@ -114,13 +105,12 @@ def read_ply_header(source: Source) -> PlyHeader:
             break
     if match is None:
         raise source.unexpected("cannot be read as PLY: no header")
-    formats = {name: order for order, name in _FORMATS.items()}
     order, elements = "", list[Element]()
     for line in re.split(r"\r?\n", match[1].decode("utf-8", "replace")):
         words = line.split()
         try:
             if words[:1] == ["format"]:
-                order = formats[words[1]]
+                order = _ORDERS[words[1]]
             elif words[:1] == ["element"]:
                 elements.append(Element(words[1], int(words[2])))
             elif words[:1] == ["property"]:
@@ -138,194 +128,188 @@ def _property(words: list[str]) -> Property:
         _, length, each = kind
         if _TYPES[length] not in _LENGTHS:
             raise ValueError(length)
-        return Property(name, tuple(kind), _TYPES[each], _TYPES[length])
+        return Property(name, _TYPES[each], _TYPES[length])
     (each,) = kind
-    return Property(name, tuple(kind), _TYPES[each], None)
+    return Property(name, _TYPES[each], None)
 
 
 def _check_elements(source: Source, header: PlyHeader) -> None:
+    if len({element.name for element in header.elements}) < len(header.elements):
+        raise source.damaged("it has two elements of one name")
     for element in header.elements:
         names = [entry.name for entry in element.properties]
-        broken = element.name == "face" and any(
-            entry.length and entry.type[0] == "f" and (entry.name in _CORNERS or len(names) == 1)
-            for entry in element.properties
-        )
-        if len(set(names)) < len(names) or broken:
+        corners = element.corners if element.name == "face" else None
+        if len(set(names)) < len(names) or (corners and corners.type[0] == "f"):
             raise source.damaged(
                 f"element {element.name[:20]!r} has a property twice, or corners that are not "
                 "whole numbers"
             )
         least = element.min_bytes if header.order else _MIN_TEXT_BYTES * len(element.properties)
-        plurals = {"vertex": "vertices", "face": "faces"}
-        what = plurals.get(element.name, f"elements {element.name[:20]!r}")
-        check_count(source, what, element.count, max(least, 1), source.size - header.start + 1)
+        available = source.size - header.start + 1
+        check_count(source, element.plural, element.count, max(least, 1), available)
 
 
-def vertex_columns(source: Source) -> dict[str, npt.NDArray[Any]]:
-    """Read the numbers of the vertices by name, shape (V,) each.
-
-    Raises:
-        MeshError: It is damaged, or its vertices do not come first, or have lists.
-    """
-    header, data = read_ply_header(source), source.path.read_bytes()
-    vertex = header.elements[0] if header.elements else Element("", 0)
-    if vertex.name != "vertex" or vertex.lists:
-        raise source.error("its vertices do not come first, or have lists; export the mesh again")
-    rows = np.dtype([(entry.name, header.order + entry.type) for entry in vertex.properties])
-    if not header.order:
-        words = data[header.start :].split(None, vertex.count * len(vertex.properties))
-        values = words[: vertex.count * len(vertex.properties)]
-        try:
-            columns = np.array(values, dtype=np.float64).reshape(vertex.count, -1).T
-        except ValueError as error:
-            raise source.damaged("its vertices are not numbers") from error
-        return {one.name: column for one, column in zip(vertex.properties, columns, strict=True)}
-    if len(data) < header.start + vertex.count * rows.itemsize:
-        raise source.incomplete(f"declares {vertex.count:,} vertices, but contains fewer")
-    table = np.frombuffer(data, rows, vertex.count, header.start)
-    return {name: table[name].astype(np.float64) for name in rows.names or ()}
-
-
-def plain_ply(source: Source, header: PlyHeader, data: bytes) -> bytes:
-    """Return a PLY of which trimesh reads positions and faces only.
+def read_ply(source: Source) -> tuple[Floats, Ints]:
+    """Read the vertices (V, 3) and faces (F, 3) of a PLY.
 
     Raises:
-        MeshError: Its faces are not valid.
+        MeshError: It is damaged, or has no positions or no corners of faces.
     """
+    header = read_ply_header(source)
+    face = header.element("face")
+    if not face.count:
+        return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
+    elements = read_elements(source, header)
+    vertices = scalars(elements.get("vertex", {}))
+    if not vertices.keys() >= set("xyz"):
+        raise source.damaged("its vertices have no x, y and z")
+    if face.corners is None:
+        raise source.damaged("its faces have no corners")
+    faces = as_triangles(source, elements["face"][face.corners.name])
+    return np.stack([vertices[axis] for axis in "xyz"], axis=1), faces
+
+
+def scalars(columns: Columns) -> dict[str, Floats]:
+    """The columns that are no lists, as floating-point numbers."""
+    return {
+        name: column.astype(np.float64)
+        for name, column in columns.items()
+        if isinstance(column, np.ndarray) and column.ndim == 1
+    }
+
+
+def read_elements(source: Source, header: PlyHeader) -> dict[str, Columns]:
+    """Read the columns of the elements by name; of a text only those of vertices and faces.
+
+    Numbers have the type that the header declares, but whole numbers of a text are 64 bits wide.
+
+    Raises:
+        MeshError: It is incomplete or damaged.
+    """
+    data, elements = source.path.read_bytes(), dict[str, Columns]()
     if not header.order:
-        text = data[header.start :].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-        text = re.sub(rb"\n[ \t]*(?=\n)", b"", b"\n" + text)[1:]
-        _check_lines(source, header, text)
-        return header.plain() + text
-    if _has_equal_records(header, data):
-        return header.plain() + data[header.start :]
-    return _with_triangles(source, header, data)
-
-
-def _check_lines(source: Source, header: PlyHeader, text: bytes) -> None:
-    """Reject lines with more or fewer numbers than their element declares."""
-    lines, start = text.split(b"\n"), 0
-    for element in header.elements:
-        rows = lines[start : start + element.count]
-        start += element.count
-        if element.name not in {"vertex", "face"}:
-            continue
-        lists = [i for i, entry in enumerate(element.properties) if entry.length]
-        for number, line in enumerate(rows):
-            if not _is_complete(line.split(), len(element.properties), lists):
-                quoted = line[:40].decode("utf-8", "replace")
-                raise source.damaged(
-                    f"{element.name} {number} ({quoted!r}) has a wrong number of numbers"
-                )
-
-
-def _is_complete(words: list[bytes], properties: int, lists: list[int]) -> bool:
-    """Return whether a line has the numbers of its properties, some of which are lists."""
-    more = 0
-    try:
-        for index in lists:
-            more += int(words[index + more])
-    except (ValueError, IndexError):
-        return False
-    return properties + more == len(words)
-
-
-def _has_equal_records(header: PlyHeader, data: bytes) -> bool:
-    """Return whether all lists of each binary element are as long as in its first record.
-
-    trimesh assumes this if the file size matches.
-    """
+        lines = [line for line in data[header.start :].splitlines() if line.strip()]
+        for element in header.elements:
+            rows, lines = lines[: element.count], lines[element.count :]
+            if element.name in {"vertex", "face"}:
+                elements[element.name] = _of_text(source, element, rows)
+        return elements
     start = header.start
     for element in header.elements:
-        if not element.count:
-            continue
-        dtype = _first_record(header.order, element, data, start)
-        if dtype is None or start + element.count * dtype.itemsize > len(data):
-            return False
-        rows = np.frombuffer(data, dtype, element.count, start)
-        for name in dtype.names or ():
-            if name.startswith("length") and (rows[name] != rows[name][0]).any():
-                return False
-        start += element.count * dtype.itemsize
-    return start == len(data)
+        elements[element.name], start = _of_bytes(source, header.order, element, data, start)
+    return elements
 
 
-def _first_record(
-    order: str, element: Element, data: bytes, start: int
-) -> np.dtype[np.void] | None:
-    """Return the layout of an element's first record; None: the file ends before."""
-    fields: list[tuple[str, str, int]] = []
-    for number, entry in enumerate(element.properties):
-        count = 1
-        if entry.length is not None:
-            length = np.dtype(order + entry.length)
-            if start + length.itemsize > len(data):
-                return None
-            count = int(np.frombuffer(data, length, 1, start)[0])
-            fields.append((f"length{number}", length.str, 1))
-            start += length.itemsize
-        if not 0 <= count <= len(data):
-            return None
-        fields.append((f"value{number}", order + entry.type, count))
-        start += count * int(entry.type[1])
-    return np.dtype([(name, kind, (count,)) for name, kind, count in fields])
+def _of_text(source: Source, element: Element, lines: list[bytes]) -> Columns:
+    """The columns of an element with one record per line."""
+    if len(lines) < element.count:
+        raise _fewer(source, element, len(lines))
+    rows = []
+    for number, line in enumerate(lines):
+        try:
+            rows.append(_divided(line.split(), element.properties))
+        except (ValueError, IndexError) as error:
+            quoted = line[:40].decode("utf-8", "replace")
+            raise source.damaged(
+                f"{element.name} {number} ({quoted!r}) has a wrong number of numbers"
+            ) from error
+    try:
+        return {
+            entry.name: _column_of_words(entry, [row[number] for row in rows])
+            for number, entry in enumerate(element.properties)
+        }
+    except (ValueError, OverflowError) as error:
+        raise source.damaged(f"its {element.plural} have something that is no number") from error
 
 
-def _with_triangles(source: Source, header: PlyHeader, data: bytes) -> bytes:
-    """Return a binary PLY with its positions, and its faces as triangle fans."""
-    start, parts, before = header.start, list[bytes](), list[Element]()
-    for element in header.elements:
-        if element.name == "face":
-            faces = _fans(_polygons(source, header.order, element, data, start))
-            break
-        if element.lists:
-            raise source.error(
-                "has lists of differing lengths before its faces; export the "
-                "mesh again, as triangles"
-            )
-        before.append(element)
-        parts.append(data[start : start + element.count * element.min_bytes])
-        start += element.count * element.min_bytes
-    face = f"element face {len(faces)}", "property list uchar int64 vertex_indices"
-    rows = np.zeros(len(faces), dtype=[("n", "u1"), ("corners", f"{header.order}i8", 3)])
-    rows["n"], rows["corners"] = 3, faces
-    return _header_text(header.order, before, *face) + b"".join(parts) + rows.tobytes()
+def _divided(words: list[bytes], properties: list[Property]) -> list[Any]:
+    """A word for each property, or words for a list. Raises ValueError, IndexError."""
+    parts, start = list[Any](), 0
+    for entry in properties:
+        count = 1 if entry.length is None else int(words[start])
+        start += entry.length is not None
+        part = words[start : start + count]
+        parts.append(part[0] if entry.length is None else part)
+        start += count
+    if start != len(words):
+        raise ValueError(len(words))
+    return parts
 
 
-def _fans(polygons: Sequence[Ints]) -> Ints:
-    """Divide polygons into triangles that share the first corner, shape (F, 3)."""
-    counts, corners = np.array([len(polygon) for polygon in polygons]), np.concatenate(polygons)
-    first = np.repeat(np.cumsum(counts) - counts, counts - 2)
-    step = np.arange(len(first)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2)
-    fans: Ints = corners[np.stack([first, first + step + 1, first + step + 2], axis=1)]
-    return fans
+def _column_of_words(entry: Property, words: list[Any]) -> Column:
+    if entry.length is None:
+        kind = entry.type if entry.type[0] == "f" else "f8"
+        with np.errstate(over="ignore"):  # overflow gives inf, which is checked later
+            return np.array(words, dtype=np.float64).astype(kind)
+    kind = "f8" if entry.type[0] == "f" else "i8"
+    if len(set(map(len, words))) <= 1:
+        return np.array(words, dtype=kind)
+    return [np.array(part, dtype=kind) for part in words]
 
 
-def _polygons(
+def _of_bytes(
     source: Source, order: str, element: Element, data: bytes, start: int
-) -> list[npt.NDArray[Any]]:
-    """Return the vertex numbers of the corners of each face."""
-    if element.lists != 1:
-        raise source.error(
-            f"its faces have {element.lists} lists of differing lengths, one is "
-            "allowed; export the mesh again, as triangles"
-        )
-    index = next(i for i, entry in enumerate(element.properties) if entry.length)
-    entry = element.properties[index]
-    before = sum(other.min_bytes for other in element.properties[:index])
-    after = sum(other.min_bytes for other in element.properties[index + 1 :])
-    length = struct.Struct(order + np.dtype(entry.length).char)
-    size = int(entry.type[1])
-    polygons = []
-    for face in range(element.count):
-        first = start + before + length.size
-        count = length.unpack_from(data, first - length.size)[0] if first <= len(data) else 0
-        start = first + count * size + after
-        if start > len(data) or first > len(data):
-            raise source.incomplete(f"declares {element.count:,} faces, but contains {face:,}")
-        if not 3 <= count <= MOST_CORNERS:
-            raise source.error(
-                f"face {face} has {count} corners; 3 to {MOST_CORNERS:,} are allowed"
+) -> tuple[Columns, int]:
+    """The columns of an element of a binary file, and the position of its end.
+
+    Raises:
+        MeshError: The file is incomplete.
+    """
+    with suppress(ValueError):  # most often all lists are as long as the first
+        record = _first_record(order, element, data, start)
+        rows = np.frombuffer(data, record, element.count, start)
+        lengths = [rows[name] for name in record.names or () if name.startswith(_LENGTH)]
+        if all((one == one[:1]).all() for one in lengths):
+            return {entry.name: rows[entry.name] for entry in element.properties}, (
+                start + rows.nbytes
             )
-        polygons.append(np.frombuffer(data, order + entry.type, count, first))
-    return polygons
+    parts: dict[str, list[npt.NDArray[Any]]] = {entry.name: [] for entry in element.properties}
+    for number in range(element.count if element.lists else 0):
+        try:
+            for entry in element.properties:
+                count, start = _length(order, entry, data, start)
+                parts[entry.name].append(np.frombuffer(data, order + entry.type, count, start))
+                start += parts[entry.name][-1].nbytes
+        except ValueError as error:
+            raise _fewer(source, element, number) from error
+    if element.count and not element.lists:
+        raise _fewer(source, element, (len(data) - start) // element.min_bytes)
+    return {
+        entry.name: parts[entry.name] if entry.length else np.concatenate([[], *parts[entry.name]])
+        for entry in element.properties
+    }, start
+
+
+_LENGTH = "length of "
+"""Beginning of the fields with the lengths of lists; names of properties have no spaces."""
+
+
+def _first_record(order: str, element: Element, data: bytes, start: int) -> np.dtype[np.void]:
+    """The layout of an element's first record. Raises ValueError: the file ends before its end."""
+    fields: list[tuple[Any, ...]] = []
+    for entry in element.properties:
+        count, start = _length(order, entry, data, start)
+        if entry.length is not None:
+            fields.append((f"{_LENGTH}{entry.name}", order + entry.length))
+        shape = () if entry.length is None else (count,)
+        fields.append((entry.name, order + entry.type, shape))
+        start += count * int(entry.type[1])
+    return np.dtype(fields)
+
+
+def _length(order: str, entry: Property, data: bytes, start: int) -> tuple[int, int]:
+    """How many numbers a property has in a record, and the position of the first of them.
+
+    Raises:
+        ValueError: The file ends before, or the length of a list is negative.
+    """
+    if entry.length is None:
+        return 1, start
+    length = np.frombuffer(data, order + entry.length, 1, start)
+    if (count := int(length[0])) < 0:
+        raise ValueError(count)
+    return count, start + length.nbytes
+
+
+def _fewer(source: Source, element: Element, count: int) -> MeshError:
+    return source.incomplete(f"declares {element.count:,} {element.plural}, but contains {count:,}")

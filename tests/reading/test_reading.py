@@ -1,6 +1,7 @@
 """Mesh formats: positions and faces in the order of the file, and errors of damaged files."""
 
 import os
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -208,20 +209,23 @@ BAD: dict[str, tuple[str | bytes, str]] = {
     "prose.stl": ("This is not a mesh.\n" * 40, "cannot be read as STL: it holds no triangles"),
     "cut.stl": (STL[:300], "cannot be read as STL: 2 facets with 4 corners, and 0 ends"),
     "corner.stl": (STL.replace("vertex", "vortex", 1), "with 11 corners"),
-    "digits.stl": (STL.replace("1.0", "1,0", 1), "could not be read to its end"),
+    "digits.stl": (STL.replace("1.0", "1,0", 1), "a vertex cannot be read"),
     "cut_binary.stl": (mesh_files.stl_binary()[:-51], "declares 4 faces, but contains 2"),
     "nan.stl": (mesh_files.stl_binary().replace(b"\x80\x3f\0\0", b"\xc0\x7f\0\0"), "not a finite"),
     "prose.obj": ("f a b c\n", "line 1, .*export the mesh again"),
     "beyond.obj": ("v 0 0 0\nf 1 2 3\n", r"line 2, .* \(there are 1 vertices\)"),
     "zero.obj": (OBJ + "f 0 1 2\n", "a face uses vertex 0"),
     "flat.obj": ("v 0 0\n" + OBJ, "needs three coordinates"),
-    "long.obj": (OBJ + "f " + "1 2 3 " * 400, "a face of 1,200 corners; 3 to 1,000 are allowed"),
+    "long.obj": (OBJ + "f " + "1 2 3 " * 400, "face 4 has 1,200 corners; 3 to 1,000 are allowed"),
     "prose.off": ("OFF of the record", "no counts"),
     "binary.off": ("OFF BINARY\n\0\0\0\4", "is of the kind 'OFF BINARY'"),
     "four.off": (OFF.replace("OFF", "4OFF"), "is of the kind '4OFF'; .* three coordinates"),
     "corners.off": (OFF.replace("\n3 0 2 1", "\n4 0 2 1"), "does not have the corners"),
     "letters.off": (OFF.replace("\n3 0 2 1", "\nx 0 2 1"), "does not have the corners"),
-    "beyond.off": (OFF.replace("\n3 0 2 1", "\n3 0 2 9"), "outside the range"),
+    "beyond.off": (
+        OFF.replace("\n3 0 2 1", "\n3 0 2 9"),
+        "face 0 uses vertex 9, but there are 4 vertices",
+    ),
     "long.off": (OFF.replace("\n3 0 2 1", "\n1200" + " 0 1 2" * 400), "3 to 1,000 are allowed"),
     "cut.off": (OFF[:-9], "declares 4 vertices and 4 faces"),
     "bomb.off": (OFF.replace("4 4 6", "4 99999999999 6"), "declares 99,999,999,999 faces"),
@@ -267,22 +271,24 @@ def test_damaged_files_are_rejected_with_one_line(tmp_path: Path, name: str) -> 
 TWO_LISTS = PLY.replace("end_header", "property list uchar float weights\nend_header")
 
 
-def test_other_lists_of_differing_lengths_are_read_from_text_and_rejected_in_binary(
-    tmp_path: Path,
-) -> None:
-    """In a text file the lines delimit the lists; of binary lists only one may vary."""
+def test_other_lists_of_differing_lengths_are_read(tmp_path: Path) -> None:
     text = TWO_LISTS[: TWO_LISTS.index("\n3") + 1]
     rows = [f"3 {a} {b} {c} {n} " + "0.5 " * n for n, (a, b, c) in enumerate(FACES.tolist())]
     assert np.array_equal(
         face_corners(written(tmp_path, "a.ply", text + "\n".join(rows))), TETRAHEDRON
     )
-    binary = mesh_files.ply_binary(POLYGONS)
-    binary = binary.replace(b"property short flag", b"property list uchar uchar flag")
-    with pytest.raises(MeshError, match="2 lists of differing lengths"):
-        read_mesh(written(tmp_path, "b.ply", binary))
-    binary = mesh_files.ply_binary(POLYGONS).replace(b"uchar shine", b"list uchar uchar shine")
-    with pytest.raises(MeshError, match="lists of differing lengths before its faces"):
-        read_mesh(written(tmp_path, "c.ply", binary))
+    head = TWO_LISTS[: TWO_LISTS.index("end_header")] + "end_header\n"
+    head = head.replace("ascii", "binary_little_endian").replace(
+        "element vertex", "element strip 2\nproperty list int short corners\nelement vertex"
+    )
+    data = struct.pack("<i2hi3h", 2, 7, 8, 3, 7, 8, 9) + VERTICES.astype("<f8").tobytes()
+    data += b"".join(
+        struct.pack(f"<B3iB{n}f", 3, *face, n, *[0.5] * n) for n, face in enumerate(FACES.tolist())
+    )
+    path = written(tmp_path, "b.ply", head.encode() + data)
+    assert np.array_equal(face_corners(path), TETRAHEDRON)
+    with pytest.raises(MeshError, match="declares 4 faces, but contains 3"):
+        read_mesh(written(tmp_path, "c.ply", head.encode() + data[:-1]))
 
 
 def test_a_missing_file_and_a_folder_have_different_errors(tmp_path: Path) -> None:
