@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 from bench_epsilon import best_time
+from compare_extremes import random_grasps
 
 import grasp3d
-from grasp3d.paper.convergence import random_grasps
 
 LIBRARY = Path(__file__).parents[1] / "meshes"
 GRASPS = {2: 2000, 3: 500, 4: 200}

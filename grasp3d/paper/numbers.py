@@ -1,7 +1,7 @@
-"""numbers.md: the paper's numbers beside ours, fractions S, M, U, errors of sampled normals."""
+"""numbers.md: the paper's numbers beside ours, fractions S, M and U."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -149,15 +149,12 @@ CEILING = "not above 90 %"
 """Accuracy of predictors at that resolution (Sec. IV-C)."""
 
 
-def numbers_page(
-    settings: PaperSettings, objects: Sequence[ScannedObject], sampled: Mapping[str, str]
-) -> str:
+def numbers_page(settings: PaperSettings, objects: Sequence[ScannedObject]) -> str:
     """Write the page.
 
     Args:
         settings: Friction and resolutions.
         objects: Scanned objects in space.
-        sampled: Further sections, by title: sampled labels against exact ones.
     """
     sections = {
         "The numbers in the text": quoted_numbers(),
@@ -171,7 +168,6 @@ def numbers_page(
         "In space": _in_space(objects, settings),
         "Receptive field and location (Fig. 4)": receptive_fields(),
         "Further uncertainties": uncertainties(settings, objects),
-        **sampled,
     }
     parts = [_HEAD, *(f"## {title}\n\n{text}" for title, text in sections.items())]
     return "\n\n".join(parts) + "\n"

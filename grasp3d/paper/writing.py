@@ -7,7 +7,6 @@ from pathlib import Path
 
 from grasp3d.arrays import ArrayLike
 from grasp3d.errors import OutputError, SettingError
-from grasp3d.paper.convergence import comparisons, convergence_tables, surface_table
 from grasp3d.paper.figures import (
     FIGURES,
     ScannedObject,
@@ -29,7 +28,7 @@ OBJECT = "object"
 """Name of a real object in the names of files."""
 SUFFIXES = (".svg", ".png")
 
-SEARCH, FIGURE, SURFACE, COMPARISON = 8.0, 1.0, 3.0, 13.0
+SEARCH, FIGURE, SURFACE = 8.0, 1.0, 3.0
 """Relative durations of the parts, for the progress."""
 
 
@@ -74,10 +73,7 @@ def write_paper(
     _check(output, [*FIGURES, *(f"surface_{name}" for name in names)])
     mesh = None if object_file is None else load_object(object_file)
     output.mkdir(parents=True, exist_ok=True)
-    steps = _Steps(
-        FIGURE * len(FIGURES) + SURFACE * len(names) + SEARCH * (mesh is not None)
-        + COMPARISON
-    )  # fmt: skip
+    steps = _Steps(FIGURE * len(FIGURES) + SURFACE * len(names) + SEARCH * (mesh is not None))
     real: list[ScannedObject] = []
     if object_file is not None and mesh is not None:
         with steps.part(SEARCH):
@@ -88,20 +84,13 @@ def write_paper(
             paths += save(draw(own), output / name)
     with unreported():
         scanned = [*solids(own), *real]
-        surfaces = surface_table(own)
     pictures = can_render()
     for name, one in zip(names, scanned, strict=True):
         with steps.part(SURFACE), unreported():
             figure = object_figure(one, own, pictures=pictures)
             paths += save(figure, output / f"surface_{name}")
-    with steps.part(COMPARISON):
-        compared = convergence_tables(comparisons())
-    sampled = {
-        "The same solids from wrench hulls alone": surfaces,
-        "Sampled extreme normals against exact labels": compared,
-    }
     with atomic_write(output / NUMBERS) as part:
-        part.write_text(numbers_page(own, scanned, sampled), encoding="utf-8")
+        part.write_text(numbers_page(own, scanned), encoding="utf-8")
     paths.append(output / NUMBERS)
     return Paper(tuple(paths), _notes(names, pictures=pictures, real=bool(real)))
 

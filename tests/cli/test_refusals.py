@@ -641,7 +641,7 @@ def unread(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr("grasp3d.mesh.preparing.read_source", read)
     monkeypatch.setattr("grasp3d.viewer.session.collection.read_source", read)
-    monkeypatch.setattr("grasp3d.paper.writing.surface_table", read)
+    monkeypatch.setattr("grasp3d.paper.writing.solids", read)
 
 
 @pytest.mark.usefixtures("unread")

@@ -76,7 +76,7 @@ def number(cell: str) -> float:
 
 @pytest.fixture(scope="module")
 def page() -> str:
-    return numbers_page(PAPER, scanned(), {})
+    return numbers_page(PAPER, scanned())
 
 
 @pytest.mark.parametrize(
@@ -354,12 +354,6 @@ def test_the_box_agrees_with_random_points() -> None:
         assert found["U"] == pytest.approx((critical >= 45.0 + alpha / 2.0).mean(), abs=0.01)
 
 
-@pytest.mark.slow
-def test_further_sections_are_at_the_end_of_the_page() -> None:
-    page = numbers_page(PAPER, scanned()[:1], {"One": "| a table |", "Another": "| b |"})
-    assert page.endswith("## One\n\n| a table |\n\n## Another\n\n| b |\n")
-
-
 def test_fractions_are_written_in_percent_with_one_decimal() -> None:
     assert [percent(fraction) for fraction in (0.0, -0.0, 0.3333, 1.0)] == [
         "0.0 %", "0.0 %", "33.3 %", "100.0 %",
@@ -470,20 +464,11 @@ def test_a_file_with_the_folders_name_is_kept(
     assert [path.name for path in (tmp_path / "folder").iterdir()] == ["numbers.md"]
 
 
-FEWER = """
-import sys
-from grasp3d.cli import main
-from grasp3d.paper import convergence
-convergence.SAMPLES = {4: convergence.SAMPLES[4]}
-"""
-"""The command with fewer samples, all of which other tests compare."""
-
-COARSER = f"{FEWER}vars(convergence).update(SUBDIVISIONS=1, EDGE=1.0)\n"
-"""The same with coarser solids for the table that takes long."""
+COMMAND = "import sys; from grasp3d.cli import main; sys.exit(main())"
 
 
 def both_runs(folder: Path) -> tuple[tuple[Path, str], tuple[Path, str]]:
-    """Two parallel runs in separate folders: with OpenGL, if any, and a coarser one without."""
+    """Two parallel runs in separate folders: with OpenGL, if any, and without."""
     box = box_mesh((2.0, 3.0, 4.0), max_edge=1.0)
     trimesh.Trimesh(box.vertices, box.faces, process=False).export(folder / "box.off")
     (folder / "first").mkdir()
@@ -492,16 +477,16 @@ def both_runs(folder: Path) -> tuple[tuple[Path, str], tuple[Path, str]]:
     without = {WINDOW: "vtkOSOpenGLRenderWindow", "DISPLAY": ""}
     started = [
         subprocess.Popen(
-            [sys.executable, "-c", f"{code}sys.exit(main())", "paper", "-o", output, *arguments],
+            [sys.executable, "-c", COMMAND, "paper", "-o", output, *arguments],
             cwd=folder,
             env={**os.environ, **environment, "COLUMNS": "160"},
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
         )
-        for code, output, arguments, environment in (
-            (FEWER, "first", ("--object", "box.off", *FIXED), {}),
-            (COARSER, "second/deeper", (), without),
+        for output, arguments, environment in (
+            ("first", ("--object", "box.off", *FIXED), {}),
+            ("second/deeper", (), without),
         )
     ]
     printed = []
@@ -518,7 +503,6 @@ def test_the_command_writes_all_of_the_paper(tmp_path: Path) -> None:
     (first, printed), (second, without) = both_runs(tmp_path)
     check_files(first, second, printed)
     check_bytes(first, second)
-    check_hulls((first / "numbers.md").read_text())
     if find_library("OSMesa") is not None:
         pytest.skip("all but missing pictures is tested: VTK draws with OSMesa here")
     check_pictures(first, second, printed, without)
@@ -547,28 +531,14 @@ def check_files(first: Path, second: Path, printed: str) -> None:
 
 
 def check_bytes(first: Path, second: Path) -> None:
-    """Both runs write the same figures, and the same numbers but of solids of other sizes."""
+    """Both runs write the same figures, and the same numbers but of the object of the first."""
     for name in NAMES[:FLAT]:
         for end in (".svg", ".png"):
             path = f"{name}{end}"
             assert (first / path).read_bytes() == (second / path).read_bytes(), path
     one, other = ((folder / "numbers.md").read_text() for folder in (first, second))
-    sizes = ("| box", "| sphere | searched", "| sphere | one finger", "| cylinder | searched",
-             "| cylinder | one finger")  # fmt: skip
-    lines = [line for line in one.splitlines() if not line.startswith(sizes)]
-    assert lines == [line for line in other.splitlines() if not line.startswith(sizes)]
-    assert one.count("\n| 4 | 200 |") == 4
-
-
-def check_hulls(page: str) -> None:
-    """Labels from hulls on solids differ only as allowed."""
-    rows = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("|")]
-    rows = [row for row in rows if row[1] in {"one finger fixed", "searched"}]
-    assert [row[0] for row in rows] == ["sphere"] * 4 + ["box"] * 4 + ["cylinder"] * 4
-    assert {row[-1] for row in rows} == {"0"}
-    differing = [float(row[-2].rstrip(" %")) for row in rows]
-    assert 0.0 < max(differing[::2]) < 4.0  # circular cones
-    assert max(differing[::2]) < max(differing[1::2]) < 12.0  # polygons are inside them
+    one, other = ([row for row in page.splitlines() if row[:5] != "| box"] for page in (one, other))
+    assert one == other
 
 
 def check_pictures(first: Path, second: Path, printed: str, without: str) -> None:

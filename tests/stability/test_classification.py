@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from compare_extremes import random_grasps
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,7 +24,6 @@ from grasp3d import (
 from grasp3d.contact import effective_friction
 from grasp3d.contact.friction_cones import turned
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.paper.convergence import random_grasps
 from grasp3d.quality import Status
 from grasp3d.quality.tilting import epsilon_range
 from grasp3d.quality.wrenches import EpsilonOptions

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from compare_extremes import random_grasps
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import Contacts, epsilon, force_closure
-from grasp3d.paper.convergence import random_grasps
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.stability import enumeration
 from grasp3d.stability.enumeration import Tested, closure_at, extreme_normals, extremes

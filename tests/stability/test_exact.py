@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from compare_extremes import random_grasps
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import Contacts, Label, classify, critical_friction_angle, force_closure
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.paper.convergence import random_grasps
 from grasp3d.quality import Status
 from grasp3d.quality.wrenches import EpsilonOptions
 from tests.helpers import grasps, oracles

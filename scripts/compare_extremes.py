@@ -1,4 +1,7 @@
-"""The paper's sampled method: its labels against exact ones, on random grasps and on surfaces."""
+"""Compare labels of the paper's sampled method with exact ones, on random grasps and surfaces.
+
+python scripts/compare_extremes.py
+"""
 
 import math
 from collections.abc import Sequence
@@ -248,3 +251,9 @@ def _left_open(exact: SurfaceLabels, hulls: SurfaceLabels) -> Bools:
     near = np.abs(exact.critical_angle_best - threshold) < ROUNDED
     tied: Bools = near & (exact.label == Label.U) & (hulls.label == Label.M)
     return tied
+
+
+if __name__ == "__main__":
+    print(f"## The same solids from wrench hulls alone\n\n{surface_table(PaperSettings())}\n")
+    tables = convergence_tables(comparisons())
+    print(f"## Sampled extreme normals against exact labels\n\n{tables}")

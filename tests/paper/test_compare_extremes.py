@@ -4,19 +4,21 @@ import itertools
 import math
 from typing import Any
 
+import compare_extremes
 import numpy as np
 import pytest
-
-from grasp3d import Label, classify
-from grasp3d.paper import convergence
-from grasp3d.paper.convergence import (
+from compare_extremes import (
     SAMPLES,
     Comparison,
     compare,
     comparisons,
     convergence_tables,
     random_grasps,
+    surface_table,
 )
+
+from grasp3d import Label, classify
+from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.system.context import running
 
@@ -165,7 +167,7 @@ def test_tables_show_both_kinds_of_cones_in_rows_of_equal_length() -> None:
 
 
 def test_progress_is_the_fraction_of_all_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(convergence, "SAMPLES", {2: (10, (3, 6)), 3: (4, (3,))})
+    monkeypatch.setattr(compare_extremes, "SAMPLES", {2: (10, (3, 6)), 3: (4, (3,))})
     progress: list[float] = []
     with running(progress=progress.append):
         found = comparisons()
@@ -175,3 +177,15 @@ def test_progress_is_the_fraction_of_all_work(monkeypatch: pytest.MonkeyPatch) -
     assert progress == sorted(progress)
     assert 0.0 < progress[0] < progress[-1] == pytest.approx(1.0)
     assert comparisons()[0].counts.tolist() == found[0].counts.tolist()
+
+
+@pytest.mark.slow
+def test_labels_from_hulls_on_solids_differ_only_as_allowed() -> None:
+    page = surface_table(PaperSettings())
+    rows = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("|")]
+    rows = [row for row in rows if row[1] in {"one finger fixed", "searched"}]
+    assert [row[0] for row in rows] == ["sphere"] * 4 + ["box"] * 4 + ["cylinder"] * 4
+    assert {row[-1] for row in rows} == {"0"}
+    differing = [float(row[-2].rstrip(" %")) for row in rows]
+    assert 0.0 < max(differing[::2]) < 4.0  # circular cones
+    assert max(differing[::2]) < max(differing[1::2]) < 12.0  # polygons are inside them
