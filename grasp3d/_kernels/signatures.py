@@ -61,6 +61,7 @@ _GOAL = types.UniTuple(_f, 4)
 _WORKSPACE = typeof(wrench_problem.make_workspace(TOTAL, 2))
 _POLYTOPE = typeof(make_polytope(1))
 _RESULTS = _tuple(wrench_problem.Results, _f1, _f1, _i1, _u8_1, _b1, _f2, _f3, _f1)
+_BRACKET = typeof(wrench_problem.no_bracket())
 _TASK = typeof(grip_force.make_scratch(1, 2))
 _FORCES = _tuple(grip_force.ForceResults, _f1, _f1, _i1, _u8_1, _u8_1, _f2, _f3)
 _CONTACTS, _HELD = (_FORM, _f4, _f2, _f3), (_FORCE_FORM, _f4, _f2, _f3)
@@ -132,7 +133,21 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
         (*_HELD, *[_f2] * 3, _f1, _f, _f1, _f, _i, _WORKSPACE, _POLYTOPE, _TASK, _FORCES),
     ],
     wrench_problem.epsilons: [
-        (*_CONTACTS, _f2, _f, _GOAL, _i, _b, _i, _i, dims, _WORKSPACE, _POLYTOPE, _RESULTS)
+        (
+            *_CONTACTS,
+            _f2,
+            _f,
+            _GOAL,
+            _i,
+            _b,
+            _i,
+            _i,
+            dims,
+            _BRACKET,
+            _WORKSPACE,
+            _POLYTOPE,
+            _RESULTS,
+        )
         for dims in (types.UniTuple(_i, 6), _i1)
     ],
     multifinger.search_fingers: [

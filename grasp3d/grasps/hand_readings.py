@@ -19,7 +19,8 @@ from grasp3d.grasps.readings import (
     with_frame,
 )
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE, hand_contacts
+from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE
+from grasp3d.hand.articulated.hand_scene import HandScene
 from grasp3d.hand.frames import GripperFrame
 from grasp3d.hand.jaws import AXES, metres_per_unit
 from grasp3d.hand.link_tree import Joint, LinkShape
@@ -80,10 +81,13 @@ class JointTrial(Trial):
 
     def fits(self, poses: Floats, posture: Floats) -> tuple[Bools, Floats, Floats]:
         """See `Trial`."""
-        metres = metres_per_unit(self.mesh)
-        found = hand_contacts(self.mesh, self.hand, poses, posture, table=self.table)
-        touching = (found.gaps * metres <= CONTACT_DISTANCE).sum(axis=1)
-        depth = np.maximum(-found.gaps.min(axis=1) * metres, 0.0)
+        metres, distance = metres_per_unit(self.mesh), CONTACT_DISTANCE
+        scene, placed = HandScene(self.mesh, self.hand, metres, distance), poses.copy()
+        placed[:, :3, 3] *= metres
+        frames = scene.frames(placed, self.hand.postures(posture))
+        gaps = scene.link_gaps(scene.touch(frames, contacts=False, search=distance))
+        touching = (gaps <= distance).sum(axis=1)
+        depth = np.maximum(-gaps.min(axis=1), 0.0)
         fits = (touching >= LEAST_LINKS) & (depth <= DEEPEST)
         return fits, touching - depth / DEEPEST, np.full(len(poses), np.nan)
 

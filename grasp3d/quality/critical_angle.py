@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from grasp3d._kernels.hull.frictionless_closure import frictionless_depth, make_cells
-from grasp3d._kernels.hull.wrench_problem import SIGN
+from grasp3d._kernels.hull.wrench_problem import SIGN, Bracket
 from grasp3d._kernels.search.coplanar_contacts import critical_of_three, make_plane
 from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, angles_between, shaped
 from grasp3d.contact.contacts import Contacts, centred
@@ -140,16 +140,25 @@ def _of_triples(points: Floats, normals: Floats, tolerance: float) -> Floats:
 def _bracketed(points: Floats, normals: Floats, tolerance: float) -> Floats:
     """Upper ends of intervals that contain the critical angles of three contacts or more."""
     points, _, _ = centred(points)
+    problem = WrenchProblem.of_contacts(Contacts(points, normals, friction=0.0), EpsilonOptions())
     low, high = np.zeros(len(points)), np.full(len(points), RIGHT_ANGLE)
-    closed, _, _ = _closure_at(points, normals, low)
+    closed, lower, _ = _closure_at(problem, points, normals, low)
     frictionless = np.flatnonzero(closed)
     negative = _negative_angles(points[frictionless], normals[frictionless], tolerance)
     high[frictionless] = low[frictionless] = negative
-    while (active := np.flatnonzero(high - low > tolerance)).size:
-        middle = 0.5 * (low[active] + high[active])
-        closed, lower, upper = _closure_at(points[active], normals[active], middle)
-        low[active] = np.where(closed, low[active], np.clip(lower, middle, high[active]))
-        high[active] = np.where(closed, np.clip(upper, low[active], middle), high[active])
+    low = np.where(closed, low, np.clip(lower, low, high))
+    active = np.flatnonzero(high - low > tolerance)
+    width = np.full(len(active), tolerance)
+    bracket = Bracket(points[active], normals[active], low[active], high[active], width)
+    problem.take(active).at_angles(0.5 * bracket.high).narrow(bracket)
+    low[active], high[active] = bracket.low, bracket.high
+    while (active := np.flatnonzero(high - low > tolerance)).size:  # where closure has no proof
+        angles = 0.5 * (low[active] + high[active])
+        closed, lower, upper = _closure_at(
+            problem.take(active), points[active], normals[active], angles
+        )
+        low[active] = np.where(closed, low[active], np.clip(lower, angles, high[active]))
+        high[active] = np.where(closed, np.clip(upper, low[active], angles), high[active])
     return high
 
 
@@ -166,10 +175,10 @@ def _negative_angles(points: Floats, normals: Floats, tolerance: float) -> Float
     return angles
 
 
-def _closure_at(points: Floats, normals: Floats, angles: Floats) -> tuple[Bools, Floats, Floats]:
+def _closure_at(
+    problem: WrenchProblem, points: Floats, normals: Floats, angles: Floats
+) -> tuple[Bools, Floats, Floats]:
     """(closed, lower, upper): closure at given angles, and the bounds on beta* that follow."""
-    batch = Contacts(points, normals, friction=0.0)
-    problem = WrenchProblem.of_contacts(batch, EpsilonOptions())
     results = problem.at_angles(angles).solve(SIGN)
     u = results.direction[:, None]
     velocities = u[..., :3] + np.cross(u[..., 3:], points)  # (b, n, 3)

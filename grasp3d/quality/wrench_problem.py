@@ -18,9 +18,11 @@ from grasp3d._kernels.hull.support_functions import LINEAR, NO_TORSION, PER_FING
 from grasp3d._kernels.hull.wrench_problem import (
     AT_REST,
     SIGN,
+    Bracket,
     Results,
     Workspace,
     make_workspace,
+    no_bracket,
     verify,
 )
 from grasp3d._kernels.hull.wrenches import RANK_TOLERANCE
@@ -287,18 +289,35 @@ class WrenchProblem:
         self.in_chunks(evaluate, 1)
         return left
 
-    def grow_hulls(self, results: Results, goal: Goal, group: int, *, with_forces: bool) -> None:
+    def narrow(self, bracket: Bracket) -> None:
+        """Narrow the intervals of critical angles, from cones of one angle in each, as far as sure.
+
+        Args:
+            bracket: An interval of each grasp; written, as the cones are.
+        """
+        self.grow_hulls(self.unwritten(Results), SIGN, 1, with_forces=True, bracket=bracket)
+
+    def grow_hulls(
+        self,
+        results: Results,
+        goal: Goal,
+        group: int,
+        *,
+        with_forces: bool,
+        bracket: Bracket | None = None,
+    ) -> None:
         """Write the results of the growing hulls; see `solve`."""
 
         def evaluate(chunk: slice, workspace: Workspace) -> None:
             written, wrenches = part_of(results, chunk), self.wrenches_of(chunk)
+            intervals = no_bracket() if bracket is None else part_of(bracket, chunk)
             settings = (
                 self._form, wrenches, self.tangential[chunk], self.cones[chunk], self.rim,
                 self.rank_tolerance, goal, group, with_forces,
             )  # fmt: skip
 
             def run(first: int, polytope: Polytope) -> int:
-                arrays = (workspace, polytope, written)
+                arrays = (intervals, workspace, polytope, written)
                 if not thin:
                     first = int(kernels.epsilons(*settings, first, 6, SIX, *arrays))
                     if first == len(wrenches) or written.status[first] != kernels.OTHER_RANK:

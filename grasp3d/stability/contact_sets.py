@@ -317,7 +317,11 @@ def _never_closed(sets: ContactSets, widest: Floats) -> Bools:
         widest: Friction angles at the best tilts [rad], nan: blind, shape (c,).
     """
     never = np.zeros(sets.size, dtype=np.bool_)
-    for grasps, index in sets.groups():
+    for group, contacts in sets.groups():
+        # What is closed at the perceived normals is not U: no cone is narrower there.
+        narrowest = np.fmin.reduce(widest[contacts], axis=1, initial=RIGHT_ANGLE)
+        doubtful = np.flatnonzero(sets.critical_angle[group] >= narrowest)
+        grasps, index = group[doubtful], contacts[doubtful]
         cones = widest[index]
         number = np.isnan(cones).sum(axis=1)
         for blind in np.unique(number):

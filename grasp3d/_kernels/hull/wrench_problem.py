@@ -29,7 +29,7 @@ from grasp3d._kernels.hull.growing_hull import (
 )
 from grasp3d._kernels.hull.support_functions import NO_TORSION, PER_FINGER, ROWS, TOTAL, WrenchSpace
 from grasp3d._kernels.hull.wrenches import span
-from grasp3d._kernels.surface.vectors import copy6
+from grasp3d._kernels.surface.vectors import copy6, cross, dot, norm, triple
 
 SIGN = (0.0, 1e4, 0.0, 1.0)
 """Goal of a closure test; see `grow`."""
@@ -80,6 +80,27 @@ class Results(NamedTuple):
     (b, n, 6); nan where there is none."""
     slack: npt.NDArray[np.float64]
     """As returned by `balance`; 0 where the hull alone proves force closure (b,)."""
+
+
+class Bracket(NamedTuple):
+    """Intervals that contain the critical friction angles of grasps (b, ...), to be narrowed.
+
+    Empty arrays: none is, and each grasp is evaluated once, with the cones that it has.
+    """
+
+    points: npt.NDArray[np.float64]
+    """Contact points, and inward unit normals there (b, n, 3) each."""
+    normals: npt.NDArray[np.float64]
+    low: npt.NDArray[np.float64]
+    """Ends of the intervals [rad], (b,) each; written."""
+    high: npt.NDArray[np.float64]
+    width: npt.NDArray[np.float64]
+    """Width up to which they are narrowed [rad], (b,)."""
+
+
+def no_bracket() -> Bracket:
+    """An empty one."""
+    return Bracket(*np.zeros((2, 0, 1, 3)), *np.zeros((3, 0)))
 
 
 def make_workspace(kind: int, count: int, rolling: bool = False) -> Workspace:
@@ -261,6 +282,69 @@ def _examine_separation(form, wrenches, cones, rim, workspace, polytope, results
     results.lower[g] = results.upper[g] = 0.0
 
 
+@merged
+def _separated_up_to(bracket, u, g):
+    """Friction angle up to which a direction separates a grasp [rad]."""
+    least = math.pi
+    for i in range(bracket.points.shape[1]):
+        x, y, z = triple(bracket.points[g, i], 0)
+        velocity = (
+            u[0] + u[4] * z - u[5] * y,
+            u[1] + u[5] * x - u[3] * z,
+            u[2] + u[3] * y - u[4] * x,
+        )
+        normal = triple(bracket.normals[g, i], 0)
+        angle = math.atan2(norm(cross(velocity, normal)), dot(velocity, normal))
+        least = min(least, angle)
+    return least - 0.5 * math.pi
+
+
+@merged
+def _balanced_from(forces, slack, angle):
+    """Friction angle from which forces that balance each other are inside all cones [rad].
+
+    Exactly balanced forces are off by up to the slack times the sine of the angle to the cones.
+    """
+    upper = 0.0
+    for i in range(forces.shape[0]):
+        tangential = math.hypot(forces[i, 1], forces[i, 2])
+        upper = max(upper, math.atan2(tangential, forces[i, 0]))
+    return upper + 0.5 * math.pi * slack * (angle - upper)
+
+
+@merged
+def _next_angle(low, high, width):
+    """Angle at which an interval is divided [rad]: the geometric mean, if its ends differ much.
+
+    Hands touch at so many points that many of their grasps need hardly any friction.
+    """
+    return min(math.sqrt(max(low, width) * high), 0.5 * (low + high))
+
+
+@merged
+def _narrow(bracket, cones, results, g):
+    """Narrow a grasp's interval by its closure; returns whether its cones are to be tried next.
+
+    The interval stays where closure has no proof.
+    """
+    angle = math.atan2(cones[g, 0, 1], cones[g, 0, 0])
+    low, high = bracket.low[g], bracket.high[g]
+    if results.closed[g]:
+        if not results.slack[g] < LARGEST_SLACK:
+            return False
+        upper = _balanced_from(results.forces[g], results.slack[g], angle)
+        high = max(low, min(upper, angle))
+    else:
+        if results.status[g] != CONVERGED:
+            return False
+        low = max(angle, min(_separated_up_to(bracket, results.direction[g], g), high))
+    bracket.low[g], bracket.high[g] = low, high
+    angle = _next_angle(low, high, bracket.width[g])
+    for i in range(cones.shape[1]):
+        cones[g, i, 0], cones[g, i, 1] = math.cos(angle), math.sin(angle)
+    return high - low > bracket.width[g]
+
+
 @scratch_kernel
 def verify(form, wrenches, tangential, cones, rim, tolerance, workspace, scratch, forces):
     """Correct forces of one grasp found by other means; returns the slack of `balance`."""
@@ -275,7 +359,7 @@ def verify(form, wrenches, tangential, cones, rim, tolerance, workspace, scratch
 @scratch_kernel
 def epsilons(
     form, wrenches, tangential, cones, rim, tolerance, goal, group, with_forces, first,
-    least_rank, dims, workspace, polytope, results,
+    least_rank, dims, bracket, workspace, polytope, results,
 ):  # fmt: skip
     """Epsilon, force closure and certificates of many grasps.
 
@@ -295,6 +379,9 @@ def epsilons(
         least_rank: 6, or 1: grasps of lower rank are left out.
         dims: `SIX` where that is 6, so that the lengths of loops are known; else the workspace's
             array, with which grasps of rank 6 take up to an eighth longer.
+        bracket: `Bracket`; with intervals the goal is SIGN, with forces, and the cones, all of
+            one angle, are written: a grasp is tried until its interval is narrow, or closure has
+            no proof.
         workspace: `Workspace`.
         polytope: `Polytope`.
         results: `Results`.
@@ -308,18 +395,21 @@ def epsilons(
     smallest = math.inf
     for g in range(first - first % group, first):
         smallest = min(smallest, results.upper[g])
-    for g in range(first, wrenches.shape[0]):
+    g = first
+    while g < wrenches.shape[0]:
         if g % group == 0:
             smallest = math.inf
         _reset_result(results, g)
         # No epsilon can be smaller than 0: the rest of the group is not needed.
         if group > 1 and smallest <= 0.0:
             results.lower[g] = results.upper[g] = math.inf
+            g += 1
             continue
         rank = load(form, wrenches[g], tangential[g], tolerance, workspace)
         results.rank[g] = rank
         if rank == 0:
             smallest = 0.0
+            g += 1
             continue
         if rank < least_rank:
             results.status[g] = OTHER_RANK
@@ -369,4 +459,6 @@ def epsilons(
             _examine_separation(form, wrenches[g], cones[g], rim, workspace, polytope, results, g)
         if status == EXHAUSTED:
             return g
+        if not (bracket.high.shape[0] and rank == 6 and _narrow(bracket, cones, results, g)):
+            g += 1
     return wrenches.shape[0]
