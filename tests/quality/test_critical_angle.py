@@ -1,6 +1,7 @@
 import math
 import time
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from scipy.optimize import minimize
 from grasp3d import Contacts, critical_friction_angle, force_closure
 from grasp3d.arrays import angles_between
 from grasp3d.errors import SettingError
+from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.system.context import running
 from tests.helpers import grasps, oracles, shapes
 
@@ -148,6 +150,18 @@ def test_the_error_is_within_the_tolerance(tolerance: float) -> None:
     coarse = critical_friction_angle(contacts, tolerance=tolerance)
     assert (coarse >= fine - 1e-9).all()
     assert (coarse <= fine + tolerance + 1e-9).all()
+
+
+@pytest.mark.parametrize("count", [4, 6, 9])
+def test_steps_without_the_kernel_find_the_same_angles(count: int) -> None:
+    """As where a closure has no proof, and the kernel leaves the interval as it is."""
+    contacts = random_contacts(Shape(count, 8, soft=False), 40, seed=2)
+    angles = critical_friction_angle(contacts)
+    with patch.object(WrenchProblem, "narrow") as narrow:
+        stepwise = critical_friction_angle(contacts)
+    narrow.assert_called_once()
+    np.testing.assert_allclose(angles, stepwise, atol=TOLERANCE)
+    assert len(set(angles.round(2))) > 10
 
 
 # Known shapes
