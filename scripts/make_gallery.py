@@ -29,6 +29,7 @@ from typing import Any, NamedTuple
 import matplotlib as mpl
 import numpy as np
 import trimesh
+from draw_uncertainties import over_errors, over_resolution_and_location
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
@@ -475,20 +476,20 @@ def draw_budgets(path: Path) -> None:
 
 def draw_paper(path: Path) -> None:
     """Figures of Wan & Howe 2018 and, of uncertainties that they name only, two more."""
-    for name, figure in PAPER.items():
-        FIGURES[figure](PaperSettings()).savefig(path.with_stem(name), dpi=DPI)
+    for name, draw in PAPER.items():
+        draw(PaperSettings()).savefig(path.with_stem(name), dpi=DPI)
 
 
 PAPER = {
-    "paper_tips": "figure_04",
-    "paper_cones": "figure_05",
-    "paper_epsilon": "figure_07",
-    "paper_fractions": "figure_08",
-    "paper_ceilings": "figure_11",
-    "paper_errors": "extension_errors",
-    "paper_map": "extension_map",
+    "paper_tips": FIGURES["figure_04"],
+    "paper_cones": FIGURES["figure_05"],
+    "paper_epsilon": FIGURES["figure_07"],
+    "paper_fractions": FIGURES["figure_08"],
+    "paper_ceilings": FIGURES["figure_11"],
+    "paper_errors": over_errors,
+    "paper_map": over_resolution_and_location,
 }
-"""Pictures, and the figures that `grasp3d paper` makes."""
+"""Pictures, and the functions that draw them."""
 
 
 OUTLINE_FRICTION = 0.5

@@ -82,9 +82,9 @@ class Paper(Quiet):
     """
 
     output: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
-    """Folder for figure_04 to figure_11, extension_... and surface_..., each as .svg and .png, and
-    numbers.md; created if it is missing. Figures 4 to 6 are drawings, always for the same tip,
-    friction 1 and 30 degrees. extension_... have uncertain locations, friction and normals."""
+    """Folder for figure_04 to figure_11 and surface_..., each as .svg and .png, and numbers.md;
+    created if it is missing. Figures 4 to 6 are drawings, always for the same tip, friction 1 and
+    30 degrees."""
 
     friction: float = 1.0
     """Coulomb coefficient of friction between fingertip and object, above 0."""

@@ -1,7 +1,7 @@
 """numbers.md: the paper's numbers beside ours, fractions S, M and U."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from grasp3d.paper.figures import ScannedObject
 from grasp3d.paper.markdown import fraction_cells, percent, resolution_cell, table
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.planar import Circle, Outline, circle_fractions, scan, square, square_fractions
-from grasp3d.settings import DEGREE, GraspModel
+from grasp3d.settings import GraspModel
 from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles, accuracy_ceiling
 
 RADIUS = 10.0
@@ -19,12 +19,6 @@ FIELDS = (4.0, 9.0)
 """Receptive fields of the paper's two fingertips, about [mm]."""
 OPENINGS = (20.0, 40.0, 80.0)
 """Openings at which the turn of the line is compared [mm]."""
-LOCATIONS = (0.05, 0.1)
-"""Location errors, in radii or half sides."""
-FRICTION_ERROR = 0.2
-"""Friction error, as a fraction of the friction."""
-NORMAL_ERROR = 3.0 * DEGREE
-"""Further error of the normals [rad]."""
 
 
 def receptive_fields() -> str:
@@ -50,67 +44,6 @@ def receptive_fields() -> str:
         "such fingers need on parallel faces (`Sensor.required_friction_at`); the paper counts the "
         "normals alone, tan(α/2).\n\n" + table(head, rows)
     )
-
-
-def uncertainties(settings: PaperSettings, objects: Sequence[ScannedObject]) -> str:
-    """Write a table of fractions S, M and U of shapes and scanned objects under further errors.
-
-    Args:
-        settings: Friction and resolutions.
-        objects: Scanned objects; those that have a closed form appear with that.
-    """
-    head = ("object", "α", "errors", "S", "M", "U", "ceiling S + U + M/2")
-    rows = []
-    for model in settings.models:
-        for name, angles_at in _distributions(objects):
-            for text, location, friction_error, normal_error in _cases(settings.friction):
-                fractions = angles_at(location).fractions(
-                    friction=settings.friction,
-                    sensor_resolution=model.sensor_resolution,
-                    friction_error=friction_error,
-                    normal_error=normal_error,
-                )
-                cells = [*fraction_cells(fractions), percent(accuracy_ceiling(fractions))]
-                rows.append([name, resolution_cell(model), text, *cells])
-    return (
-        f"μ = {settings.friction:g}. The paper names friction, contact location and joint encoders "
-        "(Sec. III-A, IV-B) beside the normals of its sensor and gives no figure for them. "
-        "Locations of both contacts are known to within a fraction of the radius (circle, sphere, "
-        "cylinder), of half a side (square, box) or of half the size (a real object), friction to "
-        "within 20 %, normals to 3° beyond α/2, as joint encoders cause it. Circle, square and "
-        "sphere are in closed form, the others scanned with one finger fixed. With the smallest "
-        "and largest friction angles β₋ and β₊, a = α/2 + normal error, θ = β₋ − a and the "
-        "location error δ, on a circle of radius R S = (θ + asin(sin θ − 2δ/R))/π while "
-        "δ < R sin θ, and U = 1 − 2(β₊ + a)/π whatever δ is: the normals of two contacts lie "
-        "symmetrically about their line, and no other line is nearer to both. The figures "
-        "`extension_errors` and `extension_map` show them, the former beside random true contacts, "
-        "normals and frictions.\n\n" + table(head, rows, left=3)
-    )
-
-
-def _distributions(
-    objects: Sequence[ScannedObject],
-) -> Iterator[tuple[str, Callable[[float], AngleDistribution]]]:
-    """Names, and the angles at a location error given in radii or half sides."""
-    yield "circle", lambda location: Circle().angle_distribution(location_error=location)
-    yield "square", lambda location: square().angle_distribution(location_error=location)
-    yield "sphere, by area", SphereAngles
-    for scanned in objects:
-        if scanned.closed_form is None:
-            yield f"{scanned.name}, by area", scanned.angles_at
-
-
-def _cases(friction: float) -> Iterator[tuple[str, float, float, float]]:
-    """Names, location errors, friction errors and normal errors."""
-    error = FRICTION_ERROR * friction
-    yield "none", 0.0, 0.0, 0.0
-    for location in LOCATIONS:
-        yield f"location {location:g}", location, 0.0, 0.0
-    yield f"friction ± {error:g}", 0.0, error, 0.0
-    degrees = math.degrees(NORMAL_ERROR)
-    yield f"normals {degrees:g}°", 0.0, 0.0, NORMAL_ERROR
-    text = f"location {LOCATIONS[-1]:g}, friction ± {error:g}, normals {degrees:g}°"
-    yield text, LOCATIONS[-1], error, NORMAL_ERROR
 
 
 DEGREES = (5.0, 10.0, 15.0, 22.6, 30.0, 45.0, 60.0, 90.0, 100.0, 120.0)
@@ -167,7 +100,6 @@ def numbers_page(settings: PaperSettings, objects: Sequence[ScannedObject]) -> s
         },
         "In space": _in_space(objects, settings),
         "Receptive field and location (Fig. 4)": receptive_fields(),
-        "Further uncertainties": uncertainties(settings, objects),
     }
     parts = [_HEAD, *(f"## {title}\n\n{text}" for title, text in sections.items())]
     return "\n\n".join(parts) + "\n"

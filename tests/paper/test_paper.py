@@ -26,15 +26,12 @@ from grasp3d.paper.figures import (
     best_contact_point,
     object_figure,
     real_object,
-    resolution_and_location,
-    sampled_fractions,
     solids,
     view_of,
 )
 from grasp3d.paper.markdown import percent
 from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page, quoted_numbers
 from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.planar import circle_fractions
 from grasp3d.plots.fractions import surface_figure
 from grasp3d.plots.rendering import WINDOW, can_render
 from tests.helpers import shapes
@@ -43,8 +40,6 @@ from tests.helpers.figures import check_texts
 PAPER = PaperSettings()
 NAMES = [
     *(f"figure_{number:02d}" for number in range(4, 12)),
-    "extension_errors",
-    "extension_map",
     "surface_box",
     "surface_cylinder",
     "surface_sphere",
@@ -217,65 +212,6 @@ def test_tips_have_their_location_normals_and_friction(page: str) -> None:
             assert number(row[column]) == pytest.approx(math.degrees(turn), abs=0.051)
             friction = math.tan(turn + alpha / 2.0)
             assert float(row[column + 3]) == pytest.approx(friction, abs=6e-4)
-
-
-@pytest.mark.slow
-def test_fractions_under_further_uncertainties_agree_with_random_errors(page: str) -> None:
-    under = page.split("## Further uncertainties", 1)[1].split("\n## ", 1)[0]
-    rows = [
-        [cell.strip() for cell in line.strip("|").split("|")]
-        for line in under.splitlines()
-        if line.startswith("| circle | 30")
-    ]
-    errors = [
-        {}, {"location_error": 0.05}, {"location_error": 0.1}, {"friction_error": 0.2},
-        {"normal_error": math.radians(3.0)},
-        {"location_error": 0.1, "friction_error": 0.2, "normal_error": math.radians(3.0)},
-    ]  # fmt: skip
-    assert len(rows) == len(errors)
-    for row, given in zip(rows, errors, strict=True):
-        model = GraspModel(friction=1.0, sensor_resolution=math.radians(30.0), **given)
-        stable, unstable = sampled_fractions(model)
-        # All errors at their worst together are rarely drawn, so the upper limit is wide.
-        assert number(row[3]) - 0.4 <= 100.0 * stable <= number(row[3]) + 2.0
-        assert number(row[5]) - 0.4 <= 100.0 * unstable <= number(row[5]) + 2.0
-
-
-def test_sampled_fractions_are_reproducible_and_without_errors_exact() -> None:
-    model = GraspModel(friction=0.7, sensor_resolution=0.0)
-    stable, unstable = sampled_fractions(model, true=3)
-    assert stable == pytest.approx(2.0 * math.atan(0.7) / math.pi, abs=0.01)
-    assert stable + unstable == pytest.approx(1.0)
-    model = GraspModel(friction=0.7, location_error=0.3)
-    assert sampled_fractions(model, true=50) == sampled_fractions(model, true=50)
-
-
-@pytest.mark.slow
-def test_fractions_over_errors_in_their_figure_are_those_of_random_errors() -> None:
-    location, friction, normals = FIGURES["extension_errors"](PAPER).axes
-    assert [axes.get_xlim()[1] for axes in (location, friction, normals)] == pytest.approx(
-        [0.5, 0.5, 15.0]  # sin(45° - 15°), half of the friction, degrees
-    )
-    for axes in (location, friction, normals):
-        stable = np.asarray(axes.collections[0].get_paths()[0].vertices)
-        for line in axes.lines:
-            (x, _), (low, high) = (np.asarray(data, float) for data in line.get_data())
-            edge = stable[np.isclose(stable[:, 0], x, atol=1e-9), 1].max()
-            assert edge - 0.4 <= low <= edge + 1.5
-            assert low < high < 100.0
-
-
-def test_the_map_has_the_fractions_of_the_circle() -> None:
-    found = resolution_and_location(PAPER)
-    for row, column in ((0, 0), (30, 60), (100, 10)):
-        alpha, location = found.sensor_resolution[column], found.location_error[row]
-        if found.rows != "location_error":
-            alpha, location = found.sensor_resolution[row], found.location_error[column]
-        exact = circle_fractions(
-            friction=1.0, sensor_resolution=float(alpha), location_error=float(location)
-        )
-        assert found.stable[row, column] == pytest.approx(exact["S"], abs=1e-12)
-        assert found.ambiguous[row, column] == pytest.approx(exact["M"], abs=1e-12)
 
 
 @pytest.mark.slow

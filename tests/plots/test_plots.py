@@ -37,9 +37,7 @@ from grasp3d.plots.figures import (
     styled,
 )
 from grasp3d.plots.fractions import (
-    ErrorPanel,
     ceiling_figure,
-    error_fractions_figure,
     fractions_figure,
 )
 from grasp3d.stability import COLORS
@@ -355,28 +353,3 @@ def test_tips_are_drawn_with_their_normals_and_numbers() -> None:
         assert "location ± 2 mm" in axes.get_title()
         assert f"= {alpha:.3g}°" in axes.get_title()
         assert len(axes.findobj(FancyArrowPatch)) == 3
-
-
-def test_fractions_are_stacked_over_each_error_with_their_samples() -> None:
-    errors = np.linspace(0.0, 0.2, 11)
-    located = sweep(Circle(), friction=1.0, sensor_resolution=0.3, location_error=errors)
-    normals = sweep(Circle(), friction=1.0, sensor_resolution=0.3, normal_error=errors)
-    figure = error_fractions_figure(
-        [
-            ErrorPanel(located, "location error", sampled=[(0.1, 0.3, 0.4)]),
-            ErrorPanel(normals, "normals [°]"),
-        ],
-        title="circle",
-        label="fraction",
-    )
-    check_texts(figure)
-    first, second = figure.axes
-    assert first.get_xlim() == (0.0, pytest.approx(0.2))
-    assert second.get_xlim() == (0.0, pytest.approx(math.degrees(0.2)))
-    (marks,) = first.lines
-    np.testing.assert_allclose(np.asarray(marks.get_data()), [[0.1, 0.1], [30.0, 60.0]])
-    assert not second.lines
-    stable = np.asarray(first.collections[0].get_paths()[0].vertices)
-    assert stable[np.isclose(stable[:, 0], 0.2), 1].max() == pytest.approx(
-        100.0 * located.stable[0, -1]
-    )
