@@ -157,14 +157,6 @@ def test_friction_that_motors_need_is_more_than_that_of_the_contacts(tmp_path: P
     assert np.isnan(coupled.critical_angle_hand[1])
 
 
-def test_what_is_not_held_at_some_normals_is_none_and_no_motor_limits_it(tmp_path: Path) -> None:
-    slippery = replace(FINE, friction=math.tan(0.5 * ANGLE))
-    holding = evaluated(tmp_path, grasp3d.Load(torque_limits=10.0), slippery).motor_holding
-    assert holding is not None
-    assert holding.payload_sure[0] == 0.0
-    assert not holding.limit[0].startswith("slide_")
-
-
 def test_the_verdict_names_the_resolution_of_the_sensors_alone(tmp_path: Path) -> None:
     model = replace(FINE, normal_error=math.radians(2.0))
     found = evaluated(tmp_path, grasp3d.Load(task=DOWN), model)

@@ -284,6 +284,13 @@ def test_duals_say_what_a_tenth_more_would_help() -> None:
     assert found.limit == f"joint {found.drive_shares.argmax()}"
 
 
+def test_no_motor_limits_what_contacts_do_not_hold_at_all() -> None:
+    for seed in (28, 29):
+        found = hand_payload(random_hand(np.random.default_rng(seed)), Weight(), tilt=0.4)
+        assert found.value == 0.0
+        assert found.limit.startswith("friction") or found.limit == "the contacts"
+
+
 def test_a_hand_that_cannot_hold_its_own_links_holds_nothing() -> None:
     grasp = hand_of(1)
     weak = Actuation.of_hand(np.full(12, 0.5), joints=12, weight=[0.6, *np.zeros(11)])
