@@ -12,12 +12,12 @@ from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import GivenGrasps
 from grasp3d.grasps.hand_reasons import Reasons
-from grasp3d.grasps.motor_holding import MotorForces, MotorHolding
+from grasp3d.grasps.motor_holding import MotorForces, MotorHolding, stated_torques
 from grasp3d.grasps.pose_readings import suspected_reading
 from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.postures import ORDER, matched
 from grasp3d.grasps.readings import SUSPECTED, PoseReading
-from grasp3d.hand.articulated.actuation import torques_of, unstated_torques
+from grasp3d.hand.articulated.actuation import torques_of
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE, HandContacts, hand_contacts
 from grasp3d.hand.choices import ContactRule, ObjectMotion
@@ -156,9 +156,11 @@ class EvaluatedHandGrasps(GivenGrasps):
 
     @cached_property
     def motors(self) -> MotorForces | None:
-        """What the hand can press; None: torques of its motors are not stated."""
-        limit = None if self.to_hold is None else self.to_hold.load.torque_limits
-        torques = torques_of(self.hand, limit)
+        """What the hand can press; None: no torque of its motors is stated."""
+        if self.to_hold is None:  # how large they are does not matter to what can be pressed
+            torques = torques_of(self.hand, None, 1.0 if (self.hand.torques > 0.0).any() else None)
+        else:
+            torques = stated_torques(self.hand, self.to_hold)
         if torques is None:
             return None
         names = np.array(self.hand.link_names)
@@ -555,12 +557,8 @@ def evaluate_hand(
 
 def _refuse(hand: ArticulatedHand, scene: Scene, model: GraspModel, load: LoadCase | None) -> None:
     """Refuse settings that do not apply, and loads without torques. Raises SettingError."""
-    if load is not None and torques_of(hand, load.load.torque_limits) is None:
-        unstated = ", ".join(unstated_torques(hand)[:5])
-        raise SettingError(
-            f"the description of {hand.name} states no torque of the motor of {unstated}: give "
-            "torque_limits, the greatest torque of each motor"
-        )
+    if load is not None:
+        stated_torques(hand, load)
     refused = {
         "fingers: a hand touches with as many links as it happens to": model.fingers != 2,
         "method extremes: its labels are exact": model.method != "exact",

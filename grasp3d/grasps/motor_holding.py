@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from grasp3d.arrays import RIGHT_ANGLE, Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts
-from grasp3d.hand.articulated.actuation import actuation_of
+from grasp3d.errors import SettingError
+from grasp3d.hand.articulated.actuation import actuation_of, torques_of, unstated_torques
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.quality.hand_forces.critical_angle import hand_closes, hand_critical_angle
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
@@ -33,6 +34,35 @@ MOST_LOAD = 10.0
 
 FLAT = 1e-3
 """Angle by which cones must be narrower than a half-space [rad]."""
+
+
+def stated_torques(hand: ArticulatedHand, load: LoadCase) -> Floats:
+    """Torques of the motors, as `torques_of` has them. Raises SettingError: some are not stated."""
+    stated, missing = load.load, unstated_torques(hand)
+    torques = torques_of(hand, stated.torque_limits, stated.unstated_torques)
+    if torques is None:
+        if set(missing) >= _motors(hand):
+            raise SettingError(
+                f"the description of {hand.name} states the torque of no motor: give "
+                "torque_limits, the greatest torque of each"
+            )
+        raise SettingError(
+            f"the description of {hand.name} states no torque of the motor of "
+            f"{', '.join(missing)}: give unstated_torques, the greatest torque of these, or "
+            "torque_limits, that of every motor"
+        )
+    if stated.unstated_torques is not None and not missing:
+        raise SettingError(
+            f"the description of {hand.name} states the torques of all motors: give torque_limits "
+            "for others, or none"
+        )
+    return torques
+
+
+def _motors(hand: ArticulatedHand) -> set[str]:
+    """Joints with a motor of their own."""
+    pairs = zip(hand.joint_names, hand.torques.tolist(), strict=True)
+    return {name for name, torque in pairs if torque > 0.0} | {*unstated_torques(hand)}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -319,6 +349,9 @@ class MotorHolding:
         slides = {joint.kind for joint in hand.tree.joints.values()} <= {"slides", "fixed"}
         size = "N" if slides else "N m"
         at = f"{short_number(torques[0])} {size}" if len(torques) == 1 else "its torques"
+        missing = unstated_torques(hand)
+        if (filled := self.load.load.unstated_torques) and {*missing} < _motors(hand):
+            at = f"its torques and {short_number(filled)} {size} of {', '.join(missing)}"
         task = str(self.load.load.task)
         where = "in any orientation" if task == "weight" else f"({task})"
         felt = forces.tilts[forces.sets.row == row]

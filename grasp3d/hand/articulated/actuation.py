@@ -22,7 +22,9 @@ def unstated_torques(hand: ArticulatedHand) -> list[str]:
     return [name for name, torque in torques if math.isnan(torque) and name not in pulled]
 
 
-def torques_of(hand: ArticulatedHand, torque_limit: float | None = None) -> Floats | None:
+def torques_of(
+    hand: ArticulatedHand, torque_limit: float | None = None, unstated: float | None = None
+) -> Floats | None:
     """Greatest torque of the motor of each joint [N m or N], (p,); None: one is not stated.
 
     It is nan where a joint has no motor, or a differential pulls it with that of another one.
@@ -30,10 +32,13 @@ def torques_of(hand: ArticulatedHand, torque_limit: float | None = None) -> Floa
     Args:
         hand: The hand.
         torque_limit: That of every motor, instead of the stated ones.
+        unstated: That of those motors whose torque is not stated.
     """
-    if torque_limit is not None:
-        return np.where(hand.torques == 0.0, np.nan, torque_limit)
-    return None if unstated_torques(hand) else np.where(hand.torques == 0.0, np.nan, hand.torques)
+    missing = np.isin(hand.joint_names, unstated_torques(hand))
+    if torque_limit is None and unstated is None and missing.any():
+        return None
+    torques = np.where(hand.torques == 0.0, np.nan, torque_limit or hand.torques)
+    return np.where(missing, unstated or torques, torques)
 
 
 def actuation_of(hand: ArticulatedHand, posture: Floats, torques: Floats) -> Actuation:
