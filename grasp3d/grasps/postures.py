@@ -118,9 +118,11 @@ def matched(poses: GraspPoses, hand: ArticulatedHand, *, wrist: Sequence[str] = 
 
 
 def _meant(poses: GraspPoses, hand: ArticulatedHand) -> str:
-    """How a file states what its other columns may be."""
+    """How a file states them, which may have them in its other columns."""
     plain = [name for name in poses.columns if name in hand.joint_names]
-    return f": call the column {plain[0]} joint:{plain[0]}, and so on" if plain else ""
+    if plain:
+        return f": call the column {plain[0]} joint:{plain[0]}, and so on"
+    return f": tables have them in columns called joint:{hand.joint_names[0]}, and so on"
 
 
 def as_in_model(poses: GraspPoses, hand: ArticulatedHand) -> tuple[tuple[str, ...], GraspPoses]:
