@@ -381,8 +381,6 @@ def _grasps(command: Design, designs: Sequence[FingerDesign]) -> tuple[GraspSamp
         for name, length in given.items()
     }
     if options.object is not None:
-        from grasp3d.cli.design import grasps_of
-
         return grasps_of(options, designs, unit, {} if command.force else lengths)
     if size is not None and not command.force:
         from grasp3d.mesh.plausible_lengths import check_lengths

@@ -2,8 +2,7 @@
 
 import base64
 import io
-import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import IO, Any
 
@@ -12,12 +11,13 @@ import numpy as np
 from grasp3d.arrays import text_of
 from grasp3d.export.stored import FIELDS, Stored
 from grasp3d.reading.sources import Source, check_memory
-from grasp3d.surface.fields import Array, Arrays, Field, present
+from grasp3d.surface.fields import Arrays, Field, present
 from grasp3d.surface.label_settings import SETTING, complete_settings
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 from grasp3d.system.files import atomic_write
-from grasp3d.system.stored_arrays import DAMAGE, array_of
+from grasp3d.system.names import reason_of
+from grasp3d.system.stored_arrays import Archive
 
 
 def write_npz(path: str | Path, labels: SurfaceLabels) -> None:
@@ -66,7 +66,7 @@ MEMORY = 4.0
 
 def read_npz(source: Source) -> Stored | None:
     """Read an NPZ of labels; None: it has none of grasp3d. Raises MeshError."""
-    arrays = arrays_of_npz(source, source.path.open("rb"))
+    arrays = arrays_of_npz(source, source.path)
     settings = {
         name.removeprefix(SETTING): str(v) for name, v in arrays.items() if v.dtype.kind == "U"
     }
@@ -76,38 +76,26 @@ def read_npz(source: Source) -> Stored | None:
     return Stored(source, settings, values)
 
 
-def arrays_of_npz(source: Source, stream: IO[bytes]) -> Arrays:
+def arrays_of_npz(source: Source, file: Path | IO[bytes]) -> Arrays:
     """Read the arrays that are fields, and the settings, of an NPZ.
 
     Sizes that it declares are checked before memory is allocated, and no object is unpickled.
 
     Args:
         source: The file, for errors and its memory limit.
-        stream: Its content; closed afterwards.
+        file: The file itself, or its content.
 
     Raises:
         MeshError: It is damaged or too large.
     """
     try:
-        with stream, zipfile.ZipFile(stream) as archive:
-            entries = archive.infolist()
-            check_memory(source, sum(entry.file_size for entry in entries), MEMORY)
-            return dict(_arrays(archive, entries))
-    except DAMAGE as error:
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        archive = Archive(file)
+        check_memory(source, archive.size, MEMORY)
+        names = [name for name in archive.names if name in FIELDS or name.startswith(SETTING)]
+        arrays = {name: archive.values(name) for name in names}
+        for text in (array for array in arrays.values() if array.dtype.kind == "U"):
+            text_of(text)
+    except ValueError as error:
+        reason = reason_of(error)
         raise source.error(f"its arrays cannot be read ({reason}); label the mesh again") from error
-
-
-def _arrays(
-    archive: zipfile.ZipFile, entries: list[zipfile.ZipInfo]
-) -> Iterator[tuple[str, Array]]:
-    for entry in entries:
-        name = entry.filename.removesuffix(".npy")
-        if name in FIELDS or name.startswith(SETTING):
-            if entry.compress_type not in {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}:
-                raise ValueError("unknown compression")
-            with archive.open(entry) as stream:
-                array = array_of(stream.read(entry.file_size), name)
-            if array.dtype.kind == "U":
-                text_of(array)
-            yield name, array
+    return arrays

@@ -11,6 +11,7 @@ from grasp3d.surface.fields import Array, Arrays, Field
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 from grasp3d.system.documents import parse_json
+from grasp3d.system.names import reason_of
 
 SURFACE_KEY = "grasp3d_surface"
 """Key of the file's metadata with the arrays that are no columns: an NPZ in base64."""
@@ -67,7 +68,7 @@ def read_fields(source: Source) -> Stored | None:
         values = _values(columns, fingers_of(settings))
         values |= unpacked(source, metadata[SURFACE_KEY])
     except (OSError, ValueError, KeyError, TypeError, MemoryError) as error:
-        reason = getattr(error, "strerror", None) or " ".join(str(error).split())[:200]
+        reason = getattr(error, "strerror", None) or reason_of(error)
         raise damaged(source, f"its table cannot be read ({reason})") from error
     return Stored(source, settings, values)
 

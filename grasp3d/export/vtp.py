@@ -14,6 +14,7 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import CORNER_NORMALS, CORNERS, VERTICES
 from grasp3d.system.files import atomic_write
 from grasp3d.system.isolation import CallFailedError, call
+from grasp3d.system.names import reason_of
 
 
 def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
@@ -76,8 +77,7 @@ def read_vtp(source: Source) -> Stored | None:
     except CallFailedError as failure:
         raise damaged(source, f"the process that reads it {failure}") from failure
     except (KeyError, IndexError, ValueError, TypeError, OSError, MemoryError) as error:
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
-        raise damaged(source, f"its arrays cannot be read ({reason})") from error
+        raise damaged(source, f"its arrays cannot be read ({reason_of(error)})") from error
     return Stored(source, settings, stored)
 
 

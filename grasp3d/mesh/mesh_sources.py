@@ -27,6 +27,7 @@ from grasp3d.reading.sources import (
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.costs import check_cost
 from grasp3d.system.context import begin_step
+from grasp3d.system.names import reason_of
 
 LARGEST = 1e60
 """Largest coordinate, and reciprocal of the smallest size, whose powers stay finite."""
@@ -187,7 +188,7 @@ def _array(name: str, values: Any) -> np.ndarray[Any, Any]:
     try:
         return np.asarray(values)
     except Exception as error:  # tensors raise errors of their own classes
-        raise MeshError(f"{name} must be an array of numbers ({_reason(error)})") from error
+        raise MeshError(f"{name} must be an array of numbers ({reason_of(error)})") from error
 
 
 def _of_object(source: Any) -> RawMesh:
@@ -204,7 +205,7 @@ def _of_object(source: Any) -> RawMesh:
     except (MeshError, MemoryError):
         raise
     except Exception as error:  # each library raises its own classes of errors
-        raise MeshError(f"{name}: its surface cannot be read ({_reason(error)})") from error
+        raise MeshError(f"{name}: its surface cannot be read ({reason_of(error)})") from error
     if not len(raw.faces):
         raise MeshError(
             f"{name}: holds no triangles; a mesh needs faces, points and lines are not enough"
@@ -287,7 +288,3 @@ def _described(source: object) -> str:
         kinds = ", ".join(dict.fromkeys(_type_name(item) for item in source))
         return f"a {type(source).__name__} of {len(source)} items{f' ({kinds})' if kinds else ''}"
     return f"an object of type {_type_name(source)}"
-
-
-def _reason(error: Exception) -> str:
-    return " ".join(str(error).split())[:200] or type(error).__name__

@@ -303,12 +303,7 @@ def value_text(score: Score, value: float) -> str:
         return "infinite"
     if score.quantity == "angle":
         return f"{math.degrees(value):.1f}°"
-    factor, unit = {
-        "length": (1e3, " mm"),
-        "area": (1e6, " mm²"),
-        "force": (1.0, " N"),
-        "mass": (1.0, " kg"),
-    }.get(score.quantity, (1.0, ""))
+    factor, unit = _UNITS.get(score.quantity, (1.0, ""))
     return f"{factor * value:.3g}{unit}"
 
 

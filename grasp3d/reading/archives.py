@@ -12,6 +12,7 @@ from typing import IO
 from xml.parsers import expat
 
 from grasp3d.reading.sources import Source, check_memory
+from grasp3d.system.names import reason_of
 
 MOST_ENTRIES = 10_000
 MOST_RATIO = 100.0
@@ -65,8 +66,8 @@ def check_archive(source: Source) -> int:
                     with archive.open(entry) as stream:
                         check_declarations(source, stream)
     except _DAMAGE as error:
-        reason = " ".join(str(error).split())
-        raise source.unexpected(f"cannot be read as {source.kind.upper()} ({reason})") from error
+        kind, reason = source.kind.upper(), reason_of(error)
+        raise source.unexpected(f"cannot be read as {kind} ({reason})") from error
     return unpacked
 
 

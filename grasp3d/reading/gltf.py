@@ -11,6 +11,7 @@ from urllib.parse import unquote, urlsplit
 
 from grasp3d.reading.gltf_tree import GltfReduction, Tree
 from grasp3d.reading.sources import Source
+from grasp3d.system.names import reason_of
 
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 
@@ -95,8 +96,7 @@ def _tree(source: Source, data: bytes) -> Tree:
     try:
         tree = json.loads(data)
     except (ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())
-        raise source.unexpected(f"its JSON cannot be read ({reason})") from error
+        raise source.unexpected(f"its JSON cannot be read ({reason_of(error)})") from error
     if not isinstance(tree, dict):
         raise source.unexpected("its JSON is not a glTF")
     return tree

@@ -14,6 +14,9 @@ DIGITS = 8
 
 UNNAMED = "unnamed"
 
+LONGEST_REASON = 200
+"""Longest text of an error that another library has raised [characters]."""
+
 _FORBIDDEN = frozenset('<>:"/\\|?*')
 _UNPRINTABLE = frozenset({"Cc", "Cs", "Zl", "Zp"})
 """Unicode categories of control characters, undecodable bytes and line ends."""
@@ -91,3 +94,8 @@ def _safe(character: str) -> str:
         or unicodedata.bidirectional(character) in _DIRECTION_MARKS
     )
     return "_" if unsafe else character
+
+
+def reason_of(error: BaseException) -> str:
+    """What an error of another library says, in one short line; its class if it says nothing."""
+    return " ".join(str(error).split())[:LONGEST_REASON] or type(error).__name__

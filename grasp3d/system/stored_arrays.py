@@ -24,6 +24,7 @@ import numpy.typing as npt
 
 from grasp3d.arrays import HEADER_ERRORS
 from grasp3d.system.documents import MEGABYTE
+from grasp3d.system.names import reason_of
 
 MOST_STEPS = 1_000_000
 """Most steps of a pickle, each of which makes at most one value."""
@@ -242,8 +243,7 @@ def unpickled(content: bytes) -> Any:
     except RefusedError:
         raise
     except (*HEADER_ERRORS, LookupError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise RefusedError(f"has a damaged pickle ({reason})") from error
+        raise RefusedError(f"has a damaged pickle ({reason_of(error)})") from error
     return value
 
 
@@ -325,7 +325,7 @@ def stored_objects(path: Path) -> list[Any] | None:
         try:
             kind = _header(stream, path.stat().st_size, "it", check=False)[2]
         except HEADER_ERRORS as error:
-            raise RefusedError(f"is no .npy file ({' '.join(str(error).split())[:200]})") from error
+            raise RefusedError(f"is no .npy file ({reason_of(error)})") from error
         if not kind.hasobject:
             return None
         if path.stat().st_size > LARGEST:
@@ -343,11 +343,16 @@ class Archive:
     No pickle is executed, see `unpickled`.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, file: Path | IO[bytes]) -> None:
+        self.file = file
         with self._opened() as archive:
             entries = {entry.filename.removesuffix(".npy"): entry for entry in archive.infolist()}
-        self._entries, self.names = entries, frozenset(entries)
+        self._entries, self.names = entries, entries.keys()
+
+    @property
+    def size(self) -> int:
+        """Size of all arrays together [bytes]."""
+        return sum(entry.file_size for entry in self._entries.values())
 
     def load(self, name: str) -> Any:
         """An array, whole; one of objects as `StoredArray`. Raises RefusedError."""
@@ -357,6 +362,11 @@ class Archive:
             if _header(stream, len(content), name)[2].hasobject:
                 return unpickled(content[stream.tell() :])
             return array_of(content, name)
+
+    def values(self, name: str) -> Array:
+        """An array of numbers or text, whole and however large. Raises RefusedError."""
+        with self._opened(name, LARGEST_IN_PARTS) as archive:
+            return array_of(archive.read(self._entries[name]), name)
 
     def shape(self, name: str) -> tuple[int, ...]:
         """Shape of an array of numbers that is read in parts. Raises RefusedError."""
@@ -387,15 +397,14 @@ class Archive:
     def _opened(self, name: str = "", largest: int = 0) -> Iterator[zipfile.ZipFile]:
         """The archive, if its array of that name is no larger. Raises RefusedError."""
         try:
-            with zipfile.ZipFile(self.path) as archive:
+            with zipfile.ZipFile(self.file) as archive:
                 if name:
                     self._check(name, largest)
                 yield archive
         except RefusedError:
             raise
         except DAMAGE as error:
-            reason = " ".join(str(error).split())[:200] or type(error).__name__
-            raise RefusedError(f"is damaged, or no .npz file ({reason})") from error
+            raise RefusedError(f"is damaged, or no .npz file ({reason_of(error)})") from error
 
     def _check(self, name: str, largest: int) -> None:
         if name not in self.names:

@@ -30,7 +30,7 @@ import pyarrow.parquet as pq
 from grasp3d.errors import OutputError
 from grasp3d.system.documents import MEGABYTE, parse_json, problem_of_file
 from grasp3d.system.files import atomic_write, check_suffix
-from grasp3d.system.names import as_unicode
+from grasp3d.system.names import as_unicode, reason_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -525,7 +525,7 @@ def unpack_records(data: bytes, kind: type[RecordT]) -> tuple[list[RecordT], boo
             kind(**dict(zip(present, row, strict=True))) for row in zip(*columns, strict=True)
         ]
     except (pa.ArrowException, OSError, TypeError, ValueError) as error:
-        raise ValueError(" ".join(str(error).split())[:200] or type(error).__name__) from error
+        raise ValueError(reason_of(error)) from error
     return records, table.column_names == list(hints)
 
 

@@ -18,7 +18,7 @@ from urllib.parse import unquote, urlsplit
 
 from grasp3d.errors import GraspError, MeshError, MeshUnreadError
 from grasp3d.reading.gltf import side_names
-from grasp3d.system.names import printable, safe_stem
+from grasp3d.system.names import printable, reason_of, safe_stem
 
 _STAMPS = ("ETag", "etag", "md5Hash", "content_md5", "LastModified", "last_modified", "mtime",
            "updated", "modified", "created")  # fmt: skip
@@ -77,7 +77,7 @@ def _message(url: str, error: Exception, action: str) -> str:
     if isinstance(error, ImportError):
         package = _PACKAGES.get(protocol)
         if package is None:
-            return f"needs a package that is not installed ({_line(error)})"
+            return f"needs a package that is not installed ({reason_of(error)})"
         return f'needs the package {package}: pip install "grasp3d[s3]"'
     if isinstance(error, ValueError) and "rotocol not known" in str(error):
         return f"no file system is called {protocol}://; s3:// and those of fsspec are known"
@@ -91,19 +91,14 @@ def _reason(protocol: str, error: Exception) -> str:
             "AWS_PROFILE; for a public bucket FSSPEC_S3_ANON=true"
         )
     if protocol and isinstance(error, PermissionError):
-        return f"access is denied: check the credentials and their rights; {_line(error)}"
+        return f"access is denied: check the credentials and their rights; {reason_of(error)}"
     if isinstance(error, NotADirectoryError):
         return "its folder is a file; name another folder"
     if isinstance(error, OSError) and error.errno == errno.ENOSPC:
         return "no space left on this machine; TMPDIR names another folder"
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
-    return _line(error) or type(error).__name__
-
-
-def _line(error: Exception) -> str:
-    """Return the message of an error as one line."""
-    return " ".join(str(error).split())[:200]
+    return reason_of(error)
 
 
 @dataclass(frozen=True)

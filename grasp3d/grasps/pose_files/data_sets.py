@@ -321,7 +321,8 @@ def rotations(approaches: Floats, angles: Floats) -> Floats:
 def read_contact(content: Archive, given: Given) -> GraspPoses:
     """Grasps of all segments in the order of the file. Raises ContactError."""
     hand = given.gripper(CONTACT)
-    return watched(read_segments, content.path, hand, given.outcome)
+    assert isinstance(content.file, Path)
+    return watched(read_segments, content.file, hand, given.outcome)
 
 
 def read_segments(path: Path, hand: ParallelGripper, outcome: Outcome | None) -> GraspPoses:
