@@ -1,6 +1,7 @@
 """Hands that settle on an object or close on it, and overlaps of links with each other."""
 
 import math
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -88,6 +89,60 @@ def test_a_finger_inside_does_not_close() -> None:
     found = found_at(pincer(), ball(), at(0.04), [0.0, 0.0], rule="closed")
     assert found.posture[0, 0] == 0.0
     assert found.gaps[0, 1] < -0.005
+
+
+def test_fingers_that_close_on_nothing_stop_at_each_other() -> None:
+    """Two straight fingers of 100 x 20 mm, 80 mm apart, in a plane; the tips' corners meet."""
+    bar = [shape("box", 0.01, 0.01, 0.05, pose=at(z=0.05))]
+    limits = (0.0, 1.5)
+    joints = {
+        "left": Joint("a", "turns", "palm", at(-0.04), Y, limits),
+        "right": Joint("b", "turns", "palm", at(0.04), -Y, limits),
+    }
+    hand = hand_of({"palm": [], "left": bar, "right": bar}, joints, [1.0, 1.0])
+    found = found_at(hand, ball(), at(1.0), [0.0, 0.0], rule="closed")
+    # 10 mm cos q + 100 mm sin q = 40 mm
+    meet = math.asin(0.04 / math.hypot(0.01, 0.1)) - math.atan(0.1)
+    np.testing.assert_allclose(found.posture, [[meet, meet]], atol=0.01)
+    assert 0.0 <= found.self_depth[0] <= 5e-4
+    # One that is stopped lets the others go on, and one that comes alone goes up to the other.
+    alone = replace(hand, closing=np.array([1.0, 0.0]))
+    far = found_at(alone, ball(), at(1.0), [0.0, 0.0], rule="closed").posture[0]
+    assert far[1] == 0.0
+    assert meet + 0.3 < far[0] < 1.0
+
+
+def test_a_finger_stops_at_the_palm() -> None:
+    links = [shape("capsule", 0.006, 0.02, pose=at(0, 0, 0.02))]
+    joints = {
+        "proximal": Joint("a", "turns", "palm", np.eye(4), Y, (0.0, 0.5)),
+        "distal": Joint("b", "turns", "proximal", at(0, 0, 0.04), Y, (0.0, 3.0)),
+    }
+    palm = [shape("box", 0.05, 0.05, 0.005, pose=at(0.05, 0, -0.005))]
+    hand = hand_of({"palm": palm, "proximal": links, "distal": links}, joints, [1.0, 1.0])
+    found = found_at(hand, ball(), at(1.0), [0.0, 0.0], rule="closed")
+    assert found.self_depth[0] <= 5e-4
+    proximal, distal = found.posture[0]
+    assert 40.0 * math.cos(proximal) + 40.0 * math.cos(proximal + distal) == pytest.approx(6, abs=1)
+
+
+def test_links_that_overlap_at_the_start_do_not_stop_others() -> None:
+    """The stated value of a joint that does not close the hand may put links into each other."""
+    thumb = [shape("sphere", 0.01, pose=at(0.067, 0.0, 0.0))]
+    fingers = {
+        "left": [shape("capsule", 0.007, 0.02, pose=at(-0.067))],
+        "right": [shape("capsule", 0.007, 0.02, pose=at(0.067))],
+        "thumb": thumb,
+    }
+    joints = {
+        "left": slider("a", X, (0.0, 0.1)),
+        "right": slider("b", -X, (0.0, 0.1)),
+        "thumb": slider("c", Y, (-0.1, 0.1)),
+    }
+    hand = hand_of({"palm": [], **fingers}, joints, [1.0, 1.0, 0.0])
+    hand = replace(hand, preshapes={"open": np.array([0.0, 0.0, 0.1])})
+    found = found_at(hand, ball(), np.eye(4), [0.0, 0.0, 0.0], rule="closed")
+    np.testing.assert_allclose(found.posture, [[0.03, 0.03, 0.0]], atol=2e-4)
 
 
 @pytest.mark.parametrize("free", [False, True])

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from grasp3d._kernels.hands.settling import smallest_changes
 from grasp3d._kernels.hands.touching import Touches, measure_points
 from grasp3d.arrays import Floats, Ints
-from grasp3d.hand.articulated.hand_scene import HandScene
+from grasp3d.hand.articulated.hand_scene import OVERLAPS, HandScene
 
 ROUNDS = 16
 """Most rounds of settling: half of disturbed Allegro and LEAP grasps end after 8, 96 % after 16."""
@@ -40,6 +40,9 @@ MEMORY = 4
 
 STEPS = 200
 """Most steps of closing."""
+
+LINKS_STEP = 2e-3
+"""Step of a joint [rad or m] that is not halved further where links of the hand meet."""
 
 CLOSING_SEARCH = 0.03
 """Largest gap that is measured while a hand closes [m]."""
@@ -220,7 +223,7 @@ def close(scene: HandScene, poses: Floats, postures: Floats) -> Floats:
     """Close hands from postures until links touch (conservative advancement).
 
     A link that touches stops all joints that move it; others go on, of a differential too. Joints
-    stop at their limits.
+    stop at their limits, and where two links of the hand meet those that move one of both alone.
 
     Args:
         scene: Hand and object.
@@ -237,6 +240,8 @@ def close(scene: HandScene, poses: Floats, postures: Floats) -> Floats:
     values = postures.copy()
     stopped = np.broadcast_to(speeds == 0.0, values.shape).copy()
     active = np.arange(len(poses))
+    depths, _ = scene.self_collisions(scene.frames(poses, values))
+    deepest, share = np.maximum(depths, OVERLAPS), np.ones(len(poses))
     for _ in range(STEPS):
         going = ~stopped[active].all(axis=1)
         active = active[going]
@@ -253,11 +258,18 @@ def close(scene: HandScene, poses: Floats, postures: Floats) -> Floats:
             time = np.where(fastest > 0.0, np.maximum(gaps - 0.5 * SETTLED, 0.0) / fastest, np.inf)
         steps = np.where(moves, time[:, :, None], np.inf).min(axis=1, initial=np.inf)
         steps = np.minimum(steps, CLOSING_SEARCH / np.maximum(np.abs(speeds), 1e-12))
-        moved = values[active] + np.where(halted, 0.0, steps * speeds)
-        clipped = np.clip(moved, limits[:, 0], limits[:, 1])
+        moved = values[active] + np.where(halted, 0.0, share[active, None] * steps * speeds)
         ended = (speeds > 0.0) & (moved >= limits[:, 1]) | (speeds < 0.0) & (moved <= limits[:, 0])
-        values[active] = np.where(halted, values[active], clipped)
+        moved = np.where(halted, values[active], np.clip(moved, limits[:, 0], limits[:, 1]))
+        depths, pairs = scene.self_collisions(scene.frames(poses[active], moved))
+        apart = (moves[pairs[:, 0]] != moves[pairs[:, 1]]) & ~halted
+        meets = (depths > deepest[active]) & apart.any(axis=1)
+        short = np.abs(moved - values[active]).max(axis=1) <= LINKS_STEP
+        ended = np.where(meets[:, None], apart & short[:, None], ended)
+        values[active] = np.where(meets[:, None], values[active], moved)
         stopped[active] = halted | ended
+        halved = np.where(short, 1.0, 0.5 * share[active])
+        share[active] = np.where(meets, halved, np.minimum(1.0, 2.0 * share[active]))
     return values
 
 
