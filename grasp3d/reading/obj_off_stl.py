@@ -1,6 +1,7 @@
 """OBJ, OFF and STL: their declared sizes, vertices and faces."""
 
 import re
+from array import array
 
 import numpy as np
 
@@ -100,18 +101,28 @@ def read_obj(source: Source) -> tuple[Floats, Ints]:
     """
     lines = re.sub(rb"\\\r?\n", b" ", source.path.read_bytes()).splitlines()
     total = sum(line.split(None, 1)[:1] == [b"v"] for line in lines)
-    positions, polygons = list[list[float]](), list[list[int]]()
+    positions, corners, counts = array("d"), array("q"), array("q")
     for number, line in enumerate(lines, 1):
         kind, *words = line.split() or [b""]
         try:
             if kind == b"v":
-                positions.append(_position(words))
+                positions.extend(_position(words))
             elif kind == b"f":
-                polygons.append([_vertex(word, len(positions), total) for word in words])
+                count = len(positions) // 3
+                corners.extend([_vertex(word, count, total) for word in words])
+                counts.append(len(words))
         except ValueError as error:
             text = line.decode("utf-8", "replace")[:40]
             raise source.damaged(f"line {number}, {text!r}, cannot be read ({error})") from error
-    return np.array(positions).reshape(-1, 3), as_triangles(source, polygons)
+    return _surface(source, positions, corners, counts)
+
+
+def _surface(
+    source: Source, positions: "array[float]", corners: "array[int]", counts: "array[int]"
+) -> tuple[Floats, Ints]:
+    """Vertices (V, 3) of their coordinates, and triangles (F, 3) of polygons."""
+    faces = as_triangles(source, np.array(corners, np.int64), np.array(counts, np.int64))
+    return np.array(positions, np.float64).reshape(-1, 3), faces
 
 
 def _position(words: list[bytes]) -> list[float]:
@@ -147,17 +158,18 @@ def read_off(source: Source) -> tuple[Floats, Ints]:
         raise source.incomplete(
             f"declares {vertices:,} vertices and {faces:,} faces, but contains {len(lines):,} lines"
         )
+    positions, corners, counts = array("d"), array("q"), array("q")
     try:
-        positions = np.array([_position(line.split()) for line in lines[:vertices]])
+        for line in lines[:vertices]:
+            positions.extend(_position(line.split()))
     except ValueError as error:
         raise source.damaged(f"a vertex cannot be read ({error})") from error
-    polygons = list[list[int]]()
     for number, line in enumerate(lines[vertices : vertices + faces]):
         words = line.split()
         count = int(words[0]) if words[0].isdigit() else 0
         try:
-            polygons.append([int(word) for word in words[1 : count + 1]])
-        except ValueError:
+            corners.extend([int(word) for word in words[1 : count + 1]])
+        except (ValueError, OverflowError):
             count = 0
         if not 3 <= count < min(len(words), MOST_CORNERS + 1):
             text = line.decode("utf-8", "replace")[:40]
@@ -165,7 +177,8 @@ def read_off(source: Source) -> tuple[Floats, Ints]:
                 f"face {number} ({text!r}) does not have the corners that it declares, of which 3 "
                 f"to {MOST_CORNERS:,} are allowed"
             )
-    return positions.reshape(-1, 3), as_triangles(source, polygons)
+        counts.append(count)
+    return _surface(source, positions, corners, counts)
 
 
 def read_stl(source: Source) -> tuple[Floats, Ints]:

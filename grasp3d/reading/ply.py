@@ -165,7 +165,10 @@ def read_ply(source: Source) -> tuple[Floats, Ints]:
         raise source.damaged("its vertices have no x, y and z")
     if face.corners is None:
         raise source.damaged("its faces have no corners")
-    faces = as_triangles(source, elements["face"][face.corners.name])
+    polygons = elements["face"][face.corners.name]
+    counts = np.fromiter(map(len, polygons), np.int64, len(polygons))
+    corners = polygons.ravel() if isinstance(polygons, np.ndarray) else np.concatenate(polygons)
+    faces = as_triangles(source, corners.astype(np.int64), counts)
     return np.stack([vertices[axis] for axis in "xyz"], axis=1), faces
 
 

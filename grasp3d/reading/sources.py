@@ -4,9 +4,8 @@ Scenes of trimesh become one surface.
 """
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -202,25 +201,22 @@ def check_corners(faces: Ints, count: int, where: str, remedy: str = "") -> None
         )
 
 
-def as_triangles(source: Source, polygons: Ints | Sequence[Sequence[int] | Ints]) -> Ints:
+def as_triangles(source: Source, corners: Ints, counts: Ints) -> Ints:
     """Divide polygons into triangles that share the first corner of theirs, shape (F, 3).
 
     Args:
         source: The file.
-        polygons: The vertex numbers of the corners of each.
+        corners: The vertex numbers of the corners of one polygon after the other, shape (k,).
+        counts: How many are those of each polygon, shape (n,).
 
     Raises:
         MeshError: A polygon has too few or too many corners.
     """
-    if isinstance(polygons, np.ndarray) and polygons.shape[1] == 3:
-        return polygons.astype(np.int64)
-    counts = np.fromiter(map(len, polygons), np.int64, len(polygons))
     bad = np.flatnonzero((counts < 3) | (counts > MOST_CORNERS))
     if len(bad):
         raise source.error(
             f"face {bad[0]} has {counts[bad[0]]:,} corners; 3 to {MOST_CORNERS:,} are allowed"
         )
-    corners = np.fromiter(chain.from_iterable(polygons), np.int64, counts.sum())
     first = np.repeat(np.cumsum(counts) - counts, counts - 2)
     step = np.arange(len(first)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2)
     fans: Ints = corners[np.stack([first, first + step + 1, first + step + 2], axis=1)]
