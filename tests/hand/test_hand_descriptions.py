@@ -12,8 +12,10 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.hand_json import KEYS
 from grasp3d.hand.articulated.presets import NAMES, content_of
+from grasp3d.hand.articulated.proposal import articulated_hand_of
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_line, hand_of_line, write_hand
+from grasp3d.hand.robot_files import read_links
 from tests.hand.test_robot_descriptions import urdf
 from tests.helpers.hands import HANDS, hand_file, three_fingers
 
@@ -38,6 +40,17 @@ def test_a_hand_is_proposed_from_its_links(tmp_path: Path) -> None:
     for words in ("fingertips are", "the palm is palm", "joints close it", "open: ", "+z of palm",
                   "torques are the efforts", "every fingertip carries a tactile"):  # fmt: skip
         assert words in said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "base"), [("allegro", "joint_12.0"), ("leap", "12")])
+def test_only_the_base_of_a_thumb_is_turned_in_the_open_preshape(name: str, base: str) -> None:
+    """Fingers side by side spread to meet in one point, but stay straight in the preshape."""
+    hand = articulated_hand_of(read_links(hand_file(name)))
+    turned = np.abs(hand.preshapes["open"]) > 0.3
+    assert [one for one, is_turned in zip(hand.joint_names, turned, strict=True) if is_turned] == [
+        base
+    ]
 
 
 def test_a_camera_on_a_palm_that_turns_is_no_fingertip(tmp_path: Path) -> None:

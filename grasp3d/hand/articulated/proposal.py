@@ -13,7 +13,7 @@ What is not stated follows from the geometry, and is said:
   their finger, in the direction in which its tip comes nearer to where the fingertips meet. In the
   open preshape they have the value nearest to 0 within their limits. So have the other joints, but
   for those, such as the base of a thumb, that are more than 34 degrees from it where the fingertips
-  meet: these stay as they are there.
+  meet, unless another finger spreads about the same axis: these stay as they are there.
 * Torques are the efforts that the file states, where these are plausible.
 """
 
@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from grasp3d.arrays import Floats, locked, unit_rows
+from grasp3d.arrays import Bools, Floats, locked, unit_rows
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, Coupling
 from grasp3d.hand.link_tree import LinkTree
 
@@ -300,19 +300,47 @@ class _Proposal:
         )
         return np.where(bends, np.sign(toward), 0.0)
 
-    def _bends(self, name: str, poses: Floats) -> bool:
-        """Whether a joint turns about the axis of the last joint of a finger, or slides as it."""
+    def _in_finger(self, name: str, poses: Floats) -> tuple[str, str, Floats] | None:
+        """The links that a joint and the last joint of its finger move, and their axes, (2, 3).
+
+        None: it moves several fingers at once, as that of a wrist does, or none.
+        """
         joints = self.tree.joints
         link = next(link for link, joint in joints.items() if joint.name == name)
         tips = [tip for tip in self.bare.fingertips if link in [tip, *self._above(tip)]]
-        if len(tips) != 1:  # what moves several fingers at once is a wrist
-            return False
+        if len(tips) != 1:
+            return None
         last = next(one for one in [*tips, *self._above(tips[0])] if joints[one].kind != "fixed")
-        axes = [
-            poses[self.tree.links.index(one), :3, :3] @ joints[one].axis for one in (link, last)
-        ]
-        cosine = abs(float(axes[0] @ axes[1]))
-        return joints[link].kind == joints[last].kind and cosine >= PARALLEL
+        turns = poses[self._numbers([link, last]), :3, :3]
+        axes = [turn @ joints[one].axis for turn, one in zip(turns, (link, last), strict=True)]
+        return link, last, np.array(axes)
+
+    def _bends(self, name: str, poses: Floats) -> bool:
+        """Whether a joint turns about the axis of the last joint of a finger, or slides as it."""
+        found = self._in_finger(name, poses)
+        if found is None:
+            return False
+        link, last, axes = found
+        same = self.tree.joints[link].kind == self.tree.joints[last].kind
+        return same and abs(float(axes[0] @ axes[1])) >= PARALLEL
+
+    def _spreads(self, closing: Floats) -> Bools:
+        """Joints that do not close the hand, with a counterpart in another finger, shape (p,).
+
+        Both turn about nearly the same axis, and so do the last joints of their fingers: fingers
+        side by side spread so, while the base of a thumb is alone.
+        """
+        poses = self.bare.link_poses(self.zero)[0]
+        found = [self._in_finger(name, poses) for name in self.names]
+        still = [one if speed == 0.0 else None for one, speed in zip(found, closing, strict=True)]
+        return np.array([
+            one is not None and any(
+                other is not None and other[1] != one[1]
+                and (np.abs((one[2] * other[2]).sum(axis=1)) >= PARALLEL).all()
+                for other in still
+            )
+            for one in still
+        ])  # fmt: skip
 
     def _preshapes(self, closing: Floats) -> dict[str, Floats]:
         stated = self.known.get("preshapes", {})
@@ -322,6 +350,7 @@ class _Proposal:
         }
         if "open" not in found:
             turned = (closing == 0.0) & (np.abs(self._meeting - self.zero) > TURNED)
+            turned &= ~self._spreads(closing)
             found["open"] = locked(np.where(turned, self._meeting, self.zero))
             others = [name for name, one in zip(self.names, turned, strict=True) if one]
             self.assumed.append(
