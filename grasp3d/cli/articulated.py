@@ -89,6 +89,18 @@ def _rows(hand: ArticulatedHand) -> Iterator[tuple[str, str]]:
     for coupling in hand.couplings:
         pairs = zip(coupling.joints, coupling.ratios, strict=True)
         yield f"{coupling.kind} coupling", ", ".join(f"{name} : {ratio:g}" for name, ratio in pairs)
+    for tendon in hand.tendons:
+        least, most = tendon.tension
+        arms = ", ".join(f"{name} {1e3 * arm:g} mm" for name, arm in tendon.arms.items())
+        yield "tendon", f"{tendon.name} pulls with {least:g} to {most:g} N: {arms}"
+    for name, spring in hand.springs.items():
+        rest = f"{spring.stiffness:g} N m/rad, at rest at {math.degrees(spring.rest):.4g}°"
+        parts = [rest] * (spring.stiffness != 0.0) + [f"{spring.torque:g} N m"] * (
+            spring.torque != 0.0
+        )
+        yield "spring", f"{name}: {' and '.join(parts) or 'none'}"
+    for name, torque in hand.brakes.items():
+        yield "brake", f"{name} {f'holds {torque:g} N m' if math.isfinite(torque) else 'locks'}"
     for joint in hand.tree.joints.values():
         if joint.follows is not None and all(joint.name not in c.joints for c in hand.couplings):
             name, factor, offset = joint.follows

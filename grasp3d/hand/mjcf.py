@@ -10,7 +10,16 @@ from trimesh import creation, transformations
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
-from grasp3d.hand.link_tree import Joint, JointKind, LinkShape, LinkTree, ShapeKind, mesh_shape
+from grasp3d.hand.link_tree import (
+    Joint,
+    JointKind,
+    LinkShape,
+    LinkTree,
+    ShapeKind,
+    Spring,
+    Tendon,
+    mesh_shape,
+)
 from grasp3d.system.names import printable
 
 if TYPE_CHECKING:
@@ -42,8 +51,12 @@ def read_mjcf(path: Path) -> LinkTree:
         found = (_shape(model, number, path) for number in range(first, first + count))
         return tuple(shape for shape in found if shape is not None)
 
-    links = (names[0], *joints)
-    return LinkTree(str(path), links, joints, shapes, _tendons(model), _closures(model))
+    links, one_way = (names[0], *joints), _pulls(model)
+    two_way = tuple(
+        arms for number, arms in _tendons(model) if len(arms) > 1 and number not in one_way
+    )
+    pulls = tuple(one_way.values())
+    return LinkTree(str(path), links, joints, shapes, two_way, pulls, _closures(model))
 
 
 def _loaded(path: Path) -> "MjModel":
@@ -109,6 +122,7 @@ def _joint(model: "MjModel", number: int, parent: str, pose: Floats) -> Joint:
         _followed(model, number),
         position,
         _effort(model, number),
+        _spring(model, number),
     )
 
 
@@ -151,10 +165,11 @@ def _effort(model: "MjModel", joint: int) -> float | None:
     """Greatest torque or force of the motors at a joint; None: none is stated."""
     from mujoco import mjtTrn
 
+    one_way = _pulls(model)
     if model.jnt_actfrclimited[joint]:
         return float(np.abs(model.jnt_actfrcrange[joint]).max())
     for number in range(model.nu):
-        at_joint = model.actuator_trntype[number] == mjtTrn.mjTRN_JOINT
+        at_joint = model.actuator_trntype[number] == mjtTrn.mjTRN_JOINT and number not in one_way
         if at_joint and model.actuator_trnid[number, 0] == joint:
             gear = abs(float(model.actuator_gear[number, 0]))
             if model.actuator_forcelimited[number]:
@@ -162,21 +177,64 @@ def _effort(model: "MjModel", joint: int) -> float | None:
     return None
 
 
-def _tendons(model: "MjModel") -> tuple[dict[str, float], ...]:
-    """Moment arms of the tendons over several joints that motors pull."""
+def _spring(model: "MjModel", joint: int) -> Spring | None:
+    """The spring of a joint that slides or turns; None: it has none."""
+    stiffness = float(model.jnt_stiffness[joint])
+    rest = float(model.qpos_spring[model.jnt_qposadr[joint]])
+    return Spring(stiffness, rest) if stiffness else None
+
+
+def _tendons(model: "MjModel") -> Iterator[tuple[int, dict[str, float]]]:
+    """Actuators of tendons over joints, with the moment arms of these."""
     from mujoco import mjtTrn, mjtWrap
 
-    found = []
     for number in range(model.nu):
         if model.actuator_trntype[number] != mjtTrn.mjTRN_TENDON:
             continue
         tendon = int(model.actuator_trnid[number, 0])
         first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
         wraps = range(first, first + count)
-        if count > 1 and all(model.wrap_type[wrap] == mjtWrap.mjWRAP_JOINT for wrap in wraps):
-            arms = {_name(model, model.wrap_objid[w]): float(model.wrap_prm[w]) for w in wraps}
-            found.append(arms)
-    return tuple(found)
+        if all(model.wrap_type[wrap] == mjtWrap.mjWRAP_JOINT for wrap in wraps):
+            yield (
+                number,
+                {_name(model, model.wrap_objid[w]): float(model.wrap_prm[w]) for w in wraps},
+            )
+
+
+def _pulls(model: "MjModel") -> dict[int, Tendon]:
+    """Actuators of joints, and of tendons over joints, whose force has one sign."""
+    from mujoco import mjtTrn
+
+    arms = dict(_tendons(model))
+    for number in range(model.nu):
+        if model.actuator_trntype[number] == mjtTrn.mjTRN_JOINT:
+            arms[number] = {_name(model, int(model.actuator_trnid[number, 0])): 1.0}
+    found = {}
+    for number, of_joints in sorted(arms.items()):
+        low, high = _forces(model, number)
+        if math.isfinite(low) and math.isfinite(high) and low < high and low * high >= 0.0:
+            gear = float(model.actuator_gear[number, 0]) * (1.0 if high > 0.0 else -1.0)
+            pulled = {name: gear * arm for name, arm in of_joints.items() if gear * arm}
+            name = model.actuator(number).name or f"actuator {number}"
+            found[number] = Tendon(name, pulled, (min(abs(low), abs(high)), max(-low, high)))
+    return found
+
+
+def _forces(model: "MjModel", actuator: int) -> tuple[float, float]:
+    """Smallest and largest force of an actuator; infinite: none is stated."""
+    from mujoco import mjtBias, mjtDyn, mjtGain
+
+    if model.actuator_forcelimited[actuator]:
+        low, high = model.actuator_forcerange[actuator].tolist()
+        return low, high
+    kinds = (model.actuator_gaintype, model.actuator_biastype, model.actuator_dyntype)
+    of_motor = mjtGain.mjGAIN_FIXED, mjtBias.mjBIAS_NONE, mjtDyn.mjDYN_NONE
+    if model.actuator_ctrllimited[actuator] and all(
+        kind[actuator] == one for kind, one in zip(kinds, of_motor, strict=True)
+    ):
+        ends = model.actuator_gainprm[actuator, 0] * model.actuator_ctrlrange[actuator]
+        return float(ends.min()), float(ends.max())
+    return -math.inf, math.inf
 
 
 def _shape(model: "MjModel", geom: int, path: Path) -> LinkShape | None:

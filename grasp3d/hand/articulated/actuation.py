@@ -1,6 +1,7 @@
 """The actuation of a hand with joints in a posture: its motors, couplings, and joints at stops."""
 
 import math
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -46,7 +47,8 @@ def actuation_of(hand: ArticulatedHand, posture: Floats, torques: Floats) -> Act
 
     Differentials have one actuator, whose torque on its first joint is that of its motor; rigid
     couplings are in the posture: a joint that follows another one has no torque of its own. A joint
-    at its limit is also pushed back by the stop there.
+    at its limit is also pushed back by the stop there. Tendons only pull, springs push as they do
+    in the posture, and brakes hold up to their torque.
 
     Args:
         hand: The hand.
@@ -56,9 +58,31 @@ def actuation_of(hand: ArticulatedHand, posture: Floats, torques: Floats) -> Act
     Raises:
         SettingError: A differential pulls a joint that follows another one.
     """
-    names = hand.joint_names
-    arms, limits, actuators = [], [], []
-    together: set[str] = set()
+    count, joints = len(hand.joint_names), {one.name: one for one in hand.ranges}
+    drives = list(_drives(hand, torques))
+    arms, limits, springs = np.zeros((len(drives), count)), [], np.zeros(count)
+    for row, (_, pulled, least, most) in zip(arms, drives, strict=True):
+        for name, arm in pulled.items():
+            row[joints[name].column] += arm * joints[name].factor
+        size = float(np.abs(row).max()) or 1.0  # limits are torques then, as those of motors
+        row /= size
+        limits.append((size * least, size * most))
+    for name, spring in hand.springs.items():
+        one = joints[name]
+        springs[one.column] += one.factor * spring.at(one.factor * posture[one.column] + one.offset)
+    lower, upper = hand.limits_of_joints.T
+    stops = (posture <= lower + AT_STOP).astype(float) - (posture >= upper - AT_STOP)
+    return Actuation.of_hand(
+        np.reshape(limits, (-1, 2)), joints=hand.joint_names, arms=arms,
+        names=tuple(name for name, *_ in drives), stops=stops, springs=springs,
+    )  # fmt: skip
+
+
+def _drives(
+    hand: ArticulatedHand, torques: Floats
+) -> Iterator[tuple[str, Mapping[str, float], float, float]]:
+    """Names, moment arms by joints, and smallest and largest values of all that drives joints."""
+    names, together = hand.joint_names, set[str]()
     for coupling in hand.couplings:
         if coupling.kind == "differential":
             unknown = [name for name in coupling.joints if name not in names]
@@ -66,21 +90,15 @@ def actuation_of(hand: ArticulatedHand, posture: Floats, torques: Floats) -> Act
                 raise SettingError(
                     f"{hand.name}: a differential pulls {unknown[0]}, which follows another joint"
                 )
-            row = np.zeros(len(names))
-            columns = [names.index(name) for name in coupling.joints]
-            row[columns] = np.array(coupling.ratios) / coupling.ratios[0]
-            arms.append(row)
-            limits.append(torques[columns[0]])
-            actuators.append(" and ".join(coupling.joints))
+            ratios = np.array(coupling.ratios) / coupling.ratios[0]
+            arms = dict(zip(coupling.joints, ratios.tolist(), strict=True))
+            most = float(torques[names.index(coupling.joints[0])])
+            yield " and ".join(coupling.joints), arms, -most, most
             together |= set(coupling.joints)
-    for column, name in enumerate(names):
-        if name not in together and not math.isnan(torques[column]):
-            arms.append(np.eye(len(names))[column])
-            limits.append(torques[column])
-            actuators.append(name)
-    lower, upper = hand.limits_of_joints.T
-    stops = (posture <= lower + AT_STOP).astype(float) - (posture >= upper - AT_STOP)
-    return Actuation.of_hand(
-        np.array(limits), joints=names, arms=np.reshape(arms, (-1, len(names))),
-        names=tuple(actuators), stops=stops,
-    )  # fmt: skip
+    for name, torque in zip(names, torques.tolist(), strict=True):
+        if name not in together and not math.isnan(torque):
+            yield name, {name: 1.0}, -torque, torque
+    for tendon in hand.tendons:
+        yield tendon.name, tendon.arms, *tendon.tension
+    for name, torque in hand.brakes.items():
+        yield f"the brake of {name}", {name: 1.0}, -torque, torque

@@ -9,7 +9,7 @@ named as the model names them.
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, Coupling
 from grasp3d.hand.articulated.presets import FORMAT, VERSION, fitting, numbers_of
 from grasp3d.hand.articulated.proposal import articulated_hand_of
-from grasp3d.hand.link_tree import LinkTree
+from grasp3d.hand.link_tree import LinkTree, Spring, Tendon
 from grasp3d.hand.robot_files import watched
 
 
@@ -55,6 +55,30 @@ def _is_coupling(value: object) -> bool:
     )
 
 
+def _is_above_0(value: object) -> bool:
+    return _is_number(value) and value > 0.0  # type: ignore[operator]
+
+
+def _is_tendon(value: object) -> bool:
+    if not isinstance(value, dict) or not {"arms", "tension"} <= set(value) <= {*TENDON}:
+        return False
+    arms, most, least = value["arms"], value["tension"], value.get("pretension", 0.0)
+    return (
+        _is_object(_is_number)(arms) and any(arms.values()) and _is_above_0(most)
+        and _is_number(least) and 0.0 <= least <= most and _is_text(value.get("name", ""))
+    )  # fmt: skip
+
+
+def _is_spring(value: object) -> bool:
+    if not isinstance(value, dict) or not set(value) <= {*Spring._fields}:
+        return False
+    known = {"stiffness", "torque"} & set(value)
+    return bool(known) and _is_object(_is_number)(value) and value.get("stiffness", 0.0) >= 0.0
+
+
+TENDON = "name", "arms", "tension", "pretension"
+"""Keys of a tendon."""
+
 _NUMBERS = "an object of numbers by joints"
 KEYS: dict[str, tuple[Callable[[object], bool], str]] = {
     "name": (_is_text, "a text"),
@@ -74,6 +98,18 @@ KEYS: dict[str, tuple[Callable[[object], bool], str]] = {
     "couplings": (
         _is_list(_is_coupling),
         'a list of objects of "kind" rigid or differential, with "joints" and their "ratios"',
+    ),
+    "tendons": (
+        _is_list(_is_tendon),
+        'a list of "arms" [m] by joints, not all 0, "tension" [N] above 0, perhaps "pretension", "name"',
+    ),
+    "springs": (
+        _is_object(_is_spring),
+        'an object by joints of "stiffness" [N m/rad], at least 0, with "rest" [rad], or "torque" [N m]',
+    ),
+    "brakes": (
+        _is_object(lambda one: one is None or _is_above_0(one)),
+        "an object by joints of torques [N m] above 0 that brakes hold, or null where they lock",
     ),
     "preshapes": (_is_object(_is_object(_is_number)), "an object of postures by name"),
     "closing": (_is_object(_is_number), _NUMBERS),
@@ -108,7 +144,19 @@ def stated_of(content: object) -> dict[str, Any]:
         Coupling(one["kind"], tuple(one["joints"]), tuple(map(float, one["ratios"])))
         for one in stated.get("couplings", ())
     )
+    if "tendons" in stated:
+        stated["tendons"] = tuple(_tendon(one) for one in stated["tendons"])
+    if "springs" in stated:
+        stated["springs"] = {name: Spring(**one) for name, one in stated["springs"].items()}
+    held = stated.get("brakes", {})
+    stated["brakes"] = {name: math.inf if one is None else one for name, one in held.items()}
     return stated
+
+
+def _tendon(content: Mapping[str, Any]) -> Tendon:
+    arms = {name: float(arm) for name, arm in content["arms"].items() if arm}
+    name = content.get("name") or f"tendon of {' and '.join(arms)}"
+    return Tendon(name, arms, (float(content.get("pretension", 0.0)), float(content["tension"])))
 
 
 def articulated_hand(content: object) -> ArticulatedHand:

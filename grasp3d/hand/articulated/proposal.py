@@ -85,6 +85,7 @@ def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None)
         sensors={},
         torques=locked(np.zeros(0)),
         couplings=couplings + _tendons(whole, couplings),
+        **_passive(whole, known, assumed),
         preshapes={},
         closing=locked(np.zeros(0)),
         source=known.get("source", ""),
@@ -167,6 +168,30 @@ def _tendons(tree: LinkTree, stated: Iterable[Coupling]) -> tuple[Coupling, ...]
         for arms in tree.tendons
         if names.issuperset(arms) and set(arms) not in known
     )
+
+
+def _passive(tree: LinkTree, known: Mapping[str, Any], assumed: list[str]) -> dict[str, Any]:
+    """Tendons that only pull, springs and brakes, stated or of the file. Raises SettingError."""
+    moving = {joint.name: joint for joint in tree.joints.values() if joint.kind != "fixed"}
+    of_file: dict[str, Any] = {
+        "tendons": tuple(
+            one for one in tree.pulls if one.arms and moving.keys() >= one.arms.keys()
+        ),
+        "springs": {name: one.spring for name, one in moving.items() if one.spring is not None},
+    }
+    found = {key: known.get(key, default) for key, default in (*of_file.items(), ("brakes", {}))}
+    for key, default in of_file.items():
+        if default and key not in known:
+            names = [getattr(one, "name", one) for one in default]
+            assumed.append(f"{key} are those of the file: {', '.join(names)}")
+    joints = {"springs": [*found["springs"]], "brakes": [*found["brakes"]]}
+    joints["tendons"] = [name for tendon in found["tendons"] for name in tendon.arms]
+    for key, names in joints.items():
+        for name in names:
+            if name not in moving:
+                known_names = ", ".join(moving)
+                raise tree.error(f"{key}: {name!r} is no joint that moves; known: {known_names}")
+    return found
 
 
 class _Proposal:
@@ -392,7 +417,10 @@ class _Proposal:
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
     def _torques(self) -> Floats:
+        joints = {joint.name: joint for joint in self.tree.joints.values()}
         unknown = np.full(len(self.names), np.nan)
+        pulled = {self.tree.source_of(joints[name])[0] for name in self.bare.moved_otherwise}
+        unknown[[name in pulled for name in self.names]] = 0.0  # no motor, unless one is stated
         if "torques" in self.known:
             stated = self._by_name(self.known["torques"], unknown, "torques")
             for coupling in self.bare.couplings:
@@ -400,12 +428,11 @@ class _Proposal:
                 if coupling.kind == "differential" and self.known["torques"].get(name) == 0.0:
                     raise self.tree.error(f"torques: the motor of {name} pulls others; it is not 0")
             return stated
-        joints = {joint.name: joint for joint in self.tree.joints.values()}
         beyond = {self.tree.joints[link].name for link in self.bare.beyond_palm}
         found, odd = unknown.copy(), dict[float, list[str]]()
         for number, name in enumerate(self.names):
             effort = joints[name].effort
-            if effort is None:
+            if effort is None or name in pulled:
                 continue
             most = PLAUSIBLE_TORQUE if name in beyond else PLAUSIBLE_ELSEWHERE
             most *= 100.0 if joints[name].kind == "slides" else 1.0
