@@ -95,10 +95,7 @@ def _rows(hand: ArticulatedHand) -> Iterator[tuple[str, str]]:
         yield "tendon", f"{tendon.name} pulls with {least:g} to {most:g} N: {arms}"
     for name, spring in hand.springs.items():
         rest = f"{spring.stiffness:g} N m/rad, at rest at {math.degrees(spring.rest):.4g}°"
-        parts = [rest] * (spring.stiffness != 0.0) + [f"{spring.torque:g} N m"] * (
-            spring.torque != 0.0
-        )
-        yield "spring", f"{name}: {' and '.join(parts) or 'none'}"
+        yield "spring", f"{name}: {rest}" + f", {spring.torque:+g} N m" * (spring.torque != 0.0)
     for name, torque in hand.brakes.items():
         yield "brake", f"{name} {f'holds {torque:g} N m' if math.isfinite(torque) else 'locks'}"
     for joint in hand.tree.joints.values():

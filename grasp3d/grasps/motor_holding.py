@@ -137,8 +137,9 @@ class MotorForces:
             friction: The smallest coefficient.
         """
         pressed = np.ones(len(sure))
-        rigid = all(coupling.kind == "rigid" for coupling in self.hand.couplings)
-        if rigid and not np.isnan(self.torques).any():  # nan: a joint without a motor
+        hand, motors = self.hand, not np.isnan(self.torques).any()  # nan: a joint without one
+        rigid = all(coupling.kind == "rigid" for coupling in hand.couplings)
+        if rigid and motors and not hand.tendons and not hand.springs:
             return locked(pressed)
         for row, contacts in self.contacts(np.flatnonzero(sure)):
             angles = math.atan(friction) - self.tilts[contacts]

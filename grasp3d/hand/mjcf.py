@@ -52,11 +52,9 @@ def read_mjcf(path: Path) -> LinkTree:
         return tuple(shape for shape in found if shape is not None)
 
     links, one_way = (names[0], *joints), _pulls(model)
-    two_way = tuple(
-        arms for number, arms in _tendons(model) if len(arms) > 1 and number not in one_way
-    )
-    pulls = tuple(one_way.values())
-    return LinkTree(str(path), links, joints, shapes, two_way, pulls, _closures(model))
+    others = (arms for number, arms in _tendons(model) if number not in one_way)
+    tendons, pulls = tuple(arms for arms in others if len(arms) > 1), tuple(one_way.values())
+    return LinkTree(str(path), links, joints, shapes, tendons, pulls, _closures(model))
 
 
 def _loaded(path: Path) -> "MjModel":
@@ -216,7 +214,8 @@ def _pulls(model: "MjModel") -> dict[int, Tendon]:
             gear = float(model.actuator_gear[number, 0]) * (1.0 if high > 0.0 else -1.0)
             pulled = {name: gear * arm for name, arm in of_joints.items() if gear * arm}
             name = model.actuator(number).name or f"actuator {number}"
-            found[number] = Tendon(name, pulled, (min(abs(low), abs(high)), max(-low, high)))
+            if pulled:
+                found[number] = Tendon(name, pulled, (min(abs(low), abs(high)), max(-low, high)))
     return found
 
 

@@ -61,11 +61,11 @@ def actuation_of(hand: ArticulatedHand, posture: Floats, torques: Floats) -> Act
     count, joints = len(hand.joint_names), {one.name: one for one in hand.ranges}
     drives = list(_drives(hand, torques))
     arms, limits, springs = np.zeros((len(drives), count)), [], np.zeros(count)
-    for row, (_, pulled, least, most) in zip(arms, drives, strict=True):
+    for number, (_, pulled, least, most) in enumerate(drives):
         for name, arm in pulled.items():
-            row[joints[name].column] += arm * joints[name].factor
-        size = float(np.abs(row).max()) or 1.0  # limits are torques then, as those of motors
-        row /= size
+            arms[number, joints[name].column] += arm * joints[name].factor
+        size = float(np.abs(arms[number]).max()) or 1.0  # limits are torques, as those of motors
+        arms[number] /= size
         limits.append((size * least, size * most))
     for name, spring in hand.springs.items():
         one = joints[name]

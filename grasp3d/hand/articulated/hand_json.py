@@ -101,11 +101,11 @@ KEYS: dict[str, tuple[Callable[[object], bool], str]] = {
     ),
     "tendons": (
         _is_list(_is_tendon),
-        'a list of "arms" [m] by joints, not all 0, "tension" [N] above 0, perhaps "pretension", "name"',
+        'a list of "arms" [m] by joints, "tension" [N] above 0, perhaps "pretension" [N], "name"',
     ),
     "springs": (
         _is_object(_is_spring),
-        'an object by joints of "stiffness" [N m/rad], at least 0, with "rest" [rad], or "torque" [N m]',
+        'an object by joints of "stiffness" [N m/rad], at least 0, "rest" [rad] and "torque" [N m]',
     ),
     "brakes": (
         _is_object(lambda one: one is None or _is_above_0(one)),

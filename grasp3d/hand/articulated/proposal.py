@@ -174,9 +174,7 @@ def _passive(tree: LinkTree, known: Mapping[str, Any], assumed: list[str]) -> di
     """Tendons that only pull, springs and brakes, stated or of the file. Raises SettingError."""
     moving = {joint.name: joint for joint in tree.joints.values() if joint.kind != "fixed"}
     of_file: dict[str, Any] = {
-        "tendons": tuple(
-            one for one in tree.pulls if one.arms and moving.keys() >= one.arms.keys()
-        ),
+        "tendons": tuple(one for one in tree.pulls if moving.keys() >= one.arms.keys()),
         "springs": {name: one.spring for name, one in moving.items() if one.spring is not None},
     }
     found = {key: known.get(key, default) for key, default in (*of_file.items(), ("brakes", {}))}
