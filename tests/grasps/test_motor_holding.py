@@ -191,3 +191,27 @@ def test_the_verdict_names_the_resolution_of_the_sensors_alone(tmp_path: Path) -
     found = evaluated(tmp_path, grasp3d.Load(task=DOWN), model)
     assert found.motor_holding is not None
     assert "for 10° fingertips" in found.motor_holding.verdict(np.array([True, True]))
+
+
+def test_tendons_hold_what_motors_do_that_way_and_nothing_the_other(tmp_path: Path) -> None:
+    def pulling(arm: float) -> list[dict[str, Any]]:
+        return [{"arms": {f"slide_{k}": arm}, "tension": 40.0} for k in range(4)]
+
+    load, none = grasp3d.Load(task=DOWN), dict.fromkeys([f"slide_{k}" for k in range(4)], 0.0)
+    motors = evaluated(tmp_path, load, torques=dict.fromkeys(none, 20.0)).motor_holding
+    closing = evaluated(tmp_path, load, torques=none, tendons=pulling(0.5))
+    assert motors is not None
+    assert closing.motor_holding is not None
+    assert closing.motor_holding.payload[0] == pytest.approx(motors.payload[0], rel=1e-6)
+    assert closing.label[0] == Label.S
+    assert str(closing.motor_holding.limit[0]).startswith("tendon of slide_")
+    opening = evaluated(tmp_path, load, torques=none, tendons=pulling(-0.5))
+    assert opening.motor_holding is not None
+    assert opening.motor_holding.payload[0] == 0.0
+    assert (opening.label[0], opening.all_links.label[0]) == (Label.M, Label.S)
+    # A spring that presses needs no motor, and one that opens takes from what motors press.
+    opened = {name: {"torque": -5.0} for name in none}
+    less = evaluated(tmp_path, load, torques=dict.fromkeys(none, 20.0), springs=opened)
+    assert less.motor_holding is not None
+    assert less.motor_holding.payload[0] == pytest.approx(0.75 * motors.payload[0], rel=1e-6)
+    assert less.label[0] == Label.S

@@ -148,8 +148,9 @@ def stated_of(content: object) -> dict[str, Any]:
         stated["tendons"] = tuple(_tendon(one) for one in stated["tendons"])
     if "springs" in stated:
         stated["springs"] = {name: Spring(**one) for name, one in stated["springs"].items()}
-    held = stated.get("brakes", {})
-    stated["brakes"] = {name: math.inf if one is None else one for name, one in held.items()}
+    if "brakes" in stated:
+        held = stated["brakes"].items()
+        stated["brakes"] = {name: math.inf if one is None else one for name, one in held}
     return stated
 
 

@@ -418,7 +418,9 @@ class _Proposal:
         joints = {joint.name: joint for joint in self.tree.joints.values()}
         unknown = np.full(len(self.names), np.nan)
         pulled = {self.tree.source_of(joints[name])[0] for name in self.bare.moved_otherwise}
+        pulled -= {one.joints[0] for one in self.bare.couplings if one.kind == "differential"}
         unknown[[name in pulled for name in self.names]] = 0.0  # no motor, unless one is stated
+        of_file = self.known.keys().isdisjoint(("tendons", "brakes"))
         if "torques" in self.known:
             stated = self._by_name(self.known["torques"], unknown, "torques")
             for coupling in self.bare.couplings:
@@ -430,7 +432,7 @@ class _Proposal:
         found, odd = unknown.copy(), dict[float, list[str]]()
         for number, name in enumerate(self.names):
             effort = joints[name].effort
-            if effort is None or name in pulled:
+            if effort is None or (name in pulled and not of_file):
                 continue
             most = PLAUSIBLE_TORQUE if name in beyond else PLAUSIBLE_ELSEWHERE
             most *= 100.0 if joints[name].kind == "slides" else 1.0
@@ -443,7 +445,7 @@ class _Proposal:
                 f"an effort of {effort:g} is not that of such a motor: the torque is not stated "
                 f"({', '.join(names)})"
             )
-        if np.isfinite(found).any():
+        if (found > 0.0).any():
             self.assumed.append("torques are the efforts that the file states, which are plausible")
         return found
 
