@@ -131,8 +131,10 @@ def test_payload_of_planar_fingers_with_tendons_has_a_closed_form(
     tendons = [
         {"arms": {f"knuckle{n}": -0.013, f"bend{n}": -0.005}, "tension": 30.0} for n in (0, 1)
     ]
+    names = [f"{part}{n}" for n in (0, 1) for part in ("knuckle", "bend")]
     springs = {
-        name: {"stiffness": stiffness} for name in ("knuckle0", "knuckle1", "bend0", "bend1")
+        name: {"stiffness": stiffness, "rest": 2.0 * value}
+        for name, value in zip(names, POSTURE.tolist(), strict=True)
     }
     hand = hand_of(tmp_path, tendons=tendons, springs=springs)
     across = tip_of(hand, 0)[1][[0, 2], :2].T
