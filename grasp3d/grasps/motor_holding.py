@@ -353,6 +353,8 @@ class MotorHolding:
         missing = unstated_torques(hand)
         if (filled := self.load.load.unstated_torques) and {*missing} < _motors(hand):
             at = f"its torques and {short_number(filled)} {size} of {', '.join(missing)}"
+        if hand.tendons:
+            at = "the tensions of its tendons" if not len(torques) else f"{at} and its tensions"
         task = str(self.load.load.task)
         where = "in any orientation" if task == "weight" else f"({task})"
         felt = forces.tilts[forces.sets.row == row]
