@@ -96,6 +96,8 @@ def _rows(hand: ArticulatedHand) -> Iterator[tuple[str, str]]:
     for name, spring in hand.springs.items():
         rest = f"{spring.stiffness:g} N m/rad, at rest at {math.degrees(spring.rest):.4g}°"
         yield "spring", f"{name}: {rest}" + f", {spring.torque:+g} N m" * (spring.torque != 0.0)
+    if weights := [hand.masses[name].mass for name in hand.beyond_base if name in hand.masses]:
+        yield "links", f"{sum(weights):.4g} kg that move"
     for name, torque in hand.brakes.items():
         yield "brake", f"{name} {f'holds {torque:g} N m' if math.isfinite(torque) else 'locks'}"
     for joint in hand.tree.joints.values():

@@ -84,6 +84,8 @@ def print_hand_grasps(grasps: EvaluatedHandGrasps, *outputs: Path) -> None:
     report.line(f"[bold]{_verdict(grasps)}[/]")
     if grasps.verdict is not None:
         report.line(f"[bold]{escaped(grasps.verdict)}[/]")
+        if grasps.motor_holding is not None:
+            report.line(escaped(grasps.motor_holding.link_weights))
     report.warnings(grasps.warnings)
     print_some(report, _columns(grasps), grasps, size)
     report.line(_LEGEND)

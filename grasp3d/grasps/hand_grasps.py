@@ -167,8 +167,15 @@ class EvaluatedHandGrasps(GivenGrasps):
         return MotorForces(
             hand=self.hand, torques=torques, sets=self.sets, links=names[self._link],
             jacobians=self.jacobians, tilts=self.tilts_of_links[self._link],
-            postures=self.contacts.posture,
+            postures=self.contacts.posture, link_loads=self._link_loads,
         )  # fmt: skip
+
+    @cached_property
+    def _link_loads(self) -> Floats | None:
+        """Torques that hold the links per acceleration of gravity, in the mesh's frame."""
+        posture = self.contacts.posture
+        loads = self.hand.link_loads(posture, self.hand.link_poses(posture))
+        return None if loads is None else loads @ self.contacts.poses[:, :3, :3].swapaxes(1, 2)
 
     @cached_property
     def motor_holding(self) -> MotorHolding | None:
@@ -484,6 +491,7 @@ class EvaluatedHandGrasps(GivenGrasps):
             "object_motion": self.object_motion,
             **load_settings(None if self.to_hold is None else self.to_hold.load),
             "verdict": self.verdict,
+            "link_weights": None if self.motor_holding is None else self.motor_holding.link_weights,
             "sensor_resolutions": felt,
         }
 

@@ -15,7 +15,12 @@ from grasp3d.hand.articulated.actuation import actuation_of, torques_of, unstate
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.quality.hand_forces.critical_angle import hand_closes, hand_critical_angle
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
-from grasp3d.quality.hand_forces.payloads import HandPayload, hand_epsilon, hand_payload
+from grasp3d.quality.hand_forces.payloads import (
+    HandPayload,
+    hand_epsilon,
+    hand_payload,
+    links_weigh,
+)
 from grasp3d.stability.contact_sets import TETRAHEDRON, ContactSets
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import LoadCase
@@ -81,6 +86,9 @@ class MotorForces:
     """Largest angle between true and perceived normals [rad], nan: blind, shape (c,)."""
     postures: Floats
     """Shape (k, p)."""
+    link_loads: Floats | None = None
+    """Torques that hold the links per acceleration of gravity, in the mesh's frame [kg m], shape
+    (k, p, 3); None: no link has a known mass."""
 
     __repr__ = short_repr
 
@@ -100,7 +108,8 @@ class MotorForces:
         return self._grasp(row, contacts, self.sets.contacts(contacts, friction))
 
     def _grasp(self, row: int, index: Ints, contacts: Contacts) -> HandGrasp:
-        actuation = actuation_of(self.hand, self.postures[row], self.torques)
+        links = None if self.link_loads is None else self.link_loads[row]
+        actuation = actuation_of(self.hand, self.postures[row], self.torques, links)
         return HandGrasp(contacts, self.jacobians[index], actuation, most_force=STRUCTURE)
 
     def widest(self, row: int, contacts: Ints, friction: float) -> HandGrasp | None:
@@ -269,6 +278,21 @@ class MotorHolding:
     def epsilon(self) -> Floats:
         """Epsilon at the perceived normals [N], shape (k,); nan: no grasp."""
         return self.forces.epsilon(self.friction[1], self.torque_scale)
+
+    @property
+    def link_weights(self) -> str:
+        """Whether the weight of the hand's links counts, in one sentence."""
+        hand = self.forces.hand
+        moving = [name for name in hand.beyond_base if hand.shapes[hand.link_names.index(name)]]
+        known = [name for name in hand.beyond_base if name in hand.masses]
+        if self.forces.link_loads is None:
+            return "the weight of the links is neglected: no masses of links are stated"
+        if not links_weigh(self.load.task):
+            return "the weight of the links is neglected: the task does not say where gravity acts"
+        total = short_number(sum(hand.masses[name].mass for name in known))
+        missing = sorted({*moving} - {*known})
+        but = f", but not of {', '.join(missing[:5])}, which state no mass" if missing else ""
+        return f"the weight of the links that move, {total} kg, counts{but}"
 
     @property
     def _mass(self) -> float:

@@ -116,6 +116,15 @@ class Tendon(NamedTuple):
     """Its smallest and its largest tension [N]."""
 
 
+class LinkMass(NamedTuple):
+    """What a link weighs."""
+
+    mass: float
+    """[kg]"""
+    center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Its centre of mass in the link's frame [m]."""
+
+
 @dataclass(frozen=True, eq=False)
 class Joint:
     """A joint of a robot, with the link that it moves."""
@@ -156,6 +165,8 @@ class LinkTree:
     """Tendons with an actuator that pull several joints: their moment arms [m] by joints."""
     pulls: tuple[Tendon, ...] = ()
     """Tendons whose actuators only pull, and motors that only turn a joint one way."""
+    masses: Mapping[str, LinkMass] = field(default_factory=dict)
+    """By links, where the file states them."""
     closures: tuple[str, ...] = ()
     """What ties links together beside the joints: closed loops, and equations that are no
     straight lines."""

@@ -13,6 +13,7 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.link_tree import (
     Joint,
     JointKind,
+    LinkMass,
     LinkShape,
     LinkTree,
     ShapeKind,
@@ -54,7 +55,12 @@ def read_mjcf(path: Path) -> LinkTree:
     links, one_way = (names[0], *joints), _pulls(model)
     others = (arms for number, arms in _tendons(model) if number not in one_way)
     tendons, pulls = tuple(arms for arms in others if len(arms) > 1), tuple(one_way.values())
-    return LinkTree(str(path), links, joints, shapes, tendons, pulls, _closures(model))
+    masses = {
+        name: LinkMass(float(model.body_mass[number]), tuple(model.body_ipos[number].tolist()))
+        for name, number in numbers.items()
+        if model.body_mass[number] > 0.0
+    }
+    return LinkTree(str(path), links, joints, shapes, tendons, pulls, masses, _closures(model))
 
 
 def _loaded(path: Path) -> "MjModel":

@@ -12,7 +12,7 @@ from trimesh import transformations
 from grasp3d.arrays import Floats
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.hand.description_xml import mesh_file, xml_tree
-from grasp3d.hand.link_tree import Joint, JointKind, LinkShape, LinkTree, mesh_shape
+from grasp3d.hand.link_tree import Joint, JointKind, LinkMass, LinkShape, LinkTree, mesh_shape
 from grasp3d.reading.mesh_files import read_mesh
 from grasp3d.system.documents import number_of, numbers_of
 from grasp3d.system.names import printable
@@ -47,7 +47,8 @@ def read_urdf(path: Path) -> LinkTree:
         except ValueError as error:
             raise SettingError(printable(f"{path}: link {name}: {error}")) from error
 
-    return LinkTree(str(path), _from_root(links, joints), joints, shapes)
+    masses = {name: mass for name, link in links.items() if (mass := _mass(link)) is not None}
+    return LinkTree(str(path), _from_root(links, joints), joints, shapes, masses=masses)
 
 
 def _links(root: Element) -> dict[str, Element]:
@@ -55,6 +56,19 @@ def _links(root: Element) -> dict[str, Element]:
     if root.tag != "robot":
         raise ValueError(f"its first element is {root.tag[:40]}, and must be robot")
     return {_text(link, "name"): link for link in root.findall("link")}
+
+
+def _mass(link: Element) -> LinkMass | None:
+    """What a link weighs; None: it is not stated, or impossible."""
+    inertial = link.find("inertial")
+    if inertial is None:
+        return None
+    try:
+        mass = _number(_part(inertial, "mass"), "value")
+        x, y, z = _pose(inertial)[:3, 3].tolist()
+    except ValueError:
+        return None
+    return LinkMass(mass, (x, y, z)) if 0.0 < mass < math.inf else None
 
 
 def _joints(root: Element, links: dict[str, Element]) -> dict[str, Joint]:

@@ -215,3 +215,23 @@ def test_tendons_hold_what_motors_do_that_way_and_nothing_the_other(tmp_path: Pa
     assert less.motor_holding is not None
     assert less.motor_holding.payload[0] == pytest.approx(0.75 * motors.payload[0], rel=1e-6)
     assert less.label[0] == Label.S
+
+
+def test_the_weight_of_links_takes_from_what_motors_hold(tmp_path: Path) -> None:
+    fingers = [f"finger_{k}" for k in range(4)]
+    heavy = {name: {"mass": 0.2} for name in fingers}
+    down = grasp3d.Load(task="weight within 0 of -x", torque_limits=10.0)
+    light = evaluated(tmp_path, down).motor_holding
+    found = evaluated(tmp_path, down, masses=heavy)
+    assert light is not None
+    assert found.motor_holding is not None
+    assert "is neglected: no masses" in light.link_weights
+    assert found.motor_holding.link_weights == ("the weight of the links that move, 0.8 kg, counts")
+    assert found.motor_holding.payload[0] < light.payload[0] - 0.01
+    given = evaluated(tmp_path, grasp3d.Load(task="wrench 1,0,0,0,0,0"), masses=heavy)
+    assert given.motor_holding is not None
+    assert "does not say where gravity acts" in given.motor_holding.link_weights
+    # A hand that is turned with the object holds what it held.
+    free = evaluated(tmp_path, grasp3d.Load(torque_limits=10.0), masses=heavy).motor_holding
+    assert free is not None
+    assert free.payload[0] <= found.motor_holding.payload[0] * (1.0 + 1e-6)

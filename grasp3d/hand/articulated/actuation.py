@@ -42,8 +42,10 @@ def torques_of(
     return np.where(missing, unstated or torques, torques)
 
 
-def actuation_of(hand: ArticulatedHand, posture: Floats, torques: Floats) -> Actuation:
-    """The drives of a hand in a posture, whose own weight is neglected.
+def actuation_of(
+    hand: ArticulatedHand, posture: Floats, torques: Floats, links: Floats | None = None
+) -> Actuation:
+    """The drives of a hand in a posture.
 
     Differentials have one actuator, whose torque on its first joint is that of its motor; rigid
     couplings are in the posture: a joint that follows another one has no torque of its own. A joint
@@ -54,6 +56,8 @@ def actuation_of(hand: ArticulatedHand, posture: Floats, torques: Floats) -> Act
         hand: The hand.
         posture: Values of its joints (p,).
         torques: Greatest torques of their motors, as `torques_of` has them, shape (p,).
+        links: Torques that hold the links per acceleration of gravity, as in `Actuation`; None:
+            their weight is neglected.
 
     Raises:
         SettingError: A differential pulls a joint that follows another one.
@@ -75,6 +79,7 @@ def actuation_of(hand: ArticulatedHand, posture: Floats, torques: Floats) -> Act
     return Actuation.of_hand(
         np.reshape(limits, (-1, 2)), joints=hand.joint_names, arms=arms,
         names=tuple(name for name, *_ in drives), stops=stops, springs=springs,
+        links=links,
     )  # fmt: skip
 
 

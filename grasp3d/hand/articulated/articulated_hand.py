@@ -15,7 +15,7 @@ from grasp3d.arrays import ArrayLike, Floats, Ints, locked
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.link_bodies import link_bodies
 from grasp3d.hand.articulated.presets import FORMAT, VERSION
-from grasp3d.hand.link_tree import Joint, LinkShape, LinkTree, Spring, Tendon
+from grasp3d.hand.link_tree import Joint, LinkMass, LinkShape, LinkTree, Spring, Tendon
 from grasp3d.hand.triangles import Part, Triangles, triangles_of
 from grasp3d.system.names import printable
 
@@ -85,6 +85,8 @@ class ArticulatedHand:
     brakes: Mapping[str, float] = field(default_factory=dict)
     """Greatest torque or force that a brake, or a gear that locks itself, holds at a joint [N m or
     N]; inf: whatever acts on it."""
+    masses: Mapping[str, LinkMass] = field(default_factory=dict)
+    """What links weigh."""
     preshapes: Mapping[str, Floats]
     """Postures by name, each of shape (p,); "open" is the one from which the hand closes."""
     closing: Floats
@@ -238,6 +240,28 @@ class ArticulatedHand:
         )
         return found
 
+    def link_loads(self, postures: Floats, link_poses: Floats) -> Floats | None:
+        """Torques that hold the links per acceleration of gravity [kg m], shape (k, p, 3).
+
+        Args:
+            postures: Values of the joints, shape (k, p).
+            link_poses: What the method `link_poses` returns for them.
+
+        Returns:
+            In the hand's frame; None: no link that moves has a known mass.
+        """
+        moved = [name for name in self.beyond_base if name in self.masses]
+        if not moved:
+            return None
+        count, links = len(postures), [self.link_names.index(name) for name in moved]
+        masses = np.array([self.masses[name].mass for name in moved])
+        centers = np.array([[*self.masses[name].center, 1.0] for name in moved])
+        points = np.einsum("klij,lj->kli", link_poses[:, links], centers)[..., :3].reshape(-1, 3)
+        rows, numbers = np.repeat(np.arange(count), len(moved)), np.tile(links, count)
+        moves = self.jacobians(link_poses, rows, numbers, points)
+        loads = np.einsum("l,klip->kpi", -masses, moves.reshape(count, len(moved), 3, -1))
+        return np.asarray(loads)
+
     def shape(self, opening: float, posture: ArrayLike = ()) -> Triangles:
         """Its links at a posture, or without one at the open preshape; `opening` has no meaning."""
         del opening
@@ -261,8 +285,17 @@ class ArticulatedHand:
     @cached_property
     def beyond_palm(self) -> frozenset[str]:
         """Links that a joint between them and the palm moves."""
+        return self._beyond(self.palm)
+
+    @cached_property
+    def beyond_base(self) -> tuple[str, ...]:
+        """Links that move in the hand's frame, in their order."""
+        moving = self._beyond(self.link_names[0])
+        return tuple(name for name in self.link_names if name in moving)
+
+    def _beyond(self, link: str) -> frozenset[str]:
         found = set[str]()
-        for name in self.tree.branch(self.palm).links[1:]:
+        for name in self.tree.branch(link).links[1:]:
             joint = self.tree.joints[name]
             if joint.kind != "fixed" or joint.parent in found:
                 found.add(name)
@@ -355,6 +388,10 @@ class ArticulatedHand:
                 for name, arms, (least, most) in self.tendons
             ],
             "springs": {name: one._asdict() for name, one in self.springs.items()},
+            "masses": {
+                name: {"mass": one.mass, "center": list(one.center)}
+                for name, one in self.masses.items()
+            },
             "brakes": {
                 name: torque if math.isfinite(torque) else None
                 for name, torque in self.brakes.items()

@@ -18,7 +18,7 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, Coupling
 from grasp3d.hand.articulated.presets import FORMAT, VERSION, fitting, numbers_of
 from grasp3d.hand.articulated.proposal import articulated_hand_of
-from grasp3d.hand.link_tree import LinkTree, Spring, Tendon
+from grasp3d.hand.link_tree import LinkMass, LinkTree, Spring, Tendon
 from grasp3d.hand.robot_files import watched
 
 
@@ -76,6 +76,14 @@ def _is_spring(value: object) -> bool:
     return bool(known) and _is_object(_is_number)(value) and value.get("stiffness", 0.0) >= 0.0
 
 
+def _is_mass(value: object) -> bool:
+    return (
+        isinstance(value, dict) and {"mass"} <= set(value) <= {*LinkMass._fields}
+        and _is_above_0(value["mass"]) and _is_list(_is_number)(value.get("center", []))
+        and len(value.get("center", (0, 0, 0))) == 3
+    )  # fmt: skip
+
+
 TENDON = "name", "arms", "tension", "pretension"
 """Keys of a tendon."""
 
@@ -110,6 +118,10 @@ KEYS: dict[str, tuple[Callable[[object], bool], str]] = {
     "brakes": (
         _is_object(lambda one: one is None or _is_above_0(one)),
         "an object by joints of torques [N m] above 0 that brakes hold, or null where they lock",
+    ),
+    "masses": (
+        _is_object(_is_mass),
+        'an object by links of "mass" [kg] above 0 and its "center" [m], three numbers',
     ),
     "preshapes": (_is_object(_is_object(_is_number)), "an object of postures by name"),
     "closing": (_is_object(_is_number), _NUMBERS),
@@ -148,6 +160,11 @@ def stated_of(content: object) -> dict[str, Any]:
         stated["tendons"] = tuple(_tendon(one) for one in stated["tendons"])
     if "springs" in stated:
         stated["springs"] = {name: Spring(**one) for name, one in stated["springs"].items()}
+    if "masses" in stated:
+        stated["masses"] = {
+            name: LinkMass(one["mass"], tuple(one.get("center", (0.0, 0.0, 0.0))))
+            for name, one in stated["masses"].items()
+        }
     if "brakes" in stated:
         held = stated["brakes"].items()
         stated["brakes"] = {name: math.inf if one is None else one for name, one in held}

@@ -177,7 +177,9 @@ def _passive(tree: LinkTree, known: Mapping[str, Any], assumed: list[str]) -> di
         "tendons": tuple(one for one in tree.pulls if moving.keys() >= one.arms.keys()),
         "springs": {name: one.spring for name, one in moving.items() if one.spring is not None},
     }
-    found = {key: known.get(key, default) for key, default in (*of_file.items(), ("brakes", {}))}
+    others = {"masses": {n: one for n, one in tree.masses.items() if n in tree.links}, "brakes": {}}
+    found = {key: known.get(key, default) for key, default in (of_file | others).items()}
+    tree.check_links(found["masses"])
     for key, default in of_file.items():
         if default and key not in known:
             names = [getattr(one, "name", one) for one in default]

@@ -10,7 +10,7 @@ joints at a stop. All of them are columns with a range: J^T f = M z + c, lower <
 forces for which that has a solution are a convex polyhedron K, which does not depend on normals.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
@@ -44,6 +44,9 @@ class Actuation:
     """Torques c of springs, less those that hold the links [N m], shape (p,)."""
     names: tuple[str, ...]
     """What each drive is, such as 'index_2' or 'index_2 at its stop', (q,)."""
+    links: Floats | None = None
+    """Torques that hold the links per acceleration of gravity [kg m], shape (p, 3); None: their
+    weight is neglected. Payloads of tasks with a mass take them."""
 
     __repr__ = short_repr
 
@@ -59,6 +62,7 @@ class Actuation:
         stops: ArrayLike | None = None,
         springs: ArrayLike | None = None,
         weight: ArrayLike | None = None,
+        links: ArrayLike | None = None,
     ) -> Self:
         """The actuation of a hand in a posture.
 
@@ -75,6 +79,8 @@ class Actuation:
                 else 0, shape (p,).
             springs: Torques of springs [N m], shape (p,).
             weight: Torques that hold the links against gravity [N m], shape (p,).
+            links: The same per acceleration of gravity [kg m], shape (p, 3), where that turns with
+                the load: minus the masses of the links times the Jacobians of their centres.
 
         Raises:
             SettingError: Shapes that do not match, or values out of range.
@@ -110,7 +116,14 @@ class Actuation:
                 *(f"coupling {k}" for k in range(len(structure))),
                 *(f"{labels[k]} at its stop" for k in at_stop),
             ),
+            None if links is None else locked(_table("links", links, 3)),
         )
+
+    def holding_links(self, acceleration: Floats) -> "Actuation":
+        """The same with what holds the links under one acceleration (3,) [m/s^2]."""
+        if self.links is None:
+            return self
+        return replace(self, offset=locked(self.offset - self.links @ acceleration), links=None)
 
     @property
     def joints(self) -> int:
@@ -257,8 +270,7 @@ def _table(name: str, values: ArrayLike, columns: int) -> Floats:
     table = _numbers(name, values)
     if table.ndim != 2 or table.shape[1] != columns or not np.isfinite(table).all():
         raise SettingError(
-            f"{name} must be rows of {columns} finite numbers, one for each joint; got shape "
-            f"{table.shape}"
+            f"{name} must be rows of {columns} finite numbers; got shape {table.shape}"
         )
     return table
 

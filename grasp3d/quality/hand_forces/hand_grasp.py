@@ -74,6 +74,11 @@ class HandGrasp:
         contacts = Contacts(self.contacts.points, normals, self.contacts.friction)
         return HandGrasp(contacts, self.jacobian, self.actuation, most_force=self.most_force)
 
+    def holding_links(self, acceleration: Floats) -> "HandGrasp":
+        """The same grasp with the weight of the links under an acceleration (3,) [m/s^2]."""
+        drives = self.actuation.holding_links(acceleration)
+        return HandGrasp(self.contacts, self.jacobian, drives, most_force=self.most_force)
+
     def half_angles(self, tilt: ArrayLike = 0.0) -> Floats:
         """Half-angles of the cones that are in the friction cones at all normals within a tilt.
 

@@ -32,6 +32,10 @@ FAR = 1e3
 FLAT = 1e-9
 """Extent of wrenches across a direction, in the unit of force, that is none."""
 
+MOST_MASSES, BESIDE = 12, 0.4
+"""Loads that are tried with the weight of the links, and how far beside the expected one, relative
+to the tolerance."""
+
 TENTH = 0.1
 
 
@@ -121,6 +125,10 @@ def hand_payload(
 ) -> HandPayload:
     """The largest load that the motors of a hand hold, whichever the normals within tilts are.
 
+    Where `Actuation.links` is known the weight of the links turns with that of the load: exactly,
+    also in any direction. It is neglected for tasks that have no mass, and for those with a curved
+    border and given wrenches besides.
+
     Args:
         grasp: Contacts, Jacobian and drives.
         task: What must be resisted: its own mass does not matter, the payload is one [kg]. Tasks
@@ -155,13 +163,27 @@ def hand_payload(
     angles = grasp.half_angles(tilt)
     corners = [None if one is None else one.corners_for(None, 1) for one in (growing, constant)]
     assert growing is not None
+    weighs = grasp.actuation.links is not None and links_weigh(task)
     if corners[0] is None or (constant is not None and corners[1] is None):
-        return _Search(grasp, angles, growing, constant, rtol).found()
+        search = _Search(grasp, angles, growing, constant, rtol)
+        return search.with_links() if weighs else search.found()
     fixed = np.zeros((1, 6)) if corners[1] is None else corners[1][0]
-    each = [_of_wrench(grasp, angles, w, c, polish) for w in corners[0][0] for c in fixed]
+    each = [
+        _of_wrench(grasp.holding_links(w[:3]) if weighs else grasp, angles, w, c, polish)
+        for w in corners[0][0]
+        for c in fixed
+    ]
     worst = min(each, key=lambda one: (one.lower, one.upper))
     upper = min(one.upper for one in each)
     return replace(worst, upper=upper, programs=sum(one.programs for one in each))
+
+
+def links_weigh(task: Task | ArrayLike) -> bool:
+    """Whether payloads of a task take the weight of the hand's links, where it is known."""
+    growing, constant = _parts(task if isinstance(task, Task) else Wrenches(np.asarray(task)))
+    if growing.mass is None or constant is None:
+        return growing.mass is not None
+    return all(one.corners_for(None, 1) is not None for one in (growing, constant))
 
 
 def hand_epsilon(
@@ -230,6 +252,37 @@ class _Search:
     growing: Task
     constant: Task | None
     rtol: float
+    mass: float = math.inf
+    """Load for which the links have their weight [kg]; of another one as much more or less."""
+
+    def with_links(self) -> HandPayload:
+        """The payload with the weight of the links, which does not grow with the load.
+
+        Were it to grow with the load, and be right at some load m, the payload f(m) would not fall
+        where m grows: the true one is the largest m <= f(m), and lies between f(m) and m for every
+        m. About 1 / f is a straight line over 1 / m.
+        """
+        best = self.found()
+        if best.lower == math.inf:
+            return best
+        programs, beside = best.programs, BESIDE * self.rtol
+        lower, upper, most = 0.0, math.inf, 0.5 * (best.lower + min(best.upper, 2.0 * best.lower))
+        mass = most or self.grasp.force
+        for _ in range(MOST_MASSES):
+            found = replace(self, mass=mass, rtol=0.5 * BESIDE * self.rtol).found()
+            programs += found.programs
+            lower = max(lower, found.lower) if found.lower >= mass else lower
+            if found.upper <= min(mass, upper):
+                upper, best = found.upper, found
+            middle = 0.5 * (found.lower + min(found.upper, 2.0 * found.lower))
+            if upper - lower <= self.rtol * min(upper, 2.0 * lower) or not middle:
+                break
+            slope = (1.0 / middle - 1.0 / most) * mass if most else 0.0
+            root = most * (1.0 - slope) if 0.0 < slope < 1.0 else middle
+            near = abs(mass - root) <= 2.0 * beside * root
+            beside *= 2.0 if near and not (found.lower >= mass or found.upper <= mass) else 1.0
+            mass = root * (1.0 - beside if root - lower > self.rtol * root else 1.0 + beside)
+        return replace(best, lower=lower, upper=upper, programs=programs)
 
     @cached_property
     def slice(self) -> WrenchSlice:
@@ -237,7 +290,9 @@ class _Search:
         parts = [self.growing] if self.constant is None else [self.growing, self.constant]
         rows = [_generators(term) for part in parts for term in part.terms()]
         scaled = np.concatenate(rows) / self.grasp.scale
-        return WrenchSlice(self.grasp, self.angles, span(scaled), np.zeros(6))
+        basis, links = span(scaled), self.grasp.actuation.links
+        held = None if links is None else -links @ basis[:, :3].T / self.mass
+        return WrenchSlice(self.grasp, self.angles, basis, np.zeros(6), held)
 
     def extents(self, directions: Floats) -> tuple[Floats, Floats]:
         """How far the opposite of both parts reaches along directions (r, k), each (r,)."""
@@ -284,7 +339,7 @@ class _Search:
     @cached_property
     def at_rest(self) -> Reach:
         """Whether the hand holds its own links without any load."""
-        return replace(self.slice, basis=np.zeros((0, 6))).reach(np.zeros(0))
+        return replace(self.slice, basis=np.zeros((0, 6)), links=None).reach(np.zeros(0))
 
     def limited(self, limit: HandPayload, found: Reach, direction: Floats) -> HandPayload:
         """With the upper bound that a reach along a direction proves, where it is smaller."""

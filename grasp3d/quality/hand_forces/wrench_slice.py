@@ -77,6 +77,8 @@ class WrenchSlice:
     """Orthonormal rows that span the subspace, torques divided by `grasp.length`, shape (k, 6)."""
     constant: Floats
     """Wrench that the contacts exert besides, in the same coordinates [N], shape (6,)."""
+    links: Floats | None = None
+    """Torques of the joints that hold the links, along the basis [N m/N], (p, k); None: none."""
 
     @cached_property
     def _limits(self) -> tuple[Floats, Floats]:
@@ -96,13 +98,26 @@ class WrenchSlice:
         return np.asarray(idle @ rows[sizes > RANK].T)
 
     @cached_property
+    def _held(self) -> Floats:
+        """Torques that hold the links, along the basis [N m/N], shape (p, k)."""
+        none = np.zeros((self.grasp.actuation.joints, len(self.basis)))
+        return none if self.links is None else self.links
+
+    @cached_property
+    def _torques(self) -> Floats:
+        """Torques of the joints of forces in the frames, idle values and coordinates."""
+        grasp = self.grasp
+        idle = np.zeros((grasp.actuation.joints, self._idle.shape[1]))
+        held = self._held * (grasp.force / grasp.torque)
+        return np.concatenate([grasp.joint_torques, idle, held], axis=1)
+
+    @cached_property
     def _equations(self) -> tuple[Floats, Floats, Floats]:
         """Independent equations, their right sides, and how they combine those of statics."""
         grasp, actuation = self.grasp, self.grasp.actuation
-        loads = actuation.undriven.T @ grasp.joint_torques
-        idle, extra = self._idle.shape[1], len(self.basis)
+        idle = self._idle.shape[1]
         balance = np.concatenate([grasp.wrenches, np.zeros((6, idle)), -self.basis.T], axis=1)
-        rows = np.concatenate([balance, np.pad(loads, ((0, 0), (0, idle + extra)))])
+        rows = np.concatenate([balance, actuation.undriven.T @ self._torques])
         right = np.concatenate(
             [self.constant / grasp.force, actuation.undriven.T @ actuation.offset / grasp.torque]
         )
@@ -126,9 +141,9 @@ class WrenchSlice:
         unknown, forces = matrix.shape[1], 3 * grasp.contacts.count
         idle = self._idle
         sign = 2.0 * side - 1.0
-        values = np.concatenate([actuation.inverse @ grasp.joint_torques, idle], axis=1)
-        limits = np.zeros((len(drive), unknown))
-        limits[:, : forces + idle.shape[1]] = (sign / units[drive])[:, None] * values[drive]
+        values = actuation.inverse @ self._torques
+        values[:, forces : forces + idle.shape[1]] = idle
+        limits = (sign / units[drive])[:, None] * values[drive]
         bound = np.where(side == 1, actuation.upper[drive], actuation.lower[drive])
         rest = actuation.inverse @ actuation.offset
         most = sign / units[drive] * (bound + rest[drive]) / grasp.torque
@@ -213,7 +228,7 @@ class WrenchSlice:
         grasp, actuation = self.grasp, self.grasp.actuation
         _, units = self._limits
         offset = np.zeros(actuation.joints) if ray else actuation.offset
-        torques = grasp.joint_loads(forces)
+        torques = grasp.joint_loads(forces) + self._held @ point
         drives = actuation.inverse @ (torques - offset) + self._idle @ idle
         lower, upper = (
             np.where(np.isfinite(one), 0.0, one) if ray else one
@@ -246,11 +261,12 @@ class WrenchSlice:
         first = self.program.equations
         pulls = np.zeros(len(actuation.lower))
         np.add.at(pulls, drive, (2.0 * side - 1.0) * z[first : first + len(drive)] / units[drive])
-        twist = -statics[:6]
-        twist += (direction - self.basis @ twist) @ self.basis
         motion = actuation.inverse.T @ pulls + actuation.undriven @ statics[6:]
+        motion *= grasp.force / grasp.torque
+        twist = -statics[:6]
+        twist += (direction - self.basis @ twist - motion @ self._held) @ self.basis
         twist[3:] /= grasp.length
-        return twist, motion * (grasp.force / grasp.torque)
+        return twist, motion
 
     def bound(self, twist: Floats, motion: Floats) -> tuple[float, float]:
         """(upper, slack): how far motions of object and joints prove that wrenches reach at most.
