@@ -56,6 +56,11 @@ def stated_torques(hand: ArticulatedHand, load: LoadCase) -> Floats:
             f"{', '.join(missing)}: give unstated_torques, the greatest torque of these, or "
             "torque_limits, that of every motor"
         )
+    if stated.torque_limits is not None and not _motors(hand):
+        raise SettingError(
+            f"{hand.name} has no motor that torque_limits could limit: its description states the "
+            "tensions of its tendons"
+        )
     if stated.unstated_torques is not None and not missing:
         raise SettingError(
             f"the description of {hand.name} states the torques of all motors: give torque_limits "
