@@ -206,8 +206,8 @@ def test_tendons_hold_what_motors_do_that_way_and_nothing_the_other(tmp_path: Pa
     assert closing.label[0] == Label.S
     assert str(closing.motor_holding.limit[0]).startswith("tendon of slide_")
     assert "at the tensions of its tendons" in str(closing.verdict)
+    limited = grasp3d.Load(task=DOWN, torque_limits=10.0)
     with pytest.raises(SettingError, match="no motor that torque_limits could limit"):
-        limited = grasp3d.Load(task=DOWN, torque_limits=10.0)
         evaluated(tmp_path, limited, torques=none, tendons=pulling(0.5))
     opening = evaluated(tmp_path, load, torques=none, tendons=pulling(-0.5))
     assert opening.motor_holding is not None
