@@ -84,7 +84,7 @@ QUALITIES = {
     "location tolerance": Quality(
         lambda c, *_: location_tolerance(c, rtol=1e-6), power=1, shifts=True, kinds=POINTS
     ),
-    **{name: of_metric(name) for name in METRICS if name != "wrench_resistance"},
+    **{name: of_metric(name) for name in METRICS},
 }  # fmt: skip
 
 

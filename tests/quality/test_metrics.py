@@ -13,9 +13,9 @@ from random_grasps import Shape, random_contacts
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
-from grasp3d import Contacts, critical_friction_angle, epsilon, force_closure, grip_force
+from grasp3d import Contacts, critical_friction_angle, epsilon, force_closure
 from grasp3d.contact.friction_cones import cone_edges
-from grasp3d.errors import ContactError, SettingError
+from grasp3d.errors import SettingError
 from grasp3d.quality import METRICS, MetricValues, metric_names, metrics
 from tests.helpers import shapes
 from tests.helpers.grasps import LINE, changed, just_off_a_line, one, regular_on_ball, stacked
@@ -367,62 +367,6 @@ def test_orthogonality_is_the_angle_to_the_nearest_of_parallel_and_orthogonal(
     assert found == pytest.approx(min(angle, math.pi / 2.0 - angle), abs=1e-9)
 
 
-# --- wrench resistance ---------------------------------------------------------------------------
-
-NEVER = "however hard they press"
-"""End of the reasons why no force resists a wrench."""
-
-
-@few
-@given(kinds, seeds)
-def test_wrench_resistance_is_the_grip_force_of_the_wrench(kind: Shape, seed: int) -> None:
-    contacts = grasp(kind, seed)
-    wrench = np.random.default_rng(seed).normal(size=6)
-    found = metrics(contacts, "wrench_resistance", wrench=wrench)
-    force = grip_force(contacts, wrench)
-    if np.isfinite(force.upper):
-        value = found["wrench_resistance"]
-        assert force.lower * (1.0 - 1e-9) <= value <= force.upper * (1.0 + 1e-6)
-        assert found.reasons["wrench_resistance"] == ""
-    else:
-        assert np.isnan(found["wrench_resistance"])
-        assert str(found.reasons["wrench_resistance"]).endswith(NEVER)
-
-
-def test_wrenches_that_no_force_resists_have_a_reason() -> None:
-    pair = regular_on_ball("pair")
-    line, name = pair.normals[0], "wrench_resistance"
-    twist = np.concatenate([np.zeros(3), line])
-    found = metrics(pair, name, wrench=twist)
-    assert np.isnan(found[name])
-    assert "no wrench of that kind" in str(found.reasons[name])
-    soft = metrics(regular_on_ball("pair", torsion_radius=0.1), name, wrench=twist)
-    assert soft[name] == pytest.approx(1.0 / (2.0 * 0.1), rel=1e-6)
-    one_way = Contacts([[-1.0, 0, 0], [1.0, 0, 0]], [[0, 0, 1.0], [0, 0, 1.0]], 0.5)
-    found = metrics(one_way, name, wrench=[0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-    assert np.isnan(found[name])
-    assert "cannot push that way" in str(found.reasons[name])
-    held = metrics(one_way, name, wrench=[0.0, 0.0, -1.0, 0.0, 0.0, 0.0])
-    assert held[name] == pytest.approx(0.5, rel=1e-6)
-
-
-def test_wrench_resistance_is_listed_only_with_a_wrench() -> None:
-    name, pairs = "wrench_resistance", stacked([regular_on_ball("pair")] * 2)
-    assert name not in metrics(pairs)
-    assert list(metrics(pairs, wrench=np.zeros(6))) == list(METRICS)
-    found = metrics(pairs, ["polygon_area", name])
-    assert np.isnan(found[name]).all()
-    assert set(found.reasons[name].tolist()) == {"no wrench is given"}
-    wrenches = np.zeros((2, 6))
-    wrenches[1, :3] = 3.0 * np.cross(pairs.normals[1, 0], [0.3, 0.5, 0.8])
-    found = metrics(pairs, name, wrench=wrenches)
-    size = np.linalg.norm(wrenches[1, :3])
-    assert found[name] == pytest.approx([0.0, size], rel=1e-6)  # 1 / (2 friction) is 1
-    for wrong in ([0.0, 0.0, 1.0], np.full(6, np.nan), np.zeros((3, 6))):
-        with pytest.raises(ContactError, match="wrench"):
-            metrics(pairs, name, wrench=wrong)
-
-
 # --- degenerate grasps ---------------------------------------------------------------------------
 
 
@@ -503,8 +447,7 @@ def test_fingers_of_different_friction_have_no_one_margin() -> None:
 
 
 def test_names() -> None:
-    assert metric_names("all", of_wrench=True) == tuple(METRICS)
-    assert set(METRICS) - set(metric_names("all")) == {"wrench_resistance"}
+    assert metric_names("all") == tuple(METRICS)
     assert metric_names(["min_weight", "all"])[0] == "min_weight"
     assert set(metric_names(["min_weight", "all"])) == set(metric_names("all"))
     assert metric_names("min_weight,polygon_area,min_weight") == ("min_weight", "polygon_area")

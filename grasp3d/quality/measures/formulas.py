@@ -2,7 +2,7 @@
 
 Of the grasp matrix: its singular values in the span of the grasp. Of the primitive wrenches: volume
 of their hull, min-weight metric. Of internal forces: how far they can stay from the borders of the
-friction cones. Of a given wrench: the force per finger that it needs.
+friction cones.
 """
 
 import math
@@ -17,7 +17,6 @@ from scipy.spatial import ConvexHull, QhullError
 from grasp3d.arrays import Bools, Floats, Ints, angles_between
 from grasp3d.contact.friction_cones import edge_angles
 from grasp3d.quality.critical_angle import critical_friction_angle
-from grasp3d.quality.grip_forces import Resistance, grip_force
 from grasp3d.quality.measures.geometry import GraspGeometry, Measured, Metric
 
 TOGETHER = 32
@@ -104,9 +103,6 @@ BESIDE_ORIGIN = 1e-9
 
 LEAST_RANK = 5
 """Rank of hard fingers on a line; below it contacts coincide, or have no friction."""
-
-RTOL = 1e-6
-"""Fraction of the force that may lie between its bounds; the larger one is given."""
 
 FLAT = 1e-9
 """Width relative to the length from which contacts are not on one line."""
@@ -494,29 +490,3 @@ def _plane(grasps: GraspGeometry) -> _Plane:
     collinear = second <= FLAT * sizes[:, 0]
     ambiguous = ~collinear & (second - third <= ROUND * second)
     return _Plane(flat, axes[:, 0], axes[:, 2], collinear, ambiguous)
-
-
-@_metric(
-    "wrench resistance",
-    "smallest normal force of every finger with which circular friction cones resist a given "
-    "wrench, as `grip_force` finds it; the fingers may press less than that",
-    r"\min\{t : -w \in t \, W\}",
-    "Mahler et al. 2019",
-    better="smaller",
-    torsion="soft fingers have the elliptic limit surface",
-    unit="N",
-    of_wrench=True,
-)
-def wrench_resistance(grasps: GraspGeometry) -> Measured:
-    """Smallest normal force of every finger that resists the given wrench (Mahler et al. 2019)."""
-    if grasps.wrench is None:
-        return Measured.undefined(grasps.size, "no wrench is given")
-    force = grip_force(grasps.contacts, grasps.wrench, rtol=RTOL)
-    return Measured.of(
-        force.value,
-        (
-            force.resistance == Resistance.NO_SUCH_WRENCH,
-            "the fingers can apply no wrench of that kind, however hard they press",
-        ),
-        (~np.isfinite(force.value), "the fingers cannot push that way, however hard they press"),
-    )

@@ -25,7 +25,7 @@ Texts = npt.NDArray[Any]
 Better = Literal["larger", "smaller"]
 """Which values of a measure are better."""
 
-Unit = Literal["", "length", "length²", "rad", "N"]
+Unit = Literal["", "length", "length²", "rad"]
 """Unit of a measure; '': it has none."""
 
 
@@ -52,8 +52,6 @@ class GraspGeometry:
     """Largest error of critical friction angles [rad]."""
     principal_axis: Floats
     """Longest principal axis of the object, shape (b, 3); nan: not given."""
-    wrench: Floats | None = None
-    """Wrench that acts on the object [N, N x mesh unit], shape (b, 6); None: not given."""
 
     @property
     def size(self) -> int:
@@ -209,8 +207,6 @@ class Metric:
     """Lengths are in the unit of the contacts."""
     fingers: int = 2
     """Smallest number of fingers for which it is defined."""
-    of_wrench: bool = False
-    """Whether it is that of a given wrench."""
     measure: Callable[..., Any] = field(kw_only=True, repr=False, compare=False)
     """The function of the package that computes it."""
 

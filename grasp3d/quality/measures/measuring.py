@@ -13,24 +13,22 @@ from grasp3d.arrays import ArrayLike, Floats, Ints, locked, shaped, short_repr
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import edge_angles
 from grasp3d.errors import SettingError
-from grasp3d.quality.grip_forces import wrenches_of
 from grasp3d.quality.measures.formulas import METRICS
 from grasp3d.quality.measures.geometry import GraspGeometry, Measured, Metric
 from grasp3d.quality.wrenches import check_torque_scale
 
 ALL = "all"
-"""Stands for the names of all measures, of those of a wrench only where one is given."""
+"""Stands for the names of all measures."""
 
 UNDEFINED = "undefined_metrics"
 """Column of a table with the reasons why measures are undefined."""
 
 
-def metric_names(names: str | Sequence[str], *, of_wrench: bool = False) -> tuple[str, ...]:
+def metric_names(names: str | Sequence[str]) -> tuple[str, ...]:
     """Names of known measures.
 
     Args:
         names: 'all', names in a list, or separated by commas in one text.
-        of_wrench: Whether 'all' includes the measures of a given wrench.
 
     Returns:
         Each name once, in the order in which it was given; of 'all', that of `METRICS`.
@@ -45,8 +43,7 @@ def metric_names(names: str | Sequence[str], *, of_wrench: bool = False) -> tupl
     """
     words = names.split(",") if isinstance(names, str) else list(names)
     parts = [str(name).strip() for name in words]
-    everything = [name for name, one in METRICS.items() if of_wrench or not one.of_wrench]
-    keys = [name for part in parts for name in (everything if part == ALL else [part])]
+    keys = [name for part in parts for name in (METRICS if part == ALL else [part])]
     if not any(keys):
         raise SettingError(f"no metric is named; known: {ALL}, {', '.join(METRICS)}")
     for name in keys:
@@ -164,7 +161,6 @@ def metrics(
     torque_scale: float = 1.0,
     edges: int = 8,
     principal_axis: ArrayLike | None = None,
-    wrench: ArrayLike | None = None,
     tolerance: float = 1e-4,
 ) -> MetricValues:
     """Quality measures of the literature; `METRICS` has their formulas, sources and ranges.
@@ -182,9 +178,6 @@ def metrics(
             `internal_force_margin`; about the normal they lie as those of `epsilon`.
         principal_axis: Direction of the object's longest principal axis for `orthogonality`,
             shape (3,) or (..., 3); None or nan: there is none.
-        wrench: Wrench that acts on the object, for `wrench_resistance`: force [N] and torque about
-            the centre of mass [N x mesh unit], shape (6,) or (..., 6); None: there is none, and
-            'all' does not include that measure.
         tolerance: Largest error of `friction_margin` for three fingers and more [rad]; it is never
             too large.
 
@@ -192,7 +185,6 @@ def metrics(
         Values and reasons by name, of the batch's shape each.
 
     Raises:
-        ContactError: A wrench of another shape, or that is not finite.
         SettingError: An unknown name, a setting outside its range, or contacts with patches.
 
     Example:
@@ -213,7 +205,7 @@ def metrics(
             "the measures of the literature are those of point contacts; give "
             "contacts.without_patches()"
         )
-    keys = metric_names(names, of_wrench=wrench is not None)
+    keys = metric_names(names)
     check_torque_scale(torque_scale)
     edge_angles(edges)
     batch = contacts.batch
@@ -224,7 +216,6 @@ def metrics(
         int(edges),
         tolerance,
         _axes_of(principal_axis, batch).reshape(-1, 3),
-        None if wrench is None else wrenches_of(wrench, contacts),
     )
     measured = {name: _measure(grasps, METRICS[name]) for name in keys}
     return MetricValues(
