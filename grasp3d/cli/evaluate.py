@@ -7,7 +7,7 @@ from typing import Any
 from grasp3d.cli import grasp_report, hand_report, progress_bars
 from grasp3d.cli.commands import Evaluate
 from grasp3d.cli.existing_files import check_not_source, check_not_task, check_output
-from grasp3d.errors import ContactError, SettingError
+from grasp3d.errors import ContactError, MeshError, SettingError
 from grasp3d.grasps.evaluated_parts import EvaluatedParts
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps, poses_on
@@ -47,6 +47,11 @@ def run(command: Evaluate) -> int:
         metric_names(command.metrics)
     output = command.output or Path(f"{safe_stem(command.file.stem)}_grasps.csv")
     check_not_task(output, command.load)
+    if command.file.is_dir():
+        raise MeshError(
+            f"{command.file}: is a folder, but grasps are of one object: name its mesh file, and "
+            "evaluate the grasps of other objects with theirs, one after the other"
+        )
     poses = command.grasps_format is not None or holds_poses(command.contacts)
     _check_gripper(command, poses=poses)
     check_not_source(output, command.contacts, "poses" if poses else "contacts")

@@ -134,6 +134,17 @@ def test_wrong_postures_are_refused(folder: Path) -> None:
         assert run.stderr.count("\n") == 1
 
 
+def test_grasps_are_of_one_object(folder: Path) -> None:
+    (folder / "meshes").mkdir()
+    run = grasp3d("evaluate", "meshes", "poses.csv", *HAND, cwd=folder)
+    assert run.returncode == 2
+    assert "meshes: is a folder, but grasps are of one object: name its mesh" in run.stderr
+    run = grasp3d("batch", "box.stl", "-o", "out", *HAND, cwd=folder)
+    assert run.returncode == 2
+    assert "object by object (grasp3d evaluate MESH GRASPS --hand FILE)" in run.stderr
+    assert not (folder / "out").exists()
+
+
 def test_load(folder: Path) -> None:
     text = printed("evaluate", *POSES, "--mass", "0.5kg", "--torque-limits", "10", cwd=folder)
     assert "sliders holds 1.6" in text

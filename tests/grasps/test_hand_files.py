@@ -364,6 +364,9 @@ def test_a_folder_of_files_of_one_grasp_each(tmp_path: Path) -> None:
     save(tmp_path / "mug" / "bad.npy", {"other": np.zeros(3)})
     with pytest.raises(ContactError, match="grasp_qpos is missing"):
         read_poses(tmp_path / "mug", hand=poses.hand, format="dexgraspbench")
+    save(tmp_path / "mug" / "bad.npy", bench(poses, 3, obj_path="assets/DGNObj/pot"))
+    with pytest.raises(ContactError, match="pot: put the files of each"):
+        read_poses(tmp_path / "mug", hand=poses.hand)
 
 
 def test_poses_under_a_key_of_their_own_and_several_postures_on_the_way(tmp_path: Path) -> None:

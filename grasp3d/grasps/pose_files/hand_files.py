@@ -389,8 +389,8 @@ def _object_file(content: Sequence[Rows]) -> str | None:
     files = {text for rows in content for text in rows.get("obj_path", ())}
     if len(files) > 1:
         raise ContactError(
-            f"its grasps are of {len(files)} objects, such as {', '.join(sorted(files)[:2])}: read "
-            "the files of one object"
+            f"its grasps are of {len(files)} objects, such as {', '.join(sorted(files)[:2])}: put "
+            "the files of each object into a folder of their own, and evaluate it with its mesh"
         )
     return next(iter(files), None)
 
