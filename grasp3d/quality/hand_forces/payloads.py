@@ -36,6 +36,9 @@ MOST_MASSES, BESIDE = 12, 0.4
 """Loads that are tried with the weight of the links, and how far beside the expected one, relative
 to the tolerance."""
 
+LEAST = 1e-3
+"""The least load that is tried so, relative to the largest."""
+
 TENTH = 0.1
 
 
@@ -282,7 +285,23 @@ class _Search:
             near = abs(mass - root) <= 2.0 * beside * root
             beside *= 2.0 if near and not (found.lower >= mass or found.upper <= mass) else 1.0
             mass = root * (1.0 - beside if root - lower > self.rtol * root else 1.0 + beside)
+        if lower > 0.0 and not self.holds_links:
+            # Nearly the links alone; what is between two loads that are held is held, too.
+            least = replace(self, mass=LEAST * lower).found()
+            lower, programs = lower * (least.lower >= LEAST * lower), programs + least.programs
         return replace(best, lower=lower, upper=upper, programs=programs)
+
+    @property
+    def holds_links(self) -> bool:
+        """Whether the drives hold the links without any contact, wherever gravity acts."""
+        drives = self.grasp.actuation
+        assert drives.links is not None
+        rows, rest = drives.inverse @ drives.links, drives.inverse @ drives.offset
+        loads = np.concatenate([drives.links, drives.offset[:, None]], axis=1)
+        undriven = np.abs(drives.undriven.T @ loads).max(initial=0.0)
+        most, least = (self.growing.support(np.pad(one, ((0, 0), (0, 3)))) for one in (rows, -rows))
+        within = (most - rest <= drives.upper) & (-least - rest >= drives.lower)
+        return bool(within.all() and undriven <= FLAT * np.abs(loads).max(initial=0.0))
 
     @cached_property
     def slice(self) -> WrenchSlice:

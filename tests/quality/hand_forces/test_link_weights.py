@@ -14,13 +14,15 @@ from grasp3d.quality.tasks import STANDARD_GRAVITY, Task, Weight, Wrenches
 MOST, FRICTION = 20.0, 0.3
 
 
-def jaws(mass: float, motors: float = MOST) -> HandGrasp:
+def jaws(mass: float, *, least: float = -MOST) -> HandGrasp:
     """Two fingers that slide along x, of a mass each, with a part between them."""
     contacts = Contacts([[-0.02, 0, 0], [0.02, 0, 0]], [[1, 0, 0], [-1, 0, 0]], FRICTION)
     slides = [[[1, 0], [0, 0], [0, 0]], [[0, 0], [0, 0], [0, 0]]]
     slides[1][0][1] = -1  # both values grow where the fingers close
     links = [[-mass, 0.0, 0.0], [mass, 0.0, 0.0]]
-    return HandGrasp(contacts, slides, Actuation.of_hand([motors] * 2, joints=2, links=links))
+    return HandGrasp(
+        contacts, slides, Actuation.of_hand([[least, MOST]] * 2, joints=2, links=links)
+    )
 
 
 def closed_form(mass: float, angles: np.ndarray) -> np.ndarray:
@@ -42,6 +44,7 @@ def test_the_lower_finger_carries_the_links_and_the_part(angle: float) -> None:
     assert found.upper == pytest.approx(found.lower, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [0.05, 0.5, 1.2])
 def test_in_any_direction_it_is_that_of_the_worst(mass: float) -> None:
     expected = closed_form(mass, np.linspace(0.0, 0.5 * math.pi, 20001)).min()
@@ -51,9 +54,17 @@ def test_in_any_direction_it_is_that_of_the_worst(mass: float) -> None:
     assert found.upper - found.lower <= 1e-2 * found.upper
 
 
+def test_links_may_rest_on_the_part_where_tendons_only_pull() -> None:
+    two_way, pulled = (
+        hand_payload(jaws(0.1, least=least), Weight(), rtol=5e-2) for least in (-MOST, 0.0)
+    )
+    assert pulled.lower == pytest.approx(two_way.lower, rel=5e-2)
+    assert pulled.programs > two_way.programs  # without the part nothing holds them
+
+
 def test_links_that_motors_cannot_hold_leave_nothing() -> None:
     too_heavy = 1.01 * MOST / STANDARD_GRAVITY
-    found = hand_payload(jaws(too_heavy), Weight(), rtol=1e-2)
+    found = hand_payload(jaws(too_heavy), Weight(), rtol=5e-2)
     assert found.lower == 0.0
     assert found.upper < 0.1
     assert hand_payload(jaws(too_heavy), Weight(direction=(1, 0, 0))).upper == 0.0
@@ -67,6 +78,7 @@ def test_the_cone_within_which_gravity_acts_counts_for_links() -> None:
     assert found.upper == pytest.approx(expected, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_random_hands_hold_the_payload_of_any_direction_in_each() -> None:
     generator = np.random.default_rng(4)
     links = 0.02 * generator.normal(size=(6, 3))
@@ -96,5 +108,5 @@ def test_random_hands_hold_the_payload_of_any_direction_in_each() -> None:
 )
 def test_tasks_that_do_not_say_where_gravity_acts_neglect_links(task: Task, weighs: bool) -> None:
     assert links_weigh(task) == weighs
-    with_links, without = (hand_payload(jaws(mass), task, rtol=1e-2).lower for mass in (0.5, 0.0))
+    with_links, without = (hand_payload(jaws(mass), task, rtol=5e-2).lower for mass in (0.5, 0.0))
     assert (with_links < without - 1e-6) == weighs
