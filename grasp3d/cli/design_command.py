@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 
 from grasp3d.cli.options import Flag, Forced, LengthOption, Overwriting, Strict, one_word
-from grasp3d.contact.sensor import JointEncoders, radius_of
+from grasp3d.contact.sensor import JointEncoders
 from grasp3d.errors import SettingError
 from grasp3d.settings import Radians
 from grasp3d.settings.lengths import Unit, length_in_unit
@@ -152,10 +152,6 @@ class Design(Overwriting, Strict, Forced):
     ] = None
     """Radius of a hemispherical fingertip (default: 10mm)."""
 
-    curvature: Annotated[float | None, Group("fingertip")] = None
-    """Curvature of the fingertip instead of its radius: 1 / radius, in 1 / --print-unit; 0 for a
-    flat fingertip."""
-
     flat: Annotated[Flag, Group("fingertip")] = False
     """The fingertip is flat."""
 
@@ -215,7 +211,6 @@ class Design(Overwriting, Strict, Forced):
     def _check_tip(self) -> None:
         fingertip = {
             "--fingertip-radius": self.fingertip_radius is not None,
-            "--curvature": self.curvature is not None,
             "--flat": self.flat,
             "--fingertip-axes": bool(self.fingertip_axes),
         }
@@ -246,8 +241,6 @@ class Design(Overwriting, Strict, Forced):
         """Radius of the fingertip; inf: flat."""
         if self.flat:
             return math.inf
-        if self.curvature is not None:
-            return radius_of(self.curvature)
         radius = self.length("fingertip_radius")
         return DEFAULT_RADIUS[self.print_unit] if radius is None else radius
 

@@ -158,11 +158,6 @@ class Sensor:
         return math.isinf(self.fingertip_radius)
 
     @property
-    def curvature(self) -> float:
-        """Curvature of the tip, 1 / radius; 0: flat."""
-        return 1.0 / self.fingertip_radius
-
-    @property
     def resolution(self) -> float:
         """Sensor resolution alpha [rad]: the angle between the receptive field's outer normals."""
         return self.receptive_field / self.fingertip_radius
@@ -309,22 +304,6 @@ def check_field(length: float) -> None:
     """Raise SettingError unless the length of a receptive field is above 0 and finite."""
     if not 0.0 < length < math.inf:
         raise SettingError(f"receptive field must be a finite length above 0; got {length:g}")
-
-
-def radius_of(curvature: float) -> float:
-    """Radius of a fingertip of given curvature; inf: flat.
-
-    Args:
-        curvature: At least 0.
-
-    Raises:
-        SettingError: The curvature is not a finite number of at least 0.
-    """
-    if not (curvature >= 0.0 and math.isfinite(curvature)):
-        raise SettingError(
-            f"curvature must be a finite number of at least 0, 0 for flat; got {curvature:g}"
-        )
-    return 1.0 / curvature if curvature > 0.0 else math.inf
 
 
 def _half(opening: float) -> float:

@@ -101,7 +101,7 @@ def test_the_resolution_can_be_given_in_degrees_instead() -> None:
     assert given["sensor resolution"] == "22.60°"
     assert given["receptive field"] == f"{10.0 * math.radians(22.6):.4g} mm"
     assert given["required friction"] == f"above {math.tan(math.radians(11.3)):.4g}"
-    by_field = printed("--receptive-field", 10.0 * math.radians(22.6), "--curvature", 0.1)
+    by_field = printed("--receptive-field", 10.0 * math.radians(22.6), "--fingertip-radius", 10)
     assert facts(by_field) == given
 
 
@@ -128,9 +128,7 @@ def test_a_sensor_with_the_limiting_resolution_is_not_fine_enough() -> None:
     assert rows(text)[0][2] == rows(text)[2][2] == "0.00°"  # rounded from -0.00005
 
 
-@pytest.mark.parametrize(
-    "tip", [("--flat",), ("--curvature", 0), ("--fingertip-radius", "inf")], ids=str
-)
+@pytest.mark.parametrize("tip", [("--flat",), ("--fingertip-radius", "inf")], ids=str)
 def test_a_flat_fingertip_has_uncertain_locations_only(tip: tuple[object, ...]) -> None:
     sensor = printed(*tip, "--receptive-field", 4, "--object-size", 30)
     values = facts(sensor)

@@ -312,8 +312,7 @@ view ball.ply --web --host no.such.host.invalid | cannot serve at no.such.host
 view box.stl --max-opening 70mm --screenshot a.png | is 70 mm, but the unit of box.stl is not known
 view box.stl --unit mm --max-opening 70000 --screenshot a.png | is 7e+04 mm, 650 times the size of b
 design --fingertip-radius 10 --flat | --fingertip-radius and --flat each define
-design --fingertip-radius 10 --curvature 0.1 | give one
-design --fingertip-radius 10 --curvature 0.1 --flat | --fingertip-radius and --curvature and --flat
+design --fingertip-radius 10 --fingertip-axes 9 9 9 --flat | --fingertip-radius and --flat and --fi
 design --receptive-field 4 --sensor-resolution 20 | each define the sensor
 design --flat --sensor-resolution 20 | a flat fingertip has the same
 design --flat --friction 0.5 | --object-size
@@ -322,7 +321,6 @@ design --receptive-field 0 | receptive field must be a finite length above 0
 design --receptive-field 32 | pi x 10 = 31.42; got 32
 design --fingertip-radius -1 | fingertip radius must be above 0
 design --fingertip-radius nan | fingertip radius must be above 0
-design --curvature -1 | curvature must be a finite number of at least 0
 design --sensor-resolution 180 | below 180 degrees
 design --sensor-resolution 0 | above 0
 design --friction 0.5 0 | friction must be a finite number above 0

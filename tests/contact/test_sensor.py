@@ -10,7 +10,7 @@ from scipy.integrate import quad
 
 import grasp3d
 from grasp3d.contact.friction_cones import effective_friction
-from grasp3d.contact.sensor import SMALL_UNCERTAINTY, Sensor, radius_of, resolution_limit
+from grasp3d.contact.sensor import SMALL_UNCERTAINTY, Sensor, resolution_limit
 from grasp3d.errors import SettingError
 
 radii = st.floats(1e-3, 1e3)
@@ -35,7 +35,6 @@ def test_a_sensor_made_for_a_resolution_has_it(resolution: float, radius: float)
     assert sensor.resolution == pytest.approx(resolution, rel=1e-15)
     assert sensor.receptive_field == pytest.approx(resolution * radius, rel=1e-15)
     assert sensor.tilt == sensor.resolution / 2.0
-    assert radius_of(sensor.curvature) == pytest.approx(radius, rel=1e-15)
 
 
 @given(frictions, radii)
@@ -229,13 +228,13 @@ def test_the_uncertainty_of_a_sensor_covers_all_contacts_within_its_receptive_fi
 
 
 def test_a_flat_fingertip_has_one_normal_and_an_uncertain_location() -> None:
-    for sensor in (Sensor(4.0, math.inf), Sensor(4.0, radius_of(0.0))):
-        assert (sensor.flat, sensor.curvature, sensor.resolution, sensor.tilt) == (True, 0, 0, 0)
-        assert sensor.location_uncertainty == 2.0
-        assert sensor.required_friction == 0.0
-        assert sensor.required_friction_at(20.0) == pytest.approx(0.2)
-        assert sensor.line_error(20.0) == pytest.approx(math.atan(0.2))
-        assert (sensor.sensors_by_discs, sensor.sensors_by_caps) == (None, None)
+    sensor = Sensor(4.0, math.inf)
+    assert (sensor.flat, sensor.resolution, sensor.tilt) == (True, 0, 0)
+    assert sensor.location_uncertainty == 2.0
+    assert sensor.required_friction == 0.0
+    assert sensor.required_friction_at(20.0) == pytest.approx(0.2)
+    assert sensor.line_error(20.0) == pytest.approx(math.atan(0.2))
+    assert (sensor.sensors_by_discs, sensor.sensors_by_caps) == (None, None)
 
 
 def test_extreme_receptive_fields() -> None:
@@ -288,7 +287,6 @@ def test_a_location_uncertainty_that_is_not_small_gives_a_warning(radius: float)
          "fingertip radius must be above 0, inf for flat; got"),
         (lambda field: Sensor(field, 10.0), (10.0 * math.pi, 40.0),
          "must be shorter than half the fingertip's circumference, pi x 10 = 31.42; got"),
-        (radius_of, (-0.1, math.nan, math.inf), "curvature must be a finite number of at least 0"),
         (lambda resolution: Sensor.for_resolution(resolution, 10.0),
          (0.0, -0.1, math.pi, math.nan, 22.6), "above 0 and below 180 degrees"),
         (lambda radius: Sensor.for_resolution(0.3, radius), (math.inf,),
@@ -307,10 +305,6 @@ def test_values_out_of_range_are_refused(
     for value in values:
         with pytest.raises(SettingError, match=message):
             make(value)
-
-
-def test_a_curvature_that_is_nearly_0_is_that_of_a_flat_tip() -> None:
-    assert math.isinf(radius_of(1e-320))
 
 
 @pytest.mark.parametrize("opening", [0.0, -1.0, math.nan])
