@@ -94,7 +94,7 @@ def main() -> None:
     timed("overlaps of links", options.n, lambda: scene.self_collisions(frames))
     one, given = timed("as given", options.n, lambda: hand_contacts(mesh, hand, poses, postures))
     stated = GraspPoses(poses=poses, posture=postures, unit="m")
-    labelled(mesh, stated.take(np.arange(10)), hand)  # compiles
+    labelled(mesh, stated.take(np.arange(options.n // 10)), hand)  # compiles
     timed("labels and reasons, as given", options.n, lambda: labelled(mesh, stated, hand))
     some = slice(options.n // 5)
     other, settled = timed(
