@@ -11,7 +11,13 @@ from numba.core import types
 
 from grasp3d._kernels.forces import grip_force, sure_forces, tasks
 from grasp3d._kernels.hands import kinematics, link_shapes, settling, touched_surface, touching
-from grasp3d._kernels.hull import frictionless_closure, pair_epsilon, wrench_problem, wrenches
+from grasp3d._kernels.hull import (
+    critical_angle,
+    frictionless_closure,
+    pair_epsilon,
+    wrench_problem,
+    wrenches,
+)
 from grasp3d._kernels.hull.polytope import make_polytope
 from grasp3d._kernels.hull.support_functions import TOTAL
 from grasp3d._kernels.jaws import closing, gripper_parts, jaws, reaching
@@ -61,7 +67,7 @@ _GOAL = types.UniTuple(_f, 4)
 _WORKSPACE = typeof(wrench_problem.make_workspace(TOTAL, 2))
 _POLYTOPE = typeof(make_polytope(1))
 _RESULTS = _tuple(wrench_problem.Results, _f1, _f1, _i1, _u8_1, _b1, _f2, _f3, _f1)
-_BRACKET = typeof(wrench_problem.no_bracket())
+_BRACKET = typeof(critical_angle.no_bracket())
 _TASK = typeof(grip_force.make_scratch(1, 2))
 _FORCES = _tuple(grip_force.ForceResults, _f1, _f1, _i1, _u8_1, _u8_1, _f2, _f3)
 _CONTACTS, _HELD = (_FORM, _f4, _f2, _f3), (_FORCE_FORM, _f4, _f2, _f3)

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from grasp3d._kernels.hull.critical_angle import Bracket
 from grasp3d._kernels.hull.frictionless_closure import frictionless_depth, make_cells
-from grasp3d._kernels.hull.wrench_problem import SIGN, Bracket
+from grasp3d._kernels.hull.wrench_problem import SIGN
 from grasp3d._kernels.search.coplanar_contacts import critical_of_three, make_plane
 from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, angles_between, shaped
 from grasp3d.contact.contacts import Contacts, centred
@@ -49,6 +50,9 @@ NEAREST = 1e-4
 
 DISCS = np.stack([np.diag([-1.0, -1, 0, 0, 1, 0]), np.diag([0, 0, -1.0, -1, 1, 0])])
 """Matrices of the constraints that keep the centres of pressure in the patches, (2, 6, 6)."""
+
+FIRST = 0.01
+"""Friction angle at which closure is tried first [rad]: most grasps need more."""
 
 NOT_BELOW = 1e-5
 """Angle below 90 degrees within which no friction angle is found [rad]."""
@@ -150,7 +154,7 @@ def _bracketed(points: Floats, normals: Floats, tolerance: float) -> Floats:
     active = np.flatnonzero(high - low > tolerance)
     width = np.full(len(active), tolerance)
     bracket = Bracket(points[active], normals[active], low[active], high[active], width)
-    problem.take(active).at_angles(0.5 * bracket.high).narrow(bracket)
+    problem.take(active).at_angles(np.full(len(active), FIRST)).narrow(bracket)
     low[active], high[active] = bracket.low, bracket.high
     while (active := np.flatnonzero(high - low > tolerance)).size:  # where closure has no proof
         angles = 0.5 * (low[active] + high[active])

@@ -11,6 +11,7 @@ import numpy as np
 
 from grasp3d._kernels.hull import wrench_problem as kernels
 from grasp3d._kernels.hull.certificates import LARGEST_SLACK
+from grasp3d._kernels.hull.critical_angle import Bracket, no_bracket
 from grasp3d._kernels.hull.growing_hull import CONVERGED, UNDECIDED
 from grasp3d._kernels.hull.pair_epsilon import make_pair_scratch, pair_epsilons
 from grasp3d._kernels.hull.polytope import SCRATCH_ROWS, Polytope, make_polytope
@@ -18,11 +19,9 @@ from grasp3d._kernels.hull.support_functions import LINEAR, NO_TORSION, PER_FING
 from grasp3d._kernels.hull.wrench_problem import (
     AT_REST,
     SIGN,
-    Bracket,
     Results,
     Workspace,
     make_workspace,
-    no_bracket,
     verify,
 )
 from grasp3d._kernels.hull.wrenches import RANK_TOLERANCE

@@ -18,6 +18,7 @@ from grasp3d._kernels.hull.certificates import (
     clear_slack,
     separation,
 )
+from grasp3d._kernels.hull.critical_angle import narrow
 from grasp3d._kernels.hull.equilibrium import equilibrium
 from grasp3d._kernels.hull.growing_hull import (
     AROUND_ORIGIN,
@@ -29,7 +30,7 @@ from grasp3d._kernels.hull.growing_hull import (
 )
 from grasp3d._kernels.hull.support_functions import NO_TORSION, PER_FINGER, ROWS, TOTAL, WrenchSpace
 from grasp3d._kernels.hull.wrenches import span
-from grasp3d._kernels.surface.vectors import copy6, cross, dot, norm, triple
+from grasp3d._kernels.surface.vectors import copy6
 
 SIGN = (0.0, 1e4, 0.0, 1.0)
 """Goal of a closure test; see `grow`."""
@@ -80,27 +81,6 @@ class Results(NamedTuple):
     (b, n, 6); nan where there is none."""
     slack: npt.NDArray[np.float64]
     """As returned by `balance`; 0 where the hull alone proves force closure (b,)."""
-
-
-class Bracket(NamedTuple):
-    """Intervals that contain the critical friction angles of grasps (b, ...), to be narrowed.
-
-    Empty arrays: none is, and each grasp is evaluated once, with the cones that it has.
-    """
-
-    points: npt.NDArray[np.float64]
-    """Contact points, and inward unit normals there (b, n, 3) each."""
-    normals: npt.NDArray[np.float64]
-    low: npt.NDArray[np.float64]
-    """Ends of the intervals [rad], (b,) each; written."""
-    high: npt.NDArray[np.float64]
-    width: npt.NDArray[np.float64]
-    """Width up to which they are narrowed [rad], (b,)."""
-
-
-def no_bracket() -> Bracket:
-    """An empty one."""
-    return Bracket(*np.zeros((2, 0, 1, 3)), *np.zeros((3, 0)))
 
 
 def make_workspace(kind: int, count: int, rolling: bool = False) -> Workspace:
@@ -283,66 +263,21 @@ def _examine_separation(form, wrenches, cones, rim, workspace, polytope, results
 
 
 @merged
-def _separated_up_to(bracket, u, g):
-    """Friction angle up to which a direction separates a grasp [rad]."""
-    least = math.pi
-    for i in range(bracket.points.shape[1]):
-        x, y, z = triple(bracket.points[g, i], 0)
-        velocity = (
-            u[0] + u[4] * z - u[5] * y,
-            u[1] + u[5] * x - u[3] * z,
-            u[2] + u[3] * y - u[4] * x,
-        )
-        normal = triple(bracket.normals[g, i], 0)
-        angle = math.atan2(norm(cross(velocity, normal)), dot(velocity, normal))
-        least = min(least, angle)
-    return least - 0.5 * math.pi
-
-
-@merged
-def _balanced_from(forces, slack, angle):
-    """Friction angle from which forces that balance each other are inside all cones [rad].
-
-    Exactly balanced forces are off by up to the slack times the sine of the angle to the cones.
-    """
-    upper = 0.0
-    for i in range(forces.shape[0]):
-        tangential = math.hypot(forces[i, 1], forces[i, 2])
-        upper = max(upper, math.atan2(tangential, forces[i, 0]))
-    return upper + 0.5 * math.pi * slack * (angle - upper)
-
-
-@merged
-def _next_angle(low, high, width):
-    """Angle at which an interval is divided [rad]: the geometric mean, if its ends differ much.
-
-    Hands touch at so many points that many of their grasps need hardly any friction.
-    """
-    return min(math.sqrt(max(low, width) * high), 0.5 * (low + high))
-
-
-@merged
-def _narrow(bracket, cones, results, g):
+def _narrowed(bracket, cones, polytope, results, g):
     """Narrow a grasp's interval by its closure; returns whether its cones are to be tried next.
 
     The interval stays where closure has no proof.
     """
-    angle = math.atan2(cones[g, 0, 1], cones[g, 0, 0])
-    low, high = bracket.low[g], bracket.high[g]
-    if results.closed[g]:
-        if not results.slack[g] < LARGEST_SLACK:
-            return False
-        upper = _balanced_from(results.forces[g], results.slack[g], angle)
-        high = max(low, min(upper, angle))
-    else:
-        if results.status[g] != CONVERGED:
-            return False
-        low = max(angle, min(_separated_up_to(bracket, results.direction[g], g), high))
-    bracket.low[g], bracket.high[g] = low, high
-    angle = _next_angle(low, high, bracket.width[g])
+    closed = results.closed[g]
+    if not (results.slack[g] < LARGEST_SLACK if closed else results.status[g] == CONVERGED):
+        return False
+    angle = narrow(
+        bracket, g, math.atan2(cones[g, 0, 1], cones[g, 0, 0]), closed, results.forces[g],
+        results.slack[g], results.direction[g], polytope.vectors,
+    )  # fmt: skip
     for i in range(cones.shape[1]):
         cones[g, i, 0], cones[g, i, 1] = math.cos(angle), math.sin(angle)
-    return high - low > bracket.width[g]
+    return angle > 0.0
 
 
 @scratch_kernel
@@ -459,6 +394,7 @@ def epsilons(
             _examine_separation(form, wrenches[g], cones[g], rim, workspace, polytope, results, g)
         if status == EXHAUSTED:
             return g
-        if not (bracket.high.shape[0] and rank == 6 and _narrow(bracket, cones, results, g)):
+        trying = bracket.high.shape[0] > 0 and rank == 6
+        if not (trying and _narrowed(bracket, cones, polytope, results, g)):
             g += 1
     return wrenches.shape[0]
