@@ -6,10 +6,11 @@ while
 
     q_i(u) = (z_i . n_i)^2 - t^2 |z_i - (z_i . n_i) n_i|^2 > 0 and z_i . n_i > 0,
 
-t the tangent of the angle: convex cones of u. The largest t is found by the method of centres
+t the friction coefficient: convex cones of u. The largest t is found by the method of centres
 (Huard 1967; Boyd & Vandenberghe, Convex Optimization, 2004, section 11): Newton's steps toward the
-minimum of -sum log q_i on the plane sum z_i . n_i = const, then t is raised halfway to what the
-centre allows. How well it converges does not matter: what a motion separates is computed from it.
+minimum of -sum log q_i on a plane, the centre at t, and from near it steps along the path of the
+centres as far as t can rise. How well that converges does not matter: what a motion separates is
+computed from the motion.
 """
 
 import math
@@ -22,13 +23,18 @@ from grasp3d._kernels.compiling.decorators import merged, part
 from grasp3d._kernels.surface.vectors import copy6, cross, dot, norm, triple
 
 STEPS = 80
-"""Most of Newton's steps; 45 are usual."""
+"""Most of Newton's steps; 20 are usual."""
 
-CENTRED = 0.25
-"""Newton's decrement, squared, from which on t is raised."""
+CENTRED = 2.0
+"""Newton's decrement, squared, from which on t rises."""
 
-NEAR = 0.03
-"""Gain of the angle at which it is found, in widths of the interval."""
+FAR, SHORTER, INSIDE = 4.0, 0.5, 0.1
+"""Rises of t that are tried: the first one, relative to what the motion allows as it is, the factor
+from one to the next, and how much more the motion must allow then, relative to the rise."""
+
+FOUND = 0.1
+"""Rise at which the largest t is found, and 0.01 of it that is as good as none, in widths of the
+interval."""
 
 SHORTEST = 1e-6
 """Shortest step."""
@@ -36,7 +42,7 @@ SHORTEST = 1e-6
 SURE = 0.9
 """How far beyond a separating motion closure is tried, in widths of the interval."""
 
-NEWTON, TOTAL, TRIED, BEST = 6, 7, 8, 9
+STEP, TOTAL, TRIED, BEST, DRIFT = 6, 7, 8, 9, 10
 """Rows of the scratch after those of Newton's matrix."""
 
 
@@ -69,12 +75,17 @@ def _opposite_velocity(p, u):
 
 
 @part
-def _separated_up_to(points, normals, u):
-    """Friction angle up to which a motion separates a grasp [rad], below 0: it does not."""
-    least = math.pi
+def _friction_separated(points, normals, u):
+    """Friction coefficient up to which a motion separates a grasp; below 0: it does not."""
+    least = math.inf
     for i in range(points.shape[0]):
         z, n = _opposite_velocity(triple(points[i], 0), u), triple(normals[i], 0)
-        least = min(least, math.atan2(dot(z, n), norm(cross(z, n))))
+        along = dot(z, n)
+        if not along > 0.0:
+            return -1.0
+        aside = norm(cross(z, n))
+        if along < least * aside:
+            least = along / aside
     return least
 
 
@@ -114,8 +125,8 @@ def _add_contact(p, n, u, t, matrix):
 
 
 @merged
-def _solve(matrix, row):
-    """Solve equations of a symmetric positive matrix (6, 6), by Cholesky; False: it is not."""
+def _factor(matrix):
+    """Replace a symmetric positive matrix (6, 6) by its Cholesky factor; False: it is none."""
     for k in range(6):
         for i in range(k, 6):
             value = matrix[i, k]
@@ -127,6 +138,12 @@ def _solve(matrix, row):
                 matrix[k, k] = math.sqrt(value)
             else:
                 matrix[i, k] = value / matrix[k, k]
+    return True
+
+
+@merged
+def _solve(matrix, row):
+    """Solve equations of a matrix by its Cholesky factor (6, 6); the row becomes the solution."""
     for k in range(6):
         for j in range(k):
             row[k] -= matrix[k, j] * row[j]
@@ -135,7 +152,23 @@ def _solve(matrix, row):
         for j in range(k + 1, 6):
             row[k] -= matrix[j, k] * row[j]
         row[k] /= matrix[k, k]
-    return True
+
+
+@merged
+def _add_drift(p, n, u, t, row):
+    """Subtract the derivative by t of the gradient of -log q of a contact (6,)."""
+    z, square = _opposite_velocity(p, u), t * t
+    along, all_ = dot(z, n), dot(z, z)
+    aside = all_ - along * along
+    q = along * along - square * aside
+    # 4 t (aside Q z / q - z_t) / q, of which Q z = (1 + t^2) (z . n) n - t^2 z.
+    of_n = 4.0 * t * (aside * (1.0 + square) * along / q + along) / q
+    of_z = -4.0 * t * (aside * square / q + 1.0) / q
+    v = of_n * n[0] + of_z * z[0], of_n * n[1] + of_z * z[1], of_n * n[2] + of_z * z[2]
+    torque = cross(p, v)
+    for k in range(3):
+        row[k] -= v[k]
+        row[3 + k] -= torque[k]
 
 
 @merged
@@ -148,6 +181,35 @@ def _six_dot(a, b):
 
 
 @part
+def _directions(points, normals, u, t, scratch):
+    """Write Newton's step toward the centre at t, and how the centre moves as t rises.
+
+    Returns:
+        Newton's decrement, squared; nan: rounding is as large as the step.
+    """
+    step, total, drift = scratch[STEP], scratch[TOTAL], scratch[DRIFT]
+    for k in range(6):
+        step[k] = total[k]
+        drift[k] = 0.0
+        for j in range(6):
+            scratch[k, j] = 0.0
+    for i in range(points.shape[0]):
+        p, n = triple(points[i], 0), triple(normals[i], 0)
+        _add_contact(p, n, u, t, scratch)
+        _add_drift(p, n, u, t, drift)
+    if not _factor(scratch):
+        return math.nan
+    _solve(scratch, step)
+    _solve(scratch, drift)
+    along, across = _six_dot(total, u), _six_dot(total, step)
+    ratio, turn = along / across, _six_dot(total, drift) / across
+    for k in range(6):
+        drift[k] -= turn * step[k]
+        step[k] = u[k] - ratio * step[k]
+    return 2.0 * points.shape[0] - along * ratio
+
+
+@part
 def climb(points, normals, width, u, scratch):
     """Improve a motion that separates a grasp, so that it does up to nearly the critical angle.
 
@@ -156,62 +218,57 @@ def climb(points, normals, width, u, scratch):
         normals: Inward unit normals (n, 3).
         width: Accuracy that is wanted [rad].
         u: The motion; written (6,).
-        scratch: Rows of at least 6 numbers (10, 6).
+        scratch: At least (11, 6).
 
     Returns:
         The friction angle up to which it separates them [rad].
     """
-    count = points.shape[0]
-    newton, total, tried, best = scratch[NEWTON], scratch[TOTAL], scratch[TRIED], scratch[BEST]
-    found = angle = _separated_up_to(points, normals, u)
-    if not found > 0.0:
-        return found
+    total, tried, best = scratch[TOTAL], scratch[TRIED], scratch[BEST]
+    found = _friction_separated(points, normals, u)
+    if not 0.0 < found < math.inf:
+        return math.atan(found)
     for k in range(6):
         total[k] = 0.0
-    for i in range(count):
-        p, n = triple(points[i], 0), triple(normals[i], 0)
-        arm = cross(p, n)
+    for i in range(points.shape[0]):
+        n = triple(normals[i], 0)
+        arm = cross(points[i], n)
         for k in range(3):
             total[k] -= n[k]
             total[3 + k] -= arm[k]
     copy6(u, best)
-    t = 0.5 * math.tan(found)
+    allowed, t = found, 0.5 * found
     for _ in range(STEPS):
-        for k in range(6):
-            newton[k] = total[k]
-            for j in range(6):
-                scratch[k, j] = 0.0
-        for i in range(count):
-            _add_contact(triple(points[i], 0), triple(normals[i], 0), u, t, scratch)
-        if not _solve(scratch, newton):
+        decrement = _directions(points, normals, u, t, scratch)
+        if math.isnan(decrement):
             break
-        along = _six_dot(total, u)
-        ratio = along / _six_dot(total, newton)
-        decrement = 2.0 * count - along * ratio
-        step, limit = min(4.0 / (1.0 + math.sqrt(max(decrement, 0.0))), 1.0), math.atan(t)
-        while step > SHORTEST:
+        length = min(4.0 / (1.0 + math.sqrt(max(decrement, 0.0))), 1.0)
+        least = FOUND * width * (1.0 + t * t)
+        rise, reached = (FAR * (allowed - t) if decrement < CENTRED else 0.0), 0.0
+        while length > SHORTEST:
             for k in range(6):
-                tried[k] = u[k] + step * (u[k] - ratio * newton[k])
-            angle = _separated_up_to(points, normals, tried)
-            if angle > limit:
+                tried[k] = u[k] + length * scratch[STEP, k] + rise * scratch[DRIFT, k]
+            reached = _friction_separated(points, normals, tried)
+            if reached > t + (1.0 + INSIDE) * rise:
                 break
-            step *= 0.5
-        if not step > SHORTEST:
+            if rise > 0.0:
+                rise = SHORTER * rise if rise > 0.01 * least else 0.0
+            else:
+                length *= 0.5
+        if not length > SHORTEST:
             break
         largest = 0.0
         for k in range(6):
             largest = max(largest, abs(tried[k]))
         for k in range(6):
             u[k] = tried[k] / largest
-        if angle > found:
-            found = angle
+        allowed, t = reached, t + rise
+        if reached > found:
+            found = reached
             copy6(u, best)
-        if decrement < CENTRED:
-            t = 0.5 * (t + math.tan(angle))
-            if math.atan(t) - limit < NEAR * width:
-                break
+        if decrement < CENTRED and rise < least:
+            break
     copy6(best, u)
-    return found
+    return math.atan(found)
 
 
 @merged
