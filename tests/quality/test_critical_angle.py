@@ -11,7 +11,9 @@ from random_grasps import Shape, random_contacts
 from scipy.optimize import minimize
 
 from grasp3d import Contacts, critical_friction_angle, force_closure
+from grasp3d._kernels.hull.critical_angle import climb
 from grasp3d.arrays import angles_between
+from grasp3d.contact.contacts import centred
 from grasp3d.errors import SettingError
 from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.system.context import running
@@ -162,6 +164,27 @@ def test_steps_without_the_kernel_find_the_same_angles(count: int) -> None:
     narrow.assert_called_once()
     np.testing.assert_allclose(angles, stepwise, atol=TOLERANCE)
     assert len(set(angles.round(2))) > 10
+
+
+@pytest.mark.parametrize("count", [4, 8])
+def test_motions_climb_to_the_critical_angle(count: int) -> None:
+    """From those that separate grasps without friction; what they separate is what they claim."""
+    contacts = random_contacts(Shape(count, 8, soft=False), 60, seed=2)
+    points, _, _ = centred(contacts.points)
+    motions = force_closure(Contacts(points, contacts.normals, friction=0.01)).certificate.direction
+    critical = critical_friction_angle(contacts, tolerance=1e-8)
+    scratch, left = np.zeros((11, 6)), []
+    for p, normals, u, angle in zip(points, contacts.normals, motions, critical, strict=True):
+        if angle < 0.02:
+            continue
+        found = climb(p, normals, TOLERANCE, u := u.copy(), scratch)
+        velocities = u[:3] + np.cross(u[3:], p)
+        separated = angles_between(velocities, normals).min() - RIGHT_ANGLE
+        assert found == pytest.approx(separated, abs=1e-9)
+        assert found <= angle + 1e-8
+        left.append(angle - found)
+    assert len(left) > 30
+    assert np.quantile(left, 0.9) < 0.2 * TOLERANCE
 
 
 # Known shapes
