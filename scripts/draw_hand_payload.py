@@ -83,7 +83,7 @@ def draw(found: list[list[HandPayload]], name: str, path: Path) -> None:
     axes[1].pcolormesh(FRICTIONS, degrees, shown, cmap=colors, vmin=-0.5, vmax=len(names) - 0.5)
     for code, limit in enumerate(names):
         axes[1].plot([], [], "s", color=colors(code), label=limit.replace("_", " "))
-    axes[1].legend(loc="upper left", fontsize=7, title="limits", title_fontsize=7, framealpha=0.9)
+    axes[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7, frameon=False)
     for panel, title in zip(axes, (f"{name}, any orientation", "what limits it"), strict=True):
         panel.plot(FRICTIONS, 2.0 * np.degrees(np.arctan(FRICTIONS)), "k--", linewidth=0.8)
         panel.set(xlabel="friction", title=title, xlim=FRICTIONS[[0, -1]], ylim=(0, 60))
