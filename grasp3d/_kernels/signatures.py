@@ -125,7 +125,7 @@ _TOUCHED = _tuple(
 _TOUCHES = _tuple(touching.Touches, _f2, _f3, _f3, _i2, _f4)
 _SHAPE_SCRATCH = typeof(link_shapes.make_shape_scratch())
 _TOUCH_SCRATCH = _tuple(
-    touching.TouchScratch, _SHAPE_SCRATCH, _i1, _f1, _f2, _f1, _f1, _f1, _f1, _f1, _f1, _f2, _i1
+    touching.TouchScratch, _SHAPE_SCRATCH, _i1, _f1, _f2, _f1, _f1, _f1, _f2, *[_f1] * 4, _f2, _i1
 )
 _CHAIN = _tuple(
     kinematics.Chain, _fixed_i1, _fixed_i1, _fixed_f3, _fixed_f2, _fixed_f2, _fixed_i1, _fixed_f1,

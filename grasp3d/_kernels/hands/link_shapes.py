@@ -36,7 +36,16 @@ TOUCHING = 1e-9
 """Distance of a core from a triangle below which they count as overlapping [m]."""
 
 NEAR = 1e-6
-"""Distance below which the direction is that from a smaller core [m]."""
+"""Distance below which the direction is that of the way out [m]."""
+
+EVEN = 1e-9
+"""Depth that does not matter [m]."""
+
+COARSE = 256
+"""Planes around a hull that tell roughly how deep points are in it."""
+
+CUTS = 64
+"""Most points of a triangle that are tried for its deepest one: few take more than 10."""
 
 CORE, FACE, CORNERS = 0, 4, 8
 """First rows of `ShapeScratch.simplex`: points of the core, of the triangle, and differences."""
@@ -72,7 +81,8 @@ class LinkShapes(NamedTuple):
     first_plane: npt.NDArray[np.int64]
     """Rows of each hull's planes (m + 1,)."""
     planes: npt.NDArray[np.float64]
-    """Outward unit normals, and their largest product with a point of the hull (f, 4)."""
+    """Outward unit normals, and their largest product with a point of the hull: of all its faces,
+    and before them `COARSE` ones that stand for them where these are more (f, 4)."""
     first_sample: npt.NDArray[np.int64]
     """Rows of the points on each shape's surface (m + 1,)."""
     samples: npt.NDArray[np.float64]
@@ -94,6 +104,10 @@ class ShapeScratch(NamedTuple):
     """Nearest point of the triangle (3,)."""
     at: npt.NDArray[np.int64]
     """Vertex of the hull at which a search for its farthest one begins (1,)."""
+    polygon: npt.NDArray[np.float64]
+    """Corners of what is left of a triangle, and of that before (2, CUTS + 3, 3)."""
+    point: npt.NDArray[np.float64]
+    """A triangle that is a point (9,)."""
 
 
 @merged
@@ -172,6 +186,26 @@ def support(kind, size, box, hull, at, shrink, x, y, z):
     if across < 1e-300:
         return 0.0, 0.0, pz
     return shrink * size[0] * x / across, shrink * size[0] * y / across, pz
+
+
+@part
+def nearest_in_shape(p, kind, size, box, hull, scratch):
+    """The point of a shape that is nearest to a point, which may be inside."""
+    if kind == BOX:
+        x, y, z = box[3], box[4], box[5]
+        return min(max(p[0], -x), x), min(max(p[1], -y), y), min(max(p[2], -z), z)
+    if kind == HULL:
+        for c in range(3):
+            copy(p, scratch.point[3 * c :])
+        copy(difference(box, p), scratch.guess)
+        distance = core_distance(kind, size, box, hull, 1.0, scratch.point, math.inf, scratch)
+        q = triple(scratch.on_core, 0)
+        return q if distance > 0.0 else (p[0], p[1], p[2])
+    z = 0.0 if kind == SPHERE else min(max(p[2], -size[1]), size[1])
+    rest = 0.0 if kind == CYLINDER else p[2] - z
+    away = math.sqrt(p[0] * p[0] + p[1] * p[1] + rest * rest)
+    share = size[0] / away if away > size[0] else 1.0
+    return share * p[0], share * p[1], z + share * rest
 
 
 @part
@@ -329,9 +363,6 @@ def core_distance(kind, size, box, hull, shrink, triangle, limit, scratch):
 def shape_distance(kind, size, box, hull, planes, triangle, limit, scratch):
     """Signed distance of a shape from a triangle; negative: the depth of its points in the shape.
 
-    Of triangles that reach deep into a box, a cylinder or a hull the depth is that of their points
-    that are nearest to a smaller core, or of their corners.
-
     Args:
         kind: Kind of the shape.
         size: Its sizes (3,).
@@ -361,54 +392,97 @@ def shape_distance(kind, size, box, hull, planes, triangle, limit, scratch):
     third = 1.0 / 3.0
     centroid = combined(third, triangle, third, triple(triangle, 3))
     centroid = combined(1.0, centroid, third, triple(triangle, 6))
-    around, depth, corner = 0.0, math.inf, 0
+    around = 0.0
     for i in range(3):
         around = max(around, squared_distance(centroid, triple(triangle, 3 * i)))
-    around = math.sqrt(around)
-    middle = box_distance(centroid, box)
-    if kind == CYLINDER and middle - around < limit:
-        middle = point_depth(centroid, kind, size, box, planes)
-    # Few directions tell that a triangle is not as deep as what was found.
-    if middle - around >= limit or (
-        limit < 0.0
-        and core_distance(kind, size, box, hull, 0.8, triangle, limit, scratch) == math.inf
-    ):
+    if box_distance(centroid, box) - math.sqrt(around) >= limit:
         return math.inf
-    if middle < around and kind != HULL:
-        for i in range(3):
-            deeper = point_depth(triple(triangle, 3 * i), kind, size, box, planes)
-            if deeper < depth:
-                depth, corner = deeper, i
     distance = 0.0
-    if kind == HULL or min(middle, depth) > -TOUCHING:
-        distance = core_distance(kind, size, box, hull, 1.0, triangle, max(limit, 0.0), scratch)
+    if limit > 0.0:
+        distance = core_distance(kind, size, box, hull, 1.0, triangle, limit, scratch)
         if distance > NEAR:
             if distance < math.inf:
                 copy(divided(scratch.guess, distance), scratch.guess)
             return distance
-        depth = min(depth, distance)
-    shrink, inner = 0.8, 0.0
-    while shrink > 0.1:
-        inner = core_distance(kind, size, box, hull, shrink, triangle, math.inf, scratch)
-        if inner > NEAR:
+    return _deepest_of_face(kind, size, box, planes, triangle, min(limit, NEAR), scratch)
+
+
+@part
+def _way_out(p, kind, size, box, planes):
+    """Depth of a point in a box, a cylinder or a hull, and the unit vector of the way out.
+
+    Outside it is negative, and only the distance from the plane that is farthest away.
+    """
+    if kind == HULL:
+        most, best = -math.inf, 0
+        for i in range(planes.shape[0]):
+            height = dot(planes[i], p) - planes[i, 3]
+            if height > most:
+                best, most = i, height
+        return -most, triple(planes[best], 0)
+    z = math.copysign(1.0, p[2])
+    if kind == BOX:
+        x, y = math.copysign(1.0, p[0]), math.copysign(1.0, p[1])
+        one, two, three = box[3] - abs(p[0]), box[4] - abs(p[1]), box[5] - abs(p[2])
+        if one <= min(two, three):
+            return one, (x, 0.0, 0.0)
+        return (two, (0.0, y, 0.0)) if two <= three else (three, (0.0, 0.0, z))
+    across, end = math.sqrt(p[0] * p[0] + p[1] * p[1]), size[1] - abs(p[2])
+    if size[0] - across >= end or across == 0.0:
+        return end, (0.0, 0.0, z)
+    return size[0] - across, (p[0] / across, p[1] / across, 0.0)
+
+
+@part
+def _deepest_of_face(kind, size, box, planes, triangle, limit, scratch):
+    """Signed distance of the point of a triangle that is deepest in a box, a cylinder or a hull.
+
+    Depth is concave there: from each point that is tried, a cut keeps that part of the triangle
+    where there may be deeper ones.
+
+    Returns:
+        The distance, inf: not below the limit. Written to the scratch: the point `on_face`, and the
+        unit vector `guess` in which the shape has to move.
+    """
+    polygon, count, best, found = scratch.polygon, 3, -limit, False
+    now, rough, top = 0, kind == HULL and planes.shape[0] > COARSE, 0
+    for i in range(3):
+        copy(triple(triangle, 3 * i), polygon[0, i])
+    for turn in range(CUTS):
+        x, y, z = 0.0, 0.0, 0.0
+        if turn % 2 == 0:
+            for i in range(count):
+                x, y, z = x + polygon[now, i, 0], y + polygon[now, i, 1], z + polygon[now, i, 2]
+            p = x / count, y / count, z / count
+        else:
+            p = triple(polygon[now, top], 0)
+        if rough and turn == 0:
+            depth, n = _way_out(p, kind, size, box, planes[:COARSE])
+        else:
+            depth, n = _way_out(p, kind, size, box, planes)
+            if depth > best:
+                best, found = depth, True
+                copy(p, scratch.on_face)
+                copy((-n[0], -n[1], -n[2]), scratch.guess)
+        # What may be deeper by this plane.
+        other, left, highest, level = 1 - now, 0, -math.inf, dot(n, p) + depth - best - EVEN
+        for i in range(count):
+            a = triple(polygon[now, i], 0)
+            b = triple(polygon[now, (i + 1) % count], 0)
+            here, there = level - dot(n, a), level - dot(n, b)
+            if here > 0.0:
+                copy(a, polygon[other, left])
+                if here > highest:
+                    highest, top = here, left
+                left += 1
+            if here * there < 0.0:
+                share = here / (here - there)
+                copy(combined(1.0 - share, a, share, b), polygon[other, left])
+                left += 1
+        if left == 0:
             break
-        shrink -= 0.35
-    if inner <= NEAR:
-        _across(triangle, scratch)
-        copy(centroid, scratch.on_face)
-    else:
-        copy(divided(scratch.guess, inner), scratch.guess)
-    if kind == HULL and inner > NEAR:
-        # Along the direction of the way out, which the planes know roughly only.
-        x, y, z = triple(scratch.guess, 0)
-        p = _farthest_vertex(hull, scratch.at, -x, -y, -z)
-        return min(dot(scratch.guess, p) - dot(scratch.guess, scratch.on_face), distance)
-    if min(middle, depth) <= 0.0:
-        depth_here = point_depth(scratch.on_face, kind, size, box, planes)
-        if depth < depth_here - 1e-9:
-            copy(triple(triangle, 3 * corner), scratch.on_face)
-        depth = min(depth, depth_here, 0.0)
-    return depth
+        now, count = other, left
+    return -best if found else math.inf
 
 
 @merged
@@ -423,4 +497,7 @@ def _across(triangle, scratch):
 def make_shape_scratch() -> ShapeScratch:
     """Allocate the arrays of one distance."""
     one, two, three = np.zeros((3, 3))
-    return ShapeScratch(np.zeros((12, 3)), np.zeros(8), one, two, three, np.zeros(1, np.int64))
+    return ShapeScratch(
+        np.zeros((12, 3)), np.zeros(8), one, two, three, np.zeros(1, np.int64),
+        np.zeros((2, CUTS + 3, 3)), np.zeros(9),
+    )  # fmt: skip

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from grasp3d._kernels.compiling.decorators import kernel, part
-from grasp3d._kernels.hands.link_shapes import point_depth
-from grasp3d._kernels.hands.touching import moved, moved_back, place, turned_back
+from grasp3d._kernels.hands.link_shapes import COARSE, point_depth
+from grasp3d._kernels.hands.placing import moved, moved_back, place, turned_back
 from grasp3d._kernels.surface.vectors import copy, difference
 
 
@@ -59,7 +59,8 @@ def smallest_changes(first, rows, targets, bounds, forces, now, limits, sweeps):
 def _overlap(i, j, one, other, deepest, relative, shapes):
     """Depth of the deepest point of shape i in shape j, if more than another; -inf: apart."""
     kind, size, box, own = shapes.kinds[j], shapes.sizes[j], shapes.boxes[j], shapes.boxes[i]
-    planes = shapes.planes[shapes.first_plane[j] : shapes.first_plane[j + 1]]
+    first_plane = shapes.first_plane[j]
+    planes = shapes.planes[first_plane : min(first_plane + COARSE, shapes.first_plane[j + 1])]
     for c in range(3):
         copy(turned_back(other, (one[0, c], one[1, c], one[2, c])), relative[:, c])
     copy(moved_back(other, (one[0, 3], one[1, 3], one[2, 3])), relative[:, 3])

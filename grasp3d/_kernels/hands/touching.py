@@ -7,10 +7,17 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.compiling.decorators import kernel, merged, part
+from grasp3d._kernels.hands.deepest import (
+    ALONG,
+    DEPTH,
+    PIECES,
+    ROW,
+    deepest,
+    look,
+)
 from grasp3d._kernels.hands.link_shapes import (
-    CAPSULE,
+    COARSE,
     HULL,
-    SPHERE,
     LinkShapes,
     ShapeScratch,
     box_distance,
@@ -21,6 +28,7 @@ from grasp3d._kernels.hands.link_shapes import (
     shape_distance,
     support,
 )
+from grasp3d._kernels.hands.placing import moved, moved_back, place, turned, turned_back
 from grasp3d._kernels.hands.touched_surface import (
     faces_away,
     inward_at,
@@ -34,6 +42,7 @@ from grasp3d._kernels.hands.touched_surface import (
 from grasp3d._kernels.surface.box_tree import RADIUS, leaf_rows
 from grasp3d._kernels.surface.face_tree import STACK, below
 from grasp3d._kernels.surface.vectors import (
+    combined,
     copy,
     difference,
     divided,
@@ -65,6 +74,10 @@ distances."""
 
 EQUAL = 1e-9
 """Difference of gaps [m] that does not matter."""
+
+DEEPER = 1.005
+"""How many times as deep the surface is in a link, at least, where that counts and not how deep
+the link is in the object."""
 
 FAN, SIDES = 16, 4
 """Most faces around a vertex that are looked at, and most sides to which a point belongs."""
@@ -104,8 +117,12 @@ class TouchScratch(NamedTuple):
     point: npt.NDArray[np.float64]
     """Of the nearest point so far (3,)."""
     direction: npt.NDArray[np.float64]
+    pieces: npt.NDArray[np.float64]
+    """Points of a shape with their depths (PIECES, ROW)."""
     deepest: npt.NDArray[np.float64]
-    """Point and direction of the deepest sample (6,)."""
+    """The deepest point found (ROW,)."""
+    trial: npt.NDArray[np.float64]
+    """The point that is tried next (3,)."""
     start: npt.NDArray[np.float64]
     """Direction with which the next triangle begins, in the shape's frame (3,)."""
     lows: npt.NDArray[np.float64]
@@ -120,50 +137,12 @@ def make_touch_scratch(shapes: LinkShapes) -> TouchScratch:
     """Allocate the arrays of one thread."""
     samples = np.diff(shapes.first_sample)
     most = int(np.bincount(shapes.links, samples).max(initial=0))
-    one, two, three = np.zeros((3, 3))
+    one, two, three, four = np.zeros((4, 3))
     return TouchScratch(
         make_shape_scratch(), np.zeros(STACK, np.int64), np.zeros(STACK), np.zeros((3, 4)),
-        np.zeros(9), one, two, np.zeros(6), three, np.zeros(most),
+        np.zeros(9), one, two, np.zeros((PIECES, ROW)), np.zeros(ROW), four, three, np.zeros(most),
         np.zeros((4 * most + 4, COLUMNS)), np.zeros(4 * most + 4, np.int64),
     )  # fmt: skip
-
-
-@merged
-def turned(matrix, v):
-    """A vector of a placed frame in the frame around it."""
-    return dot(matrix[0], v), dot(matrix[1], v), dot(matrix[2], v)
-
-
-@merged
-def moved(matrix, p):
-    """A point of a placed frame in the frame around it."""
-    x, y, z = dot(matrix[0], p), dot(matrix[1], p), dot(matrix[2], p)
-    return x + matrix[0, 3], y + matrix[1, 3], z + matrix[2, 3]
-
-
-@merged
-def turned_back(matrix, v):
-    """A vector in a placed frame."""
-    x = matrix[0, 0] * v[0] + matrix[1, 0] * v[1] + matrix[2, 0] * v[2]
-    y = matrix[0, 1] * v[0] + matrix[1, 1] * v[1] + matrix[2, 1] * v[2]
-    z = matrix[0, 2] * v[0] + matrix[1, 2] * v[1] + matrix[2, 2] * v[2]
-    return x, y, z
-
-
-@merged
-def moved_back(matrix, p):
-    """A point in a placed frame."""
-    return turned_back(matrix, (p[0] - matrix[0, 3], p[1] - matrix[1, 3], p[2] - matrix[2, 3]))
-
-
-@part
-def place(link, pose, placed):
-    """Write the product of two rigid motions (3, 4)."""
-    for i in range(3):
-        for j in range(4):
-            placed[i, j] = link[i, 3] if j == 3 else 0.0
-            for k in range(3):
-                placed[i, j] += link[i, k] * pose[k, j]
 
 
 @merged
@@ -198,7 +177,7 @@ def _surface_distance(i, limit, shapes, surface, scratch):
     placed, shape, triangle = scratch.placed, scratch.shape, scratch.triangle
     start = scratch.start
     nodes, bounds, tree = scratch.nodes, scratch.bounds, surface.tree
-    best, found = limit, False
+    best, found = limit, -1
     shape.at[0] = shapes.hull.at[i]
     flat = _flat(kind, size, box, shapes.hull, start, scratch)
     nodes[0], bounds[0], top = 0, -math.inf, 1
@@ -222,7 +201,7 @@ def _surface_distance(i, limit, shapes, surface, scratch):
                 kind, size, box, shapes.hull, planes, triangle, best - EQUAL, shape
             )
             if gap < best:
-                best, found = gap, True
+                best, found = gap, j
                 copy(shape.guess, start)
                 copy(moved(placed, shape.on_face), scratch.point)
                 flat = _flat(kind, size, box, shapes.hull, start, scratch)
@@ -239,38 +218,17 @@ def _surface_distance(i, limit, shapes, surface, scratch):
         if near < best:
             nodes[top], bounds[top] = one, near
             top += 1
-    return best if found else math.inf
-
-
-@part
-def _deepest_of_core(i, gap, shapes, surface, scratch):
-    """Least signed distance of a capsule or a sphere whose core may be inside the object."""
-    size, reach = shapes.sizes[i], shapes.sizes[i, 0]
-    half = size[1] if shapes.kinds[i] == CAPSULE else 0.0
-    steps = math.ceil(2.0 * half / (0.25 * reach)) if half > 0.0 else 0
-    for j in range(steps + 1):
-        z = -half + 2.0 * half * j / steps if steps > 0 else 0.0
-        p = moved(scratch.placed, (0.0, 0.0, z))
-        if least_distance(p, surface)[0] - reach < min(gap, -reach):
-            gap = _sample(p, reach, gap, surface, scratch)
-    return gap
-
-
-@part
-def _sample(p, radius, gap, surface, scratch):
-    """The gap, or that of a point that is deeper inside, of which the place is written."""
-    most = least_distance(p, surface)[1]
-    slot, square = nearest_triangle(p, most * most, surface, scratch.nodes, scratch.bounds)
-    triangle = surface.tree.triangles[slot]
-    weights = nearest_weights(p, triangle)
-    depth = math.sqrt(square)
-    if is_inside(p, slot, weights, surface) and -depth - radius < gap:
-        gap, q = -depth - radius, point_of(weights, triangle)
-        copy(q, scratch.point)
-        copy(divided(difference(q, p), depth), scratch.direction)
-        if depth < EQUAL:
-            copy(triple(surface.outward[slot], 0), scratch.direction)
-    return gap
+    if found < 0:
+        return math.inf
+    n = scratch.direction
+    if (
+        best < 0.0
+        and surface.closed
+        and radius_of(kind, size) > 0.0
+        and dot(n, surface.outward[found]) < 0.0
+    ):
+        copy((-n[0], -n[1], -n[2]), n)  # its core is inside
+    return best
 
 
 @part
@@ -295,44 +253,49 @@ def _shape_gap(i, start, search, shapes, surface, scratch):
         limit = min(limit, most)
         if nearest < 0 or low < lows[nearest - start]:
             nearest = j
-    gap = math.inf
-    if surface.closed and kind in (CAPSULE, SPHERE):
-        gap = _deepest_of_core(i, gap, shapes, surface, scratch)
-    elif surface.closed and nearest >= 0 and lows[nearest - start] < 0.0:
-        p = moved(scratch.placed, shapes.samples[nearest])
-        gap = _sample(p, 0.0, gap, surface, scratch)
-        for j in range(shapes.first_sample[i], shapes.first_sample[i + 1]):
-            if j != nearest and lows[j - start] < min(gap, 0.0):
-                p = moved(scratch.placed, shapes.samples[j])
-                gap = _sample(p, 0.0, gap, surface, scratch)
+    rounded, depth, gap = radius_of(kind, shapes.sizes[i]) > 0.0, -math.inf, math.inf
+    lows = scratch.lows[start:]
     copy(turned_back(scratch.placed, difference(middle, surface.box)), scratch.start)
     if nearest >= 0:
-        limit = min(limit, _begin_at(nearest, limit, shapes, surface, scratch))
-    if gap < math.inf:
-        copy(scratch.point, scratch.deepest)
-        copy(scratch.direction, scratch.deepest[3:])
-    least = _surface_distance(i, min(limit + 2.0 * EQUAL, gap), shapes, surface, scratch)
-    if least == math.inf and gap < math.inf:
-        copy(scratch.deepest, scratch.point)
-        copy(scratch.deepest[3:], scratch.direction)
-    return min(gap, least)
+        p = moved(scratch.placed, shapes.samples[nearest])
+        reach = least_distance(p, surface)[1] if lows[nearest - start] < 0.0 else limit
+        depth = look(p, reach, scratch.pieces[0], surface, scratch)
+        limit = min(limit, abs(depth))
+        if depth != 0.0:
+            x, y, z = turned_back(scratch.placed, triple(scratch.pieces[0], ALONG))
+            copy((-x, -y, -z), scratch.start)
+    inside = depth > 0.0 and not rounded
+    if inside:
+        gap = -deepest(i, nearest, lows, shapes, surface, scratch)
+    least = _surface_distance(i, min(limit + 2.0 * EQUAL, DEEPER * gap), shapes, surface, scratch)
+    # Of a ball or a capsule none is deeper than the surface is in it, unless its core is inside.
+    if (
+        surface.closed
+        and not inside
+        and nearest >= 0
+        and (least < 0.0 or depth > 0.0)
+        and (
+            not rounded
+            or least < EQUAL - shapes.sizes[i, 0]
+            or _core_inside(i, shapes, surface, scratch)
+        )
+    ):
+        gap = -deepest(i, nearest, lows, shapes, surface, scratch)
+    if least < DEEPER * gap or gap == math.inf:
+        return least
+    row = scratch.deepest
+    copy(combined(1.0, row, -row[DEPTH], triple(row, ALONG)), scratch.point)
+    copy((-row[ALONG], -row[ALONG + 1], -row[ALONG + 2]), scratch.direction)
+    return gap
 
 
 @part
-def _begin_at(j, limit, shapes, surface, scratch):
-    """Begin with the direction from the surface to a point of a shape; returns its distance."""
-    p = moved(scratch.placed, shapes.samples[j])
-    slot, square = nearest_triangle(p, limit * limit, surface, scratch.nodes, scratch.bounds)
-    if slot < 0:
-        return limit
-    triangle = surface.tree.triangles[slot]
-    weights = nearest_weights(p, triangle)
-    away = difference(p, point_of(weights, triangle))
-    if is_inside(p, slot, weights, surface):
-        away = -away[0], -away[1], -away[2]
-    if square > EQUAL * EQUAL:
-        copy(turned_back(scratch.placed, away), scratch.start)
-    return math.sqrt(square)
+def _core_inside(i, shapes, surface, scratch):
+    """Whether an end or the middle of the core of a capsule or a ball may be inside."""
+    least, half = math.inf, shapes.sizes[i, 1]
+    for j in range(-1, 2):
+        least = min(least, least_distance(moved(scratch.placed, (0.0, 0.0, j * half)), surface)[0])
+    return least < 0.0
 
 
 @part
@@ -410,7 +373,8 @@ def _gap_at(p, first, last, frame, shapes, scratch):
         kind, size, box = shapes.kinds[i], shapes.sizes[i], shapes.boxes[i]
         if box_distance(q, box) >= least:
             continue
-        planes = shapes.planes[shapes.first_plane[i] : shapes.first_plane[i + 1]]
+        first_plane = shapes.first_plane[i]
+        planes = shapes.planes[first_plane : min(first_plane + COARSE, shapes.first_plane[i + 1])]
         gap = point_depth(q, kind, size, box, planes)
         if kind == HULL and gap > 0.0:
             for c in range(3):

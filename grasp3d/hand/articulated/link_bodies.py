@@ -9,6 +9,7 @@ from scipy.spatial import ConvexHull
 from grasp3d._kernels.hands.link_shapes import (
     BOX,
     CAPSULE,
+    COARSE,
     CYLINDER,
     HULL,
     SPHERE,
@@ -26,12 +27,6 @@ THINNED, ALIKE = 0.7 * SPACING, math.cos(math.radians(50.0))
 is dropped."""
 
 KINDS = {"box": BOX, "cylinder": CYLINDER, "capsule": CAPSULE, "sphere": SPHERE, "mesh": HULL}
-
-MOST_PLANES = 256
-"""Planes around a hull for the depth of points in it; of a rounder one the largest faces', and
-those that support it in other directions: corners of these planes are up to 0.2 mm outside the
-Allegro's fingertip and 0.6 mm outside the LEAP hand's."""
-
 
 Hull = tuple[Floats, list[Ints], Floats, Floats]
 """Corners, neighbours of each, planes, triangles."""
@@ -130,10 +125,11 @@ def _hull(shape: LinkShape) -> Hull:
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     turned = np.einsum("ij,ij->i", normal, outward) < 0.0
     triangles[turned] = triangles[turned][:, ::-1]
-    if len(outward) > MOST_PLANES:
-        large = np.argsort(-np.linalg.norm(normal, axis=1))[: MOST_PLANES // 4]
-        outward = np.concatenate([outward[large], _directions(MOST_PLANES - len(large))])
-    outward = np.unique(outward.round(12), axis=0)
+    outward, first = np.unique(outward.round(12), axis=0, return_index=True)
+    if len(outward) > COARSE:  # the largest faces', and those that support it in other directions
+        area = np.linalg.norm(normal[first], axis=1)
+        large = outward[np.argsort(-area)[: COARSE // 4]]
+        outward = np.concatenate([large, _directions(COARSE - len(large)), outward])
     heights = (outward @ vertices.T).max(axis=1)
     return vertices, neighbours, np.column_stack([outward, heights]), triangles
 
