@@ -7,8 +7,8 @@ several points of the shape tell its ridges apart.
 import math
 
 from grasp3d._kernels.compiling.decorators import merged, part
-from grasp3d._kernels.hands.link_shapes import nearest_in_shape
-from grasp3d._kernels.hands.placing import moved, moved_back
+from grasp3d._kernels.hands.link_shapes import EVEN, HULL, nearest_in_shape, support
+from grasp3d._kernels.hands.placing import moved, moved_back, turned_back
 from grasp3d._kernels.hands.touched_surface import (
     is_inside,
     least_distance,
@@ -31,10 +31,10 @@ FAR = 1.0
 CLIMBS, STARTS = 24, 6
 """Most steps of a climb, and most climbs in a shape."""
 
-CLOSE, SMALL = 1e-3, 1e-9
+CLOSE, SMALL = 3e-3, 1e-5
 """Rise of depth at which a climb ends, as a share of the depth and in metres."""
 
-BISECTIONS = 20
+BISECTIONS = 14
 """Halvings of the share of a piece."""
 
 
@@ -54,7 +54,7 @@ def look(p, reach, row, surface, scratch):
         if not is_inside(p, slot, weights, surface):
             row[DEPTH] = -row[DEPTH]
         x, y, z = triple(surface.outward[slot], 0)
-        if abs(row[DEPTH]) < SMALL:
+        if abs(row[DEPTH]) < EVEN:
             copy((-x, -y, -z), row[ALONG:])
         else:
             copy(divided(difference(p, point_of(weights, triangle)), row[DEPTH]), row[ALONG:])
@@ -74,6 +74,12 @@ def _go(i, count, step, shapes, scratch):
     target = triple(pieces[0], 0)
     for a in range(count):
         target = combined(1.0, target, step * pieces[a, WEIGHT], triple(pieces[a], ALONG))
+    if count == 1 and step == FAR and shapes.kinds[i] == HULL:
+        x, y, z = turned_back(scratch.placed, triple(pieces[0], ALONG))
+        box, at = shapes.boxes[i], scratch.shape.at
+        p = support(HULL, shapes.sizes[i], box, shapes.hull, at, 1.0, x, y, z)
+        copy(moved(scratch.placed, p), scratch.trial)
+        return
     p = nearest_in_shape(
         moved_back(scratch.placed, target), shapes.kinds[i], shapes.sizes[i], shapes.boxes[i],
         shapes.hull, scratch.shape,
@@ -98,7 +104,7 @@ def _foresee(i, count, step, shapes, scratch):
                 low, least = a, depth
             if pieces[a, WEIGHT] > 0.0 and depth > most:
                 high, most = a, depth
-        if most - least <= SMALL + 0.1 * CLOSE * abs(most):
+        if most - least <= 0.1 * (SMALL + CLOSE * abs(most)):
             break
         both, begin, end = pieces[low, WEIGHT] + pieces[high, WEIGHT], 0.0, pieces[high, WEIGHT]
         for _ in range(BISECTIONS):

@@ -18,6 +18,7 @@ from grasp3d._kernels.hands.deepest import (
 from grasp3d._kernels.hands.link_shapes import (
     COARSE,
     HULL,
+    NEAR,
     LinkShapes,
     ShapeScratch,
     box_distance,
@@ -75,7 +76,7 @@ distances."""
 EQUAL = 1e-9
 """Difference of gaps [m] that does not matter."""
 
-DEEPER = 1.005
+DEEPER = 1.01
 """How many times as deep the surface is in a link, at least, where that counts and not how deep
 the link is in the object."""
 
@@ -171,7 +172,10 @@ def _flat(kind, size, box, hull, along, scratch):
 
 @part
 def _surface_distance(i, limit, shapes, surface, scratch):
-    """Signed distance of a shape from the triangles, inf: beyond the limit; where is written."""
+    """Signed distance of a shape from the triangles, inf: beyond the limit; where is written.
+
+    -inf: a box, a cylinder or a hull overlaps the surface of a solid, and the limit did not say so.
+    """
     kind, size, box = shapes.kinds[i], shapes.sizes[i], shapes.boxes[i]
     planes = shapes.planes[shapes.first_plane[i] : shapes.first_plane[i + 1]]
     placed, shape, triangle = scratch.placed, scratch.shape, scratch.triangle
@@ -200,6 +204,8 @@ def _surface_distance(i, limit, shapes, surface, scratch):
             gap = shape_distance(
                 kind, size, box, shapes.hull, planes, triangle, best - EQUAL, shape
             )
+            if gap <= 0.0 and limit > NEAR and surface.closed and radius_of(kind, size) == 0.0:
+                return -math.inf
             if gap < best:
                 best, found = gap, j
                 copy(shape.guess, start)
@@ -261,17 +267,13 @@ def _shape_gap(i, start, search, shapes, surface, scratch):
         reach = least_distance(p, surface)[1] if lows[nearest - start] < 0.0 else limit
         depth = look(p, reach, scratch.pieces[0], surface, scratch)
         limit = min(limit, abs(depth))
-        if depth != 0.0:
-            x, y, z = turned_back(scratch.placed, triple(scratch.pieces[0], ALONG))
-            copy((-x, -y, -z), scratch.start)
-    inside = depth > 0.0 and not rounded
-    if inside:
-        gap = -deepest(i, nearest, lows, shapes, surface, scratch)
-    least = _surface_distance(i, min(limit + 2.0 * EQUAL, DEEPER * gap), shapes, surface, scratch)
+        _begin_against(scratch.pieces[0], scratch)
+    inside, least = depth > 0.0 and not rounded, math.inf
+    if not inside:
+        least = _surface_distance(i, limit + 2.0 * EQUAL, shapes, surface, scratch)
     # Of a ball or a capsule none is deeper than the surface is in it, unless its core is inside.
     if (
         surface.closed
-        and not inside
         and nearest >= 0
         and (least < 0.0 or depth > 0.0)
         and (
@@ -281,12 +283,23 @@ def _shape_gap(i, start, search, shapes, surface, scratch):
         )
     ):
         gap = -deepest(i, nearest, lows, shapes, surface, scratch)
+        if not rounded:
+            _begin_against(scratch.deepest, scratch)
+            limit = min(DEEPER * gap, NEAR)
+            least = _surface_distance(i, limit, shapes, surface, scratch)
     if least < DEEPER * gap or gap == math.inf:
         return least
     row = scratch.deepest
     copy(combined(1.0, row, -row[DEPTH], triple(row, ALONG)), scratch.point)
     copy((-row[ALONG], -row[ALONG + 1], -row[ALONG + 2]), scratch.direction)
     return gap
+
+
+@merged
+def _begin_against(row, scratch):
+    """Begin with the direction away from the surface at a point of a shape."""
+    x, y, z = turned_back(scratch.placed, triple(row, ALONG))
+    copy((-x, -y, -z), scratch.start)
 
 
 @part
