@@ -34,6 +34,9 @@ CLIMBS, STARTS = 24, 6
 CLOSE, SMALL = 3e-3, 1e-5
 """Rise of depth at which a climb ends, as a share of the depth and in metres."""
 
+LIKELY = 0.5
+"""How much above their lower bound signed distances are by the grid, at least, in its steps."""
+
 BISECTIONS = 14
 """Halvings of the share of a piece."""
 
@@ -91,6 +94,7 @@ def _go(i, count, step, shapes, scratch):
 def _foresee(i, count, step, shapes, scratch):
     """Write the point where the least of the foreseen depths is largest; returns its rise."""
     pieces = scratch.pieces
+    enough = 0.2 * (SMALL + CLOSE * abs(pieces[0, DEPTH]))
     for a in range(count):
         pieces[a, WEIGHT] = 1.0 if a == 0 else 0.0
     _go(i, count, step, shapes, scratch)
@@ -104,18 +108,22 @@ def _foresee(i, count, step, shapes, scratch):
                 low, least = a, depth
             if pieces[a, WEIGHT] > 0.0 and depth > most:
                 high, most = a, depth
-        if most - least <= 0.1 * (SMALL + CLOSE * abs(most)):
+        if most - least <= enough:
             break
         both, begin, end = pieces[low, WEIGHT] + pieces[high, WEIGHT], 0.0, pieces[high, WEIGHT]
         for _ in range(BISECTIONS):
             share = 0.5 * (begin + end)
             pieces[high, WEIGHT], pieces[low, WEIGHT] = share, both - share
             _go(i, count, step, shapes, scratch)
-            if _foreseen(pieces[low], scratch.trial) < _foreseen(pieces[high], scratch.trial):
+            least = _foreseen(pieces[low], scratch.trial)
+            most = _foreseen(pieces[high], scratch.trial)
+            if abs(most - least) <= enough:
+                break
+            if least < most:
                 end = share
             else:
                 begin = share
-        least = min(_foreseen(pieces[low], scratch.trial), _foreseen(pieces[high], scratch.trial))
+        least = min(least, most)
     return least - pieces[0, DEPTH]
 
 
@@ -176,7 +184,8 @@ def deepest(i, first, lows, shapes, surface, scratch):
         found[k] = scratch.pieces[0, k]
     start = shapes.first_sample[i]
     for j in range(start, shapes.first_sample[i + 1]):
-        if j == first or lows[j - start] > -best or climbs == STARTS:
+        low = lows[j - start] + LIKELY * surface.step
+        if j == first or low > -best or climbs == STARTS:
             continue
         p, row = moved(scratch.placed, shapes.samples[j]), scratch.pieces[0]
         depth = look(p, least_distance(p, surface)[1], row, surface, scratch)
