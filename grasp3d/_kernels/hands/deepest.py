@@ -25,7 +25,7 @@ weight; and their number."""
 PIECES = 5
 """Points around a ridge from which depth is foreseen there, and one that is tried."""
 
-FAR = 1.0
+FAR = 1e3
 """Longest step [m]: where depth grows evenly, one leads to the end."""
 
 CLIMBS, STARTS = 24, 6
@@ -140,7 +140,8 @@ def _climb(i, shapes, surface, scratch):
         if rise <= SMALL + CLOSE * abs(pieces[0, DEPTH]):
             break
         new, old = pieces[count], pieces[0]
-        look(scratch.trial, least_distance(scratch.trial, surface)[1], new, surface, scratch)
+        p = triple(scratch.trial, 0)
+        look(p, least_distance(p, surface)[1], new, surface, scratch)
         way = difference(new, old)
         square = dot(way, way)
         bend = dot(way, difference(triple(old, ALONG), triple(new, ALONG)))

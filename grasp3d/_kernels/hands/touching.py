@@ -260,7 +260,7 @@ def _shape_gap(i, start, search, shapes, surface, scratch):
         if nearest < 0 or low < lows[nearest - start]:
             nearest = j
     rounded, depth, gap = radius_of(kind, shapes.sizes[i]) > 0.0, -math.inf, math.inf
-    lows = scratch.lows[start:]
+    lows = scratch.lows[shapes.first_sample[i] - start :]
     copy(turned_back(scratch.placed, difference(middle, surface.box)), scratch.start)
     if nearest >= 0:
         p = moved(scratch.placed, shapes.samples[nearest])
