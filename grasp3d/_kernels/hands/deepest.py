@@ -28,10 +28,13 @@ PIECES = 5
 FAR = 1e3
 """Longest step [m]: where depth grows evenly, one leads to the end."""
 
+SHORT = 0.1
+"""Longest step along a ridge [m]: the shares of its sides are found to so many digits only."""
+
 CLIMBS, STARTS = 24, 6
 """Most steps of a climb, and most climbs in a shape."""
 
-CLOSE, SMALL = 3e-3, 1e-5
+CLOSE, SMALL = 1e-3, 1e-5
 """Rise of depth at which a climb ends, as a share of the depth and in metres."""
 
 LIKELY = 0.5
@@ -94,6 +97,7 @@ def _go(i, count, step, shapes, scratch):
 def _foresee(i, count, step, shapes, scratch):
     """Write the point where the least of the foreseen depths is largest; returns its rise."""
     pieces = scratch.pieces
+    step = min(step, SHORT) if count > 1 else step
     enough = 0.2 * (SMALL + CLOSE * abs(pieces[0, DEPTH]))
     for a in range(count):
         pieces[a, WEIGHT] = 1.0 if a == 0 else 0.0

@@ -456,14 +456,13 @@ def _deepest_of_face(kind, size, box, planes, triangle, limit, scratch):
             p = x / count, y / count, z / count
         else:
             p = triple(polygon[now, top], 0)
-        if rough and turn == 0:
-            depth, n = _way_out(p, kind, size, box, planes[:COARSE])
-        else:
+        depth, n = _way_out(p, kind, size, box, planes[:COARSE])
+        if depth > best and rough:
             depth, n = _way_out(p, kind, size, box, planes)
-            if depth > best:
-                best, found = depth, True
-                copy(p, scratch.on_face)
-                copy((-n[0], -n[1], -n[2]), scratch.guess)
+        if depth > best:
+            best, found = depth, True
+            copy(p, scratch.on_face)
+            copy((-n[0], -n[1], -n[2]), scratch.guess)
         # What may be deeper by this plane.
         other, left, highest, level = 1 - now, 0, -math.inf, dot(n, p) + depth - best - EVEN
         for i in range(count):
