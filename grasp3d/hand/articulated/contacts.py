@@ -50,10 +50,10 @@ class HandContacts:
     """Signed distance of the link's shapes from that point [mesh unit], shape (c,)."""
     gaps: Floats
     """Signed distance of each link from the object [mesh unit], shape (k, L); inf: beyond twice the
-    contact distance; negative: an estimate of how deep the link is in the object, or the object in
-    the link. Measured: of boxes and hulls in a flat face it is exact; 0.5 to 6 mm deep in a ball of
-    35 mm off by 1 and 5 % in the median, 50 % at most; wholly inside by 3.3 mm at most, too small.
-    Tilted cylinders in a flat face: too small by 0.4 mm at most."""
+    contact distance; negative: a depth, the larger of how far points of the link inside the object
+    are from its surface, and how far points of the surface in the link are from the link's. Found
+    by climbs: of 1,980 poses all but 4 within 0.1 mm or 2 %, these too shallow by 0.3 mm at most.
+    """
     self_collision: Ints
     """The two links that overlap most, shape (k, 2); -1: none."""
     self_depth: Floats
