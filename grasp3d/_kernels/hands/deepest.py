@@ -31,6 +31,9 @@ FAR = 1e3
 SHORT = 0.1
 """Longest step along a ridge [m]: the shares of its sides are found to so many digits only."""
 
+DEEP = 0.002
+"""Depth from which a climb along a ridge ends after a long step only [m]."""
+
 CLIMBS, STARTS = 24, 6
 """Most steps of a climb, and most climbs in a shape."""
 
@@ -142,7 +145,10 @@ def _climb(i, shapes, surface, scratch):
     for _ in range(CLIMBS):
         rise = _foresee(i, count, step, shapes, scratch)
         if rise <= SMALL + CLOSE * abs(pieces[0, DEPTH]):
-            break
+            if count == 1 or step >= SHORT or pieces[0, DEPTH] < DEEP:
+                break
+            step = SHORT  # short steps rise little
+            continue
         new, old = pieces[count], pieces[0]
         p = triple(scratch.trial, 0)
         look(p, least_distance(p, surface)[1], new, surface, scratch)
