@@ -11,7 +11,7 @@ Then candidate grasps evaluated per second and core by the search: for three fin
 search, for four and five the difference from the search with one finger less. A candidate is
 evaluated by one test, most of three fingers by the angle of a normal to the plane of the contacts.
 
-For comparison (a) one full bisection of the critical angle per candidate and (b) force closure by a
+For comparison (a) the critical angle of each candidate and (b) force closure by a
 linear program over cones of 8 edges at the largest critical angle searched for
 (scipy.optimize.linprog), both for random candidate grasps of the same meshes in the same run. Times
 are processor times, so that other processes hardly affect them.
@@ -138,25 +138,25 @@ def of_mesh(name: str) -> None:
             )
             continue
         each = added / more
-        bisected, solved = reference_times(mesh, fingers, math.tan(cone))
+        found, solved = reference_times(mesh, fingers, math.tan(cone))
         print(
             f"{name:12} {fingers} fingers: {more / 1e6:6.2f} M evaluated, "
             f"{1e-3 / each:6.0f} k per s and core; "
-            f"a bisection {1e6 * bisected:6.1f} us, {bisected / each:6.1f} x; "
+            f"its angle {1e6 * found:6.1f} us, {found / each:6.1f} x; "
             f"a linear program {1e6 * solved:6.0f} us, {solved / each:6.0f} x"
         )
 
 
 def reference_times(mesh, fingers: int, friction: float) -> tuple[float, float]:  # noqa: ANN001
-    """Time of one candidate [s]: its critical angle bisected, and closure by a linear program."""
+    """Time of one candidate [s]: of its critical angle, and of closure by a linear program."""
     from scipy.optimize import linprog
 
     import grasp3d
     from grasp3d.quality.wrenches import wrenches
 
     contacts = random_candidates(mesh, fingers, friction)
-    bisect = partial(grasp3d.critical_friction_angle, contacts)
-    bisect()
+    angles = partial(grasp3d.critical_friction_angle, contacts)
+    angles()
     rows = wrenches(contacts, edges=EDGES, torque_scale=mesh.torque_scale)[:FEW]
     count = rows.shape[1]
 
@@ -164,7 +164,7 @@ def reference_times(mesh, fingers: int, friction: float) -> tuple[float, float]:
         for columns in rows:
             linprog([0.0] * count, A_eq=columns.T, b_eq=[0.0] * 6, bounds=(1.0, None))
 
-    return processor_time(bisect) / MANY, processor_time(programs) / FEW
+    return processor_time(angles) / MANY, processor_time(programs) / FEW
 
 
 def random_candidates(mesh, fingers: int, friction: float):  # noqa: ANN001, ANN201
