@@ -261,35 +261,45 @@ class _Search:
     def with_links(self) -> HandPayload:
         """The payload with the weight of the links, which does not grow with the load.
 
-        Were it to grow with the load, and be right at some load m, the payload f(m) would not fall
-        where m grows: the true one is the largest m <= f(m), and lies between f(m) and m for every
-        m. About 1 / f is a straight line over 1 / m.
+        Were it to grow with the load, and be right at a load m, the payload would be some f(m): m
+        is held exactly if m <= f(m), as less of the load and of the links is held with both. The
+        loads that are held are an interval, of which this is the end. About 1 / f is a straight
+        line over 1 / m.
         """
         best = self.found()
-        if best.lower == math.inf:
-            return best
         programs, beside = best.programs, BESIDE * self.rtol
-        lower, upper, most = 0.0, math.inf, 0.5 * (best.lower + min(best.upper, 2.0 * best.lower))
-        mass = most or self.grasp.force
+        exact = 0.5 * beside
+        lower, upper, tried = 0.0, math.inf, [(0.0, 1.0 / _between(best))]
+        mass, endless = _between(best), best.lower == math.inf
+        mass = self.grasp.force if endless else mass
         for _ in range(MOST_MASSES):
-            found = replace(self, mass=mass, rtol=0.5 * BESIDE * self.rtol).found()
+            found = replace(self, mass=mass, rtol=exact).found()
             programs += found.programs
-            lower = max(lower, found.lower) if found.lower >= mass else lower
-            if found.upper <= min(mass, upper):
-                upper, best = found.upper, found
-            middle = 0.5 * (found.lower + min(found.upper, 2.0 * found.lower))
-            if upper - lower <= self.rtol * min(upper, 2.0 * lower) or not middle:
+            if held := found.lower >= mass:
+                lower = max(lower, mass)
+            elif found.upper < mass:
+                upper, best = (mass, found) if mass < upper else (upper, best)
+            if held and endless:  # more of the load alone is held without end
+                lower = math.inf
+            known = upper < math.inf and upper - lower <= self.rtol * upper
+            if known or lower == math.inf or found.upper <= 0.0:
                 break
-            slope = (1.0 / middle - 1.0 / most) * mass if most else 0.0
-            root = most * (1.0 - slope) if 0.0 < slope < 1.0 else middle
-            near = abs(mass - root) <= 2.0 * beside * root
-            beside *= 2.0 if near and not (found.lower >= mass or found.upper <= mass) else 1.0
-            mass = root * (1.0 - beside if root - lower > self.rtol * root else 1.0 + beside)
+            exact *= 0.5 if not held and found.upper >= mass else 1.0
+            tried.append((1.0 / mass, 1.0 / _between(found)))
+            root = _crossing(tried[-2:], lower, upper)
+            if root - lower > upper - root:  # beside it, to enclose it
+                mass = max(root * (1.0 - beside), 0.5 * (root + lower))
+            else:
+                mass = min(root * (1.0 + beside), 0.5 * (root + upper))
         if lower > 0.0 and not self.holds_links:
             # Nearly the links alone; what is between two loads that are held is held, too.
-            least = replace(self, mass=LEAST * lower).found()
-            lower, programs = lower * (least.lower >= LEAST * lower), programs + least.programs
-        return replace(best, lower=lower, upper=upper, programs=programs)
+            small = LEAST * min(lower, self.grasp.force)
+            least = replace(self, mass=small).found()
+            programs += least.programs
+            lower = lower if least.lower >= small else 0.0
+            if least.upper < small:
+                upper, best = 0.0, least
+        return replace(best, lower=lower, upper=max(lower, upper), programs=programs)
 
     @property
     def holds_links(self) -> bool:
@@ -313,9 +323,13 @@ class _Search:
         held = None if links is None else -links @ basis[:, :3].T / self.mass
         return WrenchSlice(self.grasp, self.angles, basis, np.zeros(6), held)
 
+    def _against(self, directions: Floats) -> Floats:
+        """The opposite of directions (..., k) of the slice, as factors of wrenches (..., 6)."""
+        return -(directions @ self.slice.basis) / self.grasp.scale
+
     def extents(self, directions: Floats) -> tuple[Floats, Floats]:
         """How far the opposite of both parts reaches along directions (r, k), each (r,)."""
-        u = -(directions @ self.slice.basis) / self.grasp.scale
+        u = self._against(directions)
         constant = np.zeros(len(u)) if self.constant is None else self.constant.support(u)
         return np.asarray(self.growing.support(u)), np.asarray(constant)
 
@@ -372,6 +386,10 @@ class _Search:
             load, per_force = 0.0 if found.upper < constant else math.inf, 0.0
         if load >= limit.upper:
             return replace(limit, programs=programs)
+        if self.slice.links is not None and math.isfinite(load):
+            # The links keep their weight where the load grows: they are not part of its work.
+            work = -float(self.growing.farthest(self._against(direction)) @ found.twist)
+            per_force = 1.0 / work if work > 0.0 else 0.0
         return HandPayload(limit.lower, load, found, self.slice, direction, per_force, programs)
 
     def nearest(self, polytope: "_Polytope") -> tuple[float, Floats]:
@@ -390,6 +408,25 @@ class _Search:
             middle = normals[at_origin].mean(axis=0)
             direction = middle if middle.any() else direction
         return max(float(loads[nearest]), 0.0), direction / np.linalg.norm(direction)
+
+
+def _between(found: HandPayload) -> float:
+    """A load near the bounds of a payload, above 0."""
+    middle = 0.5 * (found.lower + min(found.upper, 2.0 * found.lower))
+    return middle or min(found.upper, LEAST * found.slice.grasp.force) or 1e-300
+
+
+def _crossing(tried: Sequence[tuple[float, float]], lower: float, upper: float) -> float:
+    """The load m at which 1 / f(m) = 1 / m on a line through two points, between two loads."""
+    (first, one), (second, two) = tried
+    slope = (two - one) / (second - first) if second != first else 0.0
+    inverse = (one - slope * first) / (1.0 - slope) if slope < 1.0 else 0.0
+    load = 1.0 / inverse if inverse > 0.0 else math.inf
+    if lower < load < upper:
+        return load
+    if upper == math.inf:
+        return 4.0 / second
+    return math.sqrt(lower * upper) if lower > 0.0 else 0.25 * upper
 
 
 class _Polytope:

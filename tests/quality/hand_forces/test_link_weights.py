@@ -14,15 +14,42 @@ from grasp3d.quality.tasks import STANDARD_GRAVITY, Task, Weight, Wrenches
 MOST, FRICTION = 20.0, 0.3
 
 
-def jaws(mass: float, *, least: float = -MOST) -> HandGrasp:
-    """Two fingers that slide along x, of a mass each, with a part between them."""
-    contacts = Contacts([[-0.02, 0, 0], [0.02, 0, 0]], [[1, 0, 0], [-1, 0, 0]], FRICTION)
+def jaws(
+    mass: float, *, least: float = -MOST, most: float = MOST, friction: float = FRICTION
+) -> HandGrasp:
+    """Two fingers that slide along x, of a mass each, with a part between them.
+
+    A negative mass is a counterweight.
+    """
+    contacts = Contacts([[-0.02, 0, 0], [0.02, 0, 0]], [[1, 0, 0], [-1, 0, 0]], friction)
     slides = [[[1, 0], [0, 0], [0, 0]], [[0, 0], [0, 0], [0, 0]]]
     slides[1][0][1] = -1  # both values grow where the fingers close
     links = [[-mass, 0.0, 0.0], [mass, 0.0, 0.0]]
     return HandGrasp(
-        contacts, slides, Actuation.of_hand([[least, MOST]] * 2, joints=2, links=links)
+        contacts, slides, Actuation.of_hand([[least, most]] * 2, joints=2, links=links)
     )
+
+
+def palm(mass: float, *, most_force: float = 1000.0) -> HandGrasp:
+    """A part on three supports, and a finger that presses on it from above, with a weight on it."""
+    points = [[0.03, 0, -0.03], [-0.015, 0.026, -0.03], [-0.015, -0.026, -0.03], [0, 0, 0.03]]
+    normals = [[0, 0, 1]] * 3 + [[0, 0, -1]]
+    jacobian = np.zeros((4, 3, 1))
+    jacobian[3, 2, 0] = -0.1
+    drives = Actuation.of_hand([0.1], joints=1, links=[[0, 0, 0.1 * mass]])
+    return HandGrasp(Contacts(points, normals, 0.5), jacobian, drives, most_force=most_force)
+
+
+def caged(mass: float) -> HandGrasp:
+    """A part between six supports without limit, and a link that touches nothing."""
+    normals = np.concatenate([np.eye(3), -np.eye(3)])
+    drives = Actuation.of_hand([0.1], joints=1, links=[[0, 0, 0.1 * mass]])
+    return HandGrasp(Contacts(-0.03 * normals, normals, 0.5), np.zeros((6, 3, 1)), drives)
+
+
+def least_of(grasp: HandGrasp, ways: np.ndarray) -> float:
+    """The least payload of single directions."""
+    return min(hand_payload(grasp, Weight(direction=tuple(way))).upper for way in ways)
 
 
 def closed_form(mass: float, angles: np.ndarray) -> np.ndarray:
@@ -54,12 +81,61 @@ def test_in_any_direction_it_is_that_of_the_worst(mass: float) -> None:
     assert found.upper - found.lower <= 1e-2 * found.upper
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("friction", [0.3, 1.0])
+def test_counterweights_hold_more_in_any_direction(friction: float) -> None:
+    grasp = jaws(-0.5, friction=friction)
+    angles = np.linspace(0.0, 0.5 * math.pi, 200)
+    ways = np.stack([np.cos(angles), np.zeros(200), np.sin(angles)], axis=1)
+    found, expected = hand_payload(grasp, Weight(), rtol=1e-2), least_of(grasp, ways)
+    assert found.lower <= expected <= found.upper * (1.0 + 1e-4)
+    assert found.upper - found.lower <= 1e-2 * found.upper
+    assert found.lower > 1.02 * hand_payload(jaws(0.0, friction=friction), Weight()).upper
+
+
+@pytest.mark.slow
+def test_a_weight_on_the_finger_helps_to_press_on_a_palm() -> None:
+    angles = np.linspace(0.0, math.pi / 4, 100)
+    turns = np.linspace(0.0, 2.0 * math.pi, 7)[:-1, None]
+    ways = [
+        np.sin(angles) * np.cos(turns),
+        np.sin(angles) * np.sin(turns),
+        -np.cos(angles) + 0 * turns,
+    ]
+    expected = least_of(palm(0.1), np.stack(ways, axis=-1).reshape(-1, 3))
+    task = Weight(direction=(0, 0, -1), within=math.pi / 4)
+    found = hand_payload(palm(0.1), task, rtol=1e-2)
+    assert found.lower <= expected <= found.upper * 1.002
+    assert found.upper - found.lower <= 1e-2 * found.upper
+    endless = hand_payload(palm(0.1, most_force=math.inf), task, rtol=1e-2)
+    assert endless.lower <= expected <= endless.upper
+
+
+def test_a_part_without_limit_is_held_where_the_links_are() -> None:
+    heavy, light = (hand_payload(caged(mass), Weight()) for mass in (0.5, 0.05))
+    assert heavy.lower == 0.0
+    assert heavy.upper < 1e-2
+    assert light.lower == math.inf
+    assert hand_payload(caged(0.5), Weight(direction=(0, 0, -1))).upper == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("mass", "friction"), [(1.5, 1.0), (1.2, 0.3), (-0.5, 1.0)])
+def test_a_tenth_more_of_torque_adds_at_most_what_is_said(mass: float, friction: float) -> None:
+    found, more = (
+        hand_payload(jaws(mass, least=-most, most=most, friction=friction), Weight(), rtol=1e-3)
+        for most in (MOST, 1.1 * MOST)
+    )
+    said = 0.1 * found.drive_shares.sum()
+    assert more.lower - found.upper <= said
+    assert more.upper - found.lower >= 0.9 * said
+
+
 def test_links_may_rest_on_the_part_where_tendons_only_pull() -> None:
     two_way, pulled = (
         hand_payload(jaws(0.1, least=least), Weight(), rtol=5e-2) for least in (-MOST, 0.0)
     )
     assert pulled.lower == pytest.approx(two_way.lower, rel=5e-2)
-    assert pulled.programs > two_way.programs  # without the part nothing holds them
 
 
 def test_links_that_motors_cannot_hold_leave_nothing() -> None:
@@ -93,8 +169,8 @@ def test_random_hands_hold_the_payload_of_any_direction_in_each() -> None:
         drives = Actuation.of_hand([0.7] * 6, joints=6, links=links)
         grasp = HandGrasp(Contacts(-0.03 * normals, normals, 0.8), jacobian, drives)
         found = hand_payload(grasp, Weight(), rtol=1e-2)
-        for way in generator.normal(size=(20, 3)):
-            assert found.lower <= hand_payload(grasp, Weight(direction=way)).upper
+        assert 0.0 < found.lower <= least_of(grasp, generator.normal(size=(50, 3)))
+        assert found.upper - found.lower <= 1e-2 * found.upper
 
 
 @pytest.mark.parametrize(
