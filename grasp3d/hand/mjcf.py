@@ -1,7 +1,7 @@
 """Links and joints of a robot in a MuJoCo model."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,9 +40,9 @@ def read_mjcf(path: Path) -> LinkTree:
     """
     model = _loaded(path)
     names = [model.body(number).name or f"body {number}" for number in range(model.nbody)]
-    joints: dict[str, Joint] = {}
+    joints, one_way = dict[str, Joint](), _pulls(model)
     for body in range(1, model.nbody):
-        joints.update(_joints(model, body, names))
+        joints.update(_joints(model, body, names, one_way))
     numbers = {name: number for number, name in enumerate(names)}
 
     def shapes(name: str) -> tuple[LinkShape, ...]:
@@ -52,8 +52,8 @@ def read_mjcf(path: Path) -> LinkTree:
         found = (_shape(model, number, path) for number in range(first, first + count))
         return tuple(shape for shape in found if shape is not None)
 
-    links, one_way = (names[0], *joints), _pulls(model)
-    others = (arms for number, arms in _tendons(model) if number not in one_way)
+    links = (names[0], *joints)
+    others = (arms for number, arms in _arms(model) if number not in one_way)
     tendons, pulls = tuple(arms for arms in others if len(arms) > 1), tuple(one_way.values())
     masses = {
         name: LinkMass(float(model.body_mass[number]), tuple(model.body_ipos[number].tolist()))
@@ -80,7 +80,9 @@ def _loaded(path: Path) -> "MjModel":
         set_mju_user_warning(None)
 
 
-def _joints(model: "MjModel", body: int, names: list[str]) -> Iterator[tuple[str, Joint]]:
+def _joints(
+    model: "MjModel", body: int, names: list[str], one_way: Collection[int]
+) -> Iterator[tuple[str, Joint]]:
     """The joints that move a body, each with the link that it moves.
 
     Of several, all but the last one move links of their own without geometry.
@@ -94,13 +96,15 @@ def _joints(model: "MjModel", body: int, names: list[str]) -> Iterator[tuple[str
             Joint(names[body], "fixed", parent, pose, np.array([1.0, 0.0, 0.0]), None),
         )
     for number in range(first, first + count):
-        joint = _joint(model, number, parent, pose)
+        joint = _joint(model, number, parent, pose, one_way)
         link = names[body] if number == first + count - 1 else f"{names[body]} ({joint.name})"
         yield link, joint
         parent, pose = link, np.eye(4)
 
 
-def _joint(model: "MjModel", number: int, parent: str, pose: Floats) -> Joint:
+def _joint(
+    model: "MjModel", number: int, parent: str, pose: Floats, one_way: Collection[int]
+) -> Joint:
     """A joint whose link has a pose in the frame of its parent at the joint's reference value."""
     from mujoco import mjtJoint
 
@@ -125,7 +129,7 @@ def _joint(model: "MjModel", number: int, parent: str, pose: Floats) -> Joint:
         (low, high) if model.jnt_limited[number] else (-math.inf, math.inf),
         _followed(model, number),
         position,
-        _effort(model, number),
+        _effort(model, number, one_way),
         _spring(model, number),
     )
 
@@ -165,19 +169,19 @@ def _closures(model: "MjModel") -> tuple[str, ...]:
     return tuple(model.equality(number).name or f"equality {number}" for number in others)
 
 
-def _effort(model: "MjModel", joint: int) -> float | None:
+def _effort(model: "MjModel", joint: int, one_way: Collection[int]) -> float | None:
     """Greatest torque or force of the motors at a joint; None: none is stated."""
     from mujoco import mjtTrn
 
-    one_way = _pulls(model)
-    if model.jnt_actfrclimited[joint]:
+    acting = [number for number, arms in _arms(model) if _name(model, joint) in arms]
+    motors = [number for number in acting if number not in one_way]
+    if model.jnt_actfrclimited[joint] and (motors or not acting):  # or they are in another file
         return float(np.abs(model.jnt_actfrcrange[joint]).max())
-    for number in range(model.nu):
-        at_joint = model.actuator_trntype[number] == mjtTrn.mjTRN_JOINT and number not in one_way
-        if at_joint and model.actuator_trnid[number, 0] == joint:
+    for number in motors:
+        if model.actuator_trntype[number] == mjtTrn.mjTRN_JOINT:
             gear = abs(float(model.actuator_gear[number, 0]))
             if model.actuator_forcelimited[number]:
-                return gear * float(np.abs(model.actuator_forcerange[number]).max())
+                return gear * float(np.abs(_forces(model, number)).max())
     return None
 
 
@@ -188,15 +192,17 @@ def _spring(model: "MjModel", joint: int) -> Spring | None:
     return Spring(stiffness, rest) if stiffness else None
 
 
-def _tendons(model: "MjModel") -> Iterator[tuple[int, dict[str, float]]]:
-    """Actuators of tendons over joints, with the moment arms of these."""
+def _arms(model: "MjModel") -> Iterator[tuple[int, dict[str, float]]]:
+    """Actuators of joints, and of tendons over joints, with the moment arms of these."""
     from mujoco import mjtTrn, mjtWrap
 
     for number in range(model.nu):
-        if model.actuator_trntype[number] != mjtTrn.mjTRN_TENDON:
+        kind, target = model.actuator_trntype[number], int(model.actuator_trnid[number, 0])
+        if kind == mjtTrn.mjTRN_JOINT:
+            yield number, {_name(model, target): 1.0}
+        if kind != mjtTrn.mjTRN_TENDON:
             continue
-        tendon = int(model.actuator_trnid[number, 0])
-        first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
+        first, count = int(model.tendon_adr[target]), int(model.tendon_num[target])
         wraps = range(first, first + count)
         if all(model.wrap_type[wrap] == mjtWrap.mjWRAP_JOINT for wrap in wraps):
             yield (
@@ -207,14 +213,8 @@ def _tendons(model: "MjModel") -> Iterator[tuple[int, dict[str, float]]]:
 
 def _pulls(model: "MjModel") -> dict[int, Tendon]:
     """Actuators of joints, and of tendons over joints, whose force has one sign."""
-    from mujoco import mjtTrn
-
-    arms = dict(_tendons(model))
-    for number in range(model.nu):
-        if model.actuator_trntype[number] == mjtTrn.mjTRN_JOINT:
-            arms[number] = {_name(model, int(model.actuator_trnid[number, 0])): 1.0}
     found = {}
-    for number, of_joints in sorted(arms.items()):
+    for number, of_joints in _arms(model):
         low, high = _forces(model, number)
         if math.isfinite(low) and math.isfinite(high) and low < high and low * high >= 0.0:
             gear = float(model.actuator_gear[number, 0]) * (1.0 if high > 0.0 else -1.0)
@@ -229,17 +229,17 @@ def _forces(model: "MjModel", actuator: int) -> tuple[float, float]:
     """Smallest and largest force of an actuator; infinite: none is stated."""
     from mujoco import mjtBias, mjtDyn, mjtGain
 
+    low, high = -math.inf, math.inf
     if model.actuator_forcelimited[actuator]:
         low, high = model.actuator_forcerange[actuator].tolist()
-        return low, high
     kinds = (model.actuator_gaintype, model.actuator_biastype, model.actuator_dyntype)
     of_motor = mjtGain.mjGAIN_FIXED, mjtBias.mjBIAS_NONE, mjtDyn.mjDYN_NONE
     if model.actuator_ctrllimited[actuator] and all(
         kind[actuator] == one for kind, one in zip(kinds, of_motor, strict=True)
     ):
         ends = model.actuator_gainprm[actuator, 0] * model.actuator_ctrlrange[actuator]
-        return float(ends.min()), float(ends.max())
-    return -math.inf, math.inf
+        low, high = np.clip(sorted(ends), low, high).tolist()
+    return low, high
 
 
 def _shape(model: "MjModel", geom: int, path: Path) -> LinkShape | None:

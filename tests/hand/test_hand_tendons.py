@@ -218,3 +218,28 @@ def test_models_state_tendons_by_actuators_of_one_sign(tmp_path: Path) -> None:
     said = "; ".join(hand.assumed)
     assert "tendons are those of the file: flexor, extensor" in said
     assert "springs are those of the file: knuckle" in said
+
+
+def test_models_whose_limits_are_wider_than_one_way_have_no_motors_there(tmp_path: Path) -> None:
+    """A joint's limit of what acts on it is no motor, and a range of forces allows no control."""
+    pytest.importorskip("mujoco")
+    path = tmp_path / "finger.xml"
+
+    def read(old: str, new: str) -> ArticulatedHand:
+        assert MODEL.count(old) == 1
+        path.write_text(MODEL.replace(old, new), encoding="utf-8")
+        hand = grasp3d.read_hand(path)
+        assert isinstance(hand, ArticulatedHand)
+        return hand
+
+    limit = 'actuatorfrcrange="-0.4 0.4" actuatorfrclimited="true" name='
+    assert read('name="bend"', limit + '"bend"').torques.tolist() == [0.3, 0.0]
+    assert read('name="knuckle"', limit + '"knuckle"').torques.tolist() == [0.4, 0.0]
+    pulled = 'ctrlrange="-15 0" ctrllimited="true"'
+    for forces, least, most in ((-30, 0.0, 15.0), (-10, 0.0, 10.0)):
+        hand = read(pulled, f'{pulled} forcerange="{forces} 30" forcelimited="true"')
+        assert hand.couplings == ()
+        assert hand.tendons[0] == Tendon("flexor", {"knuckle": 0.02, "bend": 0.012}, (least, most))
+    both = 'joint="knuckle" forcerange="-0.3 0.3"'
+    small = read(both, both + ' ctrlrange="-0.2 0.1" ctrllimited="true"')
+    assert small.torques.tolist() == [0.2, 0.0]
