@@ -17,7 +17,7 @@ from grasp3d.grasps.pose_readings import suspected_reading
 from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.postures import ORDER, matched
 from grasp3d.grasps.readings import SUSPECTED, PoseReading
-from grasp3d.hand.articulated.actuation import torques_of
+from grasp3d.hand.articulated.actuation import torques_of, unstated_torques
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE, HandContacts, hand_contacts
 from grasp3d.hand.choices import ContactRule, ObjectMotion
@@ -157,7 +157,7 @@ class EvaluatedHandGrasps(GivenGrasps):
     @cached_property
     def motors(self) -> MotorForces | None:
         """What the hand can press; None: no torque of its motors is stated."""
-        if self.to_hold is None:  # how large they are does not matter to what can be pressed
+        if self.to_hold is None:  # any size does: see `_pressed`
             torques = torques_of(self.hand, None, 1.0 if (self.hand.torques > 0.0).any() else None)
         else:
             torques = stated_torques(self.hand, self.to_hold)
@@ -200,7 +200,13 @@ class EvaluatedHandGrasps(GivenGrasps):
     def _pressed(self, labels: SetLabels, motors: MotorForces | None) -> Floats:
         if motors is None:
             return locked(np.ones(self.size))
-        return motors.pressed(labels.label == Label.S, self.model.friction_interval[0])
+        sure = labels.label == Label.S
+        # Which torques can be exerted at all does not depend on how large they are, unless motors
+        # must first overcome something.
+        against = [*self.hand.springs, *(one for one in self.hand.tendons if one.tension[0] > 0.0)]
+        if self.to_hold is None and against and unstated_torques(self.hand):
+            return locked(np.where(sure, math.nan, 1.0))
+        return motors.pressed(sure, self.model.friction_interval[0])
 
     @cached_property
     def label(self) -> Bytes:

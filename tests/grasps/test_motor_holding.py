@@ -131,6 +131,26 @@ def test_one_torque_is_enough_to_know_what_can_be_pressed(tmp_path: Path) -> Non
         assert evaluated(tmp_path, None, couplings=opposed, torques=torques).label[0] == label
 
 
+def test_next_to_springs_unknown_torques_leave_open_what_can_be_pressed(tmp_path: Path) -> None:
+    """Motors of 1 N would not press against springs of 2 N, and those of 20 N do."""
+    names, part = [f"slide_{k}" for k in range(4)], {"slide_0": 20.0}
+    springs = {name: {"torque": -2.0} for name in names}
+    pulled = {"arms": {"slide_1": -0.5}, "tension": 40.0}
+    tight = [{**pulled, "pretension": 4.0}]
+    for shift in ({"springs": springs}, {"tendons": tight, "torques": {**part, "slide_1": 20.0}}):
+        found = evaluated(tmp_path, None, **{"torques": part, **shift})
+        assert found.label[0] == found.label_fingertips[0] == Label.M
+        assert found.reason[0] == "it is not known whether the hand can press it"
+        assert np.isnan(found.pressed[0])
+        assert found.pressed[1] == 1.0
+        for filled, label in ((1.0, Label.M), (20.0, Label.S)):
+            load = grasp3d.Load(unstated_torques=filled)
+            assert "springs" not in shift or (
+                evaluated(tmp_path, load, torques=part, **shift).label[0] == label
+            )
+    assert evaluated(tmp_path, None, torques=part, tendons=[pulled]).label[0] == Label.S
+
+
 def test_what_a_differential_cannot_press_is_not_surely_stable(tmp_path: Path) -> None:
     """A tendon that pushes opposite fingers in opposite senses presses neither of them."""
     opposed = [
