@@ -27,6 +27,7 @@ from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.region import allowed_contacts
 from grasp3d.quality.loads import load_settings
+from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.quality.wrenches import EpsilonOptions, wrench_axes
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import GivenLength
@@ -49,6 +50,11 @@ RANK = 1e-9
 """Singular values that count as 0, relative to the largest."""
 
 NO_SENSORS = "{} has no sensors: no grasp can be S"
+
+BRAKES = (
+    "brakes hold what links are loaded with, but press nothing: payloads count on the squeeze "
+    "that was there when they locked"
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -382,7 +388,7 @@ class EvaluatedHandGrasps(GivenGrasps):
         reasons.add("the hand cannot press it", self.pressed == 0.0)
         reasons.add("it is not known whether the hand can press it", np.isnan(self.pressed))
         if (held := self.label_with_force) is not None and (of := self.motor_holding) is not None:
-            short = held < self.label
+            short = (held < self.label) | (of.load_fraction > 1.0)
             texts = [of.shortfall(row) for row in np.flatnonzero(short).tolist()]
             reasons.add("the motors do not surely hold it", short, texts)
         return reasons
@@ -421,7 +427,9 @@ class EvaluatedHandGrasps(GivenGrasps):
         unfelt = None if self.hand.sensors else NO_SENSORS.format(self.hand.name)
         order = self.given.settings.get(ORDER)
         unnamed = f"the order of the joints is {order}" if order else None
-        return (*super().warnings, *(line for line in (wrong, tilted, unfelt, unnamed) if line))
+        braked = BRAKES if self.to_hold is not None and self.hand.brakes else None
+        lines = wrong, tilted, unfelt, unnamed, braked
+        return (*super().warnings, *(line for line in lines if line))
 
     def metrics(self, names: str) -> NoReturn:
         """Refuse: measures are for grasps of equal numbers of contacts. Raises SettingError."""
@@ -450,6 +458,14 @@ class EvaluatedHandGrasps(GivenGrasps):
         changed: dict[str, Any] = {"row": row, **of_contacts, **of_poses}
         contacts = replace(own, **changed)
         return replace(self, given=self.given.take(rows), contacts=contacts)
+
+    def to_poses(self, metrics: MetricValues | None = None) -> GraspPoses:
+        """As in `GivenGrasps`: poses and values of joints are those where the contacts are.
+
+        Settled and closed ones are not those that were given.
+        """
+        poses = super().to_poses(metrics)
+        return replace(poses, poses=self.contacts.poses, posture=self.contacts.posture)
 
     def to_table(self) -> Any:
         """Return a `pyarrow.Table` with a row for each pose; nan leaves the cell empty.
@@ -582,6 +598,8 @@ def _refuse(hand: ArticulatedHand, scene: Scene, model: GraspModel, load: LoadCa
         "location_error: its contacts follow from pose and posture": model.location_error != 0.0,
         f"contact {model.contact}: its contacts are points": model.contact != "point",
         "pose_error: that is for parallel grippers": bool(scene.pose_error),
+        "torsion_radius with a load: what motors hold is that of points": load is not None
+        and model.torsion_radius != 0.0,
         "grip_force: it follows from torque_limits": load is not None
         and load.available is not None,
     }

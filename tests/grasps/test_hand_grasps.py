@@ -48,6 +48,23 @@ def evaluated(box: ObjectMesh, folder: Path, *postures: Any, **options: Any) -> 
     return found
 
 
+@pytest.mark.parametrize("rule", ["closed", "settled"])
+def test_poses_are_written_where_the_contacts_are(
+    box: ObjectMesh, tmp_path: Path, rule: Any
+) -> None:
+    hand = slider_hand.hand(tmp_path)
+    poses = given(TOUCHING - 2e-3, joint_names=hand.joint_names)
+    found = grasp3d.evaluate_grasps(box, poses, FINE, hand=hand, contact_rule=rule)
+    assert np.abs(found.to_poses().posture - poses.posture).max() > 1e-3
+    path = tmp_path / "found.csv"
+    grasp3d.write_grasps(path, found)
+    back = grasp3d.evaluate_grasps(
+        box, grasp3d.read_grasps(path, hand=hand), FINE, hand=hand, contact_distance="0.2mm"
+    )
+    assert back.links.tolist() == found.links.tolist() != [""]
+    np.testing.assert_allclose(back.margin, found.margin, atol=SAMPLED)
+
+
 def test_four_fingers_on_a_box(box: ObjectMesh, tmp_path: Path) -> None:
     found = evaluated(box, tmp_path, TOUCHING)
     assert found.label.tolist() == found.label_fingertips.tolist() == [Label.S]

@@ -55,6 +55,29 @@ def test_four_sliding_fingers_hold_a_box_by_friction_alone(tmp_path: Path) -> No
     assert double.payload[0] == pytest.approx(2.0 * holding.payload[0], rel=1e-6)
 
 
+def test_every_pose_that_does_not_surely_hold_the_mass_says_so(tmp_path: Path) -> None:
+    coarse = grasp3d.GraspModel(sensor_resolution=math.radians(60.0))
+    found = evaluated(tmp_path, grasp3d.Load(task=DOWN, mass=0.1), coarse)
+    assert found.label.tolist() == [Label.M, Label.U]
+    assert found.reason.tolist() == [
+        "surely holds 0 kg only", "no link within 5 mm of the object",
+    ]  # fmt: skip
+
+
+def test_what_brakes_hold_was_pressed_before(tmp_path: Path) -> None:
+    load = grasp3d.Load(task=DOWN, torque_limits=10.0)
+    braked = evaluated(tmp_path, load, brakes={"slide_0": None})
+    assert any("brakes" in line for line in braked.warnings)
+    assert not any("brakes" in line for line in evaluated(tmp_path, load).warnings)
+
+
+def test_torsion_is_no_part_of_what_motors_hold(tmp_path: Path) -> None:
+    torsion = replace(FINE, torsion_radius=0.003)
+    assert evaluated(tmp_path, None, torsion).label[0] == Label.S
+    with pytest.raises(SettingError, match="takes no torsion_radius with a load"):
+        evaluated(tmp_path, grasp3d.Load(task=DOWN), torsion)
+
+
 def test_blind_links_hold_nothing_surely(tmp_path: Path) -> None:
     blind = evaluated(tmp_path, grasp3d.Load(task=DOWN), sensors={}).motor_holding
     assert blind is not None

@@ -229,7 +229,10 @@ def _of_wrench(
         basis, per_force = -(wrench / scale / size)[None], 1.0 / size
     part = WrenchSlice(grasp, angles, basis, held)
     found, programs = part.reach(along, polish=polish), 1
-    lower, upper = found.lower * per_force, found.upper * per_force
+    flat = FLAT * grasp.force  # no more than rounding
+    lower, upper = (
+        (0.0 if abs(one) <= flat else one) * per_force for one in (found.lower, found.upper)
+    )
     if size == 0.0:
         lower = upper = math.nan if math.isnan(found.lower) else math.inf
     if constant.any() or not grasp.actuation.holds_links:
