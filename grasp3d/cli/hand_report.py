@@ -82,10 +82,9 @@ def print_hand_grasps(grasps: EvaluatedHandGrasps, *outputs: Path) -> None:
     if not np.isnan(grasps.outcome).all():
         report.line(outcomes_line(grasps))
     report.line(f"[bold]{_verdict(grasps)}[/]")
-    if grasps.verdict is not None:
-        report.line(f"[bold]{escaped(grasps.verdict)}[/]")
-        if grasps.motor_holding is not None:
-            report.line(escaped(grasps.motor_holding.link_weights))
+    if grasps.motor_holding is not None:
+        report.line(f"[bold]{escaped(str(grasps.verdict))}[/]")
+        report.line(escaped(grasps.motor_holding.link_weights))
     report.warnings(grasps.warnings)
     print_some(report, _columns(grasps), grasps, size)
     report.line(_LEGEND)
@@ -134,14 +133,14 @@ def _columns(grasps: EvaluatedHandGrasps) -> list[Column]:
     if holding is not None:
         unit = "kg" if holding.load.by_mass else ""
         held = [
-            ("ε\nN", lambda row: known(number_text(holding.epsilon[row]))),
-            (f"holds\n{unit}", lambda row: known(number_text(holding.payload[row]))),
-            (f"surely\n{unit}", lambda row: known(number_text(holding.payload_sure[row]))),
+            ("ε\nN", lambda row: number_text(holding.epsilon[row])),
+            (f"holds\n{unit}", lambda row: number_text(holding.payload[row])),
+            (f"surely\n{unit}", lambda row: number_text(holding.payload_sure[row])),
             ("limit", lambda row: escaped(str(holding.limit[row]))),
         ]
         if codes is not None:
             held[-1:-1] = [
-                ("load", lambda row: known(load_text(float(holding.load_fraction[row])))),
+                ("load", lambda row: load_text(float(holding.load_fraction[row]))),
                 ("held", lambda row: label_name(Label(int(codes[row])))),
             ]
     return [

@@ -403,5 +403,7 @@ class MotorHolding:
 
 
 def load_text(fraction: float) -> str:
-    """A load fraction in percent."""
+    """A load fraction in percent; nan: there is no grasp."""
+    if math.isnan(fraction):
+        return "none"
     return f"{100.0 * fraction:.0f} %" if fraction < MOST_LOAD else f"> {100.0 * MOST_LOAD:.0f} %"

@@ -199,3 +199,10 @@ def test_torque_limits_are_for_hands_with_joints(folder: Path) -> None:
         option = f"--{name.replace('_', '-')}"
         run = grasp3d("label", "box.stl", "--unit", "m", option, "1", cwd=folder)
         assert f"{name} are those of the motors of a hand with joints" in run.stderr
+
+
+def test_poses_without_a_grasp_have_no_load(folder: Path) -> None:
+    text = printed("evaluate", *POSES, "--mass", "0.5kg", cwd=folder, columns=200)
+    (row,) = [line for line in text.splitlines() if line.startswith("   2 ")]
+    assert "> 1000 %" not in row
+    assert row.split("  no link")[0].split().count("none") == 9
