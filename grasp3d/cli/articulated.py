@@ -44,7 +44,9 @@ def print_articulated(hand: ArticulatedHand, paths: Iterable[Path] = ()) -> None
         paths: Files that it was written to.
     """
     report = Report()
-    report.line(f"[bold]{escaped(hand.name)}[/] (a hand with joints; angles in °, sliding in mm)")
+    report.line(
+        f"[bold]{escaped(hand.name)}[/] (a hand with joints; angles in °, sliding in mm and N)"
+    )
     report.table(table_of(JOINTS, _joints(hand), texts=2))
     report.table(table_of(LINKS, _links(hand), texts=3))
     report.fields(_rows(hand))
@@ -89,17 +91,26 @@ def _rows(hand: ArticulatedHand) -> Iterator[tuple[str, str]]:
     for coupling in hand.couplings:
         pairs = zip(coupling.joints, coupling.ratios, strict=True)
         yield f"{coupling.kind} coupling", ", ".join(f"{name} : {ratio:g}" for name, ratio in pairs)
+    slides = {joint.name for joint in hand.tree.joints.values() if joint.kind == "slides"}
     for tendon in hand.tendons:
         least, most = tendon.tension
-        arms = ", ".join(f"{name} {1e3 * arm:g} mm" for name, arm in tendon.arms.items())
+        arms = ", ".join(
+            f"{name} {arm:g}" if name in slides else f"{name} {1e3 * arm:g} mm"
+            for name, arm in tendon.arms.items()
+        )
         yield "tendon", f"{tendon.name} pulls with {least:g} to {most:g} N: {arms}"
     for name, spring in hand.springs.items():
-        rest = f"{spring.stiffness:g} N m/rad, at rest at {math.degrees(spring.rest):.4g}°"
-        yield "spring", f"{name}: {rest}" + f", {spring.torque:+g} N m" * (spring.torque != 0.0)
+        force, per = ("N", "N/m") if name in slides else ("N m", "N m/rad")
+        rest = (
+            f"{1e3 * spring.rest:.4g} mm" if name in slides else f"{math.degrees(spring.rest):.4g}°"
+        )
+        text = f"{name}: {spring.stiffness:g} {per}, at rest at {rest}"
+        yield "spring", text + f", {spring.torque:+g} {force}" * (spring.torque != 0.0)
     if weights := [hand.masses[name].mass for name in hand.beyond_base if name in hand.masses]:
         yield "links", f"{sum(weights):.4g} kg that move"
     for name, torque in hand.brakes.items():
-        yield "brake", f"{name} {f'holds {torque:g} N m' if math.isfinite(torque) else 'locks'}"
+        size = "N" if name in slides else "N m"
+        yield "brake", f"{name} {f'holds {torque:g} {size}' if math.isfinite(torque) else 'locks'}"
     for joint in hand.tree.joints.values():
         if joint.follows is not None and all(joint.name not in c.joints for c in hand.couplings):
             name, factor, offset = joint.follows

@@ -11,6 +11,7 @@ import trimesh
 from grasp3d.cli.articulated import print_articulated
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.hand_files import read_hand
+from tests.helpers import slider_hand
 from tests.helpers.commands import printed, refusal
 from tests.helpers.hands import hand_file, three_fingers
 
@@ -163,3 +164,18 @@ def test_a_direction_is_printed_without_what_rounding_left(
     assert isinstance(hand, ArticulatedHand)
     print_articulated(replace(hand, approach=np.array([1.0, -6.3e-6, -1e-9])))
     assert "(1, 0, 0) in it, open" in capsys.readouterr().out
+
+
+def test_joints_that_slide_are_printed_in_their_units(tmp_path: Path) -> None:
+    path = slider_hand.write(
+        tmp_path,
+        tendons=[{"name": "pull", "arms": {"slide_0": 0.5}, "tension": 60}],
+        springs={"slide_1": {"stiffness": 30.0, "rest": 0.02, "torque": 2.0}},
+        brakes={"slide_2": 7.0},
+    )
+    text = printed("hand", path, cwd=tmp_path, columns=200)
+    lines = [" ".join(line.split()) for line in text.splitlines()]
+    assert "tendon pull pulls with 0 to 60 N: slide_0 0.5" in lines
+    assert "spring slide_1: 30 N/m, at rest at 20 mm, +2 N" in lines
+    assert "brake slide_2 holds 7 N" in lines
+    assert "sliding in mm and N)" in text
