@@ -81,9 +81,8 @@ def hand_grasp_figure(
         label, angle = Label(int(grasps.label[number])), grasps.critical_angle[number]
         name = numbers[number] if numbers else number + 1
         title = _title(name, label, angle, grasps.epsilon[number])
-        margin = math.degrees(grasps.margin[number])
-        felt = f"margin {margin:+.1f}°" if math.isfinite(margin) else "no margin"
-        felt = felt.replace("-", "−")
+        margin = float(grasps.margin[number])
+        felt = f"margin {_degrees(margin, '+')}" if math.isfinite(margin) else "no margin"
         tips = Label(int(grasps.label_fingertips[number])).name
         lines = [f"{felt}, fingertips {tips}", *wrap(str(grasps.reason[number]), REASON)[:2]]
         if held is not None and not math.isnan(held.payload[number]):
@@ -118,8 +117,12 @@ def _title(number: int, label: Label, angle: float, epsilon: float) -> str:
     title = rf"$\bf{{{number}}}$  {label.name}"
     if math.isnan(angle):
         return title
-    degrees = round(math.degrees(angle), 1) + 0.0  # never -0
-    return rf"{title}   $\beta^*$ {degrees:.1f}°   $\varepsilon$ {epsilon:.3f}"
+    return rf"{title}   $\beta^*$ {_degrees(angle)}   $\varepsilon$ {epsilon:.3f}"
+
+
+def _degrees(angle: float, sign: str = "") -> str:
+    """An angle with a typographic minus sign."""
+    return f"{round(math.degrees(angle), 1) + 0.0:{sign}.1f}°".replace("-", "−")  # never -0
 
 
 def _short(name: str) -> str:

@@ -103,6 +103,15 @@ def test_what_the_motors_hold_is_drawn_and_listed(tmp_path: Path) -> None:
     session.close()
 
 
+def test_captions_have_one_minus_sign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = grasps(tmp_path, TOUCHING)
+    for name in ("critical_angle", "margin"):
+        monkeypatch.setattr(EvaluatedHandGrasps, name, np.array([-0.2]))
+    picture = np.zeros((40, 40, 3), dtype=np.uint8)
+    texts = " ".join(text for text, _ in drawn_texts(hand_grasp_figure(found, [picture])))
+    assert texts.count("−11.5°") == 2
+
+
 @pytest.mark.slow
 @needs_opengl
 def test_figure(tmp_path: Path) -> None:
