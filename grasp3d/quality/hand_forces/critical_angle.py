@@ -21,6 +21,7 @@ from grasp3d.quality.hand_forces.actuation import RANK, kernel
 from grasp3d.quality.hand_forces.cone_program import ConeProgram, Solution
 from grasp3d.quality.hand_forces.hand_grasp import (
     POINTED,
+    ConeRows,
     HandGrasp,
     cone_factors,
     cone_rows,
@@ -412,14 +413,14 @@ class _Program:
     still: Bools
 
     @cached_property
-    def _round(self) -> Ints:
-        """Contacts with second-order cones."""
-        return np.flatnonzero(self.half_angles > POINTED)
+    def _cones(self) -> ConeRows:
+        """Of the first program of all that `at` makes; the same contacts are round in these."""
+        return cone_rows(self.half_angles)
 
     @cached_property
     def program(self) -> ConeProgram:
         """Unknown are the vectors of `PressedForces` and the distance from all borders."""
-        cones, drives = cone_rows(self.half_angles), self.pressed.drives
+        cones, drives = self._cones, self.pressed.drives
         balance, _ = self.pressed.balance
         unknown = drives.shape[1] + 1
         total = np.zeros((1, unknown))
@@ -432,16 +433,16 @@ class _Program:
         bounds = np.zeros(len(fixed) + len(inside) + len(round_))
         bounds[len(fixed) - 1] = 1.0
         matrix = np.concatenate([fixed, -inside, -round_])
-        return ConeProgram(matrix, bounds, len(fixed), len(inside), (3,) * len(self._round))
+        return ConeProgram(matrix, bounds, len(fixed), len(inside), (3,) * len(cones.round))
 
     def at(self, half_angles: Floats) -> "_Program":
         """The same at other half-angles, of which as many are negative or 0."""
         other = replace(self, half_angles=half_angles)
-        matrix, round_ = self.program.matrix.copy(), self._round
+        matrix, round_ = self.program.matrix.copy(), self._cones.round
         factors = cone_factors(half_angles[round_]).ravel()
         columns = (3 * round_[:, None] + np.arange(3)).ravel()
         matrix[len(matrix) - len(factors) + np.arange(len(factors)), columns] = -factors
-        other.__dict__.update(_round=round_, program=self.program.with_matrix(matrix))
+        other.__dict__.update(_cones=self._cones, program=self.program.with_matrix(matrix))
         return other
 
     def solved(self) -> Solution:
@@ -455,7 +456,7 @@ class _Program:
 
     def slope(self, found: Solution) -> float:
         """How fast the distance grows with the angle of the cones."""
-        round_ = self._round
+        round_ = self._cones.round
         multipliers = found.z[len(found.z) - 3 * len(round_) :].reshape(-1, 3)
         local = found.x[: 3 * len(self.half_angles)].reshape(-1, 3)[round_]
         changes = cone_factors(self.half_angles[round_] + RIGHT_ANGLE) * local
@@ -512,6 +513,6 @@ class _Program:
         unpressed = np.zeros(len(self.half_angles), dtype=np.bool_)
         blocks = z[after + self.program.inequalities :].reshape(-1, 3)
         strict = blocks[:, 0] - np.linalg.norm(blocks[:, 1:], axis=1) > FORBIDDEN
-        unpressed[self._round[strict]] = True
+        unpressed[self._cones.round[strict]] = True
         unpressed[rays] = z[after + count : after + count + len(rays)] > FORBIDDEN
         return unpressed, still
