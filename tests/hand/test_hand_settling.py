@@ -14,7 +14,7 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
 from grasp3d.hand.articulated.proposal import articulated_hand_of
-from grasp3d.hand.link_tree import Joint
+from grasp3d.hand.link_tree import Joint, mesh_shape
 from grasp3d.hand.robot_files import read_links
 from grasp3d.mesh import ObjectMesh, load_mesh
 from tests.helpers.hands import hand_file
@@ -110,6 +110,26 @@ def test_fingers_that_close_on_nothing_stop_at_each_other() -> None:
     far = found_at(alone, ball(), at(1.0), [0.0, 0.0], rule="closed").posture[0]
     assert far[1] == 0.0
     assert meet + 0.3 < far[0] < 1.0
+
+
+@pytest.mark.parametrize("away", [0.05, 0.055, 0.06, 0.063, 0.066, 0.07, 0.075])
+@pytest.mark.parametrize("kind", ["sphere", "mesh"])
+def test_fingers_far_from_the_object_do_not_pass_through_each_other(kind: str, away: float) -> None:
+    """Balls of 10 mm, and plates of 6 mm that stand askew in their frames, slide up to another."""
+    half, turned = 0.01, np.eye(4)
+    link = shape("sphere", half)
+    if kind == "mesh":
+        half, turned = 0.003, trimesh.transformations.rotation_matrix(math.pi / 4, Y)
+        plate = trimesh.creation.box([2.0 * half, 0.04, 0.04])
+        link = mesh_shape(plate.apply_transform(turned).triangles, np.linalg.inv(turned))
+    joints = {
+        name: Joint(name, "slides", "palm", at(sign * away), -sign * X, (0.0, 0.2))
+        for name, sign in (("left", -1.0), ("right", 1.0))
+    }
+    hand = hand_of({"palm": [], "left": [link], "right": [link]}, joints, [1.0, 1.0])
+    found = found_at(hand, ball(), at(1.0), [0.0, 0.0], rule="closed")
+    np.testing.assert_allclose(found.posture, [[away - half] * 2], atol=2.5e-3)
+    assert 0.0 <= found.self_depth[0] <= 5e-4
 
 
 def test_a_finger_stops_at_the_palm() -> None:

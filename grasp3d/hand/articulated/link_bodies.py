@@ -87,6 +87,16 @@ def reach_along(bodies: LinkShapes, body: int, directions: Floats) -> Floats:
     return np.asarray(size[0] * around + along * np.abs(directions[:, 2]))
 
 
+def half_widths(bodies: LinkShapes) -> Floats:
+    """Half the smallest width of each shape [m]; of hulls that across a face."""
+    widths = bodies.boxes[:, 3:6].min(axis=1)
+    for body in np.flatnonzero(bodies.kinds == HULL).tolist():
+        planes: Floats = bodies.planes[bodies.first_plane[body] : bodies.first_plane[body + 1]]
+        across = planes[:, 3] + reach_along(bodies, body, -planes[:, :3])
+        widths[body] = 0.5 * across.min()
+    return np.asarray(widths)
+
+
 def _starts(sizes: Iterable[int]) -> Ints:
     return np.concatenate([[0], np.cumsum(np.array(sizes, dtype=np.int64))]).astype(np.int64)
 

@@ -9,6 +9,7 @@ from grasp3d._kernels.hands.settling import smallest_changes
 from grasp3d._kernels.hands.touching import Touches, measure_points
 from grasp3d.arrays import Floats, Ints
 from grasp3d.hand.articulated.hand_scene import OVERLAPS, HandScene
+from grasp3d.hand.articulated.link_bodies import half_widths
 
 ROUNDS = 16
 """Most rounds of settling: half of disturbed Allegro and LEAP grasps end after 8, 96 % after 16."""
@@ -38,14 +39,14 @@ RELEASES = {6: 1e-3, 9: 3e-4, 12: 1e-4}
 MEMORY = 4
 """Rounds whose nearest points are looked at again: else corners of links take turns."""
 
-STEPS = 200
+STEPS = 1000
 """Most steps of closing."""
 
 LINKS_STEP = 2e-3
 """Step of a joint [rad or m] that is not halved further where links of the hand meet."""
 
-CLOSING_SEARCH = 0.03
-"""Largest gap that is measured while a hand closes [m]."""
+SMALLEST_STEP, LARGEST_CLOSING_STEP = 1e-3, 0.03
+"""Bounds of the steps of links while a hand closes, far from the object [m]."""
 
 
 def settle(
@@ -235,12 +236,13 @@ def close(scene: HandScene, poses: Floats, postures: Floats) -> Floats:
     """
     hand = scene.hand
     speeds, limits = hand.closing, hand.limits_of_joints
-    reach = reaches(scene)
+    reach, most = reaches(scene), _largest_steps(scene)
     moves = reach > 0.0
     values = postures.copy()
     stopped = np.broadcast_to(speeds == 0.0, values.shape).copy()
     active = np.arange(len(poses))
-    depths, _ = scene.self_collisions(scene.frames(poses, values))
+    depths, first = scene.self_collisions(scene.frames(poses, values))
+    first[depths <= OVERLAPS] = -1  # else these two may go deeper, on their way out for instance
     deepest, share = np.maximum(depths, OVERLAPS), np.ones(len(poses))
     for _ in range(STEPS):
         going = ~stopped[active].all(axis=1)
@@ -248,22 +250,23 @@ def close(scene: HandScene, poses: Floats, postures: Floats) -> Floats:
         if not len(active):
             break
         touches = scene.touch(
-            scene.frames(poses[active], values[active]), contacts=False, search=CLOSING_SEARCH
+            scene.frames(poses[active], values[active]), contacts=False, search=most.max()
         )
-        gaps = np.minimum(scene.link_gaps(touches), CLOSING_SEARCH)
+        gaps = np.minimum(scene.link_gaps(touches), most)
         halted = stopped[active] | ((gaps <= SETTLED)[:, :, None] & moves).any(axis=1)
         pace = np.where(halted, 0.0, np.abs(speeds))
         fastest = pace @ reach.T  # (k, L)
         with np.errstate(divide="ignore", invalid="ignore"):
             time = np.where(fastest > 0.0, np.maximum(gaps - 0.5 * SETTLED, 0.0) / fastest, np.inf)
         steps = np.where(moves, time[:, :, None], np.inf).min(axis=1, initial=np.inf)
-        steps = np.minimum(steps, CLOSING_SEARCH / np.maximum(np.abs(speeds), 1e-12))
+        steps = np.minimum(steps, LARGEST_CLOSING_STEP / np.maximum(np.abs(speeds), 1e-12))
         moved = values[active] + np.where(halted, 0.0, share[active, None] * steps * speeds)
         ended = (speeds > 0.0) & (moved >= limits[:, 1]) | (speeds < 0.0) & (moved <= limits[:, 0])
         moved = np.where(halted, values[active], np.clip(moved, limits[:, 0], limits[:, 1]))
         depths, pairs = scene.self_collisions(scene.frames(poses[active], moved))
         apart = (moves[pairs[:, 0]] != moves[pairs[:, 1]]) & ~halted
-        meets = (depths > deepest[active]) & apart.any(axis=1)
+        known = (pairs == first[active]).all(axis=1)
+        meets = (depths > deepest[active]) & ~known & apart.any(axis=1)
         short = np.abs(moved - values[active]).max(axis=1) <= LINKS_STEP
         ended = np.where(meets[:, None], apart & short[:, None], ended)
         values[active] = np.where(meets[:, None], values[active], moved)
@@ -271,6 +274,19 @@ def close(scene: HandScene, poses: Floats, postures: Floats) -> Floats:
         halved = np.where(short, 1.0, 0.5 * share[active])
         share[active] = np.where(meets, halved, np.minimum(1.0, 2.0 * share[active]))
     return values
+
+
+def _largest_steps(scene: HandScene) -> Floats:
+    """Steps of links with which no two pass through each other unseen [m], shape (L,).
+
+    Of two alike `self_collisions` sees the way from touching to filling the same place, except its
+    ends: both together move by three quarters of that. What is thinner than 3 mm, or than the
+    thickest shape of its link, may pass.
+    """
+    steps = np.zeros(len(scene.hand.link_names))
+    np.maximum.at(steps, scene.bodies.links, 0.75 * half_widths(scene.bodies))
+    steps[steps == 0.0] = LARGEST_CLOSING_STEP
+    return np.clip(steps, SMALLEST_STEP, LARGEST_CLOSING_STEP)
 
 
 def reaches(scene: HandScene) -> Floats:
