@@ -182,7 +182,6 @@ def _surface_distance(i, limit, shapes, surface, scratch):
     start = scratch.start
     nodes, bounds, tree = scratch.nodes, scratch.bounds, surface.tree
     best, found = limit, -1
-    shape.at[0] = shapes.hull.at[i]
     flat = _flat(kind, size, box, shapes.hull, start, scratch)
     nodes[0], bounds[0], top = 0, -math.inf, 1
     while top > 0:
@@ -244,6 +243,9 @@ def _shape_gap(i, start, search, shapes, surface, scratch):
     Bounds of the distances of its points are written from `start` on, unless it is far away.
     """
     kind, box = shapes.kinds[i], shapes.boxes[i]
+    if shapes.first_sample[i] == shapes.first_sample[i + 1]:
+        return math.inf  # it is inside other shapes of its link
+    scratch.shape.at[0] = shapes.hull.at[i]
     middle = moved(scratch.placed, box)
     if least_distance(middle, surface)[0] - box[6] >= search:
         return math.inf
@@ -260,7 +262,6 @@ def _shape_gap(i, start, search, shapes, surface, scratch):
         if nearest < 0 or low < lows[nearest - start]:
             nearest = j
     rounded, depth, gap = radius_of(kind, shapes.sizes[i]) > 0.0, -math.inf, math.inf
-    lows = scratch.lows[shapes.first_sample[i] - start :]
     copy(turned_back(scratch.placed, difference(middle, surface.box)), scratch.start)
     if nearest >= 0:
         p = moved(scratch.placed, shapes.samples[nearest])
@@ -282,7 +283,8 @@ def _shape_gap(i, start, search, shapes, surface, scratch):
             or _core_inside(i, shapes, surface, scratch)
         )
     ):
-        gap = -deepest(i, nearest, lows, shapes, surface, scratch)
+        own = lows[shapes.first_sample[i] - start :]
+        gap = -deepest(i, nearest, own, shapes, surface, scratch)
         if not rounded:
             _begin_against(scratch.deepest, scratch)
             limit = min(DEEPER * gap, NEAR)
