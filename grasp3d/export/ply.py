@@ -129,6 +129,11 @@ def read_tables(source: Source, header: PlyHeader) -> tuple[Arrays, Ints]:
     (corners,) = elements["face"].values()
     if not isinstance(corners, np.ndarray) or corners.shape[1:] != (3,):
         raise damaged(source, "its faces are not all triangles")
+    if header.order:
+        size = header.start + vertex.min_bytes * vertex.count
+        size += (face.min_bytes + 3 * int(face.properties[0].type[1])) * face.count
+        if (more := source.path.stat().st_size - size) > 0:
+            raise damaged(source, f"{more} bytes follow its faces: is it complete?")
     faces = corners.astype(np.int64)
     check_corners(faces, vertex.count, source.where, "; label the mesh again")
     columns = elements["vertex"]

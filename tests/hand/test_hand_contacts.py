@@ -294,3 +294,24 @@ def test_motions_units_and_the_order_of_links_change_nothing(seed: int, scale: s
         assert len(mine) == len(points)
         near = np.linalg.norm((mine @ motion[:3, :3])[:, None] - np.array(points), axis=2)
         assert near.min(axis=1).max() < 2e-3
+
+
+def test_depths_of_a_shape_do_not_depend_on_others_of_its_link() -> None:
+    """Of one that others cover nothing is said: these are deeper, or nearer."""
+    block = solid(trimesh.creation.box((0.1, 0.1, 0.1)))
+    plate, covered = shape("box", 0.03, 0.02, 0.005), shape("box", 0.01, 0.01, 0.002)
+    hull = mesh_shape(np.asarray(TIP.triangles), at(0.0, 0.0, 0.03))
+    frames = np.array([at(), at(0.01, 0.0, 0.01), at(0.0, 0.0, 0.04)])[:, None, :3]
+    found = []
+    for link in ([hull], [plate, covered, hull]):
+        bodies = link_bodies([link])
+        own = Touches(
+            np.zeros((3, len(link))), *np.zeros((2, 3, len(link), 3)),
+            np.zeros((3, 0), dtype=np.int64), np.zeros((3, 0, 3, 7)),
+        )  # fmt: skip
+        scratch = make_touch_scratch(bodies)
+        touch(frames, 0.005, 0.01, 0, 3, bodies, block.touched_surface, own, scratch)
+        found.append(own.gaps)
+    np.testing.assert_allclose(found[1][:, 2], found[0][:, 0], atol=1e-9)
+    assert np.isposinf(found[1][:, 1]).all()
+    assert found[1][0, 0] == pytest.approx(-0.05, abs=1e-4)
