@@ -146,11 +146,10 @@ def _bracketed(points: Floats, normals: Floats, tolerance: float) -> Floats:
     points, _, _ = centred(points)
     problem = WrenchProblem.of_contacts(Contacts(points, normals, friction=0.0), EpsilonOptions())
     low, high = np.zeros(len(points)), np.full(len(points), RIGHT_ANGLE)
-    closed, lower, _ = _closure_at(problem, points, normals, low)
+    closed, _, _ = _closure_at(problem, points, normals, low)
     frictionless = np.flatnonzero(closed)
     negative = _negative_angles(points[frictionless], normals[frictionless], tolerance)
     high[frictionless] = low[frictionless] = negative
-    low = np.where(closed, low, np.clip(lower, low, high))
     active = np.flatnonzero(high - low > tolerance)
     width = np.full(len(active), tolerance)
     bracket = Bracket(points[active], normals[active], low[active], high[active], width)
