@@ -36,6 +36,7 @@ LAYERS = [
     "batch",
     "paper physics viewer",
     "cli",
+    "__main__",
 ]
 """From the lowest to the highest: a module imports from layers below it and from its package.
 

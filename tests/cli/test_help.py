@@ -2,6 +2,8 @@
 
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -84,3 +86,11 @@ def test_the_examples_are_valid(
     printed(*shlex.split(words), cwd=tmp_path)
     for path in re.findall(r"meshes/\w+\.\w+", words):
         assert (MESHES.parent / path).exists()
+
+
+@pytest.mark.slow
+def test_the_module_is_the_command(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "grasp3d", "design", "--nope"]
+    run = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout) == (2, "")
+    assert run.stderr.startswith("grasp3d: grasp3d design has no option --nope")
