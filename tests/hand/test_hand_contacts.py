@@ -19,7 +19,7 @@ from grasp3d.hand.link_tree import LinkShape, mesh_shape
 from grasp3d.hand.table import Table
 from grasp3d.mesh import ObjectMesh
 from tests.helpers import shapes as known
-from tests.helpers.link_scenes import at, hand_of, shape, solid
+from tests.helpers.link_scenes import at, core, hand_of, shape, solid
 
 TIP = trimesh.creation.icosphere(2, radius=0.012).apply_scale([1.0, 0.8, 1.6])
 
@@ -75,7 +75,7 @@ def compare_with_fcl(kind: str, count: int) -> int:
     one, mesh = SHAPES[kind], solid(ring())
     frames = random_frames(count, 1, 0.09)
     found = gaps([one], mesh, frames).gaps[:, 0]
-    vertices, faces, radius = _core(one)
+    vertices, faces, radius = core(one)
     body = fcl.CollisionObject(_fcl_mesh(fcl, vertices, faces))
     other = fcl.CollisionObject(_fcl_mesh(fcl, mesh.vertices, mesh.faces))
     apart = np.zeros(count, dtype=bool)
@@ -89,22 +89,6 @@ def compare_with_fcl(kind: str, count: int) -> int:
     assert apart.mean() > 0.3
     assert np.median(np.abs(found[~apart])) > 1e-3
     return int(apart.sum())
-
-
-def _core(one: LinkShape) -> tuple[Any, Any, float]:
-    """Vertices and faces of a shape, or of a core and the radius of the ball around it."""
-    if one.kind == "mesh":
-        hull = trimesh.convex.convex_hull(one.vertices)
-        return hull.vertices, hull.faces, 0.0
-    if one.kind == "box":
-        box = trimesh.creation.box(2.0 * np.array(one.size))
-        return box.vertices, box.faces, 0.0
-    if one.kind == "cylinder":  # 2e-8 m inside the round one
-        round_one = trimesh.creation.cylinder(one.size[0], 2.0 * one.size[1], sections=1500)
-        return round_one.vertices, round_one.faces, 0.0
-    half = one.size[1] if one.kind == "capsule" else 0.0
-    ends = np.array([[0.0, 0.0, -half], [0.0, 0.0, half], [0.0, 0.0, 0.5 * half]])
-    return ends, np.array([[0, 1, 2]]), one.size[0]
 
 
 def _fcl_mesh(fcl: Any, vertices: Any, faces: Any) -> Any:

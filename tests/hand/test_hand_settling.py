@@ -1,5 +1,6 @@
 """Hands that settle on an object or close on it, and overlaps of links with each other."""
 
+import itertools
 import math
 from dataclasses import replace
 from functools import cache
@@ -9,16 +10,22 @@ import numpy as np
 import pytest
 import trimesh
 
+from grasp3d import read_hand
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
+from grasp3d.hand.articulated.hand_scene import HandScene
 from grasp3d.hand.articulated.proposal import articulated_hand_of
-from grasp3d.hand.link_tree import Joint, mesh_shape
+from grasp3d.hand.link_tree import Joint, LinkShape, mesh_shape
 from grasp3d.hand.robot_files import read_links
 from grasp3d.mesh import ObjectMesh, load_mesh
-from tests.helpers.hands import hand_file
-from tests.helpers.link_scenes import at, hand_of, shape, solid
+from tests.helpers import shapes as known
+from tests.helpers.hands import HANDS, hand_file
+from tests.helpers.link_scenes import at, core, hand_of, shape, solid
+
+SIZE = 60
+"""Random postures of each hand."""
 
 X = np.array([1.0, 0.0, 0.0])
 Y = np.array([0.0, 1.0, 0.0])
@@ -223,6 +230,54 @@ def test_links_that_overlap_are_named_with_their_depth() -> None:
     found = found_at(hand, ball(), at(1.0), [0.0, 0.0, -0.02])
     assert found.self_collision.tolist() == [[2, 3]]
     assert found.self_depth[0] == pytest.approx(0.007, abs=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", HANDS)
+def test_overlaps_of_links_are_those_of_fcl(name: str) -> None:
+    """Of hulls, at random postures: all that are deeper than 1 mm are found, and no others."""
+    hand = read_hand(hand_file(name))
+    scene = HandScene(ball(), hand, 1.0, 0.005)
+    low, high = hand.limits_of_joints.T
+    postures = low + (high - low) * np.random.default_rng(0).random((SIZE, len(low)))
+    frames = scene.frames(np.tile(np.eye(4), (SIZE, 1, 1)), postures)
+    found, _ = scene.self_collisions(frames)
+    exact = np.array([overlap_by_fcl(scene, placed) for placed in frames])
+    assert (exact > 0.001).sum() > 5
+    assert (found[exact > 0.001] > 0.0).all()
+    assert (exact[found > 1e-6] > 0.0).all()
+
+
+def overlap_by_fcl(scene: HandScene, frames: Floats) -> float:
+    """The deepest overlap of two links that may not overlap [m], 0: there is none."""
+    fcl, bodies = known.reader("fcl"), scene.bodies
+    placed = frames[bodies.links, :, :3] @ bodies.poses
+    placed[..., 3] += frames[bodies.links, :, 3]
+    shapes = [one for some in scene.hand.shapes for one in some]
+    objects = [
+        fcl.CollisionObject(convex(one), fcl.Transform(pose[:, :3], pose[:, 3]))
+        for one, pose in zip(shapes, placed, strict=True)
+    ]
+    middles = np.einsum("mij,mj->mi", placed[..., :3], bodies.boxes[:, :3]) + placed[..., 3]
+    deepest, request = 0.0, fcl.CollisionRequest(enable_contact=True)
+    for i, j in itertools.combinations(range(len(objects)), 2):
+        far = np.linalg.norm(middles[i] - middles[j]) > bodies.boxes[[i, j], 6].sum()
+        if far or scene.may_overlap[bodies.links[i], bodies.links[j]]:
+            continue
+        result = fcl.CollisionResult()
+        fcl.collide(objects[i], objects[j], request, result)
+        deepest = max([deepest, *(abs(each.penetration_depth) for each in result.contacts)])
+    return deepest
+
+
+@cache
+def convex(one: LinkShape) -> Any:
+    """FCL's convex shape: its own of round ones are off."""
+    vertices, _, radius = core(one)
+    around = trimesh.creation.icosphere(2, radius).vertices if radius else np.zeros((1, 3))
+    hull = trimesh.convex.convex_hull((vertices[:, None] + around).reshape(-1, 3))
+    rows = np.insert(hull.faces, 0, 3, axis=1).ravel()
+    return known.reader("fcl").Convex(hull.vertices, len(hull.faces), rows)
 
 
 def test_what_does_not_fit_is_refused() -> None:

@@ -56,3 +56,19 @@ def hand_of(
 def solid(surface: trimesh.Trimesh, unit: Any = "m") -> ObjectMesh:
     """A mesh without refinement."""
     return grasp3d.load_mesh(surface, unit=unit, max_edge=1e3)
+
+
+def core(one: LinkShape) -> tuple[Any, Any, float]:
+    """Vertices and faces of a shape, or of a core and the radius of the ball around it."""
+    if one.kind == "mesh":
+        hull = trimesh.convex.convex_hull(one.vertices)
+        return hull.vertices, hull.faces, 0.0
+    if one.kind == "box":
+        box = trimesh.creation.box(2.0 * np.array(one.size))
+        return box.vertices, box.faces, 0.0
+    if one.kind == "cylinder":  # 2e-8 m inside the round one
+        round_one = trimesh.creation.cylinder(one.size[0], 2.0 * one.size[1], sections=1500)
+        return round_one.vertices, round_one.faces, 0.0
+    half = one.size[1] if one.kind == "capsule" else 0.0
+    ends = np.array([[0.0, 0.0, -half], [0.0, 0.0, half], [0.0, 0.0, 0.5 * half]])
+    return ends, np.array([[0, 1, 2]]), one.size[0]

@@ -99,7 +99,7 @@ class HandScene:
 
     def self_collisions(self, frames: Floats) -> tuple[Floats, Ints]:
         """How deep the two links that overlap most do [m], (k,), and which they are (k, 2)."""
-        return self._overlaps(frames, self._may_overlap)
+        return self._overlaps(frames, self.may_overlap)
 
     def _overlaps(self, frames: Floats, allowed: Ints) -> tuple[Floats, Ints]:
         depths, pairs = np.zeros(len(frames)), np.full((len(frames), 2), -1)
@@ -111,7 +111,7 @@ class HandScene:
         return depths, pairs
 
     @cached_property
-    def _may_overlap(self) -> Ints:
+    def may_overlap(self) -> Ints:
         """1: two links are one, or next to each other, or overlap at the open preshape (L, L)."""
         hand = self.hand
         chain, count = hand.chain, len(hand.link_names)
