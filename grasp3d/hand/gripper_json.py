@@ -1,6 +1,7 @@
 """Parallel grippers as JSON."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from difflib import get_close_matches
 from pathlib import Path
@@ -35,18 +36,16 @@ _KINDS: dict[Any, str] = {
 """Descriptions of the types of fields."""
 
 
-def fields_in_json(content: object, kind: type) -> dict[str, Any]:
+def fields_in_json(content: Mapping[str, Any], kind: type) -> dict[str, Any]:
     """The fields of a gripper from the content of a JSON file.
 
     Args:
-        content: The content.
+        content: The content, an object of the format of grippers.
         kind: Dataclass of the gripper.
 
     Raises:
         SettingError: It is not the description of a gripper.
     """
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise SettingError(f'is no gripper: expected an object with "format": "{FORMAT}"')
     for key, value in (("version", VERSION), ("unit", "m")):
         if content.get(key) != value or isinstance(content.get(key), bool):
             got = json.dumps(content.get(key))[:40]

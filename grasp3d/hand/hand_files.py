@@ -15,7 +15,7 @@ from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, gripper_of
 from grasp3d.hand.parallel_gripper import preset as known_gripper
 from grasp3d.hand.robot_files import SUFFIXES as MODELS
 from grasp3d.hand.robot_files import watched
-from grasp3d.system.documents import is_file, parse_json, problem_of_file
+from grasp3d.system.documents import described, is_file, is_folder, parse_json, problem_of_file
 from grasp3d.system.files import atomic_write, check_suffix
 from grasp3d.system.names import printable, unsupported
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from grasp3d.hand.link_tree import LinkTree
 
 
-def _articulated(content: object) -> Hand:
+def _articulated(content: Any) -> Hand:
     from grasp3d.hand.articulated.hand_json import articulated_hand
 
     return articulated_hand(content)
@@ -79,7 +79,7 @@ def read_hand(
     options = {"fingers": fingers, "palm": palm, "tcp": tcp, "preset": preset}
     given = ", ".join(name for name, value in options.items() if value is not None)
     path, suffix = Path(source), Path(source).suffix.lower()
-    is_file_name = suffix in SUFFIXES or len(path.parts) > 1 or is_file(path)
+    is_file_name = suffix in SUFFIXES or len(path.parts) > 1 or is_file(path) or is_folder(path)
     if str(source) in {*PRESETS, *ALIASES} or not is_file_name:
         if str(source) in NAMES:
             raise SettingError(
@@ -89,7 +89,7 @@ def read_hand(
         if given:
             raise SettingError(f"{given}: for URDF and MuJoCo files; {str(source)!r} is no file")
         return known_gripper(str(source))
-    if suffix not in SUFFIXES:
+    if suffix not in SUFFIXES and not is_folder(path):
         raise SettingError(unsupported(path, SUFFIXES, "gripper"))
     if problem := problem_of_file(path):
         raise SettingError(printable(f"{path}: {problem}"))
@@ -173,7 +173,12 @@ def hand_of(content: object) -> Hand:
         SettingError: It is none, or of no known format.
     """
     stated = content.get("format") if isinstance(content, dict) else None
-    return READERS.get(str(stated), gripper_of)(content)
+    if str(stated) not in READERS:
+        raise SettingError(
+            f'is no gripper or hand: expected an object with "format": "{FORMAT}", of two jaws, '
+            f'or "{ARTICULATED}", of fingers with joints; got {described(stated)}'
+        )
+    return READERS[str(stated)](content)
 
 
 def hand_line(hand: Hand) -> str:

@@ -185,7 +185,7 @@ class ParallelGripper(Jaws):
         return {"format": FORMAT, "version": VERSION, "unit": "m", **asdict(self)}
 
 
-def gripper_of(content: object) -> ParallelGripper:
+def gripper_of(content: Any) -> ParallelGripper:
     """A gripper from the content of a JSON file. Raises SettingError."""
     return ParallelGripper(**fields_in_json(content, ParallelGripper))
 

@@ -175,7 +175,8 @@ def _hints(kind: Any) -> dict[str, Any]:
 def described(value: object) -> str:
     """Short description of a value of a document."""
     if isinstance(value, list | tuple):
-        return f"a list of {len(value)}"
+        words = (one for one in value if isinstance(one, str) and math.isnan(number_of(one)))
+        return f"a list of {len(value)}" + "".join(f" with {one!a:.40}" for one in [*words][:1])
     if isinstance(value, dict):
         return "an object"
     return "nothing" if value is None else ascii(value)[:40]

@@ -418,7 +418,7 @@ sweep circle --fraction some | --fraction must be a number; got 'some'
 TRIED = """
 label ball.ply --gripper frank | --gripper: no gripper is called 'frank' (did you mean franka?)
 label ball.ply --gripper missing.json | --gripper: missing.json: there is no such file
-label ball.ply --gripper void/ | --gripper: no gripper is called | known: franka
+label ball.ply --gripper void/ | --gripper: void: is a folder; name a file
 label ball.ply --gripper folder.json | folder.json: is a folder
 label ball.ply --gripper damaged.json | damaged.json: is no JSON
 label ball.ply --gripper rows.json | rows.json: is no gripper

@@ -84,7 +84,7 @@ def test_the_order_of_joints_in_a_file_does_not_matter(tmp_path: Path) -> None:
     ("change", "message"),
     [
         ({"posture": {"index": 1.0}}, "grasp 2: posture must have the joints of grasp 1; 'thumb'"),
-        ({"posture": {"index": 1.0, "thumb": "x"}}, "grasp 2: posture must be a list of 2 numb"),
+        ({"posture": {"index": 1.0, "thumb": "x"}}, "2: posture thumb must be a number; got 'x'"),
         ({"posture": {"index": 1.0, "thumb": None}}, "grasp 2: value 2 of its posture must be fin"),
         ({"posture": [1.0, 2.0]}, "grasp 2: posture must be an object of keys and values"),
         ({"squeeze_posture": None}, "grasp 2: squeeze_posture must be an object of keys"),
@@ -483,6 +483,7 @@ def test_the_scale_of_the_object_may_be_given_where_a_file_states_none(tmp_path:
         ({"grasp_qpos": np.zeros(23)}, "quaternion"),
         ({"squeeze_qpos": np.zeros(22)}, "squeeze_qpos must have .*; got 22, in the first 23"),
         ({"grasp_qpos": "none"}, "grasp_qpos must be numbers; got"),
+        ({"grasp_qpos": np.array(["1", "wide"])}, "numbers; got a list of 2 with 'wide'"),
         ({"grasp_qpos": np.array([])}, "grasp_qpos must be numbers; there are none"),
         (
             {"grasp_qpos": np.r_[np.zeros(3), 1, np.zeros(18), np.nan]},

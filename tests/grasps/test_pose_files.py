@@ -615,7 +615,11 @@ BOMB = "\n".join(
             f'{{"grasps": [{{"pose": {JSON_POSE}, "opening": {{}}}}]}}',
             "grasp 1: opening must be a number; got an object",
         ),
-        ("a.json", OF_GRIPPER.replace("GRIPPER", '{"name": "x"}'), "gripper is no gripper: expec"),
+        (
+            "a.json",
+            OF_GRIPPER.replace("GRIPPER", '{"name": "x"}'),
+            "is no gripper or hand: expected",
+        ),
         ("a.json", OF_GRIPPER.replace("GRIPPER", "[]"), "its gripper is no gripper"),
         (
             "a.json",

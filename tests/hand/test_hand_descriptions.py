@@ -134,6 +134,15 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "a sensor": ({"sensors": {"skin": None}}, "no link is called 'skin'"),
     "a resolution": ({"sensors": {"palm": 4.0}}, "sensors must be an object of sensor resolutions"),
     "a joint": ({"closing": {"wrist": 1.0}}, "closing: 'wrist' is no joint of a posture; known"),
+    "a joint that follows": (
+        {
+            "couplings": [{"kind": "rigid", "joints": ["bend0", "bend1"], "ratios": [1, 1]}],
+            "closing": {"bend0": 1, "bend1": 1},
+            "torques": {"bend1": 1},
+            "preshapes": {"open": {"bend0": 0, "bend1": 0}},
+        },
+        "bend1 follows bend0, .*: take it out of closing and torques and the preshape open",
+    ),
     "a coupled joint": (
         {"couplings": [{"kind": "rigid", "joints": ["a", "b"], "ratios": [1, 1]}]},
         "no joint is called 'a'; known: knuckle0",

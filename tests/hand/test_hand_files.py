@@ -89,7 +89,7 @@ def changed(folder: Path, **values: Any) -> Path:
     ("values", "words"),
     [
         ({"format": "other"}, 'expected an object with "format": "grasp3d gripper"'),
-        ({"format": None}, 'expected an object with "format": "grasp3d gripper"'),
+        ({"format": None}, 'or "grasp3d articulated hand", of fingers with joints; got nothing'),
         ({"version": 2}, "version must be 1; got 2"),
         ({"version": True}, "version must be 1; got true"),
         ({"unit": "mm"}, 'unit must be "m"; got "mm"'),
@@ -142,11 +142,13 @@ def test_files_of_something_else_are_refused(tmp_path: Path, content: str, words
         ("missing.json", "there is no such file"),
         ("missing.urdf", "there is no such file"),
         ("folder.json", "is a folder"),
+        ("folder", "is a folder; name a file"),
         ("hand.stl", "unsupported gripper format .stl: supported are .json .urdf .xml .mjcf"),
     ],
 )
 def test_missing_files_and_other_formats_are_refused(tmp_path: Path, name: str, words: str) -> None:
     (tmp_path / "folder.json").mkdir()
+    (tmp_path / "folder").mkdir()
     with pytest.raises(SettingError, match=words):
         read_hand(tmp_path / name, fingers=("a", "b"))
     with pytest.raises(OutputError, match=r"supported are [.]json"):

@@ -220,8 +220,9 @@ def joints_of(values: Sequence[Any], what: str) -> tuple[tuple[str, ...], Floats
                 f"grasp {number}: {what} must have the joints of grasp 1; {other[0]!r} is in one "
                 "of them only"
             )
-        rows.append([named[name] for name in first])
-    return tuple(map(str, first)), numbers(rows, (len(first),), what)
+        rows.append(named)
+    columns = [numbers([row[name] for row in rows], (), f"{what} {name}") for name in first]
+    return tuple(map(str, first)), np.reshape(columns, (len(first), len(rows))).T.copy()
 
 
 def optional_numbers(entries: Entries, key: str) -> Floats:

@@ -145,7 +145,10 @@ def _numbers(value: object, what: str) -> Floats:
     try:
         array = array_in([value] if isinstance(value, int | float) else value)
     except RefusedError as error:
-        raise ContactError(f"{what} must be numbers; got {described(value)}") from error
+        got = described(
+            np.ravel(value.values).tolist() if isinstance(value, StoredArray) else value
+        )
+        raise ContactError(f"{what} must be numbers; got {got}") from error
     if not array.size:
         raise ContactError(f"{what} must be numbers; there are none")
     return array.astype(np.float64)

@@ -16,7 +16,7 @@ from typing import Any
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, Coupling
-from grasp3d.hand.articulated.presets import FORMAT, VERSION, fitting, numbers_of
+from grasp3d.hand.articulated.presets import VERSION, fitting, numbers_of
 from grasp3d.hand.articulated.proposal import articulated_hand_of
 from grasp3d.hand.link_tree import LinkMass, LinkTree, Spring, Tendon
 from grasp3d.hand.robot_files import watched
@@ -101,7 +101,7 @@ KEYS: dict[str, tuple[Callable[[object], bool], str]] = {
     ),
     "torques": (
         _is_object(lambda one: _is_number(one) and one >= 0.0),  # type: ignore[operator]
-        f"{_NUMBERS}, at least 0 (0: no motor)",
+        f"{_NUMBERS} [N m, or N where they slide], at least 0 (0: no motor)",
     ),
     "couplings": (
         _is_list(_is_coupling),
@@ -132,14 +132,12 @@ KEYS: dict[str, tuple[Callable[[object], bool], str]] = {
 """Keys of a description besides format and version: what a value must be, and its name."""
 
 
-def stated_of(content: object) -> dict[str, Any]:
+def stated_of(content: Mapping[str, Any]) -> dict[str, Any]:
     """What a description in JSON states, by its keys, checked by itself.
 
     Raises:
-        SettingError: It is none, or a value is not what its key means.
+        SettingError: A value is not what its key means.
     """
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise SettingError(f'is no hand: expected an object with "format": "{FORMAT}"')
     if content.get("version") != VERSION or isinstance(content.get("version"), bool):
         got = json.dumps(content.get("version"))[:40]
         raise SettingError(f"version must be {VERSION}; got {got}")
@@ -177,14 +175,14 @@ def _tendon(content: Mapping[str, Any]) -> Tendon:
     return Tendon(name, arms, (float(content.get("pretension", 0.0)), float(content["tension"])))
 
 
-def articulated_hand(content: object) -> ArticulatedHand:
+def articulated_hand(content: Mapping[str, Any]) -> ArticulatedHand:
     """The hand that a description in JSON states.
 
     Args:
         content: The description; `description` names the file from the working folder.
 
     Raises:
-        SettingError: It is none, names no such file, or none of its links and joints.
+        SettingError: It names no such file, or none of its links and joints.
     """
     stated = stated_of(content)
     if "description" not in stated:

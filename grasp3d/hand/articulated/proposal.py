@@ -456,8 +456,21 @@ class _Proposal:
         found = default.copy()
         for name, value in values.items():
             if name not in self.names:
+                joint = next((one for one in self.tree.joints.values() if one.name == name), None)
+                if joint is not None and joint.follows is not None:
+                    raise self.tree.error(
+                        f"{what}: {name} follows {joint.follows[0]}, and has no value of its own: "
+                        f"take it out of {' and '.join(self._stating(name))}"
+                    )
                 raise self.tree.error(
                     f"{what}: {name!r} is no joint of a posture; known: {', '.join(self.names)}"
                 )
             found[self.names.index(name)] = value
         return found
+
+    def _stating(self, joint: str) -> list[str]:
+        """What of the description has a value of a joint."""
+        preshapes = self.known.get("preshapes", {})
+        stated = {key: self.known.get(key, {}) for key in ("closing", "torques")}
+        stated |= {f"the preshape {name}": values for name, values in preshapes.items()}
+        return [key for key, values in stated.items() if joint in values]
