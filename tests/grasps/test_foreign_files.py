@@ -409,7 +409,7 @@ def test_grasps_of_all_segments_are_counted_before_they_are_made(
     monkeypatch.setattr(data_sets, "MOST_PREDICTED", 2)
     path = save(tmp_path / "a.npz", **predictions())
     with pytest.raises(ContactError, match="more than 2 grasps"):
-        data_sets.read_segments(path, FRANKA, None)
+        data_sets.read_segments(path, None)
 
 
 @pytest.mark.slow
@@ -581,7 +581,7 @@ def test_archives_that_would_fill_the_memory_are_refused_by_their_directory(
     path = save(tmp_path / "b.npz", compressed=True, **changed(PREDICTED, pred_grasps_cam=large))
     assert path.stat().st_size < 2**20
     with pytest.raises(RefusedError, match="has 4 MB, more than the 1 MB that are read"):
-        data_sets.read_segments(path, FRANKA, None)
+        data_sets.read_segments(path, None)
 
 
 def test_a_directory_that_understates_an_array_is_refused(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.grasps.pose_files.documents import watched
-from grasp3d.grasps.pose_files.frames import Given, for_robots, joint_values
+from grasp3d.grasps.pose_files.frames import Given, joint_values
 from grasp3d.grasps.pose_files.outcomes import Values, outcomes_of
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES
@@ -52,26 +52,26 @@ OBJECT = {
 def write_acronym(path: Path, poses: GraspPoses) -> None:
     """Write the poses of the hand's base, and outcomes where any are known."""
     h5py = h5py_module()
-    hand, in_metres = for_robots(poses, WHAT)
+    hand: Any = poses.hand
     values: dict[str, Any] = {
-        TRANSFORMS: in_metres.poses,
-        "object/file": in_metres.object_file or "",
-        "object/scale": in_metres.object_scale,
+        TRANSFORMS: poses.poses,
+        "object/file": poses.object_file or "",
+        "object/scale": poses.object_scale,
         "gripper/type": hand.name,
         "gripper/base_to_tcp": hand.base_to_tcp,
-        NAMES: np.array(in_metres.names, dtype=object),
+        NAMES: np.array(poses.names, dtype=object),
     }
     if hand.joint_names:
         widest = np.array([hand.max_opening])
         values["gripper/configuration"] = joint_values(hand, widest, WHAT)[0]
-    if not np.isnan(in_metres.outcome).all():
-        complete = not np.isnan(in_metres.outcome).any()
-        values[OUTCOME] = in_metres.outcome.astype(np.int64) if complete else in_metres.outcome
+    if not np.isnan(poses.outcome).all():
+        complete = not np.isnan(poses.outcome).any()
+        values[OUTCOME] = poses.outcome.astype(np.int64) if complete else poses.outcome
     for field, name in NUMBERS.items():
-        if not np.isnan(getattr(in_metres, field)).all():
-            values[name] = getattr(in_metres, field)
+        if not np.isnan(getattr(poses, field)).all():
+            values[name] = getattr(poses, field)
     for name in OBJECT:
-        stated = in_metres.settings.get(name)
+        stated = poses.settings.get(name)
         # Densities of several bodies are a text.
         if stated is not None and not isinstance(stated, str):
             values[f"object/{name}"] = np.asarray(stated, dtype=np.float64)
@@ -84,7 +84,6 @@ def write_acronym(path: Path, poses: GraspPoses) -> None:
 def read_acronym(path: Path, given: Given) -> GraspPoses:
     """Poses in the order of the file. Raises ContactError, OSError."""
     h5py_module()
-    given.check_metres(WHAT)
     with path.open("rb") as stream:
         if stream.read(8) != b"\x89HDF\r\n\x1a\n":
             raise ContactError("is no HDF5 file")
@@ -119,8 +118,6 @@ def _read(data: "_DataSets", given: Given) -> GraspPoses:
         base_to_tcp = data.numbers("gripper/base_to_tcp", ())
         ahead = BASE_TO_TCP if base_to_tcp is None else float(base_to_tcp)
         frame = replace(frame, origin="tcp", ahead=ahead, name="")
-    else:
-        given.gripper(WHAT)
     values: dict[str, Any] = {field: one for field, one in further.items() if one is not None}
     return GraspPoses(
         poses=np.asarray(bases),
@@ -132,8 +129,7 @@ def _read(data: "_DataSets", given: Given) -> GraspPoses:
             default=(OUTCOME,),
         ),
         names=data.texts(NAMES, (count,)),
-        unit="m",
-        hand=given.hand or next(iter(data.texts("gripper/type", ())), None),
+        hand=next(iter(data.texts("gripper/type", ())), None),
         object_file=next(iter(data.texts("object/file", ())), None) or None,
         object_scale=None if scale is None else float(scale),
         settings=settings,

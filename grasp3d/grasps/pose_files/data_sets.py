@@ -15,25 +15,24 @@ from grasp3d.grasps.pose_files.documents import (
     as_many,
     grasp_list,
     json_numbers,
-    json_text,
     mapping,
     number_or_none,
     numbers,
     required,
     text_or_none,
     watched,
+    write_json,
 )
-from grasp3d.grasps.pose_files.frames import Given, for_robots, known_outcomes
+from grasp3d.grasps.pose_files.frames import Given, known_outcomes
 from grasp3d.grasps.pose_files.outcomes import outcomes_of
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES
-from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.settings.outcome import Outcome
 from grasp3d.system.documents import described
 from grasp3d.system.files import atomic_write
 from grasp3d.system.stored_arrays import Archive, RefusedError, StoredArray, array_in
 
-GRASPGEN, GRASPNET = "GraspGen", "graspnetAPI"
+GRASPGEN: str = "GraspGen"
 
 OUTCOME = "object_in_gripper"
 
@@ -41,28 +40,20 @@ EXTRA = ("opening", "pregrasp_opening", "scores")
 """Further lists, which only files of this project have."""
 
 
-def is_graspgen(content: object) -> bool:
-    """Whether the content of a JSON file is in this format."""
-    grasps = content.get("grasps") if isinstance(content, dict) else None
-    return isinstance(grasps, dict) and "transforms" in grasps
-
-
 def write_graspgen(path: Path, poses: GraspPoses) -> None:
     """Write the poses of the hand's base and the outcomes, which all grasps must have."""
-    _, in_metres = for_robots(poses, GRASPGEN)
     grasps = {
-        "transforms": in_metres.poses.tolist(),
-        OUTCOME: (known_outcomes(in_metres, GRASPGEN) == 1.0).tolist(),
-        "names": list(in_metres.names),
+        "transforms": poses.poses.tolist(),
+        OUTCOME: (known_outcomes(poses, GRASPGEN) == 1.0).tolist(),
+        "names": list(poses.names),
         **{
-            name: json_numbers(getattr(in_metres, name))
+            name: json_numbers(getattr(poses, name))
             for name in EXTRA
-            if not np.isnan(getattr(in_metres, name)).all()
+            if not np.isnan(getattr(poses, name)).all()
         },
     }
-    about = {"file": in_metres.object_file or "", "scale": in_metres.object_scale}
-    with atomic_write(path) as part:
-        part.write_text(json_text({"object": about, "grasps": grasps}), encoding="utf-8")
+    about = {"file": poses.object_file or "", "scale": poses.object_scale}
+    write_json(path, {"object": about, "grasps": grasps})
 
 
 def parse_graspgen(content: object, given: Given) -> GraspPoses:
@@ -71,7 +62,6 @@ def parse_graspgen(content: object, given: Given) -> GraspPoses:
     grasps = mapping(required(document, "grasps"), "grasps")
     transforms = grasp_list(required(grasps, "transforms", "grasps: "), "grasps.transforms")
     about = mapping(document.get("object", {}), "object")
-    hand = given.gripper(GRASPGEN)
     count = len(transforms)
     names = grasps.get("names")
     quantities: dict[str, Any] = {
@@ -89,8 +79,6 @@ def parse_graspgen(content: object, given: Given) -> GraspPoses:
             lambda key: as_many(grasps[key], f"grasps.{key}", count),
             default=(OUTCOME,),
         ),
-        unit="m",
-        hand=hand,
         object_file=text_or_none(about.get("file"), "object.file") or None,
         object_scale=number_or_none(about.get("scale"), "object.scale"),
         **quantities,
@@ -130,15 +118,14 @@ def write_interndata(path: Path, poses: GraspPoses) -> None:
 
 
 def _write_rows(path: Path, poses: GraspPoses, scores: Floats) -> None:
-    _, in_metres = for_robots(poses, GRASPNET)
-    rows = np.empty((in_metres.count, LENGTH))
+    rows = np.empty((poses.count, LENGTH))
     rows[:, 0] = scores
-    has_pregrasp = np.isfinite(in_metres.pregrasp_opening)
-    rows[:, 1] = np.where(has_pregrasp, in_metres.pregrasp_opening, in_metres.opening)
+    has_pregrasp = np.isfinite(poses.pregrasp_opening)
+    rows[:, 1] = np.where(has_pregrasp, poses.pregrasp_opening, poses.opening)
     rows[:, 2], rows[:, 3] = HEIGHT, DEPTH
-    rows[:, 4:13] = in_metres.poses[:, :3, :3].reshape(-1, 9)
-    rows[:, 13:16] = in_metres.poses[:, :3, 3]
-    rows[:, 16] = in_metres.columns.get("object_id", np.full(in_metres.count, NO_OBJECT))
+    rows[:, 4:13] = poses.poses[:, :3, :3].reshape(-1, 9)
+    rows[:, 13:16] = poses.poses[:, :3, 3]
+    rows[:, 16] = poses.columns.get("object_id", np.full(poses.count, NO_OBJECT))
     with atomic_write(path) as part, part.open("wb") as stream:
         np.save(stream, rows, allow_pickle=False)
 
@@ -155,7 +142,6 @@ def _graspnet_scores(poses: GraspPoses) -> Floats:
 def parse_graspnet(content: npt.NDArray[Any], given: Given) -> GraspPoses:
     """Poses in the order of the rows. Raises ContactError."""
     rows = _graspnet_rows(content)
-    hand = given.gripper(GRASPNET)
     if not np.isfinite(rows[:, 3:]).all():
         bad = np.flatnonzero(~np.isfinite(rows[:, 3:]).all(axis=1))
         raise ContactError(f"grasp {bad[0] + 1} has numbers that are not finite")
@@ -164,8 +150,6 @@ def parse_graspnet(content: npt.NDArray[Any], given: Given) -> GraspPoses:
         pregrasp_opening=rows[:, 1],
         scores=rows[:, 0],
         outcome=outcomes_of(given.outcome, len(rows), NUMBERS, lambda name: rows[:, NUMBERS[name]]),
-        unit="m",
-        hand=hand,
         columns={"object_id": rows[:, 16]},
     )
 
@@ -197,8 +181,6 @@ def _graspnet_rows(array: npt.NDArray[Any]) -> Floats:
     return np.array(array, dtype=np.float64)
 
 
-LABELS, CONTACT = "graspnetAPI labels", "Contact-GraspNet"
-
 GRASPS = (300, 12, 4)
 """Views, angles and depths at each point of an object."""
 
@@ -226,22 +208,11 @@ CAMERA = "camera"
 """Name of the frame of predictions: that of the camera, z forward, x right and y down."""
 
 
-def is_labels(content: object) -> bool:
-    """Whether an archive is in this format."""
-    return isinstance(content, Archive) and SHAPES.keys() <= content.names
-
-
-def is_contact(content: object) -> bool:
-    """Whether an archive is in this format."""
-    return isinstance(content, Archive) and "pred_grasps_cam" in content.names
-
-
 def read_labels(content: Archive, given: Given) -> GraspPoses:
     """The grasps that hold and touch nothing else, in the order of the file. Raises ContactError.
 
     Each is called by the numbers of its point, view, angle and depth, from 0.
     """
-    hand = given.gripper(LABELS)
     count = _count(content)
     valid = np.concatenate(list(_valid(content)))
     total = int(np.count_nonzero(valid))
@@ -260,8 +231,6 @@ def read_labels(content: Archive, given: Given) -> GraspPoses:
         scores=BEST_SCORE - frictions,
         outcome=outcomes_of(given.outcome, len(chosen), ("scores",), lambda _: frictions),
         names=tuple("_".join(map(str, row)) for row in np.stack(numbers, axis=1).tolist()),
-        unit="m",
-        hand=hand,
         settings={"grasps_in_file": total} if total > MOST_LABELS else {},
     )
 
@@ -320,12 +289,11 @@ def rotations(approaches: Floats, angles: Floats) -> Floats:
 
 def read_contact(content: Archive, given: Given) -> GraspPoses:
     """Grasps of all segments in the order of the file. Raises ContactError."""
-    hand = given.gripper(CONTACT)
     assert isinstance(content.file, Path)
-    return watched(read_segments, content.file, hand, given.outcome)
+    return watched(read_segments, content.file, given.outcome)
 
 
-def read_segments(path: Path, hand: ParallelGripper, outcome: Outcome | None) -> GraspPoses:
+def read_segments(path: Path, outcome: Outcome | None) -> GraspPoses:
     """The same in a child process."""
     content = Archive(path)
     grasps, scores = (_segments(content, name) for name in ("pred_grasps_cam", "scores"))
@@ -342,8 +310,6 @@ def read_segments(path: Path, hand: ParallelGripper, outcome: Outcome | None) ->
         scores=confidences,
         outcome=outcomes_of(outcome, len(names), ("scores",), lambda _: confidences),
         names=tuple(names),
-        unit="m",
-        hand=hand,
         columns={"segment": np.repeat([s for s, *_ in found], [len(p) for _, p, _ in found])},
         settings={"frame_id": CAMERA},
     )

@@ -264,6 +264,12 @@ def json_text(values: object) -> str:
     return json.dumps(values, allow_nan=False)
 
 
+def write_json(path: Path, document: object) -> None:
+    """Write a JSON file without nan."""
+    with atomic_write(path) as part:
+        part.write_text(json_text(document), encoding="utf-8")
+
+
 def write_yaml(path: Path, document: Mapping[str, Any]) -> None:
     """Write a YAML file that says which program wrote it."""
     yaml = yaml_module()

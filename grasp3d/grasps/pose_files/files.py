@@ -25,6 +25,7 @@ from grasp3d.grasps.pose_files.frames import (
     GivenPose,
     UnknownUnitError,
     as_in_file,
+    in_file_metres,
     missing_of_hand,
     of_tcp,
     read_object_pose,
@@ -50,9 +51,11 @@ class _Format:
 
     suffixes: tuple[str, ...]
     write: Callable[[Path, GraspPoses], None] | None
-    """Write poses of the TCP; None: it is only read."""
+    """Write poses of the frame below, of formats with a title in metres; None: it is only read."""
     read: Callable[[Any, Given], GraspPoses]
     """Poses of the frame below, of a file of this path; of files of `_LOADERS`, of this content."""
+    title: str = ""
+    """Its name in messages, of formats that are in metres, of certain hands; empty: of any."""
     frame: str = "tcp"
     """Frame of the gripper in which the format has poses, in `FRAMES`."""
     is_in: Callable[[object], bool] | None = None
@@ -61,6 +64,8 @@ class _Format:
     """Raises OutputError if a library that it needs is not installed."""
     states_frame: bool = False
     """Whether what is read states its frame: files do themselves, or their reader does."""
+    states_hand: bool = False
+    """Whether it is read without a hand."""
 
 
 _LOADERS: dict[str, Callable[[Path], Any]] = {
@@ -72,9 +77,24 @@ _LOADERS: dict[str, Callable[[Path], Any]] = {
 _YAML, _HAND, _JAWS = (".yaml", ".yml"), "hand", "graspnetapi"
 _DICTIONARIES = (".npy", ".pt")
 
+
+def _has(*paths: str) -> Callable[[object], bool]:
+    """Whether content has keys, within each other a.b; 0 is the first of a list, or all of one."""
+    return lambda content: all(_holds(content, *path.split(".")) for path in paths)
+
+
+def _holds(content: Any, key: str, *further: str) -> bool:
+    if key == "0":
+        return _holds(content[0] if isinstance(content, list) and content else content, *further)
+    if isinstance(content, Archive):
+        return key in content.names
+    found = isinstance(content, dict) and key in content
+    return found and (not further or _holds(content[key], *further))
+
+
 _FORMATS: dict[PoseFormat, _Format] = {
     "json": _Format(
-        (".json",), own_files.write_json, own_files.parse_json, is_in=own_files.is_own,
+        (".json",), own_files.write_json, own_files.parse_json, is_in=_has("grasps.0.pose"),
         states_frame=True,
     ),
     "csv": _Format((".csv",), own_files.write_table, own_files.read_table, states_frame=True),
@@ -82,54 +102,64 @@ _FORMATS: dict[PoseFormat, _Format] = {
         (".parquet",), own_files.write_table, own_files.read_table, states_frame=True
     ),
     "isaac_grasp": _Format(
-        _YAML, robots.write_isaac, robots.parse_isaac, _HAND, library=yaml_module
+        _YAML, robots.write_isaac, robots.parse_isaac, robots.ISAAC, _HAND, library=yaml_module
     ),
     "graspdatagen": _Format(
-        _YAML, robots.write_datagen, robots.parse_datagen, "graspdatagen",
+        _YAML, robots.write_datagen, robots.parse_datagen, robots.DATAGEN, "graspdatagen",
         robots.is_datagen, yaml_module,
     ),
     "replicator": _Format(
-        _YAML, robots.write_replicator, robots.parse_replicator, _HAND,
+        _YAML, robots.write_replicator, robots.parse_replicator, "Replicator", _HAND,
         robots.is_replicator, yaml_module, states_frame=True,
     ),
     "acronym": _Format(
-        (".h5", ".hdf5"), acronym.write_acronym, acronym.read_acronym, "acronym",
-        library=acronym.h5py_module, states_frame=True,
+        (".h5", ".hdf5"), acronym.write_acronym, acronym.read_acronym, acronym.WHAT, "acronym",
+        library=acronym.h5py_module, states_frame=True, states_hand=True,
     ),
     "graspgen": _Format(
-        (".json",), data_sets.write_graspgen, data_sets.parse_graspgen, "graspgen",
-        data_sets.is_graspgen,
+        (".json",), data_sets.write_graspgen, data_sets.parse_graspgen, data_sets.GRASPGEN,
+        "graspgen", _has("grasps.transforms"),
     ),
-    "graspnet": _Format((".npy",), data_sets.write_graspnet, data_sets.parse_graspnet, _JAWS),
-    "interndata": _Format((".npy",), data_sets.write_interndata, data_sets.parse_interndata, _JAWS),
-    "graspnet_labels": _Format((".npz",), None, data_sets.read_labels, _JAWS, data_sets.is_labels),
+    "graspnet": _Format(
+        (".npy",), data_sets.write_graspnet, data_sets.parse_graspnet, "graspnetAPI", _JAWS
+    ),
+    "interndata": _Format(
+        (".npy",), data_sets.write_interndata, data_sets.parse_interndata, "graspnetAPI", _JAWS
+    ),
+    "graspnet_labels": _Format(
+        (".npz",), None, data_sets.read_labels, "graspnetAPI labels", _JAWS,
+        _has(*data_sets.SHAPES),
+    ),
     "contact_graspnet": _Format(
-        (".npz",), None, data_sets.read_contact, "contact_graspnet", data_sets.is_contact
+        (".npz",), None, data_sets.read_contact, "Contact-GraspNet", "contact_graspnet",
+        _has("pred_grasps_cam"),
     ),
     "moveit": _Format(
-        (".json",), robots.write_moveit, robots.parse_moveit, _HAND, robots.is_moveit
+        (".json",), robots.write_moveit, robots.parse_moveit, robots.MOVEIT, _HAND,
+        _has("0.grasp_pose"),
     ),
     "multigrippergrasp": _Format(
-        (".json",), robots.write_multigripper, robots.parse_multigripper, _HAND,
-        robots.is_multigripper,
+        (".json",), robots.write_multigripper, robots.parse_multigripper, robots.MULTIGRIPPER,
+        _HAND, _has("gripper", "pose"),
     ),
     "robotwin": _Format(
-        (".json",), robots.write_robotwin, robots.parse_robotwin, "robotwin",
-        robots.is_robotwin,
+        (".json",), robots.write_robotwin, robots.parse_robotwin, "RoboTwin", "robotwin",
+        _has("contact_points_pose"), states_hand=True,
     ),
     "dexgraspbench": _Format(
-        _DICTIONARIES, hand_files.write_bench, hand_files.parse_bench, _HAND,
-        hand_files.is_bench, states_frame=True,
+        _DICTIONARIES, hand_files.write_bench, hand_files.parse_bench, "DexGraspBench", _HAND,
+        _has("0.grasp_qpos"), states_frame=True,
     ),
     "bodex": _Format(
-        _DICTIONARIES, hand_files.write_bodex, hand_files.parse_bodex, _HAND,
-        hand_files.is_bodex, states_frame=True,
+        _DICTIONARIES, hand_files.write_bodex, hand_files.parse_bodex, hand_files.BODEX, _HAND,
+        _has("0.robot_pose"), states_frame=True,
     ),
     "dexgraspnet": _Format(
-        _DICTIONARIES, hand_files.write_net, hand_files.parse_net, _HAND,
-        hand_files.is_net, states_frame=True,
+        _DICTIONARIES, hand_files.write_net, hand_files.parse_net, "DexGraspNet", _HAND,
+        _has("0.qpos"), states_frame=True,
     ),
 }  # fmt: skip
+"""Of several that content may be in the first one counts."""
 
 OWN_FORMATS = frozenset[PoseFormat]({"json", "csv", "parquet"})
 """Formats with the poses of any hand; the others have those of a gripper's base."""
@@ -203,7 +233,8 @@ def write_poses(
         poses = poses.moved(poses.object_pose.matrix)
     poses = replace(poses, gripper_frame=GripperFrame.of(frame or _FORMATS[name].frame))
     try:
-        write(path, as_in_file(poses) if name in OWN_FORMATS else poses)
+        title = _FORMATS[name].title
+        write(path, in_file_metres(poses, title) if title else as_in_file(poses))
     except OutputError as error:
         text = str(error)
         raise OutputError(text if text.startswith(str(path)) else f"{path}: {text}") from error
@@ -402,7 +433,11 @@ def _read(
             if isinstance(content, list)
             else f"contains an array of numbers, not dictionaries of {name}"
         )
+    if entry.title:
+        given.check(entry.title, states_hand=entry.states_hand)
     poses = entry.read(content, given)
+    if entry.title:
+        poses = replace(poses, unit="m", hand=given.hand or poses.hand)
     stated = poses.settings.get(FIELD, poses.gripper_frame)
     return replace(
         poses,

@@ -37,23 +37,20 @@ from grasp3d.system.names import printable
 from grasp3d.system.versions import package_version
 
 
-def for_robots(poses: GraspPoses, what: str) -> tuple[ParallelGripper, GraspPoses]:
-    """The gripper of poses to write, and the poses in metres, with the scale of the object's file.
-
-    Raises:
-        OutputError: There is no gripper, or the unit of the poses is not known.
-    """
-    if not isinstance(poses.hand, ParallelGripper):
-        raise OutputError(missing_of_hand(poses.hand, what))
-    return poses.hand, in_file_metres(poses, what)
-
-
 def in_file_metres(poses: GraspPoses, what: str) -> GraspPoses:
     """Poses of the frame of a file in metres, with the scale of the object's file.
 
     Raises:
-        OutputError: The unit of the poses is not known.
+        OutputError: There is no hand that the format has, values of its joints are missing, or the
+            unit of the poses is not known.
     """
+    if missing := missing_of_hand(poses.hand, what):
+        raise OutputError(missing)
+    if isinstance(poses.hand, ArticulatedHand):
+        try:
+            poses = matched(poses, poses.hand)
+        except ContactError as error:
+            raise OutputError(str(error)) from error
     if poses.unit is None:
         raise OutputError(
             f"{what} files are in metres, but the unit of the poses is not known: give the mesh's "
@@ -61,21 +58,6 @@ def in_file_metres(poses: GraspPoses, what: str) -> GraspPoses:
         )
     scale = poses.object_scale or METRES[poses.unit]
     return replace(as_in_file(poses.in_unit("m")), object_scale=scale)
-
-
-def joints_for_robots(poses: GraspPoses, what: str) -> tuple[ArticulatedHand, GraspPoses]:
-    """The hand with joints of poses to write, and the poses, as `for_robots` has them.
-
-    Raises:
-        OutputError: There is no such hand, the unit is not known, or joints are missing.
-    """
-    hand = poses.hand
-    if not isinstance(hand, ArticulatedHand):
-        raise OutputError(missing_of_hand(hand, what))
-    try:
-        return hand, in_file_metres(matched(poses, hand), what)
-    except ContactError as error:
-        raise OutputError(str(error)) from error
 
 
 def known_outcomes(poses: GraspPoses, what: str) -> Floats:
@@ -129,8 +111,8 @@ def _moved(poses: GraspPoses, *, to_file: bool) -> GraspPoses:
 class Given:
     """What is given beside a file to read."""
 
-    hand: Hand | None = None
-    """The gripper that the grasps are of."""
+    hand: Any = None
+    """The hand that the grasps are of, of a kind that the format has; None: not given."""
     unit: Unit | None = None
     """Unit of the lengths, if the file states none."""
     outcome: Outcome | None = None
@@ -138,42 +120,31 @@ class Given:
     object_scale: float | None = None
     """Scale of the object whose grasps are read, of files of several."""
 
-    def check_metres(self, what: str) -> None:
-        """Refuse another unit for a file that is in metres. Raises ContactError."""
+    def check(self, what: str, *, states_hand: bool) -> None:
+        """Refuse another unit or hand than the files of a format have, in metres.
+
+        Args:
+            what: The format.
+            states_hand: Whether its files say what a hand is needed for.
+
+        Raises:
+            ContactError: They do not fit.
+        """
         if self.unit not in {None, "m"}:
             raise ContactError(
                 f"{what} files are in metres, not in {self.unit}: read them without a unit, and "
                 "convert the poses with in_unit"
             )
-
-    def gripper(self, what: str) -> ParallelGripper:
-        """The gripper of a file that is in metres.
-
-        Raises:
-            ContactError: There is none, or another unit is given.
-        """
-        self.check_metres(what)
-        if not isinstance(self.hand, ParallelGripper):
-            raise ContactError(
-                f"{what} files have the pose of the hand's base, not of the fingertips: give the "
-                "gripper (--hand, in Python hand=...)"
-            )
-        return self.hand
-
-    def joints(self, what: str) -> ArticulatedHand:
-        """The hand with joints of a file that is in metres.
-
-        Raises:
-            ContactError: There is none, or another unit is given.
-        """
-        self.check_metres(what)
-        if not isinstance(self.hand, ArticulatedHand):
-            raise ContactError(missing_of_hand(self.hand, what))
-        return self.hand
+        missing = missing_of_hand(self.hand, what)
+        if missing and not (states_hand and self.hand is None):
+            raise ContactError(missing)
 
 
 JOINTED = ("dexgraspbench", "bodex", "dexgraspnet")
 """Formats of hands with joints only."""
+
+_EITHER = ("isaac_grasp", "graspdatagen")
+"""Formats of grippers, and of hands with joints."""
 
 
 def missing_of_hand(hand: Hand | str | None, what: str, *, joints: bool = False) -> str:
@@ -194,12 +165,12 @@ def missing_of_hand(hand: Hand | str | None, what: str, *, joints: bool = False)
             else f"{what} files have postures of a hand with joints;{wrong} give its description "
             "(--hand, in Python hand=...)"
         )
-    if isinstance(hand, ArticulatedHand) and what.lower() == "isaac_grasp":
+    if isinstance(hand, ArticulatedHand) and what.lower() in _EITHER:
         return ""
     if not isinstance(hand, ParallelGripper):
         return (
-            f"{what} files have the pose of the hand's base and so need the lengths of the "
-            "gripper: give it (--hand, in Python hand=...)"
+            f"{what} files have the pose of the hand's base, not of the fingertips, and so need "
+            "the lengths of the gripper: give it (--hand, in Python hand=...)"
         )
     if joints and not hand.joint_names:
         return (

@@ -17,11 +17,10 @@ from scipy.spatial.transform import Rotation
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.grasps.pose_files.documents import load_array, watched
-from grasp3d.grasps.pose_files.frames import Given, from_quaternions, joints_for_robots, quaternions
+from grasp3d.grasps.pose_files.frames import Given, from_quaternions, quaternions
 from grasp3d.grasps.pose_files.outcomes import outcomes_of
 from grasp3d.grasps.poses import STAGES, GraspPoses
 from grasp3d.grasps.postures import as_in_model, matched, wrist_of
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.system.documents import described
@@ -31,7 +30,7 @@ from grasp3d.system.stored_arrays import RefusedError, StoredArray, array_in, st
 Rows = dict[str, Any]
 """What a dictionary of a file states of its grasps: arrays of numbers, texts and lists of them."""
 
-BENCH, BODEX, NET = "DexGraspBench", "BODex", "DexGraspNet"
+BODEX = "BODex"
 
 ALL_STAGES = ("pregrasp", "grasp", "squeeze")
 """In the order in which files have them."""
@@ -181,30 +180,10 @@ def _of_scene(scene: object) -> Rows:
     return numbers | ({"obj_path": texts} if texts else {})
 
 
-def is_bench(content: object) -> bool:
-    """Whether dictionaries are those of DexGraspBench or Dexonomy."""
-    return _has(content, "grasp_qpos")
-
-
-def is_bodex(content: object) -> bool:
-    """Whether dictionaries are those of BODex."""
-    return _has(content, "robot_pose") and not _has(content, "grasp_qpos")
-
-
-def is_net(content: object) -> bool:
-    """Whether dictionaries are those of DexGraspNet."""
-    return _has(content, "qpos")
-
-
-def _has(content: object, key: str) -> bool:
-    return isinstance(content, list) and bool(content) and key in content[0]
-
-
 def parse_bench(content: list[Rows], given: Given) -> GraspPoses:
     """Poses of the root of a MuJoCo model, in the order of the files. Raises ContactError."""
     parts = [_of_bench(rows, number) for number, rows in enumerate(content, 1)]
-    hand = given.joints(BENCH)
-    return _grasps(content, parts, given, hand, wrist_of(hand).before)
+    return _grasps(content, parts, given, wrist_of(given.hand).before)
 
 
 def _of_bench(rows: Rows, number: int) -> dict[str, Floats]:
@@ -246,8 +225,7 @@ def parse_bodex(content: list[Rows], given: Given) -> GraspPoses:
             )
         stages = values.reshape(-1, *values.shape[-2:])
         parts.append({stage: stages[:, k] for k, stage in enumerate(ALL_STAGES)})
-    hand = given.joints(BODEX)
-    return _grasps(content, parts, given, hand, wrist_of(hand).beyond)
+    return _grasps(content, parts, given, wrist_of(given.hand).beyond)
 
 
 def parse_net(content: list[Rows], given: Given) -> GraspPoses:
@@ -266,16 +244,14 @@ def parse_net(content: list[Rows], given: Given) -> GraspPoses:
         values = np.array([qpos[name] for name in wanted])
         turned = Rotation.from_euler("xyz", values[3:6]).as_quat(scalar_first=True)
         parts.append({"grasp": np.concatenate([values[:3], turned, values[6:]])[None]})
-    hand = given.joints(NET)
     content = [{"joint_names": names, **rows} for rows in content]
-    return _grasps(content, parts, given, hand, wrist_of(hand).beyond)
+    return _grasps(content, parts, given, wrist_of(given.hand).beyond)
 
 
 def _grasps(
     content: Sequence[Rows],
     parts: Sequence[Mapping[str, Floats]],
     given: Given,
-    hand: ArticulatedHand,
     root: str,
 ) -> GraspPoses:
     """Grasps of all dictionaries, relative to their object. Raises ContactError.
@@ -304,16 +280,15 @@ def _grasps(
         joint_names=_joint_names(content, joints),
         outcome=_outcome(content, counts, given),
         names=_names(content, counts),
-        unit="m",
         object_file=_object_file(content),
         object_pose=object_pose,
         gripper_frame=FRAMES["hand"],
         settings=_elsewhere(content),
     )
     found = _of_one_scale(found, content, counts, given.object_scale)
-    if joints < len(hand.joint_names):
+    if joints < len(given.hand.joint_names):
         found = replace(found, gripper_frame=GripperFrame(link=root))
-    return matched(found, hand, wrist=wrist_of(hand).joints)
+    return matched(found, given.hand, wrist=wrist_of(given.hand).joints)
 
 
 def _check_joints(parts: Sequence[Mapping[str, Floats]]) -> None:
@@ -439,37 +414,36 @@ def _of_one_scale(
 
 def write_bench(path: Path, poses: GraspPoses) -> None:
     """Write a dictionary with arrays of all grasps, of one grasp without a first axis."""
-    _, in_metres = joints_for_robots(poses, BENCH)
-    rows = _stages(in_metres)
-    one = in_metres.count == 1
+    rows = _stages(poses)
+    one = poses.count == 1
     _save(path, {
         **{f"{stage}_qpos": values[0] if one else values for stage, values in rows.items()},
-        **_object(in_metres),
+        **_object(poses),
     })  # fmt: skip
 
 
 def write_bodex(path: Path, poses: GraspPoses) -> None:
     """Write a dictionary with the postures of all three stages, and the names of the joints."""
-    hand, in_metres = joints_for_robots(poses, BODEX)
-    rows = _stages(in_metres)
+    hand: Any = poses.hand
+    rows = _stages(poses)
     if len(rows) < len(ALL_STAGES):
         raise OutputError(f"{BODEX} files have the postures before and after the grasp, too")
     robot_pose = np.stack([rows[stage] for stage in ALL_STAGES], axis=1)[None]
     of_object = {
         key: [value] if key == "obj_path" else np.array([value])
-        for key, value in _object(in_metres).items()
+        for key, value in _object(poses).items()
     }
     _save(path, {"robot_pose": robot_pose, "joint_names": list(hand.joint_names), **of_object})
 
 
 def write_net(path: Path, poses: GraspPoses) -> None:
     """Write a list of dictionaries, of the Shadow hand in the joints of DexGraspNet's model."""
-    hand, in_metres = joints_for_robots(poses, NET)
-    names, moved = as_in_model(in_metres, hand)
+    hand: Any = poses.hand
+    names, moved = as_in_model(poses, hand)
     angles = Rotation.from_matrix(moved.poses[:, :3, :3]).as_euler("xyz")
     values = np.hstack([moved.poses[:, :3, 3], angles, moved.posture]).tolist()
     keys = (*TRANSLATION, *EULER, *names)
-    scale = in_metres.object_scale
+    scale = poses.object_scale
     _save(path, [{"qpos": dict(zip(keys, row, strict=True)), "scale": scale} for row in values])
 
 

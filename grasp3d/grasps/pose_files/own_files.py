@@ -51,13 +51,6 @@ VECTORS = {"contacts": "", "normals": "n"}
 """Columns of poses that are contacts and outward normals, and how their names begin in a table."""
 
 
-def is_own(content: object) -> bool:
-    """Whether the content of a JSON file is in this format."""
-    grasps = content.get("grasps") if isinstance(content, dict) else None
-    first = grasps[0] if isinstance(grasps, list) and grasps else None
-    return isinstance(first, dict) and "pose" in first
-
-
 def are_poses(names: list[str]) -> bool:
     """Whether a table with these columns holds poses."""
     return any(name in names for name in REQUIRED)

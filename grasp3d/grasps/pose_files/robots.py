@@ -33,15 +33,14 @@ from grasp3d.grasps.pose_files.documents import (
     optional_numbers,
     required,
     text_or_none,
+    write_json,
     write_yaml,
 )
 from grasp3d.grasps.pose_files.frames import (
     FIELD,
     Given,
-    for_robots,
     from_quaternions,
     joint_values,
-    joints_for_robots,
     known_outcomes,
     of_tcp,
     quaternions,
@@ -68,27 +67,23 @@ NO_FORCE_LIMIT = 0.0
 
 def write_isaac(path: Path, poses: GraspPoses, **further: object) -> None:
     """Write grasps by name, the gripper's frame relative to the object, and further keys."""
-    hand: ParallelGripper | ArticulatedHand
-    has_joints = isinstance(poses.hand, ArticulatedHand)
-    hand, in_metres = (joints_for_robots if has_joints else for_robots)(poses, ISAAC)
-    twice = [name for name, count in Counter(in_metres.names).items() if count > 1]
+    hand: Any = poses.hand
+    twice = [name for name, count in Counter(poses.names).items() if count > 1]
     if twice:
         raise OutputError(f"two grasps are called {twice[0]!r}: give each a name of its own")
     document = {
         "format": ISAAC,
         "format_version": ISAAC_VERSION,
         **further,
-        "object_frame_link": str(in_metres.settings.get("object_frame_link", "object")),
-        "gripper_frame_link": str(in_metres.settings.get("gripper_frame_link", hand.name)),
-        "object_scale": in_metres.object_scale,
-        "grasps": dict(zip(in_metres.names, _isaac_entries(in_metres, hand), strict=True)),
+        "object_frame_link": str(poses.settings.get("object_frame_link", "object")),
+        "gripper_frame_link": str(poses.settings.get("gripper_frame_link", hand.name)),
+        "object_scale": poses.object_scale,
+        "grasps": dict(zip(poses.names, _isaac_entries(poses), strict=True)),
     }
     write_yaml(path, document)
 
 
-def _isaac_entries(
-    poses: GraspPoses, hand: ParallelGripper | ArticulatedHand
-) -> list[dict[str, Any]]:
+def _isaac_entries(poses: GraspPoses) -> list[dict[str, Any]]:
     outside = np.flatnonzero((poses.scores < 0.0) | (poses.scores > 1.0))
     if len(outside):
         raise OutputError(
@@ -96,6 +91,7 @@ def _isaac_entries(
             f"{poses.scores[outside[0]]:g}"
         )
     turned = quaternions(poses.poses).tolist()
+    hand: Any = poses.hand
     if isinstance(hand, ArticulatedHand):
         values = [poses.posture, poses.pregrasp_posture]
     else:
@@ -137,14 +133,11 @@ def parse_isaac(content: object, given: Given) -> GraspPoses:
         raise ContactError("there are no grasps in it")
     entries = entries_of(grasps.values())
     keys = "cspace_position", "pregrasp_cspace_position"
-    hand: ParallelGripper | ArticulatedHand
     fields: dict[str, Any]
     if isinstance(given.hand, ArticulatedHand):
-        hand = given.joints(ISAAC)
         fields = _stated_postures(entries, *keys)
     else:
-        hand = gripper = given.gripper(ISAAC)
-        openings = (openings_of_joints(gripper, _stated_joints(entries, key)) for key in keys)
+        openings = (openings_of_joints(given.hand, _stated_joints(entries, key)) for key in keys)
         fields = dict(zip(("opening", "pregrasp_opening"), openings, strict=True))
     return GraspPoses(
         poses=poses_of_entries(entries),
@@ -152,8 +145,6 @@ def parse_isaac(content: object, given: Given) -> GraspPoses:
         scores=optional_numbers(entries, "confidence"),
         outcome=outcomes_of_entries(given.outcome, entries),
         names=tuple(map(str, grasps)),
-        unit="m",
-        hand=hand,
         object_file=text_or_none(document.get("object_file"), "object_file"),
         object_scale=number_or_none(document.get("object_scale"), "object_scale"),
         settings=_isaac_frames(document),
@@ -206,36 +197,30 @@ def _isaac_frames(document: dict[str, Any]) -> dict[str, str]:
     return names
 
 
-def is_moveit(content: object) -> bool:
-    """Whether the content of a JSON file is in this format."""
-    first = content[0] if isinstance(content, list) and content else content
-    return isinstance(first, dict) and "grasp_pose" in first
-
-
 def write_moveit(path: Path, poses: GraspPoses) -> None:
     """Write one message for each grasp."""
-    hand, in_metres = for_robots(poses, MOVEIT)
-    frame = "object" if in_metres.object_pose is None else in_metres.object_pose.frame
-    turned = quaternions(in_metres.poses)
-    approaches = of_tcp(in_metres).poses[:, :3, 2]
-    before = json_numbers(joint_values(hand, in_metres.pregrasp_opening, MOVEIT))
-    closed = json_numbers(joint_values(hand, in_metres.opening, MOVEIT))
-    messages = []
-    for k in range(in_metres.count):
+    hand: Any = poses.hand
+    frame = "object" if poses.object_pose is None else poses.object_pose.frame
+    turned = quaternions(poses.poses)
+    approaches = of_tcp(poses).poses[:, :3, 2]
+    before = json_numbers(joint_values(hand, poses.pregrasp_opening, MOVEIT))
+    closed = json_numbers(joint_values(hand, poses.opening, MOVEIT))
+    messages: list[dict[str, Any]] = []
+    for k in range(poses.count):
         approach = approaches[k]
         messages.append(
             {
-                "id": in_metres.names[k],
+                "id": poses.names[k],
                 "pre_grasp_posture": _posture(hand, before[k], frame),
                 "grasp_posture": _posture(hand, closed[k], frame),
                 "grasp_pose": {
                     "header": _header(frame),
                     "pose": {
-                        "position": _letters(in_metres.poses[k, :3, 3], "xyz"),
+                        "position": _letters(poses.poses[k, :3, 3], "xyz"),
                         "orientation": _letters(turned[k], "xyzw"),
                     },
                 },
-                "grasp_quality": float(np.nan_to_num(in_metres.scores[k])),
+                "grasp_quality": float(np.nan_to_num(poses.scores[k])),
                 "pre_grasp_approach": _translation(approach, frame),
                 "post_grasp_retreat": _translation(-approach, frame),
                 "post_place_retreat": _translation(-approach, frame),
@@ -243,7 +228,7 @@ def write_moveit(path: Path, poses: GraspPoses) -> None:
                 "allowed_touch_objects": [],
             }
         )
-    if np.isinf(in_metres.scores).any():
+    if np.isinf(poses.scores).any():
         raise OutputError(f"the scores of {MOVEIT} messages must be finite")
     with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
         stream.write("[\n" + ",\n".join(map(json_text, messages)) + "\n]\n")
@@ -286,7 +271,7 @@ def parse_moveit(content: object, given: Given) -> GraspPoses:
     messages = entries_of(
         grasp_list(content if isinstance(content, list) else [content], "the file")
     )
-    hand = given.gripper(MOVEIT)
+    hand = given.hand
     return GraspPoses(
         poses=_moveit_poses(messages),
         opening=_moveit_openings(hand, messages, "grasp_posture"),
@@ -294,8 +279,6 @@ def parse_moveit(content: object, given: Given) -> GraspPoses:
         scores=optional_numbers(messages, "grasp_quality"),
         outcome=outcomes_of_entries(given.outcome, messages),
         names=tuple(str(m.get("id", f"grasp_{number}")) for number, m in enumerate(messages, 1)),
-        unit="m",
-        hand=hand,
         settings=_moveit_frame(messages),
     )
 
@@ -383,8 +366,7 @@ def openings_of_joints(hand: ParallelGripper, joints: Sequence[dict[str, Any]]) 
     return openings
 
 
-DATAGEN, REPLICATOR = "GraspDataGen", "Replicator"
-MULTIGRIPPER, ROBOTWIN = "MultiGripperGrasp", "RoboTwin"
+DATAGEN, MULTIGRIPPER = "GraspDataGen", "MultiGripperGrasp"
 
 SIMULATED, GUESSED = "grasp_sim", "grasp_guess"
 """Programs of GraspDataGen: of grasps that were tried, and of those that were not."""
@@ -397,7 +379,6 @@ def is_datagen(content: object) -> bool:
 
 def write_datagen(path: Path, poses: GraspPoses) -> None:
     """Write isaac_grasp whose confidences are the outcomes, which all grasps must have."""
-    for_robots(poses, DATAGEN)  # what a gripper lacks is said first
     tried = replace(poses, scores=known_outcomes(poses, DATAGEN))
     write_isaac(path, tried, created_with=SIMULATED)
 
@@ -435,17 +416,17 @@ def is_replicator(content: object) -> bool:
 
 def write_replicator(path: Path, poses: GraspPoses) -> None:
     """Write a configuration of the poses, with their frame if its origin is not the hand's."""
-    hand, in_metres = for_robots(poses, REPLICATOR)
-    turned = quaternions(in_metres.poses).tolist()
-    tcp = in_metres.gripper_frame.to_tcp(hand)
+    hand: Any = poses.hand
+    turned = quaternions(poses.poses).tolist()
+    tcp = poses.gripper_frame.to_tcp(hand)
     axes = (np.round(tcp[:3, k], 12) + 0.0 for k in (2, 0))
-    standoff = in_metres.gripper_frame.distance(hand)
+    standoff = poses.gripper_frame.distance(hand)
     of_base = math.isclose(standoff, hand.base_to_tcp, abs_tol=1e-9)
     document = {
-        **({} if of_base else {FIELD: str(in_metres.gripper_frame)}),
+        **({} if of_base else {FIELD: str(poses.gripper_frame)}),
         CONFIG: [
             {"position": position, "orientation": {"w": w, "xyz": xyz}}
-            for position, (*xyz, w) in zip(in_metres.poses[:, :3, 3].tolist(), turned, strict=True)
+            for position, (*xyz, w) in zip(poses.poses[:, :3, 3].tolist(), turned, strict=True)
         ],
         "sampler_config": {
             "gripper_maximum_aperture": hand.max_opening,
@@ -462,7 +443,6 @@ def parse_replicator(content: object, given: Given) -> GraspPoses:
     Their origin is the hand's base, unless this project's writer states another one.
     """
     document = mapping(content, "the file")
-    hand = given.gripper(REPLICATOR)
     if is_result := RESULT in document:
         result = mapping(document[RESULT], RESULT)
         names = ("position", "gripper_location"), ("orientation", "gripper_orientation")
@@ -474,8 +454,6 @@ def parse_replicator(content: object, given: Given) -> GraspPoses:
     return GraspPoses(
         poses=poses_of_entries(entries),
         outcome=outcomes_of_entries(given.outcome, entries),
-        unit="m",
-        hand=hand,
         gripper_frame=_with_axes(sampler) if sampler.keys() >= {*DIRECTIONS} else FRAMES["hand"],
         settings=({"frame_id": WORLD} if is_result else {}) | ({FIELD: frame} if frame else {}),
     )
@@ -506,36 +484,30 @@ def _with_axes(sampler: dict[str, Any]) -> GripperFrame:
     return GripperFrame(approach=along, closing=nearest, origin="base", turn=turn)
 
 
-def is_multigripper(content: object) -> bool:
-    """Whether the content of a JSON file is in this format."""
-    return isinstance(content, dict) and content.keys() >= {"gripper", "pose"}
-
-
 def write_multigripper(path: Path, poses: GraspPoses) -> None:
     """Write lists of poses, values of the joints, and outcomes if any is known."""
-    hand, in_metres = for_robots(poses, MULTIGRIPPER)
-    opened, closed = in_metres.pregrasp_opening, in_metres.opening
+    hand: Any = poses.hand
+    opened, closed = poses.pregrasp_opening, poses.opening
     opened = np.where(np.isnan(opened), hand.max_opening, opened)
-    wxyz = np.roll(quaternions(in_metres.poses), 1, axis=1)
+    wxyz = np.roll(quaternions(poses.poses), 1, axis=1)
     document: dict[str, Any] = {
         "gripper": hand.name,
-        "object_id": str(in_metres.settings.get("object_id", "object")),
-        "pose": np.hstack([in_metres.poses[:, :3, 3], wxyz]).tolist(),
+        "object_id": str(poses.settings.get("object_id", "object")),
+        "pose": np.hstack([poses.poses[:, :3, 3], wxyz]).tolist(),
         "dofs": joint_values(hand, opened, MULTIGRIPPER).tolist(),
     }
     if np.isfinite(closed).all():
         document["final_dofs"] = joint_values(hand, closed, MULTIGRIPPER).tolist()
-    if np.isfinite(in_metres.outcome).any():
-        document["result"] = json_numbers(in_metres.outcome)
-    with atomic_write(path) as part:
-        part.write_text(json_text(document), encoding="utf-8")
+    if np.isfinite(poses.outcome).any():
+        document["result"] = json_numbers(poses.outcome)
+    write_json(path, document)
 
 
 def parse_multigripper(content: object, given: Given) -> GraspPoses:
     """Poses of the content of a JSON file, in its order. Raises ContactError."""
     document = mapping(content, "the file")
     rows = numbers(grasp_list(required(document, "pose"), "pose"), (7,), "pose")
-    hand = given.gripper(MULTIGRIPPER)
+    hand = given.hand
     count = len(rows)
     of_object = text_or_none(document.get("object_id"), "object_id")
     stated = [key for key, value in document.items() if isinstance(value, list) and key != "pose"]
@@ -555,8 +527,6 @@ def parse_multigripper(content: object, given: Given) -> GraspPoses:
             lambda key: as_many(document[key], key, count),
             default=("result",),
         ),
-        unit="m",
-        hand=hand,
         columns={
             key: numbers(as_many(document[key], key, count), (), key)
             for key in ("fall_time", "slip_time")
@@ -578,28 +548,20 @@ def _openings(hand: ParallelGripper, document: dict[str, Any], key: str, count: 
     return openings_of_joints(hand, [dict(zip(joints, row, strict=True)) for row in values])
 
 
-def is_robotwin(content: object) -> bool:
-    """Whether the content of a JSON file is in this format."""
-    return isinstance(content, dict) and "contact_points_pose" in content
-
-
 def write_robotwin(path: Path, poses: GraspPoses) -> None:
     """Write poses in the numbers of the mesh, and its scale."""
-    _, in_metres = for_robots(poses, ROBOTWIN)
-    scale = in_metres.object_scale
+    scale = poses.object_scale
     assert scale is not None
     document = {
         "scale": [scale] * 3,
-        "contact_points_pose": in_metres.scaled(1.0 / scale, None).poses.tolist(),
+        "contact_points_pose": poses.scaled(1.0 / scale, None).poses.tolist(),
     }
-    with atomic_write(path) as part:
-        part.write_text(json_text(document), encoding="utf-8")
+    write_json(path, document)
 
 
 def parse_robotwin(content: object, given: Given) -> GraspPoses:
     """Poses of the content of a JSON file, in its order. Raises ContactError."""
     document = mapping(content, "the file")
-    given.check_metres(ROBOTWIN)
     listed = grasp_list(required(document, "contact_points_pose"), "contact_points_pose")
     poses = numbers(listed, (4, 4), "contact_points_pose")
     scale = document.get("scale", 1.0)
@@ -610,7 +572,5 @@ def parse_robotwin(content: object, given: Given) -> GraspPoses:
     return GraspPoses(
         poses=poses,
         outcome=outcomes_of(given.outcome, len(poses), (), lambda _: ()),
-        unit="m",
-        hand=given.hand,
         object_scale=float(scales[0]) if np.ptp(scales) == 0.0 else None,
     )
