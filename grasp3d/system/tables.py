@@ -486,9 +486,8 @@ def table_of_records(
     records: Sequence[RecordT], kind: type[RecordT], settings: Mapping[str, Any]
 ) -> pa.Table:
     """Return records as a table, whose schema depends on the dataclass only; see `pack_records`."""
-    hints = get_type_hints(kind)
-    arrays = [_array([getattr(record, name) for record in records], hints[name]) for name in hints]
-    return pa.Table.from_arrays(arrays, schema=_schema(hints, settings))
+    schema = _schema(get_type_hints(kind), settings)
+    return pa.Table.from_pylist([_plain(record) for record in records], schema=schema)
 
 
 def _schema(kinds: Mapping[str, Any], settings: Mapping[str, Any]) -> pa.Schema:
@@ -516,14 +515,11 @@ def unpack_records(data: bytes, kind: type[RecordT]) -> tuple[list[RecordT], boo
         table = pq.read_table(pa.BufferReader(data), page_checksum_verification=True)
         _check_origin(table)
         _check_complete(table, hints)
-        present = [name for name in hints if name in table.column_names]
-        columns = [
-            _values(table.column(name).cast(_type(hints[name])).combine_chunks(), hints[name])
-            for name in present
-        ]
-        records = [
-            kind(**dict(zip(present, row, strict=True))) for row in zip(*columns, strict=True)
-        ]
+        present = {name: each for name, each in hints.items() if name in table.column_names}
+        rows = table.select(list(present)).cast(_schema(present, {})).to_pylist()
+        record = _reader(kind)
+        assert record is not None  # of a dataclass
+        records = list(map(record, rows))
     except (pa.ArrowException, OSError, TypeError, ValueError) as error:
         raise ValueError(reason_of(error)) from error
     return records, table.column_names == list(hints)
@@ -540,7 +536,7 @@ def _check_complete(table: pa.Table, hints: Mapping[str, Any]) -> None:
             raise ValueError(f"its column {name} has missing values")
 
 
-def _plain(hint: Any) -> Any:
+def _without_none(hint: Any) -> Any:
     """Return the type of a field without its None."""
     kinds = [kind for kind in get_args(hint) if kind is not NoneType]
     return hint if get_origin(hint) is tuple or not kinds else kinds[0]
@@ -551,7 +547,7 @@ def _is_list(kind: Any) -> bool:
 
 
 def _type(hint: Any) -> pa.DataType:
-    kind = _plain(hint)
+    kind = _without_none(hint)
     if get_origin(kind) is tuple:
         item = _type(get_args(kind)[0])
         return pa.list_(item) if _is_list(kind) else pa.list_(item, len(get_args(kind)))
@@ -560,46 +556,30 @@ def _type(hint: Any) -> pa.DataType:
     return pa.string() if issubclass(kind, StrEnum) else _TYPES[kind]
 
 
-def _array(values: list[Any], hint: Any) -> pa.Array:
-    """Return a column of values; nested types are converted by component, for speed."""
-    kind = _plain(hint)
-    if is_dataclass(kind):
-        parts = [
-            _array([getattr(value, name) for value in values], each)
-            for name, each in get_type_hints(kind).items()
-        ]
-        return pa.StructArray.from_arrays(parts, fields=list(_type(kind)))
-    if get_origin(kind) is tuple and _is_list(kind):
-        ends = np.cumsum([0, *map(len, values)], dtype=np.int32)
-        items = _array([item for value in values for item in value], get_args(kind)[0])
-        return pa.ListArray.from_arrays(pa.array(ends), items, type=_type(kind))
-    return pa.array(values, type=_type(kind))
+def _plain(value: Any) -> Any:
+    """Return records as dictionaries, and tuples of them as lists."""
+    if is_dataclass(value):
+        return {name: _plain(one) for name, one in vars(value).items()}
+    return [_plain(one) for one in value] if type(value) is tuple else value
 
 
-def _values(array: pa.Array, hint: Any) -> Iterable[Any]:
-    """Return the values of a column in the types of the record's field."""
-    kind = _plain(hint)
-    if is_dataclass(kind):
-        parts = [
-            _values(array.field(n), each) for n, each in enumerate(get_type_hints(kind).values())
-        ]
-        return [kind(*values) for values in zip(*parts, strict=True)]  # type: ignore[operator]
-    if get_origin(kind) is tuple and _is_list(kind):
-        items = list(_values(array.flatten(), get_args(kind)[0]))
-        ends = np.cumsum(array.value_lengths().fill_null(0).to_numpy())
-        return [tuple(items[start:end]) for start, end in zip([0, *ends[:-1]], ends, strict=False)]
+def _reader(hint: Any) -> Callable[[Any], Any] | None:
+    """Return what makes a value of a field from a plain one; None: they are the same."""
+    kind = _without_none(hint)
     if get_origin(kind) is tuple:
-        return [None if value is None else tuple(value) for value in _rows(array)]
-    if issubclass(kind, StrEnum):
-        return [kind(value) for value in array.to_pylist()]
-    return _rows(array)
+        of_item, missing = _reader(get_args(kind)[0]), () if kind is hint else None
+        return lambda items: (
+            missing if items is None else tuple(map(of_item, items) if of_item else items)
+        )
+    if is_dataclass(kind):
+        fields = {name: _reader(each) for name, each in get_type_hints(kind).items()}
+        changed = {name: read for name, read in fields.items() if read is not None}
 
+        def record(values: dict[str, Any]) -> Any:
+            for name, read in changed.items():
+                if name in values:
+                    values[name] = read(values[name])
+            return kind(**values)  # type: ignore[operator]
 
-def _rows(array: pa.Array) -> list[Any]:
-    """Return plain values or lists of fixed length; through NumPy if none is null, for speed."""
-    fixed = pa.types.is_fixed_size_list(array.type)
-    if array.null_count or not (fixed or pa.types.is_floating(array.type)):
-        return list(array.to_pylist())
-    if not fixed:
-        return list(array.to_numpy().tolist())
-    return list(array.flatten().to_numpy().reshape(-1, array.type.list_size).tolist())
+        return record
+    return kind if issubclass(kind, StrEnum) else None
