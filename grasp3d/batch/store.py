@@ -93,7 +93,7 @@ def set_aside(output: Folder, name: str, data: bytes) -> str:
     now = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%f")
     new_name = f"damaged/{now}-{name.replace('/', '-')}"
     output.write(new_name, data)
-    output.remove(name)
+    output.remove_all([name])
     return new_name
 
 
@@ -212,7 +212,7 @@ class Shards:
             self.output.write(name, pack_records(records, Row, self._settings))
             self.shards[name] = rows
         else:
-            self.output.remove(name)
+            self.output.remove_all([name])
             self.shards.pop(name, None)
         self.outdated.discard(name)
 

@@ -122,10 +122,9 @@ class ClosedNumbers:
                     model, torque_scale=mesh.torque_scale, rtol=EPSILON_RTOL
                 )
                 epsilon[closes] = epsilon_with(found, options).lower
-            forces = _PatchForces.of(contacts, angles, model, case)
-            held[closes], ratio[closes] = forces.payload, forces.ratio
-            even[closes] = forces.even_ratio
-            score[closes], spare[closes] = forces.score, forces.spare
+            forces = _patch_forces(contacts, angles, model, case)
+            for values, own in zip((held, ratio, even, score, spare), forces, strict=True):
+                values[closes] = own
             outside = np.flatnonzero(closes)[~allowed]
             label[outside], score[outside], spare[outside] = Label.U, LOST, -math.inf
             held[outside] = ratio[outside] = even[outside] = 0.0
@@ -149,56 +148,48 @@ class ClosedNumbers:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class _PatchForces:
-    """What the patches of closed jaws hold; see `ClosedNumbers`, shape (b,) each."""
+def _patch_forces(
+    contacts: JawContacts, angles: Floats, model: GraspModel, case: LoadCase | None
+) -> tuple[Floats, ...]:
+    """What the patches of closed jaws hold, with critical angles of points (b,).
 
-    payload: Floats
-    ratio: Floats
-    even_ratio: Floats
-    score: Floats
-    spare: Floats
-
-    @classmethod
-    def of(
-        cls, contacts: JawContacts, angles: Floats, model: GraspModel, case: LoadCase | None
-    ) -> "_PatchForces":
-        """Of grasps whose jaws close, with critical angles of points (b,)."""
-        jaws = contacts.jaws
-        decided = case is not None and case.complete
-        held, ratio = _held(jaws.corners, contacts, model, case)
-        even = ratio
-        if decided:
-            middle = jaws.points[:, :, None]
-            arms = jaws.corners - middle  # (b, n, m, 3)
-            farthest = np.linalg.norm(arms, axis=-1).max(axis=-1)
-            radius = evenly_pressed_radius(0.5 * jaws.extents, jaws.area)
-            share = np.minimum(radius / np.where(farthest > 0.0, farthest, math.inf), 1.0)
-            pressed = middle + share[..., None, None] * arms
-            enough = np.flatnonzero(ratio > 0.0)
-            even = ratio.copy()
-            if len(enough):
-                some = contacts.take(enough)
-                _, even[enough] = _held(pressed[enough], some, model, case)
-            _, nominal = _held(pressed, contacts, model, case, tilted=False)
-        least = angles  # of the patches, no larger
-        if contacts.count == 2:
-            patches = contacts.contacts(GraspModel(contact="patch"))
-            least = np.minimum(angles, critical_friction_angle(patches))
-        tilt = _tilt(model)
-        spare = model.effective_friction_angle - least + tilt
-        holds = ratio > 0.0
-        if decided:
-            # With the tilt the payload falls about in proportion, to 0 where they do not close;
-            # no more lacks than to 90 degrees of friction.
-            with np.errstate(divide="ignore", invalid="ignore"):
-                loaded = np.where(spare > 0.0, spare * (1.0 - 1.0 / nominal), -math.inf)
-            friction = model.effective_friction_angle + tilt
-            lowest = friction - 0.5 * math.pi + np.minimum(spare, 0.0)
-            spare, holds = np.clip(loaded, lowest, spare), ratio >= 1.0
-        short = np.maximum(np.minimum(spare - tilt, 0.0) / math.pi, LOST)
-        score = np.where(holds, ratio / (1.0 + ratio), short)
-        return cls(held, ratio, even, score, spare)
+    Payload, ratio, even_ratio, score and spare of `ClosedNumbers`, shape (b,) each.
+    """
+    jaws = contacts.jaws
+    decided = case is not None and case.complete
+    held, ratio = _held(jaws.corners, contacts, model, case)
+    even = ratio
+    if decided:
+        middle = jaws.points[:, :, None]
+        arms = jaws.corners - middle  # (b, n, m, 3)
+        farthest = np.linalg.norm(arms, axis=-1).max(axis=-1)
+        radius = evenly_pressed_radius(0.5 * jaws.extents, jaws.area)
+        share = np.minimum(radius / np.where(farthest > 0.0, farthest, math.inf), 1.0)
+        pressed = middle + share[..., None, None] * arms
+        enough = np.flatnonzero(ratio > 0.0)
+        even = ratio.copy()
+        if len(enough):
+            some = contacts.take(enough)
+            _, even[enough] = _held(pressed[enough], some, model, case)
+        _, nominal = _held(pressed, contacts, model, case, tilted=False)
+    least = angles  # of the patches, no larger
+    if contacts.count == 2:
+        patches = contacts.contacts(GraspModel(contact="patch"))
+        least = np.minimum(angles, critical_friction_angle(patches))
+    tilt = _tilt(model)
+    spare = model.effective_friction_angle - least + tilt
+    holds = ratio > 0.0
+    if decided:
+        # With the tilt the payload falls about in proportion, to 0 where they do not close;
+        # no more lacks than to 90 degrees of friction.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            loaded = np.where(spare > 0.0, spare * (1.0 - 1.0 / nominal), -math.inf)
+        friction = model.effective_friction_angle + tilt
+        lowest = friction - 0.5 * math.pi + np.minimum(spare, 0.0)
+        spare, holds = np.clip(loaded, lowest, spare), ratio >= 1.0
+    short = np.maximum(np.minimum(spare - tilt, 0.0) / math.pi, LOST)
+    score = np.where(holds, ratio / (1.0 + ratio), short)
+    return held, ratio, even, score, spare
 
 
 def _held(

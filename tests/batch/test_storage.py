@@ -74,8 +74,8 @@ def test_files_are_written_listed_read_and_removed(folder: Folder) -> None:
     folder.write("a.txt", b"other")
     after = folder.stamps()
     assert {name for name in after if after[name] != before[name]} == {"a.txt"}
-    folder.remove("a.txt")
-    folder.remove("a.txt")
+    folder.remove_all(["a.txt"])
+    folder.remove_all(["a.txt"])
     folder.remove_all(["missing", *folder.names("deep")])
     assert folder.names() == ["new/put.bin"]
     assert pickle.loads(pickle.dumps(folder)) == folder  # noqa: S301
@@ -249,7 +249,7 @@ def test_errors_of_local_files(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot be read"):
         folder.read("folder")
     with pytest.raises(OutputError, match="cannot be removed"):
-        folder.remove("folder")
+        folder.remove_all(["folder"])
     message = re.escape(f"{tmp_path / 'new'}: must not exist")
     with pytest.raises(OutputError, match=message), folder.atomic_write("new") as temporary:
         raise OutputError(f"{temporary}: must not exist")

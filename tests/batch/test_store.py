@@ -113,7 +113,7 @@ def test_meshes_are_finished_where_nothing_has_changed(memory: Folder) -> None:
     rows["lost"] = replace(rows["lost"], outcome=Outcome.LOST)
     rows["none"] = replace(rows["none"], stamp="")
     kept = store_rows(memory, list(rows.values()))
-    memory.remove("labels/file.ply")
+    memory.remove_all(["labels/file.ply"])
     memory.write("labels/empty.ply", b"")
     kept = Store.open(memory, SETTINGS)
     assert kept.finished(mesh_of(rows["same"])) == rows["same"]

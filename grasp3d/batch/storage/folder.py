@@ -61,14 +61,8 @@ class Folder:
         Raises:
             OutputError: It cannot be written.
         """
-        local = local_path(self.path(name))
-        if local is not None:
-            with atomic_write(local, temporary_folder=self._temporary_folder(local)) as temporary:
-                temporary.write_bytes(data)
-            return
-        with convert_errors(self.path(name), OutputError, "written"):
-            system, path = file_system_of(self.path(name))
-            system.pipe_file(path, data)
+        with self.atomic_write(name) as temporary:
+            temporary.write_bytes(data)
 
     def read(self, name: str) -> bytes:
         """Return the content of a file.
@@ -131,14 +125,6 @@ class Folder:
             for entry in entries
             if not entry.name.rpartition("/")[2].startswith(TEMPORARY_PREFIX)
         }
-
-    def remove(self, name: str) -> None:
-        """Remove a file if it exists.
-
-        Raises:
-            OutputError: It cannot be removed.
-        """
-        self.remove_all([name])
 
     def remove_all(self, names: Iterable[str]) -> None:
         """Remove several files in one request; missing files are passed over.

@@ -4,8 +4,7 @@ import contextlib
 import threading
 import time
 from collections import defaultdict
-from types import TracebackType
-from typing import Self
+from collections.abc import Iterator
 
 import psutil
 
@@ -105,18 +104,14 @@ class _LimitMonitor:
         self._started = time.monotonic()
         self._thread = threading.Thread(target=self._monitor, daemon=True)
 
-    def __enter__(self) -> Self:
+    @contextlib.contextmanager
+    def running(self) -> Iterator[None]:
         self._thread.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._done.set()
-        self._thread.join()
+        try:
+            yield
+        finally:
+            self._done.set()
+            self._thread.join()
 
     def _monitor(self) -> None:
         while self.failure is None and not self._done.wait(self._pause()):
@@ -158,15 +153,16 @@ def answer_of(child: ChildProcess, request: bytes, limits: Limits) -> bytearray:
     Raises:
         CallFailedError: The child exceeded a limit and was ended, or it ended by itself.
     """
-    tree, monitor = _ProcessTree(child.process.pid), None
+    tree = _ProcessTree(child.process.pid)
+    monitor = _LimitMonitor(tree, limits)
     child.kill_descendants = tree.kill
     try:
-        with _LimitMonitor(tree, limits) as monitor:
+        with monitor.running():
             child.send(request)
             answer = child.receive()
     except (OSError, ValueError, EOFError) as error:
         code = child.close()
-        raise (monitor and monitor.failure) or failure_from_exit_code(code) from error
+        raise monitor.failure or failure_from_exit_code(code) from error
     except BaseException:  # Ctrl-C included: half an answer must not be read by the next request
         child.close()
         raise
