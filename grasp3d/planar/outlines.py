@@ -24,6 +24,15 @@ SMALLEST, LARGEST = 1e-100, 1e100
 """Limits of lengths: squares of smaller and larger ones underflow and overflow."""
 
 
+class FractionSettings(TypedDict, total=False):
+    """Keywords of `AngleDistribution.fractions`."""
+
+    friction: Required[float | tuple[float, float]]
+    sensor_resolution: Required[float]
+    friction_error: float
+    normal_error: float
+
+
 class Outline(AngleDistribution):
     """A closed counter-clockwise curve in the plane with one finger fixed on it.
 
@@ -101,22 +110,14 @@ class Outline(AngleDistribution):
         return OutlineAngles(self, float(location_error))
 
     def fractions(
-        self,
-        *,
-        friction: float | tuple[float, float],
-        sensor_resolution: float,
-        friction_error: float = 0.0,
-        normal_error: float = 0.0,
-        location_error: float = 0.0,
+        self, *, location_error: float = 0.0, **settings: Unpack[FractionSettings]
     ) -> dict[str, float]:
         """Fractions of the perimeter that are S, M and U, in closed form.
 
         Args:
-            friction: Coulomb coefficient, above 0, or the interval in which it lies.
-            sensor_resolution: Resolution alpha [rad].
-            friction_error: Largest difference between the true friction and `friction`.
-            normal_error: Largest angle between true and perceived normals beyond alpha/2 [rad].
             location_error: See `angle_distribution`.
+            **settings: As of `AngleDistribution.fractions`: friction, sensor_resolution,
+                friction_error and normal_error.
 
         Raises:
             SettingError: A value is outside its range.
@@ -131,12 +132,7 @@ class Outline(AngleDistribution):
             >>> {name: round(fraction, 3) for name, fraction in fractions.items()}
             {'S': 0.271, 'M': 0.388, 'U': 0.341}
         """
-        return self.angle_distribution(location_error=location_error).fractions(
-            friction=friction,
-            sensor_resolution=sensor_resolution,
-            friction_error=friction_error,
-            normal_error=normal_error,
-        )
+        return self.angle_distribution(location_error=location_error).fractions(**settings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,17 +259,9 @@ class Circle(Outline):
         return fraction * math.pi / 2.0
 
 
-class FractionSettings(TypedDict, total=False):
-    """Keywords of `Outline.fractions`."""
-
-    friction: Required[float | tuple[float, float]]
-    sensor_resolution: Required[float]
-    friction_error: float
-    normal_error: float
-    location_error: float
-
-
-def circle_fractions(**settings: Unpack[FractionSettings]) -> dict[str, float]:
+def circle_fractions(
+    *, location_error: float = 0.0, **settings: Unpack[FractionSettings]
+) -> dict[str, float]:
     """Fractions of the paper's circle that are S, M and U; keywords as of `Outline.fractions`.
 
     `location_error` is a number of radii.
@@ -284,4 +272,4 @@ def circle_fractions(**settings: Unpack[FractionSettings]) -> dict[str, float]:
         >>> {name: round(fraction, 3) for name, fraction in table.items()}
         {'S': 0.269, 'M': 0.388, 'U': 0.342}
     """
-    return Circle().fractions(**settings)
+    return Circle().fractions(location_error=location_error, **settings)

@@ -68,8 +68,8 @@ class Pairs:
     edges: int
     """Number of forces of a cone, evenly between its two edges."""
 
-    def each_combination(self, choose: NormalChoice, friction_angle: float) -> tuple[Floats, Bools]:
-        """Epsilon, 0 where not force-closed, and closure of every combination of chosen normals.
+    def each_combination(self, choose: NormalChoice, friction_angle: float) -> Floats:
+        """Epsilon, 0 where not force-closed, of every combination of chosen normals.
 
         Args:
             choose: The normals, equally many at every contact.
@@ -78,12 +78,10 @@ class Pairs:
         Returns:
             Shape (combinations, k), the scanned finger's normals running fastest.
         """
-        count = len(choose(0.0)) ** 2
-        values = np.zeros((count, len(self.others.points)))
-        closed = np.zeros(values.shape, dtype=np.bool_)
-        for part, value, part_closed in self._evaluate(choose, friction_angle):
-            values[:, part], closed[:, part] = value.T, part_closed.T
-        return values, closed
+        values = np.zeros((len(choose(0.0)) ** 2, len(self.others.points)))
+        for part, value, _ in self._evaluate(choose, friction_angle):
+            values[:, part] = value.T
+        return values
 
     def over_combinations(self, choose: NormalChoice, friction_angle: float) -> EpsilonRange:
         """Range over all combinations of chosen normals, whose number may differ by contact."""
@@ -271,7 +269,7 @@ class PlanarScan:
         Tilts of the fixed and the scanned finger, + counter-clockwise: ++, +-, -+, --. At corners
         the normals are the extreme ones of the whole range, exterior angle + alpha.
         """
-        return locked(self._four[0])
+        return locked(self._pairs.each_combination(self._extreme, self.model.friction_angle))
 
     @cached_property
     def epsilon_effective(self) -> Floats:
@@ -307,8 +305,7 @@ class PlanarScan:
                 test normals and friction only.
         """
         self._check_located()
-        least, largest = self._tested
-        return locked(_labels(least.all_closed, largest.any_closed))
+        return _labels(*self._tested)
 
     @cached_property
     def label_four(self) -> Bytes:
@@ -325,12 +322,7 @@ class PlanarScan:
             SettingError: The model has a location error; see `label_extremes`.
         """
         self._check_located()
-        least, largest = self._frictions
-        if least == largest:
-            closed = [self._four[1]] * 2
-        else:
-            closed = [self._four_at(math.atan(friction))[1] for friction in (least, largest)]
-        return locked(_labels(np.all(closed[0], axis=0), np.any(closed[1], axis=0)))
+        return _labels(*self._over_frictions(lambda _: self._extreme))
 
     def fractions(self, *, of: Kind = "exact") -> dict[str, float]:
         """Fractions of the perimeter that are S, M and U, weighted with `weights`.
@@ -382,32 +374,30 @@ class PlanarScan:
                 "to 0, or use the exact label"
             )
 
-    @cached_property
-    def _four(self) -> tuple[Floats, Bools]:
-        """Epsilon and closure of the combinations of extreme normals, shape (4, k)."""
-        return self._four_at(self.model.friction_angle)
-
-    def _four_at(self, friction_angle: float) -> tuple[Floats, Bools]:
-        choose = partial(extreme_normals, tilt=self._tilt)
-        return self._pairs.each_combination(choose, friction_angle)
+    @property
+    def _extreme(self) -> NormalChoice:
+        return partial(extreme_normals, tilt=self._tilt)
 
     @cached_property
     def _tested(self) -> tuple[EpsilonRange, EpsilonRange]:
         """Ranges over the tested normals at the smallest and at the largest friction."""
+        tested = partial(tested_normals, tilt=self._tilt, rings=self.rings)
+        return self._over_frictions(lambda beta: partial(tested, friction_angle=beta))
+
+    def _over_frictions(
+        self, choose: Callable[[float], NormalChoice]
+    ) -> tuple[EpsilonRange, EpsilonRange]:
+        """Ranges over normals at the smallest and the largest friction, which are chosen for it."""
         least, largest = map(math.atan, self._frictions)
-        low = self._tested_at(least)
-        return low, low if largest == least else self._tested_at(largest)
-
-    def _tested_at(self, friction_angle: float) -> EpsilonRange:
-        choose = partial(
-            tested_normals, tilt=self._tilt, friction_angle=friction_angle, rings=self.rings
-        )
-        return self._pairs.over_combinations(choose, friction_angle)
+        low = self._pairs.over_combinations(choose(least), least)
+        same = largest == least
+        return low, low if same else self._pairs.over_combinations(choose(largest), largest)
 
 
-def _labels(all_closed: Bools, any_closed: Bools) -> Bytes:
-    """S where all are force-closed, U where none is, M elsewhere."""
-    return np.where(all_closed, Label.S, np.where(any_closed, Label.M, Label.U)).astype(np.uint8)
+def _labels(least: EpsilonRange, largest: EpsilonRange) -> Bytes:
+    """`Label` codes from closure at the smallest and at the largest friction."""
+    codes = np.where(least.all_closed, Label.S, np.where(largest.any_closed, Label.M, Label.U))
+    return locked(codes.astype(np.uint8))
 
 
 def scan(

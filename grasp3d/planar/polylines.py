@@ -246,7 +246,9 @@ def regular_polygon(sides: int, radius: float = 1.0) -> Polyline:
     return Polyline(np.vstack([[start], corners]), name=f"regular polygon of {count} sides")
 
 
-def square_fractions(**settings: Unpack[FractionSettings]) -> dict[str, float]:
+def square_fractions(
+    *, location_error: float = 0.0, **settings: Unpack[FractionSettings]
+) -> dict[str, float]:
     """Fractions of the paper's square that are S, M and U; keywords as of `Outline.fractions`.
 
     `location_error` is a number of half sides.
@@ -257,7 +259,7 @@ def square_fractions(**settings: Unpack[FractionSettings]) -> dict[str, float]:
         >>> {name: round(fraction, 3) for name, fraction in fractions.items()}
         {'S': 0.25, 'M': 0.362, 'U': 0.388}
     """
-    return square().fractions(**settings)
+    return square().fractions(location_error=location_error, **settings)
 
 
 def simple_polygon(corners: ArrayLike) -> Floats:
