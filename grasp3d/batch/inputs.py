@@ -90,7 +90,7 @@ def find_meshes(inputs: Iterable[str], *, results: str | None = None) -> list[Me
         suffixes = " ".join(sorted(mesh_suffixes()))
         folders = printable(", ".join(inputs))
         raise MeshError(f"{folders}: no mesh in it; files named {suffixes} are read")
-    return sorted(_with_unique_names(meshes.values()), key=lambda mesh: (mesh.name, mesh.source))
+    return sorted(with_unique_names(meshes.values()), key=lambda mesh: (mesh.name, mesh.source))
 
 
 def real_path(source: str) -> str:
@@ -197,7 +197,7 @@ def _listed_together(items: Iterable[str]) -> dict[str, _FoundMesh]:
     return files
 
 
-def _with_unique_names(meshes: Iterable[MeshFile]) -> list[MeshFile]:
+def with_unique_names(meshes: Iterable[MeshFile]) -> list[MeshFile]:
     """Name meshes with equal names by their source, until all names differ."""
     by_source = _renamed(list(meshes), lambda mesh: mesh.source)
     return _renamed(by_source, lambda mesh: f"{mesh.source}-{short_hash(mesh.source)}")

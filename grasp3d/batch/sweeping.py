@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from grasp3d.batch.inputs import MeshFile, find_meshes, real_path
+from grasp3d.batch.inputs import MeshFile, find_meshes, real_path, with_unique_names
 from grasp3d.batch.storage.files import local_copy, local_path
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.reach_settings import ReachSettings
@@ -167,52 +167,34 @@ def find_targets(inputs: Iterable[str]) -> list[Target]:
         SettingError: There is no target.
         MeshError: A path is missing, or a folder contains no mesh.
     """
-    targets: dict[str, Target] = {}
-    for item in inputs:
-        if item in SHAPES:
-            targets.setdefault(item, Target(item))
-            continue
-        meshes = tuple(find_meshes([item]))
-        path = local_path(item)
-        source = item.rstrip("/") if path is None else str(path)
-        folder = len(meshes) != 1 or meshes[0].source != source
-        name = meshes[0].name
-        if folder:
-            name = source.rpartition("/")[2] if path is None else path.name
-            if path is not None and name in {"", ".."}:
-                name = path.resolve().name
-        key = real_path(source)
-        key = f"{key}/" if folder else key
-        targets.setdefault(key, Target(name, source, meshes, folder))
-    if not targets:
+    found = {
+        item: () if item in SHAPES else tuple(find_meshes([item])) for item in dict.fromkeys(inputs)
+    }
+    if not found:
         raise SettingError(
             f"nothing to sweep: name a mesh file, a folder of meshes, or {', '.join(SHAPES)}"
         )
-    return _with_unique_names(list(targets.values()))
-
-
-def _with_unique_names(targets: list[Target]) -> list[Target]:
-    """Name meshes and folders as given where names would be equal; each file has one name."""
-    first: dict[str, MeshFile] = {}
-    for target in targets:
-        for mesh in target.files:
-            first.setdefault(real_path(mesh.source), mesh)
-    counts = Counter(mesh.name for mesh in first.values())
-    counts.update(target.name for target in targets if target.folder or not target.files)
-    named = {
-        location: mesh if counts[mesh.name] == 1 else replace(mesh, name=mesh.source)
-        for location, mesh in first.items()
-    }
-    renamed = []
-    for target in targets:
-        files = tuple(named[real_path(mesh.source)] for mesh in target.files)
-        name = target.name
-        if target.folder:
-            name = target.name if counts[target.name] == 1 else target.given
-        elif files:
-            name = files[0].name
-        renamed.append(replace(target, name=name, files=files))
-    return renamed
+    distinct = {real_path(mesh.source): mesh for meshes in found.values() for mesh in meshes}
+    named = dict(zip(distinct, with_unique_names(distinct.values()), strict=True))
+    targets: dict[str, Target] = {}
+    for item, meshes in found.items():
+        if not meshes:
+            targets[item] = Target(item)
+            continue
+        path, files = local_path(item), tuple(named[real_path(mesh.source)] for mesh in meshes)
+        source = item.rstrip("/") if path is None else str(path)
+        key, name = real_path(source), files[0].name
+        folder = len(meshes) != 1 or meshes[0].source != source
+        if folder:
+            key, name = f"{key}/", source.rpartition("/")[2] if path is None else path.name
+            if path is not None and name in {"", ".."}:
+                name = path.resolve().name
+        targets.setdefault(key, Target(name, source, files, folder))
+    counts = Counter(target.name for target in targets.values())
+    return [
+        replace(one, name=one.given) if one.folder and counts[one.name] > 1 else one
+        for one in targets.values()
+    ]
 
 
 def check_fingers(targets: Iterable[Target], settings: SweepSettings) -> None:
