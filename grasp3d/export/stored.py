@@ -9,7 +9,7 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NoReturn, get_args
 
@@ -123,7 +123,8 @@ def _search(values: Mapping[str, str]) -> tuple[SearchReport, str]:
     if "search" in values:
         extent = dict(parse_json(values["search"]))
         angle = str(extent.pop(GIVEN_ANGLE))
-    report = SearchReport(**extent)
+    known = {field.name for field in fields(SearchReport)}  # files of older versions have others
+    report = SearchReport(**{name: value for name, value in extent.items() if name in known})
     if not (isinstance(report.cone, float) and 0.0 < report.cone <= math.pi):
         raise ValueError(f"its search angle is {report.cone}")
     return report, angle

@@ -341,28 +341,18 @@ def label_pairs(
     alike = ranking == ALIKE
     with within(0.0, 1.0 if alike else BEFORE_MARGINS):
         pairs = find()
-    labels = labels_of(**_pairs(mesh, pairs, other_hand), search=_search_report(cone, [pairs]))
+    search = SearchReport(cone, pairs.rays, pairs.evaluated)
+    labels = labels_of(**_pairs(mesh, pairs, other_hand), search=search)
     if alike:
         return labels
     # With larger openings or other normals, grasps may have more margin.
     with within(BEFORE_MARGINS, 1.0):
         other = find(ranking=ranking)
+    search = SearchReport(cone, pairs.rays + other.rays, pairs.evaluated + other.evaluated)
     with unreported():
-        with_margin = labels_of(
-            **_pairs(mesh, other, other_hand, are_costs=True),
-            search=_search_report(cone, [pairs, other]),
-        )
+        found = _pairs(mesh, other, other_hand, are_costs=True)
+        with_margin = labels_of(**found, search=search)
     return with_more_margin(labels, with_margin)
-
-
-def _search_report(cone: float, searches: list[AntipodalGrasps]) -> SearchReport:
-    return SearchReport(
-        cone,
-        rays=sum(one.rays for one in searches),
-        evaluated=sum(one.evaluated for one in searches),
-        rounds=sum(one.rounds for one in searches),
-        still_falling=searches[-1].still_falling,
-    )
 
 
 def _pairs(
@@ -447,9 +437,6 @@ def label_multifinger(
     partners = np.full((count, model.fingers - 1, 3), math.nan)
     partners[vertices] = grasps.points[:, 1:]
     report_progress(1.0)
-    report = SearchReport(
-        cone, evaluated=result.evaluated, rounds=result.rounds, still_falling=result.still_falling
-    )
     return SurfaceLabels.of_vertices(
         mesh,
         model,
@@ -461,7 +448,7 @@ def label_multifinger(
         reach=reach,
         sampling=sampling,
         mode="label",
-        search=report,
+        search=SearchReport(cone, evaluated=result.evaluated),
         scene=scene,
     )
 

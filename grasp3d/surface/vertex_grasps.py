@@ -181,11 +181,6 @@ class SearchReport:
     evaluated: int = 0
     """Number of candidate grasps evaluated, for three fingers and more; for two fingers that
     squeeze, faces on which the best contact was computed, 0 where the search is by rays."""
-    rounds: int = 0
-    """Rounds of refinement about the best grasps; for three fingers and more, rounds in which the
-    neighbours' grasps were evaluated."""
-    still_falling: float = 0.0
-    """Fraction of the vertices that the last evaluation of neighbours' contacts still improved."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -441,11 +441,9 @@ def test_the_search_reports_its_extent() -> None:
     mesh = load_mesh(shapes.lopsided())
     search = label_surface(mesh, sampling=Sampling(grip="both")).search
     assert search.rays > 64 * 2562
-    assert search.rounds > 3
-    assert 0.0 <= search.still_falling < 0.01
     search = label_surface(mesh).search  # squeezing needs no rays where there are grasps
     assert search.evaluated > 2562
-    assert search.rounds == search.still_falling == 0
+    assert search.rays == 0
 
 
 def test_labels_cannot_be_written_to() -> None:

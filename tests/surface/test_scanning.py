@@ -248,8 +248,6 @@ def grasps_with_partners(mesh: ObjectMesh, others: Any) -> MultifingerGrasps:
         partner_points=SurfacePoints(faces, points.weights),
         reason=reason.astype(np.uint8),
         evaluated=1234,
-        rounds=3,
-        still_falling=0.25,
     )
 
 

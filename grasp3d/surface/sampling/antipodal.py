@@ -183,10 +183,6 @@ class AntipodalGrasps:
     """Number of rays traced."""
     evaluated: int
     """Number of faces on which a contact was computed exactly."""
-    rounds: int
-    """Rounds of refinement."""
-    still_falling: float
-    """Fraction of the vertices that the last evaluation of neighbours' contacts still improved."""
     reach: Reach | None = None
     """With a gripper: how it reaches each grasp, or why not the best where reason is 5. (V,)"""
 
@@ -285,16 +281,14 @@ class _Search:
             self._seed(missing, self.sampling.rays, 1, (0.85, 0.85))  # why there is no grasp
         ring, sweeps = (FIRST_RING, SWEEPS) if by_rays else (FOUND_RING, FOUND_SWEEPS)
         radii = np.full(len(self.mesh.vertices), ring * self.spacing)
-        rounds, improving = 0, 0.0
         for sweep in range(sweeps):
             improved = self._improved(self._try_neighbours)
-            improving = float(improved.sum()) / len(self.vertices)
             if sweep:
                 radii[improved] = 0.25 * self.spacing
-            rounds += self._refine_all(radii)
+            self._refine_all(radii)
             report_progress(0.85 + 0.15 * (sweep + 1) / sweeps)
         self._keep_reached(squeeze=squeezing)
-        return self._result(rounds, improving)
+        return self._result()
 
     def _is_exact(self) -> bool:
         """Whether the best contacts are found on the faces themselves, without rays.
@@ -333,7 +327,7 @@ class _Search:
             self._descend_exactly(ordered, self.cone, (0.85, 0.95), worst=False, owners=owners)
         self._keep_reached(squeeze=True)
         report_progress(1.0)
-        return self._result(0, 0.0)
+        return self._result()
 
     def _descend_exactly(
         self,
@@ -387,8 +381,8 @@ class _Search:
         near = openings > NEAR_LIMIT * self.limits.largest
         self._refine_all(np.where(near, FIRST_RING * self.spacing, 0.0), NEAR_ROUNDS)
 
-    def _refine_all(self, radii: Floats, most: int = MAX_ROUNDS) -> int:
-        """Refine the best grasps, halving the rings without improvement; returns the rounds."""
+    def _refine_all(self, radii: Floats, most: int = MAX_ROUNDS) -> None:
+        """Refine the best grasps, halving the rings without improvement."""
         for number in range(most):
             vertices = self._unfinished()
             vertices = vertices[
@@ -396,13 +390,12 @@ class _Search:
                 & (self.grasps.reason[vertices] == FOUND)
             ]
             if len(vertices) == 0:
-                return number
+                return
             turn = 0.5 * (number % 2)
             improved = self._improved(
                 partial(self._trace, vertices, refining_rays, radii=radii, turn=turn)
             )
             radii[vertices[~improved[vertices]]] *= 0.5
-        return most
 
     def _improved(self, improve: Callable[[], None]) -> Bools:
         """Whether `improve` lowers each vertex's critical angle by more than rounding, (V,)."""
@@ -502,7 +495,7 @@ class _Search:
                 report_progress(first + (last - first) * len(results) / len(chunks))
         return results
 
-    def _result(self, rounds: int, still_falling: float) -> AntipodalGrasps:
+    def _result(self) -> AntipodalGrasps:
         canonical, grasps = self.mesh.canonical, self.grasps
         return AntipodalGrasps(
             worst=grasps.worst[canonical],
@@ -513,7 +506,5 @@ class _Search:
             reason=grasps.reason[canonical],
             rays=self.traced,
             evaluated=self.evaluated,
-            rounds=rounds,
-            still_falling=still_falling,
             reach=None if self.reach is None else self.reach.take(canonical),
         )

@@ -84,10 +84,6 @@ class MultifingerGrasps:
     """0 found, 1 no force-closed grasp within the limits of distances was found. (V,)"""
     evaluated: int
     """Number of candidate grasps evaluated."""
-    rounds: int
-    """Rounds in which the grasps of neighbouring vertices were evaluated."""
-    still_falling: float
-    """Fraction of the vertices that the last of these rounds still improved."""
 
 
 def search(
@@ -158,41 +154,30 @@ class _Search:
         with_several = self.vertices if self.on_vertices and len(creased) else creased
         tasks = [(self.vertices, False), (with_several, True)]
         work = sum(len(vertices) for vertices, _ in tasks)
-        start, results, improving = 0.0, [], 0.0
+        done, results = 0, []
         for vertices, best_normals in tasks:
-            fraction = len(vertices) / work
-            grasps, improved = self._search(
-                vertices, best_normals=best_normals, start=start, fraction=fraction
-            )
-            results.append(grasps)
-            improving = improving if best_normals else improved
-            start += fraction
+            with within(done / work, (done + len(vertices)) / work):
+                results.append(self._search(vertices, best_normals=best_normals))
+            done += len(vertices)
         worst, best = results
         missing = np.isinf(best.angles)
         for of_best, of_worst in zip(best[1:], worst[1:], strict=True):
             of_best[missing] = of_worst[missing]
-        return self._result(worst, best, improving)
+        return self._result(worst, best)
 
-    def _search(
-        self, vertices: Ints, *, best_normals: bool, start: float, fraction: float
-    ) -> tuple[BestGrasps, float]:
-        """(grasps, fraction still improved) over the worst or the best normals of some vertices."""
-        limits = self._limits(best_normals=best_normals)
-        stages, improving = (self.fingers - 2) * (1 + SWEEPS), 0.0
-        grasps = make_best_grasps(len(self.mesh.vertices), 1)
+    def _search(self, vertices: Ints, *, best_normals: bool) -> BestGrasps:
+        """Grasps over the worst or the best normals of some vertices."""
+        limits, done, stages = self._limits(best_normals=best_normals), 0, 1 + SWEEPS
+        total, grasps = (self.fingers - 2) * stages, make_best_grasps(len(self.mesh.vertices), 1)
         for n in range(3, self.fingers + 1):
             previous, grasps = grasps, make_best_grasps(len(self.mesh.vertices), n - 1)
-            for stage in range(1 + SWEEPS):
+            for stage in range(stages):
                 if stage:
-                    previous = BestGrasps(
-                        grasps.angles.copy(), grasps.elements.copy(), grasps.weights.copy()
-                    )
-                with within(start, start + fraction / stages):
+                    previous = BestGrasps._make(one.copy() for one in grasps)
+                with within(done / total, (done + 1) / total):
                     self._run(stage, vertices, n, limits, previous, grasps)
-                start += fraction / stages
-            improved = grasps.angles[vertices] < previous.angles[vertices] - limits.margin
-            improving = float(improved.mean()) if len(vertices) else 0.0
-        return grasps, improving
+                done += 1
+        return grasps
 
     def _run(
         self,
@@ -265,9 +250,7 @@ class _Search:
         smooth = ~SurfaceContacts(mesh, points).on_crease[:, 0]
         return SurfacePoints(points.faces[smooth, 0], points.weights[smooth, 0]), owners[smooth]
 
-    def _result(
-        self, worst: BestGrasps, best: BestGrasps, still_falling: float
-    ) -> MultifingerGrasps:
+    def _result(self, worst: BestGrasps, best: BestGrasps) -> MultifingerGrasps:
         faces = np.stack([worst.elements, best.elements], axis=1)
         weights = np.stack([worst.weights, best.weights], axis=1)
         if self.on_vertices:
@@ -281,6 +264,4 @@ class _Search:
             partner_points=SurfacePoints(faces[canonical], weights[canonical]),
             reason=np.where(nothing, NO_PARTNER, FOUND).astype(np.uint8)[canonical],
             evaluated=self.evaluated,
-            rounds=SWEEPS * (self.fingers - 2),
-            still_falling=still_falling,
         )
