@@ -21,20 +21,18 @@ from grasp3d.plots.validations import (
     label_figure,
     roc_figure,
 )
-from grasp3d.stability.label import MEANING as LABELS
 from grasp3d.stability.label import Label
 from grasp3d.system.context import report_progress
 from grasp3d.system.counts import counted
 from grasp3d.system.files import atomic_write
 from grasp3d.system.names import as_unicode, printable
 from grasp3d.system.versions import package_version
-from grasp3d.validating import sentences
+from grasp3d.validating import sentences, text_tables
 from grasp3d.validating.disagreements import MEANING as KINDS
 from grasp3d.validating.disagreements import Disagreement
-from grasp3d.validating.intervals import wilson
 from grasp3d.validating.qualities import mean_over_objects
 from grasp3d.validating.scores import Score
-from grasp3d.validating.sentences import degrees, percent
+from grasp3d.validating.text_tables import number
 from grasp3d.validating.validation import TABLES, Validation, made_folder, write_validation
 
 PAGE = "report.html"
@@ -118,19 +116,8 @@ def _summary(result: Validation) -> list[str]:
 
 
 def _scores(result: Validation) -> list[str]:
-    rows = [
-        [
-            text(one.score.title),
-            one.score.better,
-            number(one.roc_auc),
-            interval(one.roc_auc_interval),
-            number(one.average_precision),
-            interval(one.average_precision_interval),
-            text(one.score.meaning),
-        ]
-        for one in result.qualities
-    ]
-    heads = ["score", "better", "ROC-AUC", "95 %", "average precision", "95 %", "meaning"]
+    (*heads,), rows = text_tables.scores_of(result)
+    rows = [[*row, one.score.meaning] for row, one in zip(rows, result.qualities, strict=True)]
     rate = float(result.grasps.held.mean())
     note = (
         f"{sentences.intervals_of(result)}. Without information a score has a ROC-AUC of 0.5 and "
@@ -138,7 +125,7 @@ def _scores(result: Validation) -> list[str]:
     )
     figure = [] if result.grasps.one_sided else [figure_tag(roc_figure(result), "ROC curves")]
     return [
-        table(heads, rows, texts=(1, 6)),
+        table([*heads, "meaning"], rows, texts=(1, len(heads))),
         f'<p class="quiet">{text(note)}</p>',
         *figure,
         *_differences(result),
@@ -150,24 +137,15 @@ def _differences(result: Validation) -> list[str]:
     """The first score against all others, and every two, folded."""
     if result.grasps.one_sided:
         return []
-    first, heads = result.qualities[0].score, ["difference of ROC-AUC", "95 %", "p"]
-    cells = {
-        one: [f"{one.difference:+.3f}", interval(one.interval), number(one.p)]
-        for one in result.differences
-    }
-    own = [[text(one.other.title), *row] for one, row in cells.items() if one.score == first]
-    every = [
-        [text(f"{one.score.title} less {one.other.title}"), *row] for one, row in cells.items()
-    ]
     note = (
         "Paired: the scores share the resamples. p: probability that a difference as large, either "
         f"way, is chance; at least {2.0 / (result.resamples + 1):.2g} with so many resamples."
     )
     return [
-        table([text(f"{first.title} less"), *heads], own),
+        table(*text_tables.differences_of(result)),
         f'<p class="quiet">{text(note)}</p>',
         "<details><summary>Every two scores</summary>",
-        table(["", *heads], every),
+        table(*text_tables.differences_of(result, every=True)),
         "</details>",
     ]
 
@@ -179,7 +157,7 @@ def _objects(result: Validation) -> list[str]:
     scores = [one.score for one in result.qualities]
     rows = [
         [
-            text(result.object_names[one.number]),
+            result.object_names[one.number],
             f"{one.count:,}",
             f"{one.held:,}",
             *(number(one.roc_auc[score.name]) for score in scores),
@@ -188,52 +166,28 @@ def _objects(result: Validation) -> list[str]:
     ]
     means = (number(mean_over_objects(result.by_objects, score.name)) for score in scores)
     held = f"{int(result.grasps.held.sum()):,}"
-    rows.append(["<b>mean over objects</b>", "", "", *means])
-    rows.append(["<b>all grasps</b>", f"{result.grasps.size:,}", held,
+    rows.append(["mean over objects", "", "", *means])
+    rows.append(["all grasps", f"{result.grasps.size:,}", held,
                  *(number(one.roc_auc) for one in result.qualities)])  # fmt: skip
-    heads = ["ROC-AUC", "grasps", "held", *(text(score.title) for score in scores)]
+    heads = ["ROC-AUC", "grasps", "held", *(score.title for score in scores)]
     return ["<h3>By object</h3>", bullets(sentences.objects_of(result)), table(heads, rows)]
 
 
 def _labels(result: Validation) -> list[str]:
-    order = sorted(Label, reverse=True)
-    rows = []
-    for one in result.labels:
-        cells = [f"{one.friction:g}", f"{math.degrees(one.sensor_resolution):.4g}°"]
-        for label in order:
-            low, high = one.interval(label.name)
-            cells.append(
-                f"{percent(one.fraction(label.name))} of {one.counts[label]:,} "
-                f'<span class="quiet">[{100.0 * low:.0f}, {100.0 * high:.0f}]</span>'
-                if one.counts[label]
-                else '<span class="quiet">none</span>'
-            )
-        rows.append([*cells, "yes" if one.is_ordered else "no"])
-    heads = ["μ", "α", *(f"{label.name} {LABELS['scan'][label]}" for label in order), "S > M > U"]
-    return [figure_tag(label_figure(result), "Success within S, M and U"), table(heads, rows)]
+    heads, rows = text_tables.labels_of(result)
+    ordered = ("yes" if one.is_ordered else "no" for one in result.labels)
+    cells = [[*row, word] for row, word in zip(rows, ordered, strict=True)]
+    return [
+        figure_tag(label_figure(result), "Success within S, M and U"),
+        table([*heads, "S > M > U"], cells),
+    ]
 
 
 def _calibration(result: Validation) -> list[str]:
-    rows = [
-        [
-            f"{degrees(one.low)} to {degrees(one.high)}",
-            f"{one.count:,}",
-            f"{one.held:,}",
-            percent(one.fraction),
-            interval(one.interval),
-        ]
-        for one in result.calibration.bins
-    ]
-    missing = ~result.grasps.closed
-    if missing.any():
-        held, count = int((missing & result.grasps.held).sum()), int(missing.sum())
-        ends = interval(wilson(held, count))
-        cells = ["jaws do not close", f"{count:,}", f"{held:,}", percent(held / count), ends]
-        rows.insert(0, cells)
     return [
         figure_tag(calibration_figure(result), "Success over the margin"),
         bullets(sentences.calibration_of(result)),
-        table(["margin", "grasps", "held", "success", "95 %"], rows),
+        table(*text_tables.calibration_of(result)),
     ]
 
 
@@ -248,7 +202,7 @@ def _disagreements(result: Validation, pictures: Sequence[Bytes] | None) -> list
         if not reasons:
             continue
         cards = [_card(result, one, image) for one, image in pairs if one.kind == kind]
-        rows = [[text(one.reason.name), f"{one.count:,}", text(one.reason.why)] for one in reasons]
+        rows = [[one.reason.name, f"{one.count:,}", one.reason.why] for one in reasons]
         heads = [f"likely reason, of {counted(reasons[0].of, 'grasps')}", "grasps", ""]
         parts += [f"<h3>{meaning[0].upper()}{meaning[1:]}</h3>", table(heads, rows, texts=(2,))]
         parts += ['<div class="cards">', *cards, "</div>"] if cards else []
@@ -310,13 +264,13 @@ def value_text(score: Score, value: float) -> str:
 def _files(result: Validation) -> str:
     rows = [
         [
-            text(one.name),
-            text(one.object_name),
+            one.name,
+            one.object_name,
             f"{one.count:,}",
             f"{one.held:,}",
             f"{one.not_tried:,}",
             f"{one.not_closed:,}",
-            text(one.hand),
+            one.hand,
         ]
         for one in result.files
     ]
@@ -335,18 +289,21 @@ def _pictures(grasps: Sequence[Disagreement]) -> list[Bytes] | None:
     return pictures
 
 
-def table(heads: Sequence[str], rows: Iterable[Sequence[str]], texts: Sequence[int] = ()) -> str:
-    """A table; cells are HTML, those of the columns `texts` are aligned to the left."""
-    kinds = ['class="text"' if number in texts else "" for number in range(len(heads))]
-    head = "".join(f"<th {kind}>{cell}</th>" for kind, cell in zip(kinds, heads, strict=True))
-    body = "\n".join(
-        "<tr>" + "".join(f"<td {kind}>{cell}</td>" for kind, cell in zip(kinds, row, strict=True))
-        + "</tr>"
-        for row in rows
-    )  # fmt: skip
+def table(heads: Iterable[str], rows: Iterable[Iterable[str]], texts: Sequence[int] = ()) -> str:
+    """A table of texts; those of the columns `texts` are aligned to the left, and wrapped."""
+
+    def line(cells: Iterable[str], tag: str) -> str:
+        kinds = dict.fromkeys(texts, 'class="text"')
+        parts = (
+            f"<{tag} {kinds.get(column, '')}>{text(cell)}</{tag}>"
+            for column, cell in enumerate(cells)
+        )
+        return f"<tr>{''.join(parts)}</tr>"
+
+    body = "\n".join(line(row, "td") for row in rows)
     return (
-        f'<div class="scroll"><table><thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table>'
-        "</div>"
+        f'<div class="scroll"><table><thead>{line(heads, "th")}</thead>\n<tbody>{body}</tbody>'
+        "</table></div>"
     )
 
 
@@ -358,16 +315,6 @@ def bullets(lines: Iterable[str]) -> str:
 def text(line: str) -> str:
     """Text as HTML, one line."""
     return escape(printable(as_unicode(line)))
-
-
-def number(value: float) -> str:
-    """A number with three digits after the point."""
-    return "undefined" if math.isnan(value) else f"{value:.3f}"
-
-
-def interval(ends: tuple[float, float]) -> str:
-    """Both ends of an interval; empty: it is not known."""
-    return "" if math.isnan(ends[0]) else f"[{ends[0]:.3f}, {ends[1]:.3f}]"
 
 
 def figure_tag(figure: Figure, title: str) -> str:

@@ -65,7 +65,7 @@ def test_the_page_needs_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
             cause.reason == reason.reason for one in found().disagreements for cause in one.causes
         )
     for difference in found().differences:
-        assert f"<td >{difference.difference:+.3f}</td>" in page
+        assert f"<td >{difference.difference:+.3f} " in page
     assert page.count("<details>") == 1
     assert "By object" not in page
 
@@ -81,9 +81,9 @@ def test_objects_have_a_table_with_their_mean(monkeypatch: pytest.MonkeyPatch) -
     assert (
         "ROC-AUC of the robust score by object: 0.250 (0.obj) to 0.750 (1.obj), mean 0.500" in page
     )
-    (row,) = re.findall("<tr><td ><b>mean over objects</b>.*?</tr>", page)
+    (row,) = re.findall("<tr><td >mean over objects.*?</tr>", page)
     assert row.count("<td >0.500</td>") == len(found().qualities)
-    (row,) = re.findall("<tr><td ><b>all grasps</b>.*?</tr>", page)
+    (row,) = re.findall("<tr><td >all grasps.*?</tr>", page)
     assert f"<td >{found().quality('opening').roc_auc:.3f}</td>" in row
 
 
