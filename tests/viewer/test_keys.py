@@ -9,7 +9,7 @@ from grasp3d.errors import SettingError
 from grasp3d.mesh.primitives import box_mesh
 from grasp3d.settings import DEGREE
 from grasp3d.viewer.session.collection import collection_of
-from grasp3d.viewer.session.controls import KEYS, handle_key
+from grasp3d.viewer.session.controls import ACTIONS, handle_key
 from grasp3d.viewer.session.history import History
 from grasp3d.viewer.session.session import Session
 from tests.helpers.viewing import ready_session
@@ -58,7 +58,7 @@ def test_undo_restores_states_step_by_step(session: Session) -> None:
 
 
 def test_keys_of_the_window_do_not_change_the_session(session: Session) -> None:
-    own = {key for key, known in KEYS.items() if known.action is None}
+    own = {key for key, action in ACTIONS.items() if action is None}
     before = session.state
     assert own == {"s", "g", "r", "+", "-", "z", "h", "q"}
     assert not any(handle_key(session, key) for key in [*own, "w", "F1"])

@@ -23,13 +23,21 @@ DEFAULT_COMPARED = 40.0
 """Initial second resolution of a comparison [degrees]."""
 
 
+ARROWS = {"Left": "←", "Right": "→", "Up": "↑", "Down": "↓"}
+
+
 @dataclass(frozen=True)
-class Key:
-    """Description and action of a key."""
+class Keys:
+    """Keys that belong together, and what they do."""
 
     text: str
-    action: Callable[[Session], None] | None = None
-    """None: the window or the page handles the key itself."""
+    actions: Mapping[str, Callable[[Session], None] | None]
+    """The action of each; None: the window or the page handles the key itself."""
+
+    @property
+    def names(self) -> str:
+        """What is printed on them."""
+        return " ".join(ARROWS.get(key, key) for key in self.actions)
 
 
 @dataclass(frozen=True)
@@ -62,8 +70,10 @@ class Control:
     """Changes it; raises SettingError, or a ValueError or TypeError that `valid` explains."""
     valid: str = ""
     """What is valid, as the message for a value that is not."""
-    keys: Mapping[str, tuple[str, Callable[[Any], Any]]] = field(default_factory=dict)
-    """For each key its description, and the next value for the present one."""
+    keys: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict)
+    """For each key the next value for the present one."""
+    of_keys: str = ""
+    """What the keys do."""
     page: Field | None = None
     """None: the page has markup of its own for it."""
 
@@ -101,11 +111,11 @@ def handle_key(session: Session, key: str) -> bool:
     Returns:
         Whether the key has an action here.
     """
-    control = KEYS.get(key)
-    if control is None or control.action is None:
+    action = ACTIONS.get(key)
+    if action is None:
         return False
     try:
-        control.action(session)
+        action(session)
     except SettingError as error:
         session.show_message(str(error))
     return True
@@ -202,29 +212,28 @@ _shows_errors = attrgetter("state.show_errors")
 
 AXES = ("off", *get_args(Axis))
 
-PAINTS: dict[Paint, tuple[str, str]] = {
-    "label": ("S, M, U", ""),
-    "critical_angle": ("β*, critical friction angle", ""),
-    "max_resolution": ("α*, coarsest resolution at which it is S", ""),
-    "epsilon": ("ε", ""),
-    "epsilon_min": (f"{EPSILON_MIN}, over all uncertainties", ""),
-    "approach_margin": ("approach margin of the gripper", "approach margin of a gripper"),
-    "grip_force": ("grip force of each finger", "grip force under a load"),
-    "payload": ("payload", "payload of the force at hand"),
-    "margin": ("margin: how far it is S, or fails to be", "margin, by how much it is S"),
+PAINTS: dict[Paint, str] = {
+    "label": "S, M, U",
+    "critical_angle": "β*, critical friction angle",
+    "max_resolution": "α*, coarsest resolution at which it is S",
+    "epsilon": "ε",
+    "epsilon_min": f"{EPSILON_MIN}, over all uncertainties",
+    "approach_margin": "approach margin of the gripper",
+    "grip_force": "grip force of each finger",
+    "payload": "payload",
+    "margin": "margin: how far it is S, or fails to be",
 }
-"""Quantities that colours can show: their names in a list, and among the keys if they differ."""
+"""Quantities that colours can show, as they are listed."""
 
 CONTROLS: dict[str, Control] = {
     "friction": _chosen(
         "friction", lambda value: _number(value, above=0.0, below=MAX_FRICTION),
         valid=f"friction must be a number above 0 and below {MAX_FRICTION:,.0f}",
         keys={
-            "Right": ("more friction μ", lambda now: round(now + FRICTION_STEP, 10)),
-            "Left": (
-                "less friction μ", lambda now: max(FRICTION_STEP, round(now - FRICTION_STEP, 10))
-            ),
+            "Left": lambda now: max(FRICTION_STEP, round(now - FRICTION_STEP, 10)),
+            "Right": lambda now: round(now + FRICTION_STEP, 10),
         },
+        of_keys="friction μ",
         page=Field(
             "friction μ", "Friction coefficient μ", 1.5,
             limits=lambda session: (session.state.model.friction_error + LEAST_FRICTION, None),
@@ -234,21 +243,23 @@ CONTROLS: dict[str, Control] = {
         "sensor_resolution", 180.0,
         valid="sensor resolution must be from 0 to below 180 degrees",
         keys={
-            "Up": ("coarser sensor, larger α", lambda now: now + RESOLUTION_STEP),
-            "Down": ("finer sensor, smaller α", lambda now: max(0.0, now - RESOLUTION_STEP)),
+            "Down": lambda now: max(0.0, now - RESOLUTION_STEP),
+            "Up": lambda now: now + RESOLUTION_STEP,
         },
+        of_keys="sensor resolution α",
         page=Field("sensor resolution α", "Sensor resolution α in degrees", 90.0, 0.1, "°"),
     ),
     "paint": _chosen(
         "paint", str,
         keys={
-            str(number): (f"colours: {key or text}", lambda _, paint=paint: paint)
-            for number, (paint, (text, key)) in enumerate(PAINTS.items(), start=1)
+            str(number): lambda _, paint=paint: paint
+            for number, paint in enumerate(PAINTS, start=1)
         },
+        of_keys="colours: S M U, β*, α*, ε, ε_min, approach, grip force, payload, margin",
     ),
     "show_errors": _chosen(
         "show_errors", bool,
-        keys={"e": ("choose errors of friction, normals and locations", not_)},
+        keys={"e": not_}, of_keys="choose errors of friction, normals and locations",
         page=Field("errors of friction, normals and locations"),
     ),
     "friction_error": _chosen(
@@ -274,7 +285,7 @@ CONTROLS: dict[str, Control] = {
     ),
     "comparing": Control(
         lambda session: session.state.compare is not None, _write_comparing,
-        keys={"c": ("compare with a second resolution", not_)},
+        keys={"c": not_}, of_keys="compare with a second resolution",
         page=Field(
             "compare with a second α",
             problem=lambda session: comparison_problem(session.state.paint),
@@ -291,38 +302,31 @@ CONTROLS: dict[str, Control] = {
     "axis": Control(
         lambda session: "off" if session.state.section is None else session.state.section.axis,
         _write_axis,
-        keys={
-            "x": (
-                "section across x, y, z, none",
-                lambda now: AXES[(AXES.index(now) + 1) % len(AXES)],
-            ),
-        },
+        keys={"x": lambda now: AXES[(AXES.index(now) + 1) % len(AXES)]},
+        of_keys="section across x, y, z, none",
     ),
     "position": _of_section(
         "position", float,
         keys={
-            "[": ("move the section down", lambda now: max(0.0, now - SECTION_STEP)),
-            "]": ("move the section up", lambda now: min(1.0, now + SECTION_STEP)),
+            "[": lambda now: max(0.0, now - SECTION_STEP),
+            "]": lambda now: min(1.0, now + SECTION_STEP),
         },
+        of_keys="move the section",
     ),
     "flipped": _of_section(
-        "flipped", bool, keys={"i": ("show the other side of the section", not_)}
+        "flipped", bool, keys={"i": not_}, of_keys="show the other side of the section"
     ),
     "click": _chosen(
         "click", str,
-        keys={
-            "f": (
-                "clicks inspect, or fix a finger",
-                lambda now: "inspect" if now == "fix" else "fix",
-            ),
-        },
+        keys={"f": lambda now: "inspect" if now == "fix" else "fix"},
+        of_keys="clicks inspect, or fix a finger",
     ),
     "show_gripper": _drawn(
-        "show_gripper", Session.check_gripper, keys={"j": ("show or hide the gripper", not_)}
+        "show_gripper", Session.check_gripper, keys={"j": not_}, of_keys="show or hide the gripper"
     ),
     "show_table": _drawn(
         "show_table", lambda session: session.check_gripper(table=True),
-        keys={"t": ("show or hide the table", not_)},
+        keys={"t": not_}, of_keys="show or hide the table",
     ),
     "fingers": _chosen("fingers", int),
     "opening": Control(
@@ -335,25 +339,32 @@ CONTROLS: dict[str, Control] = {
 }  # fmt: skip
 """The user's choices by the name of their field."""
 
-KEYS: dict[str, Key] = {
-    **{
-        key: Key(text, partial(control.step, following=following))
-        for control in CONTROLS.values()
-        for key, (text, following) in control.keys.items()
-    },
-    "u": Key("release fixed fingers", lambda session: session.change(fixed=())),
-    "b": Key("next one of the best grasps", lambda session: session.step_best(1)),
-    "v": Key("previous one of the best grasps", lambda session: session.step_best(-1)),
-    ".": Key("next grasp at the vertex, with a gripper", lambda session: session.step_grasp(1)),
-    ",": Key("previous grasp at the vertex", lambda session: session.step_grasp(-1)),
-    "n": Key("next object", lambda session: session.step(1)),
-    "p": Key("previous object", lambda session: session.step(-1)),
-    "s": Key("save the labelled PLY"),
-    "g": Key("save a picture"),
-    "r": Key("reset the view"),
-    "+": Key("zoom in"),
-    "-": Key("zoom out"),
-    "z": Key("undo"),
-    "h": Key("show this help"),
-    "q": Key("quit"),
-}
+STEPS = (
+    ("b", "v", Session.step_best, "one of the best grasps"),
+    (".", ",", Session.step_grasp, "grasp at the vertex, with a gripper"),
+    ("n", "p", Session.step, "object"),
+)
+"""Keys that lead forward and back, and to what."""
+
+OWN = {
+    "sg": "save the labelled PLY, a picture", "r": "reset the view", "+-": "zoom in, out",
+    "z": "undo", "h": "show or hide this help", "q": "quit",
+}  # fmt: skip
+"""Keys that the window or the page handles itself."""
+
+KEYS: tuple[Keys, ...] = (
+    *(
+        Keys(one.of_keys, {key: partial(one.step, following=to) for key, to in one.keys.items()})
+        for one in CONTROLS.values()
+        if one.keys
+    ),
+    Keys("release fixed fingers", {"u": lambda session: session.change(fixed=())}),
+    *(
+        Keys(f"next, previous {what}", {on: partial(step, by=1), back: partial(step, by=-1)})
+        for on, back, step, what in STEPS
+    ),
+    *(Keys(text, dict.fromkeys(keys)) for keys, text in OWN.items()),
+)
+
+ACTIONS = {key: action for keys in KEYS for key, action in keys.actions.items()}
+"""The action of each key."""

@@ -26,22 +26,16 @@ STOPS = 16
 SHORT = 22
 """Letters of a number and its name that fit into half the panel's width."""
 
-WINDOW_KEYS = frozenset({"q"})
-"""Keys that only a window has."""
-OBJECT_KEYS = frozenset({"n", "p"})
-"""Keys that change the object."""
+WINDOW_KEY, OBJECT_KEY = "q", "n"
+"""A key that only a window has, and one that changes the object."""
 
 
 def constant_state(session: Session) -> dict[str, Any]:
     """State that does not change while the page is open."""
     names = [item.name for item in session.collection.items]
-    hidden = WINDOW_KEYS if len(names) > 1 else WINDOW_KEYS | OBJECT_KEYS
-    return {
-        "names": names,
-        "keys": [
-            {"key": name, "text": key.text} for name, key in KEYS.items() if name not in hidden
-        ],
-    }
+    hidden = {WINDOW_KEY} if len(names) > 1 else {WINDOW_KEY, OBJECT_KEY}
+    shown = [keys for keys in KEYS if not hidden & keys.actions.keys()]
+    return {"names": names, "keys": [{"key": one.names, "text": one.text} for one in shown]}
 
 
 def page_state(session: Session) -> dict[str, Any]:
@@ -54,7 +48,7 @@ def page_state(session: Session) -> dict[str, Any]:
         "fixed_count": len(session.state.fixed),
         "paints": [
             {"name": name, "text": text}
-            for name, (text, _) in PAINTS.items()
+            for name, text in PAINTS.items()
             if session.offers(name) or session.state.paint == name
         ],
         "gripper": "" if scene is None else scene.hand.name,

@@ -35,7 +35,7 @@ from grasp3d.viewer.scene.overlays import (
 from grasp3d.viewer.scene.pictures import file_name, render_copy
 from grasp3d.viewer.scene.scene import ClickDetector, Scene, new_plotter
 from grasp3d.viewer.session.background import Job, Worker
-from grasp3d.viewer.session.controls import CONTROLS, handle_key
+from grasp3d.viewer.session.controls import CONTROLS, KEYS, handle_key
 from grasp3d.viewer.session.history import History
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.painting import HEX_PALETTE
@@ -282,27 +282,12 @@ WIDENED = 1.03
 TRACK_HEIGHT, THUMB_HEIGHT, THUMB_WIDTH = 0.5, 1.4, 0.9
 """Sizes of a slider, relative to the text size."""
 
-KEYS = (
+MOUSE = (
     ("drag", "rotate; with shift: pan"),
-    ("wheel", "zoom; also + and −"),
-    ("r", "reset the view"),
+    ("wheel", "zoom"),
     ("click", "why the vertex is S, M or U"),
-    ("b v", "next, previous one of the best grasps"),
-    (". ,", "next, previous grasp at the vertex, with a gripper"),
-    ("← →", "friction μ"),
-    ("↓ ↑", "sensor resolution α"),
-    ("1 … 9", "colours: S M U, β*, α*, ε, ε_min, approach, grip force, payload, margin"),
-    ("c", "compare with a second resolution"),
-    ("x", "section across x, y, z, none; [ ] move it, i flips it"),
-    ("f", "clicks fix fingers; u releases them"),
-    ("j t", "show or hide gripper, table"),
-    ("n p", "next, previous object"),
-    ("z", "undo"),
-    ("s g", "save the labelled PLY, a picture"),
-    ("w", "open the page, with all settings, in a browser"),
-    ("q", "quit"),
 )
-"""Keys and mouse of a window, and what they do."""
+"""What the mouse does in a window."""
 
 SLIDERS = ("friction", "resolution")
 """Names of the controls that have a slider."""
@@ -498,7 +483,8 @@ class _Lines:
 
 def _add_keys(lines: _Lines) -> None:
     indent = 4.6 * lines.area.size
-    for key, text in KEYS:
+    of_keys = ((keys.names, keys.text) for keys in KEYS)
+    for key, text in (*MOUSE, *of_keys, ("w", "open the page, with all settings, in a browser")):
         before = lines.y
         lines.paragraph(key)
         lines.y = before
