@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from grasp3d import SurfaceLabels, label_surface, load_mesh
-from grasp3d.plots.rendering import choose_window
+from grasp3d.rendering.opengl import choose_window
 from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.session.painting import texture_image

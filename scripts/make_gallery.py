@@ -75,19 +75,21 @@ from grasp3d.plots.figures import (
     show_picture,
     styled,
 )
-from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.perturbations import perturbation_figure
-from grasp3d.plots.rendering import MARGIN, Finger, View, picture
 from grasp3d.plots.validations import calibration_figure, label_figure
 from grasp3d.quality.loads import Load
+from grasp3d.rendering.opengl import View
 from grasp3d.settings import with_fingers
 from grasp3d.stability.label import COLORS, MEANING
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system.tables import read_columns
 from grasp3d.validating.perturbing import NoiseSettings, perturb_surface
+from grasp3d.viewer.scene.framing import MARGIN
+from grasp3d.viewer.scene.marks import MarkedContacts
 from grasp3d.viewer.scene.overlays import BOLD, PLAIN
 from grasp3d.viewer.scene.pictures import open_renderer
 from grasp3d.viewer.scene.sheets import draw_grasps
+from grasp3d.viewer.scene.stills import draw_colors, draw_labels
 from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.view_settings import ViewSettings
 
@@ -164,7 +166,7 @@ def draw_labels(path: Path) -> None:
         labels = label_surface(fine_mesh(name, 1.0 / 120.0), model)
         for axes, angle in zip(row, resolutions, strict=False):
             shown = labels.relabel(sensor_resolution=math.radians(angle))
-            image = paint_labels(shown, view=view, size=(640, 640))
+            image = draw_labels(shown, view=view, size=(640, 640))
             show_picture(axes, image, "", fraction_words(shown))
         show_picture(row[-1], coarsest_picture(labels, coarsest, view, (640, 640)), "", "")
     for axes, title in zip(grid[0], titles, strict=True):
@@ -182,7 +184,7 @@ def coarsest_picture(
 ) -> Bytes:
     """Render the coarsest resolution at which the best grasp of each vertex is surely stable."""
     mesh, colors = labels.mesh, graded(np.degrees(labels.max_resolution) / coarsest)
-    return picture(mesh.vertices, mesh.faces, colors, view=view, size=size)
+    return draw_colors(mesh, colors, view=view, size=size)
 
 
 @styled
@@ -205,7 +207,7 @@ def draw_grips(path: Path) -> None:
     for axes, (title, (fingers, sampling)) in zip(grid.T, grippers.items(), strict=True):
         model = with_fingers(model, fingers)
         labels = label_surface(fine_mesh("bottle.off"), model, sampling=sampling)
-        image = paint_labels(labels, view=view, size=size)
+        image = draw_labels(labels, view=view, size=size)
         show_picture(axes[0], image, title, fraction_words(labels))
         show_picture(axes[1], coarsest_picture(labels, coarsest, view, size), "", "")
     add_scale(
@@ -239,7 +241,7 @@ def draw_reach(path: Path) -> None:
     for title, one in (
         ("two points, same stroke", points), (f"gripper {GRIPPER.name}, on a table", labels)
     ):  # fmt: skip
-        image = paint_labels(one, view=view, size=(560, 600))
+        image = draw_labels(one, view=view, size=(560, 600))
         show_picture(next(panels), image, title, fraction_words(one))
     pictures = draw_grasps(labels, grasps.take(np.array(rows)))
     for kind, row, image in zip(("across", "handle"), rows, pictures, strict=True):
@@ -314,7 +316,7 @@ def draw_loaded(axes: Axes, one: Loaded, scale: Normalize) -> None:
     known = np.isfinite(one.payload)
     ramp = graded(np.asarray(scale(np.where(known, np.maximum(one.payload, LOWEST), LOWEST))))
     colors = np.where(known[:, None], ramp, np.array(GREY, dtype=np.uint8))
-    image = picture(mesh.vertices, mesh.faces, colors, view=view, size=size)
+    image = draw_colors(mesh, colors, view=view, size=size)
     best, median = one.payload[known].max(), np.median(one.payload[known])
     show_picture(axes, image, one.name, f"best {best:.1f} kg,\nmedian {median:.2f} kg")
     used = mesh.vertices[np.unique(mesh.faces)]
@@ -343,7 +345,7 @@ def draw_patches(path: Path) -> None:
     for row, mesh in zip(figure.subplots(len(surfaces), 3), surfaces, strict=True):
         for axes, (title, surface) in zip(row, noisy_surfaces(mesh).items(), strict=True):
             labels = label_surface(surface, GraspModel())
-            image = paint_labels(labels, view=view, size=(640, 640))
+            image = draw_labels(labels, view=view, size=(640, 640))
             show_picture(axes, image, title, fraction_words(labels, digits=1))
     add_labels(figure)
     figure.savefig(path, dpi=DPI)
@@ -908,12 +910,8 @@ def rendered(one: dict[str, Any]) -> Bytes:
         azimuth=math.atan2(across[1], across[0]),
         elevation=math.atan2(across[2], math.hypot(across[0], across[1])),
     )
-    colors = np.tile(np.array(WOOD, dtype=np.uint8), (len(mesh.vertices), 1))
-    fingers = [Finger(point, normal) for point, normal in zip(points, normals, strict=True)]
-    return picture(
-        mesh.vertices, mesh.faces, colors, normals=-mesh.normals, view=view, size=(460, 420),
-        fingers=fingers,
-    )  # fmt: skip
+    grasp = MarkedContacts(points, normals)
+    return draw_colors(mesh, np.array(WOOD), view=view, size=(460, 420), grasp=grasp)
 
 
 @styled

@@ -205,8 +205,8 @@ def _without_collections() -> Iterator[None]:
 
 def begin_processes(file: object, *, pictures: object = None) -> None:
     """Start what reads a mesh file, and what tests rendering: their imports take a second each."""
-    from grasp3d.plots.rendering import begin_render_test
     from grasp3d.reading.sources import ISOLATED_FORMATS
+    from grasp3d.rendering.opengl import begin_render_test
     from grasp3d.system.isolation.process import pool
 
     if not isinstance(file, Path) or not file.is_file():

@@ -67,7 +67,7 @@ def run(command: Evaluate) -> int:
 def _check_picture(command: Evaluate) -> None:
     """Check before the work that a picture can be drawn and written."""
     from grasp3d.plots.figures import METADATA
-    from grasp3d.plots.rendering import check_rendering
+    from grasp3d.rendering.opengl import check_rendering
 
     if not isinstance(command.reach.hand, ArticulatedHand):
         raise SettingError("picture applies to poses of a hand with joints")

@@ -135,7 +135,7 @@ def _write_best(command: Label, labels: SurfaceLabels, output: Path, grasps: Gra
     """Print and write the best distinct grasps, and draw them if OpenGL is available."""
     from grasp3d.plots.figures import save_as
     from grasp3d.plots.grasps import grasp_figure
-    from grasp3d.plots.rendering import can_render
+    from grasp3d.rendering.opengl import can_render
     from grasp3d.viewer.scene.sheets import draw_grasps
 
     count = command.best or 0

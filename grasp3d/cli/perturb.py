@@ -14,7 +14,7 @@ from grasp3d.mesh.noisy_copies import movable_surface
 from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.plots.figures import METADATA, save_as
 from grasp3d.plots.perturbations import perturbation_figure
-from grasp3d.plots.rendering import check_rendering
+from grasp3d.rendering.opengl import check_rendering
 from grasp3d.settings.lengths import Unit, small_length
 from grasp3d.settings.model_text import error_texts
 from grasp3d.system.counts import counted

@@ -23,12 +23,10 @@ from grasp3d.plots.curves import curves_figure
 from grasp3d.plots.figures import Drawing
 from grasp3d.plots.fractions import (
     ceiling_figure,
-    fixed_fingers,
     fractions_figure,
     surface_figure,
 )
-from grasp3d.plots.painting import paint_labels
-from grasp3d.plots.rendering import View
+from grasp3d.rendering.opengl import View
 from grasp3d.settings import DEGREE, GraspModel
 from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
 from grasp3d.surface.labelling import label_surface
@@ -105,8 +103,8 @@ def real_object(
     """
     point = best_contact_point(mesh, settings.models[0]) if fixed is None else fixed
     with unreported():
-        (finger,) = fixed_fingers(scan_surface(mesh, settings.models[0], fixed=point))
-        return _scanned(name, mesh, point, settings, view_of(finger.normal))
+        normal = scan_surface(mesh, settings.models[0], fixed=point).grasps.contacts.normals[0, 1]
+        return _scanned(name, mesh, point, settings, view_of(normal))
 
 
 def best_contact_point(mesh: ObjectMesh, model: GraspModel) -> Floats:
@@ -157,8 +155,10 @@ def object_figure(scanned: ScannedObject, settings: PaperSettings, *, pictures: 
         settings: Friction and resolutions.
         pictures: Whether pictures can be rendered; otherwise only the fractions are drawn.
     """
+    from grasp3d.viewer.scene.stills import draw_labels
+
     images = [
-        paint_labels(scan, view=scanned.view, size=PIXELS, fingers=fixed_fingers(scan))
+        draw_labels(scan, view=scanned.view, size=PIXELS, fixed=scan.grasps.positions[0, 1:])
         for scan in scanned.scans
         if pictures
     ]

@@ -29,7 +29,6 @@ from grasp3d.plots.figures import (
     show_picture,
     styled,
 )
-from grasp3d.plots.rendering import Finger
 from grasp3d.stability.angle_distributions import SphereAngles
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.labels import SurfaceLabels
@@ -403,9 +402,3 @@ def surface_figure(
         columnspacing=1.4,
     )
     return figure
-
-
-def fixed_fingers(scan: SurfaceLabels) -> list[Finger]:
-    """The fixed fingers of a scan, for pictures."""
-    points, normals = scan.grasps.positions[0, 1:], scan.grasps.contacts.normals[0, 1:]
-    return [Finger(point, normal) for point, normal in zip(points, normals, strict=True)]

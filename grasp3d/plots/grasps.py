@@ -13,7 +13,7 @@ from grasp3d.arrays import Bytes
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.grasps.ranking import stated_label
 from grasp3d.plots.figures import PAGE, as_text, label_patches, new_figure, show_picture, styled
-from grasp3d.plots.margin_colors import BOTH_SIDES, most_margin
+from grasp3d.rendering.margin_colors import BOTH_SIDES, most_margin
 from grasp3d.settings.model_text import model_line
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.closed_grasps import UNKNOWN

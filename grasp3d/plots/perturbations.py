@@ -18,8 +18,7 @@ from grasp3d.plots.figures import (
     show_picture,
     styled,
 )
-from grasp3d.plots.painting import paint_labels
-from grasp3d.plots.rendering import View, picture
+from grasp3d.rendering.opengl import View
 from grasp3d.settings.model_text import error_texts
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.labelling import label_surface
@@ -44,11 +43,13 @@ def perturbation_figure(noisy: Perturbation, *, view: View | None = None) -> Fig
     Raises:
         OutputError: OpenGL is not available.
     """
+    from grasp3d.viewer.scene.stills import draw_labels
+
     labels = noisy.labels
 
     def panel(title: str, shown: SurfaceLabels) -> tuple[str, Bytes, str]:
-        picture_ = paint_labels(shown, view=view, size=PIXELS)
-        return title, picture_, fractions_text(shown.fractions())
+        picture = draw_labels(shown, view=view, size=PIXELS)
+        return title, picture, fractions_text(shown.fractions())
 
     copies = f"fraction of {noisy.settings.copies} noisy copies that are S"
     panels = [panel("as scanned", labels), (copies, _paint_fractions(noisy, view), "")]
@@ -69,6 +70,7 @@ def perturbation_figure(noisy: Perturbation, *, view: View | None = None) -> Fig
 
 def _paint_fractions(noisy: Perturbation, view: View | None) -> Bytes:
     """Render the surface in the colours of the fraction of copies that are S."""
+    from grasp3d.viewer.scene.stills import draw_colors
+
     colors = np.asarray(255.0 * FRACTIONS(noisy.stable)[:, :3], dtype=np.uint8)
-    mesh = noisy.mesh
-    return picture(mesh.vertices, mesh.faces, colors, normals=-mesh.normals, view=view, size=PIXELS)
+    return draw_colors(noisy.mesh, colors, view=view, size=PIXELS)

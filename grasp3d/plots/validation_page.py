@@ -14,13 +14,13 @@ from PIL import Image
 
 from grasp3d.arrays import Bytes
 from grasp3d.plots.figures import as_svg
-from grasp3d.plots.rendering import can_render
 from grasp3d.plots.validations import (
     calibration_figure,
     draw_disagreement,
     label_figure,
     roc_figure,
 )
+from grasp3d.rendering.opengl import can_render
 from grasp3d.stability.label import Label
 from grasp3d.system.context import report_progress
 from grasp3d.system.counts import counted

@@ -10,14 +10,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from grasp3d.arrays import Bytes, Floats, unit_rows
+from grasp3d.arrays import Bytes, Floats
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.scene import Scene
-from grasp3d.hand.shapes import hand_triangles
-from grasp3d.hand.triangles import COLORS, Part
 from grasp3d.plots.figures import LABEL_COLORS, LINES, PAGE, label_patches, new_figure, styled
-from grasp3d.plots.rendering import Finger, picture
-from grasp3d.plots.views import GraspViews
+from grasp3d.rendering.grasp_views import GraspViews
 from grasp3d.settings.lengths import METRES
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.validating.disagreements import Disagreement
@@ -41,9 +38,6 @@ PIXELS = (420, 360)
 
 OBJECT = (214, 190, 150)
 """Colour of the object: that of no label and of no part of a gripper."""
-
-OPACITY = 0.6
-"""Opacity of the gripper: what it holds remains visible."""
 
 
 @styled
@@ -181,6 +175,9 @@ def draw_disagreement(one: Disagreement) -> Bytes:
     Raises:
         OutputError: OpenGL is not available.
     """
+    from grasp3d.viewer.scene.marks import MarkedContacts
+    from grasp3d.viewer.scene.stills import draw_colors
+
     grasp, mesh = one.grasp, one.grasp.mesh
     assert mesh.unit is not None  # evaluated poses have a unit
     (opening,) = np.maximum(grasp.opening, 0.0)
@@ -189,25 +186,13 @@ def draw_disagreement(one: Disagreement) -> Bytes:
     # The gripper is between the contacts where its jaws close.
     pose = grasp.jaws.poses[0].copy()
     pose[:3, 3] += np.nan_to_num(grasp.jaws.offset[0]) * pose[:3, 0]
-    hand = hand_triangles(grasp.hand, opening, pose=pose, unit=mesh.unit)
-    corners = hand.vertices[hand.faces]  # (F, 3, 3)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    parts = np.array([COLORS[part] for part in Part], dtype=np.uint8)
-    points = np.concatenate([mesh.vertices, corners.reshape(-1, 3)])
-    beside = np.arange(len(mesh.vertices), len(points)).reshape(-1, 3)
-    body = np.tile(np.array(OBJECT, dtype=np.uint8), (len(mesh.vertices), 1))
-    colors = np.concatenate([body, np.repeat(parts[hand.parts], 3, axis=0)])
-    shading = np.concatenate([-mesh.normals, np.repeat(unit_rows(normals), 3, axis=0)])
+    held = GripperPose(pose, opening, math.nan, math.nan, math.nan)
     # The view shows both pads, with or without contacts.
     across = np.outer([1.0, -1.0], pose[:3, 0])
-    view = GraspViews(mesh, Scene(grasp.hand)).best(
-        pose[:3, 3] + 0.5 * opening * across, -across,
-        GripperPose(pose, opening, math.nan, math.nan, math.nan),
-    )  # fmt: skip
-    contacts = zip(grasp.jaws.points[0], grasp.jaws.normals[0], strict=True)
-    fingers = [Finger(*contact) for contact in contacts if np.isfinite(contact[0]).all()]
-    both, alone = (
-        picture(points, faces, colors, normals=shading, view=view, size=PIXELS, fingers=fingers)
-        for faces in (np.concatenate([mesh.faces, beside]), mesh.faces)
-    )  # the same points, so that both pictures have the same camera
-    return np.asarray(np.rint(OPACITY * both + (1.0 - OPACITY) * alone), dtype=np.uint8)
+    views = GraspViews(mesh, Scene(grasp.hand))
+    view = views.best(pose[:3, 3] + 0.5 * opening * across, -across, held)
+    (points,), (normals,) = grasp.jaws.points, grasp.jaws.normals
+    touching = np.isfinite(points).all(axis=1)
+    contacts = MarkedContacts(points[touching], normals[touching], held=held)
+    colors = np.array(OBJECT, dtype=np.uint8)
+    return draw_colors(mesh, colors, view=view, size=PIXELS, grasp=contacts, hand=grasp.hand)

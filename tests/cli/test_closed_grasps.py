@@ -72,7 +72,7 @@ def check_rows(text: str, found: list[dict[str, Any]]) -> None:
 def test_a_warning_is_printed_where_no_label_is_confirmed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grasp3d.plots.rendering.can_render", lambda: False)
+    monkeypatch.setattr("grasp3d.rendering.opengl.can_render", lambda: False)
     folder = folder_with_cone(tmp_path, 19.5)
     text = printed("label", "cone.stl", *OPTIONS, "--friction", "0.2", "--best", "3", cwd=folder)
     assert "warning: no label is confirmed when the jaws close (3 U): " in text

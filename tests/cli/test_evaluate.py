@@ -17,15 +17,15 @@ from PIL import Image
 
 from grasp3d.errors import ContactError
 from grasp3d.grasps import evaluated_parts, evaluation, grasp_files
-from grasp3d.plots import rendering
 from grasp3d.quality import METRICS, metric_names
+from grasp3d.rendering import opengl
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system import tables
 from tests.helpers import shapes
 from tests.helpers.commands import export, printed
 from tests.helpers.commands import run_here as grasp3d
 from tests.helpers.commands import run_process as real_grasp3d
-from tests.plots.test_rendering import needs_opengl
+from tests.rendering.test_opengl import needs_opengl
 
 BOX = (1.0, 0.7, 0.5)
 PAIR = [[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]]
@@ -370,7 +370,7 @@ def printed_rows(text: str) -> list[list[str]]:
 def test_the_best_grasps_evaluated_again_are_the_same(
     folder: Path, fingers: int, options: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(rendering, "can_render", lambda: False)
+    monkeypatch.setattr(opengl, "can_render", lambda: False)
     (folder / "out").mkdir()
     output = ("-o", "out/labels.npz")
     text = printed("label", "my box.stl", *options, *output, "--best", "5", cwd=folder)
@@ -402,7 +402,7 @@ def test_the_best_grasps_evaluated_again_are_the_same(
 def test_fewer_grasps_than_requested_are_reported(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(rendering, "can_render", lambda: False)
+    monkeypatch.setattr(opengl, "can_render", lambda: False)
     text = printed("label", "my box.stl", *TWO_FINGERS, "--best", "5000", cwd=folder)
     count = len(json.loads((folder / "my box_grasps.json").read_text())["grasps"])
     assert f"the {count} best distinct grasps" in text

@@ -12,7 +12,7 @@ from grasp3d import Sampling, Table, label_surface, load_mesh
 from grasp3d.grasps.pose_files import holds_poses, read_poses
 from grasp3d.hand.hand_files import write_hand
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.plots.rendering import can_render
+from grasp3d.rendering.opengl import can_render
 from tests.helpers import shapes
 from tests.helpers.commands import printed, run_here
 from tests.helpers.grippers import HAND
@@ -52,7 +52,7 @@ def test_label_prints_the_verdict_and_writes_poses(
         np.asarray(stored["approach_z"]).ravel()[reached], labels.reach.poses[reached, 2, 2],
         atol=1e-6,
     )  # fmt: skip
-    monkeypatch.setattr("grasp3d.plots.rendering.can_render", lambda: False)
+    monkeypatch.setattr("grasp3d.rendering.opengl.can_render", lambda: False)
     # The same command again replaces its files; another gripper or table is refused.
     again = ("label", "box.stl", *OPTIONS, "--best", "4")
     assert run_here(*again, *FRANKA, cwd=box).returncode == 0
@@ -66,7 +66,7 @@ def test_label_prints_the_verdict_and_writes_poses(
 @pytest.mark.slow
 def test_own_grippers_and_resting_poses(box: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "grasp3d.plots.rendering.can_render", lambda: False
+        "grasp3d.rendering.opengl.can_render", lambda: False
     )  # pictures take seconds
     write_hand(box / "mine.json", HAND)
     printed(

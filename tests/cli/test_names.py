@@ -8,7 +8,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from grasp3d.plots import rendering
+from grasp3d.rendering import opengl
 from grasp3d.system.names import as_unicode, printable, safe_stem, short_hash
 from tests.helpers import shapes
 from tests.helpers.commands import export, printed
@@ -66,7 +66,7 @@ def test_all_files_named_after_an_input_have_safe_names(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The contents of these files have the full name."""
-    monkeypatch.setattr(rendering, "can_render", lambda: False)  # pictures are tested elsewhere
+    monkeypatch.setattr(opengl, "can_render", lambda: False)  # pictures are tested elsewhere
     source = export(tmp_path / "in" / "a\n$b$:c.stl", shapes.sphere(1))
     (tmp_path / "pair.json").write_text("[[[1, 0, 0], [-1, 0, 0]]]", encoding="utf-8")
     runs = [

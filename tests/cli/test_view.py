@@ -13,18 +13,16 @@ import pytest
 import trimesh
 from PIL import Image
 
-from grasp3d.plots import rendering
+from grasp3d.rendering import opengl
 from grasp3d.viewer.session.collection import open_collection
 from grasp3d.viewer.web.page_state import page_state
 from tests.helpers import shapes
 from tests.helpers.commands import COMMAND, run_process
 from tests.helpers.viewing import ready_session
 
-KEPT = {
-    name: value for name, value in os.environ.items() if name not in {"DISPLAY", rendering.WINDOW}
-}
+KEPT = {name: value for name, value in os.environ.items() if name not in {"DISPLAY", opengl.WINDOW}}
 needs_opengl = pytest.mark.skipif(
-    not (os.environ.get("CI") or rendering.can_render()), reason="needs OpenGL"
+    not (os.environ.get("CI") or opengl.can_render()), reason="needs OpenGL"
 )
 
 

@@ -5,7 +5,7 @@ import pytest
 from grasp3d import MeshOptions
 from grasp3d.mesh.noisy_copies import movable_surface
 from grasp3d.plots.perturbations import perturbation_figure
-from grasp3d.plots.rendering import can_render
+from grasp3d.rendering.opengl import can_render
 from grasp3d.settings.model_text import error_texts
 from grasp3d.validating.perturbing import NoiseSettings
 from grasp3d.validating.perturbing.perturb import perturb_surface

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from grasp3d.plots.rendering import can_render
+from grasp3d.rendering.opengl import can_render
 from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.web.page import listen, serving

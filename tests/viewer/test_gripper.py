@@ -22,7 +22,7 @@ from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene as HandScene
 from grasp3d.hand.scene import scene_settings
 from grasp3d.mesh.measures import is_closed
-from grasp3d.plots.rendering import View, view_axes
+from grasp3d.rendering.opengl import View, view_axes
 from grasp3d.settings import Sampling
 from grasp3d.viewer.scene.framing import MOST_BESIDE, extents, frame_of, middle_of
 from grasp3d.viewer.scene.pictures import open_renderer
@@ -41,7 +41,7 @@ from grasp3d.viewer.web.page_state import page_state
 from tests.helpers import viewing
 from tests.helpers.held_grasps import JAWS, held_box, neighbours_grasps, not_reached, reached
 from tests.helpers.viewing import read_subject, ready_session, rewritten, wait_until_idle
-from tests.plots.test_rendering import needs_opengl
+from tests.rendering.test_opengl import needs_opengl
 
 AXES = np.eye(3)
 

@@ -14,9 +14,9 @@ from grasp3d.grasps import EvaluatedHandGrasps, GraspPoses, write_grasps
 from grasp3d.hand.triangles import COLORS, Part
 from grasp3d.plots.figures import save_as
 from grasp3d.plots.grasps import hand_grasp_figure
-from grasp3d.plots.margin_colors import margin_colors
-from grasp3d.plots.rendering import view_axes
-from grasp3d.plots.views import GraspViews
+from grasp3d.rendering.grasp_views import GraspViews
+from grasp3d.rendering.margin_colors import margin_colors
+from grasp3d.rendering.opengl import view_axes
 from grasp3d.viewer.scene.sheets import draw_hand_grasps
 from grasp3d.viewer.session.collection import collection_of_grasps
 from grasp3d.viewer.session.hand_inspection import held_by
@@ -28,7 +28,7 @@ from tests.helpers.commands import run_here as run
 from tests.helpers.figures import check_texts, drawn_texts
 from tests.helpers.slider_hand import BOX, TOUCHING
 from tests.helpers.viewing import ready_session, wait_until_idle
-from tests.plots.test_rendering import needs_opengl
+from tests.rendering.test_opengl import needs_opengl
 
 Bytes = NDArray[np.uint8]
 FINE = GraspModel(sensor_resolution=math.radians(10.0))

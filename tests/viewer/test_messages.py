@@ -16,7 +16,7 @@ import aiohttp
 import msgpack
 import pytest
 
-from grasp3d.plots.rendering import can_render
+from grasp3d.rendering.opengl import can_render
 
 SERVER = """
 from math import radians

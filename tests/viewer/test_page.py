@@ -26,7 +26,7 @@ from plyfile import PlyData
 
 from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
 from grasp3d.errors import OutputError, SettingError
-from grasp3d.plots.rendering import can_render
+from grasp3d.rendering.opengl import can_render
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS, Label
 from grasp3d.viewer.session.collection import collection_of
@@ -574,7 +574,7 @@ def test_invalid_hosts_and_ports_are_refused(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_missing_requirements_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("grasp3d.plots.rendering.can_render", lambda: False)
+    monkeypatch.setattr("grasp3d.rendering.opengl.can_render", lambda: False)
     with pytest.raises(OutputError, match="OpenGL"):
         create_server()
 
@@ -732,6 +732,6 @@ def test_help_has_only_available_keys(labels: SurfaceLabels) -> None:
     two = replace(collection, items=collection.items * 2)
     for viewed, available in ((collection, set()), (two, {"n", "p"})):
         session = Session(viewed)
-        keys = {key for item in constant_state(session)["keys"] for key in item["key"].split()}
+        keys = {key for item in constant_state(session)["keys"] for key in item["keys"]}
         assert keys & {"n", "p", "q"} == available
         session.close()

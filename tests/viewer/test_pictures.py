@@ -20,8 +20,8 @@ from grasp3d import (
 )
 from grasp3d.errors import MeshError, OutputError, SettingError
 from grasp3d.mesh.primitives import box_mesh, sphere_mesh
-from grasp3d.plots import rendering
-from grasp3d.plots.rendering import can_render
+from grasp3d.rendering import opengl
+from grasp3d.rendering.opengl import can_render
 from grasp3d.stability.label import COLORS, Label
 from grasp3d.system.context import running
 from grasp3d.viewer.scene import pictures
@@ -198,7 +198,7 @@ def test_a_missing_folder_is_reported_before_the_work(tmp_path: Path) -> None:
 def test_without_opengl_the_old_file_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(rendering, "can_render", lambda: False)
+    monkeypatch.setattr(opengl, "can_render", lambda: False)
     path = tmp_path / "box.png"
     path.write_bytes(b"before")
     with pytest.raises(OutputError, match="need OpenGL"):

@@ -18,7 +18,7 @@ from vtkmodules.vtkRenderingCore import vtkCellPicker
 from grasp3d import GraspModel, Label, Sampling, SurfaceLabels, label_surface, scan_surface
 from grasp3d.mesh import load_mesh
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
-from grasp3d.plots.rendering import can_render, choose_window
+from grasp3d.rendering.opengl import can_render, choose_window
 from grasp3d.stability.label import COLORS
 from grasp3d.surface import Reason
 from grasp3d.viewer.scene.captions import Captions, round_length

@@ -23,8 +23,8 @@ from grasp3d.hand.table import Table
 from grasp3d.hand.triangles import Part
 from grasp3d.mesh import ObjectMesh
 from grasp3d.plots.grasps import grasp_figure
-from grasp3d.plots.rendering import View, can_render, screenshot, view_axes
-from grasp3d.plots.views import TIP, GraspViews
+from grasp3d.rendering.grasp_views import TIP, GraspViews
+from grasp3d.rendering.opengl import View, can_render, screenshot, view_axes
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system.context import running
 from grasp3d.viewer.scene import panes, sheets
@@ -33,7 +33,7 @@ from grasp3d.viewer.scene.sheets import PIXELS, draw_grasps
 from tests.helpers import shapes
 from tests.helpers.figures import check_texts, drawn_texts
 from tests.helpers.held_grasps import held_box, neighbours_grasps, reached
-from tests.plots.test_rendering import needs_opengl
+from tests.rendering.test_opengl import needs_opengl
 
 MESHES = Path(__file__).parents[2] / "meshes"
 COUNT = 2

@@ -15,7 +15,7 @@ from PIL import Image
 
 from grasp3d import SurfaceLabels, label_surface
 from grasp3d.mesh.primitives import box_mesh
-from grasp3d.plots.rendering import can_render
+from grasp3d.rendering.opengl import can_render
 from grasp3d.viewer import show
 from tests.viewer.test_page import BROWSER, CI, OPTIONS, coloured
 

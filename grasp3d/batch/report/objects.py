@@ -17,7 +17,7 @@ from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.shapes import hand_triangles, table_triangles
 from grasp3d.hand.triangles import Part, Triangles
-from grasp3d.plots.rendering import UPRIGHT, view_axes
+from grasp3d.rendering.opengl import UPRIGHT, view_axes
 from grasp3d.settings import search_cone
 from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.settings.model_text import SAFE_LABELS, error_texts
@@ -165,7 +165,9 @@ def gripper_data(labels: "SurfaceLabels") -> dict[str, Any] | None:
 
 def _grasp_data(grasps: Sequence[BestGrasp], labels: "SurfaceLabels") -> list[dict[str, Any]]:
     """The grasps, with the opening at which each is drawn, and the direction toward the camera."""
-    from grasp3d.plots.views import GraspViews  # imported here: writing pages needs no compiler
+    from grasp3d.rendering.grasp_views import (
+        GraspViews,  # imported here: writing pages needs no compiler
+    )
 
     views, data = GraspViews(labels.mesh, labels.scene) if grasps else None, []
     for grasp, opening in zip(grasps, drawn_openings(grasps, labels), strict=True):

@@ -14,8 +14,8 @@ from grasp3d.contact.friction_cones import tangents
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.shapes import ARC_COLOR
-from grasp3d.plots.rendering import AMBIENT
-from grasp3d.plots.views import ARROW, approach_ends
+from grasp3d.rendering.grasp_views import ARROW, approach_ends
+from grasp3d.rendering.opengl import AMBIENT
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.framing import pixel_ratio
@@ -95,7 +95,7 @@ class Marks:
         self._hidden_approach = _Marker(renderer, ARC_COLOR, hidden=True)
         self._approach = _Marker(renderer, ARC_COLOR)
         self._content: tuple[object, ...] = (None,) * 3
-        self.points = NO_POINTS
+        self.points = self._fixed_tails = NO_POINTS
         """Tails of the arrows that are drawn, shape (n, 3)."""
 
     def show(
@@ -126,18 +126,21 @@ class Marks:
         cones_key = model and (model.friction_angle, model.tilt, safe, approach.tobytes())
         before, self._content = self._content, (fixed_key, grasp_key, cones_key)
         if fixed_key != before[0]:
-            self._show_fixed(_fixed_contacts(subject, fixed), size)
+            arrows = _fixed_contacts(subject, fixed)
+            self._show_fixed(arrows, size)
+            self._fixed_tails = _tails(arrows, size)
         if (fixed_key, grasp_key) != before[:2]:
             self._show_grasp(contacts, fixed, size, connected=not of_links)
         if (fixed_key, grasp_key, cones_key) != before:
             outside = contacts if cones else NO_CONTACTS
             self._show_cones(outside, model, size)
             self._show_approach(approach)
-            self.points = outside.points - ARROW * size * outside.normals
+            self.points = np.concatenate([_tails(outside, size), self._fixed_tails])
 
     def hide(self) -> None:
         """Show no markers."""
-        self._content, self.points = (None,) * 3, NO_POINTS
+        self._content = (None,) * 3
+        self.points = self._fixed_tails = NO_POINTS
         for marker in vars(self).values():
             if isinstance(marker, _Marker):
                 marker.show([])
@@ -351,11 +354,16 @@ def _connections(points: Floats) -> tuple[Floats, Floats]:
 
 def _arrows(contacts: MarkedContacts, size: float, extra: float) -> list[pyvista.PolyData]:
     """Arrows along the inward normals that end at contacts."""
-    tails = contacts.points - ARROW * size * contacts.normals
+    tails = _tails(contacts, size)
     ends = contacts.points - (CONTACT_RADIUS * size - extra) * contacts.normals
     necks = ends - (HEAD * size + 2.0 * extra) * contacts.normals
     shafts = cylinders(tails, necks, SHAFT * size + extra)
     return [*shafts, *cones(necks, ends, HEAD_RADIUS * size + extra)]
+
+
+def _tails(contacts: MarkedContacts, size: float) -> Floats:
+    """Tails of such arrows, shape (n, 3)."""
+    return contacts.points - ARROW * size * contacts.normals
 
 
 def _extreme_cones(

@@ -19,14 +19,14 @@ from grasp3d.hand.shapes import (
 )
 from grasp3d.hand.table import Table
 from grasp3d.hand.triangles import COLORS, Part, Triangles
-from grasp3d.plots.rendering import LIGHT
+from grasp3d.rendering.opengl import LIGHT
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.framing import pixel_ratio
 from grasp3d.viewer.scene.marks import NO_POINTS, MarkedContacts, Marks, new_actor
 from grasp3d.viewer.scene.overlays import Overlay
 from grasp3d.viewer.session.inspection import Inspection
-from grasp3d.viewer.session.painting import HEX_PALETTE, faded, texture_coordinates, texture_image
+from grasp3d.viewer.session.painting import HEX_PALETTE, corner_coordinates, faded, texture_image
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import Paint
 
@@ -62,11 +62,7 @@ class GripperActors:
         self._links = new_actor(renderer, EDGE, culling="back")
         self._edges = new_actor(renderer, EDGE, lighting=False)
         for actor in (self._gripper, self._links):
-            mapper = actor.mapper
-            mapper.SetScalarVisibility(True)  # noqa: FBT003
-            mapper.SetScalarModeToUseCellFieldData()
-            mapper.SelectColorArray("color")  # red, green, blue, opacity
-            mapper.SetColorModeToDirectScalars()
+            show_scalars(actor, "color", of_points=False)  # red, green, blue, opacity
         self._drawn: tuple[object, ...] = (None,) * 3
         self.table_mapper = self._table.mapper
         self.points = NO_POINTS
@@ -152,6 +148,18 @@ class GripperActors:
             self._arc.visibility = True
 
 
+def show_scalars(actor: pyvista.Actor, name: str, *, of_points: bool) -> None:
+    """Colour an actor by an array of its data: of points or of cells."""
+    mapper = actor.mapper
+    mapper.SetScalarVisibility(True)  # noqa: FBT003
+    if of_points:
+        mapper.SetScalarModeToUsePointFieldData()
+    else:
+        mapper.SetScalarModeToUseCellFieldData()
+    mapper.SelectColorArray(name)
+    mapper.SetColorModeToDirectScalars()
+
+
 def surface_of(triangles: Triangles) -> pyvista.PolyData:
     """Triangles as a surface of PyVista."""
     faces = triangles.faces.astype(int)
@@ -225,6 +233,17 @@ class Pane:
         self._set_image(faded(image) if stale else image)
         self._subject, self._painted = subject, (subject, paint, model, stale)
 
+    def show_colors(self, subject: Subject, colors: Bytes) -> None:
+        """Draw a surface in colours of its vertices, shape (V, 3), or (3,) for all."""
+        self._draw(subject)
+        assert self._data is not None
+        vertices = subject.mesh.corner_normals.vertices
+        shape = len(subject.mesh.vertices), 3
+        self._data.point_data["rgb"] = np.broadcast_to(colors, shape)[vertices]
+        self._front.SetTexture(None)
+        show_scalars(self._front, "rgb", of_points=True)
+        self._subject = subject
+
     def hide(self) -> None:
         """Show nothing but texts."""
         self.gripper.hide()
@@ -290,6 +309,12 @@ class Pane:
         return np.concatenate([used, self.gripper.table_points])
 
     @property
+    def size(self) -> float:
+        """Size of the object."""
+        assert self._subject is not None
+        return self._subject.mesh.size
+
+    @property
     def beside(self) -> Floats:
         """Points of what is drawn beside the object: of a gripper or of arrows, (n, 3)."""
         return np.concatenate([self.gripper.points, self.marks.points])
@@ -314,9 +339,7 @@ class Pane:
     def _set_coordinates(self, subject: Subject, paint: Paint, model: GraspModel) -> None:
         """Set the texture coordinates of the corners, in the same array if it has their size."""
         assert self._data is not None
-        of_corners = texture_coordinates(subject, paint, model)[
-            subject.mesh.corner_normals.vertices
-        ]
+        of_corners = corner_coordinates(subject, paint, model)
         coordinates = self._data.active_texture_coordinates
         if coordinates is None:
             self._data.active_texture_coordinates = of_corners  # type: ignore[assignment]

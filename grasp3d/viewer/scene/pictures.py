@@ -14,7 +14,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from grasp3d.arrays import Bytes
 from grasp3d.errors import GraspError, OutputError, SettingError
-from grasp3d.plots.rendering import View, check_rendering, choose_window
+from grasp3d.rendering.opengl import View, check_rendering, choose_window
 from grasp3d.system.context import report_progress, within
 from grasp3d.system.files import atomic_write, check_suffix, check_writable
 from grasp3d.system.names import safe_stem

@@ -11,7 +11,7 @@ import numpy as np
 import pyvista
 
 from grasp3d.arrays import Bytes, Floats
-from grasp3d.plots.rendering import UPRIGHT, View, screenshot, view_axes
+from grasp3d.rendering.opengl import UPRIGHT, View, screenshot, view_axes
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.captions import Captions

@@ -6,15 +6,14 @@ from grasp3d.arrays import Bytes, Floats
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.scene import Scene
-from grasp3d.plots.rendering import check_rendering, screenshot, view_axes
-from grasp3d.plots.views import GraspViews
+from grasp3d.rendering.grasp_views import GraspViews
+from grasp3d.rendering.opengl import view_axes
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.context import report_progress
-from grasp3d.viewer.scene.framing import Frame, FreeArea, aim, frame_of, parallel_scale
+from grasp3d.viewer.scene.framing import Frame, FreeArea, frame_of, parallel_scale
 from grasp3d.viewer.scene.marks import MarkedContacts
-from grasp3d.viewer.scene.panes import Pane
-from grasp3d.viewer.scene.pictures import averaged, off_screen
+from grasp3d.viewer.scene.stills import still_pane
 from grasp3d.viewer.session.hand_inspection import held_by, subject_of_hand
 from grasp3d.viewer.subjects.subject import Subject, subject_of
 
@@ -72,14 +71,11 @@ def draw_hand_grasps(grasps: EvaluatedHandGrasps) -> list[Bytes]:
 
 def _drawn(subject: Subject, scene: Scene | None, grasps: Sequence[MarkedContacts]) -> list[Bytes]:
     """Pictures of grasps of a surface, shape (height, width, 3) each."""
-    check_rendering()
     hand, table = (None, None) if scene is None else (scene.hand, scene.table)
-    views, area, pictures = GraspViews(subject.mesh, scene), FreeArea(*PIXELS), []
-    with off_screen(*PIXELS) as (plotter, factor):
-        pane = Pane(plotter.renderers[0])
-        pane.renderer.viewport = (0.0, 0.0, 1.0, 1.0)
-        plotter.renderers[1].SetDraw(0)
+    views, pictures = GraspViews(subject.mesh, scene), []
+    with still_pane(PIXELS) as (pane, picture):
         pane.show(subject, "label", subject.labels.model)
+        pane.cut(None)
 
         def framed(grasp: MarkedContacts) -> tuple[Floats, Frame]:
             """Draw a grasp; returns the axes of its view, and what the picture shows."""
@@ -87,12 +83,10 @@ def _drawn(subject: Subject, scene: Scene | None, grasps: Sequence[MarkedContact
             axes = view_axes(views.best(grasp.points, grasp.normals, grasp.held), views.up)
             return axes, frame_of(pane.points, pane.beside, axes)
 
-        camera, frames = pane.renderer.camera, [framed(grasp) for grasp in grasps]
-        scale = max(parallel_scale(frame.reach, area) for _, frame in frames)
+        frames = [framed(grasp) for grasp in grasps]
+        scale = max(parallel_scale(frame.reach, FreeArea(*PIXELS)) for _, frame in frames)
         for number, (grasp, (axes, frame)) in enumerate(zip(grasps, frames, strict=True)):
             pane.hold(grasp, hand, table)
-            aim(camera, subject.mesh.size + scale, axes, frame.middle)
-            camera.parallel_scale = scale
-            pictures.append(averaged(screenshot(plotter), factor))
+            pictures.append(picture(axes, frame, scale))
             report_progress((number + 1) / len(grasps))
     return pictures

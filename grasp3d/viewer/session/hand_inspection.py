@@ -8,8 +8,10 @@ import numpy as np
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.grasps.motor_holding import load_text
 from grasp3d.hand.gripper_pose import GripperPose
+from grasp3d.hand.scene import Scene
+from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.plots.margin_colors import margin_colors
+from grasp3d.rendering.margin_colors import margin_colors
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import small_length
 from grasp3d.stability.label import Label
@@ -34,11 +36,22 @@ def subject_of_hand(grasps: EvaluatedHandGrasps) -> Subject:
     Args:
         grasps: Evaluated poses.
     """
-    mesh = grasps.mesh
+    subject = subject_of_mesh(grasps.mesh, grasps.model, grasps.scene)
+    return replace(subject, hand_grasps=grasps)
+
+
+def subject_of_mesh(mesh: ObjectMesh, model: GraspModel, scene: Scene | None = None) -> Subject:
+    """An object without labels.
+
+    Args:
+        mesh: The object.
+        model: Friction and resolution.
+        scene: Hand and table; None: there are none.
+    """
     count = len(mesh.vertices)
     labels = SurfaceLabels.of_vertices(
         mesh,
-        grasps.model,
+        model,
         angles=(np.full(count, math.inf), np.full(count, math.inf)),
         partners=np.full((count, 1, 3), math.nan),
         partner_points=SurfacePoints(np.zeros((count, 2, 1), np.int64), np.zeros((count, 2, 1, 3))),
@@ -47,9 +60,9 @@ def subject_of_hand(grasps: EvaluatedHandGrasps) -> Subject:
         sampling=None,
         mode="scan",
         search=SearchReport(cone=0.0),
-        scene=grasps.scene,
+        scene=scene,
     )  # fmt: skip
-    return replace(subject_of(labels), hand_grasps=grasps)
+    return subject_of(labels)
 
 
 def held_by(grasps: EvaluatedHandGrasps, row: int) -> GripperPose:

@@ -14,7 +14,7 @@ from matplotlib import colormaps
 
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.grasps.explanations import UNSEARCHED
-from grasp3d.plots.margin_colors import BOTH_SIDES, STEPS, margin_colors, most_margin
+from grasp3d.rendering.margin_colors import BOTH_SIDES, STEPS, margin_colors, most_margin
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import epsilon_min_text
 from grasp3d.stability.label import COLORS, GREY, Label
@@ -147,8 +147,7 @@ def texture_coordinates(
     if paint == "critical_angle":
         worst = subject.labels.critical_angle
     if paint == "label":
-        both = [_about(worst, model.effective_friction_angle), _about(best, model.unstable_from)]
-        return np.stack(both, axis=1).astype(np.float32)
+        return _label_coordinates(worst, best, model)
     # Located angles of different fingers may be below 0.
     values = np.clip(worst, -math.pi, math.pi) / (2.0 * math.pi) + 0.5
     finite = np.isfinite(worst)
@@ -157,6 +156,31 @@ def texture_coordinates(
         finite = np.isfinite(numbers)
         values = np.minimum(np.where(finite, numbers, 0.0) / _most(subject, paint), 1.0)
     return np.stack([values, np.where(finite, 0.25, 0.75)], axis=1).astype(np.float32)
+
+
+def corner_coordinates(
+    subject: Subject, paint: Paint, model: GraspModel
+) -> npt.NDArray[np.float32]:
+    """Texture coordinates of each normal of the mesh's corners, shape (C, 2).
+
+    They are those of the vertices, but for the labels of a scan at creases: a crease has no area,
+    while the angles of its wider range of normals would extend over the faces next to it.
+
+    Args:
+        subject: The surface.
+        paint: The quantity that is shown.
+        model: Friction and resolution.
+    """
+    coordinates = texture_coordinates(subject, paint, model)[subject.mesh.corner_normals.vertices]
+    if paint == "label" and subject.labels.mode == "scan":
+        rows, worst, best = subject.crease_angles(model)
+        coordinates[rows] = _label_coordinates(worst, best, model)
+    return coordinates
+
+
+def _label_coordinates(worst: Floats, best: Floats, model: GraspModel) -> npt.NDArray[np.float32]:
+    both = [_about(worst, model.effective_friction_angle), _about(best, model.unstable_from)]
+    return np.stack(both, axis=1).astype(np.float32)
 
 
 def _about(angles: Floats, limit: float) -> Floats:

@@ -7,13 +7,16 @@ from functools import cached_property
 
 import numpy as np
 
-from grasp3d.arrays import Floats, locked, short_repr
+from grasp3d.arrays import Floats, Ints, locked, short_repr
+from grasp3d.contact.contacts import Contacts
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import FaceRays
-from grasp3d.plots.views import GraspViews
+from grasp3d.quality.critical_angle import critical_friction_angle
+from grasp3d.rendering.grasp_views import GraspViews
 from grasp3d.settings import GraspModel, search_cone
+from grasp3d.stability.located_angles import ContactLimits, located_contacts
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import vertex_weights
@@ -21,6 +24,7 @@ from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.grasp_numbers import located_angles_of
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.vertex_grasps import Reason
 
 PAIR = 2
 
@@ -153,6 +157,37 @@ class Subject:
             labels = self.labels if of_labels else self.labels.using(model=model)
             self._recent[key] = labels.located_angles
         return self._recent[key]
+
+    def crease_angles(self, model: GraspModel) -> tuple[Ints, Floats, Floats]:
+        """Such angles at creases, of the vertex's grasp with the normal of each face there.
+
+        Args:
+            model: As in `angles`.
+
+        Returns:
+            Rows of the mesh's corner normals, and their angles, shape (k,) each [rad].
+        """
+        rows, grasps, critical = self._creased
+        limits, vertices = ContactLimits.of(model.fingertips), self.mesh.corner_normals.vertices
+        worst, best = (angles[vertices[rows]] for angles in self.angles(model))
+        own = located_contacts(grasps, critical, limits)
+        return rows, np.clip(own[0], best, worst), np.clip(own[1], best, worst)
+
+    @cached_property
+    def _creased(self) -> tuple[Ints, Contacts, Floats]:
+        """Rows of corner normals at creases, the grasps there, and their critical angles."""
+        mesh, labels, corners = self.mesh, self.labels, self.mesh.corner_normals
+        has_grasp = labels.reason == Reason.FOUND
+        has_grasp &= (labels.partner_normals != 0.0).any(axis=2).all(axis=1)
+        creased = (mesh.normal_sets.counts[mesh.canonical] > 1) & has_grasp
+        rows = np.flatnonzero(creased[corners.vertices])
+        vertices, normals = corners.vertices[rows], corners.normals[rows, None]
+        points = np.concatenate([mesh.vertices[vertices, None], labels.partners[vertices]], axis=1)
+        grasps = Contacts(
+            points - mesh.center,
+            np.concatenate([normals, labels.partner_normals[vertices]], axis=1),
+        )
+        return rows, grasps, np.asarray(critical_friction_angle(grasps))
 
     def locates(self, model: GraspModel) -> bool:
         """Whether the angles that decide the labels for a model are known, or quickly computed.

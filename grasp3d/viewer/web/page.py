@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from grasp3d.errors import OutputError
-from grasp3d.plots.rendering import check_rendering
+from grasp3d.rendering.opengl import check_rendering
 from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.view_settings import ViewSettings

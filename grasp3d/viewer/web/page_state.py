@@ -35,7 +35,10 @@ def constant_state(session: Session) -> dict[str, Any]:
     names = [item.name for item in session.collection.items]
     hidden = {WINDOW_KEY} if len(names) > 1 else {WINDOW_KEY, OBJECT_KEY}
     shown = [keys for keys in KEYS if not hidden & keys.actions.keys()]
-    return {"names": names, "keys": [{"key": one.names, "text": one.text} for one in shown]}
+    return {
+        "names": names,
+        "keys": [{"key": one.names, "text": one.text, "keys": list(one.actions)} for one in shown],
+    }
 
 
 def page_state(session: Session) -> dict[str, Any]:

@@ -16,7 +16,7 @@
     if (event.ctrlKey || event.metaKey || event.altKey || !window.trame?.state.get("keys")) return;
     const key = ARROWS[event.key] ?? (event.key === "=" ? "+" : event.key.toLowerCase());
     if (window.trame.state.get("help") ? key !== "h" : isTyping(event.target)) return;
-    if (!window.trame.state.get("keys").some((known) => known.key === key)) return;
+    if (!window.trame.state.get("keys").some((known) => known.keys.includes(key))) return;
     event.preventDefault();
     if (ACTIONS[key]) ACTIONS[key]();
     else window.trame.trigger("key", [key]);

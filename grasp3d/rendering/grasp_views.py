@@ -12,7 +12,7 @@ from grasp3d.hand.scene import Scene
 from grasp3d.hand.triangles import Part, Triangles
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import FaceRays
-from grasp3d.plots.rendering import UPRIGHT, View, view_axes
+from grasp3d.rendering.opengl import UPRIGHT, View, view_axes
 from grasp3d.settings import DEGREE
 from grasp3d.settings.lengths import METRES
 

@@ -1,0 +1,141 @@
+"""Pictures of labelled surfaces, and of surfaces in given colours."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from grasp3d import GraspModel, Label, load_mesh, scan_surface
+from grasp3d.arrays import Bytes
+from grasp3d.mesh.primitives import box_mesh, sphere_mesh
+from grasp3d.rendering.opengl import View
+from grasp3d.viewer.scene.framing import MARGIN
+from grasp3d.viewer.scene.marks import MarkedContacts
+from grasp3d.viewer.scene.stills import draw_colors, draw_labels
+from grasp3d.viewer.session.painting import PALETTE
+from tests.helpers import shapes
+from tests.rendering.test_opengl import needs_opengl
+
+FRONT = View(azimuth=0.0, elevation=0.0)
+SIZE = 240
+
+
+def seen(image: Bytes) -> NDArray[np.bool_]:
+    return np.asarray((image < 250).any(axis=2))
+
+
+@pytest.mark.slow
+@needs_opengl
+@pytest.mark.parametrize("size", [(SIZE, SIZE), (300, 150), (170, 330)])
+def test_a_picture_is_filled_by_the_whole_surface(size: tuple[int, int]) -> None:
+    vertices, faces = shapes.box((1.0, 2.0, 0.5))
+    mesh = load_mesh((vertices + (40.0, -7.0, 3.0), faces))
+    image = draw_colors(mesh, np.full(3, 99), view=FRONT, size=size)
+    assert image.shape == (size[1], size[0], 3)
+    assert image.dtype == np.uint8
+    rows, columns = np.nonzero(seen(image))
+    width, height = np.ptp(columns) + 1, np.ptp(rows) + 1
+    scale = min(size[0] / 2.0, size[1] / 0.5) / MARGIN  # pixels per unit
+    assert (width, height) == pytest.approx((2.0 * scale, 0.5 * scale), abs=2.0)
+    middle = (columns.min() + columns.max()) / 2.0, (rows.min() + rows.max()) / 2.0
+    assert middle == pytest.approx(((size[0] - 1) / 2.0, (size[1] - 1) / 2.0), abs=1.5)
+
+
+@pytest.mark.slow
+@needs_opengl
+def test_right_and_up_of_pictures() -> None:
+    mesh = load_mesh(shapes.sphere(3))
+    red_right = np.where(mesh.vertices[:, 1:2] > 0.0, (255, 0, 0), (0, 0, 255))
+    image = draw_colors(mesh, red_right, view=FRONT, size=(SIZE, SIZE))
+    assert image[SIZE // 2, SIZE * 3 // 4].argmax() == 0
+    assert image[SIZE // 2, SIZE // 4].argmax() == 2
+    red_above = np.where(mesh.vertices[:, 2:] > 0.0, (255, 0, 0), (0, 0, 255))
+    image = draw_colors(mesh, red_above, view=FRONT, size=(SIZE, SIZE))
+    assert image[SIZE // 4, SIZE // 2].argmax() == 0
+    assert image[SIZE * 3 // 4, SIZE // 2].argmax() == 2
+
+
+@needs_opengl
+def test_light_changes_only_the_brightness_up_to_the_exact_colour() -> None:
+    color = np.array([240, 120, 60])
+    image = draw_colors(load_mesh(shapes.sphere(4)), color, size=(SIZE, SIZE))
+    edge = seen(image) & ~np.pad(seen(image), 2)[4:, 2:-2] & ~seen(image)
+    inside = image[seen(image) & ~edge].astype(float)
+    kept = inside[np.abs(inside[:, 0] - 2.0 * inside[:, 1]) < 3.0]
+    assert len(kept) > 0.97 * len(inside)  # except rim pixels blended with the background
+    assert kept.max(axis=0) == pytest.approx(color, abs=3.0)
+    assert kept[:, 0].min() > 0.4 * color[0]
+
+
+@pytest.mark.slow
+@needs_opengl
+def test_the_same_picture_every_time() -> None:
+    scanned = scan_surface(box_mesh(max_edge=0.5), GraspModel(friction=1.0), fixed=(0, 0, -1))
+    below = np.array([[0.0, 0.0, -1.0]])
+    first, second = (draw_labels(scanned, size=(SIZE, SIZE), fixed=below) for _ in range(2))
+    assert (first == second).all()
+
+
+@pytest.mark.slow
+@needs_opengl
+def test_contacts_are_visible_and_their_hidden_parts_are_faint() -> None:
+    mesh, white = box_mesh((2.0, 2.0, 2.0)), np.full(3, 255)
+    behind = MarkedContacts(np.array([[-1.0, 0.0, 0.0]]), np.array([[1.0, 0.0, 0.0]]))
+    plain = draw_colors(mesh, white, view=FRONT, size=(SIZE, SIZE))
+    hidden = draw_colors(mesh, white, view=FRONT, size=(SIZE, SIZE), grasp=behind)
+    darker = plain.astype(int).min(axis=2) - hidden.min(axis=2)
+    middle = slice(SIZE // 2 - 8, SIZE // 2 + 8)
+    assert 60 < darker[middle, middle].max() < 200
+    scanned = scan_surface(box_mesh(max_edge=0.5), GraspModel(friction=1.0), fixed=(0, 0, -1))
+    below = np.array([[0.0, 0.0, -1.0]])
+    shown = draw_labels(scanned, view=FRONT, size=(SIZE, SIZE), fixed=below)
+    rows, columns = np.nonzero(shown.max(axis=2) < 60)
+    assert len(rows) > 40
+    assert columns.mean() == pytest.approx((SIZE - 1) / 2.0, abs=1.0)
+    assert np.nonzero(seen(shown))[0].max() > 0.9 * SIZE  # its arrow is within the picture
+
+
+def nearest_label(pixels: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Label with the hue of each shaded pixel."""
+    colors = PALETTE[:3].astype(float)
+    hues = colors / np.linalg.norm(colors, axis=1, keepdims=True)
+    shades = pixels / np.linalg.norm(pixels, axis=1, keepdims=True)
+    return np.asarray((shades @ hues.T).argmax(axis=1))
+
+
+@pytest.mark.slow
+@needs_opengl
+@pytest.mark.parametrize(("degrees", "location"), [(15.0, 0.0), (30.0, 0.0), (15.0, 0.06)])
+def test_every_pixel_of_a_labelled_sphere_agrees_with_the_closed_form(
+    degrees: float, location: float
+) -> None:
+    model = GraspModel(
+        friction=1.0, sensor_resolution=math.radians(degrees), location_error=location
+    )
+    scanned = scan_surface(sphere_mesh(subdivisions=4), model, fixed=(0.0, 0.0, -1.0))
+    image = draw_labels(scanned, view=FRONT, size=(SIZE, SIZE)).astype(float)
+    pixel = (np.arange(SIZE) + 0.5 - SIZE / 2.0) * (2.0 * MARGIN / SIZE)
+    y, z = np.meshgrid(pixel, -pixel)
+    inside = np.hypot(y, z) < 0.98
+    critical = np.arccos(np.clip(z, -1.0, 1.0)) / 2.0  # half the angle from the opposite pole
+    turn = np.arcsin(np.minimum(location / np.cos(critical), 1.0))  # contacts 2 cos apart
+    expected = np.full(z.shape, int(Label.M))
+    expected[critical + turn < model.friction_angle - model.tilt] = Label.S
+    # The line is the bisector of both normals: none within its turn is better.
+    expected[critical >= model.friction_angle + model.tilt] = Label.U
+    found = nearest_label(image[inside])
+    assert (found == expected[inside]).mean() > 0.985
+    near = np.abs(critical + turn - model.friction_angle + model.tilt) < 0.02
+    near |= np.abs(critical - model.friction_angle - model.tilt) < 0.02
+    assert (found == expected[inside])[~near[inside]].all()
+
+
+@needs_opengl
+def test_a_face_is_coloured_up_to_its_creases_in_a_scan() -> None:
+    model = GraspModel(friction=1.0, sensor_resolution=math.radians(15.0))
+    scanned = scan_surface(box_mesh(max_edge=0.25), model, fixed=(0.0, 0.0, -1.0))
+    image = draw_labels(scanned, view=View(azimuth=0.0, elevation=math.pi / 2.0), size=(SIZE, SIZE))
+    full = image[image.min(axis=2) < 80].astype(float)  # not blended with the background
+    assert (nearest_label(full) == Label.S).mean() > 0.999
+    assert set(scanned.label[np.abs(scanned.mesh.vertices[:, :2]).max(axis=1) > 0.999]) != {Label.S}
