@@ -150,7 +150,7 @@ def save_tight(figure: Figure, path: Path) -> None:
 
 
 @styled
-def draw_labels(path: Path) -> None:
+def draw_resolutions(path: Path) -> None:
     """One row per mesh, one column per sensor resolution, and the coarsest resolution for S."""
     friction, resolutions, cell = 0.5, (10.0, 22.6, 40.0), 1.8
     coarsest = 2.0 * math.degrees(math.atan(friction))
@@ -1017,7 +1017,7 @@ def photograph(page: Any, address: str, path: Path) -> None:
 
 
 PICTURES: dict[str, Callable[[Path], None]] = {
-    "labels": draw_labels,
+    "labels": draw_resolutions,
     "grips": draw_grips,
     "reach": draw_reach,
     "meshes": draw_meshes,
