@@ -94,15 +94,39 @@ class _Drawing:
         """Draw the axes of the gripper's frame at the TCP."""
         length = AXIS_LENGTH * self.step
         for name, end in ((horizontal, (length, 0.0)), ("z", (0.0, length))):
-            arrow = {"arrowstyle": "-|>", "color": AXIS_COLORS[name], "linewidth": 1.4,
-                     "shrinkA": 0.0, "shrinkB": 0.0, "mutation_scale": 8.0}  # fmt: skip
-            self.axes.annotate("", end, (0.0, 0.0), arrowprops=arrow, zorder=8)
-            position = 1.2 * end[0], 1.2 * end[1]
-            self.axes.text(
-                *position, name, color=AXIS_COLORS[name], ha="center", va="center", zorder=8,
-                fontweight="bold", path_effects=[withStroke(linewidth=2.0, foreground="white")],
-            )  # fmt: skip
-        self.axes.plot(0.0, 0.0, "o", color=LINE, markersize=3.0, zorder=9)
+            draw_axis(self.axes, np.zeros(2), np.array(end), name, AXIS_COLORS[name])
+        draw_origin(self.axes)
+
+
+def draw_axis(
+    axes: Axes, start: Floats, end: Floats, name: str, color: str, *, at: float = 1.2,
+    beside: str = "center",
+) -> None:  # fmt: skip
+    """Draw an arrow between two points (2,) of a drawing, and its name near its end.
+
+    Args:
+        axes: Axes to draw on.
+        start: Tail of the arrow.
+        end: Its tip.
+        name: Its name.
+        color: Its colour.
+        at: Place of the name, in lengths of the arrow from its tail.
+        beside: Side of the name that is there.
+    """
+    arrow = {"arrowstyle": "-|>", "color": color, "linewidth": 1.4, "shrinkA": 0.0,
+             "shrinkB": 0.0, "mutation_scale": 8.0}  # fmt: skip
+    axes.annotate("", tuple(end), tuple(start), arrowprops=arrow, zorder=8)
+    x, y = start + at * (end - start)
+    axes.text(
+        x, y, name, color=color, ha=beside, va="center", zorder=9,
+        fontsize=7.5, fontweight="bold",
+        path_effects=[withStroke(linewidth=2.0, foreground="white")],
+    )  # fmt: skip
+
+
+def draw_origin(axes: Axes) -> None:
+    """Draw the dot at the origin of a frame."""
+    axes.plot(0.0, 0.0, "o", color=LINE, markersize=3.0, zorder=9)
 
 
 @styled
@@ -156,13 +180,20 @@ def heights(gripper: ParallelGripper) -> tuple[float, float, float]:
     return 1e3 * (front - gripper.palm_length), 1e3 * front, 1e3 * gripper.end
 
 
+def _draw_boxes(view: _Drawing) -> None:
+    """Draw the gripper from the front, open."""
+    back, front, end = heights(view.gripper)
+    palm = 500.0 * view.gripper.palm_thickness
+    view.box(Part.PALM, -palm, palm, back, front)
+    for side in (-1.0, 1.0):
+        _draw_finger(view, side, front, end)
+
+
 def _draw_front(view: _Drawing) -> None:
     gripper, step = view.gripper, view.step
     back, front, end = heights(gripper)
     palm, opening = 500.0 * gripper.palm_thickness, 1e3 * gripper.max_opening
-    view.box(Part.PALM, -palm, palm, back, front)
-    for side in (-1.0, 1.0):
-        _draw_finger(view, side, front, end)
+    _draw_boxes(view)
     lowest = _lowest(gripper, step) - 0.3 * step
     near, far = _finger_sides(gripper, opening)
     view.across(
@@ -278,7 +309,8 @@ def frames_figure(gripper: ParallelGripper) -> Figure:
     for axes in views:
         bare(axes)
     for axes, (names, matrix) in zip(views, frames, strict=False):
-        _draw_gripper(axes, gripper)
+        _draw_boxes(_Drawing(axes, gripper, GAP * tall))
+        draw_origin(axes)
         _draw_frame(axes, matrix, FRAME_LENGTH * tall)
         axes.set_title(_in_lines(names), fontsize=7.5)
         axes.set_xlim(-0.5 * width, 0.5 * width)
@@ -315,33 +347,13 @@ def _in_lines(names: list[str]) -> str:
     return "\n".join(line.rstrip() for line in lines).rstrip(",")
 
 
-def _draw_gripper(axes: Axes, gripper: ParallelGripper) -> None:
-    back, front, end = heights(gripper)
-    palm = 1e3 * gripper.palm_thickness
-    finger, inner = 1e3 * gripper.finger_thickness, 500.0 * gripper.max_opening
-    boxes = [(Part.PALM, -0.5 * palm, back, palm, front - back)]
-    boxes += [(Part.FINGER, left, front, finger, end - front) for left in (inner, -inner - finger)]
-    for part, left, top, width, height in boxes:
-        axes.add_patch(
-            Rectangle((left, top), width, height, facecolor=FILL[part], edgecolor=LINE, alpha=0.45)
-        )
-    axes.plot(0.0, 0.0, "o", color=LINE, markersize=2.5)
-
-
 def _draw_frame(axes: Axes, matrix: Floats, length: float) -> None:
     """Draw the axes of a frame, those toward the viewer last."""
     start = _in_drawing(matrix[:3, 3])
     for k in np.argsort(-matrix[1, :3]):
-        end = start + length * _in_drawing(matrix[:3, k])
-        label_x, label_y = start + 1.22 * (end - start)
         name = "xyz"[k]
-        arrow = {"arrowstyle": "-|>", "color": AXIS_COLORS[name], "shrinkA": 0.0, "shrinkB": 0.0}
-        axes.annotate("", tuple(end), tuple(start), arrowprops=arrow, zorder=8)
-        axes.text(
-            label_x, label_y, name, color=AXIS_COLORS[name], ha="center",
-            va="center", fontsize=7.5, fontweight="bold", zorder=9,
-            path_effects=[withStroke(linewidth=2.0, foreground="white")],
-        )  # fmt: skip
+        end = start + length * _in_drawing(matrix[:3, k])
+        draw_axis(axes, start, end, name, AXIS_COLORS[name])
 
 
 def _in_drawing(vector: Floats) -> Floats:

@@ -4,13 +4,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
 
 from grasp3d.arrays import Floats, unit_rows
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.triangles import COLORS, Part
 from grasp3d.plots.figures import PAGE, bare, new_figure, styled
-from grasp3d.plots.grippers import AXIS_COLORS, LINE
+from grasp3d.plots.grippers import AXIS_COLORS, draw_axis, draw_origin
 from grasp3d.system.names import printable
 
 LIGHT = np.array([0.3, 0.5, 0.8])
@@ -116,24 +115,10 @@ class _Drawing:
         corners = list(triangles[order, :, :2])
         faces = PolyCollection(corners, facecolors=shaded, edgecolors=shaded, linewidths=0.2)
         plot.add_collection(faces)
-        for arrow in self.arrows:
-            _draw_arrow(plot, *arrow)
-        plot.plot(0.0, 0.0, "o", color=LINE, markersize=2.5, zorder=9)
-
-
-def _draw_arrow(
-    plot: Axes, start: Floats, direction: Floats, length: float, color: str, name: str
-) -> None:
-    if np.linalg.norm(direction[:2]) < 0.2:  # toward the viewer, or away
-        return
-    ends = [start + reach * length * direction for reach in (0.0, 1.0, 1.07)]
-    (x0, y0), (x1, y1), (x, y) = ((float(end[0]), float(end[1])) for end in ends)
-    style = {"arrowstyle": "-|>", "color": color, "linewidth": 1.4, "shrinkA": 0.0,
-             "shrinkB": 0.0, "mutation_scale": 8.0}  # fmt: skip
-    plot.annotate("", (x1, y1), (x0, y0), arrowprops=style, zorder=7)
-    outline = [withStroke(linewidth=2.0, foreground="white")]
-    beside = "left" if direction[0] > 0.7 else "right" if direction[0] < -0.7 else "center"
-    plot.text(
-        x, y, name, color=color, ha=beside, va="center", zorder=8, fontsize=7.0,
-        fontweight="bold", path_effects=outline,
-    )  # fmt: skip
+        for start, way, length, color, name in self.arrows:
+            if np.linalg.norm(way[:2]) < 0.2:  # toward the viewer, or away
+                continue
+            beside = "left" if way[0] > 0.7 else "right" if way[0] < -0.7 else "center"
+            end = start + length * way
+            draw_axis(plot, start[:2], end[:2], name, color, at=1.07, beside=beside)
+        draw_origin(plot)

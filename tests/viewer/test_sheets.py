@@ -27,7 +27,7 @@ from grasp3d.rendering.grasp_views import TIP, GraspViews
 from grasp3d.rendering.opengl import View, can_render, screenshot, view_axes
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system.context import running
-from grasp3d.viewer.scene import panes, sheets
+from grasp3d.viewer.scene import panes, stills
 from grasp3d.viewer.scene.framing import aim
 from grasp3d.viewer.scene.sheets import PIXELS, draw_grasps
 from tests.helpers import shapes
@@ -216,7 +216,7 @@ def test_pictures_of_a_sheet_have_one_scale(monkeypatch: pytest.MonkeyPatch) -> 
         scales.append(plotter.renderers[0].camera.parallel_scale)
         return screenshot(plotter)
 
-    monkeypatch.setattr(sheets, "screenshot", noted)
+    monkeypatch.setattr(stills, "screenshot", noted)
     points = [[[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]], [[0.0, 0.0, 0.25], [0.0, 0.0, -0.25]]]
     mesh = box_labels().mesh
     both = evaluate_grasps(mesh, points)
