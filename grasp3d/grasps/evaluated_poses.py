@@ -2,12 +2,12 @@
 
 import math
 from abc import abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.grasps.pose_readings import starting_inside, suspected_reading
@@ -58,9 +58,38 @@ class GivenGrasps(LabelledGrasps):
     def _columns(self) -> Arrays:
         """Results of shape (k,)."""
 
+    def _table_columns(self) -> Arrays:
+        """What tables have besides, shape (k,)."""
+        return {"outcome": self.outcome}
+
     @abstractmethod
     def _settings(self) -> dict[str, Any]:
-        """Settings of the evaluation; angles in radians."""
+        """Settings of the evaluation but for `SUSPECTED`; angles in radians."""
+
+    @abstractmethod
+    def _warnings(self) -> Iterable[str | None]:
+        """What else may make the results wrong; None: nothing."""
+
+    def _all_settings(self) -> dict[str, Any]:
+        return self._settings() | ({SUSPECTED: str(self.reading)} if self.reading else {})
+
+    @cached_property
+    def reading(self) -> PoseReading | None:
+        """Another reading of the poses, which explains them better than the stated one, if any."""
+        table = None if self.scene is None else self.scene.table
+        return suspected_reading(self.mesh, self.given, self.hand, table=table)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What may make the results wrong, one sentence each."""
+        mesh, toward, hand = self.mesh, self.given.poses.copy(), self.hand
+        toward[:, :3, 2] = toward[:, :3, :3] @ getattr(hand, "approach", (0.0, 0.0, 1.0))
+        reach = hand.size / metres_per_unit(mesh)
+        assert mesh.unit is not None
+        wrong = str(self.reading) if self.reading else None
+        wrong = wrong or pose_warning(toward, mesh.center, mesh.size, mesh.unit, reach=reach)
+        tilted = None if self.scene is None else self.scene.tilt_warning(self.given.object_pose)
+        return (*super().warnings, *filter(None, (wrong, tilted, *self._warnings())))
 
     @property
     def hand(self) -> Hand:
@@ -100,8 +129,30 @@ class GivenGrasps(LabelledGrasps):
             for name, column in self.given.columns.items()
             if name not in own and name not in STALE and not name.startswith(GAP)
         }
-        settings = {**self.given.settings, **self._settings()}
+        settings = {**self.given.settings, **self._all_settings()}
         return replace(self.given, hand=self.hand, columns={**others, **own}, settings=settings)
+
+    def to_table(self) -> Any:
+        """Return a `pyarrow.Table` with a row for each pose; nan leaves the cell empty.
+
+        `grasp` (its number from 1), `name`; of grippers `closing`, `label`, `critical_angle`,
+        `max_resolution`, `margin` [rad], `epsilon`, `epsilon_min`, `epsilon_max`, `collides`,
+        `reachable`, `area1`, `area2`, `touch1`, `touch2`, `apart`, `turn` [rad], with a load also
+        `grip_force` and more; `outcome`, `opening`, contacts `x1` `y1` `z1` ... and outward normals
+        `nx1` `ny1` `nz1` ...
+
+        Of hands with joints `label`, `label_fingertips`, `critical_angle`, `max_resolution`,
+        `margin` [rad], `epsilon`, `rank`, `internal`, `structural`, `redundant`, `links`, `gap`,
+        `penetration`, `overlap`, `below_table` [mesh unit], `change` [rad], `shift`, `turn` [rad],
+        `reachable`, `reason`, `outcome`, and `gap_LINK` [mesh unit] of every link that comes near
+        the surface at some pose. With a load also `payload` [kg] and more of what the motors hold,
+        `epsilon_hand` [N], `critical_angle_hand` [rad], `limit` and `label_with_force`.
+        """
+        from grasp3d.system.tables import table_of_columns
+
+        numbers, names = np.arange(1, self.size + 1), np.array(self.given.names)
+        columns = {"grasp": numbers, "name": names, **self._columns(), **self._table_columns()}
+        return table_of_columns(columns, settings=self._all_settings())
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -158,24 +209,6 @@ class EvaluatedPoses(GivenGrasps, SpreadGrasps):
             posture=self.given.posture, object_motion=self.object_motion,
         )  # fmt: skip
 
-    @cached_property
-    def reading(self) -> PoseReading | None:
-        """Another reading of the poses, which explains them better than the stated one, if any."""
-        table = None if self.scene is None else self.scene.table
-        return suspected_reading(self.mesh, self.given, self.hand, table=table)
-
-    @cached_property
-    def warnings(self) -> tuple[str, ...]:
-        """What may make the results wrong, one sentence each."""
-        mesh, poses = self.mesh, self.given.poses
-        reach = self.hand.size / metres_per_unit(mesh)
-        assert mesh.unit is not None
-        reading = str(self.reading) if self.reading else None
-        reading = reading or pose_warning(poses, mesh.center, mesh.size, mesh.unit, reach=reach)
-        inside = None if self.reading else starting_inside(self.state)
-        tilted = None if self.scene is None else self.scene.tilt_warning(self.given.object_pose)
-        return (*super().warnings, *(line for line in (reading, inside, tilted) if line))
-
     def to_poses(self, metrics: MetricValues | None = None) -> GraspPoses:
         """The poses with the results as columns; see `GivenGrasps.to_poses`."""
         poses = super().to_poses(metrics)
@@ -203,37 +236,23 @@ class EvaluatedPoses(GivenGrasps, SpreadGrasps):
             vars(taken)["robustness"] = robustness.take(rows)
         return taken
 
-    def to_table(self) -> Any:
-        """Return a `pyarrow.Table` with a row for each pose; nan leaves the cell empty.
+    def _warnings(self) -> Iterable[str | None]:
+        return [None if self.reading else starting_inside(self.state)]
 
-        `grasp` (its number from 1), `name`, `closing`, `label`, `critical_angle`, `max_resolution`,
-        `margin` [rad], `epsilon`, `epsilon_min`, `epsilon_max`, `opening`, `collides`, `reachable`,
-        `area1`, `area2`, `touch1`, `touch2`, `apart`, `turn` [rad], with a load also `grip_force`
-        and more; `outcome`, contacts `x1` `y1` `z1` ... and outward normals
-        `nx1` `ny1` `nz1` ...
-        """
-        from grasp3d.system.tables import table_of_columns
-
-        columns: dict[str, npt.NDArray[Any]] = {
-            "grasp": np.arange(1, self.size + 1),
-            "name": np.array(self.given.names),
-            **self._columns(),
-            "opening": self.opening,
-            "outcome": self.outcome,
-        }
+    def _table_columns(self) -> Arrays:
+        columns = {"opening": self.opening, **super()._table_columns()}
         outward = 0.0 - self.jaws.normals
         for jaw in range(outward.shape[1]):
             for k, axis in enumerate("xyz"):
                 columns[f"{axis}{jaw + 1}"] = self.jaws.points[:, jaw, k]
                 columns[f"n{axis}{jaw + 1}"] = outward[:, jaw, k]
-        return table_of_columns(columns, settings=self._settings())
+        return columns
 
-    def _columns(self) -> dict[str, npt.NDArray[Any]]:
+    def _columns(self) -> Arrays:
         """Results of shape (k,)."""
         return columns_of(given_poses(self.jaws.area.shape[1]), self)
 
     def _settings(self) -> dict[str, Any]:
         """Settings of the evaluation; angles in radians."""
         own = {"gripper": self.hand.name, "object_motion": self.object_motion}
-        own |= {SUSPECTED: str(self.reading)} if self.reading else {}
         return self.grasps.settings() | own

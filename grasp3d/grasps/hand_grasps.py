@@ -1,6 +1,7 @@
 """Poses of a hand with joints, with the grasps that its links make there."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, NoReturn
@@ -13,16 +14,13 @@ from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import GivenGrasps
 from grasp3d.grasps.hand_reasons import Reasons
 from grasp3d.grasps.motor_holding import MotorForces, MotorHolding, stated_torques
-from grasp3d.grasps.pose_readings import suspected_reading
 from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.postures import ORDER, matched
-from grasp3d.grasps.readings import SUSPECTED, PoseReading
 from grasp3d.hand.articulated.actuation import torques_of, unstated_torques
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE, HandContacts, hand_contacts
 from grasp3d.hand.choices import ContactRule, ObjectMotion
 from grasp3d.hand.jaws import metres_per_unit
-from grasp3d.hand.pose_checks import pose_warning
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.region import allowed_contacts
@@ -409,27 +407,11 @@ class EvaluatedHandGrasps(GivenGrasps):
         holding = self.motor_holding
         return None if holding is None else holding.verdict(self.reachable)
 
-    @cached_property
-    def reading(self) -> PoseReading | None:
-        """Another reading of the poses, which explains them better than the stated one, if any."""
-        return suspected_reading(self.mesh, self.given, self.hand, table=self.scene.table)
-
-    @cached_property
-    def warnings(self) -> tuple[str, ...]:
-        """What may make the results wrong, one sentence each."""
-        mesh, poses = self.mesh, self.given.poses
-        assert mesh.unit is not None
-        reach = self.hand.size / metres_per_unit(mesh)
-        toward = _toward_object(poses, self.hand.approach)
-        wrong = str(self.reading) if self.reading else None
-        wrong = wrong or pose_warning(toward, mesh.center, mesh.size, mesh.unit, reach=reach)
-        tilted = self.scene.tilt_warning(self.given.object_pose)
-        unfelt = None if self.hand.sensors else NO_SENSORS.format(self.hand.name)
+    def _warnings(self) -> Iterable[str | None]:
         order = self.given.settings.get(ORDER)
-        unnamed = f"the order of the joints is {order}" if order else None
-        braked = BRAKES if self.to_hold is not None and self.hand.brakes else None
-        lines = wrong, tilted, unfelt, unnamed, braked
-        return (*super().warnings, *(line for line in lines if line))
+        yield None if self.hand.sensors else NO_SENSORS.format(self.hand.name)
+        yield f"the order of the joints is {order}" if order else None
+        yield BRAKES if self.to_hold is not None and self.hand.brakes else None
 
     def metrics(self, names: str) -> NoReturn:
         """Refuse: measures are for grasps of equal numbers of contacts. Raises SettingError."""
@@ -467,27 +449,6 @@ class EvaluatedHandGrasps(GivenGrasps):
         poses = super().to_poses(metrics)
         return replace(poses, poses=self.contacts.poses, posture=self.contacts.posture)
 
-    def to_table(self) -> Any:
-        """Return a `pyarrow.Table` with a row for each pose; nan leaves the cell empty.
-
-        `grasp` (its number from 1), `name`, `label`, `label_fingertips`, `critical_angle`,
-        `max_resolution`, `margin` [rad], `epsilon`, `rank`, `internal`, `structural`, `redundant`,
-        `links`, `gap`, `penetration`, `overlap`, `below_table` [mesh unit], `change` [rad],
-        `shift`, `turn` [rad], `reachable`, `reason`, `outcome`, and `gap_LINK` [mesh unit] of every
-        link that comes near the surface at some pose. With a load also `payload` [kg] and more of
-        what the motors hold, `epsilon_hand` [N], `critical_angle_hand` [rad], `limit` and
-        `label_with_force`.
-        """
-        from grasp3d.system.tables import table_of_columns
-
-        columns: Arrays = {
-            "grasp": np.arange(1, self.size + 1),
-            "name": np.array(self.given.names),
-            **self._columns(),
-            "outcome": self.outcome,
-        }
-        return table_of_columns(columns, settings=self._settings())
-
     def _columns(self) -> Arrays:
         """Results of shape (k,)."""
         gaps = np.where(np.isfinite(self.contacts.gaps), self.contacts.gaps, math.nan)
@@ -506,9 +467,7 @@ class EvaluatedHandGrasps(GivenGrasps):
             for name, tilt in zip(self.hand.link_names, tilts.tolist(), strict=True)
             if not math.isnan(tilt)
         }
-        suspected = {SUSPECTED: str(self.reading)} if self.reading else {}
         return settings_of(self.mesh, self.model, self.scene) | {
-            **suspected,
             "hand": self.hand.name,
             "contact_rule": self.contacts.rule,
             "contact_distance": self.contact_distance,
@@ -526,13 +485,6 @@ def _ranks(matrices: Floats) -> Ints:
         return np.zeros(len(matrices), dtype=np.int64)
     values = np.linalg.svd(matrices, compute_uv=False)
     return np.asarray((values > RANK * np.maximum(values[:, :1], 1.0)).sum(axis=1))
-
-
-def _toward_object(poses: Floats, approach: Floats) -> Floats:
-    """Poses whose z is the approach direction, as checks of poses expect it."""
-    turned = poses.copy()
-    turned[:, :3, 2] = poses[:, :3, :3] @ approach
-    return turned
 
 
 def evaluate_hand(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.articulated.hand_json import FORMAT, VERSION
+from grasp3d.hand.articulated.presets import FORMAT, VERSION
 from grasp3d.hand.articulated.proposal import articulated_hand_of
 from grasp3d.hand.robot_files import read_links
 
