@@ -1,8 +1,6 @@
 """What a parallel gripper reaches on an object, and whether it collides at given poses."""
 
 import math
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -19,7 +17,7 @@ from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh import ObjectMesh
-from grasp3d.system.context import thread_count
+from grasp3d.system.context import in_threads
 
 CHUNK = 256
 """Grasps that a thread tests in one call."""
@@ -66,26 +64,6 @@ class NormalizedScene(NamedTuple):
         )
         tree = box_tree(surface.points, surface.faces)
         return cls(GripperShape(**lengths), limits, tree)
-
-
-def in_chunks(work: Callable[[slice, Any], None], count: int, angles: int) -> None:
-    """Run work on slices of rows in threads, each with a workspace of its own.
-
-    Args:
-        work: Called with the rows and a `ReachWorkspace`.
-        count: Number of rows.
-        angles: Approach angles of the workspaces.
-    """
-    threads = max(1, min(thread_count(), -(-count // CHUNK)))
-    starts = range(0, count, CHUNK)
-
-    def run(number: int) -> None:
-        workspace = make_workspace(angles)
-        for start in starts[number::threads]:
-            work(slice(start, start + CHUNK), workspace)
-
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(run, range(threads)))
 
 
 def checked_grip(grip: ArrayLike, count: int) -> Any:
@@ -177,7 +155,7 @@ def reach_grasps(
                 scene.tree, workspace, *(array[rows] for array in results),
             )  # fmt: skip
 
-    in_chunks(work, len(points), 1 if tips else angles)
+    in_threads(work, len(points), CHUNK, lambda: make_workspace(1 if tips else angles))
     return Reach.of(mesh, results, 0 if tips else angles)
 
 
@@ -253,7 +231,7 @@ def collides(
             scene.tree, workspace, verdict[rows],
         )  # fmt: skip
 
-    in_chunks(work, count, 1)
+    in_threads(work, count, CHUNK, lambda: make_workspace(1))
     return verdict
 
 

@@ -1,8 +1,8 @@
 """Contact normals: interpolated where smooth, one set per side at creases; of a soft fingertip."""
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows
 from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import Triangles, connected, crowded_edges, paired_edges
 from grasp3d.settings import MeshOptions
-from grasp3d.system.context import thread_count
+from grasp3d.system.context import in_threads
 
 HALF = 0.5
 """Length of a mean of unit normals below which it has no meaningful direction."""
@@ -268,18 +268,13 @@ def patch_areas(net: GeodesicMesh, sources: Ints, radius: float) -> tuple[Floats
     Returns:
         Inward area vectors (n, 3) and areas (n,).
     """
-    threads = min(thread_count(), MOST_THREADS)
     vectors, areas = np.zeros((len(sources), 3)), np.zeros(len(sources))
-    starts = range(0, len(sources), CHUNK)
 
-    def work(number: int) -> None:
-        front = make_front(_vertex_count(net), len(net.faces))
-        for start in starts[number::threads]:
-            part = slice(start, start + CHUNK)
-            patch_vectors(sources[part], radius, net, front, vectors[part], areas[part])
+    def work(part: slice, front: Any) -> None:
+        patch_vectors(sources[part], radius, net, front, vectors[part], areas[part])
 
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(work, range(threads)))
+    sizes = _vertex_count(net), len(net.faces)
+    in_threads(work, len(sources), CHUNK, lambda: make_front(*sizes), most=MOST_THREADS)
     return vectors, areas
 
 

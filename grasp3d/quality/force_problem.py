@@ -24,10 +24,9 @@ normals of the points tilt independently only widens the range.
 """
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -50,7 +49,7 @@ from grasp3d.quality.tasks import Task, Terms
 from grasp3d.quality.wrench_problem import WrenchProblem, part_of
 from grasp3d.quality.wrenches import EpsilonOptions, check_rtol, read_only, wrench_axes
 from grasp3d.settings import check_choice
-from grasp3d.system.context import thread_count
+from grasp3d.system.context import in_threads
 
 Side = Literal["sure", "possible"]
 """Which of the two sets of forces."""
@@ -106,13 +105,11 @@ def problem_over_tilts(
         given = [read_only(one, one.shape) for one in (points, normals, torsion)]
         arrays = (*given, angles, tilts)
 
-        def write(first: int) -> None:
-            rows, scratch = slice(first, first + CHUNK), np.zeros((2, 2))
+        def write(rows: slice, scratch: Any) -> None:
             parts = (array[rows] for array in arrays)
             write_sure_forces(spherical, *parts, *scratch, cones[rows], moments[rows])
 
-        with ThreadPoolExecutor(thread_count()) as executor:
-            list(executor.map(write, range(0, len(tilts), CHUNK)))
+        in_threads(write, len(tilts), CHUNK, lambda: np.zeros((2, 2)))
         tangential = cones[..., COLUMNS - 1] > 0.0
     else:
         widest = np.minimum(angles + tilts, math.pi)

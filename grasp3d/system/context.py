@@ -6,10 +6,12 @@ It is a context variable: what a function calls has the same context, another th
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from numbers import Integral
+from typing import Any
 
 from grasp3d.errors import SettingError, WarningError
 
@@ -133,6 +135,35 @@ def available_processors() -> int:
 def thread_count() -> int:
     """The number of threads that a computation uses."""
     return _context.get().threads or available_processors()
+
+
+def in_threads(
+    work: Callable[[slice, Any], object],
+    count: int,
+    chunk: int,
+    scratch: Callable[[], Any] = object,
+    *,
+    most: int | None = None,
+) -> None:
+    """Run work on slices of rows in threads.
+
+    Args:
+        work: Called with rows and the scratch arrays of its thread.
+        count: Number of rows.
+        chunk: Rows that are worked on at a time.
+        scratch: Makes scratch arrays.
+        most: Threads at most; None: any number.
+    """
+    starts = range(0, count, chunk)
+    threads = max(1, min(thread_count(), len(starts), most or len(starts)))
+
+    def run(number: int) -> None:
+        own = scratch()
+        for start in starts[number::threads]:
+            work(slice(start, min(start + chunk, count)), own)
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(run, range(threads)))
 
 
 def current_progress() -> Progress:

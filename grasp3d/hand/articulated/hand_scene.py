@@ -1,7 +1,5 @@
 """A hand with joints and an object in one frame: where its links are, and what they touch."""
 
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +11,7 @@ from grasp3d.arrays import Floats, Ints
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.link_bodies import reach_along
 from grasp3d.hand.table import Table
-from grasp3d.system.context import thread_count
+from grasp3d.system.context import in_threads
 
 if TYPE_CHECKING:
     from grasp3d.mesh import ObjectMesh
@@ -70,13 +68,13 @@ class HandScene:
         )
         limit = SEARCH * self.distance if search is None else search
 
-        def run(begin: int, end: int, scratch: Any) -> None:
+        def run(rows: slice, scratch: Any) -> None:
             touch(
-                frames, self.distance, limit, begin, end, self.bodies, self.surface, touches,
-                scratch,
+                frames, self.distance, limit, rows.start, rows.stop, self.bodies, self.surface,
+                touches, scratch,
             )  # fmt: skip
 
-        _in_threads(run, count, lambda: make_touch_scratch(self.bodies))
+        in_threads(run, count, CHUNK, lambda: make_touch_scratch(self.bodies))
         return touches
 
     def link_gaps(self, touches: Touches) -> Floats:
@@ -104,10 +102,10 @@ class HandScene:
     def _overlaps(self, frames: Floats, allowed: Ints) -> tuple[Floats, Ints]:
         depths, pairs = np.zeros(len(frames)), np.full((len(frames), 2), -1)
 
-        def run(begin: int, end: int, _scratch: None) -> None:
-            self_overlaps(frames, begin, end, allowed, self.bodies, depths, pairs)
+        def run(rows: slice, _: object) -> None:
+            self_overlaps(frames, rows.start, rows.stop, allowed, self.bodies, depths, pairs)
 
-        _in_threads(run, len(frames), lambda: None)
+        in_threads(run, len(frames), CHUNK)
         return depths, pairs
 
     @cached_property
@@ -130,19 +128,3 @@ class HandScene:
             if depth <= OVERLAPS:
                 return allowed
             allowed[pair[0], pair[1]] = allowed[pair[1], pair[0]] = 1
-
-
-def _in_threads(
-    work: Callable[[int, int, Any], None], count: int, scratch: Callable[[], Any]
-) -> None:
-    """Run work on chunks of poses in threads, each with scratch arrays of its own."""
-    starts = range(0, count, CHUNK)
-    threads = max(1, min(thread_count(), len(starts)))
-
-    def run(number: int) -> None:
-        own = scratch()
-        for start in starts[number::threads]:
-            work(start, min(start + CHUNK, count), own)
-
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(run, range(threads)))
