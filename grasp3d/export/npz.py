@@ -8,8 +8,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from grasp3d.arrays import text_of
-from grasp3d.export.stored import FIELDS, Stored
+from grasp3d.export.stored import FIELDS, Stored, settings_in
 from grasp3d.reading.sources import Source, check_memory
 from grasp3d.surface.fields import Arrays, Field, present
 from grasp3d.surface.label_settings import SETTING, complete_settings
@@ -67,9 +66,7 @@ MEMORY = 4.0
 def read_npz(source: Source) -> Stored | None:
     """Read an NPZ of labels; None: it has none of grasp3d. Raises MeshError."""
     arrays = arrays_of_npz(source, source.path)
-    settings = {
-        name.removeprefix(SETTING): str(v) for name, v in arrays.items() if v.dtype.kind == "U"
-    }
+    settings = settings_in(arrays)
     if not settings:
         return None
     values = {name: array for name, array in arrays.items() if name in FIELDS}
@@ -93,8 +90,7 @@ def arrays_of_npz(source: Source, file: Path | IO[bytes]) -> Arrays:
         check_memory(source, archive.size, MEMORY)
         names = [name for name in archive.names if name in FIELDS or name.startswith(SETTING)]
         arrays = {name: archive.values(name) for name in names}
-        for text in (array for array in arrays.values() if array.dtype.kind == "U"):
-            text_of(text)
+        settings_in(arrays)  # refuses them if they are no texts
     except ValueError as error:
         reason = reason_of(error)
         raise source.error(f"its arrays cannot be read ({reason}); label the mesh again") from error

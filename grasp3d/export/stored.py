@@ -17,6 +17,7 @@ import numpy as np
 
 from grasp3d.arrays import HEADER_ERRORS, Floats, short_repr, text_of
 from grasp3d.errors import GraspError, MeshError
+from grasp3d.export.vtp_arrays import vtp_arrays
 from grasp3d.hand.hand_files import hand_of_line
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Approach, Table
@@ -43,6 +44,7 @@ from grasp3d.surface.vertex_grasps import Reason, SearchReport
 from grasp3d.system.documents import parse_json, problem_of_file
 from grasp3d.system.isolation import CallFailedError, call
 from grasp3d.system.ply_files import settings_of_header
+from grasp3d.system.stored_arrays import Archive
 from grasp3d.system.tables import read_settings
 
 NEEDED = (
@@ -168,6 +170,12 @@ MEMORY, SECONDS, BYTES_PER_SECOND = 4.0, 15.0, 1e6
 _GLB_HEAD = struct.Struct("<4sIIII")
 
 
+def settings_in(arrays: Mapping[str, Array]) -> dict[str, str]:
+    """The settings among arrays. Raises ValueError."""
+    texts = {name: text for name, text in arrays.items() if name.startswith(SETTING)}
+    return {name.removeprefix(SETTING): text_of(text) for name, text in texts.items()}
+
+
 def stored_settings(path: Path) -> dict[str, str] | None:
     """Read the settings in a labelled file, or in a file of grasps.
 
@@ -192,9 +200,8 @@ def _from_ply(path: Path) -> dict[str, str]:
 
 
 def _from_npz(path: Path) -> dict[str, str]:
-    with path.open("rb") as stream, np.load(stream) as arrays:
-        names = [name for name in arrays.files if name.startswith(SETTING)]
-        return {name.removeprefix(SETTING): text_of(arrays[name]) for name in names}
+    archive = Archive(path)
+    return settings_in({n: archive.values(n) for n in archive.names if n.startswith(SETTING)})
 
 
 def _from_glb(path: Path) -> dict[str, Any]:
@@ -219,16 +226,8 @@ def _from_vtp(path: Path) -> dict[str, str]:
         if b"VTKFile" not in stream.read(LONGEST_HEADER):  # VTK prints its errors
             return {}
     seconds = SECONDS + path.stat().st_size / BYTES_PER_SECOND
-    return call(_vtp_settings, str(path.absolute()), memory=MEMORY, seconds=seconds)
-
-
-def _vtp_settings(path: str) -> dict[str, str]:
-    """Settings of a VTP, in a child process: VTK crashes at damaged ones, or takes all memory."""
-    import pyvista
-
-    fields = pyvista.read(path).field_data
-    names = [name for name in fields.keys() if name.startswith(SETTING)]  # noqa: SIM118
-    return {name.removeprefix(SETTING): str(fields[name][0]) for name in names if len(fields[name])}
+    arrays = call(vtp_arrays, str(path.absolute()), memory=MEMORY, seconds=seconds)
+    return settings_in(arrays.get("fields", {}))
 
 
 _READERS: dict[str, Callable[[Path], dict[str, Any] | None]] = {

@@ -4,12 +4,18 @@ import math
 from pathlib import Path
 
 from grasp3d.export.npz import MEMORY
-from grasp3d.export.stored import BYTES_PER_SECOND, SECONDS, Stored, damaged, fingers_of
+from grasp3d.export.stored import (
+    BYTES_PER_SECOND,
+    SECONDS,
+    Stored,
+    damaged,
+    fingers_of,
+    settings_in,
+)
 from grasp3d.export.vtp_arrays import vtp_arrays
 from grasp3d.reading.sources import Source, check_memory
 from grasp3d.surface.conversions import INFINITE
 from grasp3d.surface.fields import Array, Arrays
-from grasp3d.surface.label_settings import SETTING
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import CORNER_NORMALS, CORNERS, VERTICES
 from grasp3d.system.files import atomic_write
@@ -59,11 +65,7 @@ def read_vtp(source: Source) -> Stored | None:
         if not arrays:
             raise source.error(f"is no surface of triangles, or incomplete; {source.hint}")
         points, fields = dict(arrays["points"]), arrays["fields"]
-        settings = {
-            name.removeprefix(SETTING): str(text[0])
-            for name, text in fields.items()
-            if name.startswith(SETTING)
-        }
+        settings = settings_in(fields)
         if not settings:
             return None
         for name, values in points.items():

@@ -4,7 +4,6 @@ Some formats are read in a child process with limits on memory and time, where t
 passed the checks.
 """
 
-import contextlib
 import io
 import logging
 import os
@@ -13,9 +12,6 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-with contextlib.suppress(ImportError):  # Windows has no resource limits
-    import resource
 
 from grasp3d.errors import MeshError, MeshUnreadError
 from grasp3d.reading.archives import check_archive, check_declarations, count_parts
@@ -115,7 +111,7 @@ def _read_in_child(source: Source, unpacked: int) -> RawMesh:
     kind, reason = MeshError, f"{too_much}, or crashed the reader"
     try:
         with _child_lock:
-            return call(parse_limited, absolute, seconds=seconds)
+            return call(parse, absolute, memory=source.max_memory, seconds=seconds)
     except RecursionError as error:
         raise source.damaged("its parts are nested in a cycle or too deeply") from error
     except MeshError as error:
@@ -167,23 +163,6 @@ def parse(source: Source) -> RawMesh:
             "with a surface (not a point cloud, a drawing or another format renamed)?"
         )
     return RawMesh(vertices, faces, source.kind, *stated_unit(declared))
-
-
-def parse_limited(source: Source) -> RawMesh:
-    """Read a file, as `parse` does, with a limit on the memory beyond that of this process.
-
-    Raises:
-        MeshError: It is damaged, or has no triangles.
-        MemoryError: It needs more memory than is allowed.
-    """
-    with contextlib.ExitStack() as stack:
-        with contextlib.suppress(NameError, OSError, ValueError):  # elsewhere than on Linux
-            pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-            limit = pages * os.sysconf("SC_PAGE_SIZE") + int(source.max_memory * 1e9)
-            before = resource.getrlimit(resource.RLIMIT_AS)
-            resource.setrlimit(resource.RLIMIT_AS, (limit, before[1]))
-            stack.callback(resource.setrlimit, resource.RLIMIT_AS, before)
-        return parse(source)
 
 
 _DIRECT = {"stl": read_stl, "ply": read_ply, "obj": read_obj, "off": read_off}
