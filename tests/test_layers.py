@@ -75,7 +75,6 @@ ENGINES = {
     "yaml": {"grasps.pose_files"},
     "h5py": {"grasps.pose_files"},
     "rich": {"cli"},
-    "tyro": {"cli"},
 }
 
 _MODULE = re.compile(r"grasp3d(\.\w+)+")

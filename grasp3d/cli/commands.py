@@ -4,12 +4,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import (
+    POSITIONAL,
+    REPEATED,
     DegreeRanges,
-    Flag,
     FrameOption,
     GivenPoses,
     Guarded,
@@ -25,6 +24,7 @@ from grasp3d.cli.options import (
     Overwriting,
     Quiet,
     Searching,
+    Stated,
     Strict,
     WholeMesh,
     model_help,
@@ -71,14 +71,12 @@ class Batch(Labelling):
 
     inputs: Inputs
 
-    output: Annotated[
-        str, tyro.conf.arg(metavar="FOLDER"), Main("folder for labels, tables and report")
-    ]
+    output: Annotated[str, Stated(metavar="FOLDER"), Main("folder for labels, tables and report")]
     """Folder for the results: labels/, fields/, summary/ and report/; also on an object store."""
 
     cluster: ClusterSettings = field(default_factory=ClusterSettings)
 
-    overwrite: Annotated[Flag, Main("label all meshes again")] = field(default=False, kw_only=True)
+    overwrite: Annotated[bool, Main("label all meshes again")] = field(default=False, kw_only=True)
     """Label all meshes again, and remove labels of other meshes made with other settings."""
 
     grid_friction: NumberRanges = ()
@@ -132,7 +130,7 @@ class Sweep(Guarded):
 
     targets: Annotated[
         Inputs,
-        tyro.conf.arg(metavar="PATH|circle|square|sphere ..."),
+        Stated(metavar="PATH|circle|square|sphere ..."),
         Main("meshes, folders; circle, square, sphere"),
     ]
     """To be given before the options. Mesh files, folders, which are searched recursively, globs in
@@ -170,7 +168,7 @@ class Sweep(Guarded):
     closed form as a part of their radius or half side. Where errors have several values, those of
     friction and sensor resolution are 0.5 and 22.6 unless they are given."""
 
-    heat_map: Flag = False
+    heat_map: bool = False
     """Draw S and M as heat maps over both axes, also for friction and sensor resolution, and for
     four rows or fewer, which otherwise have a panel each."""
 
@@ -198,7 +196,7 @@ class Sweep(Guarded):
                 raise SettingError(f"each fraction must be above 0 and at most 1; got {fraction:g}")
 
 
-At = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="X,Y,Z")]
+At = Annotated[tuple[str, ...], REPEATED, Stated(metavar="X,Y,Z")]
 """Points of a surface, in the mesh's unit or each length with a unit."""
 
 
@@ -293,10 +291,10 @@ class Check(Searching):
     output: Annotated[Path | None, Main("report: .json .csv .parquet")] = None
     """Report: .json with all results, .csv or .parquet with one row per mesh."""
 
-    json: Annotated[Flag, Main("print JSON instead of tables")] = False
+    json: Annotated[bool, Main("print JSON instead of tables")] = False
     """Print JSON instead of tables."""
 
-    strict: Annotated[Flag, Main("exit code 1 also where care is needed")] = field(
+    strict: Annotated[bool, Main("exit code 1 also where care is needed")] = field(
         default=False, kw_only=True
     )
     """Exit code 1 also for meshes whose labels can be trusted with care only."""
@@ -358,8 +356,8 @@ class View(Labelling, TimeLimited):
 
     target: Annotated[
         Path,
-        tyro.conf.Positional,
-        tyro.conf.arg(metavar="PATH"),
+        POSITIONAL,
+        Stated(metavar="PATH"),
         Main("a mesh, a labelled PLY, or the folder of a batch"),
     ]
     """A mesh, a labelled PLY, or the folder of results of `grasp3d batch`."""
@@ -371,14 +369,14 @@ class View(Labelling, TimeLimited):
     contact_rule: Annotated[ContactRule | None, Group("gripper")] = None
     """With --grasps: which contacts the poses make, as in grasp3d evaluate (default: given)."""
 
-    web: Annotated[Flag, Main("serve a page for a browser, open no window")] = False
+    web: Annotated[bool, Main("serve a page for a browser, open no window")] = False
     """Serve a page for a browser instead of opening a window, as where there is no display; each
     visitor has a view of their own."""
 
-    host: Annotated[str, tyro.conf.arg(metavar="ADDRESS")] = "127.0.0.1"
+    host: Annotated[str, Stated(metavar="ADDRESS")] = "127.0.0.1"
     """Address of the page; at 127.0.0.1 only this computer can connect."""
 
-    port: Annotated[int, tyro.conf.arg(metavar="PORT")] = 8080
+    port: Annotated[int, Stated(metavar="PORT")] = 8080
     """Port of the page; if it is in use, the next free one."""
 
     screenshot: Annotated[Path | None, Main("write a picture instead: .png")] = None
@@ -408,8 +406,8 @@ class Evaluate(Guarded, GivenPoses):
 
     contacts: Annotated[
         Path,
-        tyro.conf.Positional,
-        tyro.conf.arg(metavar="CONTACTS"),
+        POSITIONAL,
+        Stated(metavar="CONTACTS"),
         Main("contacts, or poses of a gripper, to evaluate"),
     ]
     """Contact points in the mesh's frame and unit: CSV or Parquet with columns x1 y1 z1 x2 y2 z2
@@ -428,7 +426,7 @@ class Evaluate(Guarded, GivenPoses):
 
     metrics: Annotated[
         str | None,
-        tyro.conf.arg(metavar="all|NAME,NAME"),
+        Stated(metavar="all|NAME,NAME"),
         Group("search"),
         Main("quality measures of the literature"),
     ] = None
@@ -446,7 +444,7 @@ class Evaluate(Guarded, GivenPoses):
 
     contact_rule: Annotated[
         ContactRule | None,
-        tyro.conf.arg(metavar="RULE"),
+        Stated(metavar="RULE"),
         Group("gripper"),
         Main("hands with joints: given, settled or closed"),
     ] = None
@@ -494,22 +492,20 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
     """
 
     grasps: Annotated[
-        tuple[Path, ...], tyro.conf.Positional, Main("poses with outcomes: .csv .h5 .json .yaml")
+        tuple[Path, ...], POSITIONAL, Main("poses with outcomes: .csv .h5 .json .yaml")
     ]
     """Files of poses with outcomes: tables (.csv, .parquet) with px py pz qx qy qz qw and a column
     success (or outcome) of 1 or 0, true or false, yes or no, empty where it was not tried; ACRONYM
     (.h5); GraspDataGen (.yaml); GraspGen, MultiGripperGrasp and the files that grasp3d writes
     (.json)."""
 
-    output: Annotated[
-        Path | None, tyro.conf.arg(metavar="FOLDER"), Main("folder for the report")
-    ] = None
+    output: Annotated[Path | None, Stated(metavar="FOLDER"), Main("folder for the report")] = None
     """Folder for the report: report.html, with figures and pictures, and its tables as CSV
     (default: only prints)."""
 
     mesh_file: Annotated[
         Path | None,
-        tyro.conf.arg(name="mesh", metavar="FILE"),
+        Stated(name="mesh", metavar="FILE"),
         Group("object"),
         Main("mesh of the object of all grasps"),
     ] = None
@@ -518,7 +514,7 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
 
     meshes: Annotated[
         Path | None,
-        tyro.conf.arg(metavar="FOLDER"),
+        Stated(metavar="FOLDER"),
         Group("object"),
         Main("folder of the meshes that the grasps name"),
     ] = None

@@ -5,9 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
-from grasp3d.cli.options import Flag, Forced, LengthOption, Overwriting, Strict, one_word
+from grasp3d.cli.options import Forced, LengthOption, Overwriting, Stated, Strict, one_word
 from grasp3d.contact.sensor import JointEncoders
 from grasp3d.errors import SettingError
 from grasp3d.settings import Radians
@@ -31,7 +29,7 @@ _INTERVAL = one_word(f"NUMBER|LOW{_BETWEEN}HIGH", friction_interval, friction_te
 
 FrictionList = Annotated[
     tuple[Annotated[Interval, _INTERVAL], ...],
-    tyro.conf.arg(
+    Stated(
         help="Coulomb coefficient of friction between fingertip and object, above 0, or the "
         "interval in which it lies, 0.4..0.6. One value or more."
     ),
@@ -53,7 +51,7 @@ class JointOptions:
     """Distance of each joint's axis from the contact; with --parallel-jaws the travel of a jaw per
     revolution of its encoder."""
 
-    parallel_jaws: Flag = False
+    parallel_jaws: bool = False
     """The joints move the jaws of a parallel gripper along the line through both contacts."""
 
     def __post_init__(self) -> None:
@@ -152,10 +150,10 @@ class Design(Overwriting, Strict, Forced):
     ] = None
     """Radius of a hemispherical fingertip (default: 10mm)."""
 
-    flat: Annotated[Flag, Group("fingertip")] = False
+    flat: Annotated[bool, Group("fingertip")] = False
     """The fingertip is flat."""
 
-    cylinder: Annotated[Flag, Group("fingertip")] = False
+    cylinder: Annotated[bool, Group("fingertip")] = False
     """The fingertip is a cylinder of that radius: its normal turns around the axis only."""
 
     fingertip_axes: Annotated[tuple[LengthOption, ...], Group("fingertip")] = ()

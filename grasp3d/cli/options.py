@@ -1,20 +1,18 @@
-"""Options of the commands: their fields and those of settings, as tyro is to parse them.
+"""Options of the commands: their fields and those of settings, and how their words are parsed.
 
 The options of a command are the fields of its dataclass, and those of the settings in it, with the
 docstrings as help. Angles without a unit are degrees there.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from types import GenericAlias, NoneType, UnionType
+from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import docstring_parser
-import tyro
-from tyro.constructors import PrimitiveConstructorSpec
 
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.frames import AUTO, GripperFrame
@@ -35,7 +33,7 @@ from grasp3d.settings import (
 from grasp3d.settings.checks import parse_angle
 from grasp3d.settings.lengths import AnyLength, Length, Measure, Position, parse_length
 from grasp3d.settings.outcome import Outcome
-from grasp3d.settings.parsing import Group, Main, ParsedField
+from grasp3d.settings.parsing import Group, Main
 from grasp3d.settings.pose_error import PoseError, PoseErrorField
 from grasp3d.settings.quantities import Quantity
 from grasp3d.settings.regions import Region
@@ -53,8 +51,31 @@ _METAVARS = {
 
 ValueT = TypeVar("ValueT")
 
-Parser = PrimitiveConstructorSpec[Any]
-"""How words of the command line become a value."""
+POSITIONAL, REPEATED = "positional", "repeated"
+"""Notes on fields: an argument; an option that may be given several times."""
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A note on a field: what its option has other than its type and docstring say."""
+
+    name: str = ""
+    help: str = ""
+    metavar: str = ""
+
+
+@dataclass(frozen=True)
+class Parser:
+    """How words of the command line become a value."""
+
+    metavar: str
+    """Placeholder of the words; empty: there are none, as it is a flag."""
+    parse: Callable[[Sequence[str]], Any]
+    """The value for the words."""
+    text: Callable[[Any], str]
+    """The words for a value, to show a default."""
+    count: int | str = 1
+    """Number of words; *: any."""
 
 
 _GROUPS = {
@@ -75,10 +96,12 @@ class Option:
     """Name of the field."""
     group: str
     """Name of its group."""
-    hint: Any
-    """Its type for tyro, with the parser of its value."""
+    parser: Parser
+    """How its words are parsed."""
     default: Any
-    """Its default for tyro."""
+    """Its default; `MISSING`: none."""
+    repeated: bool
+    """Whether it may be given several times, with a word each."""
     names: tuple[str, ...]
     """What it is given with, the main one last; none: it is positional."""
     metavar: str
@@ -91,7 +114,7 @@ class Option:
     @property
     def is_required(self) -> bool:
         """Whether a command cannot do without it."""
-        return self.default is tyro.MISSING_NONPROP
+        return self.default is MISSING
 
 
 def options_of(kind: Any, group: str = "output") -> Iterator[Option]:
@@ -134,50 +157,31 @@ def _noted(hint: Any) -> tuple[Any, list[Any]]:
 def _option(field: "Field[Any]", hint: Any, text: str, group: str) -> Option:
     """Return an option, with its help, its placeholder, and the parser of its value."""
     base, notes = _noted(hint)
-    own = [note for note in notes if not isinstance(note, Main | Group)]
     stated = {"name": "gripper" if Hand in get_args(base) else field.name, "help": text}
-    for note in own:
-        values = {key: getattr(note, key, None) for key in ("name", "help", "metavar")}
-        stated |= {key: value for key, value in values.items() if value}
-    positional = tyro.conf.Positional in own
+    for note in notes:
+        if isinstance(note, Stated):
+            stated |= {key: value for key, value in vars(note).items() if value}
+    positional = POSITIONAL in notes
     aliases = () if positional else _ALIASES.get(field.name, ())
     names = *aliases, option_name(stated["name"])
-    parsed = _parsed(Annotated[(base, *own)] if own else base, names[-1])
-    metavar, default = _texts(parsed, field.default)
+    parser = _parser(hint, names[-1])
+    default = "" if field.default is MISSING else parser.text(field.default)
     brief = next((str(note) for note in reversed(notes) if isinstance(note, Main)), "")
     group = next((str(note) for note in notes if isinstance(note, Group)), group)
     if default and "(default" not in stated["help"]:
         stated["help"] += f" (default: {default})"
         brief += f" (default: {default})" if brief and default not in {_NONE, "0", "inf"} else ""
-    metavar = _METAVARS.get(field.name) or stated.get("metavar", metavar)
-    argument = tyro.conf.arg(name=stated["name"], aliases=aliases, metavar=metavar)
     return Option(
         field=field.name,
         group="arguments" if positional else group,
-        hint=Annotated[parsed, argument],
-        default=field.default if field.default is not MISSING else tyro.MISSING_NONPROP,
+        parser=parser,
+        default=field.default,
+        repeated=base is Region or REPEATED in notes,
         names=() if positional else names,
-        metavar=metavar,
+        metavar=_METAVARS.get(field.name) or stated.get("metavar", parser.metavar),
         text=stated["help"],
         brief=brief,
     )
-
-
-def _texts(parsed: Any, default: Any) -> tuple[str, str]:
-    """Return the placeholder of a type's values, and the text of a default; empty: none."""
-    base, notes = _noted(parsed)
-    for note in notes:
-        if isinstance(note, PrimitiveConstructorSpec):
-            return note.metavar, "" if default is MISSING else note.str_from_instance(default)[0]
-    if get_origin(base) is tuple:
-        kinds = [kind for kind in get_args(base) if kind is not ...]
-        values = default if isinstance(default, tuple) else ()
-        shown = " ".join(_texts(kind, MISSING)[0] for kind in kinds)
-        words = [_texts(kinds[0], value)[1] for value in values]
-        return shown + " ..." * (... in get_args(base)), " ".join(words) or _NONE
-    if base is bool or default is MISSING:
-        return "" if base is bool else "FILE", ""
-    return "FILE", _NONE if default is None else str(default)
 
 
 @cache
@@ -199,46 +203,37 @@ def option_name(field: str) -> str:
     return f"--{field.replace('_', '-')}"
 
 
-def _parsed(hint: Any, option: str) -> Any:
-    """Return a type with the parsers of the values that tyro would not parse as needed."""
-    if hint is Region:  # given repeatedly, for several parts
-        parts = one_word(f"PART|{_NONE}", partial(Region().parse, option))
-        return Annotated[tuple[Annotated[Any, parts], ...], tyro.conf.UseAppendAction]
-    parser = _parser(hint, option)
-    if parser is not None:
-        return Annotated[Any if _is_parsed(hint) else hint, parser]
-    if get_origin(hint) is Annotated:
-        return Annotated[(_parsed(hint.__origin__, option), *hint.__metadata__)]
-    if get_origin(hint) is tuple:
-        return GenericAlias(tuple, tuple(_parsed(item, option) for item in get_args(hint)))
-    return hint
+def _parser(hint: Any, option: str) -> Parser:
+    """Return the parser of a type of field.
 
-
-def _is_parsed(hint: Any) -> bool:
-    """Return whether a type is that of a field that parses texts itself."""
-    kind = get_origin(hint) or hint
-    return isinstance(kind, type) and issubclass(kind, ParsedField)
-
-
-def _parser(hint: Any, option: str) -> Parser | None:
-    """Return the parser of a type of field; None: tyro's own, which accepts any word.
-
-    Errors are of the settings: one sentence, which names the option, where tyro would print a box.
+    Errors are of the settings: one sentence, which names the option.
     """
-    kinds = get_args(hint) if get_origin(hint) in {Union, UnionType} else (hint,)
-    optional = NoneType in kinds
-    if Radians in kinds:
+    base, notes = _noted(hint)
+    own = next((note for note in notes if isinstance(note, Parser)), None)
+    if known := own or _PARSERS.get(get_origin(base) or base):
+        return known
+    kinds = get_args(base) if get_origin(base) in {Union, UnionType} else (base,)
+    optional, kind = NoneType in kinds, next(one for one in kinds if one is not NoneType)
+    if Radians in kinds or get_args(Radians)[1] in notes:
         return _angle(option, optional=optional)
-    if Hand in kinds:
-        return one_word(f"NAME|FILE|{_NONE}", partial(_hand, option), lambda hand: str(hand.name))
-    if Measure in kinds or get_origin(hint) is Length:
-        kinds = kinds if Measure in kinds else get_args(get_args(hint)[0])
+    if Measure in kinds or get_origin(base) is Length:
+        kinds = kinds if Measure in kinds else get_args(get_args(base)[0])
         return _length(option, optional=NoneType in kinds)
-    if optional and get_origin(kinds[0]) is tuple:
-        return _words([_parser(kind, option) or one_word() for kind in get_args(kinds[0])])
-    if kinds[0] in {int, float} or get_origin(kinds[0]) is Literal:
-        return _plain(option, kinds[0], optional=optional)
-    return _PARSERS.get(get_origin(hint) or hint)
+    if kind is Region or get_origin(kind) is tuple:
+        return _of_tuple(kind, option)
+    if kind in {int, float} or get_origin(kind) is Literal:
+        return _plain(option, kind, optional=optional)
+    of_hand = one_word(f"NAME|FILE|{_NONE}", partial(_hand, option), lambda hand: str(hand.name))
+    return of_hand if Hand in kinds else one_word("FILE", kind, optional=False)
+
+
+def _of_tuple(kind: Any, option: str) -> Parser:
+    """Return the parser of a type of tuples, or of a region, which is one of its parts."""
+    if kind is Region:
+        return _several(one_word(f"PART|{_NONE}", partial(Region().parse, option)))
+    items = get_args(kind)
+    parsers = [_parser(item, option) for item in items if item is not ...]
+    return _several(parsers[0]) if ... in items else _words(parsers)
 
 
 def _plain(option: str, kind: Any, *, optional: bool) -> Parser:
@@ -260,14 +255,21 @@ def _plain(option: str, kind: Any, *, optional: bool) -> Parser:
 
 def _words(parsers: list[Parser]) -> Parser:
     """Return the parser of some words, each with its own."""
-    return PrimitiveConstructorSpec(
-        nargs=len(parsers),
-        metavar=" ".join(one.metavar for one in parsers),
-        instance_from_str=lambda words: tuple(
-            one.instance_from_str([word]) for one, word in zip(parsers, words, strict=True)
-        ),
-        is_instance=lambda _value: True,
-        str_from_instance=lambda value: [_NONE if value is None else str(value)],
+    return Parser(
+        " ".join(one.metavar for one in parsers),
+        lambda words: tuple(one.parse([word]) for one, word in zip(parsers, words, strict=True)),
+        lambda value: _NONE if value is None else str(value),
+        len(parsers),
+    )
+
+
+def _several(one: Parser) -> Parser:
+    """Return the parser of any number of words, all with the same one."""
+    return Parser(
+        f"{one.metavar} ...",
+        lambda words: tuple(one.parse([word]) for word in words),
+        lambda values: " ".join(map(one.text, values)) or _NONE,
+        "*",
     )
 
 
@@ -309,12 +311,10 @@ def one_word(
     def is_none(word: str) -> bool:
         return optional and word.lower() == _NONE
 
-    return PrimitiveConstructorSpec(
-        nargs=1,
-        metavar=metavar,
-        instance_from_str=lambda words: None if is_none(words[0]) else parse(words[0]),
-        is_instance=lambda _value: True,
-        str_from_instance=lambda value: [_NONE if value is None else text(value)],
+    return Parser(
+        metavar,
+        lambda words: None if is_none(words[0]) else parse(words[0]),
+        lambda value: _NONE if value is None else text(value),
     )
 
 
@@ -353,6 +353,7 @@ def _object_pose(word: str) -> ObjectPose:
 
 
 _PARSERS: dict[Any, Parser] = {
+    bool: Parser("", bool, lambda _: ""),
     FrictionField: one_word("NUMBER|LOW..HIGH", optional=False),
     PerFinger: one_word(
         f"NAME=VALUE,...;...|{_NONE}", _fingers, lambda own: str(own) or _NONE, optional=False
@@ -365,28 +366,28 @@ _PARSERS: dict[Any, Parser] = {
 """Parsers by the kind of field of settings; the texts are parsed by the settings themselves."""
 
 
-def model_help(field: str, note: str = "") -> object:
+def model_help(field: str, note: str = "") -> Stated:
     """Return the help of a field of `GraspModel`, for an option of the same name.
 
     Args:
         field: Name of the field.
         note: Sentence added to the help.
     """
-    return tyro.conf.arg(help=f"{_help_texts(GraspModel)[field]} {note}".strip())
+    return Stated(help=f"{_help_texts(GraspModel)[field]} {note}".strip())
 
 
 NumberRanges = Annotated[
-    tuple[str, ...], tyro.conf.arg(metavar="NUMBER|FROM:TO:STEP ..."), Group("sensor")
+    tuple[str, ...], Stated(metavar="NUMBER|FROM:TO:STEP ..."), Group("sensor")
 ]
 """Words for `parse_numbers` and `parse_frictions`."""
 
 DegreeRanges = Annotated[
-    tuple[str, ...], tyro.conf.arg(metavar="DEGREES|FROM:TO:STEP ..."), Group("sensor")
+    tuple[str, ...], Stated(metavar="DEGREES|FROM:TO:STEP ..."), Group("sensor")
 ]
 """Words for `parse_angles`."""
 
 LengthRanges = Annotated[
-    tuple[str, ...], tyro.conf.arg(metavar="LENGTH|FROM:TO:STEP ..."), Group("sensor")
+    tuple[str, ...], Stated(metavar="LENGTH|FROM:TO:STEP ..."), Group("sensor")
 ]
 """Words for `parse_lengths`."""
 
@@ -421,21 +422,18 @@ OutcomeOption = Annotated[
 ]
 """Which values of a file are the outcomes of its grasps, or none."""
 
-Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
-"""An option without a value."""
-
 MeshFile = Annotated[
     Path,
-    tyro.conf.Positional,
-    tyro.conf.arg(help="Mesh file: STL, OBJ, PLY, OFF, GLB, 3MF, ..."),
+    POSITIONAL,
+    Stated(help="Mesh file: STL, OBJ, PLY, OFF, GLB, 3MF, ..."),
     Main("mesh: STL, OBJ, PLY, OFF, GLB, 3MF, ..."),
 ]
 """A mesh to read."""
 
 Inputs = Annotated[
     tuple[str, ...],
-    tyro.conf.Positional,
-    tyro.conf.arg(
+    POSITIONAL,
+    Stated(
         metavar="PATH ...",
         help="Mesh files, folders, which are searched recursively, globs in quotes such as "
         "'lib/**/*.stl', lists of these (.txt, one per line); also on an object store "
@@ -484,7 +482,7 @@ def without(kind: Any, *names: str) -> "partial[Any]":
 class Forced:
     """The option of commands that refuse lengths which are most likely in another unit."""
 
-    force: Flag = False
+    force: bool = False
     """Accept lengths that cannot be meant, such as an opening 500 times the object's size. It
     replaces no files: see --overwrite."""
 
@@ -519,7 +517,7 @@ class GivenPoses:
 class Strict:
     """The option of commands that warn."""
 
-    strict: Flag = False
+    strict: bool = False
     """Take warnings as errors: what they are of is refused, and not written."""
 
 
@@ -527,7 +525,7 @@ class Strict:
 class Overwriting:
     """The option of commands that write files."""
 
-    overwrite: Flag = False
+    overwrite: bool = False
     """Replace existing files, also those made with other settings or by other programs."""
 
 
@@ -535,7 +533,7 @@ class Overwriting:
 class Quiet:
     """The option of commands that print."""
 
-    quiet: Flag = False
+    quiet: bool = False
     """Print nothing but errors."""
 
 

@@ -4,15 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
-from grasp3d.cli.options import LengthOption, Overwriting, Quiet
+from grasp3d.cli.options import POSITIONAL, LengthOption, Overwriting, Quiet, Stated
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE, Radians
 
-_NAME = tyro.conf.arg(metavar="[NAME|FILE]")
-_LINKS = tyro.conf.arg(metavar="LINK LINK")
-_LINK = tyro.conf.arg(metavar="LINK")
+_NAME = Stated(metavar="[NAME|FILE]")
+_LINKS = Stated(metavar="LINK LINK")
+_LINK = Stated(metavar="LINK")
 
 
 @dataclass(frozen=True)
@@ -32,7 +30,7 @@ class Hand(Quiet, Overwriting):
         grasp3d hand allegro.urdf -o allegro.json --picture allegro.png
     """
 
-    hand: Annotated[str, tyro.conf.Positional, _NAME] = ""
+    hand: Annotated[str, POSITIONAL, _NAME] = ""
     """Name of a preset; or a file: JSON, as this command writes it, URDF (.urdf) or a MuJoCo model
     (.xml, .mjcf)."""
 
@@ -81,7 +79,7 @@ class Paper(Quiet):
         grasp3d paper -o paper_mug --friction 0.5 --object meshes/mug.glb
     """
 
-    output: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
+    output: Annotated[Path, Stated(metavar="FOLDER")]
     """Folder for figure_04 to figure_11 and surface_..., each as .svg and .png, and numbers.md;
     created if it is missing. Figures 4 to 6 are drawings, always for the same tip, friction 1 and
     30 degrees."""
@@ -95,7 +93,7 @@ class Paper(Quiet):
     object: Path | None = None
     """Mesh of a real object to scan as well (default: sphere, box and cylinder only)."""
 
-    fixed: Annotated[tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y Z")] = None
+    fixed: Annotated[tuple[float, float, float] | None, Stated(metavar="X Y Z")] = None
     """Position of the fixed finger on the object, in the mesh's frame and unit (default: a contact
     of the two-finger grasp with the largest maximum sensor resolution)."""
 

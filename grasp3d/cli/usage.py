@@ -2,18 +2,15 @@
 
 import re
 import shutil
-from collections.abc import Iterable
-from contextlib import redirect_stderr
-from dataclasses import fields, is_dataclass
+from argparse import SUPPRESS, ArgumentError, ArgumentParser, BooleanOptionalAction
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, fields
 from difflib import get_close_matches
 from functools import partial
-from io import StringIO
 from textwrap import fill, indent
-from typing import Any, get_type_hints
+from typing import Any, NoReturn, get_type_hints
 
-import tyro
 from docstring_parser import parse_from_object
-from tyro.constructors import StructConstructorSpec, StructFieldSpec, StructTypeInfo
 
 from grasp3d.cli.options import Option, options_of, parted, settings_in
 from grasp3d.errors import SettingError
@@ -49,8 +46,9 @@ LEAST_LIKENESS = 0.75
 WIDEST, LONG = 100, 20
 """Most columns of the help; most letters of a placeholder in the short help."""
 
-_REGISTRY = tyro.constructors.ConstructorRegistry()
-_TOO_FEW = re.compile(r"Missing value for argument '(.+?)'\. Expected (\d+) values")
+
+_NEGATIVE = re.compile(r"-[.\d]")
+"""How a negative number begins, such as -1mm, which is no option."""
 
 
 def parse(kind: type, words: list[str]) -> Any:
@@ -65,25 +63,61 @@ def parse(kind: type, words: list[str]) -> Any:
     """
     options, prog = list(options_of(kind)), prog_of(kind)
     names = sorted((name for option in options for name in option.names), key=len)
-    for word in words[: words.index("--") if "--" in words else None]:
-        name = word.partition("=")[0].replace("_", "-")
-        if name.startswith("--") and name.replace("--no-", "--") not in {*names, "--"}:
-            raise SettingError(f"{prog} has no option {name}; {_meant(name, names, prog)}")
-    command: Any
-    box = StringIO()
+    end = words.index("--") if "--" in words else len(words)
+    for number, word in enumerate(words[:end]):
+        name, *value = word.split("=", 1)
+        name = name.replace("_", "-")
+        if name.startswith("--"):
+            if name.replace("--no-", "--") not in names:
+                raise SettingError(f"{prog} has no option {name}; {_meant(name, names, prog)}")
+            words = [*words[:number], "=".join([name, *value]), *words[number + 1 :]]
+    parser = _Words(prog=prog, add_help=False, allow_abbrev=False, exit_on_error=False)
+    parser._negative_number_matcher = _NEGATIVE  # noqa: SLF001, others are no numbers
+    for one in options:
+        parser.add_argument(*(one.names or (one.field,)), **_arguments(one))
     try:
-        with redirect_stderr(box):
-            command, extra = tyro.cli(
-                kind, prog=prog, args=words, registry=_REGISTRY, return_unknown_args=True,
-                config=(tyro.conf.DisallowNone,),
-            )  # fmt: skip
-    except SystemExit as error:
-        raise SettingError(_sentence(box.getvalue(), options, prog)) from error
+        found, extra = parser.parse_known_args(words)
+    except ArgumentError as error:
+        raise SettingError(_sentence(error, options)) from error
     if extra:
         takes = " ".join(one.metavar for one in options if not one.names) or "options only"
         unit = "; a length has its unit without a space, as in 80mm" if extra[0] in METRES else ""
         raise SettingError(f"{extra[0]!r} is one too many: {prog} takes {takes}{unit}")
-    return command
+    return _made(kind, **{one.field: _value(one, vars(found)) for one in options})
+
+
+class _Words(ArgumentParser):
+    """A parser of words whose errors are those of settings."""
+
+    def error(self, message: str) -> NoReturn:
+        """Name the arguments and options that are missing."""
+        names = (part.partition("/")[0] for part in message.rpartition(": ")[2].split(", "))
+        raise SettingError(f"{self.prog} needs {', '.join(names)}; see {self.prog} --help")
+
+
+def _arguments(option: Option) -> dict[str, Any]:
+    """Return how argparse takes the words of an option."""
+    named: dict[str, Any] = {"dest": option.field, "required": option.is_required}
+    shared = {"default": SUPPRESS, **(named if option.names else {"metavar": option.metavar})}
+    if not option.parser.metavar:
+        return {**shared, "action": BooleanOptionalAction}
+    if option.repeated:
+        return {**shared, "action": "append"}
+    count = option.parser.count
+    single = None if option.is_required or option.names else "?"
+    return {**shared, "nargs": single if count == 1 else count}
+
+
+def _value(option: Option, found: Mapping[str, Any]) -> Any:
+    """Return the value of an option, or its default."""
+    words = found.get(option.field, option.default)
+    if option.field not in found and option.default is not MISSING:
+        return words
+    if words is MISSING:
+        words = []  # any number of arguments, of which none is given
+    if isinstance(words, bool):
+        return words
+    return option.parser.parse([words] if isinstance(words, str) else words)
 
 
 def _meant(name: str, names: list[str], prog: str) -> str:
@@ -93,17 +127,15 @@ def _meant(name: str, names: list[str], prog: str) -> str:
     return f"did you mean {alike[0]}?" if alike else f"all options: {prog} {HELP_ALL}"
 
 
-def _sentence(box: str, options: Iterable[Option], prog: str) -> str:
-    """Return what tyro prints in a box, of words that are missing, as a sentence."""
-    rows = [row.strip("│╭╮╰╯─ ") for row in box.splitlines()]
-    text = " ".join(filter(None, rows))
-    if few := _TOO_FEW.search(text):
-        name = few[1].rpartition("/")[2]
-        [metavar] = [one.metavar for one in options if name in one.names]
-        return f"{name} needs {'a value' if few[2] == '1' else f'{few[2]} values'}: {metavar}"
-    names = [(*one.names, one.metavar)[0] for one in options if one.is_required]
-    missing = ", ".join(name for name in names if name in text)
-    return f"{prog} needs {missing}; see {prog} --help" if missing else text
+def _sentence(error: ArgumentError, options: Iterable[Option]) -> str:
+    """Return what is wrong with the words of an option."""
+    name = (error.argument_name or "").rpartition("/")[2]
+    name = name.replace("--no-", "--")
+    [option] = [one for one in options if name in one.names]
+    if not option.metavar:
+        return f"{name} takes no value"
+    count = option.parser.count
+    return f"{name} needs {'a value' if count == 1 else f'{count} values'}: {option.metavar}"
 
 
 def groups_of(kind: type) -> dict[str, list[Option]]:
@@ -177,19 +209,6 @@ def examples_of(kind: type) -> str:
     """
     [examples] = parse_from_object(kind).examples
     return indent(examples.description or "", "  ")
-
-
-@_REGISTRY.struct_rule
-def _rule(info: StructTypeInfo) -> StructConstructorSpec | None:
-    """Return how tyro makes a command: of all its options, whatever settings they are in."""
-    kind: Any = info.type
-    if not is_dataclass(parted(kind)[0]):
-        return None
-    specs = (
-        StructFieldSpec(name=one.field, type=one.hint, default=one.default)
-        for one in options_of(kind)
-    )
-    return StructConstructorSpec(partial(_made, kind), tuple(specs))
 
 
 def _made(kind: Any, /, **values: Any) -> Any:
