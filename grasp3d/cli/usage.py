@@ -64,13 +64,11 @@ def parse(kind: type, words: list[str]) -> Any:
     options, prog = list(options_of(kind)), prog_of(kind)
     names = sorted((name for option in options for name in option.names), key=len)
     end = words.index("--") if "--" in words else len(words)
-    for number, word in enumerate(words[:end]):
-        name, *value = word.split("=", 1)
-        name = name.replace("_", "-")
-        if name.startswith("--"):
-            if name.replace("--no-", "--") not in names:
-                raise SettingError(f"{prog} has no option {name}; {_meant(name, names, prog)}")
-            words = [*words[:number], "=".join([name, *value]), *words[number + 1 :]]
+    words = [*map(_hyphened, words[:end]), *words[end:]]
+    for word in words[:end]:
+        name = word.partition("=")[0]
+        if name.startswith("--") and name.replace("--no-", "--") not in names:
+            raise SettingError(f"{prog} has no option {name}; {_meant(name, names, prog)}")
     parser = _Words(prog=prog, add_help=False, allow_abbrev=False, exit_on_error=False)
     parser._negative_number_matcher = _NEGATIVE  # noqa: SLF001, others are no numbers
     for one in options:
@@ -84,6 +82,12 @@ def parse(kind: type, words: list[str]) -> Any:
         unit = "; a length has its unit without a space, as in 80mm" if extra[0] in METRES else ""
         raise SettingError(f"{extra[0]!r} is one too many: {prog} takes {takes}{unit}")
     return _made(kind, **{one.field: _value(one, vars(found)) for one in options})
+
+
+def _hyphened(word: str) -> str:
+    """Return a word with the name of its option as it is declared: `--max_edge` is accepted."""
+    name, equals, value = word.partition("=")
+    return f"{name.replace('_', '-')}{equals}{value}" if name.startswith("--") else word
 
 
 class _Words(ArgumentParser):
