@@ -9,6 +9,7 @@ import numpy as np
 
 from grasp3d.cli.report import Report, escaped, table_of
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated.plausible_numbers import implausible
 from grasp3d.hand.articulated.presets import NAMES, content_of
 
 JOINTS = ("joint", "moves", "from,\n°", "to,\n°", "open,\n°", "closes", "torque,\nN m")
@@ -50,6 +51,7 @@ def print_articulated(hand: ArticulatedHand, paths: Iterable[Path] = ()) -> None
     report.table(table_of(JOINTS, _joints(hand), texts=2))
     report.table(table_of(LINKS, _links(hand), texts=3))
     report.fields(_rows(hand))
+    report.warnings(implausible(hand))
     for path in paths:
         report.written(path)
 
@@ -91,7 +93,7 @@ def _rows(hand: ArticulatedHand) -> Iterator[tuple[str, str]]:
     for coupling in hand.couplings:
         pairs = zip(coupling.joints, coupling.ratios, strict=True)
         yield f"{coupling.kind} coupling", ", ".join(f"{name} : {ratio:g}" for name, ratio in pairs)
-    slides = {joint.name for joint in hand.tree.joints.values() if joint.kind == "slides"}
+    slides = hand.slides
     for tendon in hand.tendons:
         least, most = tendon.tension
         arms = ", ".join(

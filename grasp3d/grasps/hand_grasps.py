@@ -19,6 +19,7 @@ from grasp3d.grasps.postures import ORDER, matched
 from grasp3d.hand.articulated.actuation import torques_of, unstated_torques
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE, HandContacts, hand_contacts
+from grasp3d.hand.articulated.plausible_numbers import implausible
 from grasp3d.hand.choices import ContactRule, ObjectMotion
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.scene import Scene
@@ -412,6 +413,9 @@ class EvaluatedHandGrasps(GivenGrasps):
         yield None if self.hand.sensors else NO_SENSORS.format(self.hand.name)
         yield f"the order of the joints is {order}" if order else None
         yield BRAKES if self.to_hold is not None and self.hand.brakes else None
+        yield from implausible(self.hand)
+        if self.motor_holding is not None:
+            yield from self.motor_holding.doubts
 
     def metrics(self, names: str) -> NoReturn:
         """Refuse: measures are for grasps of equal numbers of contacts. Raises SettingError."""

@@ -7,15 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Bools, Floats, angles_between
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand
 from grasp3d.hand.articulated.contacts import HandContacts
 from grasp3d.hand.scene import LEVEL, Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import MAX_FINGERS
 from grasp3d.settings.lengths import METRES
-
-BEYOND = 1e-3
-"""Angle [rad], or length [m], by which a joint may exceed its limit through rounding."""
 
 
 class Reasons:
@@ -32,7 +29,6 @@ class Reasons:
         self, hand: ArticulatedHand, mesh: ObjectMesh, contacts: HandContacts, tolerance: float
     ) -> None:
         self._hand, self._contacts, self._tolerance = hand, contacts, tolerance
-        self._kinds = {joint.name: joint.kind for joint in hand.tree.joints.values()}
         self._millimetres = 1000.0 * METRES[mesh.unit or "m"]
         self._texts = [""] * len(contacts.poses)
         self.kinds = [""] * len(self._texts)
@@ -112,7 +108,7 @@ class Reasons:
         ]
 
     def _motion(self, joint: str, value: float) -> str:
-        if self._kinds[joint] == "slides":
+        if joint in self._hand.slides:
             return f"{1000.0 * value:.3g} mm"
         return f"{math.degrees(value):.2g}°" if value < 0.1 else f"{math.degrees(value):.0f}°"
 

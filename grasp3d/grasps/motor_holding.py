@@ -13,6 +13,7 @@ from grasp3d.contact.contacts import Contacts
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.actuation import actuation_of, torques_of, unstated_torques
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated.plausible_numbers import too_strong
 from grasp3d.quality.hand_forces.critical_angle import hand_closes, hand_critical_angle
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
 from grasp3d.quality.hand_forces.payloads import (
@@ -283,6 +284,15 @@ class MotorHolding:
     def epsilon(self) -> Floats:
         """Epsilon at the perceived normals [N], shape (k,); nan: no grasp."""
         return self.forces.epsilon(self.friction[1], self.torque_scale)
+
+    @property
+    def doubts(self) -> Iterator[str]:
+        """Torques of the load that are hardly true, one sentence each."""
+        hand, load = self.forces.hand, self.load.load
+        motors = [name for name in hand.joint_names if name in _motors(hand)]
+        options = {"torque_limits": motors, "unstated_torques": unstated_torques(hand)}
+        for name, joints in options.items():
+            yield from too_strong(hand, name, dict.fromkeys(joints, getattr(load, name) or 0.0))
 
     @property
     def link_weights(self) -> str:

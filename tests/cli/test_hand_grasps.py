@@ -168,6 +168,16 @@ def test_load(folder: Path) -> None:
     assert row.count("S") == 3  # all links, fingertips, held
 
 
+def test_options_and_descriptions_that_no_hand_has_are_named(folder: Path) -> None:
+    text = printed("evaluate", *POSES, "--mass", "1g", "--torque-limits", "2000", cwd=folder)
+    assert "warning: torque_limits: 2000 N at slide_0, slide_1, slide_2, slide_3 is more" in text
+    assert "from 500 N on: is it in mN, and 2 N meant?" in text
+    content = json.loads((folder / "sliders.json").read_text()) | {"torques": {"slide_0": 2000}}
+    (folder / "sliders.json").write_text(json.dumps(content))
+    for words in (("evaluate", *POSES, "--overwrite"), ("hand", "sliders.json")):
+        assert "warning: torques: 2000 N at slide_0 is more" in printed(*words, cwd=folder)
+
+
 def test_what_motors_do_not_hold_is_not_surely_held(folder: Path) -> None:
     text = printed("evaluate", *POSES, "--mass", "5kg", "--torque-limits", "10", cwd=folder)
     assert "surely held and reached: 0 of " in text

@@ -1,6 +1,7 @@
 """Descriptions of hands with joints: proposals, JSON files and hands that are known by name."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from grasp3d import read_hand
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.hand_json import KEYS
+from grasp3d.hand.articulated.plausible_numbers import implausible
 from grasp3d.hand.articulated.presets import NAMES, content_of
 from grasp3d.hand.articulated.proposal import articulated_hand_of
 from grasp3d.hand.hand import Hand
@@ -99,7 +101,7 @@ STATED: dict[str, Any] = {
         {"kind": "rigid", "joints": ["knuckle0", "bend0"], "ratios": [2.0, 1.0]},
         {"kind": "differential", "joints": ["knuckle1", "bend1"], "ratios": [1.0, 1.0]},
     ],
-    "preshapes": {"open": {"bend1": -0.1}, "wide": {"knuckle0": 0.2}},
+    "preshapes": {"open": {"bend1": -0.1}, "wide": {"knuckle0": -0.2}},
     "closing": {"bend1": -2.0},
     "source": "a data sheet",
 }
@@ -118,7 +120,7 @@ def test_what_a_description_states_is_so(tmp_path: Path) -> None:
     np.testing.assert_array_equal(hand.torques, [np.nan, np.nan, 1.5, np.nan, np.nan])
     np.testing.assert_array_equal(hand.closing, [0.0, 0.0, -2.0, 0.0, 0.0])
     np.testing.assert_array_equal(hand.preshapes["open"], [0.0, 0.0, -0.1, 0.0, 0.0])
-    np.testing.assert_array_equal(hand.preshapes["wide"], [0.2, 0.0, 0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(hand.preshapes["wide"], [-0.2, 0.0, 0.0, 0.0, 0.0])
     assert [one.kind for one in hand.couplings] == ["rigid", "differential"]
     assert hand.assumed == ()
 
@@ -142,6 +144,14 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
             "preshapes": {"open": {"bend0": 0, "bend1": 0}},
         },
         "bend1 follows bend0, .*: take it out of closing and torques and the preshape open",
+    ),
+    "degrees": (
+        {"preshapes": {"open": {"bend0": -20}}},
+        r"preshape open: bend0 is at -20 rad \(-20° are -0.349 rad\), beyond the limits of bend0",
+    ),
+    "a limit": (
+        {"preshapes": {"open": {"bend0": 0.01}}},
+        "bend0 is at 0.01 rad, beyond the limits",
     ),
     "a coupled joint": (
         {"couplings": [{"kind": "rigid", "joints": ["a", "b"], "ratios": [1, 1]}]},
@@ -178,6 +188,46 @@ def test_wrong_descriptions_are_refused(tmp_path: Path, case: str) -> None:
     path.write_text(json.dumps({**base, **changed}), encoding="utf-8")
     with pytest.raises(SettingError, match=rf"hand[.]json: .*{words}"):
         read_hand(path)
+
+
+UNLIKELY: dict[str, tuple[dict[str, Any], str]] = {
+    "torques": ({"torques": {"bend0": 200}}, "200 N m at bend0 .*in N mm, and 0.2 N m meant"),
+    "arms": (
+        {"tendons": [{"arms": {"bend0": -10}, "tension": 60}]},
+        "600 N m at bend0 .*arms in m",
+    ),
+    "brakes": ({"brakes": {"bend0": 2500}}, "2500 N m at bend0 .*from 50 N m on"),
+    "stiffness": ({"springs": {"bend0": {"stiffness": 50}}}, "75 N m at bend0 .*N m/rad"),
+    "rest": (
+        {"springs": {"bend0": {"stiffness": 0.01, "rest": -20}}},
+        "at rest at -20, far beyond",
+    ),
+    "grams": ({"masses": {"outer0": {"mass": 20}}}, "20 kg at .* in outer0 .*mass in kg"),
+    "center": ({"masses": {"outer0": {"mass": 0.02, "center": [0, 0, 15]}}}, "its center in m"),
+    "resolution": ({"sensors": {"outer0": 2}}, "115°: it is stated in radians, and 2° are 0.0349"),
+    "turns": (
+        {"preshapes": {"open": {"knuckle0": -20}}},
+        "-20 rad, more than a turn: -20° are -0.3",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", UNLIKELY)
+def test_numbers_that_no_hand_has_are_named(tmp_path: Path, case: str) -> None:
+    three_fingers(tmp_path, kind="continuous")
+    base = {"format": "grasp3d articulated hand", "version": 1, "description": "three.urdf"}
+    changed, words = UNLIKELY[case]
+    path = tmp_path / "hand.json"
+    path.write_text(json.dumps({**base, **changed}), encoding="utf-8")
+    (said,) = implausible(read(path))
+    assert re.search(words, said)
+    path.write_text(json.dumps(base), encoding="utf-8")
+    assert not [*implausible(read(path))]
+
+
+@pytest.mark.parametrize("name", HANDS)
+def test_nothing_of_known_hands_is_unlikely(name: str) -> None:
+    assert not [*implausible(read(hand_file(name)))]
 
 
 def test_only_the_palm_is_named_beside_a_model(tmp_path: Path) -> None:

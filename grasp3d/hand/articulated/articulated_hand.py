@@ -35,6 +35,10 @@ class Coupling:
     """Of their values, or of their torques."""
 
 
+BEYOND = 1e-3
+"""Angle [rad], or length [m], by which a joint may exceed its limit through rounding."""
+
+
 @dataclass(frozen=True)
 class JointRange:
     """The limits of a joint that moves, whose value a joint of a posture states."""
@@ -101,6 +105,11 @@ class ArticulatedHand:
         """The p joints of a posture, in their order in the file: without those that follow."""
         moving = (joint for joint in self.tree.joints.values() if joint.kind != "fixed")
         return tuple(joint.name for joint in moving if joint.follows is None)
+
+    @cached_property
+    def slides(self) -> frozenset[str]:
+        """Joints that slide."""
+        return frozenset(one.name for one in self.tree.joints.values() if one.kind == "slides")
 
     @cached_property
     def ranges(self) -> tuple[JointRange, ...]:

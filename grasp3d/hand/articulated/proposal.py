@@ -28,12 +28,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from grasp3d.arrays import Bools, Floats, locked, unit_rows
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, Coupling
+from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand, Coupling
+from grasp3d.hand.articulated.plausible_numbers import largest_torque
 from grasp3d.hand.link_tree import LinkTree
-
-PLAUSIBLE_TORQUE, PLAUSIBLE_ELSEWHERE = 5.0, 100.0
-"""Efforts from which on a finger's motor, or another one, is not believed [N m]; forces [N] are
-believed up to 100 times that."""
 
 FARTHEST_APPROACH = 65.0
 """Largest angle between the approach direction and the way to where fingertips meet [degrees]."""
@@ -373,6 +370,8 @@ class _Proposal:
             name: locked(self._by_name(values, self.zero, f"preshape {name}"))
             for name, values in stated.items()
         }
+        for name, posture in found.items():
+            self._check_limits(name, posture)
         if "open" not in found:
             turned = (closing == 0.0) & (np.abs(self._meeting - self.zero) > TURNED)
             turned &= ~self._spreads(closing)
@@ -383,6 +382,20 @@ class _Proposal:
                 + (f", but as where the fingertips meet: {', '.join(others)}" if others else "")
             )
         return found
+
+    def _check_limits(self, name: str, posture: Floats) -> None:
+        """Refuse a preshape beyond the limits of joints. Raises SettingError."""
+        for one in self.bare.ranges:
+            if (excess := one.excess(posture[None])[0]) > BEYOND:
+                low, high = one.limits
+                joint, value = self.names[one.column], posture[one.column]
+                unit, meant = "m" if joint in self.bare.slides else "rad", ""
+                if unit == "rad" and excess > 1.0:
+                    meant = f" ({value:g}° are {np.radians(value):.3g} rad)"
+                raise self.tree.error(
+                    f"preshape {name}: {joint} is at {value:g} {unit}{meant}, beyond the limits of "
+                    f"{one.name}, from {low:.4g} to {high:.4g}"
+                )
 
     def _approach(self, opened: Floats) -> Floats:
         if "approach" in self.known:
@@ -430,15 +443,12 @@ class _Proposal:
                 if coupling.kind == "differential" and self.known["torques"].get(name) == 0.0:
                     raise self.tree.error(f"torques: the motor of {name} pulls others; it is not 0")
             return stated
-        beyond = {self.tree.joints[link].name for link in self.bare.beyond_palm}
         found, odd = unknown.copy(), dict[float, list[str]]()
         for number, name in enumerate(self.names):
             effort = joints[name].effort
             if effort is None or (name in pulled and not of_file):
                 continue
-            most = PLAUSIBLE_TORQUE if name in beyond else PLAUSIBLE_ELSEWHERE
-            most *= 100.0 if joints[name].kind == "slides" else 1.0
-            if 0.0 < effort < most:
+            if 0.0 < effort < largest_torque(self.bare, name):
                 found[number] = effort
             else:
                 odd.setdefault(effort, []).append(name)
