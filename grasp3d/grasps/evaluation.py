@@ -24,7 +24,7 @@ from grasp3d.hand.hand import Hand, touching
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.pose_checks import check_near, numbers_text
 from grasp3d.hand.scene import Scene
-from grasp3d.hand.table import Approach, Table
+from grasp3d.hand.table import Approach, Table, best_approach
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.region import allowed_contacts
 from grasp3d.mesh.repair.work import RepairStep
@@ -558,9 +558,7 @@ def _check_external(poses: GraspPoses) -> None:
 
 def _within_approach(poses: Floats, scene: Scene) -> Bools:
     """Whether each approach direction is allowed, (k,)."""
-    direction = scene.approach.direction
-    if direction is None and scene.table is not None:
-        direction = -scene.table.normal
+    direction = best_approach(scene.table, scene.approach)
     if direction is None:
         return np.ones(len(poses), dtype=np.bool_)
     angle = np.arccos(np.clip(poses[:, :3, 2] @ direction, -1.0, 1.0))

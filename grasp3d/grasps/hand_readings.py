@@ -94,9 +94,7 @@ class JointTrial(Trial):
 
 def _frames(stated: GripperFrame, hand: ArticulatedHand) -> Iterator[GripperFrame]:
     """Links that may carry the pose, and the stated frame turned by right angles."""
-    path = [hand.palm]
-    while path[-1] in hand.tree.joints:
-        path.append(hand.tree.joints[path[-1]].parent)
+    path = hand.tree.chain(hand.palm)
     fixed = [
         name for link in path for name in hand.tree.children(link)
         if hand.tree.joints[name].kind == "fixed"

@@ -10,6 +10,7 @@ from grasp3d.arrays import Bools, Floats, angles_between
 from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand
 from grasp3d.hand.articulated.contacts import HandContacts
 from grasp3d.hand.scene import LEVEL, Scene
+from grasp3d.hand.table import best_approach
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import MAX_FINGERS
 from grasp3d.settings.lengths import METRES
@@ -138,9 +139,7 @@ class Reasons:
         return wrong, [f"{self._length(value)} below the table" for value in depth[wrong]]
 
     def _approach(self, scene: Scene) -> tuple[Bools, list[str]]:
-        direction, within = scene.approach.direction, scene.approach.within
-        if direction is None and scene.table is not None:
-            direction = -scene.table.normal
+        direction, within = best_approach(scene.table, scene.approach), scene.approach.within
         # The table itself is what keeps hands from coming from below.
         if direction is None or within >= LEVEL:
             return np.zeros(len(self._texts), dtype=np.bool_), []

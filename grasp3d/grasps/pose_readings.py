@@ -25,7 +25,6 @@ from grasp3d.grasps.readings import (
     frame_key,
     frame_words,
     framed,
-    same,
 )
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.closed_jaws import Closing
@@ -143,11 +142,8 @@ def suspected_reading(
     reading = chosen[0].reading if len(chosen) == 1 else None
     return PoseReading(
         words=reading.words if reading else _several(chosen, found, first, hand),
-        frame=reading.frame if reading and reading.can_be_applied else None,
-        posture=reading.posture if reading else same,
+        best=reading,
         fit=trial.fit,
-        change=reading.change if reading else same,
-        factor=reading.factor if reading else 1.0,
         fitting=(chosen[0] if chosen else first).fitting,
         stated=stated.fitting,
         tried=tried.count,

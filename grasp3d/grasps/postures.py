@@ -59,15 +59,12 @@ class Wrist:
 
 def wrist_of(hand: ArticulatedHand) -> Wrist:
     """The joints between the base and the palm of a hand."""
-    tree, link = hand.tree, hand.palm
-    path: list[str] = []
-    while link in tree.joints:
-        path.append(link)
-        link = tree.joints[link].parent
+    tree = hand.tree
+    *path, base = tree.chain(hand.palm)
     moved = [link for link in path if tree.joints[link].name in hand.joint_names]
     names = tuple(tree.joints[link].name for link in reversed(moved))
     if not moved:
-        return Wrist((), link, link)
+        return Wrist((), base, base)
     return Wrist(names, tree.joints[moved[0]].parent, moved[0])
 
 

@@ -88,15 +88,8 @@ class PoseReading:
 
     words: str
     """What is different, such as 'with --frame graspgen'."""
-    frame: GripperFrame | None
-    """Frame of the gripper in which the file has the poses; None: several readings fit as well, and
-    none is meant."""
-    change: Change
-    """What else is different."""
-    factor: float
-    """Factor by which all lengths are different."""
-    posture: Change = same
-    """What is different in the values of joints, from those that were read, shape (k, p)."""
+    best: "Alternative | None"
+    """The reading; None: several fit as well, and none is meant."""
     fit: str
     """What is the case in poses that fit, such as 'the jaws close on the object'."""
     fitting: int
@@ -111,6 +104,11 @@ class PoseReading:
     """Frame of the gripper that is stated."""
     hand: Hand
     """The gripper."""
+
+    @property
+    def frame(self) -> GripperFrame | None:
+        """Frame of the gripper in which the file has the poses; None: it takes more than that."""
+        return self.best.frame if self.best and self.best.can_be_applied else None
 
     def __str__(self) -> str:
         """Both readings with their counts, one sentence without a full stop."""
@@ -130,18 +128,18 @@ class PoseReading:
         Raises:
             ContactError: Several readings fit as well, or the unit is not known.
         """
-        if self.frame is None:
+        best = self.best
+        if best is None or self.frame is None:
             raise ContactError(f"{self}: give the frame (--frame, in Python frame=...)")
         read = poses.in_unit("m")
-        other = Alternative(self.words, self.frame, self.change, self.factor)
-        moved = read.changed(lambda one: other.applied(one, read, self.hand))
+        moved = read.changed(lambda one: best.applied(one, read, self.hand))
         settings = {**poses.settings, READING: str(self)}
-        fields: dict[str, Any] = {name: self.posture(getattr(poses, name)) for name in POSTURES}
+        fields: dict[str, Any] = {name: best.posture(getattr(poses, name)) for name in POSTURES}
         fields |= {name: getattr(moved, name) for name in POSES}
         changed = replace(
-            read.scaled(self.factor, "m"),
+            read.scaled(best.factor, "m"),
             **fields,
-            gripper_frame=self.frame,
+            gripper_frame=best.frame,
             settings=settings,
         )
         return changed.in_unit(poses.unit or "m")

@@ -117,15 +117,8 @@ class HoldingVerdict:
         around = "in any orientation" if task == Load().task else f"against {text}"
         kilograms = "each kilogram" if mass is None else f"{short_number(mass)} kg"
         reason = ""
-        turns = (
-            holding.resistance is not None
-            and holding.case.hard
-            and bool(
-                (
-                    np.isinf(holding.grip_force) & (holding.resistance == Resistance.NO_SUCH_WRENCH)
-                ).any()
-            )
-        )
+        turned = holding.resistance == Resistance.NO_SUCH_WRENCH  # none: False
+        turns = holding.case.hard and bool((np.isinf(holding.grip_force) & turned).any())
         if turns and not math.isfinite(needed):
             reason = HARD_FINGERS
         elif not np.isfinite(holding.grip_force_least).any():

@@ -15,7 +15,7 @@ from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.jaws import Jaws, metres_per_unit
 from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.hand.reach import Reach
-from grasp3d.hand.table import Approach, Table
+from grasp3d.hand.table import Approach, Table, best_approach
 from grasp3d.mesh import ObjectMesh
 from grasp3d.system.context import in_threads
 
@@ -48,9 +48,7 @@ class NormalizedScene(NamedTuple):
         lengths = {name: getattr(hand, name) * scale for name in GripperShape._fields}
         if hand.round_tips:
             lengths["pad_height"] = 0.0
-        direction = approach.direction
-        if direction is None and table is not None:
-            direction = -table.normal
+        direction = best_approach(table, approach)
         limited = direction is not None and approach.within < math.pi
         normal, offset = np.zeros(3), -math.inf
         if table is not None:

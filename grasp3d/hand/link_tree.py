@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -199,13 +200,25 @@ class LinkTree:
         joints = {name: one for name, one in self.joints.items() if name in kept - {base}}
         return replace(self, links=tuple(n for n in self.links if n in kept), joints=joints)
 
+    @cached_property
+    def by_name(self) -> dict[str, Joint]:
+        """Joints by their own names."""
+        return {joint.name: joint for joint in self.joints.values()}
+
+    def chain(self, link: str) -> list[str]:
+        """A link and all above it, to the root."""
+        found = [link]
+        while found[-1] in self.joints:
+            found.append(self.joints[found[-1]].parent)
+        return found
+
     def source_of(self, joint: Joint) -> tuple[str, float, float]:
         """The joint that states a joint's value, over all that follow: name, factor and offset.
 
         Raises:
             SettingError: It follows a joint that there is not, or itself.
         """
-        known = {one.name: one for one in self.joints.values()}
+        known = self.by_name
         name, factor, offset, seen = joint.name, 1.0, 0.0, {joint.name}
         while (follows := known[name].follows) is not None:
             name, more, start = follows
@@ -250,7 +263,7 @@ class LinkTree:
         links = self._below(carrier if palm is None else palm)
         if palm is not None and palm not in around:
             raise self.error(f"{palm} is not fixed to {carrier}, which carries the fingers")
-        points = self._triangles({link: around[link] for link in links}).reshape(-1, 3)
+        points = self.triangles({link: around[link] for link in links}).reshape(-1, 3)
         if not len(points):
             what = palm or f"{carrier}, which carries the fingers,"
             raise self.error(f"{what} has no collision geometry; name the palm's link (--palm)")
@@ -263,8 +276,7 @@ class LinkTree:
 
     def _mover(self, link: str) -> str:
         """The link, of a finger or above it, that the finger's joint moves."""
-        name = link
-        while name in self.joints:
+        for name in self.chain(link)[:-1]:
             joint = self.joints[name]
             if joint.kind in {"turns", "free"}:
                 raise self.error(
@@ -273,7 +285,6 @@ class LinkTree:
                 )
             if joint.kind == "slides":
                 return name
-            name = joint.parent
         raise self.error(f"no joint moves {link}; name the links of the fingers")
 
     def _finger(self, name: str, mover: str, around: Mapping[str, Floats]) -> SlidingFinger:
@@ -282,7 +293,7 @@ class LinkTree:
             raise self.error(f"the fingers' joints must be on one link; that of {name} is not")
         pose = around[joint.parent] @ joint.origin
         poses = {link: pose @ relative for link, relative in self._below(mover).items()}
-        triangles = self._triangles(poses)
+        triangles = self.triangles(poses)
         if not len(triangles):
             raise self.error(f"{name} has no collision geometry")
         axis = pose[:3, :3] @ joint.axis
@@ -292,7 +303,7 @@ class LinkTree:
         limits = joint.limits
         if joint.follows is not None:
             name, factor, offset = joint.follows
-            source = next((one for one in self.joints.values() if one.name == name), None)
+            source = self.by_name.get(name)
             if source is not None and source.limits is not None:
                 low, high = sorted(factor * limit + offset for limit in source.limits)
                 limits = low, high
@@ -318,7 +329,12 @@ class LinkTree:
         to_link = np.linalg.inv(pose)
         return {name: to_link @ relative for name, relative in self._below(root).items()}
 
-    def _triangles(self, poses: Mapping[str, Floats]) -> Floats:
+    def triangles(self, poses: Mapping[str, Floats]) -> Floats:
+        """Corners of the collision geometry of links at poses, shape (n, 3, 3).
+
+        Raises:
+            SettingError: Some of it is too far away.
+        """
         parts = [self.geometry(link) @ pose[:3, :3].T + pose[:3, 3] for link, pose in poses.items()]
         triangles = np.concatenate([np.zeros((0, 3, 3)), *parts])
         if not np.abs(triangles).max(initial=0.0) < FARTHEST:

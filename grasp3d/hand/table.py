@@ -116,3 +116,10 @@ class Approach:
             direction = _unit_vector(self.direction, "an approach direction")
             object.__setattr__(self, "direction", direction)
         check_approach(self.within, self.angles)
+
+
+def best_approach(table: Table | None, approach: Approach) -> Floats | None:
+    """The direction in which a gripper would best move, shape (3,); None: any is as good."""
+    if approach.direction is None and table is not None:
+        return -table.normal
+    return approach.direction

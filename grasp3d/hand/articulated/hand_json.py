@@ -224,6 +224,5 @@ def _proposed(tree: LinkTree, preset: str | None, palm: str | None) -> Articulat
 
 def _slides(hand: ArticulatedHand, link: str) -> bool:
     """Whether the last joint that moves a link slides."""
-    while hand.tree.joints[link].kind == "fixed":
-        link = hand.tree.joints[link].parent
-    return hand.tree.joints[link].kind == "slides"
+    kinds = (hand.tree.joints[one].kind for one in hand.tree.chain(link)[:-1])
+    return next(kind for kind in kinds if kind != "fixed") == "slides"

@@ -243,23 +243,15 @@ class _Proposal:
         # What carries something that moves, or is fixed to it as a camera on the palm, is no end.
         carriers = {joint.parent for joint in self.tree.joints.values() if joint.kind != "fixed"}
         found = tuple(name for name in found if carriers.isdisjoint(self.tree.rigid(name)))
-        inner = {above for name in found for above in self._above(name)}
+        inner = {above for name in found for above in self.tree.chain(name)[1:]}
         found = tuple(name for name in found if name not in inner)
         if not found:
             raise self.tree.error("no link that moves has collision geometry")
         self.assumed.append(f"fingertips are the last links with geometry: {', '.join(found)}")
         return found
 
-    def _above(self, link: str) -> list[str]:
-        """All links above one, from it to the base."""
-        found = []
-        while link in self.tree.joints:
-            link = self.tree.joints[link].parent
-            found.append(link)
-        return found
-
     def _palm(self, tips: Iterable[str]) -> str:
-        chains = [self._above(tip) for tip in tips]
+        chains = [self.tree.chain(tip)[1:] for tip in tips]
         palm = next(link for link in chains[0] if all(link in chain for chain in chains))
         self.assumed.append(f"the palm is {palm}, the last link that carries all fingertips")
         return palm
@@ -329,10 +321,10 @@ class _Proposal:
         """
         joints = self.tree.joints
         link = next(link for link, joint in joints.items() if joint.name == name)
-        tips = [tip for tip in self.bare.fingertips if link in [tip, *self._above(tip)]]
+        tips = [tip for tip in self.bare.fingertips if link in self.tree.chain(tip)]
         if len(tips) != 1:
             return None
-        last = next(one for one in [*tips, *self._above(tips[0])] if joints[one].kind != "fixed")
+        last = next(one for one in self.tree.chain(tips[0]) if joints[one].kind != "fixed")
         turns = poses[self._numbers([link, last]), :3, :3]
         axes = [turn @ joints[one].axis for turn, one in zip(turns, (link, last), strict=True)]
         return link, last, np.array(axes)
@@ -420,17 +412,13 @@ class _Proposal:
 
     def _palm_box(self) -> Floats:
         """Ends of the box around the palm, and what is fixed to it, in its frame, shape (2, 3)."""
-        parts = [
-            self.tree.geometry(link) @ pose[:3, :3].T + pose[:3, 3]
-            for link, pose in self.tree.rigid(self.bare.palm).items()
-        ]
-        corners = np.concatenate([np.zeros((0, 3, 3)), *parts]).reshape(-1, 3)
+        corners = self.tree.triangles(self.tree.rigid(self.bare.palm)).reshape(-1, 3)
         if not len(corners):
             return np.zeros((2, 3))
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
     def _torques(self) -> Floats:
-        joints = {joint.name: joint for joint in self.tree.joints.values()}
+        joints = self.tree.by_name
         unknown = np.full(len(self.names), np.nan)
         pulled = {self.tree.source_of(joints[name])[0] for name in self.bare.moved_otherwise}
         pulled -= {one.joints[0] for one in self.bare.couplings if one.kind == "differential"}
@@ -466,7 +454,7 @@ class _Proposal:
         found = default.copy()
         for name, value in values.items():
             if name not in self.names:
-                joint = next((one for one in self.tree.joints.values() if one.name == name), None)
+                joint = self.tree.by_name.get(name)
                 if joint is not None and joint.follows is not None:
                     raise self.tree.error(
                         f"{what}: {name} follows {joint.follows[0]}, and has no value of its own: "
