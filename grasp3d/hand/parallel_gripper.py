@@ -80,6 +80,9 @@ class ParallelGripper(Jaws):
         70.0
     """
 
+    fingers = (2,)
+    """Numbers of contacts of the grasps for which it has poses."""
+
     @classmethod
     def preset(cls, name: str) -> "ParallelGripper":
         """A gripper that is known by name; see `PRESETS`.
@@ -91,11 +94,6 @@ class ParallelGripper(Jaws):
             SettingError: No preset has that name.
         """
         return preset(name)
-
-    @property
-    def fingers(self) -> tuple[int, ...]:
-        """Numbers of contacts of the grasps for which it has poses."""
-        return (2,)
 
     @property
     def resolution(self) -> float | None:

@@ -281,8 +281,6 @@ def convex(one: LinkShape) -> Any:
 
 
 def test_what_does_not_fit_is_refused() -> None:
-    with pytest.raises(SettingError, match="no preshape 'fist'; known: open"):
-        found_at(pincer(), ball(), at(), [0.0, 0.0], rule="closed", preshape="fist")
     with pytest.raises(SettingError, match="2 poses have 1 postures"):
         hand_contacts(ball(), pincer(), [np.eye(4)] * 2, np.zeros((1, 2)))
     with pytest.raises(SettingError, match="no collision geometry"):

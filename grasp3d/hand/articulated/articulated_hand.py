@@ -311,21 +311,16 @@ class ArticulatedHand:
         return frozenset(found)
 
     # What a `Hand` has besides.
-
-    @property
-    def fingers(self) -> tuple[int, ...]:
-        """Numbers of contacts of the grasps for which it finds poses itself: none."""
-        return ()
-
-    @property
-    def limits(self) -> tuple[float, float]:
-        """It has no opening: 0 is all."""
-        return 0.0, 0.0
-
-    @property
-    def max_opening(self) -> float:
-        """It has no opening: 0."""
-        return 0.0
+    fingers = ()
+    """Numbers of contacts of the grasps for which it finds poses itself: none."""
+    limits, max_opening = (0.0, 0.0), 0.0
+    """It has no opening: 0 is all."""
+    max_force = None
+    """Not stated: what its fingers press depends on the posture."""
+    resolution = None
+    """Not one for all fingertips: see `sensors`."""
+    touch_area = 0.0
+    """Not stated: 0."""
 
     @cached_property
     def size(self) -> float:
@@ -337,21 +332,6 @@ class ArticulatedHand:
     def finger_length(self) -> float:
         """About how far its fingers reach [m]: its size."""
         return self.size
-
-    @property
-    def max_force(self) -> float | None:
-        """Not stated: what its fingers press depends on the posture."""
-        return None
-
-    @property
-    def resolution(self) -> float | None:
-        """Not one for all fingertips: see `sensors`."""
-        return None
-
-    @property
-    def touch_area(self) -> float:
-        """Not stated: 0."""
-        return 0.0
 
     def torsion_radius(self, friction: float) -> float:
         """Not stated: 0."""

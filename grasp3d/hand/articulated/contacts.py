@@ -80,7 +80,6 @@ def hand_contacts(
     contact_distance: float = CONTACT_DISTANCE,
     table: Table | None = None,
     object_motion: ObjectMotion = "free",
-    preshape: str = "open",
 ) -> HandContacts:
     """Find the contacts of poses of a hand with joints.
 
@@ -98,7 +97,6 @@ def hand_contacts(
         contact_distance: Gap up to which a link touches [m].
         table: The table below the object, in the mesh's frame.
         object_motion: Whether the object gives way when contacts settle.
-        preshape: Posture from which the hand closes, of `hand.preshapes`.
 
     Raises:
         SettingError: The mesh has no unit, poses are no rigid motions, values of joints are of
@@ -109,10 +107,6 @@ def hand_contacts(
     check_range("contact_distance", contact_distance, 0.0, 0.1, ends="(]", unit="m")
     matrices, values = checked_poses(poses), hand.postures(posture)
     check_choice("object motion", object_motion, ObjectMotion)
-    if preshape not in hand.preshapes:
-        raise SettingError(
-            f"{hand.name} has no preshape {preshape!r}; known: {', '.join(hand.preshapes)}"
-        )
     if len(matrices) != len(values):
         raise SettingError(f"{len(matrices)} poses have {len(values)} postures: give one for each")
     if not len(hand.bodies.kinds):
@@ -124,7 +118,7 @@ def hand_contacts(
     if rule == "settled":
         moved, end = settle(scene, start, values, free=object_motion == "free")
     elif rule == "closed":
-        opened = np.where(hand.closing != 0.0, hand.preshapes[preshape], values)
+        opened = np.where(hand.closing != 0.0, hand.preshapes["open"], values)
         end = close(scene, start, opened)
     shift, turn = motion_of_object(start, moved, scene.center)
     frames = scene.frames(moved, end)
