@@ -10,7 +10,6 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.quality.loads import Load
 from grasp3d.settings import (
-    ANGLE_ROUNDING,
     DEGREE,
     AnySampling,
     GraspModel,
@@ -22,6 +21,7 @@ from grasp3d.settings.checks import check_range
 from grasp3d.settings.lengths import Lengths, settings_in_unit
 from grasp3d.settings.parsing import Main, Settings
 from grasp3d.settings.regions import Box, Sphere
+from grasp3d.settings.sampling import check_search_angle
 
 DEFAULT_RESOLUTIONS = tuple(5.0 * step * DEGREE for step in range(13))
 """Default sensor resolutions of the grid: 0 to 60 degrees in steps of 5 [rad]."""
@@ -95,13 +95,8 @@ class BatchSettings:
         values = self.grid_values
         for friction, error in product(values["friction"], values["friction_error"]):
             GraspModel(friction=friction, friction_error=error)
-        angle, needed = self.sampling.search_angle, self._needed_search_angle
-        if self.grid != FractionGrid() and angle is not None and angle < needed - ANGLE_ROUNDING:
-            raise SettingError(
-                "search angle must be at least atan(friction) + alpha/2 for the largest friction "
-                f"and alpha of the grid, {math.degrees(needed):.4g} degrees; "
-                f"got {math.degrees(angle):.4g}"
-            )
+        if self.grid != FractionGrid():
+            check_search_angle(self.sampling, self._needed_search_angle, " of the grid")
 
     @property
     def grid_values(self) -> dict[str, tuple[Any, ...]]:

@@ -13,7 +13,7 @@ from grasp3d.errors import GraspError
 from grasp3d.mesh.diagnosis import MeshDiagnosis, Trust
 from grasp3d.settings.parsing import plain_values
 from grasp3d.system.files import atomic_write
-from grasp3d.system.tables import write_table
+from grasp3d.system.tables import table_of_rows, write_tables
 from grasp3d.system.versions import package_version
 
 SUFFIXES = (".json", ".csv", ".parquet")
@@ -95,7 +95,7 @@ def write_checks(path: Path, meshes: Sequence[CheckedMesh], settings: BatchSetti
         return
     rows = [{} if mesh.diagnosis is None else _row(mesh.diagnosis) for mesh in meshes]
     rows = [{**row, **_head(mesh)} for row, mesh in zip(rows, meshes, strict=True)]
-    write_table(path, rows, _COLUMNS, settings=plain_values(settings))
+    write_tables(path, [table_of_rows(rows, _COLUMNS, settings=plain_values(settings))])
 
 
 def json_of(meshes: Sequence[CheckedMesh], settings: BatchSettings) -> str:

@@ -1,7 +1,5 @@
 """Sweeps of many targets: shapes in closed form, mesh files, folders of meshes."""
 
-import math
-import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,7 +13,6 @@ from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.planar import Circle, square
 from grasp3d.settings import (
-    ANGLE_ROUNDING,
     AnySampling,
     GraspModel,
     MeshOptions,
@@ -24,6 +21,7 @@ from grasp3d.settings import (
     search_cone,
 )
 from grasp3d.settings.lengths import AnyLength
+from grasp3d.settings.sampling import check_search_angle
 from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles, SphereAngles
 from grasp3d.stability.label import Mode
 from grasp3d.surface.sweeps import AxisValues, LocatedGrasps, Sweep, mean_sweep, sweep
@@ -77,12 +75,7 @@ class SweepSettings:
         _ = self.axes.rows_and_columns  # raises an error if there are more than two
         object.__setattr__(self, "sampling", self.sampling.fitted(self.fingers))
         check_search_settings(self.model, self.sampling)
-        angle, needed = self.sampling.search_angle, search_cone(self.model)
-        if angle is not None and angle < needed - ANGLE_ROUNDING:
-            raise SettingError(
-                "search angle must be at least atan(friction) + alpha/2 for the largest friction "
-                f"and alpha, {math.degrees(needed):.4g} degrees; got {math.degrees(angle):.4g}"
-            )
+        check_search_angle(self.sampling, search_cone(self.model))
 
     @property
     def values(self) -> dict[str, Any]:
@@ -129,7 +122,6 @@ class SweptMesh:
     warnings: tuple[str, ...] = ()
     crease_fraction: float = 0.0
     """As in `ObjectMesh`."""
-    seconds: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,7 +269,6 @@ def sweep_mesh(mesh: MeshFile, settings: SweepSettings, *, force: bool = False) 
     from grasp3d.mesh.plausible_lengths import refuse_lengths
     from grasp3d.surface.labelling import label_surface
 
-    begun = time.perf_counter()
     try:
         with local_copy(mesh.source) as path:
             surface = load_mesh(path, settings.mesh)
@@ -291,13 +282,12 @@ def sweep_mesh(mesh: MeshFile, settings: SweepSettings, *, force: bool = False) 
             settings.axes.location_errors(),
         )
     except GraspError as error:
-        return SweptMesh(mesh.name, error=str(error), seconds=time.perf_counter() - begun)
+        return SweptMesh(mesh.name, error=str(error))
     return SweptMesh(
         mesh.name,
         _swept(mesh.name, grasps, settings, mode="label"),
         warnings=grasps.searches[0].warnings,
         crease_fraction=surface.crease_fraction,
-        seconds=time.perf_counter() - begun,
     )
 
 

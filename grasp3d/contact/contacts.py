@@ -168,16 +168,6 @@ class Contacts:
         other = Contacts(points, self.normals, self.friction, self.torsion_radius / size[..., None])
         return other._with_patches(self, lambda values: values / size[..., None, None, None])
 
-    def fingers(self, which: Bools) -> "Contacts":
-        """Some of the fingers of every grasp, (n,)."""
-
-        def chosen(values: Floats) -> Floats:
-            return values.compress(which, axis=len(self.batch))
-
-        columns = self.points, self.normals, self.friction, self.torsion_radius
-        subset = Contacts(*map(chosen, columns))
-        return subset._with_patches(self, chosen)
-
     def reshape(self, batch: tuple[int, ...]) -> "Contacts":
         """The same grasps in a batch of another shape, in which one number may be -1."""
         return self._each(lambda values, rest: values.reshape(*batch, *rest))

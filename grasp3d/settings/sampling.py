@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
-from grasp3d.errors import SettingError
+from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.settings.checks import Radians, check_choice, check_range, check_seed
 from grasp3d.settings.grasp_model import (
     MAX_SEARCHED_FINGERS,
@@ -252,6 +252,29 @@ def search_cone(model: GraspModel, sampling: AnySampling | None = None) -> float
     if sampling is not None and sampling.search_angle is not None:
         return sampling.search_angle
     return min(model.widest_friction_angle, math.pi / 2.0)
+
+
+def check_search_angle(sampling: AnySampling, needed: float, of: str = "") -> None:
+    """Refuse a search angle that is less than that of the largest friction and resolution.
+
+    Raises:
+        SettingError: It is.
+    """
+    angle = sampling.search_angle
+    if angle is not None and angle < needed - ANGLE_ROUNDING:
+        raise SettingError(
+            "search angle must be at least atan(friction) + alpha/2 for the largest friction and "
+            f"alpha{of}, {math.degrees(needed):.4g} degrees; got {math.degrees(angle):.4g}"
+        )
+
+
+def not_covered(what: str, needed: float, searched: float, fingers: int) -> SearchCoverageError:
+    """The error of an angle that exceeds the one up to which grasps were searched, in radians."""
+    return SearchCoverageError(
+        f"{what} is {math.degrees(needed):.4g} degrees, but grasps were searched only up to "
+        f"{math.degrees(searched):.4g}; label the surface again with "
+        f"{sampling_kind(fingers).__name__}(search_angle={min(needed, math.pi / 2.0):.4g})"
+    )
 
 
 def _check_limits(what: str, sampling: AnySampling) -> None:

@@ -17,10 +17,11 @@ from functools import cached_property
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, short_repr
-from grasp3d.errors import SearchCoverageError, SettingError
-from grasp3d.settings import ANGLE_ROUNDING, GraspModel, sampling_kind
+from grasp3d.errors import SettingError
+from grasp3d.settings import ANGLE_ROUNDING, GraspModel
 from grasp3d.settings.checks import check_length, check_range
 from grasp3d.settings.lengths import Measure
+from grasp3d.settings.sampling import not_covered
 from grasp3d.stability.thresholds import unstable_from
 
 FRACTION_ROUNDING = 1e-12
@@ -162,12 +163,7 @@ class AngleDistribution(ABC):
         largest = beta if largest_friction_angle is None else np.asarray(largest_friction_angle)
         widest = float(np.max(largest + a, initial=0.0)) + self.further_tilt
         if min(widest, math.pi / 2.0) > self.limit + ANGLE_ROUNDING:
-            raise SearchCoverageError(
-                f"atan(friction) + alpha/2 is {math.degrees(widest):.4g} degrees, but grasps "
-                f"were searched only up to {math.degrees(self.limit):.4g}; label the surface again "
-                f"with {sampling_kind(self.fingers).__name__}"
-                f"(search_angle={min(widest, math.pi / 2.0):.4g})"
-            )
+            raise not_covered("atan(friction) + alpha/2", widest, self.limit, self.fingers)
         stable = self.worst_below(beta - a)
         reached = unstable_from(largest, a + self.further_tilt, self.fingers)
         unstable = 1.0 - self.best_below(reached - self.further_tilt)
@@ -203,11 +199,7 @@ class AngleDistribution(ABC):
         )
         beta, angle = math.atan(model.friction_interval[0]), self.worst_quantile(fraction)
         if angle > self.limit and min(beta, math.pi / 2.0) > self.limit + ANGLE_ROUNDING:
-            raise SearchCoverageError(
-                f"atan(friction) is {math.degrees(beta):.4g} degrees, but grasps were searched "
-                f"only up to {math.degrees(self.limit):.4g}; label the surface again with "
-                f"{sampling_kind(self.fingers).__name__}(search_angle={beta:.4g})"
-            )
+            raise not_covered("atan(friction)", beta, self.limit, self.fingers)
         return max(0.0, 2.0 * (beta - angle - normal_error))
 
 

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, locked
-from grasp3d.errors import SearchCoverageError, SettingError
-from grasp3d.settings import ANGLE_ROUNDING, check_choice, sampling_kind, search_cone
+from grasp3d.errors import SettingError
+from grasp3d.settings import ANGLE_ROUNDING, check_choice, search_cone
 from grasp3d.settings.lengths import GivenLength
 from grasp3d.settings.model_text import model_line
+from grasp3d.settings.sampling import not_covered
 from grasp3d.settings.uncertainty import Uncertainty, friction_interval
 from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
@@ -123,11 +124,8 @@ class SurfaceLabels(VertexGrasps):
         (model,) = self.mesh.in_own_unit(replace(self.model, **changed))
         needed = search_cone(model)
         if needed > max(self.search.cone, search_cone(self.model)) + ANGLE_ROUNDING:
-            raise SearchCoverageError(
-                f"atan(friction) + alpha/2 is {math.degrees(needed):.4g} degrees, but grasps were "
-                f"searched only up to {math.degrees(self.search.cone):.4g}; label the surface "
-                f"again with {sampling_kind(model.fingers).__name__}(search_angle={needed:.4g})"
-            )
+            fingers = model.fingers
+            raise not_covered("atan(friction) + alpha/2", needed, self.search.cone, fingers)
         return self.using(model=model)
 
     def fractions(self, *, weights: Weights = "area") -> dict[str, float]:

@@ -68,31 +68,17 @@ _TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_
 RecordT = TypeVar("RecordT")
 
 
-def write_table(
-    path: Path,
-    rows: Sequence[Mapping[str, Any]],
-    columns: Mapping[str, type],
-    *,
-    settings: Mapping[str, Any],
-) -> None:
-    """Write a table of rows; Parquet stores the settings as JSON in the schema's metadata.
-
-    Args:
-        path: File to create or replace, with a suffix of `SUFFIXES`.
-        rows: Values by column name; a missing value or None leaves the cell empty.
-        columns: Type of each column: str, int, float or bool; in the order of the file.
-        settings: Settings that the rows were computed with, stored under `grasp3d`.
-
-    Raises:
-        OutputError: The suffix is unknown, or the file cannot be written.
-    """
-    write_tables(path, [table_of_rows(rows, columns, settings=settings)])
-
-
 def table_of_rows(
     rows: Sequence[Mapping[str, Any]], columns: Mapping[str, type], *, settings: Mapping[str, Any]
 ) -> pa.Table:
-    """Make a table of rows; see `write_table`."""
+    """Make a table of rows.
+
+    Args:
+        rows: Values by column name; a missing value or None leaves the cell empty.
+        columns: Type of each column: str, int, float or bool; in the order of the file.
+        settings: Settings that the rows were computed with, stored as JSON in the schema's metadata
+            under `grasp3d`.
+    """
     schema = _schema(columns, settings)
     return pa.Table.from_pylist([_unicode(row) for row in rows], schema=schema)
 
@@ -105,7 +91,7 @@ def write_columns(
     Args:
         path: File to create or replace, with a suffix of `SUFFIXES`.
         columns: Values of each column, shape (rows,), in the order of the file.
-        settings: As in `write_table`.
+        settings: As in `table_of_rows`.
 
     Raises:
         OutputError: The suffix is unknown, or the file cannot be written.
@@ -132,7 +118,7 @@ def table_of_arrays(
     Args:
         columns: Values of each column, shape (rows,), in the order of the table.
         categories: For columns of codes 0, 1, ...: the text of each code, which is stored.
-        settings: As in `write_table`.
+        settings: As in `table_of_rows`.
     """
     arrays = {
         name: pa.DictionaryArray.from_arrays(pa.array(values.astype("i1")), list(categories[name]))
@@ -433,7 +419,7 @@ def write_tables(path: Path, tables: Iterable[pa.Table]) -> None:
     """Write tables with the same columns below each other, each before the next one is made.
 
     Args:
-        path: As in `write_table`.
+        path: File to create or replace, with a suffix of `SUFFIXES`.
         tables: At least one.
 
     Raises:

@@ -75,15 +75,9 @@ def _arm(poses: EvaluatedPoses) -> Floats:
     return np.asarray(np.linalg.norm(away, axis=1) * metres_per_unit(poses.mesh))
 
 
-def _forces(name: str) -> Of:
-    """A column of grip forces and payloads."""
-    (one,) = (each for each in FORCES if each.name == name)
-    return one.values_of
-
-
-def _robust(name: str) -> Of:
-    """A number of the touched patches, and of poses that are a little wrong."""
-    (one,) = (each for each in ROBUST if each.name == name)
+def _named(name: str) -> Of:
+    """A column of grip forces and payloads, or a number of the touched patches."""
+    (one,) = (each for each in (*FORCES, *ROBUST) if each.name == name)
     return one.values_of
 
 
@@ -91,14 +85,14 @@ SCORES = (
     Score("robust_score", "robust score", "larger", "number",
           "what the touched patches hold at the worst normals, over the mass, r / (1 + r), mean "
           "over the poses tried; below 0 where they do not hold it, -1 where the jaws do not close",
-          of=_robust("robust_score"), always=True),
+          of=_named("robust_score"), always=True),
     Score("patch_payload", "patch payload", "larger", "mass",
-          "mass that the touched patches hold at the worst normals", of=_robust("patch_payload")),
+          "mass that the touched patches hold at the worst normals", of=_named("patch_payload")),
     Score("pad_margin", "pad margin", "larger", "length",
-          "distance of the contacts from the border of the pads", of=_robust("pad_margin")),
+          "distance of the contacts from the border of the pads", of=_named("pad_margin")),
     Score("success_probability", "success probability", "larger", "number",
           "of holding the load, for normally distributed errors",
-          of=_robust("success_probability"), always=True),
+          of=_named("success_probability"), always=True),
     Score("margin", "margin", "larger", "angle",
           "β - α/2 - β* less all other uncertainties; S above 0",
           of=attrgetter("margin")),
@@ -110,14 +104,14 @@ SCORES = (
           of=attrgetter("label"), always=True),
     Score("label_with_force", "label with force", "larger", "number",
           "the same with the force at hand: whether it holds the load",
-          of=_forces("label_with_force"), always=True),
+          of=_named("label_with_force"), always=True),
     Score("epsilon", "ε", "larger", "number", "Ferrari & Canny 1992, at the nominal normals",
           of=attrgetter("epsilon")),
     Score("grip_force", "grip force", "smaller", "force",
           "force that each finger needs to hold the load; inf: none suffices",
-          of=_forces("grip_force")),
+          of=_named("grip_force")),
     Score("payload", "payload", "larger", "mass",
-          "mass that the force at hand holds at the worst normals", of=_forces("payload")),
+          "mass that the force at hand holds at the worst normals", of=_named("payload")),
     Score("reachable", "reachable", "larger", "number",
           "1: the jaws close, within the stroke, without collision",
           of=attrgetter("reachable"), always=True),

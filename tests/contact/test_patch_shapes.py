@@ -81,9 +81,6 @@ def test_patches_stay_with_their_contacts() -> None:
     assert np.array_equal(contacts.take(np.array([2])).patch, [FLAT])
     assert np.array_equal(contacts.reshape((3, 1)).patch, np.array([FLAT] * 3)[:, None])
     assert np.array_equal(contacts.with_friction(0.1).patch, contacts.patch)
-    first = contacts.fingers(np.array([True, False]))
-    assert first.points.shape == (3, 1, 3)
-    assert np.array_equal(first.patch, [[FLAT[0]]] * 3)
     assert contacts.without_patches().patch is None
     half = contacts.of_size(contacts.points / 2.0, np.full(3, 2.0))
     assert np.array_equal(2.0 * half.patch, contacts.patch)

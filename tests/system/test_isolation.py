@@ -22,8 +22,10 @@ from grasp3d.system.isolation import (
     NeedsMemory,
     allowed_memory,
     call,
+    call_pickled,
     describe_unexpected,
     end_idle,
+    pickle_call,
 )
 from grasp3d.system.isolation.process import ProcessPool
 
@@ -174,7 +176,7 @@ def test_each_failure_has_its_kind_and_message_and_the_next_call_succeeds(case: 
     function, arguments, limits, kind, message = FAILURES[case]
     before, started = call(process), time.monotonic()
     with pytest.raises(CallFailedError) as info:
-        call(function, *arguments, **limits)
+        call_pickled(pickle_call(function, *arguments), **limits)
     assert (info.value.kind, str(info.value)) == (kind, message)
     assert time.monotonic() - started < 5.0
     assert has_ended(before)

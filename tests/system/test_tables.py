@@ -15,7 +15,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d.system import tables
-from grasp3d.system.tables import column_names, read_columns, write_columns, write_table
+from grasp3d.system.tables import (
+    column_names,
+    read_columns,
+    table_of_rows,
+    write_columns,
+    write_tables,
+)
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 TABLES = st.lists(st.tuples(NUMBERS, NUMBERS, st.integers(-9, 9)), min_size=1, max_size=5)
@@ -84,7 +90,7 @@ def test_formulas_are_written_as_texts_and_read_back(tmp_path: Path) -> None:
     assert found["=x"].tolist() == numbers.tolist()
     assert column_names(path) == ["name", "=x"]
     rows = [{"n": "-1", "v": -2.0}, {"n": "b", "v": 0.5}]
-    write_table(path, rows, {"n": str, "v": float}, settings={})
+    write_tables(path, [table_of_rows(rows, {"n": str, "v": float}, settings={})])
     assert path.read_text(encoding="utf-8").splitlines()[1] == '"\'-1",-2'
 
 

@@ -215,12 +215,13 @@ def write_sweeps(
         SettingError: A fraction is outside its range.
         OutputError: The suffix is unknown, or the file cannot be written.
     """
-    from grasp3d.system.tables import write_table
+    from grasp3d.system.tables import table_of_rows, write_tables
 
     rows, columns = table_rows(sweeps, fractions)
     rows += [{"name": name, "error": reason} for name, reason in (failures or {}).items()]
     entries = [{"error": "", **row} for row in rows]
-    write_table(Path(path), entries, {**columns, "error": str}, settings=settings or {})
+    table = table_of_rows(entries, {**columns, "error": str}, settings=settings or {})
+    write_tables(Path(path), [table])
 
 
 class LocatedGrasps(Protocol):

@@ -19,7 +19,6 @@ def call(
     *arguments: object,
     memory: float | None = None,
     seconds: float | None = None,
-    cancelled: Callable[[], bool] = never,
 ) -> ResultT:
     """Call a function in a child process, which is reused for later calls.
 
@@ -32,18 +31,15 @@ def call(
         arguments: Its arguments.
         memory: Limit for the child process and its descendants together [GB]; none: no limit.
         seconds: Time limit [s]; none: no limit.
-        cancelled: Called ten times a second in another thread: whether the result is no longer
-            needed.
 
     Returns:
         The return value of the function.
 
     Raises:
-        CallFailedError: The child crashed, was killed, exceeded a limit, or the call was cancelled.
+        CallFailedError: The child crashed, was killed or exceeded a limit.
         Exception: The exception that the function raised, with its traceback as a note.
     """
-    limits = {"memory": memory, "seconds": seconds, "cancelled": cancelled}
-    data = call_pickled(pickle_call(function, *arguments), **limits)  # type: ignore[arg-type]
+    data = call_pickled(pickle_call(function, *arguments), memory=memory, seconds=seconds)
     result: ResultT = pickle.loads(data)  # noqa: S301, from a child process of ours
     return result
 

@@ -58,9 +58,6 @@ class Advice:
     measured_turn: float
     """Angle within which the normals turned, at the level of the settings, over area and copies
     [rad]."""
-    least_normal_error: float
-    """The smallest normal error that passes the check, with that location error [rad]; inf: none
-    does."""
     stable_fraction: float
     """Area fraction that is S with the errors to enter."""
     unconfirmed_fraction: float
@@ -234,7 +231,6 @@ def advise(labels: SurfaceLabels, confirmed: Bools, turn: float, across: float) 
         normal_error=own + error,
         location_error=location,
         measured_turn=turn,
-        least_normal_error=own + least,
         stable_fraction=area / float(areas.sum()),
         unconfirmed_fraction=float(areas[stable & ~confirmed].sum()) / area if area else 0.0,
     )
