@@ -1,6 +1,7 @@
 """Fields: values of each vertex or of each grasp, declared once for all files and tables.
 
-Those of grasps are here, also those that vertices have too.
+Those of grasps are here, also those that vertices have too. What each means is stated in the
+tables of docs/formats.md and docs/pose_formats.md, whose other columns follow from this.
 """
 
 import math
@@ -42,6 +43,7 @@ POSITIVE_OR_NAN = Allowed(0.0, unknown=True)
 ANGLE, ANGLE_OR_NAN = Allowed(0.0, math.pi), Allowed(0.0, math.pi, unknown=True)
 ANGLE_OR_INF = Allowed(0.0, math.pi, math.inf)
 NORMAL, NORMAL_OR_NAN = Allowed(-1.0, 1.0), Allowed(-1.0, 1.0, unknown=True)
+HELD = Allowed(0.0, infinite=math.inf, unknown=True)
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,6 @@ class Field:
 
     name: str
     """Name of the array, and of the attribute in Python unless `of` is another one."""
-    meaning: str
-    """In the words of the page on file formats."""
     unit: str = ""
     shape: tuple[int | str, ...] = ()
     """Of the values of one vertex or grasp; 'n': number of fingers, 'n-1': of the other fingers,
@@ -174,86 +174,43 @@ def _payload(holder: Any) -> Array | None:
     return holding.payload if holding is not None and holding.has_payload else None
 
 
-LABEL = Field("label", "the label S, M or U", kind="u1", ply="u1", texts=LETTERS)
-CRITICAL_ANGLE = Field(
-    "critical_angle", "critical friction angle of the grasp, over the worst normals of its "
-    "contacts; decides S; `inf`: no grasp", RADIANS, (), ANGLE_OR_INF, ply=DOUBLE,
-)  # fmt: skip
-CRITICAL_ANGLE_BEST = replace(
-    CRITICAL_ANGLE, name="critical_angle_best", meaning="the same over the best normals; decides "
-    "U; different on creases, and where contact locations are uncertain: there that of the best "
-    "aligned grasp",
-)  # fmt: skip
-MAX_RESOLUTION = Field(
-    "max_resolution", "sensor resolution below which the grasp is S, at the friction and the other "
-    "errors of the settings; `0`: none", RADIANS, (), ANGLE, ply=FLOAT,
-)  # fmt: skip
-MARGIN = Field(
-    "margin", r"angle by which the grasp is S: $\beta - \alpha/2 - \beta^*$, less what all other "
-    "uncertainties take; S where it is above 0; `-inf`: no grasp", RADIANS, (),
-    Allowed(infinite=-math.inf), ply=FLOAT,
-)  # fmt: skip
-EPSILON = Field(
-    "epsilon", r"$\varepsilon$ at the nominal normals, a lower bound; `nan`: no grasp", "", (),
-    POSITIVE_OR_NAN, ply=DOUBLE,
-)  # fmt: skip
+LABEL = Field("label", kind="u1", ply="u1", texts=LETTERS)
+CRITICAL_ANGLE = Field("critical_angle", RADIANS, (), ANGLE_OR_INF, ply=DOUBLE)
+CRITICAL_ANGLE_BEST = replace(CRITICAL_ANGLE, name="critical_angle_best")
+MAX_RESOLUTION = Field("max_resolution", RADIANS, (), ANGLE, ply=FLOAT)
+MARGIN = Field("margin", RADIANS, (), Allowed(infinite=-math.inf), ply=FLOAT)
+EPSILON = Field("epsilon", "", (), POSITIVE_OR_NAN, ply=DOUBLE)
 DECIDED = (LABEL, CRITICAL_ANGLE, CRITICAL_ANGLE_BEST, MAX_RESOLUTION, MARGIN)
-EPSILONS = (
-    EPSILON,
-    replace(EPSILON, name="epsilon_min", meaning=r"smallest $\varepsilon$ over all tilts of the "
-            "normals; how it is computed is a [setting](formats.md#settings)"),
-    replace(EPSILON, name="epsilon_max", meaning="bound on the largest"),
-)  # fmt: skip
-OPENING = Field(
-    "opening", "largest distance between any two contacts of the grasp", LENGTH, (),
-    POSITIVE_OR_NAN, ply=FLOAT,
-)  # fmt: skip
+EPSILONS = (EPSILON, replace(EPSILON, name="epsilon_min"), replace(EPSILON, name="epsilon_max"))
+OPENING = Field("opening", LENGTH, (), POSITIVE_OR_NAN, ply=FLOAT)
 APPROACH_MARGIN = Field(
-    "approach_margin", "by how much the approach may turn about the closing axis either way",
-    RADIANS, (), ANGLE_OR_NAN, of=of_part("reach", "approach_margin"), when="gripper", ply=DOUBLE,
+    "approach_margin", RADIANS, (), ANGLE_OR_NAN, of=of_part("reach", "approach_margin"),
+    when="gripper", ply=DOUBLE,
 )  # fmt: skip
 DEPTH = Field(
-    "depth", "how far the fingertips reach beyond the contacts along the approach", LENGTH, (),
-    KNOWN_OR_NAN, of=of_part("reach", "depth"), when="gripper", ply=DOUBLE,
-)  # fmt: skip
+    "depth", LENGTH, (), KNOWN_OR_NAN, of=of_part("reach", "depth"), when="gripper", ply=DOUBLE
+)
 GRIP_FORCE = Field(
-    "grip_force", "force of each finger, along its contact's normal, that holds the load at the "
-    "nominal normals; for 1 kg where no mass is given; `inf`: no force does, `nan`: no grasp",
-    NEWTONS, (), Allowed(0.0, infinite=math.inf, unknown=True),
-    of=of_part("holding", "grip_force"), when="load", ply=DOUBLE,
-)  # fmt: skip
+    "grip_force", NEWTONS, (), HELD, of=of_part("holding", "grip_force"), when="load", ply=DOUBLE
+)
 FORCES = (
     GRIP_FORCE,
-    replace(GRIP_FORCE, name="grip_force_least", of=of_part("holding", "grip_force_least"),
-            meaning="the same at the best normals that the sensor cannot distinguish; how it is "
-            "known is a [setting](formats.md#settings)"),
-    replace(GRIP_FORCE, name="grip_force_largest", of=of_part("holding", "grip_force_largest"),
-            meaning="the same at the worst of these normals"),
-    replace(GRIP_FORCE, name="payload", of=_payload, unit=KILOGRAMS, meaning="mass that the force "
-            "at hand holds at the worst normals; `nan`: no grasp. Absent where no force is at "
-            "hand, or the task does not depend on the mass"),
-    replace(LABEL, name="label_with_force", of=of_part("holding", "label"), when="load",
-            meaning="the label with the force at hand: S: the load is held at all these normals, "
-            "U: at none, or there is no grasp, M: the sensor cannot decide. Absent where the mass "
-            "or the force is not known"),
-)  # fmt: skip
+    replace(GRIP_FORCE, name="grip_force_least", of=of_part("holding", "grip_force_least")),
+    replace(GRIP_FORCE, name="grip_force_largest", of=of_part("holding", "grip_force_largest")),
+    replace(GRIP_FORCE, name="payload", of=_payload, unit=KILOGRAMS),
+    replace(LABEL, name="label_with_force", of=of_part("holding", "label"), when="load"),
+)
 """What a load adds to grasps."""
 
 CLOSED = (
-    Field("closed_label", "`label` at what the jaws touch when they close on the object, which is "
-          "free: that of `grasp3d evaluate`. Empty: not known, as for internal grasps", kind="i8",
-          of=of_part("closed", "label"), when="gripper", texts=(*LETTERS, "")),
-    replace(MARGIN, name="closed_margin", meaning="`margin` there; empty also where the jaws do "
-            "not close", of=of_part("closed", "margin"), when="gripper",
-            allowed=Allowed(infinite=-math.inf, unknown=True)),
-    Field("robust_score", "how well the touched patches hold, mean over the poses tried: that of "
-          "[given poses](pose_formats.md#further-columns)", "", (),
-          Allowed(-1.0, 1.0, unknown=True),
-          of=lambda grasps: grasps.closed and grasps.closed.number("robust_score"),
-          when="gripper"),
-    Field("label_tried", "the worst label of the poses tried; empty: not known", kind="i8",
-          of=lambda grasps: grasps.closed and _tried(grasps), when="gripper",
+    Field("closed_label", kind="i8", of=of_part("closed", "label"), when="gripper",
           texts=(*LETTERS, "")),
+    replace(MARGIN, name="closed_margin", of=of_part("closed", "margin"), when="gripper",
+            allowed=Allowed(infinite=-math.inf, unknown=True)),
+    Field("robust_score", "", (), Allowed(-1.0, 1.0, unknown=True), when="gripper",
+          of=lambda grasps: grasps.closed and grasps.closed.number("robust_score")),
+    Field("label_tried", kind="i8", of=lambda grasps: grasps.closed and _tried(grasps),
+          when="gripper", texts=(*LETTERS, "")),
 )  # fmt: skip
 """What the closed jaws of a gripper make of grasps that were found."""
 
@@ -265,26 +222,23 @@ def _tried(grasps: Any) -> Array:
 
 
 GRASPS = (
-    Field("grasp", "number, from 1", of=lambda one: range(1, one.size + 1), kind="i8"),
+    Field("grasp", of=lambda one: range(1, one.size + 1), kind="i8"),
     *DECIDED,
     *EPSILONS,
-    Field("rank", "dimension of the span of the wrenches", kind="i8"),
+    Field("rank", kind="i8"),
     OPENING,
-    replace(OPENING, name="separation", meaning="smallest distance between any two contacts"),
+    replace(OPENING, name="separation"),
     *CLOSED,
     *FORCES,
 )
 """Grasps in tables."""
 
 CONTACTS = (
-    Field("point", "contact point on the surface", LENGTH, ("n", 3), columns=XYZ,
-          of=attrgetter("contacts.points")),
-    Field("normal", "outward normal there", "", ("n", 3), columns=("nx", "ny", "nz"), outward=True,
+    Field("point", LENGTH, ("n", 3), columns=XYZ, of=attrgetter("contacts.points")),
+    Field("normal", "", ("n", 3), columns=("nx", "ny", "nz"), outward=True,
           of=attrgetter("contacts.normals")),
-    Field("distance", "distance from the surface before the contact was moved there", LENGTH,
-          ("n",)),
-    Field("on_crease", "whether the contact is on a crease or at a corner", "", ("n",), kind="?",
-          of=attrgetter("contacts.on_crease")),
+    Field("distance", LENGTH, ("n",)),
+    Field("on_crease", "", ("n",), kind="?", of=attrgetter("contacts.on_crease")),
 )  # fmt: skip
 """The contacts of grasps in tables."""
 
@@ -294,7 +248,7 @@ FOUND_POSES = (
     APPROACH_MARGIN,
     DEPTH,
     replace(CONTACTS[0], name="contacts"),
-    replace(CONTACTS[1], name="normals", meaning="normal into the object there", outward=False),
+    replace(CONTACTS[1], name="normals", outward=False),
     *CLOSED,
     *FORCES,
 )
@@ -315,41 +269,23 @@ def _robust(name: str, part: str = "") -> Callable[[Any], Array | None]:
 
 
 ROBUST = (
-    Field("pad_margin", "distance of the contacts from the border of flat pads, the smaller one of "
-          "the jaws; below 0: beside them", "m", (), KNOWN_OR_NAN, of=_robust("pad_margin"),
+    Field("pad_margin", "m", (), KNOWN_OR_NAN, of=_robust("pad_margin"), when="gripper"),
+    Field("pad_edge", "m", (), POSITIVE_OR_NAN, of=_robust("pad_edge"), when="gripper"),
+    Field("pressure", "Pa", (), POSITIVE_OR_NAN, of=_robust("pressure"), when="load"),
+    Field("patch_payload", KILOGRAMS, (), HELD, of=_robust("patch_payload"), when="gripper"),
+    Field("robust_score", "", (), Allowed(-1.0, 1.0), of=_robust("robust_score")),
+    Field("success_probability", "", (), Allowed(0.0, 1.0), of=_robust("success_probability"),
           when="gripper"),
-    Field("pad_edge", "distance of the touched patches from that border; `0`: it cuts one off",
-          "m", (), POSITIVE_OR_NAN, of=_robust("pad_edge"), when="gripper"),
-    Field("pressure", "force at hand over the smaller patch", "Pa", (), POSITIVE_OR_NAN,
-          of=_robust("pressure"), when="load"),
-    Field("patch_payload", "mass that the touched patches hold at the worst normals, with the "
-          "force at hand or, where none is known, with 1 N of each finger", KILOGRAMS, (),
-          Allowed(0.0, infinite=math.inf, unknown=True), of=_robust("patch_payload"),
-          when="gripper"),
-    Field("robust_score", "mean over the poses tried, from -1 to 1: $r/(1+r)$ with $r$ the "
-          "`patch_payload` over the mass, where that is at least 1; else, below 0, the angle of "
-          "friction that lacks to hold it, over π; -1 where the jaws do not close. Without mass or "
-          "force $r$ is the weight held per newton of each finger. Less what contacts near the "
-          "border of flat pads may lose", "", (), Allowed(-1.0, 1.0),
-          of=_robust("robust_score")),
-    Field("success_probability", "probability to hold the load for normally distributed errors, "
-          "of which two standard deviations are stated", "", (), Allowed(0.0, 1.0),
-          of=_robust("success_probability"), when="gripper"),
-    Field("label_tried", "the worst `label` of the poses tried; S also requires that the patches "
-          "hold the load, where mass and force are known, and stay on the pads", kind="u1",
-          of=_robust("label_tried"), when="gripper", texts=LETTERS),
+    Field("label_tried", kind="u1", of=_robust("label_tried"), when="gripper", texts=LETTERS),
     *(
-        Field(name, meaning, unit, (), allowed, of=_robust(name, "tried"), when="pose error")
-        for name, meaning, unit, allowed in (
-            ("closing_share", "share of the poses tried at which the jaws close", "",
-             Allowed(0.0, 1.0)),
-            ("margin_worst", "smallest `margin` of them; `-inf`: at one the jaws do not close",
-             RADIANS, Allowed(infinite=-math.inf)),
-            ("margin_mean", "mean of those at which they close", RADIANS,
-             Allowed(infinite=-math.inf, unknown=True)),
-            ("epsilon_worst", "smallest epsilon of the poses tried", "", POSITIVE_OR_NAN),
-            ("epsilon_mean", "mean epsilon", "", POSITIVE_OR_NAN),
-            ("score_worst", "smallest score of the poses tried", "", Allowed(-1.0, 1.0)),
+        Field(name, unit, (), allowed, of=_robust(name, "tried"), when="pose error")
+        for name, unit, allowed in (
+            ("closing_share", "", Allowed(0.0, 1.0)),
+            ("margin_worst", RADIANS, Allowed(infinite=-math.inf)),
+            ("margin_mean", RADIANS, Allowed(infinite=-math.inf, unknown=True)),
+            ("epsilon_worst", "", POSITIVE_OR_NAN),
+            ("epsilon_mean", "", POSITIVE_OR_NAN),
+            ("score_worst", "", Allowed(-1.0, 1.0)),
         )
     ),
 )  # fmt: skip
@@ -365,103 +301,58 @@ def given_poses(fingers: int = 2) -> tuple[Field, ...]:
     """Given poses that were evaluated, of a hand with so many fingers."""
     numbers = range(fingers)
     return (
-        Field("closing", "`closed`; `nothing`: the jaws close on nothing; `one_side`: only one jaw "
-              "touches; `starts_inside`: a finger starts in the object; `slips_out`: the object "
-              "slides out of the closing jaws", of=attrgetter("state"), kind="u1",
-              texts=names_of(Closing)),
+        Field("closing", of=attrgetter("state"), kind="u1", texts=names_of(Closing)),
         *(field for field in DECIDED if field is not CRITICAL_ANGLE_BEST),
         *EPSILONS,
-        Field("collides", "whether the gripper collides with object or table, at the grasp, before "
-              "closing, or on its approach", kind="?"),
-        Field("reachable", "closed, without collision, within the stroke and the allowed "
-              "directions", kind="?"),
-        *(Field(f"area{number + 1}", f"area of the patch that jaw {number + 1} touches", AREA,
-                of=_jaw("area", number)) for number in numbers),
-        *(Field(f"touch{number + 1}", f"what jaw {number + 1} touches: `face`, `edge` (a strip), "
-                "`point`, `pad_rim` (a small patch or a strip at the rim of the pad), `nothing`",
-                of=_jaw("touch", number), kind="u1", texts=names_of(Touch)) for number in numbers),
-        Field("apart", "whether the patches do not overlap, seen along the closing axis, as where "
-              "the jaws touch at different heights", of=attrgetter("jaws.apart"), kind="?"),
-        Field("turn", "angle by which a free object has turned between the jaws", RADIANS,
-              of=attrgetter("jaws.turn")),
-        Field("shift", "how far object or fingers gave way along the closing axis before the jaws "
-              "closed, as they would have started in the object", LENGTH,
-              of=attrgetter("jaws.shift")),
+        Field("collides", kind="?"),
+        Field("reachable", kind="?"),
+        *(Field(f"area{number + 1}", AREA, of=_jaw("area", number)) for number in numbers),
+        *(Field(f"touch{number + 1}", of=_jaw("touch", number), kind="u1", texts=names_of(Touch))
+          for number in numbers),
+        Field("apart", of=attrgetter("jaws.apart"), kind="?"),
+        Field("turn", RADIANS, of=attrgetter("jaws.turn")),
+        Field("shift", LENGTH, of=attrgetter("jaws.shift")),
         *ROBUST,
         *FORCES,
     )  # fmt: skip
 
 
-HELD = Allowed(0.0, infinite=math.inf, unknown=True)
 ANGLE_HAND = Allowed(-math.pi, math.pi, unknown=True)
 
 HAND_GRASPS = (
     LABEL,
-    replace(LABEL, name="label_fingertips",
-            meaning="the same of the fingertips with sensors alone"),
-    replace(CRITICAL_ANGLE, meaning="critical friction angle of all contacts, as if each normal "
-            "were known; `nan`: no grasp", allowed=ANGLE_HAND),
-    replace(MAX_RESOLUTION, meaning="sensor resolution, the same of all sensors, below which the "
-            "grasp is S; `0`: none"),
-    replace(MARGIN, meaning="angle by which the grasp is S, at the contacts that are not blind; S "
-            "where it is above 0; `-inf`: too much is blind, `nan`: no grasp",
-            allowed=Allowed(infinite=-math.inf, unknown=True)),
+    replace(LABEL, name="label_fingertips"),
+    replace(CRITICAL_ANGLE, allowed=ANGLE_HAND),
+    MAX_RESOLUTION,
+    replace(MARGIN, allowed=Allowed(infinite=-math.inf, unknown=True)),
     EPSILON,
+    *(Field(name, kind="i8") for name in ("rank", "internal", "structural", "redundant")),
+    Field("links", kind="U"),
+    Field("gap", LENGTH, (), POSITIVE_OR_NAN),
+    Field("penetration", LENGTH, (), Allowed(0.0)),
+    Field("overlap", LENGTH, (), Allowed(0.0)),
+    Field("below_table", LENGTH, (), POSITIVE_OR_NAN),
     *(
-        Field(name, meaning, kind="i8")
-        for name, meaning in (
-            ("rank", "dimension of the span of the wrenches, the rank of $G$; 0: none"),
-            ("internal", r"dimension of the internal forces, $\mathrm{null}(G)$"),
-            ("structural", "and of those that no motor sets, whose joint torques are all 0"),
-            ("redundant", r"dimension of the motions without contacts, $\mathrm{null}(J)$"),
-        )
-    ),
-    Field("links", "links that touch, separated by spaces", kind="U"),
-    Field("gap", "largest gap between the surface and a link that touches; `0`: all of them are "
-          "inside, `nan`: none touches",
-          LENGTH, (), POSITIVE_OR_NAN),
-    Field("penetration", "how deep the deepest link is inside the object; `0`: none is", LENGTH,
-          (), Allowed(0.0)),
-    Field("overlap", "depth of the deepest collision of two links with each other", LENGTH, (),
-          Allowed(0.0)),
-    Field("below_table", "how far the hand reaches below the table; `nan`: there is none", LENGTH,
-          (), POSITIVE_OR_NAN),
-    *(
-        Field(name, meaning, unit, of=attrgetter(f"contacts.{name}"))
-        for name, meaning, unit in (
-            ("change", "largest change of a joint by the contact rule", RADIANS),
-            ("shift", "by how much a free object moved", LENGTH),
-            ("turn", "angle by which it turned", RADIANS),
-        )
+        Field(name, unit, of=attrgetter(f"contacts.{name}"))
+        for name, unit in (("change", RADIANS), ("shift", LENGTH), ("turn", RADIANS))
     ),
     *(
-        Field(name, meaning, unit, (), allowed, of=of_part("motor_holding", name), when="load")
-        for name, meaning, unit, allowed in (
-            ("payload", ("mass that the motors hold at the nominal normals, with all links that "
-             "touch; of given wrenches the factor; `inf`: any, `nan`: no grasp"), KILOGRAMS, HELD),
-            ("payload_sure", "the same at the worst normals, with the links that feel theirs",
-             KILOGRAMS, HELD),
-            ("payload_possible", "at most that at the best normals that may be true", KILOGRAMS,
-             HELD),
-            ("load_fraction", "the mass over `payload_sure`; `nan`: it is not known", "", HELD),
-            ("more_torque", ("by how much `payload_sure` grows at most with a tenth more of all "
-             "torques"), KILOGRAMS, HELD),
-            ("more_friction", "and about by how much with a tenth more of friction", KILOGRAMS,
-             HELD),
+        Field(name, unit, (), HELD, of=of_part("motor_holding", name), when="load")
+        for name, unit in (
+            ("payload", KILOGRAMS),
+            ("payload_sure", KILOGRAMS),
+            ("payload_possible", KILOGRAMS),
+            ("load_fraction", ""),
+            ("more_torque", KILOGRAMS),
+            ("more_friction", KILOGRAMS),
         )
     ),
     replace(EPSILON, name="epsilon_hand", unit=NEWTONS, of=of_part("motor_holding", "epsilon"),
-            when="load", meaning=r"$\varepsilon$ of what the motors press, at the nominal normals: "
-            "radius of the ball of wrenches that they resist, torques divided by the torque scale"),
-    replace(CRITICAL_ANGLE, name="critical_angle_hand", when="load", meaning="`critical_angle` of "
-            "what the motors press, a bound from above; `nan`: no grasp", allowed=ANGLE_HAND),
-    Field("limit", "what limits `payload_sure`: a joint, or friction", kind="U",
-          of=of_part("motor_holding", "limit"), when="load"),
-    replace(LABEL, name="label_with_force", when="load", meaning="the label with the load: S is "
-            "what the motors surely hold, U what they surely do not. Absent where no mass is "
-            "known"),
-    Field("reachable", "whether the hand can be there: no joint beyond its limits, no link inside "
-          "the object, another link or the table by more than the contact distance", kind="?"),
-    Field("reason", "what is wrong with the grasp, in one sentence; empty: nothing", kind="U"),
+            when="load"),
+    replace(CRITICAL_ANGLE, name="critical_angle_hand", when="load", allowed=ANGLE_HAND),
+    Field("limit", kind="U", of=of_part("motor_holding", "limit"), when="load"),
+    replace(LABEL, name="label_with_force", when="load"),
+    Field("reachable", kind="?"),
+    Field("reason", kind="U"),
 )  # fmt: skip
 """Given poses of a hand with joints, with what its links touch."""

@@ -92,85 +92,64 @@ INDEX = Allowed(0)
 
 LOCATED = (
     replace(CRITICAL_ANGLE, name="located_angle", of=_located(0), when="errors",
-            allowed=Allowed(-math.pi, 2.0 * math.pi, math.inf), meaning="the smallest "
-            "`critical_angle` that is sure, wherever the true contact points are; decides S. Where "
-            "fingers differ it is relative to the worst finger"),
+            allowed=Allowed(-math.pi, 2.0 * math.pi, math.inf)),
     replace(CRITICAL_ANGLE, name="located_angle_best", of=_located(1), when="errors",
-            allowed=Allowed(infinite=math.inf),
-            meaning="the same for the best contact points and normals; decides U"),
+            allowed=Allowed(infinite=math.inf)),
 )  # fmt: skip
 PARTNERS = (
-    Field("partners", "the other contacts of the grasp", LENGTH, ("n-1", 3), KNOWN_OR_NAN,
-          each="partner_{}", ply=DOUBLE),
-    Field("partner_normals", "outward normals there", "", ("n-1", 3), NORMAL_OR_NAN, outward=True,
+    Field("partners", LENGTH, ("n-1", 3), KNOWN_OR_NAN, each="partner_{}", ply=DOUBLE),
+    Field("partner_normals", "", ("n-1", 3), NORMAL_OR_NAN, outward=True,
           columns=tuple(f"partner_{{}}_n{axis}" for axis in XYZ), each="partner_{}_normal"),
 )  # fmt: skip
 POSES = (
-    Field("approach", "approach direction of the pose that the gripper reaches, the axis z of its "
-          "[frame](guide/grippers.md#frame-and-shape)", "", (3,), KNOWN_OR_NAN, when="gripper",
-          ply=DOUBLE),
-    Field("tcp", "tool centre point, the origin of the pose", LENGTH, (3,), KNOWN_OR_NAN,
-          of=_pose(3), when="gripper", ply=DOUBLE),
-    Field("closing", "closing axis, the axis x of the pose, from finger 1 to finger 2", "", (3,),
-          KNOWN_OR_NAN, of=_pose(0), when="gripper", ply=DOUBLE),
+    Field("approach", "", (3,), KNOWN_OR_NAN, when="gripper", ply=DOUBLE),
+    Field("tcp", LENGTH, (3,), KNOWN_OR_NAN, of=_pose(3), when="gripper", ply=DOUBLE),
+    Field("closing", "", (3,), KNOWN_OR_NAN, of=_pose(0), when="gripper", ply=DOUBLE),
     replace(APPROACH_MARGIN, of=None),
     DEPTH,
-    replace(DEPTH, name="pregrasp_opening", meaning="opening before the fingers close",
-            of=of_part("reach", "pregrasp_opening")),
-)  # fmt: skip
+    replace(DEPTH, name="pregrasp_opening", of=of_part("reach", "pregrasp_opening")),
+)
 
 
-def _partner_points(number: int, head: str, whose: str) -> tuple[Field, Field]:
+def _partner_points(number: int, head: str) -> tuple[Field, Field]:
     """The surface points of the other contacts of one of a vertex's two grasps."""
     each = f"{head}partner_{{}}_weight"
     return (
-        Field(f"{head}partner_faces", f"faces of the other contacts of {whose}; `-1`: none", "",
-              ("n-1",), Allowed(-1), of=_partner("faces", number), kind="i8",
-              each=f"{head}partner_{{}}_face"),
-        Field(f"{head}partner_weights", "barycentric coordinates there", "", ("n-1", 3),
-              KNOWN_OR_NAN, of=_partner("weights", number), each=each,
+        Field(f"{head}partner_faces", "", ("n-1",), Allowed(-1), of=_partner("faces", number),
+              kind="i8", each=f"{head}partner_{{}}_face"),
+        Field(f"{head}partner_weights", "", ("n-1", 3), KNOWN_OR_NAN, each=each,
+              of=_partner("weights", number),
               columns=tuple(f"{each}_{corner}" for corner in (1, 2, 3))),
     )  # fmt: skip
 
 
 RESTORING = (
-    Field("canonical", "the vertex that is used for its position, of those at the same position",
-          "", (), INDEX, of=attrgetter("mesh.canonical"), kind="i8"),
-    *_partner_points(0, "", "the grasp"),
-    *_partner_points(1, "best_", "the grasp that is best over the best normals"),
-    Field("lateral", "the axis y of the pose, the product of z and x", "", (3,), KNOWN_OR_NAN,
-          of=_pose(1), when="gripper"),
-    replace(DEPTH, name="held_opening", meaning="opening when the object is held", ply="",
-            of=of_part("reach", "opening")),
-    Field("reach_state", "`reached`, or why the gripper does not reach the grasp", kind="u1",
-          of=of_part("reach", "state"), when="gripper", texts=names_of(Reachability)),
-    Field("free_angles", "the approach angles that are free, as bits of a number; absent for three "
-          "fingers and more whose tips alone are tested", of=_free_angles, kind="u8",
-          when="gripper"),
-    Field("posture", "values of the hand's further joints; in the metadata of Parquet", "", ("p",),
-          KNOWN_OR_NAN, of=_posture, when="joints", table=False),
-    Field("resistance", "whether forces can hold the load: why `grip_force` is infinite",
-          of=of_part("holding", "resistance"), kind="u1", when="load", texts=names_of(Resistance)),
+    Field("canonical", "", (), INDEX, of=attrgetter("mesh.canonical"), kind="i8"),
+    *_partner_points(0, ""),
+    *_partner_points(1, "best_"),
+    Field("lateral", "", (3,), KNOWN_OR_NAN, of=_pose(1), when="gripper"),
+    replace(DEPTH, name="held_opening", ply="", of=of_part("reach", "opening")),
+    Field("reach_state", kind="u1", of=of_part("reach", "state"), when="gripper",
+          texts=names_of(Reachability)),
+    Field("free_angles", of=_free_angles, kind="u8", when="gripper"),
+    Field("posture", "", ("p",), KNOWN_OR_NAN, of=_posture, when="joints", table=False),
+    Field("resistance", of=of_part("holding", "resistance"), kind="u1", when="load",
+          texts=names_of(Resistance)),
 )  # fmt: skip
 """What makes labels that are read again complete."""
 
 VERTICES = (
-    Field("vertices", "position", LENGTH, (3,), of=attrgetter("mesh.vertices"), columns=XYZ,
-          ply=DOUBLE),
-    Field("normal", "outward normal; on creases and at corners the middle of the normals there; 0 "
-          "where these cancel out", "", (3,), of=attrgetter("mesh.normals"), outward=True,
+    Field("vertices", LENGTH, (3,), of=attrgetter("mesh.vertices"), columns=XYZ, ply=DOUBLE),
+    Field("normal", "", (3,), of=attrgetter("mesh.normals"), outward=True,
           columns=("nx", "ny", "nz"), ply=FLOAT),
-    Field("color", "colour of the label: S `#009E73`, M `#F0E442`, U `#D55E00`", "", (3,),
-          of=label_colors, kind="u1", columns=("red", "green", "blue"), ply="u1", table=False),
-    Field("area", "area around the vertex, a third of its faces'", AREA,
-          of=attrgetter("mesh.vertex_areas"), array=False),
+    Field("color", "", (3,), of=label_colors, kind="u1", columns=("red", "green", "blue"), ply="u1",
+          table=False),
+    Field("area", AREA, of=attrgetter("mesh.vertex_areas"), array=False),
     *DECIDED,
     *EPSILONS,
     OPENING,
-    Field("grip", "two fingers: 1 for an external grasp, −1 for an internal one; 0: no grasp, and "
-          "three fingers and more", "", (), NORMAL, kind="i1"),
-    Field("reason", "why there is no grasp, see [reasons](#reasons)", kind="u1", ply="u1",
-          texts=names_of(Reason)),
+    Field("grip", "", (), NORMAL, kind="i1"),
+    Field("reason", kind="u1", ply="u1", texts=names_of(Reason)),
     *LOCATED,
     *PARTNERS,
     *POSES,
@@ -179,16 +158,10 @@ VERTICES = (
 )  # fmt: skip
 """Every field of a vertex, in the order of files."""
 
-FACES = Field(
-    "faces", "vertices of the faces, counter-clockwise from outside", "", ("F", 3), INDEX, kind="i8"
-)
-CORNERS = Field(
-    "corners", "row of `corner_normals` of each corner of each face", "", ("F", 3), INDEX,
-    of=attrgetter("corner_normals.corners"), kind="i8",
-)  # fmt: skip
+FACES = Field("faces", "", ("F", 3), INDEX, kind="i8")
+CORNERS = Field("corners", "", ("F", 3), INDEX, of=attrgetter("corner_normals.corners"), kind="i8")
 CORNER_NORMALS = Field(
-    "corner_normals", "outward normals of the faces at their corners, which differ across creases",
-    "", ("C", 3), NORMAL, of=attrgetter("corner_normals.normals"), outward=True,
-)  # fmt: skip
+    "corner_normals", "", ("C", 3), NORMAL, of=attrgetter("corner_normals.normals"), outward=True
+)
 SURFACE = (FACES, CORNERS, CORNER_NORMALS)
 """The arrays of a surface that are not of its vertices."""

@@ -2,7 +2,8 @@
 
     python -m tests.docs.field_tables
 
-writes them anew, between the comments `<!-- fields: NAME -->` and `<!-- end of fields -->`.
+writes them anew, between the comments `<!-- fields: NAME -->` and `<!-- end of fields -->`. What a
+field means, the column without a heading, is that of its row on the page.
 """
 
 import math
@@ -34,12 +35,31 @@ TYPES = {
     "?": "bool",
 }  # fmt: skip
 PLY_TYPES = {"f8": "double", "f4": "float", "u1": "uchar"}
-_BLOCK = re.compile(r"(<!-- fields: (.+?) -->\n).*?(<!-- end of fields -->)", re.DOTALL)
+MEANING = "MEANING"
+_BLOCK = re.compile(r"(<!-- fields: (.+?) -->\n)(.*?)(<!-- end of fields -->)", re.DOTALL)
 
 
 def rendered(page: str) -> str:
     """The text of a page with its tables of fields made from the declaration."""
-    return _BLOCK.sub(lambda found: f"{found[1]}\n{TABLES[found[2]]}\n{found[3]}", page)
+    return _BLOCK.sub(
+        lambda found: f"{found[1]}\n{_filled(TABLES[found[2]], found[3])}\n{found[4]}", page
+    )
+
+
+def _filled(table: str, present: str) -> str:
+    """A table with what its fields mean, by the first cell of their rows of the present table."""
+    rows = [line[2:-2].split(" | ") for line in present.splitlines() if line]
+    column = rows[0].index("") if rows and "" in rows[0] else None
+    if column is None:
+        return table
+    meanings = {row[0]: row[column] for row in rows[2:]}
+    lines = table.splitlines(keepends=True)
+    filled = lines[:2]
+    for line in lines[2:]:
+        name = line[2:].split(" | ")[0]
+        assert meanings.get(name), f"state what {name} means, in a row of its table"
+        filled.append(line.replace(MEANING, meanings[name], 1))
+    return "".join(filled)
 
 
 def vertex_table(when: When) -> str:
@@ -56,7 +76,7 @@ def _vertex_row(field: Field) -> list[str]:
         _names([field.name]),
         f"{TYPES[field.kind]} {_shape(('V', *field.shape))}",
         field.unit,
-        field.meaning,
+        MEANING,
         "yes" if field.array else "",
         points if field.array else "",
         columns + ", text" * bool(field.texts) if field.table else "",
@@ -72,8 +92,7 @@ def _named(field: Field, names: list[str]) -> str:
 def surface_table() -> str:
     """The arrays that are not of vertices."""
     rows = [
-        [_names([one.name]), f"{TYPES[one.kind]} {_shape(one.shape)}", one.meaning]
-        for one in SURFACE
+        [_names([one.name]), f"{TYPES[one.kind]} {_shape(one.shape)}", MEANING] for one in SURFACE
     ]
     return _table(["array", "type, shape", ""], rows)
 
@@ -81,7 +100,7 @@ def surface_table() -> str:
 def column_table(fields: Iterable[Field], when: When, head: str) -> str:
     """Columns of tables of grasps or poses."""
     chosen = [field for field in fields if field.when == when and not field.shape]
-    rows = [[_names([one.name]), _type(one), one.unit, one.meaning] for one in chosen]
+    rows = [[_names([one.name]), _type(one), one.unit, MEANING] for one in chosen]
     return _table([head, "type", "unit", ""], rows)
 
 
@@ -93,7 +112,7 @@ def contact_table() -> str:
             _names([one.name]),
             _type(one),
             one.unit,
-            one.meaning,
+            MEANING,
         ]
         for one in CONTACTS
     ]
