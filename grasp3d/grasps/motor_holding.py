@@ -17,6 +17,8 @@ from grasp3d.hand.articulated.plausible_numbers import too_strong
 from grasp3d.quality.hand_forces.critical_angle import hand_closes, hand_critical_angle
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
 from grasp3d.quality.hand_forces.payloads import (
+    OF_LINE,
+    OF_LINKS,
     HandPayload,
     hand_epsilon,
     hand_payload,
@@ -37,6 +39,12 @@ palm and rigid links, is limited by what these bear."""
 
 MOST_LOAD = 10.0
 """Load fraction from which on texts do not say how large it is."""
+
+WHY = {
+    OF_LINKS: "the weight of the links alone is too much for the motors",
+    OF_LINE: "point contacts on one line leave the turn about it free",
+}
+"""Limits with which nothing is held, as sentences."""
 
 FLAT = 1e-3
 """Angle by which cones must be narrower than a half-space [rad]."""
@@ -370,9 +378,10 @@ class MotorHolding:
     def shortfall(self, row: int) -> str:
         """Why the mass is not surely held at a pose, in one sentence."""
         most, sure = self.payload_possible[row], self.payload_sure[row]
+        why = f": {WHY[cause]}" if (cause := str(self.limit[row])) in WHY else ""
         if most < self._mass:
-            return f"holds {short_number(most)}{self.unit} at most"
-        return f"surely holds {short_number(sure)}{self.unit} only"
+            return f"holds {short_number(most)}{self.unit} at most{why}"
+        return f"surely holds {short_number(sure)}{self.unit} only{why}"
 
     def verdict(self, chosen: Bools) -> str:
         """What the motors hold at the best pose, in one sentence.
@@ -383,7 +392,9 @@ class MotorHolding:
         forces, hand = self.forces, self.forces.hand
         surely = np.where(chosen & (self.payload > 0.0), self.payload_sure, -1.0)
         if not (surely >= 0.0).any():
-            return f"the motors of {hand.name} hold {self.load.to_hold} at no pose"
+            causes = {*self.limit[chosen & (self.payload_sure == 0.0)].tolist()}
+            why = f": {WHY[cause]}" if len(causes) == 1 and (cause := min(causes)) in WHY else ""
+            return f"the motors of {hand.name} hold {self.load.to_hold} at no pose{why}"
         row = int(np.lexsort((self.payload, surely))[-1])
         torques = np.unique(forces.torques[~np.isnan(forces.torques)])
         slides = {joint.kind for joint in hand.tree.joints.values()} <= {"slides", "fixed"}

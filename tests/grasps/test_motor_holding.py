@@ -282,3 +282,38 @@ def test_the_weight_of_links_takes_from_what_motors_hold(tmp_path: Path) -> None
     free = evaluated(tmp_path, grasp3d.Load(torque_limits=10.0), masses=heavy).motor_holding
     assert free is not None
     assert free.payload[0] <= found.motor_holding.payload[0] * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize("task", ["weight", "weight within 0 of -x"])
+def test_motors_that_do_not_carry_the_links_are_said_to(tmp_path: Path, task: str) -> None:
+    heavy = {f"finger_{k}": {"mass": 1.5} for k in range(4)}
+    load = grasp3d.Load(mass=0.1, task=task, torque_limits=10.0)
+    found = evaluated(tmp_path, load, masses=heavy)
+    assert found.motor_holding is not None
+    assert found.motor_holding.limit[0] == "the weight of the links"
+    said = "the weight of the links alone is too much for the motors"
+    assert found.reason[0].endswith(f": {said}")
+    assert found.verdict == f"the motors of sliders hold 0.1 kg at no pose: {said}"
+    light = evaluated(tmp_path, load, masses={"finger_0": {"mass": 0.01}}).motor_holding
+    assert light is not None
+    assert light.limit[0].startswith("slide_")
+
+
+def test_two_point_contacts_are_said_to_leave_the_turn_about_their_line_free(
+    tmp_path: Path,
+) -> None:
+    box = grasp3d.load_mesh(shapes.box(BOX), unit="m")
+    hand = grasp3d.read_hand(slider_hand.write(tmp_path, 2))
+    pose = np.eye(4)
+    pose[1, 3] = 0.002
+    poses = GraspPoses(poses=pose, posture=np.full((1, 2), TOUCHING), unit="m")
+    load = grasp3d.Load(mass=0.01, torque_limits=10.0)
+    found = grasp3d.evaluate_grasps(box, poses, FINE, hand=hand, load=load)
+    assert isinstance(found, EvaluatedHandGrasps)
+    assert found.motor_holding is not None
+    assert found.motor_holding.payload[0] == 0.0
+    assert found.motor_holding.limit[0] == "the turn about the line of the contacts"
+    said = "point contacts on one line leave the turn about it free"
+    assert found.reason[0].endswith(f"holds 0 kg at most: {said}")
+    assert found.verdict is not None
+    assert found.verdict.endswith(f"at no pose: {said}")

@@ -41,6 +41,14 @@ LEAST = 1e-3
 
 TENTH = 0.1
 
+STILL = 1e-9
+"""Velocities of contacts, relative to those of a turn, that are none."""
+
+OF_LINKS = "the weight of the links"
+OF_LINE = "the turn about the line of the contacts"
+"""What limits where drives do not even carry the links, or the proof is a turn at which no contact
+moves: that about the line of two points."""
+
 
 @dataclass(frozen=True, eq=False)
 class HandPayload:
@@ -60,6 +68,8 @@ class HandPayload:
     """Load per reach of the slice along the direction [kg/N]."""
     programs: int
     """Cone programs solved."""
+    is_of_links: bool = False
+    """Whether nothing is held for the weight of the links alone."""
 
     __repr__ = short_repr
 
@@ -107,11 +117,23 @@ class HandPayload:
         shares, gains = self.drive_shares, self.friction_gains / TENTH
         if not math.isfinite(self.upper):
             return "nothing"
+        if self.is_of_links:
+            return OF_LINKS
+        if self.lower == 0.0 and self._turns_freely:
+            return OF_LINE
         if self.lower > 0.0 and shares.max(initial=0.0) > 0.0:
             return self.slice.grasp.actuation.names[int(shares.argmax())]
         if math.isfinite(self.slice.grasp.most_force) and self.lower > 0.0:
             return "the largest contact force"
         return f"friction at {names[int(gains.argmax())]}" if gains.any() else "the contacts"
+
+    @property
+    def _turns_freely(self) -> bool:
+        """Whether the object alone turns in the proof, and slides and rolls off at no contact."""
+        grasp, twist, motion = self.slice.grasp, self.limiting.twist, self.limiting.motion
+        turn, moves = float(np.linalg.norm(twist[3:])), grasp.velocities(twist, motion)
+        still = np.abs(moves).max() < STILL * turn * grasp.length and len(moves) > 1
+        return bool(still and np.abs(motion).max(initial=0.0) < STILL * turn)
 
     def worst_grasp(self, tilt: ArrayLike) -> HandGrasp:
         """The grasp with the normals, within the tilts, at which it holds no more than this."""
@@ -162,6 +184,19 @@ def hand_payload(
     """
     if not rtol > 0.0:
         raise SettingError(f"rtol must be above 0; got {rtol}")
+    found = _payload(grasp, task, tilt, rtol, polish)
+    if found.lower > 0.0 or grasp.actuation.links is None:
+        return found
+    light = replace(grasp.actuation, links=None)
+    without = HandGrasp(grasp.contacts, grasp.jacobian, light, most_force=grasp.most_force)
+    alone = _payload(without, task, tilt, rtol, polish)
+    return replace(found, is_of_links=alone.lower > 0.0, programs=found.programs + alone.programs)
+
+
+def _payload(
+    grasp: HandGrasp, task: Task | ArrayLike, tilt: ArrayLike, rtol: float, polish: bool
+) -> HandPayload:
+    """The payload as `hand_payload` has it, but not whether it is nothing for the links alone."""
     growing, constant = _parts(task if isinstance(task, Task) else Wrenches(np.asarray(task)))
     angles = grasp.half_angles(tilt)
     corners = [None if one is None else one.corners_for(None, 1) for one in (growing, constant)]
