@@ -29,7 +29,7 @@ SETTINGS: dict[str, list[str]] = {
     for fingers in (2, 3)
     for method in ("exact", "extremes")
 } | {
-    "franka, table, mass": ["--gripper", "franka", "--mass", "0.2kg", "--table", "as-is"],
+    "franka, table, mass": ["--hand", "franka", "--mass", "0.2kg", "--table", "as-is"],
     "location error": ["--location-error", "1mm", "--friction", "0.4..0.6"],
 }
 SETTINGS["3 fingers, extremes"] += ["--extreme-normals", "4"]  # 125 combinations instead of 729

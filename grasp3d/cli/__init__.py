@@ -218,12 +218,12 @@ def begin_processes(file: object, *, pictures: object = None) -> None:
 
 
 def _kind(name: str) -> type:
-    """Return the options of a command; `gripper` is another name of `hand`.
+    """Return the options of a command.
 
     Raises:
         SettingError: No command has this name.
     """
-    if kind := KINDS.get("hand" if name == "gripper" else name):
+    if kind := KINDS.get(name):
         return kind
     alike = get_close_matches(name, KINDS, 1)
     known = f"did you mean {alike[0]}?" if alike else f"known: {', '.join(KINDS)}"

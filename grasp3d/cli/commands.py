@@ -176,7 +176,7 @@ class Sweep(Guarded):
     """Area fractions of S, above 0 and at most 1. For each the required sensor resolution is
     printed: at any smaller one at least this fraction of the surface is S."""
 
-    fingers: Annotated[int, model_help("fingers"), Group("gripper")] = 2
+    fingers: Annotated[int, model_help("fingers"), Group("hand")] = 2
 
     sampling: Sampling = field(default_factory=Sampling)
 
@@ -366,7 +366,7 @@ class View(Labelling, TimeLimited):
     """Poses of a hand with joints on the mesh, as grasp3d evaluate takes them, instead of its
     labels: the hand is shown at each, the one to be taken first at the front. Needs --hand."""
 
-    contact_rule: Annotated[ContactRule | None, Group("gripper")] = None
+    contact_rule: Annotated[ContactRule | None, Group("hand")] = None
     """With --grasps: which contacts the poses make, as in grasp3d evaluate (default: given)."""
 
     web: Annotated[bool, Main("serve a page for a browser, open no window")] = False
@@ -408,13 +408,14 @@ class Evaluate(Guarded, GivenPoses):
         Path,
         POSITIONAL,
         Stated(metavar="CONTACTS"),
-        Main("contacts, or poses of a gripper, to evaluate"),
+        Main("contacts, or poses of a gripper or a hand"),
     ]
     """Contact points in the mesh's frame and unit: CSV or Parquet with columns x1 y1 z1 x2 y2 z2
     ... and one row per grasp, or JSON with a list of grasps, each a list of points [x, y, z]. Or
     poses of a gripper: the files that grasp3d writes; isaac_grasp, GraspDataGen and Replicator
     (.yaml); ACRONYM (.h5); GraspNet (.npy, labels of its objects .npz); Contact-GraspNet (.npz);
-    GraspGen, MultiGripperGrasp, RoboTwin and moveit_msgs/Grasp (.json). They need --hand."""
+    GraspGen, MultiGripperGrasp, RoboTwin and moveit_msgs/Grasp (.json); of hands with joints
+    DexGraspBench, Dexonomy, BODex and DexGraspNet (.npy). They need --hand."""
 
     output: Annotated[Path | None, Main("results: .csv .parquet .json")] = None
     """Results (.csv, .parquet or .json) (default: NAME_grasps.csv in this folder)."""
@@ -433,11 +434,11 @@ class Evaluate(Guarded, GivenPoses):
     """Quality measures of the literature to compute, print and write as further columns: all, or
     names separated by commas, such as min_weight,grasp_isotropy; an unknown name lists them."""
 
-    object_motion: Annotated[ObjectMotion, Group("gripper")] = "free"
+    object_motion: Annotated[ObjectMotion, Group("hand")] = "free"
     """Poses: whether the object gives way to the closing jaws, and settles between them, or does
     not move."""
 
-    object_scale: Annotated[float | None, Group("gripper")] = None
+    object_scale: Annotated[float | None, Group("hand")] = None
     """Factor from the numbers of the object's file to metres, of which the poses are: for files of
     poses on an object at several scales, or that do not state it (default: the one that they
     state)."""
@@ -445,7 +446,7 @@ class Evaluate(Guarded, GivenPoses):
     contact_rule: Annotated[
         ContactRule | None,
         Stated(metavar="RULE"),
-        Group("gripper"),
+        Group("hand"),
         Main("hands with joints: given, settled or closed"),
     ] = None
     """Poses of a hand with joints: which contacts they make. given: the links within the contact
@@ -453,7 +454,7 @@ class Evaluate(Guarded, GivenPoses):
     touch and none penetrate; closed: the hand closes from its open preshape until its links touch
     (default: given)."""
 
-    contact_distance: Annotated[LengthOption, Group("gripper")] = None
+    contact_distance: Annotated[LengthOption, Group("hand")] = None
     """Poses of a hand with joints: distance from the surface up to which a link touches, a length
     (default: 5mm)."""
 
@@ -552,7 +553,7 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
 
     surface: Annotated[MeshOptions, WholeMesh] = field(default_factory=MeshOptions)
 
-    object_motion: Annotated[ObjectMotion, Group("gripper")] = "free"
+    object_motion: Annotated[ObjectMotion, Group("hand")] = "free"
     """Whether objects give way to the closing jaws: they settle between them, or do not move."""
 
     def __post_init__(self) -> None:
@@ -588,16 +589,14 @@ class Simulate(Guarded, GivenPoses):
     """File of poses of a gripper to simulate, in any format that grasp3d evaluate reads (default:
     grasps are drawn from the surface)."""
 
-    hand: Annotated[Hand | None, Group("gripper"), Main("gripper of the poses")] = None
+    hand: Annotated[Hand | None, Group("hand"), Main("gripper of the poses")] = None
     """Name of a preset, or a file, of the gripper of the poses. Of drawn grasps: a gripper with
     round tips, whose radius and limits of the opening are taken (default: tips of --tip-radius)."""
 
-    min_opening: Annotated[LengthOption, Group("gripper")] = 0.0
+    min_opening: Annotated[LengthOption, Group("hand")] = 0.0
     """Smallest distance between the contacts, a length (default: 0)."""
 
-    max_opening: Annotated[LengthOption, Group("gripper"), Main("largest grasp, such as 80mm")] = (
-        None
-    )
+    max_opening: Annotated[LengthOption, Group("hand"), Main("largest grasp, such as 80mm")] = None
     """Largest distance between the contacts, a length (default: none)."""
 
     simulation: SimulationSettings = field(default_factory=SimulationSettings)

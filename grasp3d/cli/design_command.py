@@ -107,7 +107,7 @@ class GraspOptions:
     unit: Unit | None = None
     """Unit of the mesh's coordinates (default: the unit that the file states)."""
 
-    max_opening: Annotated[LengthOption, Group("gripper")] = None
+    max_opening: Annotated[LengthOption, Group("hand")] = None
     """Largest distance between the contacts on the object."""
 
     def __post_init__(self) -> None:

@@ -79,12 +79,12 @@ class Parser:
 
 
 _GROUPS = {
-    "model": "sensor", "sampling": "search", "multifinger": "search", "reach": "gripper",
+    "model": "sensor", "sampling": "search", "multifinger": "search", "reach": "hand",
     "mesh": "object", "surface": "object", "grasps": "object", "cluster": "processes",
 }  # fmt: skip
 """Groups of settings by the name of their field; others are a group of that name."""
 
-_ALIASES = {"output": ("-o",), "quiet": ("-q",), "hand": ("--hand",)}
+_ALIASES = {"output": ("-o",), "quiet": ("-q",)}
 """Other names of options, by the name of the field."""
 
 
@@ -157,7 +157,7 @@ def _noted(hint: Any) -> tuple[Any, list[Any]]:
 def _option(field: "Field[Any]", hint: Any, text: str, group: str) -> Option:
     """Return an option, with its help, its placeholder, and the parser of its value."""
     base, notes = _noted(hint)
-    stated = {"name": "gripper" if Hand in get_args(base) else field.name, "help": text}
+    stated = {"name": field.name, "help": text}
     for note in notes:
         if isinstance(note, Stated):
             stated |= {key: value for key, value in vars(note).items() if value}
@@ -403,17 +403,17 @@ def _frame(word: str) -> GripperFrame | str:
 FrameOption = Annotated[
     GripperFrame | None,
     one_word(f"FRAME|{_NONE}", partial(_named, "--frame", GripperFrame.of)),
-    Group("gripper"),
+    Group("hand"),
 ]
 """The frame of a gripper's poses, or none."""
 
 AnyFrameOption = Annotated[
-    GripperFrame | str | None, one_word(f"FRAME|{AUTO}|{_NONE}", _frame), Group("gripper")
+    GripperFrame | str | None, one_word(f"FRAME|{AUTO}|{_NONE}", _frame), Group("hand")
 ]
 """The same, or the one that explains the poses."""
 
 ObjectPoseOption = Annotated[
-    ObjectPose | None, one_word(f"POSE|FILE|{_NONE}", _object_pose), Group("gripper")
+    ObjectPose | None, one_word(f"POSE|FILE|{_NONE}", _object_pose), Group("hand")
 ]
 """The pose of the object in the frame of a robot, or none."""
 
@@ -491,7 +491,7 @@ class Forced:
 class GivenPoses:
     """The options of commands that read poses of a gripper."""
 
-    grasps_format: Annotated[PoseFormat | None, Group("gripper")] = None
+    grasps_format: Annotated[PoseFormat | None, Group("hand")] = None
     """Format of the file of poses, where neither its name nor its content tells, as that of
     interndata (default: found from them)."""
 

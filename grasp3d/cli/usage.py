@@ -24,7 +24,7 @@ GROUPS = {
     "fingertip": "The shape of the fingertips. A LENGTH has a unit, or is in --print-unit.",
     "sensor": "Friction, what the fingertips' sensors resolve, and what else is uncertain.",
     "joints": "The joints of each finger, and their encoders.",
-    "gripper": "The fingers, the hand that must reach each grasp, and what the object stands on.",
+    "hand": "The fingers, the hand that must reach each grasp, and what the object stands on.",
     "load": "What each grasp must hold, and the force at hand.",
     "search": "How candidate grasps are searched, labelled and measured.",
     "simulation": "How grasps are drawn and simulated.",

@@ -34,7 +34,7 @@ class ReachSettings(Settings):
             wrong by so much and less.
     """
 
-    hand: Annotated[Hand | None, Main("gripper that must reach the grasps")] = None
+    hand: Annotated[Hand | None, Main("gripper, or hand, that must reach the grasps")] = None
     table: Annotated[Standing, Main("what the object stands on")] = "none"
     up: Axis = "z"
     resting_pose: int = 1

@@ -105,7 +105,7 @@ class GraspModel(LengthSettings):
 
     friction: Annotated[Friction, Main("friction, or an interval: 0.4..0.6")] = Friction(0.5)
     sensor_resolution: Annotated[Radians, Main("what the fingertip cannot resolve")] = 22.6 * DEGREE
-    fingers: Annotated[int, Group("gripper")] = 2
+    fingers: Annotated[int, Group("hand")] = 2
     method: Annotated[Method, Group("search")] = "exact"
     extreme_normals: Annotated[int, Group("search")] = 8
     edges: Annotated[int | None, Group("search")] = None

@@ -147,9 +147,9 @@ class Sampling(SearchSettings):
 
     rays: int = 64
     grip: Grip = "squeeze"
-    min_opening: Annotated[Length[float], Group("gripper")] = Length(0.0)
+    min_opening: Annotated[Length[float], Group("hand")] = Length(0.0)
     max_opening: Annotated[
-        Length[float], Group("gripper"), Main("stroke of the gripper, such as 80mm")
+        Length[float], Group("hand"), Main("stroke of the gripper, such as 80mm")
     ] = Length(math.inf)
 
     def __post_init__(self) -> None:

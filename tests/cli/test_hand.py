@@ -58,8 +58,3 @@ def test_robots_are_read_by_their_finger_links(
     assert gripper.source == f"boxes around left, right and the palm of {path.name}"
     assert "name the links" in refusal(f"hand {path}", tmp_path)
     assert "known: " in refusal(f"hand {path} --fingers left rihgt", tmp_path)
-
-
-def test_the_command_has_another_name(tmp_path: Path) -> None:
-    one, other = (grasp3d(name, "franka", cwd=tmp_path) for name in ("hand", "gripper"))
-    assert (one.returncode, one.stdout) == (other.returncode, other.stdout) == (0, one.stdout)

@@ -358,7 +358,7 @@ design --object box.stl --unit mm --location-error 5m | is 5 m, 46.4 times the s
 design --object box.stl --unit mm --location-error 220 | is 220 mm, 2.04 times the size of box
 design --object box.stl --unit mm --receptive-field 12cm --fingertip-radius 6cm | is 12 cm, 1.11
 design --object-size 50mm --location-error 1m | 20 times the size of the object | with --force
-label ball.ply --hand gripe | --gripper: no gripper is called | franka
+label ball.ply --hand gripe | --hand: no gripper is called | franka
 label ball.ply --hand none.json | none.json: there is no such file
 label box.stl --hand max_opening.json | max_opening must be above 0
 label box.stl --hand min_opening.json | the stroke of
@@ -399,7 +399,7 @@ perturb missing.ply --location-error 1mm | no option --location-error
 perturb missing.ply --per-finger 'location_error=1mm; normal_error=2' | no option --per-finger
 perturb missing.ply --method extremes | no option --method
 label x --fingers | --fingers needs a value: INT
-label x --gripper | --gripper needs a value: NAME|FILE|none
+label x --hand | --hand needs a value: NAME|FILE|none
 label x --mass --best 3 | --mass needs a value: MASS|none
 paper -o x --fixed 1 2 | --fixed needs 3 values: X Y Z
 paper -o x --fixed 1 2 x | --fixed must be a number; got 'x'
@@ -416,15 +416,15 @@ sweep circle --fraction some | --fraction must be a number; got 'some'
 """The same of words that are no command, option, value or choice."""
 
 TRIED = """
-label ball.ply --gripper frank | --gripper: no gripper is called 'frank' (did you mean franka?)
-label ball.ply --gripper missing.json | --gripper: missing.json: there is no such file
-label ball.ply --gripper void/ | --gripper: void: is a folder; name a file
-label ball.ply --gripper folder.json | folder.json: is a folder
-label ball.ply --gripper damaged.json | damaged.json: is no JSON
-label ball.ply --gripper rows.json | rows.json: is no gripper
-label ball.ply --gripper other.json | other.json: is no gripper
-label ball.ply --gripper notes.csv | unsupported gripper format .csv
-label ball.ply --gripper hand.urdf | there is no such file
+label ball.ply --hand frank | --hand: no gripper is called 'frank' (did you mean franka?)
+label ball.ply --hand missing.json | --hand: missing.json: there is no such file
+label ball.ply --hand void/ | --hand: void: is a folder; name a file
+label ball.ply --hand folder.json | folder.json: is a folder
+label ball.ply --hand damaged.json | damaged.json: is no JSON
+label ball.ply --hand rows.json | rows.json: is no gripper
+label ball.ply --hand other.json | other.json: is no gripper
+label ball.ply --hand notes.csv | unsupported gripper format .csv
+label ball.ply --hand hand.urdf | there is no such file
 label ball.ply --unit feet | --unit must be one of m, cm, mm, in, or none; got 'feet'
 label ball.ply --table wood | --table must be one of none, as-is, stable
 label ball.ply --up w | --up must be one of x, y, z, -x, -y, -z
@@ -623,7 +623,7 @@ def test_bad_input_is_one_line_and_writes_nothing(folder: Path, case: str) -> No
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
-    ["label ball.ply --gripper frank", "lable ball.ply", "batch .", "label ball.ply -o x/y.ply"],
+    ["label ball.ply --hand frank", "lable ball.ply", "batch .", "label ball.ply -o x/y.ply"],
 )
 def test_a_process_of_its_own_refuses_the_same(folder: Path, words: str) -> None:
     run = run_process(*words.split(), cwd=folder)

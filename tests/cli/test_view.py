@@ -56,7 +56,7 @@ def test_a_picture_and_a_film_without_a_display(box: Path) -> None:
 def test_the_page_of_a_labelled_file_has_the_fractions_that_were_printed(
     box: Path, suffix: str
 ) -> None:
-    words = ("--unit", "m", "--max-edge", "0.02", "--gripper", "franka", "--max-opening", "0.05")
+    words = ("--unit", "m", "--max-edge", "0.02", "--hand", "franka", "--max-opening", "0.05")
     run = run_process("label", "box.stl", *words, "-o", f"box.{suffix}", cwd=box, env=KEPT)
     printed = re.findall(r"■ ([SMU]) .*?([\d.]+) %", run.stdout)
     rows = page_state(ready_session(open_collection(box / f"box.{suffix}")))["rows"]
