@@ -1,5 +1,6 @@
 """Other readings of poses of hands with joints: of the order of joints, frames, sides, sizes."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -9,8 +10,10 @@ from grasp3d.arrays import Bools, Floats
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.postures import ORDER, wrist_of
 from grasp3d.grasps.readings import (
+    FITTING,
     Alternative,
     Change,
+    PoseReading,
     Trial,
     Tried,
     changed_readings,
@@ -18,7 +21,7 @@ from grasp3d.grasps.readings import (
     framed,
     with_frame,
 )
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand
 from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE
 from grasp3d.hand.articulated.hand_scene import HandScene
 from grasp3d.hand.frames import GripperFrame
@@ -34,6 +37,9 @@ LEAST_LINKS = 2
 
 SIZES = 0.01, 1.0
 """Sizes of objects that a hand holds [m]."""
+
+TURN = 2.0 * math.pi
+"""Angle beyond a limit that no angle in radians has."""
 
 MIRRORS = {"x": 0, "y": 1, "z": 2}
 """Axes along which hands of the other side are mirrored."""
@@ -57,8 +63,7 @@ class JointTrial(Trial):
         yield from changed_readings(self.mesh, poses, hand, [stated], lengths=lengths)
         for words, change in _orders(hand) if ORDER in poses.settings else ():
             yield Alternative(with_frame(words, stated, poses), stated, posture=change)
-        words = "if their joints are in degrees"
-        yield Alternative(with_frame(words, stated, poses), stated, posture=np.radians)
+        yield _in_degrees(poses, hand)
 
     def last_alternatives(self, poses: GraspPoses, *, lengths: bool) -> Iterator[Alternative]:
         """See `Trial`."""
@@ -90,6 +95,44 @@ class JointTrial(Trial):
         depth = np.maximum(-gaps.min(axis=1), 0.0)
         fits = (touching >= LEAST_LINKS) & (depth <= DEEPEST)
         return fits, touching - depth / DEEPEST, np.full(len(poses), np.nan)
+
+
+def reading_in_degrees(poses: GraspPoses, hand: ArticulatedHand) -> PoseReading | None:
+    """The reading that joints are in degrees, where their limits leave no doubt; None: they do.
+
+    At some pose a joint is more than a turn beyond its limits, at less than half of them all joints
+    are within these, and in degrees at four fifths.
+
+    Args:
+        poses: The poses, with the joints of the hand.
+        hand: The hand.
+    """
+    best, turning = (
+        _in_degrees(poses, hand),
+        [one for one in hand.ranges if one.name not in hand.slides],
+    )
+    excess = [
+        np.max([one.excess(posture) for one in turning], axis=0, initial=-TURN)
+        for posture in (poses.posture, best.posture(poses.posture))
+    ]
+    stated, fitting = (int((one <= BEYOND).sum()) for one in excess)
+    if excess[0].max() < TURN or 2 * stated >= poses.count or fitting < FITTING * poses.count:
+        return None
+    return PoseReading(
+        words=best.words, best=best, fit="all joints are within their limits", fitting=fitting,
+        stated=stated, tried=poses.count, count=poses.count, stated_frame=best.frame, hand=hand,
+    )  # fmt: skip
+
+
+def _in_degrees(poses: GraspPoses, hand: ArticulatedHand) -> Alternative:
+    """The reading that angles are in degrees; lengths of joints that slide are what they are."""
+    turns, frame = [name not in hand.slides for name in hand.joint_names], poses.gripper_frame
+
+    def change(posture: Floats) -> Floats:
+        return np.where(turns, np.radians(posture), posture) if posture.size else posture
+
+    words = with_frame("if their joints are in degrees", frame, poses)
+    return Alternative(words, frame, posture=change)
 
 
 def _frames(stated: GripperFrame, hand: ArticulatedHand) -> Iterator[GripperFrame]:

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from grasp3d.arrays import Bools, Bytes, Floats, Ints
-from grasp3d.grasps.hand_readings import JointTrial
+from grasp3d.grasps.hand_readings import JointTrial, reading_in_degrees
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.postures import matched
 from grasp3d.grasps.readings import (
     FAR,
+    FITTING,
     FRAME,
     READING,
     SUSPECTED,
@@ -34,9 +35,6 @@ from grasp3d.hand.jaws import AXES, Jaws, metres_per_unit
 from grasp3d.hand.table import Table
 from grasp3d.mesh import ObjectMesh
 from grasp3d.system.context import unreported
-
-FITTING = 0.8
-"""Fraction of the poses that fit the object from which no other reading is tried."""
 
 FEWEST = 5
 """Poses below which nothing is suspected: too few agree by chance."""
@@ -101,12 +99,16 @@ def suspected_reading(
         The reading; None: enough poses fit, there are too few of them, or no reading is better.
     """
     read = (poses if poses.unit else replace(poses, unit=mesh.unit)).in_unit("m")
+    if isinstance(hand, ArticulatedHand):
+        read = matched(read, hand)
+        if (in_degrees := reading_in_degrees(read, hand)) is not None:
+            return in_degrees
     tried = read.take(_distinct(read.poses))
     if tried.count < FEWEST:
         return None
     trial: Trial
     if isinstance(hand, ArticulatedHand):
-        tried, trial = matched(tried, hand), JointTrial(mesh, hand, table)
+        trial = JointTrial(mesh, hand, table)
     else:
         trial = JawTrial(mesh, hand, table)
     (stated,) = trial.of([framed(poses.gripper_frame)], tried)

@@ -23,6 +23,9 @@ SUSPICION, LEVEL = 0.01, 0.001
 """Levels of the sign tests, over the poses that fit with one of two readings only, at which a
 reading must win against the stated one, divided by the number of readings, and against others."""
 
+FITTING = 0.8
+"""Fraction of the poses that fit the object from which no other reading is tried."""
+
 PLAUSIBLE = 0.5, 2.5
 """Spread of the TCPs, in object sizes, with which lengths in another scale, or an origin that no
 program has, are considered: where they are all at one point, all poses fit if one does."""

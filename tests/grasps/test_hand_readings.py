@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from grasp3d import ObjectMesh, ParallelGripper, load_mesh
+from grasp3d import ObjectMesh, ParallelGripper, load_mesh, read_hand
 from grasp3d.cli import main
 from grasp3d.errors import ContactError
 from grasp3d.grasps.evaluation import evaluate_grasps
@@ -22,9 +22,9 @@ from grasp3d.grasps.postures import ORDER
 from grasp3d.grasps.readings import READING, frame_words
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from tests.hand.test_articulated_hand import hand_of
-from tests.helpers import shapes
+from tests.helpers import shapes, slider_hand
 from tests.helpers.hand_grasps import touching
-from tests.helpers.hands import HANDS, hand_file
+from tests.helpers.hands import HANDS, hand_file, three_fingers
 
 
 @cache
@@ -107,6 +107,36 @@ def test_a_mistake_is_named_with_how_many_poses_touch(name: str, mistake: str) -
     plant, words = MISTAKES[mistake]
     poses = right(name, 100 if mistake == "reversed" else 40)  # many orders touch as well
     check(poses, plant(poses), words)
+
+
+def test_degrees_are_named_by_the_limits_of_joints_for_any_number_of_poses(tmp_path: Path) -> None:
+    hand = read_hand(three_fingers(tmp_path))
+    bent = np.array([0.0, -0.5, 0.1, -0.2, 0.0, -1.0])
+    postures = np.degrees([bent, 0.5 * bent, np.zeros(6)])
+    for count in (1, 2, 3):
+        wrong = GraspPoses(
+            poses=np.tile(np.eye(4), (count, 1, 1)), posture=postures[:count], unit="m",
+            joint_names=hand.joint_names, hand=hand,
+        )  # fmt: skip
+        reading = suspected_reading(box(), wrong, hand)
+        assert reading is not None
+        assert (reading.fitting, reading.stated) == (count, count // 3)
+        assert "if their joints are in degrees, which --frame auto takes" in str(reading)
+        mended = reading.applied(wrong)
+        np.testing.assert_allclose(mended.posture, np.radians(wrong.posture))
+        assert suspected_reading(box(), mended, hand) is None
+    # Neither angles that are only beyond the limits nor a single damaged pose say so.
+    for other in (bent + 2.0, [*np.tile(bent, (3, 1)), bent - 40.0]):
+        values = np.reshape(other, (-1, 6))
+        poses = np.tile(np.eye(4), (len(values), 1, 1))
+        given = GraspPoses(poses=poses, posture=values, joint_names=hand.joint_names, unit="m")
+        assert suspected_reading(box(), given, hand) is None
+
+
+def test_lengths_of_joints_that_slide_are_no_degrees(tmp_path: Path) -> None:
+    hand = read_hand(slider_hand.write(tmp_path))
+    poses = GraspPoses(poses=np.eye(4), posture=np.full((1, 4), 30.0), unit="m")
+    assert suspected_reading(box(), poses, hand) is None
 
 
 @pytest.mark.slow
