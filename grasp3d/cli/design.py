@@ -12,7 +12,14 @@ from rich.table import Table
 
 from grasp3d.cli import progress_bars
 from grasp3d.cli.design_command import Design, GraspOptions, friction_text
-from grasp3d.cli.design_report import FLAT, print_limits, print_sensor
+from grasp3d.cli.design_report import (
+    LOCATIONS_NOTE,
+    Tip,
+    print_limits,
+    print_sensor,
+    sensor_rows,
+    tip_text,
+)
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import Report, escaped, exact_angle, percent_text, table_of
 from grasp3d.contact.budget import CRITICAL, MARGIN, FingerDesign, GraspSamples, MarginBudget
@@ -28,8 +35,6 @@ from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.labelling import label_surface
 from grasp3d.system.context import within
 from grasp3d.system.counts import counted
-
-Tip = float | CylinderTip | EllipsoidTip
 
 FRACTIONS = (0.5, 0.9)
 """Area fractions of an object that limits are printed for."""
@@ -48,10 +53,6 @@ _LIMITS_NOTE = (
     "Each limit holds with all other values as given. any: no value is too large; none: none is "
     "small enough."
 )
-_LOCATIONS_NOTE = (
-    "The uncertainty of contact locations is not included: give --object-size or --object to "
-    "include it."
-)
 _OBJECT_NOTE = (
     "Counted for two grasps at each vertex, the best with exact locations and the best with the "
     "location error as given: other grasps may be better, so there may be more S and wider limits."
@@ -66,9 +67,9 @@ def print_finger(unit: Unit, tip: Tip, design: FingerDesign) -> None:
         tip: Radius of a round fingertip, inf for a flat one, or a tip of another shape.
         design: The finger.
     """
-    rows = [("fingertip", _tip_text(unit, tip))]
+    rows = [("fingertip", tip_text(unit, tip))]
     if isinstance(design.sensor, Sensor):
-        rows += _sensor_rows(unit, tip, design.sensor)
+        rows += sensor_rows(unit, tip, design.sensor)
     if design.encoders is not None:
         rows += _encoder_rows(unit, design.encoders)
     if design.other.normal_error:
@@ -79,32 +80,6 @@ def print_finger(unit: Unit, tip: Tip, design: FingerDesign) -> None:
     report = Report()
     report.paragraph("[bold]Finger[/]")
     report.fields(rows)
-
-
-def _tip_text(unit: Unit, tip: Tip) -> str:
-    if isinstance(tip, EllipsoidTip):
-        return f"ellipsoid, semi-axes {' x '.join(f'{axis:.4g}' for axis in tip.semi_axes)} {unit}"
-    if isinstance(tip, CylinderTip):
-        return f"cylinder, radius {tip.radius:.4g} {unit}"
-    return "flat" if math.isinf(tip) else f"radius {tip:.4g} {unit}"
-
-
-def _sensor_rows(unit: Unit, tip: Tip, sensor: Sensor) -> Iterator[tuple[str, str]]:
-    yield "receptive field", f"{sensor.receptive_field:.4g} {unit}"
-    if isinstance(tip, EllipsoidTip):
-        yield "sensor resolution, at worst", exact_angle(sensor.resolution)
-        for axis in range(3):
-            towards = np.eye(3)[axis]
-            resolution = tip.resolution_at(sensor.receptive_field, towards).resolution
-            yield f"  at the end of semi-axis {axis + 1}", exact_angle(resolution)
-        yield "sensors on half of it", f"at least {tip.sensors_by_discs(sensor.receptive_field)}"
-    elif isinstance(tip, CylinderTip):
-        yield "sensor resolution, at worst", f"{exact_angle(sensor.resolution)}, around the axis"
-    elif sensor.flat:
-        yield "sensor resolution", FLAT
-    else:
-        yield "sensor resolution", exact_angle(sensor.resolution)
-    yield "location uncertainty", f"within {sensor.location_uncertainty:.4g} {unit}"
 
 
 def _encoder_rows(unit: Unit, encoders: JointEncoders) -> Iterator[tuple[str, str]]:
@@ -152,7 +127,7 @@ def print_designs(
     report.table(table_of([*limits[0]], ([*row.values()] for row in limits), folded=True))
     report.paragraph(_LIMITS_NOTE)
     if not np.isfinite(grasps.opening).any():
-        report.paragraph(_LOCATIONS_NOTE)
+        report.paragraph(LOCATIONS_NOTE)
 
 
 def mean_budgets(designs: Sequence[FingerDesign], grasps: GraspSamples) -> dict[str, MarginBudget]:

@@ -3,13 +3,18 @@
 import math
 from collections.abc import Iterator, Sequence
 
+import numpy as np
 from rich.table import Table
 
 from grasp3d.cli.design_command import Design
 from grasp3d.cli.report import WARNING, Report, exact_angle, table_of
 from grasp3d.contact.friction_cones import effective_friction
 from grasp3d.contact.sensor import Sensor, resolution_limit
+from grasp3d.contact.tips import CylinderTip, EllipsoidTip
+from grasp3d.settings.lengths import Unit
 from grasp3d.system.context import refuse_warnings
+
+Tip = float | CylinderTip | EllipsoidTip
 
 ROUNDING = 1e-12
 """Margin up to which a sensor is not fine enough [rad]."""
@@ -21,8 +26,9 @@ _COUNTS_NOTE = (
     "Numbers of sensors are for the whole hemisphere, by area: 'discs' as in Wan & Howe, 'caps' "
     "on the curved surface. Both are lower bounds: real layouts overlap, by a fifth at least."
 )
-_LOCATIONS_NOTE = (
-    "The uncertainty of contact locations is not included: give --object-size to include it."
+LOCATIONS_NOTE = (
+    "The uncertainty of contact locations is not included: give --object-size or --object to "
+    "include it."
 )
 _PAPER_NOTE = (
     "Wan & Howe report 53°, about 9 mm and 10 sensors for friction 0.5; for 0.2, 22.6°, about 4 mm "
@@ -44,7 +50,7 @@ def print_limits(command: Design, frictions: Sequence[float]) -> None:
     tables = [(heading, _limits(command, opening, frictions)) for opening, heading in openings]
     report = Report()
     report.paragraph("[bold]Required sensor for each friction[/]")
-    report.paragraph(f"fingertip: {_fingertip(command)}")
+    report.paragraph(f"fingertip: {tip_text(command.print_unit, command.radius)}")
     _print_tables(report, tables)
     report.paragraph(
         "\nGrasps can be surely stable only with a finer sensor than this; grasp3d sweep computes "
@@ -104,10 +110,8 @@ def print_sensor(command: Design, sensor: Sensor, frictions: Sequence[float]) ->
 
 def _sensor_rows(command: Design, sensor: Sensor) -> Iterator[tuple[str, str]]:
     unit, size = command.print_unit, command.length("object_size")
-    yield "fingertip", _fingertip(command)
-    yield "receptive field", f"{sensor.receptive_field:.4g} {unit}"
-    yield "sensor resolution", FLAT if sensor.flat else exact_angle(sensor.resolution)
-    yield "location uncertainty", f"within {sensor.location_uncertainty:.4g} {unit}"
+    yield "fingertip", tip_text(unit, command.radius)
+    yield from sensor_rows(unit, command.radius, sensor)
     if not sensor.flat:
         discs, caps = _counts(sensor)
         yield "sensors on the hemisphere", f"at least {discs} (discs), {caps} (caps)"
@@ -147,12 +151,39 @@ def _count(sensors: int | None) -> str:
     return "inf" if sensors is None else str(sensors)
 
 
-def _fingertip(command: Design) -> str:
-    """Description of the fingertip."""
-    radius, unit = command.radius, command.print_unit
-    if math.isinf(radius):
-        return "flat"
-    return f"radius {radius:.4g} {unit}, curvature {1.0 / radius:.4g} per {unit}"
+def tip_text(unit: Unit, tip: Tip) -> str:
+    """Describe a fingertip: a radius, inf for a flat one, or a tip of another shape."""
+    if isinstance(tip, EllipsoidTip):
+        return f"ellipsoid, semi-axes {' x '.join(f'{axis:.4g}' for axis in tip.semi_axes)} {unit}"
+    if isinstance(tip, CylinderTip):
+        return f"cylinder, radius {tip.radius:.4g} {unit}"
+    curved = f"radius {tip:.4g} {unit}, curvature {1.0 / tip:.4g} per {unit}"
+    return "flat" if math.isinf(tip) else curved
+
+
+def sensor_rows(unit: Unit, tip: Tip, sensor: Sensor) -> Iterator[tuple[str, str]]:
+    """Names and values of a sensor.
+
+    Args:
+        unit: Unit of all lengths.
+        tip: The fingertip, see `tip_text`.
+        sensor: The sensor, the coarsest one on a tip whose curvature varies.
+    """
+    yield "receptive field", f"{sensor.receptive_field:.4g} {unit}"
+    if isinstance(tip, EllipsoidTip):
+        yield "sensor resolution, at worst", exact_angle(sensor.resolution)
+        for axis in range(3):
+            towards = np.eye(3)[axis]
+            resolution = tip.resolution_at(sensor.receptive_field, towards).resolution
+            yield f"  at the end of semi-axis {axis + 1}", exact_angle(resolution)
+        yield "sensors on half of it", f"at least {tip.sensors_by_discs(sensor.receptive_field)}"
+    elif isinstance(tip, CylinderTip):
+        yield "sensor resolution, at worst", f"{exact_angle(sensor.resolution)}, around the axis"
+    elif sensor.flat:
+        yield "sensor resolution", FLAT
+    else:
+        yield "sensor resolution", exact_angle(sensor.resolution)
+    yield "location uncertainty", f"within {sensor.location_uncertainty:.4g} {unit}"
 
 
 def _openings(command: Design) -> tuple[tuple[float, str], ...]:
@@ -170,4 +201,4 @@ def _print_notes(report: Report, command: Design) -> None:
     if not math.isinf(command.radius):
         report.paragraph(_COUNTS_NOTE)
     if command.object_size is None:
-        report.paragraph(_LOCATIONS_NOTE)
+        report.paragraph(LOCATIONS_NOTE)

@@ -59,7 +59,7 @@ def test_without_options_it_prints_the_numbers_of_the_paper() -> None:
         assert row[3:] == [str(sensor.sensors_by_discs), str(sensor.sensors_by_caps)]
     assert "their 50 comes from rounding 3.95 mm" in " ".join(text.split())
     assert "lower bounds" in text
-    assert "give --object-size to include it" in " ".join(text.split())
+    assert "give --object-size or --object to include it" in " ".join(text.split())
 
 
 def test_required_sensors_for_some_frictions_on_an_object() -> None:
