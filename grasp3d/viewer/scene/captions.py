@@ -17,7 +17,6 @@ from grasp3d.viewer.scene.overlays import (
     Rectangle,
     TextArea,
     TextLine,
-    middle_cut,
     shortened,
     text_width,
     wrapped,
@@ -184,7 +183,7 @@ def heading(area: TextArea, title: str, caption: Sequence[str]) -> list[OverlayI
     top = area.height - 0.5 * area.margin
     if title:
         top -= 1.25 * area.line
-        text = middle_cut(title, width, large, bold=True)
+        text = shortened(title, width, large, bold=True, end=0.5)
         items.append(TextLine(text, area.margin, top, large, bold=True))
     if caption:
         items.append(caption_at(area, caption, top - area.line))

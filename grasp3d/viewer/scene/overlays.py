@@ -112,24 +112,23 @@ def text_width(text: str, size: float, *, bold: bool = False) -> float:
     return float(font_of(size, bold=bold).getlength(text))
 
 
-def shortened(text: str, width: float, size: float, *, bold: bool = False) -> str:
-    """Cut the end of a line that is wider than a width [pixels], and add an ellipsis."""
-    if text_width(text, size, bold=bold) <= width:
-        return text
-    count = len(text)
-    while count and text_width(text[:count].rstrip() + ELLIPSIS, size, bold=bold) > width:
-        count -= 1
-    return text[:count].rstrip() + ELLIPSIS if count else ""
+def shortened(
+    text: str, width: float, size: float, *, bold: bool = False, end: float = 0.0
+) -> str:  # fmt: skip
+    """Replace a part of a line that is wider than a width [pixels] by an ellipsis.
 
-
-def middle_cut(text: str, width: float, size: float, *, bold: bool = False) -> str:
-    """Replace the middle of a line that is wider than a width [pixels] by an ellipsis."""
-    count = len(text)
-    short = text
+    Args:
+        text: The line.
+        width: The width.
+        size: Text size [pixels].
+        bold: Whether the font is bold.
+        end: Part of what is left that is the end of the line, from 0 to 1.
+    """
+    count, short = len(text), text
     while count > 0 and text_width(short, size, bold=bold) > width:
         count -= 1
-        end = text[len(text) - count // 2 :].lstrip()
-        short = text[: (count + 1) // 2].rstrip() + ELLIPSIS + end
+        last = int(count * end)
+        short = text[: count - last].rstrip() + ELLIPSIS + text[len(text) - last :].lstrip()
     return short if text_width(short, size, bold=bold) <= width else ""
 
 

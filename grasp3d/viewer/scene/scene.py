@@ -61,7 +61,6 @@ def prepare_picking(subject: Subject, before: Subject | None) -> None:
         and before.mesh.faces is subject.mesh.faces
         and "rays" in vars(before)
     ):
-        vars(subject).setdefault("center", before.center)
         vars(subject).setdefault("rays", before.rays)
     else:
         threading.Thread(target=lambda: subject.rays, daemon=True).start()
@@ -93,7 +92,7 @@ def vertex_at(
             origin = origin + crossing * direction
         elif climb < 0.0:
             reach = crossing
-    start = subject.normalized(origin)
+    start = (origin - subject.mesh.center) / subject.mesh.size
     toward = np.asarray(direction, dtype=np.float32)[None]
     hit = subject.rays.hits(np.asarray(start, dtype=np.float32)[None], toward)
     face, distance = int(hit["primID"][0]), float(hit["tfar"][0]) * subject.mesh.size

@@ -5,11 +5,12 @@ may lie between them: therefore the opposing contacts that inspecting the fixed 
 tested as well, and the faces about the best vertices in ever finer grids.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
-from grasp3d.arrays import Floats, Ints
 from grasp3d.grasps.explanations import PAIR
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.mesh.surface_points import SurfacePoints
@@ -44,6 +45,18 @@ _STEPS = [(i, j, STEPS - i - j) for i in range(STEPS + 1) for j in range(STEPS +
 GRID = INSIDE * (np.array(_STEPS) / STEPS - 1.0 / 3.0)
 """Barycentric coordinates of a grid's points, relative to its middle, shape (g, 3)."""
 MIDDLE = np.full(3, 1.0 / 3.0)
+
+Candidates: TypeAlias = npt.NDArray[np.void]
+CANDIDATE = np.dtype(
+    [
+        ("face", np.int64),
+        ("weights", np.float64, 3),
+        ("worst", np.float64),
+        ("smallest", np.float64),
+    ]
+)
+"""A point on the surface, and the critical friction angles of the grasp with its contact there,
+over the worst and over the best normals [rad]."""
 
 
 def scan_with_fixed(subject: Subject, model: GraspModel, fixed: FixedPoints) -> Subject:
@@ -97,63 +110,36 @@ def best_last_contact(scan: SurfaceLabels, tested: SurfacePoints) -> LastContact
         return None
     near = np.append(order[:BEST_VERTICES], rows[np.argmin(scan.critical_angle_best[rows])])
     with unreported():
-        leading = _Candidates.of(scan, vertex_surface_points(mesh, near))
-        leading = leading.joined(_Candidates.of(scan, tested))
+        tested_too = _evaluated(scan, vertex_surface_points(mesh, near)), _evaluated(scan, tested)
+    leading = np.concatenate(tested_too)
     faces = np.flatnonzero(np.isin(mesh.faces, mesh.canonical[near]).any(axis=1))
     faces = np.concatenate([faces, tested.faces])
     grids = SurfacePoints(faces, np.tile(MIDDLE, (len(faces), 1)))
     for number in range(ROUNDS):
         with unreported():
-            finer = _Candidates.of(scan, _grid_points(grids, FINER**number)).leading()
-        leading, grids = leading.joined(finer), finer.points
+            finer = _evaluated(scan, _grid_points(grids, FINER**number))
+        best = [np.argsort(finer[angle], kind="stable")[:KEPT] for angle in ("worst", "smallest")]
+        finer = finer[np.unique(np.concatenate(best))]
+        leading, grids = np.concatenate([leading, finer]), _points(finer)
         report_progress((number + 1) / ROUNDS)
-    return leading.best(scan)
+    worst, smallest = leading["worst"], leading["smallest"]
+    row = int(np.lexsort((smallest, worst))[0])
+    if np.isinf(worst[row]):  # the best over the worst normals only if that is bounded
+        row = int(np.argmin(smallest))
+    grasp = _grasps(scan, _points(leading[row : row + 1]))
+    return LastContact(grasp, float(worst.min()), float(smallest.min()))
 
 
-@dataclass(frozen=True, eq=False)
-class _Candidates:
-    """Points on the surface as contacts of the last finger."""
+def _evaluated(scan: SurfaceLabels, points: SurfacePoints) -> Candidates:
+    """Evaluate points (c,) as contacts of the last finger."""
+    found = np.empty(len(points.faces), CANDIDATE)
+    found["face"], found["weights"] = points.faces, points.weights
+    found["worst"], found["smallest"] = critical_angles(_grasps(scan, points))
+    return found
 
-    points: SurfacePoints
-    """Shape (c,)."""
-    worst: Floats
-    """Critical friction angles of the grasps over the worst normals [rad], (c,)."""
-    smallest: Floats
-    """The same over the best normals, (c,)."""
 
-    @classmethod
-    def of(cls, scan: SurfaceLabels, points: SurfacePoints) -> "_Candidates":
-        """Evaluate points (c,)."""
-        return cls(points, *critical_angles(_grasps(scan, points)))
-
-    def leading(self) -> "_Candidates":
-        """Those with the smallest angles over the worst and over the best normals."""
-        rows = [np.argsort(one, kind="stable")[:KEPT] for one in (self.worst, self.smallest)]
-        return self._take(np.unique(np.concatenate(rows)))
-
-    def joined(self, other: "_Candidates") -> "_Candidates":
-        """These candidates and others."""
-        points = SurfacePoints(
-            np.concatenate([self.points.faces, other.points.faces]),
-            np.concatenate([self.points.weights, other.points.weights]),
-        )
-        return _Candidates(
-            points,
-            np.concatenate([self.worst, other.worst]),
-            np.concatenate([self.smallest, other.smallest]),
-        )
-
-    def best(self, scan: SurfaceLabels) -> LastContact:
-        """The best of all, over the worst normals if that is bounded."""
-        row = int(np.lexsort((self.smallest, self.worst))[0])
-        if np.isinf(self.worst[row]):
-            row = int(np.argmin(self.smallest))
-        grasp = _grasps(scan, self._take(np.array([row])).points)
-        return LastContact(grasp, float(self.worst.min()), float(self.smallest.min()))
-
-    def _take(self, rows: Ints) -> "_Candidates":
-        points = SurfacePoints(self.points.faces[rows], self.points.weights[rows])
-        return _Candidates(points, self.worst[rows], self.smallest[rows])
+def _points(candidates: Candidates) -> SurfacePoints:
+    return SurfacePoints(candidates["face"], candidates["weights"])
 
 
 def _grid_points(middles: SurfacePoints, size: float) -> SurfacePoints:

@@ -157,8 +157,6 @@ class Session:
             return None
         if vertex is None and subject.hand_grasps is None:
             return inspect_last_contact(subject, model)
-        if vertex is not None and vertex >= len(subject.mesh.vertices):
-            return None
         last = self._last_inspection
         key = (vertex, model, alternative)
         if last is None or last[0] is not subject or last[1] != key:

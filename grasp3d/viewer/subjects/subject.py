@@ -110,8 +110,8 @@ class Subject:
 
     @cached_property
     def rays(self) -> FaceRays:
-        """Ray tracer of the faces, for clicks; in the frame of `normalized`."""
-        return FaceRays(self.normalized(self.mesh.vertices), self.mesh.faces)
+        """Ray tracer of the faces, for clicks; in the frame of the mesh's `normalized`."""
+        return FaceRays(self.mesh.normalized, self.mesh.faces)
 
     @cached_property
     def views(self) -> GraspViews:
@@ -128,10 +128,6 @@ class Subject:
     def center(self) -> Floats:
         """Centre of the bounding box, shape (3,)."""
         return locked(self.bounds.mean(axis=0))
-
-    def normalized(self, points: Floats) -> Floats:
-        """Transform points (..., 3) to a frame in which the surface is centred and of size 1."""
-        return (points - self.center) / self.mesh.size
 
     def angles(self, model: GraspModel) -> tuple[Floats, Floats]:
         """Critical angles that decide the labels for a model, over the worst and best normals.
