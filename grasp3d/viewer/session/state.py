@@ -1,5 +1,6 @@
 """The user's choices in a viewer, as an immutable value."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
@@ -82,6 +83,16 @@ class ViewState:
     def __post_init__(self) -> None:
         check_choice("paint", self.paint, Paint)
         check_choice("click action", self.click, Click)
+        if not self.max_opening > 0.0:
+            raise SettingError(f"the largest opening must be above 0; got {self.max_opening:g}")
+        if self.compare is not None and not 0.0 <= self.compare < math.pi:
+            raise SettingError(
+                "the second resolution must be at least 0 and below 180 degrees; "
+                f"got {math.degrees(self.compare):g}"
+            )
+        points = np.asarray(self.fixed or np.zeros((1, 3)), dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+            raise SettingError("fixed fingers must be points of three finite coordinates each")
 
     @property
     def compared(self) -> float | None:
