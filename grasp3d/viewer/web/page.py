@@ -58,9 +58,7 @@ def serve(
     server.local_only = _is_loopback(host)
     server.add(partial(Session, collection, settings), main=True)
     with contextlib.closing(listen(host, port)) as listener:
-        stopped_by = asyncio.run(_serve(server, listener, host, ready))
-    if stopped_by == signal.SIGINT:
-        raise KeyboardInterrupt
+        asyncio.run(_serve(server, listener, host, ready))  # Ctrl+C ends it, too
 
 
 def check_page(host: str, port: int) -> None:
@@ -209,21 +207,14 @@ async def serving(server: "ViewerServer", listener: socket.socket) -> AsyncItera
 
 async def _serve(
     server: "ViewerServer", listener: socket.socket, host: str, ready: Callable[[str], None] | None
-) -> int:
-    """Serve until a signal is received; returns its number."""
-    loop = asyncio.get_running_loop()
-    stop: asyncio.Future[int] = loop.create_future()
-
-    def stopped(number: int) -> None:
-        if not stop.done():
-            stop.set_result(number)
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stopped, number)
+) -> None:
+    """Serve until SIGTERM."""
+    stop = asyncio.Event()
+    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, stop.set)
     async with serving(server, listener):
         if ready is not None:
             ready(address_of(host, listener))
-        return await stop
+        await stop.wait()
 
 
 def _bound(host: str, port: int) -> socket.socket:
