@@ -85,12 +85,12 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system.tables import read_columns
 from grasp3d.validating.perturbing import NoiseSettings, perturb_surface
 from grasp3d.viewer.scene.framing import MARGIN
-from grasp3d.viewer.scene.marks import MarkedContacts
 from grasp3d.viewer.scene.overlays import BOLD, PLAIN
 from grasp3d.viewer.scene.pictures import open_renderer
 from grasp3d.viewer.scene.sheets import draw_grasps
 from grasp3d.viewer.scene.stills import draw_colors, draw_labels
 from grasp3d.viewer.session.collection import collection_of
+from grasp3d.viewer.session.inspection import MarkedContacts
 from grasp3d.viewer.view_settings import ViewSettings
 
 ROOT = Path(__file__).parents[1]

@@ -175,18 +175,14 @@ def print_poses(poses: EvaluatedPoses, output: Path) -> None:
     report.table(table_of(("", "", "poses", "fraction"), rows, texts=2))
     report.lines(uncertainty_lines(poses, None, of="poses", unit=mesh.unit))
     report.lines(_outside(poses))
-    if not np.isnan(poses.outcome).all():
-        report.line(outcomes_line(poses))
+    report.lines(outcomes_lines(poses))
     report.line(f"[bold]{escaped(str(verdict_of(poses)))}[/]")
     print_load(report, poses.holding)
     report.warnings(poses.warnings)
     print_some(report, _pose_columns(poses), poses, poses.size)
     report.line(f"{_added_legend(poses)}{_POSES_LEGEND}{mesh.unit}")
     report.lines(_robust_legend(poses, poses.robustness))
-    report.line(frame_text(poses.given.object_pose))
-    if read := poses.given.settings.get(READING):
-        report.line(f"{READINGS[READING]}: {escaped(read)}")
-    report.written(output)
+    print_files(report, poses, output)
 
 
 def print_metrics(metrics: MetricValues, unit: str | None) -> None:
@@ -386,14 +382,22 @@ def _outside(grasps: EvaluatedParts | EvaluatedPoses) -> tuple[str, ...]:
     return (f"{count} of {grasps.size} have a contact that --only and --avoid exclude: U",)
 
 
-def outcomes_line(poses: GivenGrasps) -> str:
+def print_files(report: Report, poses: GivenGrasps, *outputs: Path) -> None:
+    """Print the frame of the poses, how their file was read, and what was written."""
+    report.line(frame_text(poses.given.object_pose))
+    if read := poses.given.settings.get(READING):
+        report.line(f"{READINGS[READING]}: {escaped(read)}")
+    report.written(*outputs)
+
+
+def outcomes_lines(poses: GivenGrasps) -> list[str]:
     """Return the fraction of the poses of each label that held, of those that were tried."""
     parts = []
     for label in sorted(Label, reverse=True):
         tried = poses.outcome[(poses.label == label) & ~np.isnan(poses.outcome)]
         if len(tried):
             parts.append(f"{label.name} {percent_text(tried.mean())} of {len(tried)}")
-    return "held when tried: " + ", ".join(parts)
+    return [f"held when tried: {', '.join(parts)}"] if parts else []
 
 
 def _pose_columns(poses: EvaluatedPoses) -> list[Column]:

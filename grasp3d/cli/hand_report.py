@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from grasp3d.cli.grasp_report import (
-    frame_text,
     number_text,
-    outcomes_line,
+    outcomes_lines,
+    print_files,
     print_some,
     resolution_text,
 )
@@ -26,9 +26,7 @@ from grasp3d.cli.report import (
 )
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.grasps.motor_holding import load_text
-from grasp3d.grasps.pose_readings import READINGS
 from grasp3d.grasps.ranking import ranked_rows, stated_label
-from grasp3d.grasps.readings import READING
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.settings.lengths import small_length
 from grasp3d.stability.label import Label
@@ -79,8 +77,7 @@ def print_hand_grasps(grasps: EvaluatedHandGrasps, *outputs: Path) -> None:
     report.line(_lengths(grasps))
     kinds = Counter(kind for kind in grasps.reasons.kinds if kind)
     report.lines(f"{count} of {size}: {kind}" for kind, count in kinds.most_common())
-    if not np.isnan(grasps.outcome).all():
-        report.line(outcomes_line(grasps))
+    report.lines(outcomes_lines(grasps))
     report.line(f"[bold]{_verdict(grasps)}[/]")
     if grasps.motor_holding is not None:
         report.line(f"[bold]{escaped(str(grasps.verdict))}[/]")
@@ -90,10 +87,7 @@ def print_hand_grasps(grasps: EvaluatedHandGrasps, *outputs: Path) -> None:
     report.line(_LEGEND)
     if grasps.motor_holding is not None:
         report.line(_HELD if grasps.label_with_force is None else f"{_HELD}{_LOAD}")
-    report.line(frame_text(grasps.given.object_pose))
-    if read := grasps.given.settings.get(READING):
-        report.line(f"{READINGS[READING]}: {escaped(read)}")
-    report.written(*outputs)
+    print_files(report, grasps, *outputs)
 
 
 def _lengths(grasps: EvaluatedHandGrasps) -> str:

@@ -175,8 +175,8 @@ def draw_disagreement(one: Disagreement) -> Bytes:
     Raises:
         OutputError: OpenGL is not available.
     """
-    from grasp3d.viewer.scene.marks import MarkedContacts
     from grasp3d.viewer.scene.stills import draw_colors
+    from grasp3d.viewer.session.inspection import MarkedContacts
 
     grasp, mesh = one.grasp, one.grasp.mesh
     assert mesh.unit is not None  # evaluated poses have a unit

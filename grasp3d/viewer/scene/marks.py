@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -11,7 +10,6 @@ from vtkmodules.vtkRenderingCore import vtkMapper
 
 from grasp3d.arrays import Floats, unit_rows
 from grasp3d.contact.friction_cones import tangents
-from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.shapes import ARC_COLOR
 from grasp3d.rendering.grasp_views import ARROW, approach_ends
@@ -19,7 +17,7 @@ from grasp3d.rendering.opengl import AMBIENT
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.framing import pixel_ratio
-from grasp3d.viewer.session.inspection import Inspection
+from grasp3d.viewer.session.inspection import MarkedContacts
 from grasp3d.viewer.subjects.subject import Subject
 
 CONTACT_RADIUS, ROD_RADIUS, RIM = 0.013, 0.0035, 0.0035
@@ -51,20 +49,6 @@ BLUE = "#0072B2"
 """Colour of the safe cone, which no label has."""
 SAME = 1e-9
 """Distance below which two contacts count as one, relative to the object's size."""
-
-
-@dataclass(frozen=True, eq=False)
-class MarkedContacts:
-    """Contacts with their normals, as an inspection has them, too."""
-
-    points: Floats
-    """Shape (n, 3)."""
-    normals: Floats
-    """Inward unit normals, (n, 3)."""
-    model: GraspModel | None = None
-    """Friction and resolution of the cones."""
-    held: GripperPose | None = None
-    """Pose of the gripper; None: cones are drawn."""
 
 
 NO_POINTS: Floats = np.empty((0, 3))
@@ -101,7 +85,7 @@ class Marks:
     def show(
         self,
         subject: Subject,
-        grasp: Inspection | MarkedContacts | None,
+        grasp: MarkedContacts | None,
         fixed: Floats,
         hand: Hand | None = None,
     ) -> None:

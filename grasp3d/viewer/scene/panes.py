@@ -23,9 +23,9 @@ from grasp3d.rendering.opengl import LIGHT
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.framing import pixel_ratio
-from grasp3d.viewer.scene.marks import NO_POINTS, MarkedContacts, Marks, new_actor
+from grasp3d.viewer.scene.marks import NO_POINTS, Marks, new_actor
 from grasp3d.viewer.scene.overlays import Overlay
-from grasp3d.viewer.session.inspection import Inspection
+from grasp3d.viewer.session.inspection import MarkedContacts
 from grasp3d.viewer.session.painting import HEX_PALETTE, corner_coordinates, faded, texture_image
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import Paint
@@ -279,7 +279,7 @@ class Pane:
 
     def hold(
         self,
-        grasp: Inspection | MarkedContacts | None,
+        grasp: MarkedContacts | None,
         hand: Hand | None,
         table: Table | None,
         fixed: Floats = NO_POINTS,

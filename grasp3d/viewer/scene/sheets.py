@@ -12,9 +12,9 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.context import report_progress
 from grasp3d.viewer.scene.framing import Frame, FreeArea, frame_of, parallel_scale
-from grasp3d.viewer.scene.marks import MarkedContacts
 from grasp3d.viewer.scene.stills import still_pane
 from grasp3d.viewer.session.hand_inspection import held_by, subject_of_hand
+from grasp3d.viewer.session.inspection import MarkedContacts
 from grasp3d.viewer.subjects.subject import Subject, subject_of
 
 PIXELS = (512, 512)

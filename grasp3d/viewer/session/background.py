@@ -32,25 +32,20 @@ class Job(Generic[ResultT]):
     """Waiting time before it starts, in which a newer request can replace it [s]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Finished(Generic[ResultT]):
-    """Result or error of a job."""
-
-    job: Job[ResultT]
-    result: ResultT | None
-    error: str | None
-    """Why there is no result, as one sentence."""
-
-
 @dataclass(eq=False)
-class _Run(Generic[ResultT]):
-    """A running job."""
+class Run(Generic[ResultT]):
+    """A job that is running, or has finished with a result or an error."""
 
     job: Job[ResultT]
     fraction: float = 0.0
+    """Finished fraction, from 0 to 1."""
+    result: ResultT | None = None
+    error: str | None = None
+    """Why there is no result, as one sentence."""
     stop: threading.Event = field(default_factory=threading.Event)
 
     def report(self, fraction: float) -> None:
+        """Note the finished fraction; ends the job if it is no longer needed."""
         if self.stop.is_set():
             raise Cancelled
         self.fraction = fraction
@@ -64,8 +59,8 @@ class Worker(Generic[ResultT]):
     """
 
     def __init__(self) -> None:
-        self._finished: SimpleQueue[tuple[Finished[ResultT], _Run[ResultT]]] = SimpleQueue()
-        self._run: _Run[ResultT] | None = None
+        self._finished: SimpleQueue[Run[ResultT]] = SimpleQueue()
+        self._run: Run[ResultT] | None = None
 
     @property
     def job(self) -> Job[ResultT] | None:
@@ -85,35 +80,35 @@ class Worker(Generic[ResultT]):
             self._run.stop.set()
         self._run = None
         if job is not None:
-            self._run = _Run(job)
+            self._run = Run(job)
             # A new thread begins without the threads that are stated here.
             execute = partial(copy_context().run, self._execute, self._run)
             threading.Thread(target=execute, daemon=True).start()
 
-    def take_finished(self) -> Finished[ResultT] | None:
-        """The result of the current job, once, when it has finished."""
+    def take_finished(self) -> Run[ResultT] | None:
+        """The current job, once, when it has finished."""
         while True:
             try:
-                finished, run = self._finished.get_nowait()
+                run = self._finished.get_nowait()
             except Empty:
                 return None
             if run is self._run:
                 self._run = None
-                return finished
+                return run
 
-    def _execute(self, run: _Run[ResultT]) -> None:
+    def _execute(self, run: Run[ResultT]) -> None:
         job = run.job
         if run.stop.wait(job.delay):
             return
         try:
             with running(progress=run.report):
-                finished = Finished(job, job.run(), None)
+                run.result = job.run()
         except Cancelled:
             return
         except GraspError as error:
-            finished = Finished(job, None, str(error))
+            run.error = str(error)
         except MemoryError:
-            finished = Finished(job, None, f"{job.text}: memory is too small; use a coarser mesh")
+            run.error = f"{job.text}: memory is too small; use a coarser mesh"
         except Exception as error:  # noqa: BLE001
-            finished = Finished(job, None, describe_unexpected(error))
-        self._finished.put((finished, run))
+            run.error = describe_unexpected(error)
+        self._finished.put(run)

@@ -88,8 +88,8 @@ def inspect_hand(grasps: EvaluatedHandGrasps, model: GraspModel) -> Inspection:
     found = grasps.using(model)
     points, normals = found.contacts_of(0)
     return Inspection(
-        None, int(found.label[0]), points, normals, model, tuple(_numbers(found)),
-        reason_of(found, 0), held_by(found, 0),
+        points, normals, model, held_by(found, 0), vertex=None, code=int(found.label[0]),
+        numbers=tuple(_numbers(found)), reason=reason_of(found, 0),
     )  # fmt: skip
 
 

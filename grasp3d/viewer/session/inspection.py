@@ -190,26 +190,34 @@ EPSILONS = ("ε", EPSILON_MIN, "ε_max")
 
 
 @dataclass(frozen=True, eq=False)
-class Inspection:
-    """The grasp of one vertex, as it is listed and drawn."""
+class MarkedContacts:
+    """Contacts with their normals, as they are drawn."""
+
+    points: Floats
+    """Shape (n, 3)."""
+    normals: Floats
+    """Inward unit normals, (n, 3)."""
+    model: GraspModel | None = None
+    """Friction and resolution of the cones."""
+    held: GripperPose | None = None
+    """Pose of the gripper; None: there is none, or it does not reach them: cones are drawn."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Inspection(MarkedContacts):
+    """The grasp of one vertex, as it is listed and drawn.
+
+    The vertex or last finger is the first contact, and the only one if it has no grasp.
+    """
 
     vertex: int | None
     """None: the best contact found for the last finger, or a given grasp."""
     code: int
     """Label, or `UNSEARCHED`."""
-    points: Floats
-    """Contacts of its grasp, the vertex or last finger first; only the vertex if it has no grasp.
-    (n, 3)"""
-    normals: Floats
-    """Inward unit normals at the contacts, (n, 3)."""
-    model: GraspModel
-    """Friction and resolution of the numbers."""
     numbers: tuple[tuple[str, str], ...]
     """Names, and values with their units."""
     reason: str
     """One sentence: why it is S, M or U."""
-    held: GripperPose | None = None
-    """Pose of the gripper; None: there is no gripper, or it does not reach the grasp."""
     number: int = 1
     """Which grasp of the vertex it is, from 1."""
     count: int | None = 1
@@ -368,8 +376,8 @@ def _inspection(
             numbers.append(("normals off the line", f"{first:.1f}° and {second:.1f}°"))
     held = "" if force is None else force.sentence()
     return Inspection(
-        vertex, case.code, points, normals, case.model, tuple(numbers),
-        f"{explain(case)} {held}".rstrip(), pose, budget=budget_text(case),
+        points, normals, case.model, pose, vertex=vertex, code=case.code, numbers=tuple(numbers),
+        reason=f"{explain(case)} {held}".rstrip(), budget=budget_text(case),
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from grasp3d.errors import SettingError
 from grasp3d.hand.scene import Scene
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel
-from grasp3d.viewer.session.background import Finished, Worker
+from grasp3d.viewer.session.background import Run, Worker
 from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.session.computations import check_savable
 from grasp3d.viewer.session.hand_inspection import inspect_hand
@@ -416,7 +416,7 @@ class Session:
         self.revision += 1
         self._start_next_job()
 
-    def _process(self, finished: Finished[Subject]) -> None:
+    def _process(self, finished: Run[Subject]) -> None:
         """Store the result or the error of a finished job."""
         kind, result = finished.job.key[0], finished.result  # type: ignore[index]
         saving = self._saving if kind == "save" else None
