@@ -36,8 +36,9 @@ class Keys:
 
     @property
     def names(self) -> str:
-        """What is printed on them."""
-        return " ".join(ARROWS.get(key, key) for key in self.actions)
+        """What is printed on them; the first and the last one of many."""
+        names = [ARROWS.get(key, key) for key in self.actions]
+        return " ".join(names) if len(names) <= 2 else f"{names[0]} … {names[-1]}"
 
 
 @dataclass(frozen=True)
