@@ -19,11 +19,10 @@ from rich.console import Console
 from rich.table import Table
 
 from grasp3d.errors import MeshError
-from grasp3d.mesh import preparing
+from grasp3d.mesh import preparing, work_bounds
 from grasp3d.mesh.mesh_sources import read_source
 from grasp3d.mesh.repair import work
 from grasp3d.mesh.repair.work import Work
-from grasp3d.mesh.work_bounds import BOUNDS
 from grasp3d.settings import MeshOptions
 
 Floats = npt.NDArray[np.float64]
@@ -150,8 +149,9 @@ def main() -> None:
     parser.add_argument("shapes", nargs="*", metavar="SHAPE")
     options = parser.parse_args()
     bounds = Table("step", "at most", "of")
-    for bound in BOUNDS:
-        bounds.add_row(bound.step, f"{bound.most:,}", bound.things)
+    for bound in vars(work_bounds).values():
+        if isinstance(bound, work_bounds.WorkBound):
+            bounds.add_row(bound.step, f"{bound.most:,}", bound.things)
     console = Console()
     console.print(bounds)
     times: dict[str, float] = {}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel, Radians
-from grasp3d.settings.lengths import METRES
+from grasp3d.settings.lengths import METRES, known_unit
 from grasp3d.system.documents import check_text, described, number_of
 
 if TYPE_CHECKING:
@@ -271,12 +271,8 @@ def metres_per_unit(mesh: "ObjectMesh") -> float:
     Raises:
         SettingError: The unit of the mesh is not known.
     """
-    if mesh.unit is None:
-        raise SettingError(
-            f"hands and grippers are given in metres, but the unit of {mesh.report.source} is "
-            "not known: give the unit of its coordinates (--unit, in Python unit=...)"
-        )
-    return METRES[mesh.unit]
+    what = "hands and grippers are given in metres"
+    return METRES[known_unit(mesh.unit, what, mesh.report.source)]
 
 
 def problem_of_face(face: Corners) -> str | None:

@@ -109,12 +109,6 @@ LONG_HOLES = WorkBound(
     "close it in a CAD program, or leave it open with --repair safe",
 )
 
-BOUNDS = (
-    CLOSE_POINTS, BODY_BOXES, NESTED_BODIES, UNITED_BODIES, BODY_COPIES, INNER_WALLS,
-    MATCHED_WALLS, NEAR_FACES, POINTS_ON_FACES, LONG_HOLES,
-)  # fmt: skip
-"""All bounds of repair and preparation."""
-
 
 @contextmanager
 def bounds_of(where: str) -> Iterator[None]:

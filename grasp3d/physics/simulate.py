@@ -29,7 +29,7 @@ from grasp3d.physics.simulation import Simulation
 from grasp3d.physics.simulation_settings import SimulationSettings
 from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, with_fingers
-from grasp3d.settings.lengths import METRES, settings_in_unit
+from grasp3d.settings.lengths import METRES, known_unit, settings_in_unit
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import input_warnings, mass_of
@@ -223,13 +223,8 @@ def simulate_grasps(
     """
     mujoco_module()
     surface = load_mesh(mesh, options)
-    source = surface.report.source
-    if surface.unit is None:
-        raise SettingError(
-            f"a simulation is in metres, but the unit of {source} is not known: give the unit of "
-            "its coordinates (--unit, in Python unit=...)"
-        )
-    scale = METRES[surface.unit]
+    what = "a simulation is in metres"
+    scale = METRES[known_unit(surface.unit, what, surface.report.source)]
     settings = simulation or SimulationSettings()
     own_model, own_sampling = surface.in_own_unit(_model(model, hand), sampling or Sampling())
     within = _within(own_sampling, surface, hand)
@@ -251,15 +246,8 @@ def simulate_grasps(
         centers = grasps.points.mean(axis=1)
     metric = poses.copy()
     metric[:, :3, 3] *= scale
-    attempts = [
-        Attempt(
-            metric[row],
-            float(openings[row] * scale + 2.0 * GAP),
-            centers[row] * scale,
-            grasps.friction[row],
-        )
-        for row in range(grasps.count)
-    ]
+    starts = (openings * scale + 2.0 * GAP).tolist()
+    attempts = list(map(Attempt, metric, starts, centers * scale, grasps.friction))
     outcomes, errors = simulate_attempts(attempts, stage, processes)
     warnings = (
         *input_warnings(surface, None if hand is None else Scene(hand), None, own_model),
@@ -515,13 +503,6 @@ def _posed_attempts(
     poses[:, :3, 3] *= scale
     stroke = grasps.hand.max_opening
     openings = np.nan_to_num(grasps.given.pregrasp_opening[given] * scale, nan=stroke)
-    return [
-        Attempt(
-            pose,
-            float(min(opening, stroke)),
-            grasps.mesh.center_mass * scale,
-            np.full(2, tips.friction),
-            may_move=True,
-        )
-        for pose, opening in zip(poses @ errors, openings, strict=True)
-    ]
+    center, friction = grasps.mesh.center_mass * scale, np.full(2, tips.friction)
+    attempt = partial(Attempt, center=center, friction=friction, may_move=True)
+    return list(map(attempt, poses @ errors, np.minimum(openings, stroke).tolist()))

@@ -241,12 +241,21 @@ def length_in_unit(
     length = parse_length(name, value)
     if not isinstance(length, Measure):
         return length
+    return length.in_unit(known_unit(unit, f"{name} is {length}", source))
+
+
+def known_unit(unit: Unit | None, what: str, source: str) -> Unit:
+    """The unit of a mesh; `what` needs it, and `source` is its name, for the error.
+
+    Raises:
+        SettingError: It is not known.
+    """
     if unit is None:
         raise SettingError(
-            f"{name} is {length}, but the unit of {source} is not known: give the unit of its "
-            "coordinates (--unit, in Python unit=...)"
+            f"{what}, but the unit of {source} is not known: give the unit of its coordinates "
+            "(--unit, in Python unit=...)"
         )
-    return length.in_unit(unit)
+    return unit
 
 
 def comparable(*lengths: AnyLength | None) -> tuple[float, ...] | None:

@@ -64,12 +64,8 @@ def label_fractions(codes: Bytes, weights: Floats) -> dict[str, float]:
     }
 
 
-def held_fractions(labels: VertexGrasps, *, weights: Weights = "area") -> dict[str, float] | None:
-    """Fractions S, M and U of the surface by the labels with force.
-
-    Args:
-        labels: The labelled surface, with a load.
-        weights: 'area': each vertex is weighted by the area around it; 'vertex': all equally.
+def held_fractions(labels: VertexGrasps) -> dict[str, float] | None:
+    """Area fractions S, M and U of a labelled surface by the labels with force.
 
     Returns:
         None: the mass or the force at hand is not known.
@@ -92,18 +88,15 @@ def held_fractions(labels: VertexGrasps, *, weights: Weights = "area") -> dict[s
     codes = _holding(labels).label
     if codes is None:
         return None
-    return label_fractions(codes, vertex_weights(labels.mesh, weights))
+    return label_fractions(codes, vertex_weights(labels.mesh, "area"))
 
 
-def payload_quantiles(
-    labels: VertexGrasps, levels: ArrayLike, *, weights: Weights = "area"
-) -> Floats | None:
+def payload_quantiles(labels: VertexGrasps, levels: ArrayLike) -> Floats | None:
     """Quantiles over the surface of the payload [kg]; it is 0 where no grasp was found.
 
     Args:
         labels: The labelled surface, with a load.
         levels: From 0 to 1, shape (k,).
-        weights: As in `held_fractions`.
 
     Returns:
         None: no force is at hand, or the task does not depend on the mass.
@@ -115,7 +108,7 @@ def payload_quantiles(
     if not holding.has_payload:
         return None
     payloads = np.nan_to_num(holding.payload, nan=0.0, posinf=math.inf)
-    return quantiles(payloads, levels, vertex_weights(labels.mesh, weights))
+    return quantiles(payloads, levels, vertex_weights(labels.mesh, "area"))
 
 
 def _holding(labels: VertexGrasps) -> Holding:

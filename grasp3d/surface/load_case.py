@@ -15,7 +15,7 @@ from grasp3d.mesh.plausible_lengths import Purpose, length_warnings, object_warn
 from grasp3d.quality.loads import Load
 from grasp3d.quality.tasks import Task
 from grasp3d.settings import GraspModel
-from grasp3d.settings.lengths import METRES, LengthSettings
+from grasp3d.settings.lengths import METRES, LengthSettings, known_unit
 from grasp3d.system.counts import short_number
 
 OVERLAP = 0.01
@@ -111,12 +111,7 @@ def mass_of(mesh: ObjectMesh, load: Load) -> float | None:
             "(--mass) and the centre of mass (--center-of-mass) instead, or close the mesh "
             "(--repair full)"
         )
-    if mesh.unit is None:
-        raise SettingError(
-            f"density is in kg/m^3, but the unit of {source} is not known: give the unit of its "
-            "coordinates (--unit, in Python unit=...)"
-        )
-    cubic_metres = METRES[mesh.unit] ** 3
+    cubic_metres = METRES[known_unit(mesh.unit, "density is in kg/m^3", source)] ** 3
     if not isinstance(load.density, tuple):
         return load.density * mesh.volume * cubic_metres
     return float(np.dot(load.density, _volumes(mesh, len(load.density)))) * cubic_metres
