@@ -21,14 +21,6 @@ MINIMUM: dict[Tilts, str] = {
 }
 """What the minimum of epsilon is, by how it is computed, where epsilon is named before."""
 
-_LEGENDS: dict[Tilts, str] = {
-    "exact": "smallest epsilon over the tilts",
-    "effective_friction": "epsilon at the effective friction",
-    "sampled_tilts": "smallest epsilon over sampled tilts",
-    "bound": "lower bound of epsilon over all uncertainties",
-}
-"""The same with its name."""
-
 
 def epsilon_min_text(model: GraspModel) -> str:
     """Name and meaning of the minimum of epsilon, for a legend.
@@ -40,9 +32,9 @@ def epsilon_min_text(model: GraspModel) -> str:
         >>> import grasp3d
         >>> from grasp3d.settings.model_text import epsilon_min_text
         >>> print(epsilon_min_text(grasp3d.GraspModel(location_error=0.001)))
-        ε_min: lower bound of epsilon over all uncertainties
+        ε_min: lower bound over all uncertainties
     """
-    return f"{EPSILON_MIN}: {_LEGENDS[model.tilts]}"
+    return f"{EPSILON_MIN}: {MINIMUM[model.tilts]}"
 
 
 def friction_text(model: GraspModel) -> str:

@@ -8,7 +8,7 @@ from grasp3d import GraspModel
 from grasp3d.settings.grasp_model import Tilts
 from grasp3d.settings.model_text import MINIMUM, epsilon_min_text
 
-BOUND = "lower bound of epsilon over all uncertainties"
+BOUND = "lower bound over all uncertainties"
 
 
 def test_every_way_to_compute_the_minimum_has_a_meaning() -> None:
@@ -19,13 +19,13 @@ def test_every_way_to_compute_the_minimum_has_a_meaning() -> None:
 @pytest.mark.parametrize(
     ("model", "meaning"),
     [
-        (GraspModel(), "smallest epsilon over the tilts"),
-        (GraspModel(edges=8), "epsilon at the effective friction"),
-        (GraspModel(torsion_radius=0.01), "smallest epsilon over sampled tilts"),
-        (GraspModel(location_error="1 mm"), "lower bound of epsilon over all uncertainties"),
+        (GraspModel(), "smallest over all tilts"),
+        (GraspModel(edges=8), "at the effective friction"),
+        (GraspModel(torsion_radius=0.01), "smallest over sampled tilts"),
+        (GraspModel(location_error="1 mm"), "lower bound over all uncertainties"),
         (
             GraspModel(per_finger="; location_error=1mm"),
-            "lower bound of epsilon over all uncertainties",
+            "lower bound over all uncertainties",
         ),
     ],
 )

@@ -222,14 +222,14 @@ def test_names_of_ramps() -> None:
     ramp = ramp_of(known, "epsilon_min", model)
     assert ramp is not None
     assert (ramp.text, ramp.maximum, ramp.grey) == (
-        "ε_min: smallest epsilon over the tilts",
+        "ε_min: smallest over all tilts",
         0.25,
         "",
     )
     located = viewing.with_epsilon(subject, 0.25, replace(model, location_error=0.1))
     bound = ramp_of(located, "epsilon_min", replace(model, location_error=0.1))
     assert bound is not None
-    assert bound.text == "ε_min: lower bound of epsilon over all uncertainties"
+    assert bound.text == "ε_min: lower bound over all uncertainties"
     other = ramp_of(known, "epsilon", replace(model, friction=0.9))
     assert other is not None
     assert other.text == ("ε of the grasp with the smallest β*, for μ 0.5, α 22.6°; being computed")

@@ -530,7 +530,7 @@ def test_epsilon_is_computed_when_it_is_shown() -> None:
     session.change(friction=0.45)
     text = panel_text(session)
     assert text.ramp is not None
-    meaning = "ε_min: smallest epsilon over the tilts"
+    meaning = "ε_min: smallest over all tilts"
     assert text.ramp.text == f"{meaning}, for μ 0.5, α 22.6°; being computed"
     wait_until_idle(session)
     subject = session.subject
