@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from grasp3d.arrays import Floats
 from grasp3d.batch.batch_settings import UNCERTAINTIES, BatchSettings
 from grasp3d.batch.identity import METHOD, content_hash, mesh_key
 from grasp3d.batch.inputs import MeshFile
@@ -27,10 +28,7 @@ from grasp3d.system.isolation import NeedsMemory, allowed_memory
 from grasp3d.system.versions import package_version
 
 if TYPE_CHECKING:
-    from grasp3d.hand.reach import Reach
-    from grasp3d.surface.closed_grasps import ClosedGrasps
     from grasp3d.surface.grasp_table import GraspTable
-    from grasp3d.surface.holding import Holding
     from grasp3d.surface.labels import SurfaceLabels
 
 QUARTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
@@ -324,49 +322,42 @@ def _best_rows(best: "GraspTable | None") -> tuple[BestGrasp, ...]:
 
     if best is None:
         return ()
-    names, reach = [label.name for label in sorted(Label)], best.reach
-    codes = stated_label(best, best.closed)
+    names, codes = [label.name for label in sorted(Label)], stated_label(best, best.closed)
+    further, poses = _further_values(best), best.poses
     return tuple(
         BestGrasp(
             label=names[codes[number]],
-            **({} if reach is None else _pose_values(reach, number)),
+            pose=() if poses is None else _flat(poses[number]),
             critical_angle=float(best.critical_angle[number]),
             max_resolution=float(best.max_resolution[number]),
             epsilon=float(best.epsilon[number]),
             opening=float(best.opening[number]),
             points=_triples(best.contacts.points[number]),
             normals=_triples(-best.contacts.normals[number]),
-            **_robust_values(best.closed, number),
-            **({} if best.holding is None else _force_values(best.holding, number)),
+            **{name: _finite_or_none(float(one[number])) for name, one in further.items()},
         )
         for number in range(best.size)
     )
 
 
-def _pose_values(reach: "Reach", number: int) -> dict[str, Any]:
-    """The pose of one grasp; none where fingers have no common pose."""
-    pose = reach.poses[number]
-    return {
-        "pose": tuple(pose.ravel().tolist()) if np.isfinite(pose).all() else (),
-        "pregrasp_opening": _finite_or_none(float(reach.pregrasp_opening[number])),
-        "approach_margin": _finite_or_none(float(reach.approach_margin[number])),
-    }
+def _flat(pose: Floats) -> tuple[float, ...]:
+    """The numbers of a pose (4, 4); none where fingers have no common pose."""
+    return tuple(pose.ravel().tolist()) if np.isfinite(pose).all() else ()
 
 
-def _robust_values(closed: "ClosedGrasps | None", number: int) -> dict[str, Any]:
-    """How well one grasp holds where its pose is a little wrong."""
-    if closed is None:
-        return {}
-    names = ("robust_score", "closing_share")
-    return {name: _finite_or_none(float(closed.number(name)[number])) for name in names}
+def _further_values(best: "GraspTable") -> dict[str, Floats]:
+    """How the gripper comes to grasps, what they hold, and how well where poses are a little wrong.
 
-
-def _force_values(holding: "Holding", number: int) -> dict[str, Any]:
-    """Grip force and payload of one grasp."""
-    return {
-        "grip_force": _finite_or_none(float(holding.grip_force_largest[number])),
-        "payload": _finite_or_none(float(holding.payload[number])),
-    }
+    By name in `BestGrasp`, shape (k,) each.
+    """
+    values: dict[str, Floats] = {}
+    if (reach := best.reach) is not None:
+        values |= {name: getattr(reach, name) for name in ("pregrasp_opening", "approach_margin")}
+    if (closed := best.closed) is not None:
+        values |= {name: closed.number(name) for name in ("robust_score", "closing_share")}
+    if (holding := best.holding) is not None:
+        values |= {"grip_force": holding.grip_force_largest, "payload": holding.payload}
+    return values
 
 
 def _triples(rows: Any) -> tuple[tuple[float, float, float], ...]:

@@ -1,7 +1,7 @@
 """Labelling a library of meshes: planned, labelled by many processes, stored, reported."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -193,7 +193,20 @@ def label_library(
         store.begin(job.mesh.name for job in jobs)
         stale = sum(1 for job in jobs if store.is_stale(job.mesh.name))
         counter = _ProgressCounter([job.mesh for job in jobs], finished, stale, progress)
-        for row in _rows(jobs, settings, cluster, store, counter, force=force):
+        check_shared_folder = cluster.scheduler is not None
+        for result in run(
+            partial(label_job, force=True) if force else label_job,
+            jobs,
+            settings,
+            lost=lost_row,
+            cluster=cluster,
+            started=lambda job: counter.start(job.mesh),
+            compiled=True,
+        ):
+            row = _row_of(result, store.rows)
+            if check_shared_folder and row.labels:
+                _check_shared(store.output, row)
+                check_shared_folder = False
             store.add(row)
             counter.finish(row)
         store.verify([mesh.name for mesh in meshes])
@@ -229,33 +242,6 @@ def _jobs_to_run(
         ]
     jobs.sort(key=lambda job: (-job.mesh.size, job.mesh.name))
     return jobs, len(meshes) - len(jobs)
-
-
-def _rows(
-    jobs: Sequence[Job],
-    settings: BatchSettings,
-    cluster: ClusterSettings,
-    store: Store,
-    counter: _ProgressCounter,
-    *,
-    force: bool,
-) -> Iterator[Row]:
-    """Label the meshes; yields each row when it is finished."""
-    check_shared_folder = cluster.scheduler is not None
-    for result in run(
-        partial(label_job, force=True) if force else label_job,
-        jobs,
-        settings,
-        lost=lost_row,
-        cluster=cluster,
-        started=lambda job: counter.start(job.mesh),
-        compiled=True,
-    ):
-        row = _row_of(result, store.rows)
-        if check_shared_folder and row.labels:
-            _check_shared(store.output, row)
-            check_shared_folder = False
-        yield row
 
 
 def _check_shared(output: Folder, row: Row) -> None:
