@@ -10,10 +10,11 @@ from typing import get_args
 
 from rich.console import Console
 from rich.filesize import decimal
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress, TextColumn, TimeRemainingColumn
 
 from grasp3d.batch.library import REPORT, BatchProgress, LibraryLabels
 from grasp3d.batch.row import Outcome, Row
+from grasp3d.cli.progress_bars import bar_of
 from grasp3d.cli.report import (
     CHECK_HINT,
     FAILED,
@@ -23,7 +24,6 @@ from grasp3d.cli.report import (
     angle_text,
     duration_text,
     escaped,
-    margin_text,
     table_of,
 )
 from grasp3d.errors import OutputError
@@ -127,12 +127,8 @@ def show_progress(*, quiet: bool, log: Path | None) -> Iterator[ProgressDisplay]
     Raises:
         OutputError: The log cannot be written.
     """
-    console = Console(stderr=True, quiet=quiet, soft_wrap=True, emoji=False)
-    bar = Progress(
-        TextColumn("{task.description}"), BarColumn(bar_width=24),
-        TextColumn("{task.fields[status]}"), TimeElapsedColumn(), TimeRemainingColumn(),
-        console=console, transient=True, disable=quiet or not console.is_terminal,
-    )  # fmt: skip
+    bar = bar_of(TextColumn("{task.fields[status]}"), TimeRemainingColumn(), quiet=quiet)
+    console = bar.console
     with _logged(log, console), bar:
         yield ProgressDisplay(bar, lines=None if quiet or console.is_terminal else console)
 
@@ -258,7 +254,7 @@ def _cells(row: Row, *, uncertain: bool) -> list[str]:
         str(row.vertices),
         *(f"{100.0 * one:.1f}" for one in fractions if one is not None),
         " ".join(angle_text(angle) for angle in angles if angle is not None),
-        *(["" if row.margin_p50 is None else margin_text(row.margin_p50)] * uncertain),
+        *(["" if row.margin_p50 is None else angle_text(row.margin_p50)] * uncertain),
         "" if row.epsilon_min_p50 is None else f"{row.epsilon_min_p50:.3f}",
         f"{row.seconds:.1f}",
     ]

@@ -19,7 +19,6 @@ from grasp3d.cli.report import (
     holding_columns,
     label_name,
     margin_columns,
-    margin_text,
     model_words,
     percent_text,
     print_load,
@@ -299,7 +298,7 @@ def _closed_text(closed: ClosedGrasps, row: int) -> str:
     if code == UNKNOWN:
         return ""
     name = label_name(Label(code))
-    return name if math.isnan(margin) else f"{name} {margin_text(margin)}"
+    return name if math.isnan(margin) else f"{name} {angle_text(margin)}"
 
 
 def _robust_columns(robustness: Robustness | None, rows: Ints) -> list[Column]:

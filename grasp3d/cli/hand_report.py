@@ -1,5 +1,6 @@
 """Printed report of evaluated poses of a hand with joints."""
 
+import math
 from collections import Counter
 from pathlib import Path
 
@@ -20,7 +21,6 @@ from grasp3d.cli.report import (
     angle_text,
     escaped,
     label_name,
-    margin_text,
     model_words,
     percent_text,
 )
@@ -111,7 +111,7 @@ def _verdict(grasps: EvaluatedHandGrasps) -> str:
     if not sure.any() or not len(rows):
         return text
     best = rows[0]
-    name, margin = grasps.given.names[best], margin_text(grasps.margin[best])
+    name, margin = grasps.given.names[best], angle_text(grasps.margin[best])
     return f"{text}; the best is pose {best + 1} ({escaped(name)}), with a margin of {margin}"
 
 
@@ -119,8 +119,8 @@ def _columns(grasps: EvaluatedHandGrasps) -> list[Column]:
     """The columns of a table of poses."""
     metres = metres_per_unit(grasps.mesh)
 
-    def known(text: str) -> str:
-        return "none" if text.startswith("nan") else text
+    def gap(row: int) -> str:
+        return "none" if math.isnan(grasps.gap[row]) else f"{1e3 * metres * grasps.gap[row]:.1f}"
 
     holding, codes = grasps.motor_holding, grasps.label_with_force
     held: list[Column] = []
@@ -141,12 +141,12 @@ def _columns(grasps: EvaluatedHandGrasps) -> list[Column]:
         ("pose", lambda row: str(row + 1)),
         ("label", lambda row: label_name(Label(int(grasps.label[row])))),
         ("tips", lambda row: label_name(Label(int(grasps.label_fingertips[row])))),
-        ("β*", lambda row: known(angle_text(grasps.critical_angle[row]))),
+        ("β*", lambda row: angle_text(grasps.critical_angle[row])),
         ("α*", lambda row: resolution_text(grasps.max_resolution[row])),
-        ("margin", lambda row: margin_text(grasps.margin[row])),
+        ("margin", lambda row: angle_text(grasps.margin[row])),
         ("ε", lambda row: number_text(grasps.epsilon[row])),
         ("links", lambda row: str(len(grasps.links[row].split()))),
-        ("gap", lambda row: known(f"{1000.0 * metres * grasps.gap[row]:.1f}")),
+        ("gap", gap),
         *held,
         ("reason", lambda row: escaped(str(grasps.reason[row]))),
     ]

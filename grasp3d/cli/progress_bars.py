@@ -26,7 +26,7 @@ ResultT = TypeVar("ResultT")
 @contextmanager
 def progress(text: str, *, quiet: bool) -> Iterator[None]:
     """Show a progress bar for the computation inside."""
-    with _bar(TextColumn("{task.percentage:>3.0f} %"), quiet=quiet) as bar:
+    with bar_of(TextColumn("{task.percentage:>3.0f} %"), quiet=quiet) as bar:
         task = bar.add_task(escaped(text), total=1.0)
         with running(progress=lambda fraction: bar.update(task, completed=fraction)):
             yield
@@ -43,14 +43,14 @@ def counted_results(
     results: Iterable[ResultT], text: str, total: int, *, quiet: bool
 ) -> Iterator[ResultT]:
     """Pass on the results of meshes, with a progress bar that counts them."""
-    with _bar(MofNCompleteColumn(), quiet=quiet) as bar:
+    with bar_of(MofNCompleteColumn(), quiet=quiet) as bar:
         yield from bar.track(results, total=total, description=text)
 
 
 @contextmanager
 def waiting(text: str, *, quiet: bool) -> Iterator[None]:
     """Show that something is being done, of which no fraction is known."""
-    with _bar(quiet=quiet) as bar:
+    with bar_of(quiet=quiet) as bar:
         bar.add_task(text, total=None)
         yield
 
@@ -64,7 +64,8 @@ class _Kernel(ProgressColumn):
         return Text(f"compiling {kernel}" if kernel else "", style="dim")
 
 
-def _bar(*columns: ProgressColumn, quiet: bool) -> Progress:
+def bar_of(*columns: ProgressColumn, quiet: bool) -> Progress:
+    """Make a progress bar with some columns after the bar, which only a terminal shows."""
     console = Console(stderr=True, quiet=quiet, soft_wrap=True, emoji=False)
     return Progress(
         TextColumn("{task.description}"), BarColumn(), *columns, TimeElapsedColumn(), _Kernel(),

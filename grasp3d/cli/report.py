@@ -188,8 +188,8 @@ def percent_text(fraction: float) -> str:
 
 
 def angle_text(angle: float) -> str:
-    """Format an angle in degrees; an infinite angle means that there is no grasp."""
-    return "none" if math.isinf(angle) else f"{math.degrees(angle):.1f}°"
+    """Format an angle in degrees; one that is not finite means that there is no grasp."""
+    return f"{math.degrees(angle) + 0.0:.1f}°" if math.isfinite(angle) else "none"
 
 
 def exact_angle(angle: float) -> str:
@@ -267,7 +267,7 @@ def uncertainty_lines(
     if not of_grasps.sum() > 0.0:
         return lines
     margin = np.where(np.isfinite(critical), labelled.margin, -np.inf)
-    texts = ", ".join(map(margin_text, quantiles(margin, LEVELS, areas)))
+    texts = ", ".join(map(angle_text, quantiles(margin, LEVELS, areas)))
     budget = margin_budget(model, critical, model.effective_friction_angle - margin)
     return [
         *lines,
@@ -278,17 +278,8 @@ def uncertainty_lines(
 
 def margin_columns(grasps: _Labelled) -> list[Column]:
     """The margin of each grasp, if anything but the sensor's normals is uncertain."""
-    margin: Column = ("margin", lambda row: margin_text(grasps.margin[row]))
+    margin: Column = ("margin", lambda row: angle_text(grasps.margin[row]))
     return [margin] * grasps.model.is_uncertain
-
-
-def margin_text(margin: float) -> str:
-    """Format a margin in degrees; -inf means that there is no grasp.
-
-    Args:
-        margin: The margin [rad].
-    """
-    return "none" if not math.isfinite(margin) else f"{math.degrees(margin) + 0.0:.1f}°"
 
 
 def _uncertainties(model: GraspModel, unit: Unit | None) -> Sequence[str]:

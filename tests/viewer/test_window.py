@@ -6,7 +6,6 @@ import urllib.request
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -321,10 +320,13 @@ def test_the_error_without_a_display_names_the_alternatives(
 
 
 def test_a_display_that_does_not_respond_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    def never(*_: object, **options: Any) -> None:
-        raise subprocess.TimeoutExpired("python", options["timeout"])
+    def never(process: subprocess.Popen[bytes], timeout: float | None = None) -> int:
+        if timeout is None:  # after it was ended
+            return wait(process)
+        raise subprocess.TimeoutExpired("python", timeout)
 
+    wait = subprocess.Popen.wait
     monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(subprocess, "run", never)
+    monkeypatch.setattr(subprocess.Popen, "wait", never)
     with pytest.raises(OutputError, match="no window opens on display :0"):
         check_display()
