@@ -3,14 +3,13 @@
 import json
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_type_hints
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.jaws import Corners
 from grasp3d.system.documents import load_json, typed
-from grasp3d.system.names import printable
+from grasp3d.system.names import printable, unknown
 
 FORMAT, VERSION = "grasp3d gripper", 1
 """What the keys `format` and `version` of a file contain."""
@@ -52,9 +51,7 @@ def fields_in_json(content: Mapping[str, Any], kind: type) -> dict[str, Any]:
             raise SettingError(f"{key} must be {json.dumps(value)}; got {got}")
     known = {field.name: field for field in fields(kind)}
     for key in (one for one in content if one not in {*KEYS, NOTES, *known}):
-        near = get_close_matches(key, known, 1)
-        guess = f" (did you mean {near[0]}?)" if near else ""
-        raise SettingError(f"no field is called {key[:40]!r}{guess}; known: {', '.join(known)}")
+        raise SettingError(unknown("field", key, known))
     missing = [
         name for name, field in known.items() if field.default is MISSING and name not in content
     ]

@@ -1,7 +1,6 @@
 """Grippers of two fingers that move along one axis."""
 
 from dataclasses import asdict, dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +9,7 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.gripper_json import FORMAT, VERSION, fields_in_json, read_json
 from grasp3d.hand.hand import touching
 from grasp3d.hand.jaws import Jaws, metres_per_unit
+from grasp3d.system.names import unknown
 
 if TYPE_CHECKING:
     from grasp3d.arrays import ArrayLike, Bools, Floats
@@ -227,9 +227,7 @@ def preset(name: str) -> ParallelGripper:
     key = ALIASES.get(name, name)
     if key in PRESETS:
         return PRESETS[key]
-    near = get_close_matches(name, [*PRESETS, *ALIASES], 1)
-    guess = f" (did you mean {near[0]}?)" if near else ""
-    raise SettingError(f"no gripper is called {name!r}{guess}; known: {', '.join(preset_names())}")
+    raise SettingError(unknown("gripper", name, [*PRESETS, *ALIASES], preset_names()))
 
 
 def preset_names() -> list[str]:

@@ -3,7 +3,8 @@
 import hashlib
 import re
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from difflib import get_close_matches
 from pathlib import Path
 
 LONGEST = 150
@@ -48,6 +49,20 @@ def safe_stem(name: str) -> str:
         return stem
     short = stem.encode()[: LONGEST - DIGITS - 1].decode(errors="ignore")
     return f"{short.rstrip('. ')}-{short_hash(name)}"
+
+
+def unknown(what: str, name: str, known: Collection[str], listed: Iterable[str] = ()) -> str:
+    """Return the message that nothing is called so.
+
+    Args:
+        what: What it would be: a key.
+        name: The name.
+        known: What there is, of which one may be meant.
+        listed: Its names, where they are to be listed in another way.
+    """
+    near = get_close_matches(name, known, 1)
+    guess = f" (did you mean {near[0]}?)" if near else ""
+    return f"no {what} is called {name[:40]!r}{guess}; known: {', '.join([*listed] or known)}"
 
 
 def unsupported(path: Path, formats: Iterable[str], what: str = "") -> str:

@@ -10,7 +10,6 @@ named as the model names them.
 import json
 import math
 from collections.abc import Callable, Mapping
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -20,116 +19,129 @@ from grasp3d.hand.articulated.presets import VERSION, fitting, numbers_of
 from grasp3d.hand.articulated.proposal import articulated_hand_of
 from grasp3d.hand.link_tree import LinkMass, LinkTree, Spring, Tendon
 from grasp3d.hand.robot_files import watched
+from grasp3d.system.names import unknown
+
+Read = Callable[[Any], Any]
+"""Makes what is stated of a value of JSON. Raises TypeError, ValueError: it is another one."""
 
 
-def _is_text(value: object) -> bool:
-    return isinstance(value, str)
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError(value)
+    return value
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+def _number(value: Any, least: float = -math.inf, below: float = math.inf) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(value)
+    if not (math.isfinite(value) and least <= value < below):
+        raise ValueError(value)
+    return value
 
 
-def _is_list(each: Callable[[object], bool]) -> Callable[[object], bool]:
-    return lambda value: isinstance(value, list) and all(map(each, value))
+def _above_0(value: Any) -> float:
+    return _number(value, math.ulp(0.0))  # the smallest number above 0
 
 
-def _is_object(each: Callable[[object], bool]) -> Callable[[object], bool]:
-    return lambda value: isinstance(value, dict) and all(map(each, value.values()))
+def _each(read: Read) -> Read:
+    def read_list(value: Any) -> tuple[Any, ...]:
+        if not isinstance(value, list):
+            raise TypeError(value)
+        return tuple(map(read, value))
+
+    return read_list
 
 
-def _is_direction(value: object) -> bool:
-    return _is_list(_is_number)(value) and len(value) == 3 and any(value)  # type: ignore[arg-type]
+def _by_name(read: Read) -> Read:
+    def read_object(value: Any) -> dict[str, Any]:
+        if not isinstance(value, dict):
+            raise TypeError(value)
+        return {name: read(one) for name, one in value.items()}
+
+    return read_object
 
 
-def _is_coupling(value: object) -> bool:
-    if not isinstance(value, dict) or set(value) != {"kind", "joints", "ratios"}:
-        return False
-    joints, ratios = value["joints"], value["ratios"]
-    return (
-        value["kind"] in {"rigid", "differential"}
-        and _is_list(_is_text)(joints)
-        and _is_list(_is_number)(ratios)
-        and len(set(joints)) == len(joints) == len(ratios) >= 2
-        and all(ratios)
-    )
+def _direction(value: Any) -> tuple[float, ...]:
+    numbers: tuple[float, ...] = _each(_number)(value)
+    if len(numbers) != 3 or not any(numbers):
+        raise ValueError(value)
+    return numbers
 
 
-def _is_above_0(value: object) -> bool:
-    return _is_number(value) and value > 0.0  # type: ignore[operator]
+# Arguments of these are the keys of an object: others, and missing ones, raise TypeError.
 
 
-def _is_tendon(value: object) -> bool:
-    if not isinstance(value, dict) or not {"arms", "tension"} <= set(value) <= {*TENDON}:
-        return False
-    arms, most, least = value["arms"], value["tension"], value.get("pretension", 0.0)
-    return (
-        _is_object(_is_number)(arms) and any(arms.values()) and _is_above_0(most)
-        and _is_number(least) and 0.0 <= least <= most and _is_text(value.get("name", ""))
-    )  # fmt: skip
+def _coupling(kind: Any, joints: Any, ratios: Any) -> Coupling:
+    names, numbers = _each(_text)(joints), _each(_number)(ratios)
+    several = len(set(names)) == len(names) == len(numbers) >= 2
+    if kind not in ("rigid", "differential") or not several or not all(numbers):
+        raise ValueError(kind)
+    return Coupling(kind, names, tuple(map(float, numbers)))
 
 
-def _is_spring(value: object) -> bool:
-    if not isinstance(value, dict) or not set(value) <= {*Spring._fields}:
-        return False
-    known = {"stiffness", "torque"} & set(value)
-    return bool(known) and _is_object(_is_number)(value) and value.get("stiffness", 0.0) >= 0.0
+def _tendon(arms: Any, tension: Any, pretension: Any = 0.0, name: Any = "") -> Tendon:
+    pulled = {joint: float(arm) for joint, arm in _by_name(_number)(arms).items() if arm}
+    most, least = float(_above_0(tension)), float(_number(pretension, 0.0))
+    if not pulled or least > most:
+        raise ValueError(arms)
+    return Tendon(_text(name) or f"tendon of {' and '.join(pulled)}", pulled, (least, most))
 
 
-def _is_mass(value: object) -> bool:
-    return (
-        isinstance(value, dict) and {"mass"} <= set(value) <= {*LinkMass._fields}
-        and _is_above_0(value["mass"]) and _is_list(_is_number)(value.get("center", []))
-        and len(value.get("center", (0, 0, 0))) == 3
-    )  # fmt: skip
+def _spring(**stated: Any) -> Spring:
+    if not {"stiffness", "torque"} & stated.keys():
+        raise ValueError(stated)
+    _number(stated.get("stiffness", 0.0), 0.0)
+    return Spring(**_by_name(_number)(stated))
 
 
-TENDON = "name", "arms", "tension", "pretension"
-"""Keys of a tendon."""
+def _mass(mass: Any, center: Any = (0.0, 0.0, 0.0)) -> LinkMass:
+    x, y, z = _each(_number)([*center])
+    return LinkMass(_above_0(mass), (x, y, z))
+
 
 _NUMBERS = "an object of numbers by joints"
-KEYS: dict[str, tuple[Callable[[object], bool], str]] = {
-    "name": (_is_text, "a text"),
-    "description": (_is_text, "a text, the name of a URDF or MuJoCo file"),
-    "base": (_is_text, "the name of a link"),
-    "palm": (_is_text, "the name of a link"),
-    "approach": (_is_direction, "a list of three numbers, not all 0"),
-    "fingertips": (_is_list(_is_text), "a list of names of links"),
+KEYS: dict[str, tuple[Read, str]] = {
+    "name": (_text, "a text"),
+    "description": (_text, "a text, the name of a URDF or MuJoCo file"),
+    "base": (_text, "the name of a link"),
+    "palm": (_text, "the name of a link"),
+    "approach": (_direction, "a list of three numbers, not all 0"),
+    "fingertips": (_each(_text), "a list of names of links"),
     "sensors": (
-        _is_object(lambda one: one is None or (_is_number(one) and 0.0 <= one < math.pi)),  # type: ignore[operator]
+        _by_name(lambda one: None if one is None else _number(one, 0.0, math.pi)),
         "an object of sensor resolutions [rad] from 0 to below pi, or null, by links",
     ),
     "torques": (
-        _is_object(lambda one: _is_number(one) and one >= 0.0),  # type: ignore[operator]
+        _by_name(lambda one: _number(one, 0.0)),
         f"{_NUMBERS} [N m, or N where they slide], at least 0 (0: no motor)",
     ),
     "couplings": (
-        _is_list(_is_coupling),
+        _each(lambda one: _coupling(**one)),
         'a list of objects of "kind" rigid or differential, with "joints" and their "ratios"',
     ),
     "tendons": (
-        _is_list(_is_tendon),
+        _each(lambda one: _tendon(**one)),
         'a list of "arms" [m] by joints, "tension" [N] above 0, perhaps "pretension" [N], "name"',
     ),
     "springs": (
-        _is_object(_is_spring),
+        _by_name(lambda one: _spring(**one)),
         'an object by joints of "stiffness" [N m/rad], at least 0, "rest" [rad] and "torque" [N m]',
     ),
     "brakes": (
-        _is_object(lambda one: one is None or _is_above_0(one)),
+        _by_name(lambda one: math.inf if one is None else _above_0(one)),
         "an object by joints of torques [N m] above 0 that brakes hold, or null where they lock",
     ),
     "masses": (
-        _is_object(_is_mass),
+        _by_name(lambda one: _mass(**one)),
         'an object by links of "mass" [kg] above 0 and its "center" [m], three numbers',
     ),
-    "preshapes": (_is_object(_is_object(_is_number)), "an object of postures by name"),
-    "closing": (_is_object(_is_number), _NUMBERS),
-    "source": (_is_text, "a text"),
-    "assumed": (_is_list(_is_text), "a list of texts"),
-    "notes": (lambda _: True, "anything"),
+    "preshapes": (_by_name(_by_name(_number)), "an object of postures by name"),
+    "closing": (_by_name(_number), _NUMBERS),
+    "source": (_text, "a text"),
+    "assumed": (_each(_text), "a list of texts"),
+    "notes": (lambda value: value, "anything"),
 }
-"""Keys of a description besides format and version: what a value must be, and its name."""
+"""Keys of a description besides format and version: what reads a value, and what it must be."""
 
 
 def stated_of(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -141,38 +153,17 @@ def stated_of(content: Mapping[str, Any]) -> dict[str, Any]:
     if content.get("version") != VERSION or isinstance(content.get("version"), bool):
         got = json.dumps(content.get("version"))[:40]
         raise SettingError(f"version must be {VERSION}; got {got}")
-    stated = {key: value for key, value in content.items() if key not in {"format", "version"}}
-    for key, value in stated.items():
+    stated: dict[str, Any] = {}
+    for key in (one for one in content if one not in {"format", "version"}):
         if key not in KEYS:
-            near = get_close_matches(key, KEYS, 1)
-            guess = f" (did you mean {near[0]}?)" if near else ""
-            raise SettingError(f"no key is called {key[:40]!r}{guess}; known: {', '.join(KEYS)}")
-        check, expected = KEYS[key]
-        if not check(value):
-            raise SettingError(f"{key} must be {expected}; got {json.dumps(value)[:60]}")
-    stated["couplings"] = tuple(
-        Coupling(one["kind"], tuple(one["joints"]), tuple(map(float, one["ratios"])))
-        for one in stated.get("couplings", ())
-    )
-    if "tendons" in stated:
-        stated["tendons"] = tuple(_tendon(one) for one in stated["tendons"])
-    if "springs" in stated:
-        stated["springs"] = {name: Spring(**one) for name, one in stated["springs"].items()}
-    if "masses" in stated:
-        stated["masses"] = {
-            name: LinkMass(one["mass"], tuple(one.get("center", (0.0, 0.0, 0.0))))
-            for name, one in stated["masses"].items()
-        }
-    if "brakes" in stated:
-        held = stated["brakes"].items()
-        stated["brakes"] = {name: math.inf if one is None else one for name, one in held}
+            raise SettingError(unknown("key", key, KEYS))
+        read, expected = KEYS[key]
+        try:
+            stated[key] = read(content[key])
+        except (TypeError, ValueError) as error:
+            got = json.dumps(content[key])[:60]
+            raise SettingError(f"{key} must be {expected}; got {got}") from error
     return stated
-
-
-def _tendon(content: Mapping[str, Any]) -> Tendon:
-    arms = {name: float(arm) for name, arm in content["arms"].items() if arm}
-    name = content.get("name") or f"tendon of {' and '.join(arms)}"
-    return Tendon(name, arms, (float(content.get("pretension", 0.0)), float(content["tension"])))
 
 
 def articulated_hand(content: Mapping[str, Any]) -> ArticulatedHand:

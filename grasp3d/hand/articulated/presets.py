@@ -1,12 +1,12 @@
 """Hands with joints that are known by name: numbers of their makers, for URDFs of the user."""
 
 from collections.abc import Mapping
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.gripper_json import read_json
+from grasp3d.system.names import unknown
 
 if TYPE_CHECKING:
     from grasp3d.hand.link_tree import LinkTree
@@ -27,11 +27,7 @@ def content_of(name: str) -> Any:
         SettingError: None has that name.
     """
     if name not in NAMES:
-        near = get_close_matches(name, NAMES, 1)
-        guess = f" (did you mean {near[0]}?)" if near else ""
-        raise SettingError(
-            f"no hand with joints is called {name!r}{guess}; known: {', '.join(NAMES)}"
-        )
+        raise SettingError(unknown("hand with joints", name, NAMES))
     return read_json(FOLDER / f"{name}.json")
 
 
