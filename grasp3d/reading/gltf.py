@@ -1,4 +1,4 @@
-"""Reduction of a glTF or GLB to its nodes, meshes and buffers, which may be in side files."""
+"""glTF and GLB: their JSON, and their buffers, which may be in side files."""
 
 import base64
 import binascii
@@ -9,7 +9,8 @@ import struct
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from grasp3d.reading.gltf_tree import GltfReduction, Tree
+from grasp3d.arrays import Floats, Ints
+from grasp3d.reading.gltf_tree import GltfScene, Tree
 from grasp3d.reading.sources import Source
 from grasp3d.system.names import reason_of
 
@@ -22,14 +23,13 @@ _ADDRESS = re.compile(rb'"uri"\s*:\s*("(?:[^"\\]|\\.){1,1000}")')
 _GLB_HEADER = 20
 
 
-def stripped_gltf(source: Source) -> tuple[bytes, dict[str, bytes]]:
-    """Remove images, materials, animations and cameras from a glTF, and read its side files.
+def read_gltf(source: Source) -> tuple[Floats, Ints]:
+    """Read the vertices (V, 3) and faces (F, 3) of a glTF, also of its side files.
+
+    Images, materials, animations and cameras are passed over.
 
     Args:
         source: A .gltf or .glb file.
-
-    Returns:
-        (the reduced file, in its own format; the contents of its side files by name).
 
     Raises:
         MeshError: It is damaged, its nodes form a cycle, it is compressed, its numbers do not
@@ -39,26 +39,14 @@ def stripped_gltf(source: Source) -> tuple[bytes, dict[str, bytes]]:
     if source.kind == "glb":
         data, binary = _chunks(source, data)
     tree = _tree(source, data)
-    buffers = tree["buffers"] if isinstance(tree.get("buffers"), list) else []
-    side_files = {
-        f"buffer{number}": _side_data(source, buffer["uri"])
-        for number, buffer in enumerate(buffers)
-        if isinstance(buffer, dict) and "uri" in buffer
-    }
-    known = {name: len(data) for name, data in side_files.items()}
-    if binary:
-        known.setdefault("buffer0", len(binary))
-    sizes = [known.get(f"buffer{number}") for number in range(len(buffers))]
-    stripped = GltfReduction(source, tree, sizes).reduced()
-    for number, size in enumerate(sizes):
-        if size is None:  # no mesh uses it
-            buffers[number]["uri"] = f"buffer{number}"
-            side_files[f"buffer{number}"] = b""
-    for number, buffer in enumerate(stripped.get("buffers", [])):
-        if "uri" in buffer:  # trimesh must not open another file
-            buffer["uri"] = f"buffer{number}"
-    text = json.dumps(stripped).encode()
-    return (_glb(text, binary) if source.kind == "glb" else text), side_files
+    listed = tree["buffers"] if isinstance(tree.get("buffers"), list) else []
+    buffers = [
+        _side_data(source, buffer["uri"]) if isinstance(buffer, dict) and "uri" in buffer else None
+        for buffer in listed
+    ]
+    if binary and buffers and buffers[0] is None:
+        buffers[0] = binary
+    return GltfScene(source, tree, buffers).surface()
 
 
 def _chunks(source: Source, data: bytes) -> tuple[bytes, bytes]:
@@ -81,15 +69,6 @@ def _chunks(source: Source, data: bytes) -> tuple[bytes, bytes]:
         chunks.setdefault(kind, data[start + 8 : start + 8 + size])
         start += 8 + size
     return chunks.get(_JSON, b""), chunks.get(_BINARY, b"")
-
-
-def _glb(text: bytes, binary: bytes) -> bytes:
-    """Return a GLB with this JSON and binary data."""
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<II", len(text), _JSON) + text
-    if binary:
-        chunks += struct.pack("<II", len(binary), _BINARY) + binary
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
 def _tree(source: Source, data: bytes) -> Tree:

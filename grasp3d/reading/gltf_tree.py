@@ -1,20 +1,21 @@
-"""Reduction of the JSON tree of a glTF, and checks for content that trimesh would misread.
+"""The JSON tree of a glTF, and the triangles that it describes; all of it is checked.
 
 Accessors, buffer views and buffers are checked before their numbers are read.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from grasp3d.arrays import Floats
-from grasp3d.reading.sources import Source, flattens
+from grasp3d.arrays import Floats, Ints
+from grasp3d.reading.sources import Source, check_corners, check_finite, flattens
 
 Tree = dict[str, Any]
 
 LISTS = ("scenes", "nodes", "meshes", "accessors", "bufferViews", "buffers")
-_NODE_KEYS = ("children", "matrix", "translation", "rotation", "scale", "mesh")
 
 _SUPPORTED_EXTENSIONS = (
     "KHR_mesh_quantization", "KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_",
@@ -28,11 +29,10 @@ _USES = {
 }
 """Type and possible componentTypes of the accessors that are read."""
 
-_LINES = (0, 1, 2, 3)
-_TRIANGLES = (4, 5)
+_LINES, _TRIANGLES, _STRIP = (0, 1, 2, 3), 4, 5
 
-BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
-"""Size of a number by the componentType of an accessor."""
+KINDS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+"""NumPy type of a number by the componentType of an accessor."""
 
 COLUMNS = {"SCALAR": 1, "VEC3": 3}
 """Numbers of an entry by the type of an accessor."""
@@ -48,16 +48,16 @@ LARGEST = 1e60
 
 
 @dataclass(frozen=True)
-class GltfReduction:
-    """The JSON tree of a glTF, to be reduced to its nodes, meshes and buffers."""
+class GltfScene:
+    """The JSON tree of a glTF, with its buffers."""
 
     source: Source
     tree: Tree
-    sizes: list[int | None]
-    """Size of each of its buffers [bytes]; None: its data are missing."""
+    buffers: list[bytes | None]
+    """None: its data are missing."""
 
-    def reduced(self) -> Tree:
-        """Return the tree without images, materials, animations and cameras.
+    def surface(self) -> tuple[Floats, Ints]:
+        """Vertices (V, 3) and faces (F, 3) of the scene, with the transforms of its nodes applied.
 
         Raises:
             MeshError: It needs an unsupported feature, or its numbers are inconsistent.
@@ -67,11 +67,12 @@ class GltfReduction:
             if not _is_list_of(dict, tree.get(key, [])):
                 raise source.unexpected(f"its {key} are not a list of objects")
         self._check_features()
-        nodes = [self._node(number, node) for number, node in enumerate(tree.get("nodes", []))]
-        self._check_nodes(nodes)
-        rows: dict[int, int] = {}  # of the accessors that are used, in the order of their use
+        nodes = tree.get("nodes", [])
+        for number, node in enumerate(nodes):
+            self._check_node(number, node)
+        placed = self._placed(nodes)
         meshes = [
-            {"primitives": self._primitives(f"mesh {number}", mesh, rows)}
+            list(self._parts(f"mesh {number}", mesh))
             for number, mesh in enumerate(tree.get("meshes", []))
         ]
         for number, node in enumerate(nodes):
@@ -79,25 +80,14 @@ class GltfReduction:
                 raise source.damaged(
                     f"node {number} uses mesh {node['mesh']}, but there are {len(meshes)}"
                 )
-        used = [self._accessor(number) for number in rows]
-        accessors = [accessor | {"bufferView": row} for row, (accessor, _) in enumerate(used)]
-        for number, mesh in enumerate(meshes):
-            for part in mesh["primitives"]:
-                corners = part.get("indices", part["attributes"]["POSITION"])
-                count = accessors[corners]["count"]
-                if part["mode"] == _TRIANGLES[0] and count % 3:
-                    raise source.incomplete(
-                        f"mesh {number} has triangles with {count:,} corners, which is no multiple "
-                        "of three"
-                    )
-        parts = {
-            "asset": {"version": "2.0"},
-            "nodes": nodes,
-            "meshes": meshes,
-            "accessors": accessors,
-            "bufferViews": [view for _, view in used],
-        }
-        return {name: tree[name] for name in ("scene", "scenes", "buffers") if name in tree} | parts
+        vertices, faces, count = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
+        for mesh, world in placed:
+            for points, corners in meshes[mesh]:
+                vertices.append(points @ world[:3, :3].T + world[:3, 3])
+                mirrored = np.linalg.det(world[:3, :3]) < 0.0
+                faces.append(count + (corners[:, ::-1] if mirrored else corners))
+                count += len(points)
+        return np.concatenate(vertices), np.concatenate(faces)
 
     def _check_features(self) -> None:
         """Refuse other versions, and extensions that change positions."""
@@ -115,8 +105,8 @@ class GltfReduction:
                     "mesh without it"
                 )
 
-    def _node(self, number: int, node: Tree) -> Tree:
-        """Return a node with its transform, children and mesh only."""
+    def _check_node(self, number: int, node: Tree) -> None:
+        """Refuse a mesh that is posed otherwise than by transforms."""
         self._check_whole(f"node {number}", node, ("mesh",))
         extensions = node.get("extensions")
         posed = "skin" in node or _is_posed(node)
@@ -126,10 +116,12 @@ class GltfReduction:
                 f"node {number} is {'posed by a skeleton' if posed else 'instanced'}, which is not "
                 "supported; export the mesh in its pose, without"
             )
-        return {name: node[name] for name in _NODE_KEYS if name in node}
 
-    def _check_nodes(self, nodes: list[Tree]) -> None:
-        """Reject cycles and nodes with two parents; the format requires trees."""
+    def _placed(self, nodes: list[Tree]) -> list[tuple[int, Floats]]:
+        """Numbers of the meshes that are shown, and their transforms, shape (4, 4).
+
+        Cycles and nodes with two parents are refused; the format requires trees.
+        """
         source, tree = self.source, self.tree
         roots = dict.fromkeys(range(len(nodes)))
         for node in nodes:
@@ -156,10 +148,12 @@ class GltfReduction:
             raise source.damaged(
                 f"there is no scene {tree['scene']}, which it names as the one to show"
             )
-        check_transforms(source, nodes, list(roots))
+        shown = tree.get("scenes", [{}])[tree.get("scene", 0) :][:1]
+        numbers = {root for scene in shown for root in scene.get("nodes", [])}
+        return placed_meshes(source, nodes, {root: root in numbers for root in roots})
 
-    def _primitives(self, where: str, mesh: Tree, rows: dict[int, int]) -> list[Tree]:
-        """Return the triangles of a mesh, with accessors renumbered in the order of their use."""
+    def _parts(self, where: str, mesh: Tree) -> Iterator[tuple[Floats, Ints]]:
+        """Vertices (n, 3) and triangles (m, 3) of each part of a mesh."""
         if _is_posed(mesh):
             raise self.source.error(
                 f"{where} is moved by morph targets, which is not supported; export the mesh in "
@@ -168,24 +162,35 @@ class GltfReduction:
         primitives = mesh.get("primitives", [])
         if not _is_list_of(dict, primitives):
             raise self.source.unexpected(f"the primitives of {where} are not a list of objects")
-        parts = []
         for part in primitives:
-            mode = part.get("mode", _TRIANGLES[0])
+            mode = part.get("mode", _TRIANGLES)
             if mode in _LINES:
                 continue
-            if mode not in _TRIANGLES:
+            if mode not in (_TRIANGLES, _STRIP):
                 raise self.source.error(f"{where} has triangle fans; export it as triangles")
             attributes = part.get("attributes")
             position = attributes.get("POSITION") if isinstance(attributes, dict) else None
-            uses = {"POSITION": self._used_accessor(where, "POSITION", position)}
+            points = self._numbers(where, "POSITION", position).astype(np.float64)
+            check_finite(points, self.source.where)
+            corners = np.arange(len(points))
             if part.get("indices") is not None:
-                uses["indices"] = self._used_accessor(where, "indices", part["indices"])
-            row = {name: rows.setdefault(used, len(rows)) for name, used in uses.items()}
-            parts.append({"attributes": {"POSITION": row.pop("POSITION")}, "mode": mode} | row)
-        return parts
+                corners = self._numbers(where, "indices", part["indices"]).ravel().astype(np.int64)
+            if mode == _STRIP:
+                faces = np.lib.stride_tricks.sliding_window_view(corners, 3).copy()
+                faces[1::2] = faces[1::2, [1, 0, 2]]
+                faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+            elif len(corners) % 3:
+                raise self.source.incomplete(
+                    f"{where} has triangles with {len(corners):,} corners, which is no multiple of "
+                    "three"
+                )
+            else:
+                faces = corners.reshape(-1, 3)
+            check_corners(faces, len(points), self.source.where, "; export the mesh again")
+            yield points, faces
 
-    def _used_accessor(self, where: str, name: str, number: object) -> int:
-        """Number of an accessor; rejects positions and indices that trimesh would misread."""
+    def _numbers(self, where: str, name: str, number: object) -> npt.NDArray[Any]:
+        """Numbers of an accessor, shape (count, columns); refuses packed ones, and other types."""
         accessors = self.tree.get("accessors", [])
         if type(number) is not int or not 0 <= number < len(accessors):
             raise self.source.unexpected(f"{where} has no valid {name}")
@@ -199,27 +204,29 @@ class GltfReduction:
             raise self.source.error(
                 f"{name} of {where} are {encoding}, which is not supported; export the mesh without"
             )
-        return number
+        return self._entries(f"accessor {number}", accessor)
 
-    def _accessor(self, number: int) -> tuple[Tree, Tree]:
-        """Return an accessor of known type and its buffer view, whose entries are all there."""
-        what = f"accessor {number}"
-        accessor: Tree = self.tree["accessors"][number]
+    def _entries(self, what: str, accessor: Tree) -> npt.NDArray[Any]:
+        """Numbers of an accessor of known type, all of which are there."""
         self._check_whole(what, accessor, ("byteOffset",), required=("bufferView", "count"))
         if accessor["count"] == 0:
             raise self.source.damaged(f"{what} has no entries")
         view = self._view(what, accessor["bufferView"])
-        entry = BYTES[accessor["componentType"]] * COLUMNS[accessor["type"]]
+        kind, columns = np.dtype(KINDS[accessor["componentType"]]), COLUMNS[accessor["type"]]
+        entry = kind.itemsize * columns
         stride = view.get("byteStride", entry)
         if stride == 0:
             raise self.source.damaged(f"the bufferView of {what} states a byteStride of 0")
-        end = accessor.get("byteOffset", 0) + (accessor["count"] - 1) * stride + entry
+        start = accessor.get("byteOffset", 0)
+        end = start + (accessor["count"] - 1) * stride + entry
         if end > view["byteLength"]:
             raise self.source.incomplete(
                 f"{what} declares {accessor['count']:,} entries up to byte {end:,} of bufferView "
                 f"{accessor['bufferView']}, which has {view['byteLength']:,}"
             )
-        return accessor, view
+        data, start = self.buffers[view["buffer"]], start + view.get("byteOffset", 0)
+        shape = accessor["count"], columns
+        return np.ndarray(shape, kind, data, start, (stride, kind.itemsize))
 
     def _view(self, accessor: str, number: int) -> Tree:
         """Return a buffer view that lies within its buffer."""
@@ -230,16 +237,16 @@ class GltfReduction:
         what = f"bufferView {number}"
         needed = ("buffer", "byteLength")
         self._check_whole(what, view, ("byteOffset", "byteStride"), required=needed)
-        buffer, count = view["buffer"], len(self.sizes)
+        buffer, count = view["buffer"], len(self.buffers)
         if buffer >= count:
             raise source.damaged(f"{what} uses buffer {buffer}, but there are {count}")
-        size = self.sizes[buffer]
-        if size is None:
+        data = self.buffers[buffer]
+        if data is None:
             raise source.incomplete(f"buffer {buffer} has no data")
         end = view.get("byteOffset", 0) + view["byteLength"]
-        if end > size:
+        if end > len(data):
             raise source.incomplete(
-                f"{what} ends at byte {end:,} of buffer {buffer}, which has {size:,}"
+                f"{what} ends at byte {end:,} of buffer {buffer}, which has {len(data):,}"
             )
         return view
 
@@ -265,15 +272,20 @@ def _is_posed(entry: Tree) -> bool:
     return any(weights) if isinstance(weights, list) else bool(weights)
 
 
-def check_transforms(source: Source, nodes: list[Tree], roots: list[int]) -> None:
-    """Refuse transforms that are no numbers, or that flatten a mesh.
+def placed_meshes(
+    source: Source, nodes: list[Tree], roots: dict[int, bool]
+) -> list[tuple[int, Floats]]:
+    """Meshes with their transforms; those that are no numbers, or flatten a mesh, are refused.
 
     A scale of 0 in all directions is how some programs hide a part, and is accepted.
 
     Args:
         source: The file.
         nodes: Its nodes, which form trees.
-        roots: Nodes without a parent.
+        roots: Nodes without a parent, and whether they are shown.
+
+    Returns:
+        Numbers of the meshes of nodes that are shown, and transforms, shape (4, 4).
 
     Raises:
         MeshError: There is such a transform.
@@ -282,9 +294,9 @@ def check_transforms(source: Source, nodes: list[Tree], roots: list[int]) -> Non
         for name, length in LENGTHS.items():
             if name in node:
                 _check_values(source, number, name, node[name], length)
-    queue = [(root, np.eye(4)) for root in roots]
+    placed, queue = [], [(root, np.eye(4), is_shown) for root, is_shown in reversed(roots.items())]
     while queue:
-        number, parent = queue.pop()
+        number, parent, is_shown = queue.pop()
         node = nodes[number]
         with np.errstate(over="ignore", invalid="ignore"):  # checked below
             world = parent @ _matrix(node) if LENGTHS.keys() & node.keys() else parent
@@ -299,7 +311,10 @@ def check_transforms(source: Source, nodes: list[Tree], roots: list[int]) -> Non
                 "it, is singular (a scale of 0 in some directions); export the mesh again, or "
                 "without this part"
             )
-        queue += [(child, world) for child in node.get("children", [])]
+        if "mesh" in node and is_shown:
+            placed.append((node["mesh"], world))
+        queue += [(child, world, is_shown) for child in reversed(node.get("children", []))]
+    return placed
 
 
 def _check_values(source: Source, number: int, name: str, values: object, length: int) -> None:

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import MeshError, MeshUnreadError
 from grasp3d.reading.archives import check_archive, check_declarations, count_parts
-from grasp3d.reading.gltf import stripped_gltf
+from grasp3d.reading.gltf import read_gltf
 from grasp3d.reading.obj_off_stl import check_declared_size, read_obj, read_off, read_stl
 from grasp3d.reading.ply import read_ply
 from grasp3d.reading.sources import (
+    DIRECT_FORMATS,
     RawMesh,
     Source,
     check_corners,
@@ -88,7 +89,7 @@ def _read(source: Source) -> RawMesh:
     if source.kind == "xaml":
         with source.path.open("rb") as stream:
             check_declarations(source, stream)
-    if source.kind not in _DIRECT:
+    if source.kind not in DIRECT_FORMATS:
         return _read_in_child(source, source.size)
     return parse(source)
 
@@ -138,14 +139,15 @@ def parse(source: Source) -> RawMesh:
         MeshError: It is damaged, or has no triangles.
     """
     try:
-        if read := _DIRECT.get(source.kind):
-            (vertices, faces), declared = read(source), None
+        if read := _READERS.get(source.kind):
+            vertices, faces = read(source)
+            declared = "m" if read is read_gltf else None
             check_finite(vertices, source.where)
             check_corners(faces, len(vertices), source.where, "; export the mesh again")
         else:
             scene = _parsed(source)
             vertices, faces = flattened(scene, source.where)
-            declared = "m" if source.kind in {"glb", "gltf"} else scene.units
+            declared = scene.units
     except (MeshError, MemoryError, RecursionError):
         raise
     except Exception as error:  # each reader raises its own classes of errors
@@ -165,12 +167,15 @@ def parse(source: Source) -> RawMesh:
     return RawMesh(vertices, faces, source.kind, *stated_unit(declared))
 
 
-_DIRECT = {"stl": read_stl, "ply": read_ply, "obj": read_obj, "off": read_off}
-"""Readers of the formats whose file size limits the size of the mesh."""
+_READERS = {
+    "stl": read_stl, "ply": read_ply, "obj": read_obj, "off": read_off, "gltf": read_gltf,
+    "glb": read_gltf,
+}  # fmt: skip
+"""Readers of their own; trimesh reads the other formats."""
 
 
 def _parsed(source: Source) -> "trimesh.Scene":
-    """What trimesh reads of a file, without its materials."""
+    """What trimesh reads of a file."""
     with warnings.catch_warnings():
         # These warnings mean damaged files: incomplete or invalid numbers. Other warnings are
         # about trimesh itself.
@@ -178,9 +183,6 @@ def _parsed(source: Source) -> "trimesh.Scene":
         warnings.filterwarnings("error", category=RuntimeWarning, module="trimesh")
         if source.kind == "3mf":
             return _parsed_3mf(source)
-        if source.kind in {"gltf", "glb"}:
-            data, side_files = stripped_gltf(source)
-            return _scene(source, data, resolver=side_files, skip_materials=True)
         return _scene(source, source.path.read_bytes())
 
 
