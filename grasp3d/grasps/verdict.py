@@ -301,11 +301,14 @@ def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
         remedies = () if labels is None else _other_remedies(labels, next(iter(causes), None))
         return replace(verdict, causes=causes, remedies=remedies)
     first = int(rows[0])
+    reach = table.reach if isinstance(table, GraspTable) else None
+    margin = math.nan if reach is None else float(reach.approach_margin[first])
+    needed = math.nan if table.holding is None else table.holding.grip_force_largest[first]
     verdict = replace(
         verdict,
         max_resolution=float(_max_resolution(table)[first]),
-        approach_margin=_approach_margin(table, first),
-        grip_force=_grip_force(table, first),
+        approach_margin=margin,
+        grip_force=float(needed) + 0.0,
     )
     if code != Label.S:
         remedies = _remedies(table, rows, load)
@@ -357,16 +360,6 @@ def _max_resolution(grasps: GraspTable | EvaluatedPoses) -> Floats:
         return grasps.max_resolution
     after = np.fmax(grasps.model.sensor_resolution + 2.0 * closed.margin, 0.0)
     return np.where(closed.label == UNKNOWN, grasps.max_resolution, after)
-
-
-def _approach_margin(grasps: GraspTable | EvaluatedPoses, row: int) -> float:
-    reach = grasps.reach if isinstance(grasps, GraspTable) else None
-    return math.nan if reach is None else float(reach.approach_margin[row])
-
-
-def _grip_force(grasps: GraspTable | EvaluatedPoses, row: int) -> float:
-    holding = grasps.holding
-    return math.nan if holding is None else float(holding.grip_force_largest[row]) + 0.0
 
 
 def _remedies(

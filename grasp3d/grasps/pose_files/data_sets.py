@@ -18,6 +18,7 @@ from grasp3d.grasps.pose_files.documents import (
     mapping,
     number_or_none,
     numbers,
+    numbers_in,
     required,
     text_or_none,
     watched,
@@ -28,9 +29,8 @@ from grasp3d.grasps.pose_files.outcomes import outcomes_of
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES
 from grasp3d.settings.outcome import Outcome
-from grasp3d.system.documents import described
 from grasp3d.system.files import atomic_write
-from grasp3d.system.stored_arrays import Archive, RefusedError, StoredArray, array_in
+from grasp3d.system.stored_arrays import Archive, StoredArray
 
 GRASPGEN: str = "GraspGen"
 
@@ -336,8 +336,8 @@ def _is_whole(key: object) -> bool:
 
 def _segment(number: int, poses: Any, scores: Any, most: int) -> tuple[Floats, Floats]:
     """Poses (k, 4, 4) and scores (k,) of a segment, at most so many."""
-    transforms = _numbers(poses, f"pred_grasps_cam of segment {number}")
-    confidences = _numbers([] if scores is None else scores, f"scores of segment {number}")
+    transforms = numbers_in(poses, f"pred_grasps_cam of segment {number}")
+    confidences = numbers_in([] if scores is None else scores, f"scores of segment {number}")
     count = len(transforms) if transforms.size else 0
     if count and (transforms.shape != (count, 4, 4) or confidences.size != count):
         raise ContactError(
@@ -350,10 +350,3 @@ def _segment(number: int, poses: Any, scores: Any, most: int) -> tuple[Floats, F
         transforms.reshape(count, 4, 4).astype(np.float64),
         confidences.ravel()[:count].astype(np.float64),
     )
-
-
-def _numbers(value: object, what: str) -> npt.NDArray[Any]:
-    try:
-        return array_in(value)
-    except RefusedError as error:
-        raise ContactError(f"{what} must be numbers; got {described(value)}") from error

@@ -33,6 +33,7 @@ from grasp3d.system.documents import (
 from grasp3d.system.files import atomic_write
 from grasp3d.system.isolation import CallFailedError, call
 from grasp3d.system.names import printable
+from grasp3d.system.stored_arrays import RefusedError, StoredArray, array_in
 from grasp3d.system.versions import package_version
 
 ResultT = TypeVar("ResultT")
@@ -196,6 +197,16 @@ def numbers(values: Sequence[Any], shape: tuple[int, ...], what: str) -> Floats:
                 f"grasp {number}: {what} must be {_expected(shape)}; got {described(value)}"
             ) from error
     return np.array(flat, dtype=np.float64).reshape(len(values), *shape)
+
+
+def numbers_in(value: object, what: str) -> npt.NDArray[Any]:
+    """The array of numbers that a file holds, or lists of them. Raises ContactError."""
+    try:
+        return array_in(value)
+    except RefusedError as error:
+        stored = isinstance(value, StoredArray)
+        got = described(np.ravel(value.values).tolist() if stored else value)  # type: ignore[attr-defined]
+        raise ContactError(f"{what} must be numbers; got {got}") from error
 
 
 def joints_of(values: Sequence[Any], what: str) -> tuple[tuple[str, ...], Floats]:

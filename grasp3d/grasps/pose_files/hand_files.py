@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError
-from grasp3d.grasps.pose_files.documents import load_array, watched
+from grasp3d.grasps.pose_files.documents import load_array, numbers_in, watched
 from grasp3d.grasps.pose_files.frames import Given, from_quaternions, quaternions
 from grasp3d.grasps.pose_files.outcomes import outcomes_of
 from grasp3d.grasps.poses import STAGES, GraspPoses
@@ -25,7 +25,7 @@ from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.system.documents import described
 from grasp3d.system.files import atomic_write
-from grasp3d.system.stored_arrays import RefusedError, StoredArray, array_in, stored_objects
+from grasp3d.system.stored_arrays import StoredArray, stored_objects
 
 Rows = dict[str, Any]
 """What a dictionary of a file states of its grasps: arrays of numbers, texts and lists of them."""
@@ -141,13 +141,7 @@ def _numbers(value: object, what: str) -> Floats:
         parts = [_numbers(one, what) for one in value[:MOST_GRASPS]]
         if len({part.shape for part in parts}) == 1:
             return np.stack(parts)
-    try:
-        array = array_in([value] if isinstance(value, int | float) else value)
-    except RefusedError as error:
-        got = described(
-            np.ravel(value.values).tolist() if isinstance(value, StoredArray) else value
-        )
-        raise ContactError(f"{what} must be numbers; got {got}") from error
+    array = numbers_in([value] if isinstance(value, int | float) else value, what)
     if not array.size:
         raise ContactError(f"{what} must be numbers; there are none")
     return array.astype(np.float64)

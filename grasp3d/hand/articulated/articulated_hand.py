@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, NoReturn
@@ -368,7 +368,7 @@ class ArticulatedHand:
             "sensors": dict(self.sensors),
             "torques": by_name(self.torques),
             "couplings": [
-                {"kind": one.kind, "joints": list(one.joints), "ratios": list(one.ratios)}
+                asdict(one)
                 for one in self.couplings
                 if dict(zip(one.joints, one.ratios, strict=True)) not in tendons
             ],
@@ -377,10 +377,7 @@ class ArticulatedHand:
                 for name, arms, (least, most) in self.tendons
             ],
             "springs": {name: one._asdict() for name, one in self.springs.items()},
-            "masses": {
-                name: {"mass": one.mass, "center": list(one.center)}
-                for name, one in self.masses.items()
-            },
+            "masses": {name: one._asdict() for name, one in self.masses.items()},
             "brakes": {
                 name: torque if math.isfinite(torque) else None
                 for name, torque in self.brakes.items()
