@@ -17,7 +17,7 @@ from grasp3d.grasps.motor_holding import MotorForces, MotorHolding, stated_torqu
 from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.postures import ORDER, matched
 from grasp3d.hand.articulated.actuation import torques_of, unstated_torques
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand
 from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE, HandContacts, hand_contacts
 from grasp3d.hand.articulated.plausible_numbers import implausible
 from grasp3d.hand.choices import ContactRule, ObjectMotion
@@ -38,6 +38,7 @@ from grasp3d.surface.grasp_numbers import EPSILON_RTOL
 from grasp3d.surface.grasp_table import settings_of
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.context import refuse_warnings, report_progress, within
+from grasp3d.system.counts import counted
 
 TOUCHED = 0.5
 """Fraction of the work after which contacts are known."""
@@ -49,6 +50,9 @@ RANK = 1e-9
 """Singular values that count as 0, relative to the largest."""
 
 NO_SENSORS = "{} has no sensors: no grasp can be S"
+
+FEW_BEYOND = 0.1
+"""Fraction of poses beyond limits up to which an order of joints that is assumed is not doubted."""
 
 BRAKES = (
     "brakes hold what links are loaded with, but press nothing: payloads count on the squeeze "
@@ -409,9 +413,13 @@ class EvaluatedHandGrasps(GivenGrasps):
         return None if holding is None else holding.verdict(self.reachable)
 
     def _warnings(self) -> Iterable[str | None]:
-        order = self.given.settings.get(ORDER)
+        if order := self.given.settings.get(ORDER):
+            beyond = int((self.hand.excess(self.given.posture) > BEYOND).any(axis=1).sum())
+            many = f"joints are beyond their limits in {beyond} of {counted(self.size, 'poses')}"
+            asked = f"; {many}: are these of another hand, or in another order?"
+            asked = asked if beyond > FEW_BEYOND * self.size else ""
+            yield f"the order of the joints is {order}{asked}"
         yield None if self.hand.sensors else NO_SENSORS.format(self.hand.name)
-        yield f"the order of the joints is {order}" if order else None
         yield BRAKES if self.to_hold is not None and self.hand.brakes else None
         yield from implausible(self.hand)
         if self.motor_holding is not None:

@@ -95,9 +95,7 @@ class Reasons:
         closed = self._contacts.rule == "closed"  # given postures are not those that are evaluated
         values = self._contacts.posture if closed else posture
         ranges = self._hand.ranges
-        if not ranges:
-            return np.zeros(len(values), dtype=np.bool_), []
-        excess = np.stack([one.excess(values) for one in ranges], axis=1)
+        excess = self._hand.excess(values)
         worst = excess.argmax(axis=1)
         most = excess.max(axis=1)
         wrong = most > BEYOND

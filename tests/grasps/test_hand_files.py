@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from grasp3d import load_mesh, read_hand
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.grasps.pose_files import hand_files, read_poses, write_poses
+from grasp3d.grasps.pose_files import hand_files, holds_poses, read_poses, write_poses
 from grasp3d.grasps.pose_files.frames import JOINTED
 from grasp3d.grasps.pose_files.hand_files import ALL_STAGES
 from grasp3d.grasps.poses import GraspPoses
@@ -367,6 +367,20 @@ def test_a_folder_of_files_of_one_grasp_each(tmp_path: Path) -> None:
     save(tmp_path / "mug" / "bad.npy", bench(poses, 3, obj_path="assets/DGNObj/pot"))
     with pytest.raises(ContactError, match="pot: put the files of each"):
         read_poses(tmp_path / "mug", hand=poses.hand)
+
+
+@pytest.mark.parametrize("names", [("allegro/1", "leap/1"), ("ball_Leap", "ball-allegro2")])
+def test_a_folder_with_grasps_of_two_hands_is_refused(
+    tmp_path: Path, names: tuple[str, str]
+) -> None:
+    hand = grasps_of("allegro").hand
+    for row, name in enumerate(names):
+        save(tmp_path / "ball" / f"{name}.npy", bench(grasps_of("allegro"), row))
+    assert holds_poses(tmp_path / "ball")
+    first, second = sorted(names)
+    said = f"has files of 2 hands, such as {first}.npy and {second}.npy: put those of each hand"
+    with pytest.raises(ContactError, match=said):
+        read_poses(tmp_path / "ball", hand=hand)
 
 
 def test_poses_under_a_key_of_their_own_and_several_postures_on_the_way(tmp_path: Path) -> None:

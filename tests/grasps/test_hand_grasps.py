@@ -266,3 +266,16 @@ def test_chosen_poses_and_tables(box: ObjectMesh, tmp_path: Path) -> None:
     assert poses.in_unit("mm").columns["gap"][2] == pytest.approx(3.0)
     assert poses.settings["contact_rule"] == "given"
     assert grasp3d.grasps.ranked_rows(found).tolist() == [1, 2]
+
+
+def test_joints_beyond_their_limits_cast_doubt_on_an_assumed_order(
+    box: ObjectMesh, tmp_path: Path
+) -> None:
+    hand = grasp3d.read_hand(slider_hand.write(tmp_path))
+    for wrong, told in ((1, False), (2, True)):
+        postures = np.full((10, 4), TOUCHING)
+        postures[:wrong, 2] = 0.1
+        poses = GraspPoses(poses=np.tile(np.eye(4), (10, 1, 1)), posture=postures, unit="m")
+        warnings = grasp3d.evaluate_grasps(box, poses, hand=hand).warnings
+        (said,) = (one for one in warnings if one.startswith("the order of the joints is not"))
+        assert ("beyond their limits in 2 of 10 poses: are these of another hand" in said) == told

@@ -20,6 +20,7 @@ from grasp3d.grasps.pose_readings import explained, suspected_reading
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.postures import ORDER
 from grasp3d.grasps.readings import READING, frame_words
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from tests.hand.test_articulated_hand import hand_of
 from tests.helpers import shapes, slider_hand
@@ -111,6 +112,7 @@ def test_a_mistake_is_named_with_how_many_poses_touch(name: str, mistake: str) -
 
 def test_degrees_are_named_by_the_limits_of_joints_for_any_number_of_poses(tmp_path: Path) -> None:
     hand = read_hand(three_fingers(tmp_path))
+    assert isinstance(hand, ArticulatedHand)
     bent = np.array([0.0, -0.5, 0.1, -0.2, 0.0, -1.0])
     postures = np.degrees([bent, 0.5 * bent, np.zeros(6)])
     for count in (1, 2, 3):

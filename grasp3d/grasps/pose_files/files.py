@@ -352,7 +352,7 @@ def holds_poses(path: str | Path) -> bool:
     path = Path(path)
     suffix = path.suffix.lower()
     if is_folder(path) and not suffix:
-        return any(file.suffix.lower() in _DICTIONARIES for file in path.iterdir())
+        return any(file.suffix.lower() in _DICTIONARIES for file in path.rglob("*"))
     if suffix not in {".json", ".csv", ".parquet"}:
         return suffix in SUFFIXES
     try:

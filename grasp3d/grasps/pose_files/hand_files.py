@@ -4,6 +4,7 @@ They are dictionaries, in pickles of .npy files or saved by PyTorch: one with on
 list of them, or a folder of such files. Nothing is executed; see `grasp3d.system.stored_arrays`.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
@@ -21,6 +22,7 @@ from grasp3d.grasps.pose_files.frames import Given, from_quaternions, quaternion
 from grasp3d.grasps.pose_files.outcomes import outcomes_of
 from grasp3d.grasps.poses import STAGES, GraspPoses
 from grasp3d.grasps.postures import as_in_model, matched, wrist_of
+from grasp3d.hand.articulated.presets import NAMES as HANDS
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.system.documents import described
@@ -82,6 +84,7 @@ def read_dictionaries(path: Path) -> list[Rows]:
         raise ContactError(
             f"has {len(files):,} files {' or '.join(SUFFIXES)}; from 1 to {MOST_FILES:,} are read"
         )
+    _check_hands([file.relative_to(path).as_posix() for file in files])
     found: list[Rows] = []
     for file in files:
         name = file.relative_to(path).with_suffix("").as_posix()
@@ -90,6 +93,20 @@ def read_dictionaries(path: Path) -> list[Rows]:
         except (ContactError, ValueError, OSError) as error:
             raise ContactError(f"{file.relative_to(path)}: {error}") from error
     return found
+
+
+def _check_hands(files: Sequence[str]) -> None:
+    """Refuse files that are called after several hands: their joints may be as many."""
+    first: dict[str, str] = {}
+    for file in files:
+        for word in re.split("[^a-z]+", file.lower()):
+            if word in HANDS:
+                first.setdefault(word, file)
+    if len(first) > 1:
+        raise ContactError(
+            f"has files of {len(first)} hands, such as {' and '.join([*first.values()][:2])}: put "
+            "those of each hand into a folder of their own, and evaluate it with its hand"
+        )
 
 
 def _of_file(path: Path, name: str) -> list[Rows]:
@@ -323,7 +340,10 @@ def _joint_names(content: Sequence[Rows], joints: int) -> tuple[str, ...]:
     """The names of joints, if there are as many, the same in all. Raises ContactError."""
     named = {tuple(rows.get("joint_names", ())) for rows in content}
     if len(named) > 1:
-        raise ContactError("all its dictionaries must have the same joint_names")
+        raise ContactError(
+            "all its dictionaries must have the same joint_names: put the files of each hand into "
+            "a folder of their own"
+        )
     (names,) = named
     return names if len(names) == joints else ()
 

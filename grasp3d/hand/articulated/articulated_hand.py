@@ -124,6 +124,10 @@ class ArticulatedHand:
             found.append(JointRange(joint.name, column, factor, offset, limits))
         return tuple(found)
 
+    def excess(self, postures: Floats) -> Floats:
+        """How far the joints of `ranges` are beyond their limits at postures, shape (k, r)."""
+        return np.array([one.excess(postures) for one in self.ranges]).T
+
     @cached_property
     def limits_of_joints(self) -> Floats:
         """Smallest and largest values of the joints of a posture, shape (p, 2); inf: none.
