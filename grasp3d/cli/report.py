@@ -303,7 +303,7 @@ def print_load(report: Report, holding: Holding | None, areas: Floats | None = N
     if holding is None:
         return
     mass = "mass not given" if holding.mass is None else f"{short_number(holding.mass)} kg"
-    task = holding.load.task
+    task = holding.case.load.task
     text = escaped(str(task)) if isinstance(task, TaskText) else "a given task"
     force = holding.case.at_hand
     per_finger = f"{force} per finger" if force else "none given"

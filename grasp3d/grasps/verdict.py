@@ -111,7 +111,7 @@ class HoldingVerdict:
         if holding.has_payload:
             payload = float(np.nanmax(holding.payload, initial=0.0))
         enough = None if holding.available is None else needed <= holding.available
-        task, pure = holding.load.task, holding.task.mass is None
+        task, pure = holding.case.load.task, not holding.case.by_mass
         text = str(task) if isinstance(task, TaskText) else "the given task"
         mass = None if pure else holding.mass
         around = "in any orientation" if task == Load().task else f"against {text}"

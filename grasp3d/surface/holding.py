@@ -11,7 +11,6 @@ from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_
 from grasp3d.contact.contacts import Contacts
 from grasp3d.quality.force_ranges import Certainty, ForceRange, force_range, payload
 from grasp3d.quality.grip_forces import Resistance
-from grasp3d.quality.loads import Load
 from grasp3d.quality.tasks import Task
 from grasp3d.quality.tilting import FrictionCases, over_friction
 from grasp3d.stability.label import Label
@@ -94,19 +93,9 @@ class Holding:
         )  # fmt: skip
 
     @property
-    def load(self) -> Load:
-        """The load as it was given."""
-        return self.case.load
-
-    @property
     def mass(self) -> float | None:
         """Mass of the object [kg]; None: not given, forces are those for 1 kg."""
         return self.case.mass
-
-    @property
-    def task(self) -> Task:
-        """The wrenches that must be resisted."""
-        return self.case.task
 
     @property
     def available(self) -> float | None:
@@ -116,7 +105,7 @@ class Holding:
     @property
     def has_payload(self) -> bool:
         """Whether there are payloads: a force is at hand, and the task grows with the mass."""
-        return self.available is not None and self.task.mass is not None
+        return self.available is not None and self.case.by_mass
 
     @cached_property
     def label(self) -> Bytes | None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints, locked
+from grasp3d.arrays import Ints, locked
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
@@ -86,11 +86,21 @@ class Evaluation:
             for one in [closed, *(each.grasps for each, _ in parts)] if not low else ():
                 warnings |= dict.fromkeys(one.warnings)
             for evaluated, part in parts:
-                scores = scores_of(evaluated)
+                scores, (worst, best) = scores_of(evaluated), evaluated.located_angles
                 self.disagreements.add(evaluated, scores, first + part)
-                masses = body.masses[part]
                 own.append(
-                    _scored(evaluated, scores, masses, numbers[part], len(self.files), number)
+                    ScoredGrasps(
+                        file=np.full(len(part), len(self.files)),
+                        grasp=numbers[part],
+                        object_number=np.full(len(part), number),
+                        held=np.asarray(evaluated.outcome == 1.0),
+                        state=evaluated.state,
+                        label=evaluated.label,
+                        located_worst=worst,
+                        located_best=best,
+                        scores=scores,
+                        columns={**results_of(evaluated), "mass": body.masses[part]},
+                    )
                 )
         self.parts += own
         count = sum(int(part.closed.sum()) for part in own)
@@ -164,30 +174,6 @@ class Evaluation:
             f"at none of the {counts.total()} poses the jaws close on the mesh "
             f"({states}): check gripper, unit and frame of the poses; {reasons}"
         )
-
-
-def _scored(
-    poses: EvaluatedPoses,
-    scores: dict[str, Floats],
-    masses: Floats,
-    numbers: Ints,
-    file: int,
-    object_number: int,
-) -> ScoredGrasps:
-    """What is kept of evaluated poses of one file."""
-    worst, best = poses.located_angles
-    return ScoredGrasps(
-        file=np.full(poses.size, file),
-        grasp=numbers,
-        object_number=np.full(poses.size, object_number),
-        held=np.asarray(poses.outcome == 1.0),
-        state=poses.state,
-        label=poses.label,
-        located_worst=worst,
-        located_best=best,
-        scores=scores,
-        columns={**results_of(poses), "mass": masses},
-    )
 
 
 EVALUATED = 0.9
