@@ -272,16 +272,7 @@ class VertexGrasps(SpreadGrasps):
 
     @classmethod
     def of_values(
-        cls,
-        mesh: ObjectMesh,
-        model: GraspModel,
-        values: Mapping[str, Any],
-        *,
-        sampling: AnySampling | None,
-        mode: Mode,
-        search: SearchReport,
-        scene: Scene | None = None,
-        load: Load | None = None,
+        cls, mesh: ObjectMesh, model: GraspModel, values: Mapping[str, Any], **settings: Any
     ) -> Self:
         """Labels whose values are known, from a file, instead of computed.
 
@@ -293,18 +284,13 @@ class VertexGrasps(SpreadGrasps):
             values: Attributes by name, with a row for each vertex: those of which `of_vertices`
                 has arguments, `critical_angle` and `critical_angle_best` [rad], and others such as
                 `label`, `located_angles`, `epsilon_range` or `holding`; None: unknown.
-            sampling: As in `of_vertices`, as what follows.
-            mode: Labels or a scan.
-            search: Extent of the search.
-            scene: The gripper and the table.
-            load: What each grasp must hold.
+            **settings: As in `of_vertices`: sampling, mode, search, scene and load.
         """
         worst, best = values["critical_angle"], values["critical_angle_best"]
         labels = cls.of_vertices(
             mesh, model, angles=(worst, best), partners=values["partners"],
             partner_points=values["partner_points"], grip=values["grip"],
-            reason=values["reason"], reach=values.get("reach"), sampling=sampling, mode=mode,
-            search=search, scene=scene, load=load,
+            reason=values["reason"], reach=values.get("reach"), **settings,
         )  # fmt: skip
         fields = {name: one for name, one in values.items() if one is not None}
         vars(labels).update(fields)
