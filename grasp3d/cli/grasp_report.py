@@ -23,7 +23,6 @@ from grasp3d.cli.report import (
     percent_text,
     print_load,
     table_of,
-    table_of_columns,
     uncertainty_lines,
 )
 from grasp3d.grasps.evaluated_parts import EvaluatedParts
@@ -133,7 +132,7 @@ def print_best(
         report.paragraph(f"the {what}:")
         codes = stated_label(grasps, grasps.closed)  # those in whose order they are
         columns = [*_columns(grasps, codes), *_conditional_columns(grasps)]
-        report.table(table_of_columns(columns, range(grasps.size)), whole=True)
+        report.columns(columns, range(grasps.size))
         report.line(_legend(grasps))
         if grasps.closed is not None:
             report.lines(_robust_legend(grasps, grasps.closed.robustness))
@@ -217,7 +216,7 @@ def print_some(
     if size > MAX_ROWS:
         rows = listed_rows(grasps, MAX_ROWS)
         report.paragraph(f"the best {MAX_ROWS} of {size}:")
-    report.table(table_of_columns(columns, rows), whole=True)
+    report.columns(columns, rows.tolist())
 
 
 def _number_of(count: int, total: int) -> tuple[str, str]:

@@ -79,17 +79,38 @@ class Report:
         """Print the names of the files that were written."""
         self.line(f"written: {escaped(', '.join(map(str, paths)))}")
 
-    def table(self, table: "Table", *, whole: bool = False) -> None:
-        """Print a table.
+    def table(self, table: "Table") -> None:
+        """Print a table from `table_of`."""
+        self.console.print(table)
+
+    def columns(self, columns: Sequence[Column], which: Sequence[int]) -> None:
+        """Print all of a table of numbers, also where the console is too narrow for them.
+
+        A narrow terminal shows its columns in several tables, each of which begins with the first.
 
         Args:
-            table: From `table_of`.
-            whole: Print all of its numbers, also where the console is too narrow for them.
+            columns: Their headings and cells.
+            which: The rows.
         """
-        if whole:
-            unlimited = self.console.options.update(max_width=UNLIMITED)
-            table.width = self.console.measure(table, options=unlimited).maximum
-        self.console.print(table, crop=not whole)
+        parts, room = [columns], self.console.width if self.console.is_terminal else UNLIMITED
+        if self._width(columns, which) > room:
+            first, *others = columns
+            parts = []
+            for column in others:
+                if not parts or self._width([*parts[-1], column], which) > room:
+                    parts.append([first])
+                parts[-1] = [*parts[-1], column]
+        for part in parts:
+            width = self._width(part, which)
+            # A column of texts that is too wide by itself is folded.
+            table = _table_of_columns(part, which, texts=len(part) if width > room else 0)
+            table.width = min(width, room)
+            self.console.print(table, crop=False)
+
+    def _width(self, columns: Sequence[Column], which: Sequence[int]) -> int:
+        """Characters in a line of a table."""
+        unlimited = self.console.options.update(max_width=UNLIMITED)
+        return self.console.measure(_table_of_columns(columns, which), options=unlimited).maximum
 
     def heading(self, name: str, text: str) -> None:
         """Print a line on what has a name, which has no markup."""
@@ -158,15 +179,12 @@ def table_of(
     return table
 
 
-def table_of_columns(columns: Sequence[Column], which: Iterable[int]) -> "Table":
-    """Make a table of numbers from its columns.
-
-    Args:
-        columns: Their headings and cells.
-        which: The rows.
-    """
+def _table_of_columns(
+    columns: Sequence[Column], which: Iterable[int], *, texts: int = 0
+) -> "Table":
+    """Make a table from its columns, of which so many are texts."""
     rows = ([cell(row) for _, cell in columns] for row in which)
-    return table_of([heading for heading, _ in columns], rows, texts=0)
+    return table_of([heading for heading, _ in columns], rows, texts=texts)
 
 
 def escaped(text: str) -> str:
