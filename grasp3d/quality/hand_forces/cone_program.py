@@ -5,6 +5,7 @@ feasible. What is printed rests on certificates that are evaluated apart from it
 callers take a solution as a proposal, check it, and ask for `polished` ones or `retried` programs.
 """
 
+import math
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
@@ -111,7 +112,7 @@ class ConeProgram:
         """
         x, z = found.x, found.z
         error, residual, jacobian = self._conditions(cost, x, z)
-        for _ in range(STEPS):
+        for _ in range(STEPS if math.isfinite(error) else 0):
             step = np.linalg.lstsq(jacobian, -residual, rcond=1e-13)[0]
             next_x, next_z = x + step[: len(x)], z + step[len(x) :]
             next_error, next_residual, next_jacobian = self._conditions(cost, next_x, next_z)

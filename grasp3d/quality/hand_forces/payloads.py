@@ -39,6 +39,9 @@ to the tolerance."""
 LEAST = 1e-3
 """The least load that is tried so, relative to the largest."""
 
+NOTHING = 1e-6
+"""A load [kg] per unit of force [N] that is none: for less of it the links would weigh too much."""
+
 TENTH = 0.1
 
 STILL = 1e-9
@@ -309,8 +312,9 @@ class _Search:
         exact = 0.5 * beside
         lower, upper, tried = 0.0, math.inf, [(0.0, 1.0 / _between(best))]
         mass, endless = _between(best), best.lower == math.inf
-        mass = self.grasp.force if endless else mass
+        mass, least = self.grasp.force if endless else mass, NOTHING * self.grasp.force
         for _ in range(MOST_MASSES):
+            mass = max(mass, least)
             found = replace(self, mass=mass, rtol=exact).found()
             programs += found.programs
             if held := found.lower >= mass:
@@ -320,7 +324,7 @@ class _Search:
             if held and endless:  # more of the load alone is held without end
                 lower = math.inf
             known = upper < math.inf and upper - lower <= self.rtol * upper
-            if known or lower == math.inf or found.upper <= 0.0:
+            if known or lower == math.inf or found.upper <= 0.0 or mass == least:
                 break
             exact *= 0.5 if not held and found.upper >= mass else 1.0
             tried.append((1.0 / mass, 1.0 / _between(found)))

@@ -146,6 +146,22 @@ def test_links_that_motors_cannot_hold_leave_nothing() -> None:
     assert hand_payload(jaws(too_heavy), Weight(direction=(1, 0, 0))).upper == 0.0
 
 
+@pytest.mark.slow
+def test_what_only_pushes_one_side_holds_nothing() -> None:
+    """Three contacts of one finger with heavy links."""
+    generator = np.random.default_rng(0)
+    for _ in range(12):
+        normals = generator.normal(size=(3, 3)) + [2.0, 0.0, 0.0]
+        contacts = Contacts(0.05 * generator.normal(size=(3, 3)), normals, 0.5)
+        jacobian = 0.05 * generator.normal(size=(3, 3, 4))
+        links = 0.002 * generator.normal(size=(4, 3))
+        drives = Actuation.of_hand([0.9] * 4, joints=4, links=links)
+        found = hand_payload(HandGrasp(contacts, jacobian, drives), Weight(), tilt=0.2, rtol=1e-2)
+        assert found.lower == 0.0
+        assert found.upper < 1e-4
+        assert found.programs < 30
+
+
 def test_the_cone_within_which_gravity_acts_counts_for_links() -> None:
     angles = np.linspace(math.pi / 2 - 0.4, math.pi / 2, 20001)
     found = hand_payload(jaws(0.5), Weight(direction=(0, 0, -1), within=0.4), rtol=1e-2)

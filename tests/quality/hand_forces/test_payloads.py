@@ -327,6 +327,13 @@ def test_what_is_held_only_with_a_load_is_no_payload() -> None:
         assert hand_payload(grasp, down + lift).value == pytest.approx(held, rel=1e-7)
 
 
+def test_a_proposal_that_overflows_is_not_polished() -> None:
+    program = ConeProgram(np.full((1, 1), 1e300), np.zeros(1), 0, 1, ())
+    found = Solution(np.full(1, 1e20), np.full(1, 1e20), "Solved")
+    with np.errstate(over="ignore"):
+        assert program.polished(np.zeros(1), found).x == found.x
+
+
 def test_proofs_do_not_rest_on_the_solver(monkeypatch: pytest.MonkeyPatch) -> None:
     grasp, wrench = hand_of(1), [0.0, 0.0, -1.0, 0.0, 0.0, 0.0]
     right = hand_payload(grasp, wrench)
