@@ -19,6 +19,7 @@ from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
 from grasp3d.quality.hand_forces.payloads import (
     OF_LINE,
     OF_LINKS,
+    OF_ONE,
     HandPayload,
     hand_epsilon,
     hand_payload,
@@ -40,9 +41,14 @@ palm and rigid links, is limited by what these bear."""
 MOST_LOAD = 10.0
 """Load fraction from which on texts do not say how large it is."""
 
+UNFELT = "links without sensors"
+"""What limits the mass that is surely held where no link that touches has one."""
+
 WHY = {
     OF_LINKS: "the weight of the links alone is too much for the motors",
     OF_LINE: "point contacts on one line leave the turn about it free",
+    OF_ONE: "it is felt at one contact only",
+    UNFELT: "no link that touches has a sensor",
 }
 """Limits with which nothing is held, as sentences."""
 
@@ -355,7 +361,8 @@ class MotorHolding:
         """What limits the mass that is surely held: a joint, or friction at a link, shape (k,)."""
         texts, forces = [""] * self.forces.sets.size, self.forces
         for row, contacts in forces.contacts(np.arange(len(texts))):
-            if (one := self._sure[1][row]) is not None:
+            one, texts[row] = self._sure[1][row], UNFELT
+            if one is not None:
                 used = contacts[~np.isnan(forces.tilts[contacts])]
                 texts[row] = one.limit_at(forces.links[used].tolist())
         return np.array(texts, dtype=np.str_)
@@ -411,7 +418,7 @@ class MotorHolding:
         known = felt[~np.isnan(felt)]
         text = f"{hand.name} holds {short_number(self.payload[row])}{self.unit} at {at} {where}"
         if not len(known):
-            return f"{text}, and nothing surely: no link that touches has a sensor"
+            return f"{text}, and nothing surely: {WHY[UNFELT]}"
         resolution = short_number(2.0 * math.degrees(known.max() - self.normal_error))
         sure = f"{short_number(surely[row])}{self.unit} surely for {resolution}° fingertips"
         limit = str(self.limit[row])

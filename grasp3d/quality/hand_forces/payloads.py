@@ -49,8 +49,9 @@ STILL = 1e-9
 
 OF_LINKS = "the weight of the links"
 OF_LINE = "the turn about the line of the contacts"
-"""What limits where drives do not even carry the links, or the proof is a turn at which no contact
-moves: that about the line of two points."""
+OF_ONE = "one contact alone"
+"""What limits where drives do not even carry the links, where the proof is a turn at which no
+contact moves, that about the line of two points, and where a single contact holds nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,13 +123,17 @@ class HandPayload:
             return "nothing"
         if self.is_of_links:
             return OF_LINKS
-        if self.lower == 0.0 and self._turns_freely:
-            return OF_LINE
+        if self.lower == 0.0 and (len(names) == 1 or self._turns_freely):
+            return OF_LINE if len(names) > 1 else OF_ONE
         if self.lower > 0.0 and shares.max(initial=0.0) > 0.0:
             return self.slice.grasp.actuation.names[int(shares.argmax())]
         if math.isfinite(self.slice.grasp.most_force) and self.lower > 0.0:
             return "the largest contact force"
-        return f"friction at {names[int(gains.argmax())]}" if gains.any() else "the contacts"
+        return (
+            f"friction at {names[int(gains.argmax())]}"
+            if gains.any()
+            else "the place of the contacts"
+        )
 
     @property
     def _turns_freely(self) -> bool:
@@ -312,9 +317,9 @@ class _Search:
         exact = 0.5 * beside
         lower, upper, tried = 0.0, math.inf, [(0.0, 1.0 / _between(best))]
         mass, endless = _between(best), best.lower == math.inf
-        mass, least = self.grasp.force if endless else mass, NOTHING * self.grasp.force
+        mass, small = self.grasp.force if endless else mass, NOTHING * self.grasp.force
         for _ in range(MOST_MASSES):
-            mass = max(mass, least)
+            mass = max(mass, small)
             found = replace(self, mass=mass, rtol=exact).found()
             programs += found.programs
             if held := found.lower >= mass:
@@ -324,7 +329,7 @@ class _Search:
             if held and endless:  # more of the load alone is held without end
                 lower = math.inf
             known = upper < math.inf and upper - lower <= self.rtol * upper
-            if known or lower == math.inf or found.upper <= 0.0 or mass == least:
+            if known or lower == math.inf or found.upper <= 0.0 or mass == small:
                 break
             exact *= 0.5 if not held and found.upper >= mass else 1.0
             tried.append((1.0 / mass, 1.0 / _between(found)))

@@ -288,7 +288,7 @@ def test_no_motor_limits_what_contacts_do_not_hold_at_all() -> None:
     for seed in (28, 29):
         found = hand_payload(random_hand(np.random.default_rng(seed)), Weight(), tilt=0.4)
         assert found.value == 0.0
-        assert found.limit.startswith("friction") or found.limit == "the contacts"
+        assert found.limit.startswith("friction") or found.limit == "the place of the contacts"
 
 
 def test_a_hand_that_cannot_hold_its_own_links_holds_nothing() -> None:
