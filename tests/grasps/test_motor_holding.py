@@ -85,6 +85,11 @@ def test_blind_links_hold_nothing_surely(tmp_path: Path) -> None:
     assert blind.payload_sure[0] == 0.0
     assert blind.payload_possible[0] > 100.0  # any force may be what a blind finger presses with
     assert "nothing surely" in blind.verdict(np.array([True, True]))
+    assert blind.limit.tolist() == ["links without sensors", ""]
+    felt = evaluated(tmp_path, grasp3d.Load(task=DOWN, mass=0.1), sensors={"finger_0": None})
+    assert felt.motor_holding is not None
+    assert felt.motor_holding.limit.tolist() == ["one contact alone", ""]
+    assert felt.reason[0] == "surely holds 0 kg only: it is felt at one contact only"
 
 
 def test_no_normals_that_may_be_true_hold_more_than_is_possible(tmp_path: Path) -> None:
