@@ -190,18 +190,26 @@ class MotorForces:
             tilted: At the worst normals, with the contacts that are not blind; else at the
                 perceived ones with all.
         """
-        values = np.full(self.sets.size, math.nan)
         found: list[HandPayload | None] = [None] * self.sets.size
-        for row, contacts in self.contacts(np.arange(self.sets.size)):
+
+        def held(row: int, contacts: Ints) -> float:
             used = contacts[~np.isnan(self.tilts[contacts])] if tilted else contacts
             tilts = self.tilts[used] if tilted else np.zeros(len(used))
-            values[row] = 0.0
-            if len(used):
-                grasp = self.grasp(row, used, friction)
-                found[row] = one = hand_payload(grasp, load.task, tilt=tilts, rtol=FORCE_RTOL)
-                values[row] = one.lower
+            if not len(used):
+                return 0.0
+            grasp = self.grasp(row, used, friction)
+            found[row] = one = hand_payload(grasp, load.task, tilt=tilts, rtol=FORCE_RTOL)
+            return one.lower
+
+        return self._of_each(held), found
+
+    def _of_each(self, number: Callable[[int, Ints], float]) -> Floats:
+        """A number of each pose that is evaluated, and its contacts; nan: it is not, (k,)."""
+        values = np.full(self.sets.size, math.nan)
+        for row, contacts in self.contacts(np.arange(self.sets.size)):
+            values[row] = number(row, contacts)
             report_progress((row + 1) / self.sets.size)
-        return locked(values), found
+        return locked(values)
 
     def critical_angle(self, locked_angles: Floats) -> Floats:
         """Friction angles above which the drives press what closes a grasp [rad], shape (k,).
@@ -223,12 +231,12 @@ class MotorForces:
             friction: The coefficient.
             torque_scale: Torques are divided by it [mesh unit].
         """
-        values = np.full(self.sets.size, math.nan)
-        for row, contacts in self.contacts(np.arange(self.sets.size)):
+
+        def radius(row: int, contacts: Ints) -> float:
             grasp = self.grasp(row, contacts, friction)
-            values[row] = hand_epsilon(grasp, torque_scale, rtol=FORCE_RTOL).lower
-            report_progress((row + 1) / self.sets.size)
-        return locked(values)
+            return hand_epsilon(grasp, torque_scale, rtol=FORCE_RTOL).lower
+
+        return self._of_each(radius)
 
     def possible(self, load: LoadCase, friction: float) -> Floats:
         """Masses above which no normals, of those that may be true, let the hand hold, (k,).
@@ -239,14 +247,12 @@ class MotorForces:
             load: What must be held.
             friction: The largest coefficient.
         """
-        values = np.full(self.sets.size, math.nan)
-        for row, contacts in self.contacts(np.arange(self.sets.size)):
+
+        def most(row: int, contacts: Ints) -> float:
             grasp = self.widest(row, contacts, friction)
-            values[row] = (
-                math.inf if grasp is None else hand_payload(grasp, load.task, rtol=FORCE_RTOL).upper
-            )
-            report_progress((row + 1) / self.sets.size)
-        return locked(values)
+            return math.inf if not grasp else hand_payload(grasp, load.task, rtol=FORCE_RTOL).upper
+
+        return self._of_each(most)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -260,9 +260,10 @@ def _difference(surplus: Sequence[str], missing: Sequence[str], hand: str) -> st
     """A sentence on joints that are unknown or missing."""
     parts = []
     if surplus:
-        parts.append(f"{_listed(surplus)} {_are(surplus)} no joint{_s(surplus)} of {hand}")
+        are = "is no joint" if len(surplus) == 1 else "are no joints"
+        parts.append(f"{_listed(surplus)} {are} of {hand}")
     if missing:
-        parts.append(f"{_listed(missing)} of {hand} {_are(missing)} missing")
+        parts.append(f"{_listed(missing)} of {hand} {'is' if len(missing) == 1 else 'are'} missing")
     close = [(name, *get_close_matches(name, missing, 1, 0.6)) for name in surplus]
     meant = [f"{pair[0]} for {pair[1]}" for pair in close if len(pair) > 1][:MOST_LISTED]
     hint = f" (misspelt: {', '.join(meant)}?)" if meant else ""
@@ -272,11 +273,3 @@ def _difference(surplus: Sequence[str], missing: Sequence[str], hand: str) -> st
 def _listed(names: Sequence[str]) -> str:
     more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
     return ", ".join(names[:MOST_LISTED]) + more
-
-
-def _are(names: Sequence[str]) -> str:
-    return "is" if len(names) == 1 else "are"
-
-
-def _s(names: Sequence[str]) -> str:
-    return "" if len(names) == 1 else "s"

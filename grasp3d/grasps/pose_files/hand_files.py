@@ -5,10 +5,12 @@ list of them, or a folder of such files. Nothing is executed; see `grasp3d.syste
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from importlib.util import find_spec
+from itertools import count as naturals
 from pathlib import Path
 from typing import Any
 
@@ -362,19 +364,12 @@ def _outcome(content: Sequence[Rows], counts: Sequence[int], given: Given) -> Fl
 
 def _names(content: Sequence[Rows], counts: Sequence[int]) -> tuple[str, ...]:
     """Names of grasps: those of their files in a folder, with numbers where these have many."""
-    together = dict.fromkeys((rows["name"] for rows in content), 0)
-    for rows, count in zip(content, counts, strict=True):
-        together[rows["name"]] += count
+    names = np.repeat([rows["name"] for rows in content], counts).tolist()
+    together = Counter(names)
+    numbers: dict[str, Iterator[int]] = defaultdict(lambda: naturals(1))
     if "" in together:
         return ()
-    seen = dict.fromkeys(together, 0)
-    names = []
-    for rows, count in zip(content, counts, strict=True):
-        name = rows["name"]
-        for _ in range(count):
-            seen[name] += 1
-            names.append(name if together[name] == 1 else f"{name}_{seen[name]}")
-    return tuple(names)
+    return tuple(name if together[name] == 1 else f"{name}_{next(numbers[name])}" for name in names)
 
 
 def _object_file(content: Sequence[Rows]) -> str | None:

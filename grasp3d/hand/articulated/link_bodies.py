@@ -181,12 +181,8 @@ def _samples(shape: LinkShape, hull: Hull) -> Floats:
             a, b = (grid.ravel() for grid in np.meshgrid(_line(size[i]), _line(size[j])))
             for sign in (-1.0, 1.0):
                 rows = np.zeros((len(a), 6))
-                rows[:, i], rows[:, j], rows[:, axis], rows[:, 3 + axis] = (
-                    a,
-                    b,
-                    sign * size[axis],
-                    sign,
-                )
+                rows[:, i], rows[:, j] = a, b
+                rows[:, axis], rows[:, 3 + axis] = sign * size[axis], sign
                 parts.append(rows)
         return np.concatenate(parts)
     radius = size[0]
