@@ -33,11 +33,11 @@ def implausible(hand: ArticulatedHand) -> Iterator[str]:
     """What is known of a hand, but hardly true, one sentence each."""
     yield from too_strong(hand, "torques", dict(zip(hand.joint_names, hand.torques, strict=True)))
     held = {name: torque for name, torque in hand.brakes.items() if math.isfinite(torque)}
-    yield from too_strong(hand, "brakes", held, times=BRAKE)
+    yield from too_strong(hand, "brakes", held)
     for tendon in hand.tendons:
         pulls = {name: abs(arm) * tendon.tension[1] for name, arm in tendon.arms.items()}
-        units = "are arms in m, and tensions in N?"
-        yield from too_strong(hand, f"tendons: {tendon.name}", pulls, units=units)
+        asked = "are arms in m, and tensions in N?"
+        yield from too_strong(hand, f"tendons: {tendon.name}", pulls, asked)
     yield from _of_springs(hand)
     for name in hand.beyond_base:
         if (one := hand.masses.get(name)) is not None:
@@ -64,12 +64,7 @@ def implausible(hand: ArticulatedHand) -> Iterator[str]:
 
 
 def too_strong(
-    hand: ArticulatedHand,
-    what: str,
-    torques: Mapping[str, float],
-    *,
-    times: float = 1.0,
-    units: str = "",
+    hand: ArticulatedHand, what: str, torques: Mapping[str, float], units: str = ""
 ) -> Iterator[str]:
     """A sentence for each torque that is not believed.
 
@@ -77,17 +72,15 @@ def too_strong(
         hand: The hand.
         what: What has them.
         torques: Torques, or forces, of joints by their names [N m or N].
-        times: How much more than a motor it may exert.
         units: The question how they are stated; empty: about torques.
     """
-    joints: dict[tuple[float, float, str], list[str]] = {}
+    joints: dict[tuple[float, float, bool], list[str]] = {}
     for name, torque in torques.items():
-        most = times * largest_torque(hand, name)
+        most = largest_torque(hand, name) * (BRAKE if what == "brakes" else 1.0)
         if torque >= most:
-            unit = "N" if name in hand.slides else "N m"
-            joints.setdefault((float(torque), most, unit), []).append(name)
-    for (torque, most, unit), names in joints.items():
-        small = "mN" if unit == "N" else "N mm"
+            joints.setdefault((float(torque), most, name in hand.slides), []).append(name)
+    for (torque, most, slides), names in joints.items():
+        unit, small = ("N", "mN") if slides else ("N m", "N mm")
         asked = units or f"is it in {small}, and {torque / 1e3:g} {unit} meant?"
         more = " ..." if len(names) > LISTED else ""
         yield (
@@ -102,11 +95,10 @@ def _of_springs(hand: ArticulatedHand) -> Iterator[str]:
     for name, spring in hand.springs.items():
         ends = [min(max(end, -math.pi), math.pi) for end in ranges[name]]
         far = not ends[0] - math.pi <= spring.rest <= ends[1] + math.pi
-        units = "are stiffness in N m/rad, rest in rad and torque in N m?"
-        if name in hand.slides:
-            units = "are stiffness in N/m, rest in m and torque in N?"
+        units = ("N/m", "m", "N") if name in hand.slides else ("N m/rad", "rad", "N m")
+        asked = "are stiffness in {}, rest in {} and torque in {}?".format(*units)
         if far and spring.stiffness:
-            yield f"springs: {name} is at rest at {spring.rest:g}, far beyond its limits: {units}"
+            yield f"springs: {name} is at rest at {spring.rest:g}, far beyond its limits: {asked}"
         else:
             most = max(abs(spring.at(end)) for end in ends)
-            yield from too_strong(hand, "springs", {name: most}, units=units)
+            yield from too_strong(hand, "springs", {name: most}, asked)
