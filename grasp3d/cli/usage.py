@@ -47,8 +47,8 @@ WIDEST, LONG = 100, 20
 """Most columns of the help; most letters of a placeholder in the short help."""
 
 
-_NEGATIVE = re.compile(r"-[.\d]")
-"""How a negative number begins, such as -1mm, which is no option."""
+_NEGATIVE = re.compile(r"-([.\d]|([xyz]|inf|nan)$)")
+"""Words that are no options: how a negative number begins, such as -1mm, and directions."""
 
 
 def parse(kind: type, words: list[str]) -> Any:
@@ -104,7 +104,7 @@ def _arguments(option: Option) -> dict[str, Any]:
     named: dict[str, Any] = {"dest": option.field, "required": option.is_required}
     shared = {"default": SUPPRESS, **(named if option.names else {"metavar": option.metavar})}
     if not option.parser.metavar:
-        return {**shared, "action": BooleanOptionalAction}
+        return {**shared, "action": BooleanOptionalAction if option.default else "store_true"}
     if option.repeated:
         return {**shared, "action": "append"}
     count = option.parser.count
@@ -138,7 +138,7 @@ def _sentence(error: ArgumentError, options: Iterable[Option]) -> str:
     [option] = [one for one in options if name in one.names]
     if not option.metavar:
         return f"{name} takes no value"
-    count = option.parser.count
+    count = 1 if option.repeated else option.parser.count
     return f"{name} needs {'a value' if count == 1 else f'{count} values'}: {option.metavar}"
 
 

@@ -80,7 +80,7 @@ def read_hand(
     given = ", ".join(name for name, value in options.items() if value is not None)
     path, suffix = Path(source), Path(source).suffix.lower()
     is_file_name = suffix in SUFFIXES or len(path.parts) > 1 or is_file(path) or is_folder(path)
-    if str(source) in {*PRESETS, *ALIASES} or not is_file_name:
+    if str(source) in {"", *PRESETS, *ALIASES, *NAMES} or not is_file_name:
         if str(source) in NAMES:
             raise SettingError(
                 f"{source} is a hand with joints, known without its links: name the URDF that you "

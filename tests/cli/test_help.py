@@ -11,7 +11,7 @@ import pytest
 
 from grasp3d.cli import KINDS
 from grasp3d.cli.options import options_of
-from grasp3d.cli.usage import GROUPS, MOST_OPTIONS, examples_of, groups_of, invocation
+from grasp3d.cli.usage import GROUPS, MOST_OPTIONS, examples_of, groups_of, invocation, parse
 from tests.helpers.commands import printed
 from tests.helpers.commands import run_here as grasp3d
 
@@ -86,6 +86,15 @@ def test_the_examples_are_valid(
     printed(*shlex.split(words), cwd=tmp_path)
     for path in re.findall(r"meshes/\w+\.\w+", words):
         assert (MESHES.parent / path).exists()
+
+
+@pytest.mark.parametrize("up", ["z", "-x", "-y", "-z"])
+def test_words_that_begin_with_a_dash_are_values(up: str) -> None:
+    words = "x.stl --hand franka --table as-is --best 1 --at -1,-2mm,3".split()
+    for given in (["--up", up], [f"--up={up}"]):
+        command = parse(KINDS["label"], [*words, *given])
+        assert (command.reach.up, command.at) == (up, ("-1,-2mm,3",))
+    assert not parse(KINDS["batch"], ["x.stl", "-o", "out", "--no-report"]).report
 
 
 @pytest.mark.slow

@@ -399,6 +399,10 @@ perturb missing.ply --location-error 1mm | no option --location-error
 perturb missing.ply --per-finger 'location_error=1mm; normal_error=2' | no option --per-finger
 perturb missing.ply --method extremes | no option --method
 label x --fingers | --fingers needs a value: INT
+label x --at | --at needs a value: X,Y,Z
+label x --only | --only needs a value: PART|none
+label x --no-quiet | '--no-quiet' is one too many
+label x --quiet=1 | --quiet takes no value
 label x --hand | --hand needs a value: NAME|FILE|none
 label x --mass --best 3 | --mass needs a value: MASS|none
 paper -o x --fixed 1 2 | --fixed needs 3 values: X Y Z
@@ -418,6 +422,8 @@ sweep circle --fraction some | --fraction must be a number; got 'some'
 TRIED = """
 label ball.ply --hand frank | --hand: no gripper is called 'frank' (did you mean franka?)
 label ball.ply --hand missing.json | --hand: missing.json: there is no such file
+label ball.ply --hand '' | --hand: no gripper is called ''; known: franka
+label ball.ply --hand leap | --hand: leap is a hand with joints, known without its links
 label ball.ply --hand void/ | --hand: void: is a folder; name a file
 label ball.ply --hand folder.json | folder.json: is a folder
 label ball.ply --hand damaged.json | damaged.json: is no JSON
@@ -542,7 +548,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     vertices, faces = shapes.box((40.0, 60.0, 80.0))
     export(folder / "box.stl", (vertices, faces))
     export(folder / "open.stl", (vertices, faces[:-2]))
-    for name in ("void", "folder.json", *(f"taken.{suffix}" for suffix in TAKEN)):
+    for name in ("void", "leap", "folder.json", *(f"taken.{suffix}" for suffix in TAKEN)):
         (folder / name).mkdir()
     for name in ("link.csv", "link.json"):
         (folder / name).symlink_to(ball)
