@@ -90,7 +90,7 @@ def test_the_examples_are_valid(
 
 @pytest.mark.parametrize("up", ["z", "-x", "-y", "-z"])
 def test_words_that_begin_with_a_dash_are_values(up: str) -> None:
-    words = "x.stl --hand franka --table as-is --best 1 --at -1,-2mm,3".split()
+    words = ["x.stl", "--hand", "franka", "--table", "as-is", "--best", "1", "--at", "-1,-2mm,3"]
     for given in (["--up", up], [f"--up={up}"]):
         command = parse(KINDS["label"], [*words, *given])
         assert (command.reach.up, command.at) == (up, ("-1,-2mm,3",))
