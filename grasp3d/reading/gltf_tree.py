@@ -176,7 +176,7 @@ class GltfScene:
             if part.get("indices") is not None:
                 corners = self._numbers(where, "indices", part["indices"]).ravel().astype(np.int64)
             if mode == _STRIP:
-                faces = np.lib.stride_tricks.sliding_window_view(corners, 3).copy()
+                faces = corners[np.arange(max(len(corners) - 2, 0))[:, None] + np.arange(3)]
                 faces[1::2] = faces[1::2, [1, 0, 2]]
                 faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
             elif len(corners) % 3:

@@ -101,6 +101,16 @@ def test_strips_and_corners_without_indices(tmp_path: Path) -> None:
     assert scene(tmp_path, change).faces.tolist() == [[0, 1, 2]]
 
 
+def test_a_strip_of_two_corners_has_no_triangle(tmp_path: Path) -> None:
+    def change(tree: Tree) -> None:
+        points = len(tree["accessors"])
+        tree["accessors"].append({**tree["accessors"][0], "count": 2})
+        short = {"attributes": {"POSITION": points}, "mode": 5}
+        tree["meshes"][0]["primitives"].append(short)
+
+    assert len(scene(tmp_path, change).faces) == len(scene(tmp_path, lambda _: None).faces)
+
+
 def normalised(faces: np.ndarray) -> list[list[int]]:
     """Sorted faces without degenerate ones, each starting with its smallest vertex number."""
     rows = (row for row in faces.tolist() if len(set(row)) == 3)
