@@ -38,7 +38,7 @@ def test_masses_are_those_of_the_file_or_stated_ones(tmp_path: Path) -> None:
     hand = hand_of(tmp_path)
     assert hand.masses == {"outer0": LinkMass(0.03, (0.001, 0.0, 0.02))}
     written = hand.description()["masses"]
-    assert written == {"outer0": {"mass": 0.03, "center": [0.001, 0.0, 0.02]}}
+    assert written == {"outer0": {"mass": 0.03, "center": (0.001, 0.0, 0.02)}}
     assert hand_of(tmp_path, masses=written).masses == hand.masses
     assert hand_of(tmp_path, masses={}).link_loads(np.zeros((1, 6)), np.zeros((1, 7, 4, 4))) is None
     for impossible in ("0", "-1", "nan", "inf", "heavy"):

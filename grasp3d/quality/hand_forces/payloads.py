@@ -318,6 +318,16 @@ class _Search:
         lower, upper, tried = 0.0, math.inf, [(0.0, 1.0 / _between(best))]
         mass, endless = _between(best), best.lower == math.inf
         mass, small = self.grasp.force if endless else mass, NOTHING * self.grasp.force
+        carried = self.holds_links
+        if not carried:
+            # Nearly the links alone; what is between two loads that are held is held, too.
+            light = max(LEAST * min(mass, self.grasp.force), small)
+            least = replace(self, mass=light).found()
+            programs += least.programs
+            if least.upper < light:
+                return replace(least, lower=0.0, upper=light, programs=programs)
+            carried = least.lower >= light
+            lower = light if carried else 0.0
         for _ in range(MOST_MASSES):
             mass = max(mass, small)
             found = replace(self, mass=mass, rtol=exact).found()
@@ -338,14 +348,7 @@ class _Search:
                 mass = max(root * (1.0 - beside), 0.5 * (root + lower))
             else:
                 mass = min(root * (1.0 + beside), 0.5 * (root + upper))
-        if lower > 0.0 and not self.holds_links:
-            # Nearly the links alone; what is between two loads that are held is held, too.
-            small = LEAST * min(lower, self.grasp.force)
-            least = replace(self, mass=small).found()
-            programs += least.programs
-            lower = lower if least.lower >= small else 0.0
-            if least.upper < small:
-                upper, best = 0.0, least
+        lower = lower if carried else 0.0
         return replace(best, lower=lower, upper=max(lower, upper), programs=programs)
 
     @property
