@@ -462,8 +462,8 @@ class _Search:
 
 def _between(found: HandPayload) -> float:
     """A load near the bounds of a payload, above 0."""
-    middle = 0.5 * (found.lower + min(found.upper, 2.0 * found.lower))
-    return middle or min(found.upper, LEAST * found.slice.grasp.force) or 1e-300
+    middle, force = 0.5 * (found.lower + min(found.upper, 2.0 * found.lower)), found.limiting.unit
+    return max(middle or min(found.upper, LEAST * force), NOTHING * force)
 
 
 def _crossing(tried: Sequence[tuple[float, float]], lower: float, upper: float) -> float:
