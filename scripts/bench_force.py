@@ -13,15 +13,20 @@ Times are the shortest of a few runs [us per grasp].
 
 import argparse
 import math
+import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
-from cone_programs import ConeProgram
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
 from random_grasps import Shape, random_contacts
 
 import grasp3d
 from grasp3d.quality import Weight
+from tests.helpers.cone_programs import ConeProgram
 
 REPEATS = 5
 SIZE = 300

@@ -3,7 +3,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cone_programs import ConeProgram
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from random_grasps import Shape, random_contacts
@@ -13,6 +12,7 @@ from grasp3d.errors import ContactError, SettingError
 from grasp3d.quality import Ellipsoid, Resistance, Weight, Wrenches
 from grasp3d.system.context import running
 from tests.helpers import grasps
+from tests.helpers.cone_programs import ConeProgram
 from tests.helpers.forces import GRAVITY, check_proof, moved, opposed, wrench_of
 
 SHARP, RTOL = 1e-8, 1e-3
