@@ -31,16 +31,19 @@ shapes, rows of wrenches, no certificates), each compared with the version befor
 import argparse
 import json
 import math
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from random_grasps import REGULAR, SHAPES, Shape, random_contacts, regular_contacts
 from scipy.spatial import ConvexHull, QhullError
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import grasp3d
 from grasp3d.quality.wrenches import wrenches
+from tests.helpers.random_grasps import REGULAR, SHAPES, Shape, random_contacts, regular_contacts
 
 REPEATS = 5
 

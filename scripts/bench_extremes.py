@@ -6,13 +6,16 @@ Both label the same grasps in the same run, on one thread: random grasps of 2 to
 best grasps on surfaces, whose search is common to both.
 """
 
+import sys
 from pathlib import Path
 
 import numpy as np
 from bench_epsilon import best_time
-from compare_extremes import random_grasps
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import grasp3d
+from tests.helpers.random_grasps import random_grasps
 
 LIBRARY = Path(__file__).parents[1] / "meshes"
 GRASPS = {2: 2000, 3: 500, 4: 200}

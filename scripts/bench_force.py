@@ -22,11 +22,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from random_grasps import Shape, random_contacts
-
 import grasp3d
 from grasp3d.quality import Weight
 from tests.helpers.cone_programs import ConeProgram
+from tests.helpers.random_grasps import Shape, random_contacts
 
 REPEATS = 5
 SIZE = 300

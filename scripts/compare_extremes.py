@@ -4,13 +4,16 @@ python scripts/compare_extremes.py
 """
 
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Floats, Ints, locked
-from grasp3d.contact.contacts import Contacts
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from grasp3d.arrays import Bools, Ints, locked
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.paper.markdown import fraction_cells, resolution_cell, table
 from grasp3d.paper.paper_settings import PaperSettings
@@ -22,11 +25,10 @@ from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
 from grasp3d.system.context import report_progress, unreported
+from tests.helpers.random_grasps import SEED, random_grasps
 
 SAMPLES = {2: (2000, (4, 8, 16, 32)), 3: (500, (4, 8, 16)), 4: (200, (4, 8))}
 """For each number of fingers: the number of grasps, and numbers of extreme normals to compare."""
-
-SEED = 2018
 
 ALLOWED = {
     "circular": ((Label.M, Label.S), (Label.M, Label.U)),
@@ -95,23 +97,6 @@ class Comparison:
         allowed = ALLOWED["circular" if self.edges is None else "polygonal"]
         wrong = self.counts.sum() - np.trace(self.counts)
         return int(wrong - sum(self.counts[exact, sampled] for exact, sampled in allowed))
-
-
-def random_grasps(fingers: int, count: int, seed: int = SEED) -> tuple[Contacts, Floats]:
-    """Random contacts on a ball, and sensor resolutions [rad], shape (count, 1).
-
-    Friction is 0.3 to 1 and the resolution up to twice the friction angle, so that S, M and U are
-    all common.
-    """
-    rng = np.random.default_rng([seed, fingers])
-    points = rng.normal(size=(count, fingers, 3))
-    if fingers == 2:
-        points[:, 1] = -points[:, 0] + 0.25 * rng.normal(size=(count, 3))
-    points /= np.linalg.norm(points, axis=-1, keepdims=True)
-    normals = -points + 0.25 * rng.normal(size=points.shape)
-    contacts = Contacts(points, normals, rng.uniform(0.3, 1.0, size=(count, 1)))
-    fraction = rng.uniform(0.0, 1.0, size=(count, 1))
-    return contacts, 2.0 * fraction * contacts.friction_angle[:, :1]
 
 
 def compare(

@@ -8,13 +8,16 @@ with 1 if a difference exceeds 1e-9.
 import argparse
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
 
 import numpy as np
 from bench_epsilon import qhull
-from random_grasps import REGULAR, SHAPES, random_contacts, regular_contacts
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import grasp3d
 from grasp3d.quality.wrenches import wrenches
+from tests.helpers.random_grasps import REGULAR, SHAPES, random_contacts, regular_contacts
 
 TOLERANCE = 1e-9
 NOISES = (0.0, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-3)

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from random_grasps import REGULAR, Shape, random_contacts
 
 from grasp3d import Contacts
 from grasp3d.quality import EpsilonOptions
 from tests.helpers import shapes
+from tests.helpers.random_grasps import REGULAR, Shape, random_contacts
 
 Floats = NDArray[np.float64]
 

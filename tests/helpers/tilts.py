@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from compare_extremes import random_grasps
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from grasp3d import Contacts, epsilon
+from tests.helpers.random_grasps import random_grasps
 
 Floats = NDArray[np.float64]
 

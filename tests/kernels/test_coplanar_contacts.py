@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from random_grasps import Shape, random_contacts, regular_contacts
 
 from grasp3d import Contacts, critical_friction_angle, force_closure, load_mesh
 from grasp3d.arrays import unit_rows
 from grasp3d.mesh.primitives import box_mesh
 from tests.helpers import coplanar, grasps, shapes
+from tests.helpers.random_grasps import Shape, random_contacts, regular_contacts
 
 Floats = NDArray[np.float64]
 

@@ -13,7 +13,6 @@ from compare_extremes import (
     compare,
     comparisons,
     convergence_tables,
-    random_grasps,
     surface_table,
 )
 
@@ -21,6 +20,7 @@ from grasp3d import Label, classify
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.system.context import running
+from tests.helpers.random_grasps import random_grasps
 
 S, M, U = Label.S, Label.M, Label.U
 

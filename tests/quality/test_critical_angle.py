@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from random_grasps import Shape, random_contacts
 from scipy.optimize import minimize
 
 from grasp3d import Contacts, critical_friction_angle, force_closure
@@ -18,6 +17,7 @@ from grasp3d.errors import SettingError
 from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.system.context import running
 from tests.helpers import grasps, oracles, shapes
+from tests.helpers.random_grasps import Shape, random_contacts
 
 RIGHT_ANGLE = math.pi / 2.0
 TOLERANCE = 1e-4

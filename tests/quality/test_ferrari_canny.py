@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_grasps import REGULAR, SHAPES, Shape, random_contacts, regular_contacts
 from scipy.optimize import minimize
 from scipy.spatial import QhullError
 
@@ -25,6 +24,7 @@ from grasp3d.quality.wrenches import EpsilonOptions, span, wrenches
 from grasp3d.system.context import running
 from tests.helpers import grasps, oracles, shapes
 from tests.helpers.grasps import with_options
+from tests.helpers.random_grasps import REGULAR, SHAPES, Shape, random_contacts, regular_contacts
 
 ROUNDING = 1e-9
 RTOL = 1e-3

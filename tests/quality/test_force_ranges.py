@@ -4,7 +4,6 @@ from typing import Any
 import numpy as np
 import pytest
 import validate_forces
-from random_grasps import Shape, random_contacts
 
 from grasp3d import Contacts, force_closure, grip_force
 from grasp3d.contact.friction_cones import tilted_normals, turned
@@ -12,6 +11,7 @@ from grasp3d.errors import SettingError
 from grasp3d.quality import Acceleration, Weight, Wrenches, force_range, payload
 from tests.helpers import grasps
 from tests.helpers.forces import GRAVITY, moved, opposed
+from tests.helpers.random_grasps import Shape, random_contacts
 
 NEWTON = Weight(1.0 / GRAVITY)
 TILT = math.radians(8.0)

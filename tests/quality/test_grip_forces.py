@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from random_grasps import Shape, random_contacts
 
 from grasp3d import Contacts, epsilon, force_closure, grip_force
 from grasp3d.errors import ContactError, SettingError
@@ -14,6 +13,7 @@ from grasp3d.system.context import running
 from tests.helpers import grasps
 from tests.helpers.cone_programs import ConeProgram
 from tests.helpers.forces import GRAVITY, check_proof, moved, opposed, wrench_of
+from tests.helpers.random_grasps import Shape, random_contacts
 
 SHARP, RTOL = 1e-8, 1e-3
 BOUNDS: list[Any] = ["normal", "norm", "total"]

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_grasps import Shape, random_contacts
 
 from grasp3d import Contacts, critical_friction_angle, epsilon, force_closure, grip_force
 from grasp3d.quality import (
@@ -19,6 +18,7 @@ from grasp3d.quality import (
     metrics,
 )
 from tests.helpers import patches, shapes
+from tests.helpers.random_grasps import Shape, random_contacts
 
 AXIS = np.array([0.3, -0.5, 0.8])
 FINE = 1e-5

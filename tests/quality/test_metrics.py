@@ -9,7 +9,6 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from random_grasps import Shape, random_contacts
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
@@ -19,6 +18,7 @@ from grasp3d.errors import SettingError
 from grasp3d.quality import METRICS, MetricValues, metric_names, metrics
 from tests.helpers import shapes
 from tests.helpers.grasps import LINE, changed, just_off_a_line, one, regular_on_ball, stacked
+from tests.helpers.random_grasps import Shape, random_contacts
 
 Floats = NDArray[np.float64]
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compare_extremes import random_grasps
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -29,6 +28,7 @@ from grasp3d.quality.tilting import epsilon_range
 from grasp3d.quality.wrenches import EpsilonOptions
 from tests.helpers import grasps
 from tests.helpers.grasps import with_options
+from tests.helpers.random_grasps import random_grasps
 from tests.helpers.tilts import adversarial_epsilons, angles, mixed, random_tilts, with_normals
 
 RIGHT = math.pi / 2.0

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compare_extremes import random_grasps
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,6 +15,7 @@ from grasp3d.stability.enumeration import Tested, closure_at, extreme_normals, e
 from grasp3d.system.context import running
 from tests.helpers import grasps, oracles
 from tests.helpers.grasps import with_options
+from tests.helpers.random_grasps import random_grasps
 from tests.helpers.tilts import all_combinations
 
 RTOL = 1e-3

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compare_extremes import random_grasps
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,6 +14,7 @@ from grasp3d.quality import Status
 from grasp3d.quality.wrenches import EpsilonOptions
 from tests.helpers import grasps, oracles
 from tests.helpers.grasps import with_options
+from tests.helpers.random_grasps import random_grasps
 from tests.helpers.tilts import (
     all_combinations,
     angle_to_set,
