@@ -92,10 +92,6 @@ def _check_gripper(command: Evaluate, *, poses: bool) -> None:
             raise SettingError(f"{name} applies to poses of a gripper, not to contacts")
     if poses and command.max_distance is not None:
         raise SettingError("max_distance applies to contacts, not to poses of a gripper")
-    if command.metrics is not None and command.model.contact == "patch":
-        raise SettingError(
-            "the measures of --metrics are those of point contacts: use --contact soft, or point"
-        )
     if command.reach.hand is not None and not poses:
         try:
             read_contacts(command.contacts)

@@ -66,13 +66,6 @@ _TRIED = (
 )
 _SCORE = "score: how well the touched patches hold at the worst normals, -1 to 1{}{}"
 
-_CONTACTS = {
-    "point": "",
-    "soft": "; contacts resist torsion",
-    "patch": "; contacts resist torsion and rolling",
-}
-"""What contacts are, beside points."""
-
 
 def print_evaluated(evaluated: EvaluatedParts, output: Path) -> None:
     """Print the number of grasps of each label, and a table of the best grasps.
@@ -167,7 +160,7 @@ def print_poses(poses: EvaluatedPoses, output: Path) -> None:
     report.heading(
         mesh.report.source,
         f"{counted(poses.size, 'poses')} of gripper {escaped(poses.hand.name)}; "
-        f"{model_words(model)}{_CONTACTS[model.contact]}",
+        f"{model_words(model)}",
     )
     rows = [(*names, *_number_of(count, poses.size)) for names, count in _pose_counts(poses)]
     report.table(table_of(("", "", "poses", "fraction"), rows, texts=2))

@@ -163,9 +163,7 @@ class EvaluatedPoses(GivenGrasps, SpreadGrasps):
     """
 
     grasps: GraspTable
-    """The grasps where the jaws close on the object, at the mean normals of the patches; where
-    contacts have patches (`GraspModel.contact`) the critical angle is that of the best line between
-    them."""
+    """The grasps where the jaws close on the object, at the mean normals of the patches."""
     row: Ints
     """Row of each pose in that table, -1: the jaws do not close, shape (k,)."""
     given: GraspPoses

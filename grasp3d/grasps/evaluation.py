@@ -35,7 +35,6 @@ from grasp3d.settings import (
     MAX_FINGERS,
     GraspModel,
     MeshOptions,
-    check_point_contacts,
     with_fingers,
 )
 from grasp3d.settings.lengths import METRES, GivenLength, Unit
@@ -253,7 +252,6 @@ def evaluate_contacts(
     mesh, positions = load_mesh(mesh), _checked(points)
     mesh, load = loaded_mesh(mesh, load)
     (own_model,) = mesh.in_own_unit(model or GraspModel())
-    check_point_contacts(own_model)
     own_model = with_fingers(own_model, positions.shape[1])
     given_limit = OFF_SURFACE * mesh.size if max_distance is None else max_distance
     limit = mesh.length("max_distance", given_limit)

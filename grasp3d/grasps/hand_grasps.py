@@ -560,7 +560,6 @@ def _refuse(hand: ArticulatedHand, scene: Scene, model: GraspModel, load: LoadCa
         "method extremes: its labels are exact": model.method != "exact",
         "per_finger: its description states the sensors of its links": bool(model.per_finger),
         "location_error: its contacts follow from pose and posture": model.location_error != 0.0,
-        f"contact {model.contact}: its contacts are points": model.contact != "point",
         "pose_error: that is for parallel grippers": bool(scene.pose_error),
         "torsion_radius with a load: what motors hold is that of points": load is not None
         and model.torsion_radius != 0.0,

@@ -21,7 +21,7 @@ from grasp3d.planar.contacts import (
 from grasp3d.planar.outlines import Outline
 from grasp3d.planar.polylines import TINY
 from grasp3d.quality.ferrari_canny import epsilon_of_wrenches
-from grasp3d.settings import GraspModel, check_choice, check_point_contacts, whole_number
+from grasp3d.settings import GraspModel, check_choice, whole_number
 from grasp3d.settings.grasp_model import Actuation
 from grasp3d.stability.label import Label
 from grasp3d.stability.thresholds import label_angles
@@ -438,7 +438,6 @@ def scan(
         True
     """
     settings = GraspModel() if model is None else model
-    check_point_contacts(settings)
     travel = _travel(outline, whole_number("points", points, FEWEST_POINTS))
     count = whole_number("edges of a planar cone", edges, FEWEST_EDGES)
     position = outline.fixed + travel

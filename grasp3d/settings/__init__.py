@@ -17,7 +17,6 @@ from grasp3d.settings.grasp_model import MIN_EXTREMES as MIN_EXTREMES
 from grasp3d.settings.grasp_model import FingerLimits as FingerLimits
 from grasp3d.settings.grasp_model import GraspModel as GraspModel
 from grasp3d.settings.grasp_model import check_per_finger as check_per_finger
-from grasp3d.settings.grasp_model import check_point_contacts as check_point_contacts
 from grasp3d.settings.grasp_model import with_fingers as with_fingers
 from grasp3d.settings.mesh_options import MeshOptions as MeshOptions
 from grasp3d.settings.sampling import ANGLE_ROUNDING as ANGLE_ROUNDING

@@ -21,7 +21,6 @@ from grasp3d.settings.uncertainty import (
 
 Actuation = Literal["total", "per_finger"]
 Method = Literal["exact", "extremes"]
-ContactModel = Literal["point", "soft", "patch"]
 Tilts = Literal["exact", "effective_friction", "sampled_tilts", "bound"]
 Certainty = Literal["exact", "safe"]
 MAX_FINGERS = 32
@@ -90,10 +89,6 @@ class GraspModel(LengthSettings):
             replaces theirs. 'location_error=1mm; normal_error=2, friction=0.3..0.4': the contact
             of finger 1 is known to a further 1 mm, the normal of finger 2 to a further 2 degrees,
             and its friction is from 0.3 to 0.4.
-        contact: Poses of a gripper: what a contact is. point: a point, with the torsion radius that
-            is given; soft: it has the torsion radius of the patch that its jaw touches there,
-            evenly pressed, unless one is given; patch: it also resists rolling, as its pressure may
-            be centred anywhere in the patch, which affects all labels.
 
     Example:
         >>> import math
@@ -115,7 +110,6 @@ class GraspModel(LengthSettings):
     normal_error: Radians = 0.0
     location_error: Length[float] = Length(0.0)
     per_finger: PerFinger = PerFinger()
-    contact: ContactModel = "point"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -138,23 +132,6 @@ class GraspModel(LengthSettings):
             )
         check_choice("actuation", self.actuation, Actuation)
         check_length("torsion radius", self.torsion_radius)
-        check_choice("contact", self.contact, ContactModel)
-        if self.contact == "patch":
-            self._check_patches()
-
-    def _check_patches(self) -> None:
-        """Refuse what is not known of contacts with patches."""
-        for name, applies in (
-            ("method extremes", self.method == "extremes"),
-            ("location_error", self.location_error != 0.0),
-            ("per_finger", bool(self.per_finger)),
-        ):
-            if applies:
-                raise SettingError(
-                    f"contact='patch' (--contact patch) is for the method exact and fingers that "
-                    f"are known equally well, and does not take {name}; use contact='soft', or "
-                    f"leave {name} out"
-                )
 
     def _parted_friction(self) -> tuple[float, float]:
         """Friction and `friction_error`: the middle of an interval and half its width."""
@@ -363,22 +340,7 @@ class GraspModel(LengthSettings):
     @property
     def soft(self) -> bool:
         """Whether the fingers are soft: they have a torsion radius, in any unit."""
-        return self.torsion_radius != 0.0 or self.contact != "point"
-
-
-def check_point_contacts(model: GraspModel) -> None:
-    """Refuse a contact model that needs the patches which a gripper's jaws touch.
-
-    Raises:
-        SettingError: Contacts are not points.
-    """
-    if model.contact != "point":
-        raise SettingError(
-            f"contact={model.contact!r} (--contact {model.contact}) applies to poses of a gripper, "
-            "whose jaws are closed on the object (grasp3d evaluate MESH POSES --hand ...); "
-            "elsewhere contacts are points: give the torsion radius of soft fingers instead "
-            "(torsion_radius, --torsion-radius)"
-        )
+        return self.torsion_radius != 0.0
 
 
 def check_per_finger(model: GraspModel) -> None:

@@ -10,7 +10,6 @@ from grasp3d.settings.grasp_model import (
     MAX_SEARCHED_FINGERS,
     GraspModel,
     check_per_finger,
-    check_point_contacts,
 )
 from grasp3d.settings.lengths import Length, LengthSettings, comparable, describe_length
 from grasp3d.settings.parsing import Group, Main
@@ -223,10 +222,8 @@ def check_search_settings(model: GraspModel, sampling: AnySampling) -> None:
     """Refuse settings of a search for another number of fingers.
 
     Raises:
-        SettingError: Too few or too many fingers, settings for another number, or contacts that are
-            not points.
+        SettingError: Too few or too many fingers, or settings for another number.
     """
-    check_point_contacts(model)
     check_range("fingers", model.fingers, 2, MAX_SEARCHED_FINGERS)
     check_per_finger(model)
     kind = sampling_kind(model.fingers)

@@ -18,11 +18,11 @@ from grasp3d.arrays import (
     short_repr,
     unit_rows,
 )  # fmt: skip
-from grasp3d.contact.contacts import Contacts, evenly_pressed_radius, in_tangent_plane
+from grasp3d.contact.contacts import Contacts
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.settings import GraspModel, check_point_contacts
+from grasp3d.settings import GraspModel
 from grasp3d.stability.located_angles import PairLines
 
 WIDEST = RIGHT_ANGLE - 1e-9
@@ -144,9 +144,7 @@ class GraspContacts:
 
         Raises:
             ContactError: The normals of a contact cancel out.
-            SettingError: The model's contacts are not points.
         """
-        check_point_contacts(model)
         points = self.points - self.mesh.center_mass
         return Contacts(points, self.normals, model.frictions, model.torsion_radius)
 
@@ -210,28 +208,6 @@ class JawContacts(GraspContacts):
     def tilts(self, model: GraspModel) -> ArrayLike:
         """Largest angle between the normal of each contact and any that may be true [rad]."""
         return model.tilt_of_fingers
-
-    def contacts(self, model: GraspModel) -> Contacts:
-        """The contacts, relative to the mesh's centre of mass.
-
-        A point has the torsion radius of the model. Otherwise it is that of the patch that is
-        touched, evenly pressed, from its area and extents, unless the model has one; a contact with
-        a patch also resists rolling, over half the patch's extents along y and z of the gripper,
-        projected onto the tangent plane.
-
-        Args:
-            model: Friction, and what a contact is.
-        """
-        points, normals = self.jaws.points - self.mesh.center_mass, self.jaws.normals
-        torsion, patch = np.asarray(model.torsion_radius), None
-        half_extents = 0.5 * self.jaws.extents  # (b, n, 2)
-        if model.contact != "point" and model.torsion_radius == 0.0:
-            pressed = evenly_pressed_radius(half_extents, self.jaws.area)
-            torsion = np.asarray(model.frictions) * pressed
-        if model.contact == "patch":
-            y_and_z = np.swapaxes(self.jaws.poses[:, :3, 1:3], 1, 2)  # (b, 2, 3)
-            patch = in_tangent_plane(half_extents[..., None] * y_and_z[:, None], normals)
-        return Contacts(points, normals, model.frictions, torsion, patch)
 
     def take(self, which: slice | Ints | Bools) -> "JawContacts":
         """The chosen grasps."""

@@ -201,10 +201,6 @@ class LoadCase:
     pad_torsion: float | None = None
     """Torsion radius of the gripper's pads per friction, to which it is proportional [mesh unit];
     None: there are no pads, or a torsion radius is given, which is that at any friction."""
-    own_torsion: bool = False
-    """Whether each contact has the torsion radius of the patch that it touches, proportional to its
-    friction, instead of `torsion_radius`; so have contacts with a patch, and soft ones at poses of
-    a gripper."""
 
     @classmethod
     def of(
@@ -215,8 +211,7 @@ class LoadCase:
         Args:
             load: Mass or density, task, and force at hand, with lengths in the mesh's unit.
             mesh: The object; for several densities that of `mesh.masses.with_load`.
-            model: The fingers; without a torsion radius they have that of the gripper's pads, or
-                where its contacts are not points that of their own patches.
+            model: The fingers; without a torsion radius they have that of the gripper's pads.
             hand: Its greatest force is at hand unless the load states another one.
 
         Raises:
@@ -236,11 +231,10 @@ class LoadCase:
         if force is None and hand is not None:
             force = hand.max_force
         torsion, pads = model.torsion_radius, None
-        own = torsion == 0.0 and model.contact != "point"
-        if torsion == 0.0 and not own and hand is not None and mesh.unit is not None:
+        if torsion == 0.0 and hand is not None and mesh.unit is not None:
             pads = hand.torsion_radius(1.0) / METRES[mesh.unit]
             torsion = pads * float(np.min(model.frictions))
-        return cls(load, mass, task, force, torsion, load.center_of_mass_radius, pads, own)
+        return cls(load, mass, task, force, torsion, load.center_of_mass_radius, pads)
 
     def __str__(self) -> str:
         return f"{self.to_hold}, {self.at_hand} at hand" if self.at_hand else self.to_hold
@@ -276,7 +270,7 @@ class LoadCase:
         """Contacts with another friction, and with the torsion radius that they then have.
 
         Args:
-            contacts: The contacts; their own torsion radii matter only with `own_torsion`.
+            contacts: The contacts; their own torsion radii do not matter.
             friction: One value, or shape (..., n); None: theirs.
 
         Example:
@@ -293,9 +287,7 @@ class LoadCase:
             [1.65, 3.29]
         """
         own = contacts.friction if friction is None else np.asarray(friction, dtype=float)
-        if self.own_torsion:
-            torsion = contacts.torsion_radius * (own / contacts.friction)
-        elif self.pad_torsion is None:
+        if self.pad_torsion is None:
             torsion = np.asarray(self.torsion_radius)
         else:
             torsion = self.pad_torsion * own
@@ -304,12 +296,12 @@ class LoadCase:
     @property
     def hard(self) -> bool:
         """Whether the fingers resist no torsion."""
-        return self.torsion_radius == 0.0 and not self.own_torsion
+        return self.torsion_radius == 0.0
 
     def settings(self) -> dict[str, float | None]:
         """What follows from the load and the object, as settings of files."""
         return {
             "object_mass": self.mass,
             "force_at_hand": self.available,
-            "force_torsion_radius": None if self.own_torsion else self.torsion_radius,
+            "force_torsion_radius": self.torsion_radius,
         }

@@ -29,6 +29,7 @@ from grasp3d.mesh.region import allowed_contacts
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.ferrari_canny import epsilon_with
 from grasp3d.quality.force_ranges import force_at_worst, payload
+from grasp3d.quality.patch_lines import best_line_angles
 from grasp3d.quality.tasks import STANDARD_GRAVITY, Weight
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import GraspModel
@@ -174,8 +175,10 @@ def _patch_forces(
         _, nominal = _held(pressed, contacts, model, case, tilted=False)
     least = angles  # of the patches, no larger
     if contacts.count == 2:
-        patches = contacts.contacts(GraspModel(contact="patch"))
-        least = np.minimum(angles, critical_friction_angle(patches))
+        points = contacts.contacts(model)
+        y_and_z = np.swapaxes(jaws.poses[:, :3, 1:3], 1, 2)  # (b, 2, 3)
+        ellipses = 0.5 * jaws.extents[..., None] * y_and_z[:, None]
+        least = best_line_angles(points.points, points.normals, ellipses, angles)
     tilt = _tilt(model)
     spare = model.effective_friction_angle - least + tilt
     holds = ratio > 0.0

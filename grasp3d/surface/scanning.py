@@ -10,7 +10,7 @@ from grasp3d.arrays import ArrayLike, Floats, used_indices
 from grasp3d.errors import SettingError
 from grasp3d.mesh import MeshSource, load_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point
-from grasp3d.settings import GraspModel, check_point_contacts, with_fingers
+from grasp3d.settings import GraspModel, with_fingers
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import SAME_POINT, critical_angles
 from grasp3d.surface.grasp_numbers import BEFORE_ENUMERATION, check_combinations_of
@@ -59,7 +59,6 @@ def scan_surface(
     """
     mesh, points = load_mesh(mesh), _fixed_points(fixed)
     (own_model,) = mesh.in_own_unit(with_fingers(model or GraspModel(), len(points) + 1))
-    check_point_contacts(own_model)
     if own_model.method == "extremes":
         check_combinations_of(own_model)
     count = len(mesh.vertices)

@@ -313,23 +313,6 @@ def test_poses_of_a_gripper_are_evaluated(posed: Path) -> None:
     assert [row["label"] for row in rows_again] == ["S", "S", "U"]
 
 
-@pytest.mark.slow
-def test_contacts_of_poses_are_points_soft_or_patches(posed: Path) -> None:
-    arguments = (
-        "small.stl", "poses.csv", "--unit", "mm", "--hand", "wsg50", "--mass", "0.2kg",
-        "--object-motion", "fixed",
-    )  # fmt: skip
-    forces = {}
-    for contact in ("point", "soft", "patch"):
-        name = f"{contact}.json"
-        text = printed("evaluate", *arguments, "--contact", contact, "-o", name, cwd=posed)
-        assert ("contacts resist torsion and rolling" in text) == (contact == "patch")
-        written = json.loads((posed / name).read_text(encoding="utf-8"))
-        assert written["grasp3d"]["contact"] == contact
-        forces[contact] = written["grasps"][0]["grip_force"]
-    assert forces["patch"] < forces["soft"]
-
-
 def test_metrics_of_poses_are_written_and_replaced(posed: Path) -> None:
     arguments = ("poses.csv", "--unit", "mm", "--hand", "franka")
     text = printed(

@@ -153,11 +153,9 @@ evaluate box.stl pair.json --friction 0 | friction must be
 evaluate box.stl pair.json --metrics min_weight,beauty | 'beauty'; known: all, smallest
 evaluate box.stl pair.json --metrics '' | no metric is named
 evaluate box.stl pair.json --unit mm --hand franka | contains no poses
-evaluate box.stl pair.json --unit mm --contact patch | contact='patch' (--contact patch) applies to
 evaluate box.stl poses.csv --unit mm | give their gripper with --hand NAME
 evaluate box.stl poses.csv --hand franka | but the unit of box.stl is not known: give the unit
 evaluate box.stl poses.csv --unit mm --hand franka -o poses.csv | is the file of poses; name another
-evaluate box.stl poses.csv --unit mm --hand franka --contact patch --metrics all | --contact soft
 evaluate box.stl poses.csv --unit mm --hand franka --max-distance 1 | max_distance applies to
 evaluate box.stl pair.json -o task.csv --task task.csv --overwrite | is the file of the task; name
 evaluate box.stl pair.json -o task.csv --task task.csv --mass 0.5 --overwrite | is the file of the

@@ -12,7 +12,7 @@ from grasp3d.arrays import angles_between
 from grasp3d.contact import disc
 from grasp3d.errors import SettingError
 from grasp3d.quality import critical_friction_angle
-from grasp3d.quality.critical_angle import least_friction_angles
+from grasp3d.quality.patch_lines import best_line_angles
 from tests.helpers import patches
 
 TOLERANCE = 2e-5
@@ -132,13 +132,13 @@ def test_the_worst_tilt_is_away_from_the_best_line() -> None:
         across = toward - (toward * normals).sum(axis=1)[:, None] * normals
         across /= np.maximum(np.linalg.norm(across, axis=1), 1e-12)[:, None]
         worst = math.cos(tilt) * normals - math.sin(tilt) * across
-        angle = least_friction_angles(points[None], worst[None], patch[None], known)[0]
+        angle = best_line_angles(points[None], worst[None], patch[None], known)[0]
         assert angle == pytest.approx(found[g] + tilt, abs=1e-4)
         for _ in range(10):
             away = np.cross(normals, rng.normal(size=(2, 3)))
             away /= np.linalg.norm(away, axis=1)[:, None]
             turned = math.cos(tilt) * normals + math.sin(tilt) * away
-            other = least_friction_angles(points[None], turned[None], patch[None], known)[0]
+            other = best_line_angles(points[None], turned[None], patch[None], known)[0]
             assert found[g] - tilt - TOLERANCE <= other <= found[g] + tilt + TOLERANCE
 
 

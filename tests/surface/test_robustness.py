@@ -190,6 +190,26 @@ def test_patches_that_do_not_close_have_the_angle_that_they_lack() -> None:
     assert found.stated.score[0] == pytest.approx((BETA - angle) / math.pi, abs=2e-3)
 
 
+def test_of_patches_beside_each_other_the_best_line_counts() -> None:
+    """Two steps on either side of a plate: a line between their edges is the least inclined."""
+    steps = [
+        trimesh.creation.box(size, trimesh.transformations.translation_matrix((x, 0.0, z)))
+        for size, x, z in (
+            ((0.004, 0.04, 0.02), -0.004, 0.012),
+            ((0.004, 0.04, 0.02), 0.004, -0.012),
+            ((0.006, 0.04, 0.044), 0.0, 0.0),
+        )
+    ]
+    mesh = mesh_of(trimesh.boolean.union(steps))
+    found = evaluated(mesh, pose((0.0, 0.0, 0.0)), pads(), fixed=True)
+    low, high = np.sort(found.jaws.points[0, :, 2])
+    apart = high - low - 0.5 * found.jaws.extents[0, :, 1].sum()
+    assert apart > 0.003
+    score = found.robustness.stated.score[0]
+    assert score == pytest.approx((BETA - math.atan2(apart, 0.012)) / math.pi, abs=1e-5)
+    assert score > (BETA - found.critical_angle[0]) / math.pi + 0.05
+
+
 def test_without_errors_and_load_tried_labels_are_the_labels() -> None:
     results = evaluated(blob(), random_poses(150, 0.01, seed=3), pads(compliance=0.002))
     found = results.robustness
