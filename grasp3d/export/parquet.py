@@ -48,9 +48,7 @@ def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
     """
     from grasp3d.system.tables import write_arrow
 
-    others = [field for field in VERTICES if field.array and not field.table]
-    others = [*SURFACE, *(field for field in others if field.name != "color")]
-    metadata = {SURFACE_KEY: packed(others, labels).encode("ascii")}
+    metadata = {SURFACE_KEY: packed(SURFACE, labels).encode("ascii")}
     write_arrow(Path(path), labels.to_table(), metadata)
 
 

@@ -162,7 +162,6 @@ def _reach(stored: Stored, settings: FileSettings) -> dict[str, Any]:
         opening=_floats(stored, "held_opening"),
         pregrasp_opening=_floats(stored, "pregrasp_opening"),
         depth=_floats(stored, "depth"),
-        posture=locked(stored.values.get("posture", np.zeros((count, 0)))),
         free=locked(np.zeros((count, 0), bool) if free is None else unpacked_bits(free, angles)),
     )
     return {"reach": reach}

@@ -296,9 +296,6 @@ OPTIONAL = (
 ROUNDING = 1e-6
 """Tolerance of angles and of the length of normals, which may be stored with 32 bits [rad, 1]."""
 
-ANY = -1
-"""Number of parts of a value that may have any number."""
-
 
 def check_stored(stored: Stored, settings: FileSettings) -> None:
     """Check all values of a labelled file.
@@ -314,7 +311,6 @@ def check_stored(stored: Stored, settings: FileSettings) -> None:
         "always": True,
         "errors": not settings.model.is_uniform,
         "gripper": settings.scene is not None,
-        "joints": False,
         "load": settings.has_load,
     }
     for field in FIELDS.values():
@@ -328,8 +324,6 @@ def check_stored(stored: Stored, settings: FileSettings) -> None:
         field = FIELDS[name]
         shape = tuple(sizes.get(str(size), size) for size in field.shape)
         expected = shape if field in SURFACE else (count, *field.shape_for(fingers))
-        if expected[-1] == ANY:
-            expected = (*expected[:-1], *values.shape[-1:])
         if values.shape != expected:
             stored.reject(f"its {name} has the shape {values.shape} instead of {expected}")
         _check_values(stored, field, values)

@@ -204,7 +204,7 @@ class EvaluatedPoses(GivenGrasps, SpreadGrasps):
         assert self.scene is not None
         return robustness_of(
             self.mesh, self.poses, self.jaws, self.scene, self.model, self.load_case,
-            posture=self.given.posture, object_motion=self.object_motion,
+            object_motion=self.object_motion,
         )  # fmt: skip
 
     def to_poses(self, metrics: MetricValues | None = None) -> GraspPoses:

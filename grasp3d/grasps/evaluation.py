@@ -403,7 +403,6 @@ def evaluate_poses(
         jaws = hand.close(
             mesh,
             start.poses,
-            posture=start.posture,
             object_motion=object_motion,
             friction=float(np.min(own_model.frictions)),
             **({"give_way": most} if most else {}),
@@ -454,10 +453,7 @@ def _blocked(
     def blocked(rows: Ints, shifts: Floats) -> Bools:
         poses = np.array(start.poses[rows])
         poses[:, :3, 3] += shifts[:, None] * poses[:, :3, 0]
-        return scene.hand.blocked(
-            mesh, poses, jaws.take(rows), posture=start.posture[rows], held=held[rows],
-            table=scene.table,
-        )  # fmt: skip
+        return scene.hand.blocked(mesh, poses, jaws.take(rows), held=held[rows], table=scene.table)
 
     colliding = np.array(blocked(np.arange(start.count), shift))
     for move in ways(most) if most else ():

@@ -461,7 +461,6 @@ def poses_of(grasps: GraspTable) -> GraspPoses:
         poses=reach.poses,
         opening=reach.opening,
         pregrasp_opening=reach.pregrasp_opening,
-        posture=reach.posture,
         scores=np.clip(1.0 - grasps.critical_angle / grasps.model.friction_angle, 0.0, 1.0),
         unit=grasps.mesh.unit,
         hand=scene.hand,

@@ -299,12 +299,11 @@ class JawTrial(Trial):
 
     def fits(self, poses: Floats, posture: Floats) -> tuple[Bools, Floats, Floats]:
         """See `Trial`."""
+        del posture  # jaws have none
         with unreported():
-            closed = self.hand.close(self.mesh, poses, posture=posture)
+            closed = self.hand.close(self.mesh, poses)
         open_wide = np.zeros(len(poses), dtype=np.bool_)
-        blocked = self.hand.blocked(
-            self.mesh, poses, closed, posture=posture, held=open_wide, table=self.table
-        )
+        blocked = self.hand.blocked(self.mesh, poses, closed, held=open_wide, table=self.table)
         least = LEAST_TOUCH * self.hand.touch_area / metres_per_unit(self.mesh) ** 2
         area = closed.area.min(axis=1)
         middle = closed.points.mean(axis=1) - poses[:, :3, 3]

@@ -24,9 +24,6 @@ class Hand(Protocol):
     Its lengths are in metres; those of meshes, poses and results are in the unit of the mesh. Its
     frame has z as the approach direction, from the palm toward the object. Its state is one
     opening, and a posture, the values of its further joints, of which there may be none.
-
-    A class with these methods whose `description` has a "format" of its own is read from files
-    once its reader is in `grasp3d.hand.hand_files.READERS`.
     """
 
     @property
@@ -99,7 +96,7 @@ class Hand(Protocol):
         table: "Table | None" = None,
         approach: "Approach | None" = None,
     ) -> "Reach":
-        """Which grasps it reaches, and in which pose, opening and posture.
+        """Which grasps it reaches, and in which pose and opening.
 
         Args:
             mesh: The object; its unit must be known.
@@ -115,7 +112,6 @@ class Hand(Protocol):
         mesh: "ObjectMesh",
         poses: "ArrayLike",
         *,
-        posture: "ArrayLike | None" = None,
         object_motion: "ObjectMotion" = "fixed",
         friction: float = 0.5,
         give_way: float = 0.0,
@@ -125,7 +121,6 @@ class Hand(Protocol):
         Args:
             mesh: The object; its unit must be known.
             poses: From the hand's frame to the mesh's, shape (k, 4, 4).
-            posture: Further joints, shape (k, p); None: there are none.
             object_motion: free: the object gives way; fixed: it does not move.
             friction: Coulomb coefficient between the fingers and a free object.
             give_way: How far the object or the fingers may give way where fingers start in it, in
@@ -138,7 +133,6 @@ class Hand(Protocol):
         poses: "Floats",
         closed: "ClosedJaws",
         *,
-        posture: "ArrayLike | None" = None,
         held: "Bools",
         table: "Table | None" = None,
     ) -> "Bools":
@@ -148,7 +142,6 @@ class Hand(Protocol):
             mesh: The object.
             poses: As in `close`.
             closed: What `close` returned for them.
-            posture: As in `close`.
             held: Whether it is tested around the object that it holds there, or else wide open,
                 shape (k,).
             table: What the object stands on; None: nothing.

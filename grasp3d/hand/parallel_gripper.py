@@ -146,23 +146,18 @@ class ParallelGripper(Jaws):
 
         return reach_grasps(mesh, points, normals, self, **options)
 
-    def close(
-        self, mesh: "ObjectMesh", poses: Any, *, posture: Any = None, **options: Any
-    ) -> "ClosedJaws":
+    def close(self, mesh: "ObjectMesh", poses: Any, **options: Any) -> "ClosedJaws":
         """What its jaws touch when they close; see `Hand.close` and `close_jaws`."""
         from grasp3d.hand.closing import close_jaws
 
-        del posture
         return close_jaws(mesh, poses, self, **options)
 
     def blocked(
-        self, mesh: "ObjectMesh", poses: Any, closed: "ClosedJaws", *, posture: Any = None,
-        **options: Any,
-    ) -> "Bools":  # fmt: skip
+        self, mesh: "ObjectMesh", poses: Any, closed: "ClosedJaws", **options: Any
+    ) -> "Bools":
         """Whether it collides on its way to poses; see `Hand.blocked` and `collides_closing`."""
         from grasp3d.hand.jaw_reach import collides_closing
 
-        del posture
         return collides_closing(mesh, poses, closed, self, **options)
 
     def opens_to(self, mesh: "ObjectMesh", closed: "ClosedJaws") -> "Bools":

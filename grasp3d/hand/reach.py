@@ -49,8 +49,6 @@ class Reach:
     """The same before the fingers close (external) or open (internal), shape (b,)."""
     depth: Floats
     """How far the fingertips reach beyond the contacts along z, shape (b,)."""
-    posture: Floats
-    """Values of the hand's further joints, shape (b, p); p is 0 for a parallel gripper."""
     free: Bools
     """Free approach angles at this depth, in equal steps about x, shape (b, angles)."""
 
@@ -81,7 +79,6 @@ class Reach:
             opening=locked(rows[:, gripper_parts.OPENING] * mesh.size),
             pregrasp_opening=locked(rows[:, gripper_parts.PREGRASP] * mesh.size),
             depth=locked(rows[:, gripper_parts.DEPTH] * mesh.size),
-            posture=locked(np.zeros((len(poses), 0))),
             free=locked(bits.astype(np.bool_)),
         )
 

@@ -41,7 +41,7 @@ def hand_triangles(
     Args:
         hand: The hand.
         opening: Its opening, as in `Reach.opening` [unit].
-        posture: Values of its further joints, as in `Reach.posture`.
+        posture: Values of its further joints, of a hand with joints.
         pose: Matrix that takes coordinates of the hand's frame to the mesh's, shape (4, 4), with
             translations in `unit`; None: they are the same.
         unit: Unit of the mesh.

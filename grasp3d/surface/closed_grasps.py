@@ -153,18 +153,15 @@ def close_on(
     if not len(rows):
         unknown = np.full(len(row), UNKNOWN)
         return ClosedGrasps(unknown, np.full(len(row), math.nan), row, None)
-    model, poses, posture = with_fingers(model, hand.fingers[-1]), reach.poses[rows], reach.posture
+    model, poses = with_fingers(model, hand.fingers[-1]), reach.poses[rows]
     with within(0.0, JAWS_CLOSED):
         jaws = hand.close(
             mesh,
             poses,
-            posture=posture[rows],
             object_motion="free",
             friction=float(np.min(model.frictions)),
         )
-    robustness = robustness_of(
-        mesh, poses, jaws, scene, model, case, posture=posture[rows], object_motion="free"
-    )
+    robustness = robustness_of(mesh, poses, jaws, scene, model, case, object_motion="free")
     stated = robustness.stated
     margin = np.where(stated.closes, stated.margin, math.nan)
     report_progress(1.0)

@@ -19,7 +19,7 @@ from grasp3d.stability.label import Label
 
 Array = npt.NDArray[Any]
 Arrays = dict[str, Array]
-When = Literal["always", "errors", "gripper", "joints", "load", "pose error"]
+When = Literal["always", "errors", "gripper", "load", "pose error"]
 
 RADIANS, LENGTH, AREA, NEWTONS, KILOGRAMS = "rad", "mesh unit", "mesh unit²", "N", "kg"
 XYZ = ("x", "y", "z")
@@ -54,8 +54,7 @@ class Field:
     """Name of the array, and of the attribute in Python unless `of` is another one."""
     unit: str = ""
     shape: tuple[int | str, ...] = ()
-    """Of the values of one vertex or grasp; 'n': number of fingers, 'n-1': of the other fingers,
-    'p': of further joints."""
+    """Of the values of one vertex or grasp; 'n': number of fingers, 'n-1': of the other fingers."""
     allowed: Allowed = FINITE
     _: KW_ONLY
     of: Callable[[Any], Any] | None = None
@@ -64,7 +63,7 @@ class Field:
     """NumPy type of the values, as NPZ, VTP and Parquet hold them."""
     when: When = "always"
     """What it takes for the field to be there: nothing; a location error or fingers that differ; a
-    gripper; a hand with further joints; a load; an error of poses."""
+    gripper; a load; an error of poses."""
     columns: tuple[str, ...] = ()
     """Names of its parts where a file or table has numbers alone; empty: with the axes as ends."""
     each: str = ""
@@ -93,8 +92,8 @@ class Field:
         return np.array(self.texts)[values] if self.texts else values
 
     def shape_for(self, fingers: int) -> tuple[int, ...]:
-        """Shape of the values of one vertex or grasp; -1: any number of joints."""
-        sizes = {"n": fingers, "n-1": fingers - 1, "p": -1}
+        """Shape of the values of one vertex or grasp."""
+        sizes = {"n": fingers, "n-1": fingers - 1}
         return tuple(sizes[size] if isinstance(size, str) else size for size in self.shape)
 
     def column_names(self, fingers: int) -> list[str]:

@@ -320,7 +320,6 @@ def robustness_of(
     model: GraspModel,
     case: LoadCase | None,
     *,
-    posture: Floats | None,
     object_motion: ObjectMotion,
 ) -> Robustness:
     """Numbers of grasps at closed jaws, and where their poses are a little wrong.
@@ -332,7 +331,6 @@ def robustness_of(
         scene: The gripper, and the error of its pose.
         model: Friction, sensor resolution and errors, with lengths in the mesh's unit.
         case: What must be held, and with which force; None: nothing is stated.
-        posture: Further joints, shape (k, p); None: there are none.
         object_motion: As in `Hand.close`.
     """
     assert mesh.unit is not None
@@ -346,7 +344,7 @@ def robustness_of(
             friction=float(np.min(model.frictions)),
             **({"give_way": offsets.position} if offsets.position else {}),
         )  # fmt: skip
-        others = _tried(mesh, poses, posture, offsets.poses[1:], close, model, case)
+        others = _tried(mesh, poses, offsets.poses[1:], close, model, case)
         every = ClosedNumbers.joined([every, others], axis=1)
     weights = offsets.weights if several else np.ones(1)
     by_mass = case is not None and case.complete
@@ -395,7 +393,6 @@ def robustness_of(
 def _tried(
     mesh: ObjectMesh,
     poses: Floats,
-    posture: Floats | None,
     offsets: Floats,
     close: Callable[..., ClosedJaws],
     model: GraspModel,
@@ -406,9 +403,8 @@ def _tried(
     step = max(1, CHUNK // count)
     for first in range(0, len(poses), step):
         moved = np.matmul(poses[first : first + step, None], offsets)  # (r, t, 4, 4)
-        joints = None if posture is None else posture[first : first + step].repeat(count, axis=0)
         with unreported():
-            jaws = close(moved.reshape(-1, 4, 4), posture=joints)
+            jaws = close(moved.reshape(-1, 4, 4))
             parts.append(
                 ClosedNumbers.of(mesh, jaws, model, case, with_epsilon=True).reshaped(-1, count)
             )

@@ -73,11 +73,6 @@ def _free_angles(labels: VertexGrasps) -> Array | None:
     return None if free is None or not free.shape[1] else packed_bits(free)
 
 
-def _posture(labels: VertexGrasps) -> Array | None:
-    posture = None if labels.reach is None else labels.reach.posture
-    return None if posture is None or not posture.shape[1] else posture
-
-
 def _partner(name: str, number: int) -> Callable[[VertexGrasps], Array | None]:
     """Opposing contacts as surface points, of the best grasps over the worst or best normals."""
 
@@ -132,7 +127,6 @@ RESTORING = (
     Field("reach_state", kind="u1", of=of_part("reach", "state"), when="gripper",
           texts=names_of(Reachability)),
     Field("free_angles", of=_free_angles, kind="u8", when="gripper"),
-    Field("posture", "", ("p",), KNOWN_OR_NAN, of=_posture, when="joints", table=False),
     Field("resistance", of=of_part("holding", "resistance"), kind="u1", when="load",
           texts=names_of(Resistance)),
 )  # fmt: skip

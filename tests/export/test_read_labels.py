@@ -38,7 +38,6 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.quality import Weight
 from grasp3d.surface.fields import Array, Field, present
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
-from tests.hand.test_ring_hand import labelled as labels_of_a_ring
 from tests.helpers import shapes
 
 FORMATS = ("ply", "npz", "vtp", "parquet")
@@ -89,7 +88,6 @@ CASES: dict[str, Callable[[], SurfaceLabels]] = {
     "given task": lambda: label_surface(box(), load=Load(task=Weight(0.3), grip_force=20.0)),
     "scan": lambda: scan_surface(box(), fixed=(0.0, 1.5, 0.0)),
     "welded": welded,
-    "hand with joints": labels_of_a_ring,
 }
 
 

@@ -63,7 +63,6 @@ def with_reach(labels: SurfaceLabels, hand: ParallelGripper = JAWS) -> SurfaceLa
         opening=where_reached(labels.opening),
         pregrasp_opening=where_reached(labels.opening + 0.004),
         depth=where_reached(np.zeros(len(x))),
-        posture=locked(np.zeros((len(x), 0))),
         free=locked(np.repeat(reached[:, None], 32, axis=1)),
     )
     angles = [
