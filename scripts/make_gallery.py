@@ -18,7 +18,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
@@ -953,34 +953,23 @@ def click(page: Any, place: str, at: tuple[float, float]) -> None:
 
 
 def draw_report(path: Path) -> None:
-    """A library's report: the library page, and an object page with a picked vertex."""
+    """The report of a library."""
     with TemporaryDirectory() as name, browser() as started:
-        folder = Path(name)
-        label_library([MESHES], folder / "results")
-        report = folder / "results" / "report"
-        shots = [folder / "index.png", folder / "object.png"]
-        page = started.new_page(viewport={"width": 1300, "height": 1230})
-        page.goto((report / "index.html").as_uri())
+        label_library([MESHES], Path(name) / "results")
+        page = started.new_page(viewport={"width": 1300, "height": 950})
+        page.goto((Path(name) / "results" / "report" / "index.html").as_uri())
         page.wait_for_timeout(1500)
-        page.screenshot(path=shots[0])
-        page = started.new_page(viewport={"width": 1300, "height": 800})
-        page.goto(f"{(report / 'object.html').as_uri()}#spray")
-        page.wait_for_timeout(2500)
-        click(page, "canvas", (0.44, 0.68))
-        page.wait_for_timeout(800)
-        page.screenshot(path=shots[1])
-        sheet = stacked([Image.open(shot).convert("RGB") for shot in shots], gap=12)
-    size = (1000, round(sheet.height * 1000 / sheet.width))
-    sheet.resize(size, Image.Resampling.LANCZOS).save(path, optimize=True)
+        page.screenshot(path=path)
+    compress(path)
 
 
-def stacked(pictures: Sequence[Image.Image], gap: int) -> Image.Image:
-    """Put pictures of one width one below the other, with a gap below each [pixels]."""
-    heights = [one.height + gap for one in pictures]
-    sheet = Image.new("RGB", (pictures[0].width, sum(heights)), "white")
-    for number, one in enumerate(pictures):
-        sheet.paste(one, (0, sum(heights[:number])))
-    return sheet
+def compress(path: Path) -> None:
+    """Write a picture again with few colours."""
+    with Image.open(path) as image:
+        reduced = image.convert("RGB").quantize(
+            method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
+        )
+    reduced.save(path, optimize=True)
 
 
 def draw_viewer(path: Path) -> None:
@@ -995,11 +984,7 @@ def draw_viewer(path: Path) -> None:
             page = started.new_page(viewport={"width": 1280, "height": 1010})
             photograph(page, address[1], path)
         server.terminate()
-    with Image.open(path) as image:
-        reduced = image.convert("RGB").quantize(
-            method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
-        )
-    reduced.save(path, optimize=True)
+    compress(path)
 
 
 def photograph(page: Any, address: str, path: Path) -> None:

@@ -60,6 +60,7 @@ ENGINES = {
     "distributed": {"batch"},
     "dask": {"batch"},
     "fsspec": {"batch.storage"},
+    "jinja2": {"batch.report"},
     "psutil": {"system.isolation"},
     "cloudpickle": {"system.isolation"},
     "pyarrow": {"system.tables"},

@@ -132,13 +132,11 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
         labels.compute(name)
     labelling = next(clock)
     best = _best_of(labels, settings.best)
-    grasps = _best_rows(best)
-    _write(labels, job, grasps)
+    _write(labels, job)
     return replace(
         row,
         labels=job.labels,
         fields=job.fields,
-        view=job.view,
         thumbnail=job.thumbnail,
         **_surface_values(labels),
         location_error=labels.model.location_error,
@@ -147,7 +145,7 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
         **_verdict_values(labels),
         **_load_values(labels),
         fractions=tuple(_grid_fractions(labels, settings)),
-        grasps=grasps,
+        grasps=_best_rows(best),
         warnings="; ".join(labels.warnings),
         seconds_reading=reading,
         seconds_labelling=labelling,
@@ -164,16 +162,15 @@ def _lap_times() -> Iterator[float]:
         last = now
 
 
-def _write(labels: "SurfaceLabels", job: Job, grasps: tuple[BestGrasp, ...]) -> None:
+def _write(labels: "SurfaceLabels", job: Job) -> None:
     """Write all results of a mesh except its row, each atomically."""
-    from grasp3d.batch.report import object_script, thumbnail
+    from grasp3d.batch.report import thumbnail
     from grasp3d.export import write_fields, write_ply
 
     output = job.output
     for name, write in {job.labels: write_ply, job.fields: write_fields}.items():
         with output.atomic_write(name) as path:
             write(path, labels)
-    output.write(job.view, object_script(labels, job.mesh.name, grasps))
     output.write(job.thumbnail, thumbnail(labels))
 
 

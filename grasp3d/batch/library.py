@@ -21,8 +21,6 @@ from grasp3d.batch.store import Store
 from grasp3d.errors import OutputError
 from grasp3d.system.context import is_strict
 
-REPORT = "report/index.html"
-
 SHARED_FOLDER_TIMEOUT = 10.0
 """Time until a shared folder shows a file that another machine has written [s]."""
 

@@ -14,7 +14,7 @@ from grasp3d.batch.storage.files import local_path
 from grasp3d.batch.storage.folder import Folder
 from grasp3d.system.names import name_key, safe_stem, short_hash
 
-_SUFFIXES = (".ply", ".parquet", ".js", ".webp")
+_SUFFIXES = (".ply", ".parquet", ".webp")
 """Suffixes of the results of a mesh."""
 
 
@@ -44,11 +44,6 @@ class Job:
     def fields(self) -> str:
         """Path of the table of its vertices."""
         return f"fields/{self.stem}.parquet"
-
-    @property
-    def view(self) -> str:
-        """Path of the report's data of the mesh."""
-        return f"report/objects/{self.stem}.js"
 
     @property
     def thumbnail(self) -> str:

@@ -150,8 +150,6 @@ class Row:
     """Path of the labelled PLY below the output folder."""
     fields: str = ""
     """Path of the table of vertices below the output folder."""
-    view: str = ""
-    """Path of the report's data of the mesh below the output folder."""
     thumbnail: str = ""
     """Path of the thumbnail below the output folder."""
     vertices: int | None = None

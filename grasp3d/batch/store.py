@@ -612,7 +612,7 @@ def _identity(row: Row) -> str:
 
 def _result_files(row: Row) -> list[str]:
     """Names of the files in a row."""
-    return [name for name in (row.labels, row.fields, row.view, row.thumbnail) if name]
+    return [name for name in (row.labels, row.fields, row.thumbnail) if name]
 
 
 def read_summary(results: str | Path) -> Summary:

@@ -12,7 +12,8 @@ from rich.console import Console
 from rich.filesize import decimal
 from rich.progress import Progress, TextColumn, TimeRemainingColumn
 
-from grasp3d.batch.library import REPORT, BatchProgress, LibraryLabels
+from grasp3d.batch.library import BatchProgress, LibraryLabels
+from grasp3d.batch.report.pages import REPORT
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.cli.progress_bars import bar_of
 from grasp3d.cli.report import (

@@ -5,7 +5,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Bytes
+from grasp3d.arrays import Bools
 from grasp3d.hand.reach import Reachability
 from grasp3d.stability.label import Label
 from grasp3d.surface.area_statistics import vertex_weights
@@ -63,21 +63,6 @@ def cause_masks(labels: SurfaceLabels) -> dict[Cause, Bools]:
         masks |= {cause: missed & (reach.state == state) for state, cause in _STATES.items()}
     others = missed & ~np.any(list(masks.values()), axis=0)
     return {**masks, Cause.NOT_REACHED: others}
-
-
-def cause_codes(labels: SurfaceLabels) -> Bytes:
-    """Position in `Cause` of the cause of each vertex without a grasp, shape (V,).
-
-    Where there is a grasp it is that of `Cause.UNSTABLE`.
-
-    Args:
-        labels: The labelled surface.
-    """
-    causes = list(Cause)
-    codes = np.full(len(labels.row), causes.index(Cause.UNSTABLE), dtype=np.uint8)
-    for cause, mask in cause_masks(labels).items():
-        codes[mask] = causes.index(cause)
-    return codes
 
 
 def cause_at(labels: SurfaceLabels, vertex: int) -> Cause | None:

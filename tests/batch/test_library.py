@@ -76,7 +76,7 @@ def test_every_mesh_has_a_row_and_its_files(tmp_path: Path) -> None:
     sizes = [(tmp_path / "in" / name).stat().st_size for name in labelled]
     assert sizes == sorted(sizes, reverse=True)  # the largest first
     for row in done.rows.values():
-        for name in (row.labels, row.fields, row.view, row.thumbnail):
+        for name in (row.labels, row.fields, row.thumbnail):
             assert bool(name) == (row.outcome == Outcome.LABELLED)
             assert not name or (tmp_path / "out" / name).stat().st_size > 0
     assert values(read_summary(tmp_path / "out")) == values(done.rows.values())
@@ -375,11 +375,11 @@ def test_the_number_of_processes_does_not_change_the_results(tmp_path: Path) -> 
         rows[f"files {workers}"] = {  # type: ignore[index]
             str(path.relative_to(out)): path.read_bytes()
             for path in files
-            if path.is_file() and path.parts[-2] in {"labels", "fields", "thumbnails", "objects"}
+            if path.is_file() and path.parts[-2] in {"labels", "fields", "thumbnails"}
         }
     assert rows[0] == rows[1] == rows[2]
     assert rows["files 0"] == rows["files 1"] == rows["files 2"]  # type: ignore[index]
-    assert len(rows["files 0"]) == 4 * 5  # type: ignore[index]
+    assert len(rows["files 0"]) == 3 * 5  # type: ignore[index]
 
 
 def test_results_that_a_worker_writes_elsewhere_are_an_error(

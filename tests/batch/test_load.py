@@ -1,6 +1,5 @@
-"""A load in a batch: rows, files, and the report's pages."""
+"""A load in a batch: rows, files, and the report."""
 
-import json
 import math
 from dataclasses import replace
 from functools import cache
@@ -18,16 +17,12 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.labelling import label_job
 from grasp3d.batch.plan import Job
-from grasp3d.batch.report import object_script, write_report
-from grasp3d.batch.report.library import describe_settings, summarise_settings
+from grasp3d.batch.report.library import describe_settings
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.storage.folder import Folder
-from grasp3d.grasps import verdict_of
 from grasp3d.quality.loads import Load
 from grasp3d.surface.area_statistics import held_fractions, payload_quantiles
-from tests.batch.test_report_page import BROWSER, OPTIONS, check_columns, opened
 from tests.helpers import shapes
-from tests.helpers.reports import decoded, put_object, row_of
 
 LOAD = Load(mass=0.5, grip_force=40.0)
 SETTINGS = BatchSettings(
@@ -124,53 +119,5 @@ def test_the_report_names_the_load() -> None:
     settings = replace(SETTINGS, load=replace(LOAD, density=None, task="weight within 30 of -z"))
     expected = "0.5 kg, weight within 30 of -z, 40 N per finger"
     assert ("Load", expected) in describe_settings(settings)
-    assert f"Load {expected}" in summarise_settings(settings)
     none = replace(SETTINGS, load=None)
     assert not any("Load" in name for name, _ in describe_settings(none))
-
-
-@pytest.mark.slow
-def test_the_script_of_an_object_has_forces_and_payloads() -> None:
-    header = decoded(object_script(labels(), "block", ()))[0]
-    assert {"force", "payload"} <= {name for name, *_ in header["arrays"]}
-    assert header["load"]["text"] == str(verdict_of(labels()))
-    assert header["load"]["held"] == pytest.approx(held_fractions(labels()))
-    plain = decoded(object_script(labels().using(load=None), "block", ()))[0]
-    assert plain["load"] is None
-    assert not {"force", "payload"} & {name for name, *_ in plain["arrays"]}
-    json.dumps(header, allow_nan=False)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(BROWSER is None, reason="needs Chromium")
-def test_the_pages_show_payloads_and_the_table_still_fits(tmp_path: Path) -> None:
-    api = pytest.importorskip("playwright.sync_api", reason="needs playwright")
-    made = row_under(LOAD, tmp_path)
-    row = replace(
-        row_of(labels(), "block.ply", "block"),
-        task=made.task, held=made.held, payload_best=made.payload_best,
-        grip_force_needed=made.grip_force_needed, verdict="surely", verdict_text=made.verdict_text,
-    )  # fmt: skip
-    output = Folder(str(tmp_path))
-    row = replace(put_object(output, labels(), row), grasps=made.grasps)
-    output.write(row.view, object_script(labels(), row.mesh, made.grasps))
-    failed = Row("bad.ply", outcome=Outcome.REFUSED, error="bad.ply: has no faces")
-    write_report(output, [row, failed], SETTINGS)
-    address = (tmp_path / "report" / "index.html").as_uri()
-    with api.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=BROWSER, args=OPTIONS)
-        page = opened(browser.new_page(viewport={"width": 1280, "height": 900}), address)
-        check_columns(page)
-        cell = page.locator(".tabulator-row").first.locator("[tabulator-field=payload]")
-        assert cell.inner_text().split() == [
-            f"{row.payload_best:.2f}", "kg", f"{100.0 * (row.held or 0.0):.0f}", "%", "held",
-        ]  # fmt: skip
-        assert page.locator("[role=columnheader]", has_text="Seconds").count() == 0
-        page = opened(page, f"{address.replace('index.html', 'object.html')}#block")
-        assert page.locator("#load-text").inner_text() == str(verdict_of(labels()))
-        assert "payload" in page.locator("#grasps button").first.inner_text()
-        page.locator("#paint").select_option("payload")
-        assert labels().holding is not None
-        largest = labels().holding.payload.max()
-        assert f"{largest:.3g} kg" in page.locator("#ramp").inner_text()
-        browser.close()

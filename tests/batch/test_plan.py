@@ -41,7 +41,6 @@ def test_the_last_jobs_use_all_processors() -> None:
 def test_results_are_in_folders_by_kind() -> None:
     (job,) = plan(meshes_of("deep/mug.stl"), OUT)
     assert (job.labels, job.fields) == ("labels/deep/mug.ply", "fields/deep/mug.parquet")
-    assert job.view == "report/objects/deep/mug.js"
     assert job.thumbnail == "report/thumbnails/deep/mug.webp"
 
 

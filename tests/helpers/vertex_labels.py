@@ -3,6 +3,7 @@
 from typing import Any
 
 from grasp3d import SurfaceLabels
+from grasp3d.arrays import Floats
 
 
 def with_arrays(labels: SurfaceLabels, **changed: Any) -> SurfaceLabels:
@@ -29,3 +30,10 @@ def with_arrays(labels: SurfaceLabels, **changed: Any) -> SurfaceLabels:
     }
     arguments |= changed
     return SurfaceLabels.of_vertices(arguments.pop("mesh"), arguments.pop("model"), **arguments)
+
+
+def with_critical_angles(labels: SurfaceLabels, angles: Floats) -> SurfaceLabels:
+    """The same surface with other critical angles, shape (V,), and the same epsilon."""
+    changed = with_arrays(labels, angles=(angles, angles))
+    vars(changed.grasps)["epsilon_range"] = labels.grasps.epsilon_range
+    return changed

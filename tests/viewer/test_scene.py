@@ -42,7 +42,7 @@ from grasp3d.viewer.session.state import Section
 from grasp3d.viewer.subjects.subject import Subject, subject_of
 from grasp3d.viewer.view_settings import ViewSettings
 from tests.helpers import shapes, viewing
-from tests.helpers.reports import with_critical_angles
+from tests.helpers.vertex_labels import with_critical_angles
 from tests.helpers.viewing import ready_session
 
 Image = NDArray[np.uint8]

@@ -1,7 +1,6 @@
-"""The report: web pages of a library of labelled meshes, readable without a network."""
+"""The report: a web page of a library of labelled meshes, readable without a network."""
 
-from grasp3d.batch.report.objects import object_script
 from grasp3d.batch.report.pages import write_report
 from grasp3d.batch.report.thumbnails import thumbnail
 
-__all__ = ["object_script", "thumbnail", "write_report"]
+__all__ = ["thumbnail", "write_report"]
