@@ -66,12 +66,6 @@ def readers() -> dict[str, Reader]:
     def poses(path: Path) -> object:
         return read_poses(path, hand=hand)
 
-    def interndata(path: Path) -> object:
-        return read_poses(path, hand=hand, format="interndata")
-
-    def seen(path: Path) -> object:
-        return read_poses(path, hand=hand, object_pose="z=0.5m")
-
     def robot(path: Path) -> object:
         return read_hand(path, fingers=("left", "right"))
 
@@ -104,13 +98,6 @@ def readers() -> dict[str, Reader]:
         "poses_graspgen": Reader(".json", poses),
         "poses_graspnet": Reader(".npy", poses, is_text=False),
         "poses_moveit": Reader(".json", poses),
-        "poses_graspdatagen": Reader(".yaml", poses),
-        "poses_replicator": Reader(".yaml", poses),
-        "poses_multigrippergrasp": Reader(".json", poses),
-        "poses_robotwin": Reader(".json", poses),
-        "poses_interndata": Reader(".npy", interndata, is_text=False),
-        "poses_labels": Reader(".npz", poses, is_text=False, inside=in_zip),
-        "poses_contact": Reader(".npz", seen, is_text=False, inside=in_zip),
         "contacts_json": Reader(".json", grasp3d.read_grasps),
         "contacts_csv": Reader(".csv", grasp3d.read_grasps),
         "contacts_parquet": Reader(
@@ -211,23 +198,10 @@ def make_seeds(folder: Path) -> None:
     )  # fmt: skip
     for name, suffix in {"json": ".json", "csv": ".csv", "parquet": ".parquet", "isaac": ".yaml",
                          "acronym": ".h5", "graspgen": ".json", "graspnet": ".npy",
-                         "moveit": ".json", "graspdatagen": ".yaml", "replicator": ".yaml",
-                         "multigrippergrasp": ".json", "robotwin": ".json",
-                         "interndata": ".npy"}.items():  # fmt: skip
+                         "moveit": ".json"}.items():  # fmt: skip
         kind: Any = "isaac_grasp" if name == "isaac" else name
         write_to = lambda path, kind=kind: write_poses(path, poses, format=kind)  # noqa: E731
         _write(folder / f"poses_{name}", suffix, write_to)
-    grid = 1, 300, 12, 4
-    np.savez_compressed(
-        folder / "labels.npz", points=np.zeros((1, 3)), offsets=np.full((*grid, 3), 0.02),
-        scores=np.arange(14_400.0).reshape(grid) - 14_390.0, collision=np.zeros(grid, dtype=bool),
-    )  # fmt: skip
-    (folder / "labels.npz").replace(folder / "poses_labels")
-    segments: dict[str, Any] = {
-        "pred_grasps_cam": {1: turned, 2: turned[:0]}, "scores": {1: np.arange(3.0), 2: []}
-    }  # fmt: skip
-    np.savez_compressed(folder / "contact.npz", **segments)
-    (folder / "contact.npz").replace(folder / "poses_contact")
     grasps = grasp3d.best_grasps(grasp3d.label_surface(mesh), 3)
     for suffix in ("json", "csv", "parquet"):
         _write(

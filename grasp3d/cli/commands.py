@@ -223,8 +223,8 @@ class Label(Labelling, TimeLimited):
 
     grasps: Path | None = None
     """File of the best grasps of --best (.json, .csv, .parquet; with a gripper also .yaml for
-    isaac_grasp and replicator, .h5 for ACRONYM, .npy for graspnetAPI and interndata) (default:
-    NAME_grasps.json in the folder of the labelled file)."""
+    isaac_grasp, .h5 for ACRONYM, .npy for graspnetAPI) (default: NAME_grasps.json in the folder of
+    the labelled file)."""
 
     grasps_format: PoseFormat | None = None
     """With a gripper: format of that file, where its suffix stands for several (default: the first
@@ -251,10 +251,10 @@ class Label(Labelling, TimeLimited):
         for name in ("grasps", "grasps_format", "object_pose", "frame"):
             if getattr(self, name) is not None and self.best is None:
                 raise SettingError(f"{name} is for the best grasps; give their number with --best")
-        if self.grasps_format in {"graspgen", "graspdatagen"}:
+        if self.grasps_format == "graspgen":
             raise SettingError(
-                f"{self.grasps_format} files state which grasps held, which is not known of grasps "
-                "that are found; choose another grasps_format"
+                "graspgen files state which grasps held, which is not known of grasps that are "
+                "found; choose another grasps_format"
             )
         for name in ("grasps_format", "object_pose", "frame"):
             if getattr(self, name) is not None and self.posed_hand is None:
@@ -412,10 +412,9 @@ class Evaluate(Guarded, GivenPoses):
     ]
     """Contact points in the mesh's frame and unit: CSV or Parquet with columns x1 y1 z1 x2 y2 z2
     ... and one row per grasp, or JSON with a list of grasps, each a list of points [x, y, z]. Or
-    poses of a gripper: the files that grasp3d writes; isaac_grasp, GraspDataGen and Replicator
-    (.yaml); ACRONYM (.h5); GraspNet (.npy, labels of its objects .npz); Contact-GraspNet (.npz);
-    GraspGen, MultiGripperGrasp, RoboTwin and moveit_msgs/Grasp (.json); of hands with joints
-    DexGraspBench, Dexonomy, BODex and DexGraspNet (.npy). They need --hand."""
+    poses of a gripper: the files that grasp3d writes; isaac_grasp (.yaml); ACRONYM (.h5); GraspNet
+    (.npy); GraspGen and moveit_msgs/Grasp (.json); of hands with joints DexGraspBench, Dexonomy and
+    DexGraspNet (.npy). They need --hand."""
 
     output: Annotated[Path | None, Main("results: .csv .parquet .json")] = None
     """Results (.csv, .parquet or .json) (default: NAME_grasps.csv in this folder)."""
@@ -497,8 +496,7 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
     ]
     """Files of poses with outcomes: tables (.csv, .parquet) with px py pz qx qy qz qw and a column
     success (or outcome) of 1 or 0, true or false, yes or no, empty where it was not tried; ACRONYM
-    (.h5); GraspDataGen (.yaml); GraspGen, MultiGripperGrasp and the files that grasp3d writes
-    (.json)."""
+    (.h5); GraspGen and the files that grasp3d writes (.json)."""
 
     output: Annotated[Path | None, Stated(metavar="FOLDER"), Main("folder for the report")] = None
     """Folder for the report: report.html, with figures and pictures, and its tables as CSV
@@ -529,9 +527,8 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
     it did: success (true or false, 1 or 0, success or failure); 'confidence>=0.5', a threshold
     (also >, <=, <), in quotes; result=ok, a word or number, where others failed, or
     result=ok/slipped with that of those that failed; held/tried, counts, where at least half held,
-    or 'held/tried>=0.8' (default: outcome or success; in ACRONYM and GraspGen object_in_gripper,
-    in GraspDataGen confidence, in MultiGripperGrasp result, or fall_time>=test_duration).
-    """
+    or 'held/tried>=0.8' (default: outcome or success; in ACRONYM and GraspGen
+    object_in_gripper)."""
 
     frictions: NumberRanges = ("0.3", "0.5", "1.0")
     """Coefficients of friction of the table of S, M and U."""

@@ -52,7 +52,7 @@ def run(command: Evaluate) -> int:
             f"{command.file}: is a folder, but grasps are of one object: name its mesh file, and "
             "evaluate the grasps of other objects with theirs, one after the other"
         )
-    poses = command.grasps_format is not None or holds_poses(command.contacts)
+    poses = holds_poses(command.contacts)
     _check_gripper(command, poses=poses)
     check_not_source(output, command.contacts, "poses" if poses else "contacts")
     check_output(output, SUFFIXES, "table", overwrite=command.overwrite, sources=[command.file])

@@ -28,7 +28,7 @@ from grasp3d.export.writers import writer_for
 from grasp3d.grasps.causes import causes_text
 from grasp3d.grasps.distinct import best_grasps
 from grasp3d.grasps.grasp_files import SUFFIXES, write_grasps
-from grasp3d.grasps.pose_files import WRITTEN as POSES
+from grasp3d.grasps.pose_files import SUFFIXES as POSES
 from grasp3d.grasps.pose_files.files import check_frame, check_hand, format_of, suffixes_of
 from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.scene import Scene

@@ -26,7 +26,6 @@ from grasp3d.settings import (
     GraspModel,
     MeshOptions,
     MultifingerSampling,
-    PoseFormat,
     Radians,
     Sampling,
 )
@@ -491,10 +490,6 @@ class Forced:
 class GivenPoses:
     """The options of commands that read poses of a gripper."""
 
-    grasps_format: Annotated[PoseFormat | None, Group("hand")] = None
-    """Format of the file of poses, where neither its name nor its content tells, as that of
-    interndata (default: found from them)."""
-
     object_pose: ObjectPoseOption = None
     """Pose of the object in the frame of the poses, for poses in a robot's frame whose file does
     not state it: x=0.4m,z=0.1m,yaw=90deg (also y, roll, pitch; or qx, qy, qz, qw), or a file of it
@@ -510,7 +505,7 @@ class GivenPoses:
     def of_poses(self) -> dict[str, Any]:
         """What is stated of the file, as `read_grasps` takes it; `auto` is no frame of it."""
         frame = None if self.frame == AUTO else self.frame
-        return {"format": self.grasps_format, "object_pose": self.object_pose, "frame": frame}
+        return {"object_pose": self.object_pose, "frame": frame}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from grasp3d.cli.existing_files import check_not_source, check_output
 from grasp3d.cli.report import Report, escaped, length_with_unit, table_of
 from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluation import poses_on
-from grasp3d.grasps.pose_files import WRITTEN as POSES
+from grasp3d.grasps.pose_files import SUFFIXES as POSES
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.pose_files.files import check_hand, format_of
 from grasp3d.grasps.pose_readings import READINGS, explained
@@ -48,7 +48,7 @@ def run(command: Simulate) -> int:
     output = command.output or Path(f"{safe_stem(command.file.stem)}_simulation.csv")
     if command.grasps is not None:
         return _simulate_poses(command, output)
-    for name in ("grasps_format", "object_pose", "frame"):
+    for name in ("object_pose", "frame"):
         if getattr(command, name) is not None:
             raise SettingError(f"{name} is that of given poses; name their file with --grasps")
     check_output(output, SUFFIXES, "table", overwrite=command.overwrite, sources=[command.file])

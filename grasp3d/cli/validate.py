@@ -71,7 +71,6 @@ def _validate(command: Validate, settings: ValidationSettings) -> Validation:
             object_motion=command.object_motion,
             load=command.load.chosen,
             outcome=command.outcome,
-            format=command.grasps_format,
             object_pose=command.object_pose,
             frame=command.frame,
             settings=settings,

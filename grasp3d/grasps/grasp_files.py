@@ -59,7 +59,6 @@ _COORDINATE = re.compile(r"[xyz][1-9]\d*")
 def read_grasps(
     path: str | Path,
     *,
-    format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
     hand: Hand | None = None,
     unit: Unit | None = None,
     object_pose: GivenPose | None = None,
@@ -76,10 +75,8 @@ def read_grasps(
 
     Args:
         path: File to read; of poses of hands with joints also a folder of .npy files.
-        format: Of poses: one of those of `write_grasps`, graspnet_labels or contact_graspnet
-            (.npz); None: found from the suffix and the content, of .npy with numbers graspnet.
         hand: The gripper that the poses are of; formats with the pose of the hand's base (all but
-            json, csv, parquet, acronym and robotwin) need it.
+            json, csv, parquet and acronym) need it.
         unit: Unit of the lengths of poses, for files that state none; formats of robots are in
             metres.
         object_pose: Pose of the object in the frame of the poses, for files in the frame of a robot
@@ -101,8 +98,8 @@ def read_grasps(
         ContactError: The file is missing, or contains no grasps, or no such outcomes; or there is
             no such pose of the object.
         OutputError: A library that reads the format is not installed.
-        SettingError: No format or frame is called so, the text of the outcome is none, or a pose of
-            the object, a frame or an outcome is given for contacts.
+        SettingError: No frame is called so, the text of the outcome is none, or a pose of the
+            object, a frame or an outcome is given for contacts.
 
     Example:
         >>> from pathlib import Path
@@ -118,8 +115,8 @@ def read_grasps(
     of_poses: dict[str, Any] = {
         "object_pose": object_pose, "frame": frame, "outcome": outcome, "object_scale": object_scale
     }  # fmt: skip
-    if format is not None or holds_poses(path):
-        return read_poses(path, format=format, hand=hand, unit=unit, **of_poses)
+    if holds_poses(path):
+        return read_poses(path, hand=hand, unit=unit, **of_poses)
     for name, given in of_poses.items():
         if given is not None:
             raise SettingError(
@@ -315,9 +312,9 @@ def write_grasps(
     force is at hand, and `label_with_force` if the mass is known, too; see `Holding`.
 
     Grasps with a gripper, and poses, are written with their poses, also in formats of robots and
-    simulators: isaac_grasp, graspdatagen, replicator (.yaml), acronym (.h5), graspnet, interndata
-    (.npy), graspgen, moveit, multigrippergrasp or robotwin (.json); of hands with joints
-    isaac_grasp, dexgraspbench, bodex or dexgraspnet (.npy). These need the gripper and the unit.
+    simulators: isaac_grasp (.yaml), acronym (.h5), graspnet (.npy), graspgen or moveit (.json); of
+    hands with joints isaac_grasp, dexgraspbench or dexgraspnet (.npy). These need the gripper and
+    the unit.
 
     Args:
         path: File to make or replace; .csv, .parquet or .json, with poses also .yaml, .h5 or .npy.

@@ -297,7 +297,7 @@ def frames_figure(gripper: ParallelGripper) -> Figure:
         >>> from grasp3d.hand.parallel_gripper import preset
         >>> from grasp3d.plots.grippers import frames_figure
         >>> [axes.get_title() for axes in frames_figure(preset("franka")).axes][:2]
-        ['tcp', 'hand, isaac, graspdatagen,\nmoveit, panda_hand']
+        ['tcp', 'hand, isaac, moveit,\npanda_hand']
     """
     frames = _distinct(gripper)
     rows = math.ceil(len(frames) / COLUMNS)

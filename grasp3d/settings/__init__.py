@@ -28,8 +28,7 @@ from grasp3d.settings.sampling import sampling_kind as sampling_kind
 from grasp3d.settings.sampling import search_cone as search_cone
 
 PoseFormat = Literal[
-    "json", "csv", "parquet", "isaac_grasp", "graspdatagen", "replicator", "acronym", "graspgen",
-    "graspnet", "interndata", "graspnet_labels", "contact_graspnet", "moveit", "multigrippergrasp",
-    "robotwin", "dexgraspbench", "bodex", "dexgraspnet",
+    "json", "csv", "parquet", "isaac_grasp", "acronym", "graspgen", "graspnet", "moveit",
+    "dexgraspbench", "dexgraspnet",
 ]  # fmt: skip
 """Formats of files of a gripper's poses."""

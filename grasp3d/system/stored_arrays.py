@@ -36,7 +36,7 @@ MOST_ARGUMENTS, MOST_AXES = 9, 32
 """Most values that an array is made with, of a shape with so many axes."""
 
 _KEYS = str, int, float, bool, bytes
-"""Types of keys, which are hashed without looking at other values: segments, names."""
+"""Types of keys, which are hashed without looking at other values."""
 
 
 class RefusedError(ValueError):
@@ -278,10 +278,10 @@ DAMAGE = (
 """Errors that zipfile and NumPy raise for damaged archives."""
 
 LARGEST = 256 * MEGABYTE
-"""Largest array that is loaded whole [bytes]."""
+"""Largest file of objects that is read [bytes]."""
 
-LARGEST_IN_PARTS = 16 * 1024 * MEGABYTE
-"""Largest array that is read in parts [bytes]."""
+LARGEST_ARRAY = 16 * 1024 * MEGABYTE
+"""Largest array of an archive that is read [bytes]."""
 
 
 def array_of(content: bytes, what: str) -> Array:
@@ -354,66 +354,32 @@ class Archive:
         """Size of all arrays together [bytes]."""
         return sum(entry.file_size for entry in self._entries.values())
 
-    def load(self, name: str) -> Any:
-        """An array, whole; one of objects as `StoredArray`. Raises RefusedError."""
-        with self._opened(name, LARGEST) as archive:
-            content = archive.read(self._entries[name])
-            stream = io.BytesIO(content)
-            if _header(stream, len(content), name)[2].hasobject:
-                return unpickled(content[stream.tell() :])
-            return array_of(content, name)
-
     def values(self, name: str) -> Array:
-        """An array of numbers or text, whole and however large. Raises RefusedError."""
-        with self._opened(name, LARGEST_IN_PARTS) as archive:
+        """An array of numbers or text. Raises RefusedError."""
+        with self._opened(name) as archive:
             return array_of(archive.read(self._entries[name]), name)
 
-    def shape(self, name: str) -> tuple[int, ...]:
-        """Shape of an array of numbers that is read in parts. Raises RefusedError."""
-        with self._numbers(name) as (_, shape, _):
-            return shape
-
-    def parts(self, name: str, rows: int) -> Iterator[Array]:
-        """An array of numbers, in parts of so many rows. Raises RefusedError."""
-        with self._numbers(name) as (stream, shape, kind):
-            for start in range(0, shape[0], rows):
-                part = (min(rows, shape[0] - start), *shape[1:])
-                content = stream.read(math.prod(part) * kind.itemsize)
-                yield np.frombuffer(content, kind).reshape(part)
-
     @contextmanager
-    def _numbers(self, name: str) -> Iterator[tuple[IO[bytes], tuple[int, ...], np.dtype[Any]]]:
-        """An array of numbers: a stream at its values, its shape and its type."""
-        with (
-            self._opened(name, LARGEST_IN_PARTS) as archive,
-            archive.open(self._entries[name]) as stream,
-        ):
-            shape, by_column, kind = _header(stream, self._entries[name].file_size, name)
-            if kind.kind not in "fiub" or by_column or not shape:
-                raise RefusedError(f"{name} must be numbers that are stored row by row")
-            yield stream, shape, kind
-
-    @contextmanager
-    def _opened(self, name: str = "", largest: int = 0) -> Iterator[zipfile.ZipFile]:
-        """The archive, if its array of that name is no larger. Raises RefusedError."""
+    def _opened(self, name: str = "") -> Iterator[zipfile.ZipFile]:
+        """The archive, if its array of that name is not too large. Raises RefusedError."""
         try:
             with zipfile.ZipFile(self.file) as archive:
                 if name:
-                    self._check(name, largest)
+                    self._check(name)
                 yield archive
         except RefusedError:
             raise
         except DAMAGE as error:
             raise RefusedError(f"is damaged, or no .npz file ({reason_of(error)})") from error
 
-    def _check(self, name: str, largest: int) -> None:
+    def _check(self, name: str) -> None:
         if name not in self.names:
             raise RefusedError(f"the array {name} is missing")
         entry = self._entries[name]
         if entry.compress_type not in {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}:
             raise RefusedError(f"the array {name} is compressed in an unknown way")
-        if entry.file_size > largest:
+        if entry.file_size > LARGEST_ARRAY:
             raise RefusedError(
                 f"the array {name} has {entry.file_size / MEGABYTE:,.0f} MB, more than the "
-                f"{largest / MEGABYTE:,.0f} MB that are read"
+                f"{LARGEST_ARRAY / MEGABYTE:,.0f} MB that are read"
             )

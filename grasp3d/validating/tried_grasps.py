@@ -34,7 +34,7 @@ KEPT = 100_000
 
 OUTCOMES = (
     "a table needs a column success (or outcome) with 1, 0 or nothing, GraspGen and ACRONYM "
-    "object_in_gripper, MultiGripperGrasp result; what else states it is named with --outcome"
+    "object_in_gripper; what else states it is named with --outcome"
 )
 """What states outcomes, for error messages."""
 

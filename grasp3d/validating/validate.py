@@ -26,7 +26,7 @@ from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import MeshSource, ObjectMesh
 from grasp3d.quality.loads import Load
-from grasp3d.settings import GraspModel, MeshOptions, PoseFormat
+from grasp3d.settings import GraspModel, MeshOptions
 from grasp3d.settings.outcome import Outcome
 from grasp3d.surface.fields import Array
 from grasp3d.system.context import refuse_warnings, report_progress, within
@@ -202,7 +202,6 @@ def validate_grasps(
     load: Load | None = None,
     settings: ValidationSettings | None = None,
     outcome: Outcome | str | None = None,
-    format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
     object_pose: GivenPose | None = None,
     frame: GripperFrame | str | None = None,
 ) -> Validation:
@@ -233,7 +232,6 @@ def validate_grasps(
         outcome: Which column or key of the files says whether a grasp held, such as
             'fall_time>=3', as `read_grasps` takes it; of poses in memory `score` or one of their
             columns. None: the outcomes of the format or of the poses.
-        format: Of the files, as `read_grasps` takes it.
         object_pose: Pose of the object in the frame of their poses, as `read_grasps` takes it.
         frame: Frame of the gripper in which the files have the poses, as `read_grasps` takes it;
             'auto': the one in which most poses close on the object, if it wins clearly; see
@@ -283,7 +281,6 @@ def validate_grasps(
         hand=hand or reach.hand,
         outcome=outcome,
         load=load,
-        format=format,
         object_pose=object_pose,
         frame=None if frame in (None, AUTO) else GripperFrame.of(frame),
     )

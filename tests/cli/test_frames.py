@@ -91,21 +91,6 @@ def test_simulated_poses_are_doubted_too(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_format_that_no_name_tells_is_stated(folder: Path) -> None:
-    """The score of InternData is a coefficient of friction, the smaller the better."""
-    poses = read_grasps(folder / "g.yaml", hand=read_hand("franka"), frame="graspgen")
-    write_grasps(folder / "g.npy", replace(poses, scores=0.25), format="interndata")
-    evaluate = ("evaluate", "box.stl", "g.npy", "--unit", "mm", "--hand", "franka", "--overwrite",
-                "-o", "npy.csv")  # fmt: skip
-    scores = []
-    for options in ((), ("--grasps-format", "interndata")):
-        assert "17   100.0 %" in printed(*evaluate, *options, cwd=folder)
-        scores.append(pc.read_csv(folder / "npy.csv")["score"].to_pylist()[0])
-    assert scores[1] == 0.25
-    assert scores[0] != 0.25
-
-
-@pytest.mark.slow
 def test_poses_without_a_unit_are_in_that_of_the_mesh_in_every_frame(folder: Path) -> None:
     poses = read_grasps(folder / "g.yaml", hand=read_hand("franka"), frame="graspgen").in_unit("mm")
     write_grasps(folder / "unit.csv", replace(poses, columns={}), frame="gpd")
@@ -128,5 +113,5 @@ def test_frames_are_drawn(tmp_path: Path) -> None:
     text = printed("hand", "robotiq_2f85", "--frames", "f.svg", cwd=tmp_path)
     assert "written: f.svg" in text
     drawn = (tmp_path / "f.svg").read_text(encoding="utf-8")
-    for name in ("graspgen", "panda_link8", "robotiq_arg2f_base_link", "robotwin"):
+    for name in ("graspgen", "panda_link8", "robotiq_arg2f_base_link", "dexnet"):
         assert name in drawn

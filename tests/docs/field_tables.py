@@ -129,19 +129,14 @@ FRAME_SOURCES = {
         "Isaac Sim, grasp editor",
         "Isaac Sim, documentation of the grasp editor: the frame of gripper_frame_link",
     ),
-    "graspdatagen": (
-        "GraspDataGen",
-        "GraspDataGen, scripts/graspgen: the base link of the gripper",
-    ),
     "moveit": ("MoveIt", "moveit_msgs/Grasp: the parent link of the end effector"),
     "graspgen": (
         "GraspGen, also in its isaac_grasp files",
         "GraspGen, docs/GRIPPER_DESCRIPTION.md",
     ),
     "acronym": ("ACRONYM", "acronym_tools/acronym.py, create_gripper_marker"),
-    "contact_graspnet": ("Contact-GraspNet", "contact_graspnet.py, build_6d_grasp"),
     "graspnetapi": (
-        "graspnetAPI, AnyGrasp, InternData",
+        "graspnetAPI, AnyGrasp",
         "graspnetAPI/utils/utils.py, plot_gripper_pro_max; of a depth of 20 mm",
     ),
     "dexnet": ("Dex-Net", "dexnet/grasping/grasp.py, ParallelJawPtGrasp3D"),
@@ -153,7 +148,6 @@ FRAME_SOURCES = {
         ),
     ),
     "burg": ("burg-toolkit", "burg_toolkit/gripper/base.py"),
-    "robotwin": ("RoboTwin", "envs/_base_task.py, get_grasp_pose: of contact_points_pose"),
     "panda_hand": ("franka_description", "franka_hand.xacro"),
     "panda_hand_tcp": ("franka_description", "franka_hand.xacro"),
     "panda_link8": (

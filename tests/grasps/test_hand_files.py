@@ -19,7 +19,6 @@ from grasp3d import load_mesh, read_hand
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.pose_files import hand_files, holds_poses, read_poses, write_poses
-from grasp3d.grasps.pose_files.frames import JOINTED
 from grasp3d.grasps.pose_files.hand_files import ALL_STAGES
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.postures import POSTURES, matched, wrist_of
@@ -112,7 +111,7 @@ def test_a_table_without_a_joint_of_one_stage_is_refused(tmp_path: Path) -> None
 
 FORMATS = {
     "json": ".json", "csv": ".csv", "parquet": ".parquet", "isaac_grasp": ".yaml",
-    "dexgraspbench": ".npy", "bodex": ".npy", "dexgraspnet": ".npy",
+    "dexgraspbench": ".npy", "dexgraspnet": ".npy",
 }  # fmt: skip
 
 SHADOW_JOINTS = ("FFJ4", "FFJ3", "THJ5", "THJ1", "LFJ5")
@@ -362,8 +361,8 @@ def test_a_folder_of_files_of_one_grasp_each(tmp_path: Path) -> None:
     assert back.names == tuple(f"scale008/{row}" for row in range(4))
     assert (back.object_file, back.object_scale) == ("assets/DGNObj/mug", pytest.approx(0.08))
     save(tmp_path / "mug" / "bad.npy", {"other": np.zeros(3)})
-    with pytest.raises(ContactError, match="grasp_qpos is missing"):
-        read_poses(tmp_path / "mug", hand=poses.hand, format="dexgraspbench")
+    with pytest.raises(ContactError, match="must have the key grasp_qpos or robot_pose"):
+        read_poses(tmp_path / "mug", hand=poses.hand)
     save(tmp_path / "mug" / "bad.npy", bench(poses, 3, obj_path="assets/DGNObj/pot"))
     with pytest.raises(ContactError, match="pot: put the files of each"):
         read_poses(tmp_path / "mug", hand=poses.hand)
@@ -419,7 +418,9 @@ def test_a_scene_of_dexonomy_states_the_pose_and_scale_of_its_object(tmp_path: P
     equal(given.poses[0], poses.poses[2], 1e-6)
 
 
-def test_bodex_names_its_joints_whose_first_may_be_those_of_the_thumb(tmp_path: Path) -> None:
+def test_bodex_has_all_stages_in_one_array_and_the_thumb_first(
+    tmp_path: Path,
+) -> None:
     poses = grasps_of("shadow")
     assert isinstance(poses.hand, ArticulatedHand)
     names = [*poses.joint_names[19:], *poses.joint_names[2:19]]  # thumb first, without the wrist
@@ -516,15 +517,14 @@ def test_dictionaries_with_other_values_are_refused(
     assert "\n" not in str(error.value)
 
 
-def test_dictionaries_of_no_format_and_arrays_instead_of_them_are_refused(tmp_path: Path) -> None:
+def test_dictionaries_of_no_format_are_refused(tmp_path: Path) -> None:
     path = save(tmp_path / "a.npy", {"scale": 1.0})
-    for form in (None, "graspnet", "interndata"):
-        with pytest.raises(ContactError, match=r"its dictionaries must have the key grasp_qpos"):
-            read_poses(path, hand=hand_of("allegro"), format=form)
-    np.save(path, np.zeros((3, 17)))
-    for name in JOINTED:
-        with pytest.raises(ContactError, match="an array of numbers, not dictionaries of"):
-            read_poses(path, hand=hand_of("allegro"), format=name)
+    with pytest.raises(ContactError, match=r"its dictionaries must have the key grasp_qpos"):
+        read_poses(path, hand=hand_of("allegro"))
+    grasp = bench(grasps_of("allegro"), 0)
+    save(path, [grasp, {"scale": 1.0}])
+    with pytest.raises(ContactError, match="dictionary 2: the key grasp_qpos is missing"):
+        read_poses(path, hand=hand_of("allegro"))
 
 
 class Executes:
@@ -553,8 +553,6 @@ def test_hands_without_joints_and_grasps_without_postures_are_refused(tmp_path: 
         read_poses(path)
     with pytest.raises(ContactError, match="'franka' is none: give its description"):
         read_poses(path, hand=preset("franka"))
-    with pytest.raises(OutputError, match="BODex files have the postures before and after"):
-        write_poses(path, replace(poses, squeeze_posture=np.zeros((0, 0))), format="bodex")
     bare = GraspPoses(poses=poses.poses, unit="m", hand=poses.hand)
     with pytest.raises(OutputError, match="the poses have no values of them"):
         write_poses(path, bare, format="dexgraspnet")

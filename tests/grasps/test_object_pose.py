@@ -168,7 +168,7 @@ def test_formats_in_the_objects_frame_refuse_another_but_not_what_was_read_from_
         assert not path.exists()
         remembered = replace(poses, object_pose=ObjectPose.of("x=1m"))
         write_poses(path, remembered, format=name)  # type: ignore[arg-type]
-        equal(read_poses(path, format=name, hand=FRANKA).poses, poses.poses)  # type: ignore[arg-type]
+        equal(read_poses(path, hand=FRANKA).poses, poses.poses)
 
 
 @cache

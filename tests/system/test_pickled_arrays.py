@@ -174,20 +174,19 @@ def test_a_value_that_is_referred_to_often_is_one_value() -> None:
     assert found[0] is found[1]
 
 
-def test_arrays_are_read_in_parts(tmp_path: Path) -> None:
+def test_arrays_of_an_archive_are_read_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     array = np.arange(70.0, dtype=np.float32).reshape(10, 7)
     np.savez_compressed(tmp_path / "a.npz", array=array, one=np.array(1.0))
     archive = Archive(tmp_path / "a.npz")
     assert archive.names == {"array", "one"}
-    assert archive.shape("array") == (10, 7)
-    parts = list(archive.parts("array", 4))
-    assert list(map(len, parts)) == [4, 4, 2]
-    np.testing.assert_array_equal(np.concatenate(parts), array)
-    np.testing.assert_array_equal(archive.load("array"), array)
-    with pytest.raises(RefusedError, match="row by row"):
-        archive.shape("one")
+    np.testing.assert_array_equal(archive.values("array"), array)
     with pytest.raises(RefusedError, match="array other is missing"):
-        archive.load("other")
+        archive.values("other")
+    monkeypatch.setattr(stored_arrays, "LARGEST_ARRAY", 200)
+    with pytest.raises(RefusedError, match="the array array has"):
+        archive.values("array")
 
 
 def test_objects_of_a_file_are_read_and_numbers_are_left_to_numpy(tmp_path: Path) -> None:
@@ -225,4 +224,4 @@ def test_other_compressions_are_refused(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_LZMA) as archive:
         archive.writestr("a.npy", b"")
     with pytest.raises(RefusedError, match="compressed in an unknown way"):
-        Archive(tmp_path / "a.npz").load("a")
+        Archive(tmp_path / "a.npz").values("a")

@@ -19,7 +19,6 @@ from grasp3d.grasps.pose_files.documents import (
 )
 from grasp3d.grasps.pose_files.frames import (
     FIELD,
-    JOINTED,
     OBJECT_FRAMES,
     Given,
     GivenPose,
@@ -42,7 +41,6 @@ from grasp3d.settings.outcome import Outcome
 from grasp3d.system.documents import is_folder
 from grasp3d.system.files import check_suffix
 from grasp3d.system.names import unsupported
-from grasp3d.system.stored_arrays import Archive
 
 
 @dataclass(frozen=True)
@@ -50,8 +48,8 @@ class _Format:
     """How a format is written and read."""
 
     suffixes: tuple[str, ...]
-    write: Callable[[Path, GraspPoses], None] | None
-    """Write poses of the frame below, of formats with a title in metres; None: it is only read."""
+    write: Callable[[Path, GraspPoses], None]
+    """Write poses of the frame below, of formats with a title in metres."""
     read: Callable[[Any, Given], GraspPoses]
     """Poses of the frame below, of a file of this path; of files of `_LOADERS`, of this content."""
     title: str = ""
@@ -69,12 +67,12 @@ class _Format:
 
 
 _LOADERS: dict[str, Callable[[Path], Any]] = {
-    ".json": load_json, ".yaml": load_yaml, ".yml": load_yaml, ".npz": Archive,
+    ".json": load_json, ".yaml": load_yaml, ".yml": load_yaml,
     ".npy": hand_files.load_npy, ".pt": hand_files.load_npy,
 }  # fmt: skip
 """What is loaded before the format is known."""
 
-_YAML, _HAND, _JAWS = (".yaml", ".yml"), "hand", "graspnetapi"
+_YAML, _HAND = (".yaml", ".yml"), "hand"
 _DICTIONARIES = (".npy", ".pt")
 
 
@@ -86,8 +84,6 @@ def _has(*paths: str) -> Callable[[object], bool]:
 def _holds(content: Any, key: str, *further: str) -> bool:
     if key == "0":
         return _holds(content[0] if isinstance(content, list) and content else content, *further)
-    if isinstance(content, Archive):
-        return key in content.names
     found = isinstance(content, dict) and key in content
     return found and (not further or _holds(content[key], *further))
 
@@ -104,14 +100,6 @@ _FORMATS: dict[PoseFormat, _Format] = {
     "isaac_grasp": _Format(
         _YAML, robots.write_isaac, robots.parse_isaac, robots.ISAAC, _HAND, library=yaml_module
     ),
-    "graspdatagen": _Format(
-        _YAML, robots.write_datagen, robots.parse_datagen, robots.DATAGEN, "graspdatagen",
-        robots.is_datagen, yaml_module,
-    ),
-    "replicator": _Format(
-        _YAML, robots.write_replicator, robots.parse_replicator, "Replicator", _HAND,
-        robots.is_replicator, yaml_module, states_frame=True,
-    ),
     "acronym": _Format(
         (".h5", ".hdf5"), acronym.write_acronym, acronym.read_acronym, acronym.WHAT, "acronym",
         library=acronym.h5py_module, states_frame=True, states_hand=True,
@@ -121,38 +109,17 @@ _FORMATS: dict[PoseFormat, _Format] = {
         "graspgen", _has("grasps.transforms"),
     ),
     "graspnet": _Format(
-        (".npy",), data_sets.write_graspnet, data_sets.parse_graspnet, "graspnetAPI", _JAWS
-    ),
-    "interndata": _Format(
-        (".npy",), data_sets.write_interndata, data_sets.parse_interndata, "graspnetAPI", _JAWS
-    ),
-    "graspnet_labels": _Format(
-        (".npz",), None, data_sets.read_labels, "graspnetAPI labels", _JAWS,
-        _has(*data_sets.SHAPES),
-    ),
-    "contact_graspnet": _Format(
-        (".npz",), None, data_sets.read_contact, "Contact-GraspNet", "contact_graspnet",
-        _has("pred_grasps_cam"),
+        (".npy",), data_sets.write_graspnet, data_sets.parse_graspnet, "graspnetAPI",
+        "graspnetapi", lambda content: not isinstance(content, list),
     ),
     "moveit": _Format(
         (".json",), robots.write_moveit, robots.parse_moveit, robots.MOVEIT, _HAND,
         _has("0.grasp_pose"),
     ),
-    "multigrippergrasp": _Format(
-        (".json",), robots.write_multigripper, robots.parse_multigripper, robots.MULTIGRIPPER,
-        _HAND, _has("gripper", "pose"),
-    ),
-    "robotwin": _Format(
-        (".json",), robots.write_robotwin, robots.parse_robotwin, "RoboTwin", "robotwin",
-        _has("contact_points_pose"), states_hand=True,
-    ),
     "dexgraspbench": _Format(
         _DICTIONARIES, hand_files.write_bench, hand_files.parse_bench, "DexGraspBench", _HAND,
-        _has("0.grasp_qpos"), states_frame=True,
-    ),
-    "bodex": _Format(
-        _DICTIONARIES, hand_files.write_bodex, hand_files.parse_bodex, hand_files.BODEX, _HAND,
-        _has("0.robot_pose"), states_frame=True,
+        lambda content: any(_has(f"0.{key}")(content) for key in ("grasp_qpos", "robot_pose")),
+        states_frame=True,
     ),
     "dexgraspnet": _Format(
         _DICTIONARIES, hand_files.write_net, hand_files.parse_net, "DexGraspNet", _HAND,
@@ -164,19 +131,14 @@ _FORMATS: dict[PoseFormat, _Format] = {
 OWN_FORMATS = frozenset[PoseFormat]({"json", "csv", "parquet"})
 """Formats with the poses of any hand; the others have those of a gripper's base."""
 
-FRAME_FORMATS = OWN_FORMATS | {"moveit", "dexgraspbench", "bodex"}
+FRAME_FORMATS = OWN_FORMATS | {"moveit", "dexgraspbench"}
 """Formats whose poses may be in the frame of a robot; others have the object's by definition."""
 
-JOINT_FORMATS = frozenset[PoseFormat](
-    {"isaac_grasp", "graspdatagen", "moveit", "multigrippergrasp"}
-)
+JOINT_FORMATS = frozenset[PoseFormat]({"isaac_grasp", "moveit"})
 """Formats that state values of the gripper's joints."""
 
 SUFFIXES = tuple(dict.fromkeys(suffix for known in _FORMATS.values() for suffix in known.suffixes))
 """Endings of files of poses."""
-
-WRITTEN = tuple(suffix for suffix in SUFFIXES if suffix != ".npz")
-"""Endings of those that are written."""
 
 
 def write_poses(
@@ -192,10 +154,9 @@ def write_poses(
     Args:
         path: File to make or replace.
         poses: At least one pose. Formats of robots need the gripper and the unit.
-        format: json, csv, parquet, isaac_grasp, graspdatagen, replicator (.yaml), acronym (.h5),
-            graspnet, interndata (.npy), graspgen, moveit, multigrippergrasp or robotwin (.json);
-            of hands with joints dexgraspbench, bodex or dexgraspnet (.npy);
-            None: that of the suffix, json for .json, isaac_grasp for .yaml, graspnet for .npy.
+        format: json, csv, parquet, isaac_grasp (.yaml), acronym (.h5), graspnet (.npy), graspgen or
+            moveit (.json); of hands with joints dexgraspbench or dexgraspnet (.npy); None: that of
+            the suffix, json for .json, isaac_grasp for .yaml, graspnet for .npy.
         object_pose: Pose of the object in the frame that the file is to have, for json, csv,
             parquet and moveit; see `write_grasps`. None: that of `poses`.
         frame: Frame of the gripper that the file is to have; see `GripperFrame`. None: that of the
@@ -221,8 +182,7 @@ def write_poses(
         check_choice("format", format, PoseFormat)
     name = format or format_of(path)
     if name is None:
-        raise OutputError(unsupported(path, WRITTEN, "pose"))
-    write = _writer(name)
+        raise OutputError(unsupported(path, SUFFIXES, "pose"))
     check_suffix(path, _FORMATS[name].suffixes, name)
     if not poses.count:
         raise OutputError(f"{path}: there are no poses to write")
@@ -234,7 +194,7 @@ def write_poses(
     poses = replace(poses, gripper_frame=GripperFrame.of(frame or _FORMATS[name].frame))
     try:
         title = _FORMATS[name].title
-        write(path, in_file_metres(poses, title) if title else as_in_file(poses))
+        _FORMATS[name].write(path, in_file_metres(poses, title) if title else as_in_file(poses))
     except OutputError as error:
         text = str(error)
         raise OutputError(text if text.startswith(str(path)) else f"{path}: {text}") from error
@@ -243,7 +203,6 @@ def write_poses(
 def read_poses(
     path: str | Path,
     *,
-    format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
     hand: Hand | None = None,
     unit: Unit | None = None,
     object_pose: GivenPose | None = None,
@@ -257,10 +216,8 @@ def read_poses(
 
     Args:
         path: File to read; of hands with joints also a folder of .npy files.
-        format: One of those of `write_poses`, graspnet_labels or contact_graspnet (.npz); None:
-            found from the suffix and the content, of .npy with numbers graspnet.
         hand: The gripper that the grasps are of; formats with the pose of the hand's base (all but
-            json, csv, parquet, acronym and robotwin) need it.
+            json, csv, parquet and acronym) need it.
         unit: Unit of the lengths, for files that state none; formats of robots are in metres.
         object_pose: Pose of the object in the frame of the file, for those in the frame of a robot
             that do not state it; see `write_grasps`.
@@ -276,7 +233,7 @@ def read_poses(
         ContactError: The file is missing, or contains no such poses or outcomes; or there is no
             such pose of the object.
         OutputError: A library that reads the format is not installed.
-        SettingError: No format is called so, or the text of the outcome is none.
+        SettingError: The text of the outcome is none.
 
     Example:
         >>> from pathlib import Path
@@ -287,9 +244,7 @@ def read_poses(
         [0.0, 0.0, 0.06]
     """
     path = Path(path)
-    if format is not None:
-        check_choice("format", format, PoseFormat)
-    elif path.suffix.lower() not in SUFFIXES and not is_folder(path):
+    if path.suffix.lower() not in SUFFIXES and not is_folder(path):
         raise ContactError(unsupported(path, SUFFIXES, "pose"))
     check_file(path)
     pose = None if object_pose is None else read_object_pose(object_pose)
@@ -297,7 +252,7 @@ def read_poses(
     held = None if outcome is None else Outcome.of(outcome)
     given = Given(hand, unit, held, object_scale)
     try:
-        poses = _relative(of_tcp(_read(path, format, given, chosen)), pose)
+        poses = _relative(of_tcp(_read(path, given, chosen)), pose)
         poses = _with_scale(poses, object_scale)
         refuse_joints(poses, hand)
         is_matched = isinstance(poses.hand, ArticulatedHand) and poses.posture.size
@@ -366,16 +321,14 @@ def holds_poses(path: str | Path) -> bool:
 
 
 def suffixes_of(format: PoseFormat) -> tuple[str, ...]:  # noqa: A002, what it is called everywhere
-    """Endings of files of a format to write. Raises SettingError if it is only read."""
-    _writer(format)
+    """Endings of files of a format."""
     return _FORMATS[format].suffixes
 
 
 def format_of(path: Path) -> PoseFormat | None:
     """The format that the ending of a file to write stands for; None: none does."""
     suffix = path.suffix.lower()
-    formats = _FORMATS.items()
-    return next((name for name, entry in formats if suffix in entry.suffixes and entry.write), None)
+    return next((name for name, entry in _FORMATS.items() if suffix in entry.suffixes), None)
 
 
 def check_hand(format: PoseFormat | None, hand: Hand) -> None:  # noqa: A002
@@ -414,25 +367,14 @@ def check_frame(format: PoseFormat | None) -> None:  # noqa: A002
         )
 
 
-def _read(
-    path: Path, name: PoseFormat | None, given: Given, frame: GripperFrame | None
-) -> GraspPoses:
+def _read(path: Path, given: Given, frame: GripperFrame | None) -> GraspPoses:
     """Poses as a file has them. Raises ContactError, ValueError, OSError, OutputError."""
-    suffix = path.suffix.lower() if name is None else _FORMATS[name].suffixes[0]
-    suffix = ".npy" if is_folder(path) else suffix
+    suffix = ".npy" if is_folder(path) else path.suffix.lower()
     content = _LOADERS[suffix](path) if suffix in _LOADERS else path
+    name = _format_in(suffix, content)
     if name is None:
-        name = _format_in(suffix, content)
-    if name is None:
-        raise ContactError(_unknown(content))
+        raise ContactError(_unknown(suffix, content))
     entry = _FORMATS[name]
-    if suffix in _DICTIONARIES and isinstance(content, list) != (name in JOINTED):
-        keys = "grasp_qpos (DexGraspBench), robot_pose (BODex) or qpos (DexGraspNet)"
-        raise ContactError(
-            f"contains no poses: its dictionaries must have the key {keys}"
-            if isinstance(content, list)
-            else f"contains an array of numbers, not dictionaries of {name}"
-        )
     if entry.title:
         given.check(entry.title, states_hand=entry.states_hand)
     poses = entry.read(content, given)
@@ -453,25 +395,13 @@ def _format_in(suffix: str, content: object) -> PoseFormat | None:
     return next(iter([*found, *others]), None)
 
 
-def _writer(name: PoseFormat) -> Callable[[Path, GraspPoses], None]:
-    """How a format is written. Raises SettingError if it is only read."""
-    write = _FORMATS[name].write
-    if write is None:
-        written = ", ".join(other for other, entry in _FORMATS.items() if entry.write)
-        raise SettingError(f"{name} files are only read; written are {written}")
-    return write
-
-
-def _unknown(content: object) -> str:
-    if isinstance(content, Archive):
-        return (
-            "contains no poses: expected the arrays points, offsets, scores and collision (labels "
-            "of graspnetAPI), or pred_grasps_cam and scores (Contact-GraspNet)"
-        )
+def _unknown(suffix: str, content: object) -> str:
+    if suffix in _DICTIONARIES:
+        keys = "grasp_qpos or robot_pose (DexGraspBench), or qpos (DexGraspNet)"
+        return f"contains no poses: its dictionaries must have the key {keys}"
     if content in ([], {}) or (isinstance(content, dict) and content.get("grasps") == []):
         return "there are no grasps in it"
     return (
         "contains no poses: expected the key grasps with poses (as write_poses writes them) or "
-        "transforms (GraspGen), gripper and pose (MultiGripperGrasp), contact_points_pose "
-        "(RoboTwin), or a list of messages with grasp_pose (moveit_msgs/Grasp)"
+        "transforms (GraspGen), or a list of messages with grasp_pose (moveit_msgs/Grasp)"
     )

@@ -140,11 +140,8 @@ class Given:
             raise ContactError(missing)
 
 
-JOINTED = ("dexgraspbench", "bodex", "dexgraspnet")
+JOINTED = ("dexgraspbench", "dexgraspnet")
 """Formats of hands with joints only."""
-
-_EITHER = ("isaac_grasp", "graspdatagen")
-"""Formats of grippers, and of hands with joints."""
 
 
 def missing_of_hand(hand: Hand | str | None, what: str, *, joints: bool = False) -> str:
@@ -165,7 +162,7 @@ def missing_of_hand(hand: Hand | str | None, what: str, *, joints: bool = False)
             else f"{what} files have postures of a hand with joints;{wrong} give its description "
             "(--hand, in Python hand=...)"
         )
-    if isinstance(hand, ArticulatedHand) and what.lower() in _EITHER:
+    if isinstance(hand, ArticulatedHand) and what == "isaac_grasp":
         return ""
     if not isinstance(hand, ParallelGripper):
         return (

@@ -1,4 +1,4 @@
-"""Grasps of hands with joints: files of DexGraspBench, Dexonomy, BODex and DexGraspNet.
+"""Grasps of hands with joints: files of DexGraspBench, Dexonomy and DexGraspNet.
 
 They are dictionaries, in pickles of .npy files or saved by PyTorch: one with one grasp or many, a
 list of them, or a folder of such files. Nothing is executed; see `grasp3d.system.stored_arrays`.
@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from grasp3d.arrays import Floats
-from grasp3d.errors import ContactError, OutputError
+from grasp3d.errors import ContactError
 from grasp3d.grasps.pose_files.documents import load_array, numbers_in, watched
 from grasp3d.grasps.pose_files.frames import Given, from_quaternions, quaternions
 from grasp3d.grasps.pose_files.outcomes import outcomes_of
@@ -33,8 +33,6 @@ from grasp3d.system.stored_arrays import StoredArray, stored_objects
 
 Rows = dict[str, Any]
 """What a dictionary of a file states of its grasps: arrays of numbers, texts and lists of them."""
-
-BODEX = "BODex"
 
 ALL_STAGES = ("pregrasp", "grasp", "squeeze")
 """In the order in which files have them."""
@@ -194,9 +192,14 @@ def _of_scene(scene: object) -> Rows:
 
 
 def parse_bench(content: list[Rows], given: Given) -> GraspPoses:
-    """Poses of the root of a MuJoCo model, in the order of the files. Raises ContactError."""
-    parts = [_of_bench(rows, number) for number, rows in enumerate(content, 1)]
-    return _grasps(content, parts, given, wrist_of(given.hand).before)
+    """Poses of the root of a MuJoCo model, in the order of the files. Raises ContactError.
+
+    Those of all stages in one array, as BODex writes them, are of the root of a URDF file.
+    """
+    wrist, is_one = wrist_of(given.hand), "robot_pose" in content[0]
+    read = _of_all_stages if is_one else _of_bench
+    parts = [read(rows, number) for number, rows in enumerate(content, 1)]
+    return _grasps(content, parts, given, wrist.beyond if is_one else wrist.before)
 
 
 def _of_bench(rows: Rows, number: int) -> dict[str, Floats]:
@@ -226,19 +229,16 @@ def _flat(values: Floats) -> Floats:
     return values.reshape(-1, values.shape[-1])
 
 
-def parse_bodex(content: list[Rows], given: Given) -> GraspPoses:
-    """Poses of the root of BODex's description, in the order of the files. Raises ContactError."""
-    parts = []
-    for number, rows in enumerate(content, 1):
-        values = rows.get("robot_pose", np.zeros(0))
-        if values.ndim < 3 or values.shape[-2] != len(ALL_STAGES):
-            raise ContactError(
-                f"dictionary {number}: robot_pose must have {len(ALL_STAGES)} rows of each grasp "
-                f"(pregrasp, grasp, squeeze) of a hand without an arm; got shape {values.shape}"
-            )
-        stages = values.reshape(-1, *values.shape[-2:])
-        parts.append({stage: stages[:, k] for k, stage in enumerate(ALL_STAGES)})
-    return _grasps(content, parts, given, wrist_of(given.hand).beyond)
+def _of_all_stages(rows: Rows, number: int) -> dict[str, Floats]:
+    """The same of an array (..., 3, 7 + p) of all stages."""
+    values = rows.get("robot_pose", np.zeros(0))
+    if values.ndim < 3 or values.shape[-2] != len(ALL_STAGES):
+        raise ContactError(
+            f"dictionary {number}: robot_pose must have {len(ALL_STAGES)} rows of each grasp "
+            f"(pregrasp, grasp, squeeze) of a hand without an arm; got shape {values.shape}"
+        )
+    stages = values.reshape(-1, *values.shape[-2:])
+    return {stage: stages[:, k] for k, stage in enumerate(ALL_STAGES)}
 
 
 def parse_net(content: list[Rows], given: Given) -> GraspPoses:
@@ -429,20 +429,6 @@ def write_bench(path: Path, poses: GraspPoses) -> None:
         **{f"{stage}_qpos": values[0] if one else values for stage, values in rows.items()},
         **_object(poses),
     })  # fmt: skip
-
-
-def write_bodex(path: Path, poses: GraspPoses) -> None:
-    """Write a dictionary with the postures of all three stages, and the names of the joints."""
-    hand: Any = poses.hand
-    rows = _stages(poses)
-    if len(rows) < len(ALL_STAGES):
-        raise OutputError(f"{BODEX} files have the postures before and after the grasp, too")
-    robot_pose = np.stack([rows[stage] for stage in ALL_STAGES], axis=1)[None]
-    of_object = {
-        key: [value] if key == "obj_path" else np.array([value])
-        for key, value in _object(poses).items()
-    }
-    _save(path, {"robot_pose": robot_pose, "joint_names": list(hand.joint_names), **of_object})
 
 
 def write_net(path: Path, poses: GraspPoses) -> None:
