@@ -1,9 +1,11 @@
 """The command `grasp3d evaluate`: evaluates given grasps on a mesh."""
 
+from collections.abc import Mapping
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from grasp3d.arrays import Floats
 from grasp3d.cli import grasp_report, hand_report, progress_bars
 from grasp3d.cli.commands import Evaluate
 from grasp3d.cli.existing_files import check_not_source, check_not_task, check_output
@@ -29,16 +31,13 @@ from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.quality.loads import Load
-from grasp3d.quality.measures.measuring import MetricValues, metric_names
+from grasp3d.quality.measures import metric_names
 from grasp3d.settings import GraspModel, with_fingers
-from grasp3d.settings.lengths import Unit
 from grasp3d.surface.load_case import loaded_mesh
 from grasp3d.system.names import safe_stem
 
 PICTURED = 12
 """Poses in a picture."""
-
-Measures = tuple[MetricValues, Unit | None]
 
 
 def run(command: Evaluate) -> int:
@@ -60,7 +59,7 @@ def run(command: Evaluate) -> int:
         _check_picture(command)
     metrics = (_evaluate_poses if poses else _evaluate_contacts)(command, output)
     if metrics is not None and not command.quiet:
-        grasp_report.print_metrics(*metrics)
+        grasp_report.print_metrics(metrics)
     return 0
 
 
@@ -102,7 +101,7 @@ def _check_gripper(command: Evaluate, *, poses: bool) -> None:
         )
 
 
-def _evaluate_poses(command: Evaluate, output: Path) -> Measures | None:
+def _evaluate_poses(command: Evaluate, output: Path) -> Mapping[str, Floats] | None:
     """Evaluate poses, write and print the results."""
     poses, mesh = poses_on(
         command.contacts, command.file, command.mesh, hand=command.reach.hand, **_of_poses(command)
@@ -125,7 +124,7 @@ def _evaluate_poses(command: Evaluate, output: Path) -> Measures | None:
             grasp_report.print_poses(results, output)
     else:
         _finish_hand(command, results, output)
-    return None if metrics is None else (metrics, mesh.unit)
+    return metrics
 
 
 def _finish_hand(command: Evaluate, results: EvaluatedHandGrasps, output: Path) -> None:
@@ -151,7 +150,7 @@ def _of_poses(command: Evaluate) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _evaluate_contacts(command: Evaluate, output: Path) -> Measures | None:
+def _evaluate_contacts(command: Evaluate, output: Path) -> Mapping[str, Floats] | None:
     """Evaluate contacts, of which many are read and written in parts; print the results."""
     stated = {**_of_poses(command), "frame": command.frame}
     if any(given is not None for given in stated.values()):
@@ -171,7 +170,7 @@ def _evaluate_contacts(command: Evaluate, output: Path) -> Measures | None:
         write_parts(output, tables, metrics)
     if not command.quiet:
         grasp_report.print_evaluated(evaluated, output)
-    return None if metrics is None else (metrics, mesh.unit)
+    return metrics
 
 
 def _loaded(

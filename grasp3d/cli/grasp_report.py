@@ -1,7 +1,7 @@
 """Printed reports of grasps: evaluated contacts and poses, the best of a surface, and measures."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -35,8 +35,6 @@ from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.object_pose import ObjectPose
-from grasp3d.quality.measures.geometry import Metric, Texts
-from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.settings.lengths import small_length
 from grasp3d.settings.model_text import epsilon_min_text
 from grasp3d.stability.label import MEANING, Label
@@ -176,29 +174,18 @@ def print_poses(poses: EvaluatedPoses, output: Path) -> None:
     print_files(report, poses, output)
 
 
-def print_metrics(metrics: MetricValues, unit: str | None) -> None:
-    """Print the quantiles of each quality measure over the grasps, and why some are undefined.
-
-    Args:
-        metrics: Values of the grasps.
-        unit: Unit of lengths; None: not stated.
-    """
-    report, rows = Report(), []
-    for metric in metrics.descriptions:
-        values = np.ravel(metrics[metric.name])
+def print_metrics(metrics: Mapping[str, Floats]) -> None:
+    """Print the quantiles of each quality measure over the grasps, and how many are undefined."""
+    rows = []
+    for name, values in metrics.items():
         defined = values[~np.isnan(values)]
         texts = ["none"] * len(LEVELS)
         if len(defined):
             texts = [f"{value:.4g}" for value in np.quantile(defined, LEVELS)]
         missing = len(values) - len(defined)
-        name = escaped(f"{metric.name}{_unit_text(metric, unit)}")
-        rows.append([name, metric.better, *texts, str(missing) if missing else ""])
+        rows.append([name, *texts, str(missing) if missing else ""])
     levels = (f"{100.0 * level:.0f} %" for level in LEVELS)
-    headings = ("quality measure", "better", *levels, "undefined")
-    report.table(table_of(headings, rows, texts=2))
-    for metric in metrics.descriptions:
-        lines = _reasons(np.ravel(metrics.reasons[metric.name]))
-        report.lines(lines, f"{metric.name} undefined:")
+    Report().table(table_of(("quality measure", *levels, "undefined"), rows))
 
 
 def print_some(
@@ -418,18 +405,3 @@ def _pose_columns(poses: EvaluatedPoses) -> list[Column]:
         *_robust_columns(poses.robustness, np.arange(poses.size)),
         ("jaws", jaws),
     ]
-
-
-def _reasons(texts: Texts) -> list[str]:
-    """The reasons with the numbers of grasps, the most frequent first."""
-    reasons, counts = np.unique(texts[texts != ""], return_counts=True)
-    order = np.argsort(-counts, kind="stable")
-    return [f"{reasons[k]} ({counts[k]} of {len(texts)})" for k in order]
-
-
-def _unit_text(metric: Metric, unit: str | None) -> str:
-    """The unit of a measure in brackets; '' if it has none."""
-    if not metric.unit:
-        return ""
-    length = unit or "unit of the mesh"
-    return f" [{metric.unit.replace('length', length)}]"

@@ -2,7 +2,7 @@
 
 import math
 from abc import abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -19,8 +19,7 @@ from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.pose_checks import pose_warning
-from grasp3d.quality.measures.formulas import METRICS
-from grasp3d.quality.measures.measuring import UNDEFINED, MetricValues
+from grasp3d.quality.measures import metric_names
 from grasp3d.surface.fields import (
     CLOSED,
     FORCES,
@@ -37,7 +36,7 @@ from grasp3d.surface.rows import NO_ROW, rows_where
 from grasp3d.surface.vertex_grasps import SpreadGrasps
 
 STALE = frozenset(
-    {UNDEFINED, *METRICS, *(field.name for field in (*CLOSED, *FORCES, *ROBUST, *HAND_GRASPS))}
+    {*metric_names(), *(field.name for field in (*CLOSED, *FORCES, *ROBUST, *HAND_GRASPS))}
 )
 """Columns of given poses that may be of other settings."""
 
@@ -116,13 +115,13 @@ class GivenGrasps(LabelledGrasps):
         """Outcomes of the given poses: 1 held, 0 failed, nan not tried, shape (k,)."""
         return self.given.outcome
 
-    def to_poses(self, metrics: MetricValues | None = None) -> GraspPoses:
+    def to_poses(self, metrics: Mapping[str, Floats] | None = None) -> GraspPoses:
         """The poses with the results as columns, as `write_grasps` writes them.
 
         Args:
             metrics: Quality measures that become columns, too.
         """
-        own = {**self._columns(), **({} if metrics is None else metrics.columns())}
+        own = {**self._columns(), **(metrics or {})}
         # Measures, forces and labels in the given file may be of other settings.
         others = {
             name: column
@@ -181,7 +180,6 @@ class EvaluatedPoses(GivenGrasps, SpreadGrasps):
     collision, and from an allowed direction, shape (k,)."""
 
     no_angle = math.nan
-    no_grasp = "the jaws do not close on the object"
 
     __repr__ = short_repr
 
@@ -207,7 +205,7 @@ class EvaluatedPoses(GivenGrasps, SpreadGrasps):
             object_motion=self.object_motion,
         )  # fmt: skip
 
-    def to_poses(self, metrics: MetricValues | None = None) -> GraspPoses:
+    def to_poses(self, metrics: Mapping[str, Floats] | None = None) -> GraspPoses:
         """The poses with the results as columns; see `GivenGrasps.to_poses`."""
         poses = super().to_poses(metrics)
         touched = {"contacts": self.jaws.points, "normals": self.jaws.normals}

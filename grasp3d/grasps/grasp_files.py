@@ -3,7 +3,7 @@
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -29,7 +29,6 @@ from grasp3d.grasps.pose_files.frames import GivenPose, check_object_frame
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import GripperFrame
 from grasp3d.hand.hand import Hand
-from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.settings import MAX_FINGERS, PoseFormat
 from grasp3d.settings.lengths import Unit
 from grasp3d.settings.outcome import Outcome
@@ -291,7 +290,7 @@ def write_grasps(
     grasps: GraspTable | GivenGrasps | GraspPoses,
     *,
     format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
-    metrics: MetricValues | None = None,
+    metrics: Mapping[str, Floats] | None = None,
     object_pose: GivenPose | None = None,
     frame: GripperFrame | str | None = None,
 ) -> None:
@@ -321,8 +320,7 @@ def write_grasps(
         grasps: The grasps: with contacts, with poses that were evaluated, or poses alone.
         format: Of poses: json, csv, parquet or one of those; None: that of the suffix, json for
             .json, isaac_grasp for .yaml, graspnet for .npy.
-        metrics: Quality measures of the grasps, which become columns, with `undefined_metrics`, the
-            reasons why some are undefined.
+        metrics: Quality measures of the grasps, which become columns.
         object_pose: Of poses: the object's pose in the frame of a robot, in which json, csv,
             parquet and moveit then have poses, contacts and normals; the first three state it,
             and are read relative to the object again. A 4x4 matrix, translation in metres; a text
@@ -352,8 +350,9 @@ def write_grasps(
         grasps = grasps.to_poses(metrics)
     posed = any(given is not None for given in (format, object_pose, frame))
     if isinstance(grasps, GraspTable) and (posed or (grasps.has_poses and grasps.size)):
-        poses, own = poses_of(grasps), {} if metrics is None else metrics.columns()
-        grasps = replace(poses, settings=grasps.settings(), columns={**poses.columns, **own})
+        poses = poses_of(grasps)
+        columns = {**poses.columns, **(metrics or {})}
+        grasps = replace(poses, settings=grasps.settings(), columns=columns)
     if isinstance(grasps, GraspPoses):
         write_poses(path, grasps, format=format, object_pose=object_pose, frame=frame)
         return
@@ -361,7 +360,7 @@ def write_grasps(
 
 
 def write_parts(
-    path: Path, parts: Iterator[GraspTable], metrics: MetricValues | None = None
+    path: Path, parts: Iterator[GraspTable], metrics: Mapping[str, Floats] | None = None
 ) -> None:
     """Write grasps without poses as `write_grasps` does, each part before the next one is made.
 
@@ -399,7 +398,7 @@ def _numbered(columns: Columns, before: int) -> Columns:
 
 
 def _json_rows(
-    grasps: GraspTable, before: int, metrics: MetricValues | None
+    grasps: GraspTable, before: int, metrics: Mapping[str, Floats] | None
 ) -> Iterator[dict[str, Any]]:
     """An entry for each grasp; what is not finite is null."""
     own = _numbered(grasps.columns(metrics), before)

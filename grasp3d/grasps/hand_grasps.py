@@ -1,7 +1,7 @@
 """Poses of a hand with joints, with the grasps that its links make there."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, NoReturn
@@ -26,7 +26,6 @@ from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.region import allowed_contacts
 from grasp3d.quality.loads import load_settings
-from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.quality.wrenches import EpsilonOptions, wrench_axes
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import GivenLength
@@ -453,7 +452,7 @@ class EvaluatedHandGrasps(GivenGrasps):
         contacts = replace(own, **changed)
         return replace(self, given=self.given.take(rows), contacts=contacts)
 
-    def to_poses(self, metrics: MetricValues | None = None) -> GraspPoses:
+    def to_poses(self, metrics: Mapping[str, Floats] | None = None) -> GraspPoses:
         """As in `GivenGrasps`: poses and values of joints are those where the contacts are.
 
         Settled and closed ones are not those that were given.

@@ -17,10 +17,7 @@ from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.surface.fields import FOUND_POSES, HAND_GRASPS, LENGTH
 
 LENGTH_COLUMNS = frozenset(
-    {
-        "centroid_distance",
-        *(field.name for field in (*FOUND_POSES, *HAND_GRASPS) if field.unit == LENGTH),
-    }
+    field.name for field in (*FOUND_POSES, *HAND_GRASPS) if field.unit == LENGTH
 )
 """Columns that are lengths, and are converted with the unit."""
 

@@ -22,11 +22,8 @@ from .hand_forces.hand_grasp import HandGrasp as HandGrasp
 from .hand_forces.payloads import HandPayload as HandPayload
 from .hand_forces.payloads import hand_epsilon as hand_epsilon
 from .hand_forces.payloads import hand_payload as hand_payload
-from .measures.formulas import METRICS as METRICS
-from .measures.geometry import Metric as Metric
-from .measures.measuring import MetricValues as MetricValues
-from .measures.measuring import metric_names as metric_names
-from .measures.measuring import metrics as metrics
+from .measures import metric_names as metric_names
+from .measures import metrics as metrics
 from .task_texts import parse_task as parse_task
 from .tasks import Acceleration as Acceleration
 from .tasks import Ellipsoid as Ellipsoid

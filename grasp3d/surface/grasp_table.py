@@ -2,7 +2,7 @@
 
 import math
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
@@ -21,7 +21,7 @@ from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.closure import force_closure
 from grasp3d.quality.loads import Load, load_settings
-from grasp3d.quality.measures.measuring import MetricValues
+from grasp3d.quality.measures import ALL
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import one_line
@@ -340,11 +340,11 @@ class GraspTable(LabelledGrasps):
         """Smallest distance between any two contacts, shape (b,)."""
         return locked(_distances(self.positions).min(axis=1, initial=math.inf))
 
-    def metrics(self, names: str | Sequence[str] = "all") -> MetricValues:
+    def metrics(self, names: str | Sequence[str] = ALL) -> dict[str, Floats]:
         """Quality measures of each grasp, shape (b,) each; computed when called.
 
         Torques are divided by `mesh.torque_scale`, circular cones replaced by pyramids of 8 edges.
-        nan where a measure is undefined, with the reason.
+        nan where a measure is undefined.
 
         Args:
             names: As in `quality.metrics`: 'all', or names in a list or separated by commas.
@@ -421,14 +421,13 @@ class GraspTable(LabelledGrasps):
             vars(table)["located_angles"] = angles
         return table
 
-    def columns(self, metrics: MetricValues | None = None) -> Columns:
+    def columns(self, metrics: Mapping[str, Floats] | None = None) -> Columns:
         """What files have of each grasp as a whole by name, shape (b,) each.
 
         Args:
             metrics: Quality measures of the grasps, which become columns too.
         """
-        own = columns_of(GRASPS, self)
-        return own if metrics is None else {**own, **metrics.columns()}
+        return {**columns_of(GRASPS, self), **(metrics or {})}
 
     def contact_values(self) -> list[tuple[Field, npt.NDArray[Any]]]:
         """What files have of each contact, shape (b, n, ...), without negative zeros."""
@@ -437,7 +436,7 @@ class GraspTable(LabelledGrasps):
             for field, values in present(CONTACTS, self)
         ]
 
-    def table_columns(self, metrics: MetricValues | None = None) -> Columns:
+    def table_columns(self, metrics: Mapping[str, Floats] | None = None) -> Columns:
         """The columns of tables, those of the contacts with their number, shape (b,) each.
 
         Args:

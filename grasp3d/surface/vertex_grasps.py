@@ -17,7 +17,7 @@ from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.loads import Load
-from grasp3d.quality.measures.measuring import MetricValues
+from grasp3d.quality.measures import ALL
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import AnySampling, GraspModel
 from grasp3d.stability.label import Label, Mode
@@ -40,8 +40,6 @@ class SpreadGrasps(LabelledGrasps):
     row: Ints
     no_angle: ClassVar[float] = math.inf
     """Critical angle of places without a grasp."""
-    no_grasp: ClassVar[str] = "there is no grasp"
-    """Why they have no quality measures."""
 
     @property
     def mesh(self) -> ObjectMesh:
@@ -120,11 +118,10 @@ class SpreadGrasps(LabelledGrasps):
         holding = self.grasps.holding
         return None if holding is None else holding.spread(self.row)
 
-    def metrics(self, names: str | Sequence[str] = "all") -> MetricValues:
+    def metrics(self, names: str | Sequence[str] = ALL) -> dict[str, Floats]:
         """Quality measures of each place's grasp, shape (k,) each; computed when called.
 
-        nan where there is no grasp, and where a measure is undefined, with the reason; see
-        `GraspTable.metrics`.
+        nan where there is no grasp, and where a measure is undefined; see `GraspTable.metrics`.
 
         Args:
             names: As in `quality.metrics`: 'all', or names in a list or separated by commas.
@@ -132,9 +129,8 @@ class SpreadGrasps(LabelledGrasps):
         Raises:
             SettingError: An unknown name.
         """
-        rows = np.flatnonzero(self.row != NO_ROW)
-        values = self.grasps.metrics(names).take(self.row[rows])
-        return values.placed(rows, len(self.row), self.no_grasp)
+        values = self.grasps.metrics(names)
+        return {name: self._spread(column, math.nan) for name, column in values.items()}
 
     def computed(self, name: str) -> Any:
         """What has been computed already: `label`, `epsilon_range`, ...; None: it has not been.

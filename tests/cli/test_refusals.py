@@ -150,7 +150,7 @@ evaluate box.stl pair.json --max-distance -1 | max_distance must be
 evaluate box.stl pair.json --max-distance 70mm | is 70 mm, but the unit of box.stl is not known
 evaluate box.stl pair.json --unit mm --max-distance 70000 | is 7e+04 mm, 650 times the size of box
 evaluate box.stl pair.json --friction 0 | friction must be
-evaluate box.stl pair.json --metrics min_weight,beauty | 'beauty'; known: all, smallest
+evaluate box.stl pair.json --metrics min_weight,beauty | 'beauty'; known: all, epsilon_l1
 evaluate box.stl pair.json --metrics '' | no metric is named
 evaluate box.stl pair.json --unit mm --hand franka | contains no poses
 evaluate box.stl poses.csv --unit mm | give their gripper with --hand NAME

@@ -10,27 +10,26 @@ from hypothesis import strategies as st
 
 from grasp3d import Contacts, critical_friction_angle, epsilon, force_closure, grip_force
 from grasp3d.quality import (
-    METRICS,
     EpsilonOptions,
     Weight,
     epsilon_range,
     location_tolerance,
+    metric_names,
     metrics,
 )
 from tests.helpers import patches, shapes
 from tests.helpers.random_grasps import Shape, random_contacts
 
-AXIS = np.array([0.3, -0.5, 0.8])
 FINE = 1e-5
-POLYGONAL = {"wrench_space_volume", "min_weight", "internal_force_margin"}
-"""They depend on where the edges of the cones lie about the normals."""
+OF_AXES = {"grasp_isotropy", "smallest_singular_value"}
+"""Measures of the grasp matrix; others depend on where the edges of the pyramids lie."""
 
 
 class Quality(NamedTuple):
     """A number of a grasp, and what it does not depend on."""
 
-    value: Callable[[Contacts, float, Any], Any]
-    """Of contacts, a unit that torques are divided by, and the object's axis."""
+    value: Callable[[Contacts, float], Any]
+    """Of contacts, and a unit that torques are divided by."""
     rel: float = 3.0 * FINE
     rounding: float = 1e-6
     power: int = 0
@@ -49,42 +48,41 @@ def bounds(contacts: Contacts, unit: float, **options: Any) -> Any:
     return epsilon(contacts, torque_scale=unit, rtol=FINE, **options).upper
 
 
-def of_range(contacts: Contacts, unit: float, _: Any) -> Any:
+def of_range(contacts: Contacts, unit: float) -> Any:
     found = epsilon_range(contacts, 0.2, EpsilonOptions(torque_scale=unit, rtol=FINE))
     return [found.nominal, found.minimum, found.maximum]
 
 
 def of_metric(name: str) -> Quality:
-    def value(contacts: Contacts, unit: float, axis: Any) -> Any:
-        return metrics(contacts, name, torque_scale=unit, principal_axis=axis)[name]
+    def value(contacts: Contacts, unit: float) -> Any:
+        return metrics(contacts, name, torque_scale=unit)[name]
 
     return Quality(
         value,
-        rounding=1.1e-4 if name == "friction_margin" else 2e-6,
-        power={"length": 1, "length²": 2}.get(METRICS[name].unit, 0),
-        turns=name not in POLYGONAL,
-        shifts=name in {"min_weight", "internal_force_margin", "friction_margin"},
+        rounding=2e-6,
+        turns=name in OF_AXES,
+        shifts=name == "min_weight",
         kinds=POINTS,
     )
 
 
 QUALITIES = {
-    "epsilon": Quality(lambda c, unit, _: bounds(c, unit)),
-    "epsilon per finger": Quality(lambda c, unit, _: bounds(c, unit, actuation="per_finger")),
-    "epsilon of polygons": Quality(lambda c, unit, _: bounds(c, unit, edges=6), turns=False),
-    "closure": Quality(lambda c, *_: force_closure(c).closed, shifts=True),
-    "rank": Quality(lambda c, *_: force_closure(c).rank, shifts=True),
+    "epsilon": Quality(bounds),
+    "epsilon per finger": Quality(lambda c, unit: bounds(c, unit, actuation="per_finger")),
+    "epsilon of polygons": Quality(lambda c, unit: bounds(c, unit, edges=6), turns=False),
+    "closure": Quality(lambda c, _: force_closure(c).closed, shifts=True),
+    "rank": Quality(lambda c, _: force_closure(c).rank, shifts=True),
     "critical angle": Quality(
-        lambda c, *_: critical_friction_angle(c),
+        lambda c, _: critical_friction_angle(c),
         rounding=2e-4, shifts=True, kinds=(*POINTS, "2 patches"),
     ),
     "range over tilts": Quality(of_range, kinds=("2", "3")),
     "range over sampled tilts": Quality(of_range, turns=False, kinds=("2 soft", "2 patches")),
-    "grip force": Quality(lambda c, *_: grip_force(c, Weight(1.0)).upper, rel=2e-3),
+    "grip force": Quality(lambda c, _: grip_force(c, Weight(1.0)).upper, rel=2e-3),
     "location tolerance": Quality(
-        lambda c, *_: location_tolerance(c, rtol=1e-6), power=1, shifts=True, kinds=POINTS
+        lambda c, _: location_tolerance(c, rtol=1e-6), power=1, shifts=True, kinds=POINTS
     ),
-    **{name: of_metric(name) for name in METRICS},
+    **{name: of_metric(name) for name in metric_names()},
 }  # fmt: skip
 
 
@@ -113,8 +111,8 @@ def test_another_unit_frame_and_order_change_nothing(
     order = rng.permutation(contacts.count)
     other = patches.shifted(patches.rotated(contacts, turn), shift)
     other = patches.reordered(patches.scaled(other, unit), order)
-    expected = quality.value(contacts, 1.0, AXIS)
-    value = quality.value(other, unit, turn @ AXIS)
+    expected = quality.value(contacts, 1.0)
+    value = quality.value(other, unit)
     np.testing.assert_allclose(
         np.asarray(value) / unit**quality.power, expected, rtol=quality.rel, atol=quality.rounding
     )
@@ -126,14 +124,14 @@ def test_a_batch_has_the_values_of_its_grasps(name: str) -> None:
     for kind in quality.kinds:
         single = [random_grasp(kind, seed) for seed in range(6)]
         batch = patches.stacked(single)
-        together = np.asarray(quality.value(batch.reshape((2, 3)), 1.0, AXIS))
+        together = np.asarray(quality.value(batch.reshape((2, 3)), 1.0))
         assert together.shape[-2:] == (2, 3)
         for k, contacts in enumerate(single):
-            alone = quality.value(contacts, 1.0, AXIS)
+            alone = quality.value(contacts, 1.0)
             parts = alone if isinstance(alone, list) else [alone]
             assert not any(isinstance(part, np.ndarray) for part in parts)
             np.testing.assert_allclose(
                 together[..., k // 3, k % 3], alone, rtol=quality.rel, atol=1e-8
             )
-        none = quality.value(batch.take(slice(0, 0)), 1.0, AXIS)
+        none = quality.value(batch.take(slice(0, 0)), 1.0)
         assert np.asarray(none).shape[-1] == 0

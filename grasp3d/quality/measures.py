@@ -1,0 +1,279 @@
+"""Quality measures of the literature: epsilon of pyramids, singular values, volume, min-weight."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy.sparse import block_diag
+from scipy.spatial import ConvexHull, QhullError
+
+from grasp3d.arrays import Bools, Floats, locked, shaped
+from grasp3d.contact.contacts import Contacts, centred
+from grasp3d.errors import SettingError
+from grasp3d.quality.ferrari_canny import epsilon
+from grasp3d.quality.wrenches import check_torque_scale, wrench_axes, wrenches
+
+ALL = "all"
+"""Stands for the names of all measures."""
+
+TOGETHER = 32
+"""Programs solved as one: a call of the solver costs more than a small program."""
+
+TOLERANCE = 1e-10
+"""Largest violation of a constraint; rows and unknowns are of size 1."""
+
+NUMERICAL_DIFFICULTIES = 4
+"""Status of a program of which the solver found nothing out."""
+
+RANK_TOLERANCE = 1e-10
+"""Size of a singular value, relative to the largest, from which it adds to the rank."""
+
+LEAST_RANK = 5
+"""Rank of hard fingers on a line; below it contacts coincide, or have no friction."""
+
+SAME_POINT = 1e-12
+"""Size of a grasp, relative to its distance from the centre of mass, that is rounding alone."""
+
+BESIDE_ORIGIN = 1e-9
+"""Part of the vector of ones outside the wrenches' column space from which weights exist."""
+
+
+def metrics(
+    contacts: Contacts,
+    names: str | Sequence[str] = ALL,
+    *,
+    torque_scale: float = 1.0,
+    edges: int = 8,
+) -> dict[str, Floats]:
+    """Quality measures of the literature; the larger, the better.
+
+    Singular values and the volume of the wrench space are those in the span of the grasp, as
+    epsilon is. `min_weight` depends neither on the centre of mass nor on the torque scale.
+
+    Args:
+        contacts: Point contacts.
+        names: 'all', names of measures in a list, or separated by commas in one text.
+        torque_scale: Length that torques are divided by [mesh unit]; with
+            `ObjectMesh.torque_scale` nothing depends on the unit.
+        edges: Edges of the polygonal friction cones; about the normal they lie as those of
+            `epsilon`.
+
+    Returns:
+        Values by name, of the batch's shape each; nan where a measure is undefined.
+
+    Raises:
+        SettingError: An unknown name, a setting outside its range, or contacts with patches.
+
+    Example:
+        Three fingers around a disc of radius 1, at 120 degrees from each other:
+
+        >>> import numpy as np
+        >>> import grasp3d
+        >>> from grasp3d.quality import metrics
+        >>> angle = np.radians([0.0, 120.0, 240.0])
+        >>> points = np.stack([np.cos(angle), np.sin(angle), np.zeros(3)], axis=1)
+        >>> contacts = grasp3d.Contacts(points, -points, friction=0.5)
+        >>> found = metrics(contacts, ["grasp_isotropy", "min_weight", "epsilon_linf"])
+        >>> {name: round(float(found[name]), 3) for name in found}
+        {'grasp_isotropy': 0.707, 'min_weight': 0.042, 'epsilon_linf': 0.6}
+    """
+    if contacts.patch is not None:
+        raise SettingError(
+            "the measures of the literature are those of point contacts; give "
+            "contacts.without_patches()"
+        )
+    keys = metric_names(names)
+    check_torque_scale(torque_scale)
+    batch = contacts.batch
+    if contacts.count < 2 or not contacts.points.size:
+        return {name: locked(np.full(batch, np.nan))[()] for name in keys}
+    flat = contacts.reshape((-1,))
+    return {name: shaped(_MEASURES[name](flat, torque_scale, edges), batch) for name in keys}
+
+
+def metric_names(names: str | Sequence[str] = ALL) -> tuple[str, ...]:
+    """Names of known measures.
+
+    Args:
+        names: 'all', names in a list, or separated by commas in one text.
+
+    Returns:
+        Each name once, in the order in which it was given.
+
+    Raises:
+        SettingError: A name that is not known, or none at all.
+
+    Example:
+        >>> from grasp3d.quality import metric_names
+        >>> metric_names("min_weight, grasp_isotropy")
+        ('min_weight', 'grasp_isotropy')
+    """
+    words = names.split(",") if isinstance(names, str) else list(names)
+    parts = [str(name).strip() for name in words]
+    keys = [name for part in parts for name in (_MEASURES if part == ALL else [part])]
+    known = f"known: {ALL}, {', '.join(_MEASURES)}"
+    if not any(keys):
+        raise SettingError(f"no metric is named; {known}")
+    for name in keys:
+        if name not in _MEASURES:
+            raise SettingError(f"no metric is called {name!r}; {known}")
+    return tuple(dict.fromkeys(keys))
+
+
+def _epsilon(contacts: Contacts, torque_scale: float, edges: int, actuation: Any) -> Floats:
+    """Radius of the largest ball around 0 in the wrench space of pyramids."""
+    return epsilon(contacts, edges=edges, actuation=actuation, torque_scale=torque_scale).lower
+
+
+def _singular_values(contacts: Contacts, torque_scale: float) -> tuple[Floats, Floats]:
+    """Smallest singular value of the grasp matrix in its span, and divided by the largest, (b,).
+
+    The columns are the wrenches of unit forces along normal and tangents, and of the torsional
+    moment that a unit normal force allows.
+    """
+    rank = (_span(_axes(_about_mean(contacts), 1.0))[1] > 0.0).sum(axis=1)
+    values = np.linalg.svd(_axes(contacts, torque_scale), compute_uv=False)
+    inside = np.arange(values.shape[1]) < rank[:, None]
+    least = np.where(inside & (values > 0.0), values, np.inf).min(axis=1)
+    least = np.where(rank < LEAST_RANK, math.nan, least)
+    return least, least / values[:, 0]
+
+
+def _axes(contacts: Contacts, torque_scale: float) -> Floats:
+    """Columns of the grasp matrix as rows (b, 4 n, 6); 0 for what contacts do not transmit."""
+    used = np.ones((*contacts.friction.shape, 4), dtype=bool)
+    used[..., 1:3] = (contacts.friction > 0.0)[..., None]
+    used[..., 3] = contacts.torsion_radius > 0.0
+    axes = wrench_axes(contacts.points, contacts.normals, contacts.torsion_radius, torque_scale)
+    return np.where(used[..., None], axes, 0.0).reshape(len(used), -1, 6)
+
+
+def _extent(contacts: Contacts) -> Floats:
+    """Largest distance of a contact from the contacts' mean [mesh unit], shape (b,)."""
+    _, mean, _ = centred(contacts.points)
+    return np.asarray(np.linalg.norm(contacts.points - mean, axis=-1).max(axis=-1))
+
+
+def _about_mean(contacts: Contacts) -> Contacts:
+    """The contacts about their mean, divided by their size: equilibria depend on neither."""
+    points, extent = centred(contacts.points)[0], _extent(contacts)
+    torsion_radius = contacts.torsion_radius / np.where(extent > 0.0, extent, 1.0)[:, None]
+    return Contacts(points, contacts.normals, contacts.friction, torsion_radius)
+
+
+def _span(rows: Floats) -> tuple[Floats, Floats]:
+    """Left singular vectors of wrenches (b, k, 6), forces and torques weighted alike.
+
+    Returns:
+        (coordinates, singular values), 0 beyond the rank: weights x are in equilibrium if
+        x @ coordinates = 0.
+    """
+    balanced = np.array(rows)
+    for part in (slice(0, 3), slice(3, 6)):
+        largest = np.linalg.norm(rows[..., part], axis=-1).max(axis=-1)
+        balanced[..., part] /= np.where(largest > 0.0, largest, 1.0)[:, None, None]
+    left, sizes, _ = np.linalg.svd(balanced, full_matrices=False)
+    inside = sizes > RANK_TOLERANCE * sizes[:, :1]
+    return left * inside[:, None], np.where(inside, sizes, 0.0)
+
+
+def _wrench_space_volume(contacts: Contacts, torque_scale: float, edges: int) -> Floats:
+    """Volume of the hull of the primitive wrenches in their span."""
+    rows = wrenches(contacts, edges=edges, torque_scale=torque_scale)
+    ranks = (_coordinates(contacts, edges)[1] > 0.0).sum(axis=1)
+    values = np.full(len(rows), np.nan)
+    for row in np.flatnonzero(ranks >= LEAST_RANK):
+        values[row] = _hull_volume(rows[row], int(ranks[row]))
+    return values
+
+
+def _hull_volume(rows: Floats, rank: int) -> float:
+    """Volume in the span of wrenches (k, 6); nan if Qhull finds them too flat."""
+    # In coordinates in which the hull extends alike in all directions: Qhull's tolerances are
+    # those of its longest.
+    left, sizes, _ = np.linalg.svd(rows, full_matrices=False)
+    try:
+        hull = ConvexHull(left[:, :rank])
+    except QhullError:
+        return math.nan
+    return float(hull.volume * sizes[:rank].prod())
+
+
+def _coordinates(contacts: Contacts, edges: int) -> tuple[Floats, Floats, Bools]:
+    """Primitive wrenches about the mean as of `_span`, and which are no mere copies (b, k)."""
+    rows = wrenches(_about_mean(contacts), edges=edges)
+    used = np.ones((*contacts.friction.shape, rows.shape[1] // contacts.count), dtype=bool)
+    used[..., edges:] = (contacts.torsion_radius > 0.0)[..., None]  # there are none if all are hard
+    mask = used.reshape(rows.shape[:2])
+    return *_span(np.where(mask[..., None], rows, 0.0)), mask
+
+
+def _min_weight(contacts: Contacts, _: float, edges: int) -> Floats:
+    """Largest smallest weight of a combination of the primitive wrenches that is 0."""
+    coordinates, _sizes, used = _coordinates(contacts, edges)
+    ones = used.astype(np.float64)
+    inside = (coordinates @ (np.swapaxes(coordinates, 1, 2) @ ones[..., None]))[..., 0]
+    beside = np.linalg.norm(ones - inside, axis=1) <= BESIDE_ORIGIN * np.sqrt(used.sum(axis=1))
+    reach = np.linalg.norm(contacts.points, axis=-1).max(axis=-1)
+    rows = np.flatnonzero(~beside & (_extent(contacts) > SAME_POINT * reach))
+    values = np.full(len(used), np.nan)
+    for start in range(0, len(rows), TOGETHER):
+        chunk = rows[start : start + TOGETHER]
+        values[chunk] = _least_weights([_balance(coordinates[row][used[row]]) for row in chunk])
+    return values
+
+
+def _balance(rows: Floats) -> Floats:
+    """Equations of the smallest weight, and of by how much each of the weights exceeds it.
+
+    The wrenches (k, 6) so weighted are 0, and the weights, in the last equation, 1 together.
+    """
+    scaled = rows * np.sqrt(len(rows))  # rows of size 1
+    balance = np.vstack([scaled.sum(axis=0), scaled]).T  # (6, 1 + k)
+    total = np.concatenate([[float(len(rows))], np.ones(len(rows))])
+    return np.vstack([balance[np.any(scaled != 0.0, axis=0)], total])
+
+
+def _least_weights(programs: Sequence[Floats], *, presolve: bool = True) -> Floats:
+    """Solve programs as one with blocks; divide them in halves if that has no solution.
+
+    The solver may fail to lead the solution of a simplified program back to the program itself; one
+    of which it neither finds a solution nor that there is none is solved as it is.
+    """
+    from scipy.optimize import linprog
+
+    ends = np.cumsum([program.shape[1] for program in programs])
+    first = np.concatenate([[0], ends[:-1]])
+    cost, lowest = np.zeros(ends[-1]), np.zeros(ends[-1])
+    cost[first], lowest[first] = -1.0, -np.inf
+    constants = [np.append(np.zeros(len(program) - 1), 1.0) for program in programs]
+    tolerances = dict.fromkeys(
+        ("primal_feasibility_tolerance", "dual_feasibility_tolerance"), TOLERANCE
+    )
+    arguments: dict[str, Any] = {
+        "A_eq": block_diag(programs, format="csr"),
+        "b_eq": np.concatenate(constants),
+        "bounds": np.stack([lowest, np.full(ends[-1], np.inf)], axis=1),
+        "options": {"presolve": presolve, **tolerances},
+    }
+    result: Any = linprog(cost, **arguments)
+    if result.status == 0:
+        return np.asarray(result.x[first], dtype=np.float64)
+    if len(programs) == 1:
+        undecided = result.status == NUMERICAL_DIFFICULTIES and presolve
+        return _least_weights(programs, presolve=False) if undecided else np.array([np.nan])
+    half = len(programs) // 2
+    return np.concatenate([_least_weights(programs[:half]), _least_weights(programs[half:])])
+
+
+_MEASURES: Mapping[str, Callable[[Contacts, float, int], Floats]] = {
+    "epsilon_l1": partial(_epsilon, actuation="total"),
+    "epsilon_linf": partial(_epsilon, actuation="per_finger"),
+    "wrench_space_volume": _wrench_space_volume,
+    "grasp_isotropy": lambda contacts, scale, _: _singular_values(contacts, scale)[1],
+    "smallest_singular_value": lambda contacts, scale, _: _singular_values(contacts, scale)[0],
+    "min_weight": _min_weight,
+}
+"""Known measures by name, of a flat batch, the torque scale and the edges of the cones."""
