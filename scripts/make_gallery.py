@@ -28,7 +28,6 @@ from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
-import trimesh
 from draw_uncertainties import over_errors, over_resolution_and_location
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
@@ -40,7 +39,6 @@ from PIL import Image, ImageDraw, ImageFont
 from grasp3d import (
     GraspModel,
     Label,
-    MeshOptions,
     MultifingerSampling,
     ObjectMesh,
     ParallelGripper,
@@ -60,7 +58,6 @@ from grasp3d._kernels.hull.polytope import Polytope, make_polytope
 from grasp3d._kernels.hull.support_functions import NO_TORSION, ROWS, WrenchSpace
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.contact import FingerDesign, GraspSamples, JointEncoders
-from grasp3d.mesh.primitives import sphere_mesh
 from grasp3d.paper.figures import FIGURES
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.physics.simulation import rates_by
@@ -75,7 +72,6 @@ from grasp3d.plots.figures import (
     show_picture,
     styled,
 )
-from grasp3d.plots.perturbations import perturbation_figure
 from grasp3d.plots.validations import calibration_figure, label_figure
 from grasp3d.quality.loads import Load
 from grasp3d.rendering.opengl import View
@@ -83,7 +79,6 @@ from grasp3d.settings import with_fingers
 from grasp3d.stability.label import COLORS, MEANING
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system.tables import read_columns
-from grasp3d.validating.perturbing import NoiseSettings, perturb_surface
 from grasp3d.viewer.scene.framing import MARGIN
 from grasp3d.viewer.scene.overlays import BOLD, PLAIN
 from grasp3d.viewer.scene.pictures import open_renderer
@@ -329,57 +324,6 @@ def draw_loaded(axes: Axes, one: Loaded, scale: Normalize) -> None:
             0.5 * size[0] + right, 0.5 * size[1] - up, "+", color=color, markersize=9.0,
             markeredgewidth=width,
         )  # fmt: skip
-
-
-PATCH_NOISE, PATCH_RADIUS = 0.15, 4.0
-"""Standard deviation of the noise, and radius of the patch, in mean edges."""
-PATCH_SEED = 1
-
-
-@styled
-def draw_patches(path: Path) -> None:
-    """A ball and a mug: clean, with noise as of a scan, and with noise and a contact patch."""
-    view, cell = View(), 2.1
-    surfaces = (sphere_mesh(), fine_mesh("mug.glb"))
-    figure = new_figure(3.0 * cell + 0.3, 1.2 * cell * len(surfaces) + 0.4)
-    for row, mesh in zip(figure.subplots(len(surfaces), 3), surfaces, strict=True):
-        for axes, (title, surface) in zip(row, noisy_surfaces(mesh).items(), strict=True):
-            labels = label_surface(surface, GraspModel())
-            image = draw_labels(labels, view=view, size=(640, 640))
-            show_picture(axes, image, title, fraction_words(labels, digits=1))
-    add_labels(figure)
-    figure.savefig(path, dpi=DPI)
-
-
-def noisy_surfaces(mesh: ObjectMesh) -> dict[str, ObjectMesh]:
-    """A surface, the same with noise, and with normals averaged over a patch, by their titles."""
-    corners = mesh.vertices[mesh.faces]
-    edge = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
-    errors = np.random.default_rng(PATCH_SEED).standard_normal(len(mesh.vertices))[mesh.canonical]
-    noisy = mesh.vertices + PATCH_NOISE * edge * errors[:, None] * mesh.normals
-    plain, smoothed = (
-        load_mesh((noisy, mesh.faces), max_edge=mesh.size, patch_radius=radius)
-        for radius in (0.0, PATCH_RADIUS * edge)
-    )
-    percent = 100.0 * edge / mesh.size
-    return {
-        "clean": mesh,
-        f"noise of {PATCH_NOISE * percent:.2g} % of the size": plain,
-        f"and a patch of radius {PATCH_RADIUS * percent:.2g} %": smoothed,
-    }
-
-
-def draw_noise(path: Path) -> None:
-    """Labels of a scan of known noise, of its noisy copies, and with the advised errors."""
-    fine, noise = load_mesh(MESHES / "bulb.glb"), 0.0003
-    errors = np.random.default_rng(1).normal(0.0, noise, len(fine.vertices))[fine.canonical]
-    with TemporaryDirectory() as folder:
-        scan = Path(folder) / "scan.ply"
-        moved = fine.vertices + errors[:, None] * fine.normals
-        trimesh.Trimesh(moved, fine.faces, process=False).export(scan)
-        options = MeshOptions(unit="m", patch_radius="3mm")
-        found = perturb_surface(scan, noise=NoiseSettings(copies=50), options=options)
-    save_as(perturbation_figure(found, view=View(azimuth=math.radians(30.0))), path)
 
 
 LIBRARY_MODEL = GraspModel(friction=0.2, sensor_resolution=math.radians(15.0))
@@ -1009,9 +953,7 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "budgets": draw_budgets,
     "planar": draw_planar,
     "paper": draw_paper,
-    "noise": draw_noise,
     "hull": draw_hull,
-    "patches": draw_patches,
     "payload": draw_payload,
     "limit_surface": draw_limit_surface,
 }

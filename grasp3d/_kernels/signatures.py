@@ -35,7 +35,7 @@ from grasp3d._kernels.search import (
     rays,
     reachable_partners,
 )
-from grasp3d._kernels.surface import box_tree, face_tree, patches, surface_contacts, visible_faces
+from grasp3d._kernels.surface import box_tree, face_tree, surface_contacts, visible_faces
 
 
 def _array(item: types.Type, ndim: int, *, readonly: bool = False) -> types.Array:
@@ -77,8 +77,6 @@ _SURFACE = _tuple(surface_contacts.Surface, _fixed_f2, _fixed_i2, _fixed_i2, _fi
 _SETS = _tuple(surface_contacts.ContactNormals, _fixed_i1, _fixed_i1, _fixed_f2)
 _FACE_TREE = _tuple(face_tree.FaceTree, _i1, _i, _f2)
 _BOX_TREE = _tuple(box_tree.BoxTree, _i, _i1, _f2, _f2)
-_GEODESICS = _tuple(patches.GeodesicMesh, _i2, _f2, _f2, _f2, _f1, _f2, _i1, _i1)
-_FRONT = typeof(patches.make_front(1, 1))
 
 # Searches.
 _PAIR_LIMITS = _tuple(antipodal_candidates.PairLimits, *[_f] * 4)
@@ -201,9 +199,7 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     box_tree.nearest_faces: [(_f2, _f, _i, _i, _BOX_TREE, _i1)],
     rays.exploring_rays: [(_i1, _f, _f, _ORIGINS, _PAIRS)],
     wrench_problem.verify: [(_FORM, _f3, _f1, _f2, _f2, _f, _WORKSPACE, _f2, _f2)],
-    patches.measure_distances: [(_i, _f, _GEODESICS, _FRONT)],
     rays.refining_rays: [(_i1, _f1, _f, _ORIGINS, _PAIRS)],
-    patches.patch_vectors: [(_i1, _f, _GEODESICS, _FRONT, _f2, _f1)],
     rays.neighbour_rays: [(_i1, _ORIGINS, _PAIRS)],
     coplanar_contacts.critical_of_sets: [(_f3, _i2, _i2, _f2, _f, _PLANE, _f1, _f1)],
     coplanar_contacts.critical_of_three: [(_f3, _fixed_f3, _f, _PLANE, _f1)],
@@ -226,7 +222,6 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     settling.smallest_changes: [(_i1, _f2, _f1, _f2, _f1, _f2, _f3, _i)],
     kinematics.link_poses: [(_f2, _CHAIN)],
     kinematics.jacobians: [(_f4, _i1, _i1, _f2, _i, _CHAIN)],
-    patches.reset_front: [(_FRONT,)],
     ranked_outcomes.rank_outcomes: [(_i1, _i1, held, _i1) for held in (_b1, _fixed_b1)],
 }
 """Kernels, and for each the types of its arguments in every way that it is called."""

@@ -23,7 +23,6 @@ from grasp3d.cli.commands import (
     Check,
     Evaluate,
     Label,
-    Perturb,
     Simulate,
     Sweep,
     Validate,
@@ -97,7 +96,7 @@ def _discard(stream: TextIO) -> None:
 
 
 COMMANDS = (
-    Label, Check, Evaluate, Validate, Simulate, Batch, Sweep, Perturb, Design, Hand, View, Paper,
+    Label, Check, Evaluate, Validate, Simulate, Batch, Sweep, Design, Hand, View, Paper,
     Warmup,
 )  # fmt: skip
 """The options of the commands, each of which the module of its name runs."""

@@ -47,7 +47,6 @@ from grasp3d.settings import (
 )
 from grasp3d.settings.lengths import parse_position
 from grasp3d.settings.parsing import Group, Main
-from grasp3d.validating.perturbing.noise_settings import NoiseSettings
 from grasp3d.validating.validation_settings import ValidationSettings
 from grasp3d.viewer.view_settings import ViewSettings
 
@@ -306,39 +305,6 @@ class Check(Searching):
     def __post_init__(self) -> None:
         if not self.inputs:
             raise SettingError("no input: name a mesh file, or a folder of meshes")
-
-
-@dataclass(frozen=True)
-class Perturb(Searching):
-    """Label noisy copies of a scan, and print the errors to enter for it.
-
-    A scan is off by the scanner's noise. This command adds such noise to it again and again, labels
-    each copy, and writes for each vertex in how many of them it is S, M and U. It prints a normal
-    error and a location error: labelled with these (grasp3d label, batch, evaluate), the scan is S
-    only where nearly all of its copies are S.
-
-    Example:
-        # The errors to enter for a scan with errors of 0.3 mm
-        grasp3d perturb meshes/knob.ply --unit m --noise 0.3mm --copies 10 --patch-radius 5mm
-        # For a filtered depth image, whose errors are alike over 4 mm
-        grasp3d perturb meshes/knob.ply --unit m --noise 1mm --correlation 4mm --copies 10
-    """
-
-    file: MeshFile
-
-    output: Annotated[Path | None, Main("results at vertices: .ply .csv .parquet")] = None
-    """Results for each vertex (.ply, .csv or .parquet) (default: NAME_noise.ply in this folder)."""
-
-    figure: Annotated[Path | None, Main("figure: .svg .png .pdf")] = None
-    """Figure (.svg, .png or .pdf) (default: none)."""
-
-    noise: NoiseSettings = field(default_factory=NoiseSettings)
-
-    model: Annotated[
-        GraspModel, without(GraspModel, "location_error", "per_finger", "method", "extreme_normals")
-    ] = field(default_factory=GraspModel, kw_only=True)
-
-    mesh: Annotated[MeshOptions, WholeMesh] = field(default_factory=MeshOptions)
 
 
 @dataclass(frozen=True)

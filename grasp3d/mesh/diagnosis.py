@@ -20,7 +20,6 @@ from grasp3d.mesh.measures import (
 )
 from grasp3d.mesh.mesh_sources import MeshSource
 from grasp3d.mesh.noise import normal_noise
-from grasp3d.mesh.normals import patch_areas, surface_net
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import (
     UnitGuess,
@@ -50,18 +49,6 @@ SELF_INTERSECTING = 0.1
 ROUGH = math.radians(3.0)
 """Noise of normals above which a warning is given [rad]: about a quarter of the tilt, alpha / 2,
 of the paper's fingertip."""
-
-SMOOTH = math.radians(1.0)
-"""Noise of normals that a suggested patch radius shall reach [rad]."""
-
-LARGEST_PATCH = 0.1
-"""Largest patch radius that is suggested, as a fraction of the object's size."""
-
-FLATNESS = 0.7
-"""Least length of a patch's area vector, as a fraction of its area, for a well-defined normal."""
-
-PROBES = 200
-"""Number of patches whose flatness is measured."""
 
 STRAY = 0.01
 """Largest area fraction of a part that counts as stray."""
@@ -232,7 +219,7 @@ def diagnose(
     given_surface = Triangles(given_points, joined[given.faces])
     crossing = np.unique(crossings(surface.vertices, surface.faces))
     fraction = float(surface.areas[crossing].sum() / surface.areas.sum())
-    noise, _ = normal_noise(surface)
+    noise = normal_noise(surface)
     bodies, cavities = _count_parts(surface)
     impossible = impossible_size(mesh.size, mesh.unit)  # then it is not the object that is meant
     warnings = (
@@ -243,7 +230,7 @@ def diagnose(
         *_hole_warnings(prepared, options),
         *self_intersection_warnings(len(crossing), fraction),
         *_body_warnings(surface, bodies),
-        *_noise_warnings(surface, mesh, noise),
+        *_noise_warnings(noise),
         *_length_warnings(mesh, lengths, force=force),
     )
     corners = repaired.vertices[repaired.faces].reshape(-1, 3)
@@ -392,29 +379,12 @@ def _body_warnings(surface: Triangles, bodies: int) -> Iterator[MeshWarning]:
         )
 
 
-def _noise_warnings(surface: Triangles, mesh: ObjectMesh, noise: float) -> Iterator[MeshWarning]:
-    """Warn about inaccurate normals of a rough surface, and suggest a patch radius."""
-    patch = mesh.options.patch_radius / mesh.size
-    vertex_area = float(surface.areas.sum()) / len(surface.used)
-    radius = math.sqrt((noise / SMOOTH) ** 2 * vertex_area / math.pi)  # where errors average out
-    if noise <= ROUGH or patch >= radius:
-        return
-    message = (
-        f"the surface is rough: its normals have errors of about {math.degrees(noise):.2g} degrees"
-    )
-    if radius > LARGEST_PATCH or not _has_direction(surface, radius):
-        remedy = "smooth or remesh it; it is too rough or too coarse for a patch radius"
-    else:
-        digits = 1 - math.floor(math.log10(radius * mesh.size))
-        rounded = math.ceil(radius * mesh.size * 10.0**digits) / 10.0**digits
-        remedy = f"try a patch radius of {rounded:g} (--patch-radius)"
-        if patch > 0.0:
-            remedy += f"; {mesh.options.patch_radius:g} is too small"
-    yield MeshWarning(Trust.CARE, f"{message}; {remedy}")
-
-
-def _has_direction(surface: Triangles, radius: float) -> bool:
-    """Return whether patches of a radius are flat enough to have a normal."""
-    sources = surface.used[:: max(1, len(surface.used) // PROBES)]
-    vectors, areas = patch_areas(surface_net(surface), sources, radius)
-    return bool(np.median(np.linalg.norm(vectors, axis=1) / areas) > FLATNESS)
+def _noise_warnings(noise: float) -> Iterator[MeshWarning]:
+    """Warn about inaccurate normals of a rough surface."""
+    if noise > ROUGH:
+        degrees = math.degrees(noise)
+        yield MeshWarning(
+            Trust.CARE,
+            f"the surface is rough: its normals have errors of about {degrees:.2g} degrees; smooth "
+            f"it, or add twice that to the sensor resolution (--sensor-resolution)",
+        )

@@ -1,4 +1,4 @@
-"""Noise of a scan: the error of contact normals that it causes, and random fields like it."""
+"""Noise of a scan: the error of contact normals that it causes."""
 
 import math
 
@@ -25,21 +25,7 @@ FLAT = 1e-3
 below which they are collinear."""
 
 
-WAVES = 256
-"""Waves of a correlated field; each field draws others, so that no pattern recurs."""
-
-SIDES = 0.7
-"""Difference of two normals, as the length of their difference, over which errors lose their
-correlation as over one correlation length: of opposite sides of a wall (length 2) 2 % remain."""
-
-STREAM = 0x6E6F697365
-"""Part of every seed, so that errors which a program made with the same seed do not recur."""
-
-CHUNK = 1 << 14
-"""Points at which the waves are evaluated at once."""
-
-
-def normal_noise(surface: Triangles) -> tuple[float, float]:
+def normal_noise(surface: Triangles) -> float:
     """Estimate the error of the vertices' normals due to noise.
 
     Each normal is compared with the linear extrapolation of its neighbours' normals to its own
@@ -52,25 +38,14 @@ def normal_noise(surface: Triangles) -> tuple[float, float]:
         surface: Faces that all have an area.
 
     Returns:
-        Median error over the area [rad], 0 where no normal has neighbours on all sides; the crease
-        angle at which it was estimated [rad].
+        Median error over the area [rad], 0 where no normal has neighbours on all sides.
     """
-    noise, crease = 0.0, CREASES[0][0]
+    noise = 0.0
     for crease, largest in CREASES:
-        noise = noise_below_creases(surface, crease)
+        noise = SCALE * _median_deviation(surface, corner_normals(surface, crease))
         if noise <= largest:
             break
-    return noise, crease
-
-
-def noise_below_creases(surface: Triangles, crease: float) -> float:
-    """The estimate of `normal_noise` where edges that bend by more than an angle are left out.
-
-    Args:
-        surface: Faces that all have an area.
-        crease: Largest bend of an edge that counts as smooth [rad].
-    """
-    return SCALE * _median_deviation(surface, corner_normals(surface, crease))
+    return noise
 
 
 def _median_deviation(surface: Triangles, normals: CornerNormals) -> float:
@@ -128,55 +103,3 @@ def _median(values: Floats, weights: Floats) -> float:
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(total, total[-1] / 2.0)])
-
-
-def noise_stream(seed: int, *numbers: int) -> np.random.Generator:
-    """Make a stream of random numbers for noise.
-
-    Args:
-        seed: The user's seed.
-        numbers: What distinguishes the stream from others of that seed.
-    """
-    return np.random.default_rng((STREAM, seed, *numbers))
-
-
-def random_field(
-    points: Floats, normals: Floats, correlation: float, random: np.random.Generator
-) -> Floats:
-    """Draw a Gaussian random field at points of a surface: one number each.
-
-    The correlation of two points at distance d, whose unit normals differ by a vector of length n,
-    is exp(-d^2 / (2 correlation^2) - n^2 / (2 SIDES^2)): errors of neighbours are alike, those of
-    the two sides of a wall are not. A sum of random waves (Rahimi and Recht, 'Random features for
-    large-scale kernel machines', 2007): Gaussian with this correlation over all fields.
-
-    Args:
-        points: Positions, shape (n, 3).
-        normals: Unit normals there, shape (n, 3).
-        correlation: Correlation length, in the unit of the points, at least 0; 0: white noise, an
-            independent error at every point.
-        random: Where the numbers are drawn from.
-
-    Returns:
-        Values of mean 0 and standard deviation 1, shape (n,).
-
-    Example:
-        >>> import numpy as np
-        >>> from grasp3d.mesh.noise import random_field
-        >>> points = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [9.0, 0.0, 0.0]])
-        >>> up = np.tile([0.0, 0.0, 1.0], (3, 1))
-        >>> errors = random_field(points, up, 1.0, np.random.default_rng(0))
-        >>> errors.shape, bool(abs(errors[0] - errors[1]) < 0.5)
-        ((3,), True)
-    """
-    if correlation == 0.0:
-        return random.normal(size=len(points))
-    scaled = np.hstack([points / correlation, normals / SIDES])  # (n, 6)
-    waves = random.normal(size=(scaled.shape[1], WAVES))
-    sines, cosines = random.normal(size=(2, WAVES)) / math.sqrt(WAVES)
-    field = np.empty(len(points))
-    for start in range(0, len(points), CHUNK):
-        part = slice(start, start + CHUNK)
-        phases = scaled[part] @ waves  # (chunk, WAVES)
-        field[part] = np.sin(phases) @ sines + np.cos(phases) @ cosines
-    return field

@@ -218,7 +218,6 @@ RANGES = {
     "max_spread": LIMIT,
     "min_separation": PART,
     "torsion_radius": PART,
-    "patch_radius": PART,
     "location_error": PlausibleRange(0.0, 0.0, 1.0, usual=0.02, example="2mm"),
     "receptive_field": PlausibleRange(0.0, 0.0, 1.0, usual=0.05, example="4mm"),
     "center_of_mass_radius": PlausibleRange(0.0, 0.0, 1.0, usual=0.05, example="5mm"),

@@ -11,7 +11,7 @@ from grasp3d.arrays import Floats, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import Triangles, rounding_of, surface_extent
 from grasp3d.mesh.mesh_sources import MeshSource, check_surface, read_source
-from grasp3d.mesh.normals import corner_normals, fingertip_normals
+from grasp3d.mesh.normals import corner_normals
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.plausible_lengths import impossible_size, unit_warning
 from grasp3d.mesh.refinement import check_refinement, longest_edge, refine
@@ -62,7 +62,7 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
             without that: then it keeps its vertices.
         options: How the mesh is read and prepared; None: the defaults.
         fields: Fields of `MeshOptions` that differ from `options`: unit, max_edge, crease_angle,
-            repair, patch_radius, center_of_mass, only, avoid, max_memory.
+            repair, center_of_mass, only, avoid, max_memory.
 
     Returns:
         The mesh, with a report of what was read, repaired and doubtful in `report`. Positions are
@@ -146,7 +146,7 @@ def refined_mesh(source: RawMesh, repaired: RepairedSurface, options: MeshOption
     Args:
         source: The surface as it was read.
         repaired: The repaired surface.
-        options: Longest edge, crease angle, patch radius, unit and memory limit.
+        options: Longest edge, crease angle, unit and memory limit.
 
     Raises:
         MeshError: It would become too large.
@@ -164,9 +164,6 @@ def refined_mesh(source: RawMesh, repaired: RepairedSurface, options: MeshOption
     check_refinement(surface, edge, options.max_memory, source.where)
     with bounds_of(source.where):
         refined, normals = refine(surface, normals, edge, min(error / size, MOST_ROUNDING))
-    normals, patch_warnings = fingertip_normals(
-        Triangles(repaired.vertices, repaired.faces), refined, normals, options, size,
-    )  # fmt: skip
     center_mass, volume = center_and_volume(surface, closed=repaired.closed)
     warnings = [
         *_surface_warnings(repaired, volume, given=options.center_of_mass is not None),
@@ -201,7 +198,7 @@ def refined_mesh(source: RawMesh, repaired: RepairedSurface, options: MeshOption
             closed=repaired.closed,
             center_mass_from=center_mass_from(options, volume),
             repairs=repaired.steps,
-            warnings=(*warnings, *repaired.warnings, *patch_warnings),
+            warnings=(*warnings, *repaired.warnings),
         ),
         solids=_normalized(repaired.solids, center, size),
     )

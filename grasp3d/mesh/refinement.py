@@ -66,33 +66,6 @@ def refine(
     )
 
 
-def refined_corners(surface: Triangles, max_edge: float) -> tuple[Ints, Floats]:
-    """Where the faces that `refine` makes lie on the given ones.
-
-    Args:
-        surface: The surface.
-        max_edge: Longest edge allowed, in the unit of the vertices.
-
-    Returns:
-        The given face of each face (F',), in the order of `refine`; barycentric coordinates of its
-        three corners there, shape (F', 3, 3).
-    """
-    from trimesh.remesh import subdivide_to_size
-
-    # Each face has corners of its own, with their coordinates as columns beside the position; how a
-    # face is divided depends on the lengths of its edges only.
-    corners = surface.vertices[surface.faces].reshape(-1, 3)
-    rows = np.hstack([corners, np.tile(np.eye(3), (len(surface.faces), 1))])
-    rows, corners, parents = subdivide_to_size(
-        rows,
-        np.arange(len(rows)).reshape(-1, 3),
-        max_edge * (1.0 + 1e-9),
-        max_iter=MAX_ROUNDS,
-        return_index=True,
-    )
-    return parents, rows[corners][..., 3:]
-
-
 def _first_nearby(points: Floats, same: Ints, count: int, tolerance: float) -> Ints:
     """First point within a tolerance of each added point, shape (n,).
 

@@ -18,7 +18,6 @@ from grasp3d.hand.hand import Hand, touching
 from grasp3d.hand.jaws import Jaws, metres_per_unit
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
-from grasp3d.mesh.noise import noise_stream
 from grasp3d.physics.drawing import DrawnGrasps, TruePoints, draw_grasps, true_points
 from grasp3d.physics.engine import mujoco_module
 from grasp3d.physics.fingers import Fingers
@@ -142,6 +141,9 @@ def _lost(job: Job, reason: str) -> JobResult:
     return JobResult(job.number, (_NOT_SIMULATED,) * len(job.attempts), f"the simulation {reason}")
 
 
+STREAM = 0x6E6F697365
+"""Part of every seed, so that numbers which a program drew with the same seed do not recur."""
+
 GRASPS = 3
 """Number of the stream of random numbers of simulated grasps."""
 
@@ -233,7 +235,7 @@ def simulate_grasps(
     begin_step("dividing the object into convex parts")
     parts = divided(surface, settings, processes)
     begin_step("drawing grasps")
-    random = noise_stream(settings.seed, GRASPS)
+    random = _random_stream(settings.seed, GRASPS)
     with unreported():
         reached = true_points(surface, parts, radius, settings.part_angle, random)
         grasps = draw_grasps(surface, reached, own_model, within, settings.count, random)
@@ -268,6 +270,11 @@ def simulate_grasps(
         part_angle=locked(angles_between(_at(parts.outward, grasps.points), -grasps.normals)),
         warnings=warnings,
     )
+
+
+def _random_stream(seed: int, number: int) -> np.random.Generator:
+    """Return a stream of random numbers, one for each use of the user's seed."""
+    return np.random.default_rng((STREAM, seed, number))
 
 
 def _model(model: GraspModel | None, hand: Hand | None) -> GraspModel:
@@ -416,7 +423,7 @@ def simulate_poses(
     begin_step("simulating grasps")
     stage = Stage.of(evaluated.mesh, parts, _tips(hand, evaluated.model, scale, settings), settings)
     given = np.repeat(np.arange(evaluated.size), settings.trials)
-    errors = settings.pose_error.draw(len(given), "m", noise_stream(settings.seed, OFFSETS))
+    errors = settings.pose_error.draw(len(given), "m", _random_stream(settings.seed, OFFSETS))
     attempts = _posed_attempts(evaluated, given, errors, stage.tips, scale)
     outcomes, _ = simulate_attempts(attempts, stage, processes)
     table = {

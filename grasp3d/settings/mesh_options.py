@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, Literal
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.checks import DEGREE, Radians, check_choice, check_length, check_range
+from grasp3d.settings.checks import DEGREE, Radians, check_choice, check_range
 from grasp3d.settings.lengths import (
     Length,
     LengthSettings,
@@ -34,15 +34,11 @@ class MeshOptions(LengthSettings):
         max_edge: Longest edge of the mesh, a length; longer edges are divided. none: 1/32 of the
             object's size.
         crease_angle: An edge whose faces meet at more than this angle is a crease (a sharp edge):
-            the faces keep their own normals there. With a patch_radius edges are rounded instead.
+            the faces keep their own normals there.
         repair: How much of a damaged surface is repaired. none: only faces without area are
             removed; safe: also vertices are welded, faces oriented outward, pinholes closed,
             overlapping bodies united; full: also every hole is closed, and sealed cavities are
             filled.
-        patch_radius: Radius of the fingertip's contact patch, a length: the contact
-            normal at a surface point is the average over the surface within this distance along it,
-            as a soft fingertip touches an area; at most half of the object's size. 0: the normal at
-            the point alone.
         center_of_mass: Centre of mass of the object in the mesh's frame, three lengths with commas:
             10mm,0,-2.5mm. none: that of a uniform density, or, if the mesh is open, of its surface.
         only: Part of the surface where contacts may be: box:X0,Y0,Z0,X1,Y1,Z1 (its lowest and its
@@ -67,7 +63,6 @@ class MeshOptions(LengthSettings):
     max_edge: Length[float | None] = Length(None)
     crease_angle: Radians = 30.0 * DEGREE
     repair: Repair = "safe"
-    patch_radius: Length[float] = Length(0.0)
     center_of_mass: Position = Position(None)
     only: Region = Region()
     avoid: Region = Region()
@@ -82,7 +77,6 @@ class MeshOptions(LengthSettings):
             raise SettingError(f"max_edge must be above 0; got {describe_length(self.max_edge)}")
         check_range("crease angle", self.crease_angle, 0.0, math.pi, degrees=True)
         check_choice("repair", self.repair, Repair)
-        check_length("patch radius", self.patch_radius)
         check_range("max memory", self.max_memory, MIN_MEMORY, unit="GB")
 
     @classmethod

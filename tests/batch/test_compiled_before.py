@@ -43,7 +43,6 @@ if __name__ == "__main__":
     block = ("block.off", "--unit", "m", "--max-edge", "40mm")
     held = ("--hand", "robotiq_2f85", "--table", "as-is", "--mass", "0.1kg")
     run("label", *mug, "--best", 2)
-    run("label", *mug, "-o", "patches.ply", "--patch-radius", "5mm")
     run("label", *small, "-o", "extremes.ply", "--method", "extremes", "--edges", 4)
     run("label", *mug, "-o", "located.ply", "--location-error", "1mm", "--normal-error", 2)
     run("label", *small, "-o", "soft.ply", "--torsion-radius", "1mm")
@@ -55,8 +54,6 @@ if __name__ == "__main__":
         load += ("--center-of-mass-radius", "1mm", "--overwrite")
         for radius in (0, "3mm"):
             run("label", *block, *load, "--torsion-radius", radius)
-    noise = ("--noise", "0.3mm", "--copies", 2, "--patch-radius", "3mm")
-    run("perturb", *block, *noise, "-o", "noise.ply")
     run("evaluate", *mug, "mug_grasps.json", "-q")
     run("evaluate", *mug, "poses.json", *held, "-q")
     run("sweep", *mug)

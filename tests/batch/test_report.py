@@ -249,7 +249,7 @@ def test_describe_settings() -> None:
     limited = BatchSettings(
         GraspModel(method="extremes", edges=8, actuation="per_finger", torsion_radius=0.01),
         Sampling(min_opening=0.01, max_opening=0.08, grip="both", search_angle=1.0),
-        MeshOptions(patch_radius=0.002, max_edge=0.01, unit="m"),
+        MeshOptions(max_edge=0.01, unit="m"),
     )
     text = dict(describe_settings(limited))
     assert text["Opening"] == "at least 0.01 and at most 0.08 (in each mesh's unit)"
@@ -257,7 +257,7 @@ def test_describe_settings() -> None:
     assert text["Labels"] == "from wrench hulls at 8 extreme normals, sampled"
     assert text["Epsilon"] == "cones of 8 edges, each finger's force at most 1"
     assert text["Fingers"] == "2, soft"
-    assert {"Torsion radius", "Patch radius", "Longest edge", "Unit of the files"} <= set(text)
+    assert {"Torsion radius", "Longest edge", "Unit of the files"} <= set(text)
     assert text["Search"] == "grasps with β* up to 57.3°"
     three_fingers = BatchSettings(GraspModel(fingers=3), MultifingerSampling(max_spread=0.12))
     text = dict(describe_settings(three_fingers))

@@ -128,7 +128,6 @@ label open.stl --strict | the surface is open: inside and outside
 evaluate box.stl pair.json --unit mm --mass 2000 --strict | more than any material
 evaluate box.stl poses.csv --unit mm --mass 2000 --hand franka --strict | more than any
 view box.stl --unit mm --mass 2000 --screenshot x.png --strict | more than any material
-perturb open.stl --unit mm --noise 1 --copies 2 --strict | the surface is open
 sweep open.stl --strict | the surface is open
 validate poses.csv --mesh box.stl --unit mm --mass 2000 --hand franka --strict | more than any
 design --sensor-resolution 170 --object-size 1 --strict | of the object's size, is not small
@@ -249,26 +248,7 @@ check ball.ply -o notes.json | notes.json: exists and is no result of grasp3d
 check ball.ply -o link.json | is the mesh itself
 check ball.ply --workers -1 | workers must be at least 0
 check ball.ply --max-memory 0.1 | max memory must be at least 0.5 GB
-check ball.ply --patch-radius -1 | patch radius must be
 check | no input
-perturb ball.ply --noise 0 | noise must be a finite length above 0
-perturb ball.ply --noise 9 | noise is 9, but the size of ball.ply
-perturb ball.ply --noise -1 | noise must be a finite length above 0
-perturb ball.ply --noise nan | noise must be a finite length above 0
-perturb ball.ply --noise two | noise must be a length
-perturb ball.ply --noise 1mm | unit of ball.ply is not known
-perturb ball.ply --noise 0.01 --correlation 5 | correlation is 5
-perturb ball.ply --correlation -1 | correlation must be a finite length of at least 0
-perturb ball.ply --noise-seed 9223372036854775808 | noise seed must be below
-perturb ball.ply --level 0.5 | level must be above 0.5 and below 1
-perturb ball.ply --level 1 | level must be above 0.5 and below 1
-perturb ball.ply --copies 1000000 | copies must be from 2 to 10000
-perturb ball.ply --copies 1 | copies must be from 2 to 10000
-perturb ball.ply --level 2 | level must be above 0.5 and below 1
-perturb ball.ply -o a.txt | supported are .ply .csv .parquet
-perturb ball.ply --figure a.gif | supported are .svg .png .pdf
-perturb ball.ply -o ball.ply | ball.ply: is the mesh itself
-perturb box.stl | no noise that can be measured
 hand --picture a.png | --picture needs a gripper
 hand nope | 'nope'; known: franka (panda), robotiq_2f85, robotiq_2f140, wsg50, tactile
 hand other.json | other.json: is no gripper
@@ -393,9 +373,6 @@ warmup --hand | grasp3d warmup has no option --hand
 warmup --fingers 3 | grasp3d warmup has no option --fingers
 design --fraction 1 | did you mean --friction?
 design --mass 1 | design has no option --mass
-perturb missing.ply --location-error 1mm | no option --location-error
-perturb missing.ply --per-finger 'location_error=1mm; normal_error=2' | no option --per-finger
-perturb missing.ply --method extremes | no option --method
 label x --fingers | --fingers needs a value: INT
 label x --at | --at needs a value: X,Y,Z
 label x --only | --only needs a value: PART|none
@@ -464,8 +441,6 @@ simulate box.stl --count many | --count must be a whole number
 sweep circle --figure x.csv | unsupported figure format .csv
 sweep circle --fraction 1.5 | each fraction must be
 check ball.ply -o x.ply | unsupported report format .ply
-perturb ball.ply --copies few | --copies must be a whole number
-perturb ball.ply --figure x.ply | unsupported figure format .ply
 hand frank | no gripper is called 'frank' (did you mean franka?)
 hand franka --tcp 5 | for URDF and MuJoCo files
 batch ball.ply -o out --best few | --best must be a whole number
@@ -500,8 +475,6 @@ batch ball.ply -o out --log @.csv
 sweep ball.ply -o @.csv
 sweep ball.ply -o new.csv --figure @.svg
 check ball.ply -o @.json
-perturb ball.ply --noise 0.01 -o @.ply
-perturb ball.ply --noise 0.01 --figure @.svg
 view ball.ply --screenshot @.png
 view ball.ply --turntable @.gif
 design --object box.stl --unit mm --friction 0.5 --figure @.svg

@@ -16,7 +16,6 @@ import pyvista
 
 from grasp3d import (
     GraspModel,
-    MeshOptions,
     ParallelGripper,
     Sampling,
     SurfaceLabels,
@@ -44,7 +43,6 @@ from grasp3d.surface.sweeps import write_sweeps
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.validating import write_validation
-from grasp3d.validating.perturbing import NoiseSettings, perturb_surface, write_perturbation
 from grasp3d.validating.validation import TABLES
 from tests.docs.field_tables import PAGES, PLY_TYPES, rendered
 from tests.helpers import shapes
@@ -273,24 +271,6 @@ def test_simulated_grasps(tmp_path: Path) -> None:
     written = metadata(tmp_path / "out.parquet")
     assert added < written
     assert written - added <= set().union(*tables("Settings"))
-
-
-def test_noisy_copies(tmp_path: Path) -> None:
-    noise = NoiseSettings(noise=0.01, copies=2)
-    found = perturb_surface(shapes.sphere(1), noise=noise, options=MeshOptions(max_edge=9.0))
-    for suffix in ("csv", "parquet", "ply"):
-        write_perturbation(tmp_path / f"out.{suffix}", found)
-    columns, added = tables("Noisy copies")
-    assert set(pq.read_table(tmp_path / "out.parquet").column_names) == columns
-    assert set(pc.read_csv(tmp_path / "out.csv").column_names) == columns
-    header = (tmp_path / "out.ply").read_bytes().partition(b"end_header")[0].decode()
-    assert set(re.findall(r"property float (\w{3,})", header)) == columns - {"x", "y", "z"}
-    written = set(re.findall(r"comment grasp3d (\w+)", header))
-    assert written == metadata(tmp_path / "out.parquet")
-    added = {name for name in added if name not in {"given", "roughness", "inf"}}
-    assert added < written
-    labelled = set().union(*tables("Settings"))
-    assert written - added <= labelled
 
 
 @pytest.mark.slow

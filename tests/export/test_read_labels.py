@@ -64,8 +64,8 @@ def gripper() -> SurfaceLabels:
     return label_surface(box(), hand=FRANKA, table=Table.below(box(), "z"), load=Load(mass="200 g"))
 
 
-def patches() -> SurfaceLabels:
-    mesh = load_mesh(shapes.box((4.0, 3.0, 2.0)), unit="cm", max_edge=1.5, patch_radius="3mm")
+def loaded() -> SurfaceLabels:
+    mesh = load_mesh(shapes.box((4.0, 3.0, 2.0)), unit="cm", max_edge=1.5)
     return label_surface(mesh, load=Load(density=(900.0,), grip_force="20 N"))
 
 
@@ -84,7 +84,7 @@ CASES: dict[str, Callable[[], SurfaceLabels]] = {
     "extremes": lambda: label_surface(box(), GraspModel(method="extremes", extreme_normals=4)),
     "three fingers": three_fingers,
     "gripper": gripper,
-    "patches": patches,
+    "loaded": loaded,
     "given task": lambda: label_surface(box(), load=Load(task=Weight(0.3), grip_force=20.0)),
     "scan": lambda: scan_surface(box(), fixed=(0.0, 1.5, 0.0)),
     "welded": welded,

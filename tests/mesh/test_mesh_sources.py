@@ -179,8 +179,8 @@ def test_a_prepared_mesh_stays_unless_other_options_are_given() -> None:
     mesh = load_mesh(shapes.box(), unit="cm", max_edge=0.5)
     assert load_mesh(mesh) is mesh
     assert load_mesh(mesh, mesh.options) is mesh
-    again = load_mesh(mesh, patch_radius=0.1)
-    assert (again.unit, again.options.patch_radius, again.options.max_edge) == ("cm", 0.1, 0.5)
+    again = load_mesh(mesh, crease_angle=0.1)
+    assert (again.unit, again.options.crease_angle, again.options.max_edge) == ("cm", 0.1, 0.5)
     np.testing.assert_array_equal(again.vertices, mesh.vertices)
     diagnosis = check_mesh(mesh)
     assert diagnosis.after.volume == pytest.approx(1.0)

@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull
 
 from grasp3d import load_mesh
 from grasp3d.mesh.measures import Triangles
-from grasp3d.mesh.noise import SIDES, normal_noise, random_field
+from grasp3d.mesh.noise import normal_noise
 from grasp3d.mesh.normals import corner_normals
 from grasp3d.mesh.repair.work import repair_surface
 from grasp3d.reading.mesh_files import read_mesh
@@ -17,11 +17,6 @@ from tests.helpers import shapes
 from tests.helpers.shapes import Surface
 
 HALF_DEGREE = math.radians(0.5)
-
-
-def noise_of(surface: Triangles) -> float:
-    noise, _ = normal_noise(surface)
-    return noise
 
 
 def uneven_sphere(count: int) -> Surface:
@@ -88,7 +83,7 @@ def test_added_noise_is_measured(name: str, sigma: float) -> None:
     cosine = -(found.normals * true_normals(name, ROUND[name][0])[found.vertices]).sum(axis=1)
     weights = np.bincount(found.corners.ravel()).astype(np.float64)
     truth = weighted_median(np.arccos(np.clip(cosine, -1.0, 1.0)), weights)
-    assert 0.75 * truth < noise_of(Triangles(points, faces)) < 1.15 * truth
+    assert 0.75 * truth < normal_noise(Triangles(points, faces)) < 1.15 * truth
 
 
 FLAT = {
@@ -109,9 +104,9 @@ FLAT = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FLAT)
 def test_sharp_solids_have_no_noise_coarse_or_refined(name: str) -> None:
-    assert noise_of(Triangles(*FLAT[name])) < HALF_DEGREE
+    assert normal_noise(Triangles(*FLAT[name])) < HALF_DEGREE
     mesh = load_mesh(FLAT[name])
-    assert noise_of(Triangles(mesh.vertices, mesh.faces)) < HALF_DEGREE
+    assert normal_noise(Triangles(mesh.vertices, mesh.faces)) < HALF_DEGREE
 
 
 @pytest.mark.parametrize(
@@ -119,7 +114,7 @@ def test_sharp_solids_have_no_noise_coarse_or_refined(name: str) -> None:
     [shapes.sphere(3), shapes.sphere(4), shapes.torus(), shapes.lopsided(), cylinder_side(4.0)],
 )
 def test_smooth_shapes_have_hardly_any_noise(shape: Surface) -> None:
-    assert noise_of(Triangles(*shape)) < HALF_DEGREE
+    assert normal_noise(Triangles(*shape)) < HALF_DEGREE
 
 
 def test_errors_of_normals_of_a_coarse_mesh_count_as_noise() -> None:
@@ -127,7 +122,7 @@ def test_errors_of_normals_of_a_coarse_mesh_count_as_noise() -> None:
     found = corner_normals(Triangles(points, faces), math.pi)
     cosine = -(found.normals * points[found.vertices]).sum(axis=1)
     truth = float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
-    assert 0.7 * truth < noise_of(Triangles(points, faces)) < 1.4 * truth
+    assert 0.7 * truth < normal_noise(Triangles(points, faces)) < 1.4 * truth
 
 
 def test_creases_do_not_hide_noise_nor_add_to_it() -> None:
@@ -138,12 +133,12 @@ def test_creases_do_not_hide_noise_nor_add_to_it() -> None:
         found = corner_normals(Triangles(points, box.faces), math.pi)
         cosine = (found.normals * box.normals[found.vertices]).sum(axis=1)[inner[found.vertices]]
         truth = float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
-        assert noise_of(Triangles(points, box.faces)) == pytest.approx(truth, rel=0.15)
+        assert normal_noise(Triangles(points, box.faces)) == pytest.approx(truth, rel=0.15)
 
 
 def test_very_strong_noise_is_reported_as_large() -> None:
     for sigma in (2.0, 10.0):
-        assert noise_of(
+        assert normal_noise(
             Triangles(noisy(ROUND["sphere"], sigma), ROUND["sphere"][1])
         ) > math.radians(60.0)
 
@@ -157,8 +152,8 @@ def test_noise_is_independent_of_size_rotation_and_order(seed: int, exponent: in
     moved = np.empty_like(points)
     moved[order] = points @ shapes.rotation(seed).T * 10.0**exponent
     mixed = np.roll(order[faces], 1, axis=1)[rng.permutation(len(faces))]
-    again = noise_of(Triangles(moved, mixed))
-    assert again == pytest.approx(noise_of(Triangles(points, faces)), rel=1e-6)
+    again = normal_noise(Triangles(moved, mixed))
+    assert again == pytest.approx(normal_noise(Triangles(points, faces)), rel=1e-6)
 
 
 @pytest.mark.slow
@@ -167,49 +162,4 @@ def test_shipped_meshes_are_clean() -> None:
         if path.suffix not in {".md", ".png"}:
             raw = read_mesh(path)
             surface = repair_surface(raw.vertices, raw.faces, "safe", path.name)
-            assert noise_of(Triangles(surface.vertices, surface.faces)) < math.radians(1.5)
-
-
-FIELDS = 4000
-
-
-def fields(points: np.ndarray, normals: np.ndarray, correlation: float) -> np.ndarray:
-    """Many fields at the same points, (FIELDS, n)."""
-    random = np.random.default_rng(3)
-    return np.stack([random_field(points, normals, correlation, random) for _ in range(FIELDS)])
-
-
-@pytest.mark.parametrize("correlation", [0.0, 1.0])
-def test_every_value_is_gaussian_with_unit_deviation(correlation: float) -> None:
-    values = fields(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), correlation).ravel()
-    assert values.mean() == pytest.approx(0.0, abs=0.06)
-    assert values.std() == pytest.approx(1.0, abs=0.04)
-    assert (np.abs(values) < 1.0).mean() == pytest.approx(math.erf(math.sqrt(0.5)), abs=0.03)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("distance", [0.0, 0.5, 1.0, 2.0, 4.0])
-@pytest.mark.parametrize("turn", [0.0, 0.5, math.pi])
-def test_neighbours_have_the_stated_correlation(distance: float, turn: float) -> None:
-    points = np.array([[1.0, 2.0, 3.0], [1.0 + 0.2 * distance, 2.0, 3.0]])
-    normals = np.array([[0.0, 0.0, 1.0], [math.sin(turn), 0.0, math.cos(turn)]])
-    one, two = fields(points, normals, 0.2).T
-    apart = 2.0 * math.sin(turn / 2.0)
-    expected = math.exp(-(distance**2) / 2.0 - apart**2 / (2.0 * SIDES**2))
-    assert np.mean(one * two) == pytest.approx(expected, abs=0.06)
-
-
-def test_white_noise_has_no_neighbours() -> None:
-    points, normals = np.zeros((2, 3)), np.tile([0.0, 0.0, 1.0], (2, 1))
-    one, two = fields(points, normals, 0.0).T
-    assert np.mean(one * two) == pytest.approx(0.0, abs=0.06)
-
-
-@pytest.mark.slow
-def test_the_same_seed_gives_the_same_field_at_any_number_of_points() -> None:
-    random = np.random.default_rng(0)
-    points = random.normal(size=(40_000, 3))
-    normals = np.tile([0.0, 0.0, 1.0], (40_000, 1))
-    every = random_field(points, normals, 0.5, np.random.default_rng(5))
-    few = random_field(points[20_000:20_010], normals[:10], 0.5, np.random.default_rng(5))
-    np.testing.assert_allclose(every[20_000:20_010], few, atol=1e-12)
+            assert normal_noise(Triangles(surface.vertices, surface.faces)) < math.radians(1.5)

@@ -60,7 +60,6 @@ def test_only_lengths_with_that_default_can_be_none() -> None:
         lambda: Sampling(min_opening=empty),
         lambda: MultifingerSampling(max_spread=empty),
         lambda: GraspModel(torsion_radius=empty),
-        lambda: MeshOptions(patch_radius=empty),
     ):
         with pytest.raises(SettingError, match=r"must be a length: .*; got None"):
             call()
@@ -92,7 +91,7 @@ def test_every_length_of_the_settings_takes_a_unit() -> None:
             MultifingerSampling(min_separation="5mm", max_spread="5mm"),
             {"min_separation", "max_spread"},
         ),
-        (MeshOptions(max_edge="5mm", patch_radius="5mm"), {"max_edge", "patch_radius"}),
+        (MeshOptions(max_edge="5mm"), {"max_edge"}),
     ):
         assert settings.lengths() == dict.fromkeys(names, Measure(5.0, "mm"))
         (converted,) = settings_in_unit("cm", settings)
@@ -124,7 +123,7 @@ def test_fingers_are_soft_whatever_the_unit_of_the_torsion_radius() -> None:
 def test_settings_without_units_have_the_same_identity_as_before() -> None:
     plain = json.loads(settings_text(BatchSettings(sampling=Sampling(max_opening=0.08))))
     assert plain["sampling"]["max_opening"] == 0.08
-    assert plain["mesh"]["patch_radius"] == 0
+    assert plain["mesh"]["max_edge"] is None
     values = plain_values(Sampling())
     assert values == {name: getattr(Sampling(), name) for name in values}
     other = json.loads(settings_text(BatchSettings(sampling=Sampling(max_opening="80 mm"))))
@@ -136,8 +135,8 @@ def test_settings_without_units_have_the_same_identity_as_before() -> None:
 @pytest.mark.slow
 def test_labels_with_units_are_those_with_numbers() -> None:
     box = shapes.box((40.0, 60.0, 80.0))
-    options = MeshOptions(unit="mm", max_edge=40.0, patch_radius=4.0)
-    mesh = load_mesh(box, replace(options, max_edge="4cm", patch_radius="0.004m"))
+    options = MeshOptions(unit="mm", max_edge=40.0)
+    mesh = load_mesh(box, replace(options, max_edge="4cm"))
     assert mesh.options == options
     model = GraspModel(torsion_radius="0.2cm")
     labels = label_surface(mesh, model, sampling=Sampling(max_opening="0.05 m"))
@@ -151,7 +150,7 @@ def test_labels_with_units_are_those_with_numbers() -> None:
     for call in (
         lambda: label_surface(without, sampling=Sampling(max_opening="5cm")),
         lambda: evaluate_grasps(without, grasp, max_distance="2mm"),
-        lambda: load_mesh(box, patch_radius="3mm"),
+        lambda: load_mesh(box, max_edge="3mm"),
     ):
         with pytest.raises(SettingError, match="but the unit of arrays is not known"):
             call()

@@ -1,1 +1,1 @@
-"""Surfaces: faces, normals, trees over faces, rays, patches, walks."""
+"""Surfaces: faces, normals, trees over faces, rays, walks."""

@@ -125,10 +125,7 @@ def _length(length: float) -> str:
 
 def _mesh(options: MeshOptions) -> Iterator[tuple[str, str]]:
     yield "Repair", options.repair
-    if options.patch_radius:
-        yield "Patch radius", _length(options.patch_radius)
-    else:
-        yield "Sharp edges", f"faces that meet at more than {_degrees(options.crease_angle)}"
+    yield "Sharp edges", f"faces that meet at more than {_degrees(options.crease_angle)}"
     if options.max_edge is not None:
         yield "Longest edge", _length(options.max_edge)
     if options.unit is not None:
