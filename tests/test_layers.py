@@ -69,7 +69,6 @@ ENGINES = {
     "vtkmodules": {"export", "rendering.opengl", "viewer"},
     "trame": {"viewer"},
     "trame_rca": {"viewer"},
-    "imageio_ffmpeg": {"viewer"},
     "aiohttp": {"viewer"},
     "mujoco": {"hand.mjcf", "physics.engine"},
     "coacd": {"physics.parts"},

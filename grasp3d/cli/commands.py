@@ -348,9 +348,6 @@ class View(Labelling, TimeLimited):
     screenshot: Annotated[Path | None, Main("write a picture instead: .png")] = None
     """Write a picture (.png) instead; needs no display."""
 
-    turntable: Annotated[Path | None, Main("write a film instead: .gif .mp4")] = None
-    """Write a film of one full turn (.gif or .mp4) instead; needs no display."""
-
     view: ViewSettings = field(default_factory=ViewSettings)
 
 

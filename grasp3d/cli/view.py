@@ -15,7 +15,7 @@ from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.scene import Scene
 from grasp3d.system.context import refuse_warnings
 from grasp3d.system.names import printable
-from grasp3d.viewer.scene.pictures import check_film, check_picture, save_picture, save_turntable
+from grasp3d.viewer.scene.pictures import check_picture, save_picture
 from grasp3d.viewer.session.collection import (
     Collection,
     collection_of_grasps,
@@ -30,10 +30,13 @@ def run(command: View) -> int:
     problem = _check(command)
     with time_limit(command.timeout, printable(str(command.target))):
         collection = _opened(command)
-    _write(command, collection)
+    if command.screenshot:
+        with progress_bars.progress(f"rendering {command.screenshot.name}", quiet=command.quiet):
+            save_picture(collection, command.view, command.screenshot)
+        _print(command, f"written: {command.screenshot}")
     if command.web or problem:
         _serve(command, collection, problem)
-    elif not (command.screenshot or command.turntable):
+    elif not command.screenshot:
         from grasp3d.viewer.window.desktop import show_window
 
         show_window(Session(collection, command.view))
@@ -92,27 +95,16 @@ def _check(command: View) -> str:
     Returns:
         Why no window can be opened; empty if one can, or is not needed.
     """
-    for path, check in ((command.screenshot, check_picture), (command.turntable, check_film)):
-        if path:
-            check(path)
-            check_output(path, overwrite=command.overwrite)
-    needs_window = not (command.web or command.screenshot or command.turntable)
+    if command.screenshot:
+        check_picture(command.screenshot)
+        check_output(command.screenshot, overwrite=command.overwrite)
+    needs_window = not (command.web or command.screenshot)
     problem = display_problem() if needs_window else ""
     if command.web or problem:
         from grasp3d.viewer.web.page import check_page
 
         check_page(command.host, command.port)
     return problem
-
-
-def _write(command: View, collection: Collection) -> None:
-    """Write the requested pictures and films."""
-    for path, save in ((command.screenshot, save_picture), (command.turntable, save_turntable)):
-        if path is None:
-            continue
-        with progress_bars.progress(f"rendering {path.name}", quiet=command.quiet):
-            save(collection, command.view, path)
-        _print(command, f"written: {path}")
 
 
 def _serve(command: View, collection: Collection, problem: str) -> None:

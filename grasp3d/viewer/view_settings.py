@@ -56,8 +56,8 @@ class ViewSettings:
             that each finger needs under a load; payload: mass that the force at hand holds at all
             normals within the resolution; margin: angle by which it is S, below 0 by which it
             fails to be.
-        vertex: Index of the vertex whose grasp is shown first. none: no grasp; pictures and films
-            with a gripper show the best grasp that it reaches.
+        vertex: Index of the vertex whose grasp is shown first. none: no grasp; pictures with a
+            gripper show the best grasp that it reaches.
         compare: A second sensor resolution, shown beside the first, in the colours S, M, U; none:
             no second one.
         azimuth: Azimuth of the camera about the z-axis, from the x-axis; about the table's normal

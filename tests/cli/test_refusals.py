@@ -280,7 +280,6 @@ view . --screenshot a.png | was not written by grasp3d batch
 view bad.ply --screenshot a.png | have a property 'label' but no 'critical_angle'
 view prose.stl --screenshot a.png | prose.stl: cannot be read as STL: it holds no triangles
 view ball.ply --screenshot a.jpg | a.jpg: unsupported picture format .jpg: supported are .png
-view ball.ply --turntable a.avi | a.avi: unsupported film format .avi: supported are .gif
 view ball.ply --screenshot none/a.png | none/a.png: cannot be written
 view ball.ply --screenshot ball.ply | ball.ply: unsupported picture format .ply
 view ball.ply --screenshot notes.png | notes.png: exists and is no result of grasp3d
@@ -447,7 +446,6 @@ batch ball.ply -o out --best few | --best must be a whole number
 batch ball.ply -o out --workers 2 --scheduler tcp://x:1 | workers and scheduler exclude each other
 batch ball.ply -o notes.csv/out | its folder is a file; name another folder
 view ball.ply --screenshot x.gif | unsupported picture format .gif
-view ball.ply --turntable x.png | unsupported film format .png
 view ball.ply --width 10 --screenshot x.png | width must be from 320
 view ball.ply --port high | --port must be a whole number
 design --figure notes.svg --friction 0.5 --sensor-resolution 20 | exists and is no result of grasp3d
@@ -476,7 +474,6 @@ sweep ball.ply -o @.csv
 sweep ball.ply -o new.csv --figure @.svg
 check ball.ply -o @.json
 view ball.ply --screenshot @.png
-view ball.ply --turntable @.gif
 design --object box.stl --unit mm --friction 0.5 --figure @.svg
 hand franka -o @.json
 hand franka --picture @.png

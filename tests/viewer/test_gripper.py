@@ -493,7 +493,7 @@ def test_the_object_stays_in_the_frame_and_does_not_become_tiny(points: Any, bes
     points = np.concatenate([points, np.eye(3), -np.eye(3)])
     beside = 40.0 * beside
     frame = frame_of(points, beside, AXES)
-    own = np.array(extents(points, middle_of(points, AXES), [AXES]))
+    own = np.array(extents(points, middle_of(points, AXES), AXES))
     assert max(frame.reach) <= MOST_BESIDE * own.max() + 1e-9
     inside = np.abs((points - frame.middle)[:, :2]) <= np.array(frame.reach) + 1e-9
     assert inside.all()

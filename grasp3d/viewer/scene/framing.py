@@ -1,6 +1,5 @@
 """Placing a camera with parallel projection so that an object fills its part of a picture."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,15 +44,15 @@ class FreeArea:
         return (self.bottom - self.top) / max(1.0, self.height)
 
 
-def extents(points: Floats, middle: Floats, axes: Sequence[Floats]) -> tuple[float, float]:
-    """Largest horizontal and vertical distance of points from a centre, over several views.
+def extents(points: Floats, middle: Floats, axes: Floats) -> tuple[float, float]:
+    """Largest horizontal and vertical distance of points from a centre.
 
     Args:
         points: Shape (n, 3).
         middle: Centre of the picture, shape (3,).
-        axes: For each view the unit vectors to the right, up and toward the camera, (3, 3).
+        axes: Unit vectors to the right, up and toward the camera, shape (3, 3).
     """
-    reach = np.max([np.abs((points - middle) @ one[:2].T).max(axis=0) for one in axes], axis=0)
+    reach = np.abs((points - middle) @ axes[:2].T).max(axis=0)
     return float(reach[0]), float(reach[1])
 
 
@@ -92,12 +91,12 @@ def frame_of(points: Floats, beside: Floats, axes: Floats) -> Frame:
         axes: Unit vectors to the right, up and toward the camera, shape (3, 3).
     """
     alone = middle_of(points, axes)
-    own = np.array(extents(points, alone, [axes]))
+    own = np.array(extents(points, alone, axes))
     if not len(beside):
         return Frame(alone, (float(own[0]), float(own[1])))
     both = np.concatenate([points, beside])
     middle = middle_of(both, axes)
-    across, up = extents(both, middle, [axes])
+    across, up = extents(both, middle, axes)
     most = MOST_BESIDE * float(own.max())
     reach = np.minimum((across, up), most)
     shift = axes[:2] @ (middle - alone)

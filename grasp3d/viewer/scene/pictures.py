@@ -1,6 +1,5 @@
-"""Pictures and turntable films of an object, written to files without a window."""
+"""Pictures of an object, written to files without a window."""
 
-import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,8 +12,8 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from grasp3d.arrays import Bytes
-from grasp3d.errors import GraspError, OutputError, SettingError
-from grasp3d.rendering.opengl import View, check_rendering, choose_window
+from grasp3d.errors import GraspError, SettingError
+from grasp3d.rendering.opengl import check_rendering, choose_window
 from grasp3d.system.context import report_progress, within
 from grasp3d.system.files import atomic_write, check_suffix, check_writable
 from grasp3d.system.names import safe_stem
@@ -25,7 +24,7 @@ from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.view_settings import MIN_HEIGHT, MIN_WIDTH, ViewSettings
 
 SOFTWARE = "grasp3d"
-"""Name in the metadata of pictures and films."""
+"""Name in the metadata of pictures."""
 
 OVERSAMPLING = 2
 """Rendered pixels per pixel of a picture, in each direction; they are averaged."""
@@ -38,14 +37,6 @@ DPI = 72
 
 POLL_INTERVAL = 0.02
 """Time between two polls of the background job [s]."""
-
-VIDEO = ".mp4"
-PICTURE_SUFFIXES, FILM_SUFFIXES = (".png",), (".gif", VIDEO)
-MAX_FRAMES, MAX_SECONDS = 3600, 600.0
-FRAMES, SECONDS = 150, 6.0
-"""Frames and duration of a film: 25 frames per second, whose durations a GIF can store."""
-SAMPLES = 6
-"""Frames from which the colour palette of a GIF is chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,20 +79,7 @@ def check_picture(path: Path) -> None:
     Raises:
         OutputError: It cannot.
     """
-    check_suffix(path, PICTURE_SUFFIXES, "picture")
-    check_writable(path)
-    check_rendering()
-
-
-def check_film(path: Path) -> None:
-    """Check that a film can be rendered and written.
-
-    Raises:
-        OutputError: It cannot.
-    """
-    check_suffix(path, FILM_SUFFIXES, "film")
-    if path.suffix.lower() == VIDEO:
-        _check_video()
+    check_suffix(path, (".png",), "picture")
     check_writable(path)
     check_rendering()
 
@@ -122,45 +100,6 @@ def save_picture(collection: Collection, settings: ViewSettings, path: Path) -> 
         picture = Image.fromarray(renderer.picture())
         with atomic_write(path) as part:
             picture.save(part, format="PNG", optimize=True, pnginfo=_written_by())
-    report_progress(1.0)
-
-
-def save_turntable(
-    collection: Collection,
-    settings: ViewSettings,
-    path: Path,
-    *,
-    frames: int = FRAMES,
-    seconds: float = SECONDS,
-) -> None:
-    """Write a film of one turn of a collection's first object, as a GIF or an MP4.
-
-    Args:
-        collection: The objects.
-        settings: Initial view, and size of the film.
-        path: The file, replaced if it exists.
-        frames: Number of frames, at least 2.
-        seconds: Duration of the turn.
-
-    Raises:
-        GraspError: There is no OpenGL, the object cannot be shown or the file not written.
-    """
-    if not 2 <= frames <= MAX_FRAMES or not 0.0 < seconds <= MAX_SECONDS:
-        raise SettingError(
-            f"a turntable film has from 2 to {MAX_FRAMES} frames and takes up to {MAX_SECONDS:g} "
-            f"seconds; got {frames} and {seconds:g}"
-        )
-    check_film(path)
-    with open_renderer(collection, settings, 0.5) as renderer:
-        views = _views(renderer.scene.view(renderer.session), frames)
-        renderer.scene.look(renderer.session, views)
-        pictures = _reported(_pictures(renderer, views), frames)
-        with atomic_write(path) as part:
-            if path.suffix.lower() == VIDEO:
-                _write_video(part, pictures, frames / seconds)
-            else:
-                samples = _pictures(renderer, views[:: max(1, frames // SAMPLES)])
-                _write_gif(part, pictures, _palette(samples), _durations(frames, seconds))
     report_progress(1.0)
 
 
@@ -245,89 +184,8 @@ def _choose_grasp(session: Session) -> None:
             _wait(session)
 
 
-def _views(first: View, count: int) -> list[View]:
-    turns = 2.0 * math.pi * np.arange(count) / count
-    return [View(first.azimuth + float(turn), first.elevation) for turn in turns]
-
-
-def _pictures(renderer: PictureRenderer, views: list[View]) -> Iterator[Bytes]:
-    for view in views:
-        renderer.scene.turn(view)
-        yield renderer.picture()
-
-
-def _reported(pictures: Iterator[Bytes], count: int) -> Iterator[Bytes]:
-    """The pictures of a film, the second half of the work."""
-    for number, picture in enumerate(pictures, start=1):
-        yield picture
-        report_progress(0.5 + 0.5 * number / count)
-
-
-def _durations(frames: int, seconds: float) -> list[int]:
-    """Duration of each frame [ms], a multiple of 10 ms as GIFs require."""
-    ends = np.rint(100.0 * seconds * np.arange(frames + 1) / frames)
-    return [int(10 * step) for step in np.diff(ends)]
-
-
 def _written_by() -> PngInfo:
     """Metadata of a picture that name the program."""
     metadata = PngInfo()
     metadata.add_text("Software", SOFTWARE)
     return metadata
-
-
-def _palette(pictures: Iterator[Bytes]) -> Image.Image:
-    """One palette for all frames, so that constant parts do not flicker.
-
-    An octree keeps the colours of labels with a small area.
-    """
-    samples = Image.fromarray(np.concatenate(list(pictures)))
-    return samples.quantize(256, Image.Quantize.FASTOCTREE)
-
-
-def _write_gif(
-    path: Path, pictures: Iterator[Bytes], palette: Image.Image, durations: list[int]
-) -> None:
-    frames = (
-        Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
-        for picture in pictures
-    )
-    next(frames).save(
-        path, format="GIF", save_all=True, append_images=frames, duration=durations, loop=0,
-        comment=SOFTWARE,
-    )  # fmt: skip
-
-
-def _check_video() -> None:
-    try:
-        import imageio_ffmpeg  # noqa: F401
-    except ImportError as error:
-        raise OutputError(
-            "films as .mp4 need ffmpeg: pip install 'grasp3d[video]'; .gif needs no extra"
-        ) from error
-
-
-def _write_video(path: Path, pictures: Iterator[Bytes], rate: float) -> None:
-    """Write H.264 in 4:2:0, which all players support and which needs even sizes."""
-    import imageio_ffmpeg
-
-    first = _even(next(pictures))
-    height, width = first.shape[:2]
-    writer = imageio_ffmpeg.write_frames(
-        str(path), (width, height), fps=rate, codec="libx264", pix_fmt_out="yuv420p", quality=8,
-        macro_block_size=2, ffmpeg_log_level="error",
-        output_params=["-metadata", f"comment={SOFTWARE}"],
-    )  # fmt: skip
-    try:
-        writer.send(None)
-        writer.send(first)
-        for picture in pictures:
-            writer.send(_even(picture))
-    finally:
-        writer.close()
-
-
-def _even(picture: Bytes) -> Bytes:
-    """Repeat the last row or column if their number is odd."""
-    height, width = picture.shape[:2]
-    return np.pad(picture, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")

@@ -3,7 +3,7 @@
 import math
 import threading
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,6 @@ from grasp3d.viewer.scene.framing import (
     FreeArea,
     aim,
     axes_of,
-    extents,
     frame_of,
     parallel_scale,
     pixel_ratio,
@@ -254,27 +253,12 @@ class Scene:
                 self._frame_all(axes_of(self.camera))
         self._before_render()
 
-    def look(self, session: Session, turns: Sequence[View] = ()) -> None:
-        """Set the camera to the initial view, so that the object fills its pane.
-
-        Args:
-            session: The session.
-            turns: Other views in which the object must stay within the pane, with the same centre.
-        """
+    def look(self, session: Session) -> None:
+        """Set the camera to the initial view, so that the object fills its pane."""
         subject = self._subject
         if subject is None:
             return
-        axes, pane = view_axes(self.view(session), self._up), self._panes[0]
-        points, beside = pane.points, pane.beside
-        frame = frame_of(points, beside, axes)
-        if turns:
-            every = np.concatenate([points, beside])
-            middle = subject.center
-            if len(beside):
-                middle = 0.5 * (every.min(axis=0) + every.max(axis=0))
-            of_turns = [view_axes(one, self._up) for one in turns]
-            frame = Frame(middle, extents(every, middle, [axes, *of_turns]))
-        self._frame(frame, axes)
+        self._frame_all(view_axes(self.view(session), self._up))
         self._before_render()
 
     def view(self, session: Session) -> View:
@@ -288,12 +272,6 @@ class Scene:
             )
         assert self._subject is not None
         return self._subject.views.best(inspection.points, inspection.normals, inspection.held)
-
-    def turn(self, view: View) -> None:
-        """Look at the same point from another direction, at the same scale."""
-        if self._subject is not None:
-            axes, middle = view_axes(view, self._up), np.array(self.camera.focal_point)
-            aim(self.camera, self._size, axes, middle)
 
     def pick(self, session: Session, x: float, y: float) -> int | None:
         """Vertex at a window position [pixels from the lower left]; None: there is none."""

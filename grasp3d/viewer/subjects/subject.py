@@ -124,11 +124,6 @@ class Subject:
         points = self.mesh.vertices[np.unique(self.mesh.faces)]
         return locked(np.stack([points.min(axis=0), points.max(axis=0)]))
 
-    @cached_property
-    def center(self) -> Floats:
-        """Centre of the bounding box, shape (3,)."""
-        return locked(self.bounds.mean(axis=0))
-
     def angles(self, model: GraspModel) -> tuple[Floats, Floats]:
         """Critical angles that decide the labels for a model, over the worst and best normals.
 
