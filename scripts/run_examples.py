@@ -2,7 +2,9 @@
 
 The blocks of a page run in order, in one folder that contains `meshes/` and with the same
 variables. A block of `text` that follows, with at most one line such as "prints" between, is the
-expected output, in which `...` matches anything. `<!-- skip: next "the reason" -->` skips a block.
+expected output, in which `...` matches anything. Numbers may differ by what another processor
+changes: by two units of the last digit shown; whole numbers by 1 %, so that those below 100 may
+not, or by one where a unit follows. `<!-- skip: next "the reason" -->` skips a block.
 
 Shell runs in bash. Blocks of nothing but `grasp3d` commands run in this process, as a new one for
 each would take seconds, except on the page that users follow first.
@@ -25,6 +27,7 @@ import traceback
 from collections.abc import Iterator
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest import SkipTest, mock
@@ -56,6 +59,11 @@ OUTPUT = re.compile(
 OF_BASH = re.compile(r"[|&;<>$`(){}*?\[\]~#!]")
 """What bash would expand, redirect or leave out, where it is not quoted."""
 FLAGS = doctest.ELLIPSIS | doctest.REPORT_NDIFF
+NUMBER = re.compile(
+    r"(?<![\w.,])(?P<value>-?\d+(?:,\d{3})*(?:\.\d+)?(?:e[+-]?\d+)?)"
+    r"(?P<unit>(?:°| ?(?:%|N|mm|cm|m|kg|g)(?!\w))?)(?![\w.,]?\d)"
+)
+"""A number that stands alone, and the unit that follows it."""
 MOST_SECONDS = 300.0
 """Time limit of a block in bash; one in this process has that of the test."""
 
@@ -84,6 +92,8 @@ class Block:
         if checker.check_output(want, got, FLAGS):
             return None
         flags = FLAGS | doctest.DONT_ACCEPT_BLANKLINE
+        if agree(want, got):
+            return None
         lines = checker.output_difference(doctest.Example("", want), got, flags)
         return f"printed something else\n{lines}"
 
@@ -201,6 +211,40 @@ def printed_to(stream: io.TextIOWrapper) -> str:
 def path_with_commands() -> str:
     """The search path of programs, with those of this environment first."""
     return os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+
+
+def agree(want: str, got: str) -> bool:
+    """Whether two outputs are alike but for spaces and numbers within their tolerance."""
+    parts, numbers, end = list[str](), list[re.Match[str]](), 0
+    for number in NUMBER.finditer(want):
+        parts += [_pattern(want[end : number.start()]), r"(\S+?)"]
+        numbers.append(number)
+        end = number.end("value")
+    alike = re.fullmatch("".join([*parts, _pattern(want[end:])]), got, re.DOTALL)
+    return alike is not None and all(
+        is_near(number, other) for number, other in zip(numbers, alike.groups(), strict=True)
+    )
+
+
+def _pattern(text: str) -> str:
+    """A pattern for text without numbers: `...` is anything, and spaces may be more or fewer."""
+    words = (re.sub(r"(?:\\ )+", r" +", re.escape(one)) for one in text.split("..."))
+    return ".*?".join(words)
+
+
+def is_near(number: re.Match[str], other: str) -> bool:
+    """Whether another number is as near to a shown one as its digits allow."""
+    try:
+        want, got = (Decimal(one.replace(",", "")) for one in (number["value"], other))
+    except InvalidOperation:
+        return False
+    exponent = want.as_tuple().exponent
+    assert isinstance(exponent, int)
+    if exponent < 0 or "e" in number["value"]:
+        most = 2 * Decimal(1).scaleb(exponent)
+    else:
+        most = Decimal(1) if number["unit"] else abs(want) / 100
+    return got.is_finite() and abs(got - want) <= most
 
 
 def unpadded(text: str) -> str:

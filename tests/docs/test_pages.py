@@ -11,6 +11,7 @@ from run_examples import (
     PAGES,
     ROOT,
     Block,
+    agree,
     commands_of,
     read_page,
     run_here,
@@ -77,6 +78,27 @@ def test_a_block_that_prints_something_else_is_reported(
         assert re.search(
             r"page\.md:1: .*\n +one\n +- two\n +\+ three\n", ran.failures[0], re.DOTALL
         )
+
+
+@pytest.mark.parametrize(
+    ("shown", "printed", "alike"),
+    [
+        ("S 36.4 %, 92.1 N", "S 36.3 %,  92.0 N", True),
+        ("S 36.4 %, 92.1 N", "S 36.1 %, 92.1 N", False),
+        ("U of 36.4 %", "S of 36.4 %", False),
+        ("3,603,830 candidates", "3,598,112 candidates", True),
+        ("3,603,830 candidates", "3,563,112 candidates", False),
+        ("19 grasps, ±45°", "19 grasps, ±46°", True),
+        ("19 grasps", "20 grasps", False),
+        ("[-0.027 1.5e-07]", "[-0.026 1.7e-07]", True),
+        ("[-0.027 1.5e-07]", "[0.027 1.5e-07]", False),
+        ("took ... s of 5.20 s", "took 0.1 s of 5.22 s", True),
+        ("mug2 (v1.0)", "mug3 (v1.0)", False),
+        ("0.5", "nan", False),
+    ],
+)
+def test_numbers_agree_within_their_last_digits(shown: str, printed: str, alike: bool) -> None:
+    assert agree(shown, printed) is alike
 
 
 def test_a_block_that_fails_is_reported_unless_its_output_is_shown(
