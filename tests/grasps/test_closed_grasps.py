@@ -83,7 +83,7 @@ def loaded() -> SurfaceLabels:
 LABELS = {
     "wedge": wedge,
     "steep cone": lambda: cone(17.4, 0.4),
-    "cone": lambda: cone(14.0, 0.5),
+    "cone": lambda: cone(14.5, 0.5),
     "loaded": loaded,
 }
 
@@ -137,7 +137,7 @@ def test_as_many_kinds_as_possible_are_among_grasps_of_the_same_label(name: str)
 
 def test_labels_of_points_and_of_what_the_jaws_touch_differ() -> None:
     """On a cone the jaws touch what is wider; on a wedge they turn it until its faces lie flat."""
-    best = best_grasps(cone(14.0, 0.5), ALL)
+    best = best_grasps(cone(14.5, 0.5), ALL)
     assert {(2, 1), (2, 2)} <= set(zip(best.label, after(best), strict=True))
     steep = best_grasps(cone(19.0, 0.4), ALL)
     assert {(1, 0), (1, 1)} <= set(zip(steep.label, after(steep), strict=True))
@@ -292,7 +292,7 @@ def test_a_note_says_that_no_label_is_confirmed() -> None:
     note = best.closed.note(best.label)
     ambiguous = (best.label == Label.M).sum()
     assert note.startswith(f"no label is confirmed when the jaws close ({ambiguous} U): ")
-    some = best_grasps(cone(14.0, 0.5), ALL)
+    some = best_grasps(cone(14.5, 0.5), ALL)
     assert some.closed.note(some.label) == ""
     lost = np.flatnonzero(after(some) < some.label)
     assert f"({len(lost)} M)" in some.closed.take(lost).note(some.label[lost])
