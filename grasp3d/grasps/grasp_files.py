@@ -27,6 +27,7 @@ from grasp3d.grasps.pose_files.documents import (
 )
 from grasp3d.grasps.pose_files.frames import GivenPose, check_object_frame
 from grasp3d.grasps.poses import GraspPoses
+from grasp3d.grasps.ranking import written_scores
 from grasp3d.hand.frames import GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.settings import MAX_FINGERS, PoseFormat
@@ -428,8 +429,8 @@ def poses_of(grasps: GraspTable) -> GraspPoses:
         The poses in their order, in the unit of the mesh: openings, and as columns label, critical
         angle, alpha*, margin, epsilon, approach margin, depth, contacts and normals into the
         object, label and margin at what the closed jaws touch, with a load also grip forces and
-        payload. The score is 1 - beta*/beta, from 1 where
-        no friction is needed to 0 where no sensor makes the grasp S.
+        payload. The score, from 0 to 1, has the order in which grasps are to be taken: that of U is
+        at most 1/3, that of M at most 2/3.
 
     Raises:
         SettingError: The grasps have no poses: there is no gripper, or one does not reach them.
@@ -457,7 +458,7 @@ def poses_of(grasps: GraspTable) -> GraspPoses:
         poses=reach.poses,
         opening=reach.opening,
         pregrasp_opening=reach.pregrasp_opening,
-        scores=np.clip(1.0 - grasps.critical_angle / grasps.model.friction_angle, 0.0, 1.0),
+        scores=written_scores(grasps, grasps.closed),
         unit=grasps.mesh.unit,
         hand=scene.hand,
         columns=columns_of(FOUND_POSES, grasps),

@@ -118,6 +118,24 @@ def stated_label(grasps: GraspTable | GivenGrasps, closed: ClosedGrasps | None =
     return np.where(_executable(grasps), np.minimum(codes, tried.astype(np.int64)), Label.U)
 
 
+def written_scores(grasps: GraspTable, closed: ClosedGrasps | None = None) -> Floats:
+    """One number per grasp, by which files are sorted: it follows `ranked_rows`, shape (b,).
+
+    (l + (1 + s) / 2) / 3, where l is the `stated_label`, U 0, M 1 and S 2, and s is
+    `Robustness.robust_score` where jaws have been closed, else 1 - beta*/beta, at least -1; but
+    never more than that of a grasp ranked before. 0 without a critical angle. Arguments as in
+    `ranked_rows`.
+    """
+    angles, _ = grasps.located_angles
+    robust = robust_number(grasps, closed, "robust_score")
+    score = np.where(np.isnan(robust), 1.0 - angles / grasps.model.friction_angle, robust)
+    in_letter = 0.5 * (1.0 + np.clip(score, -1.0, 1.0))
+    rows, scores = ranked_rows(grasps, closed), np.zeros(grasps.size)
+    ranked = (stated_label(grasps, closed) + in_letter)[rows] / 3.0
+    scores[rows] = np.minimum.accumulate(ranked)
+    return scores
+
+
 def robust_number(
     grasps: GraspTable | GivenGrasps, closed: ClosedGrasps | None, name: str
 ) -> Floats:

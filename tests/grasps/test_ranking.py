@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,15 @@ from grasp3d import (
     GraspModel,
     Label,
     Load,
+    ParallelGripper,
     Sampling,
     best_grasps,
     evaluate_grasps,
     label_surface,
     load_mesh,
+    read_grasps,
     read_hand,
+    write_grasps,
 )
 from grasp3d.grasps import EvaluatedPoses, poses_of
 from grasp3d.grasps.ranking import (
@@ -32,6 +36,7 @@ from grasp3d.grasps.ranking import (
     margins_in_units,
     ranked_rows,
     stated_label,
+    written_scores,
 )
 from grasp3d.hand.reach import Reachability
 from grasp3d.surface import GraspTable
@@ -129,6 +134,33 @@ def test_no_grasp_is_above_one_that_is_as_good_in_everything_and_better_in_one(
     assert sorted(rows) == list(range(SIZE))
     assert_lawful(respects(*case)[rows])
     assert (np.diff(stated_label(*case)[rows]) <= 0).all()
+
+
+@pytest.mark.slow
+@settings(suppress_health_check=[HealthCheck.too_slow])
+@given(tables())
+def test_what_is_written_as_score_has_the_same_order(
+    case: tuple[GraspTable, ClosedGrasps | None],
+) -> None:
+    scores, labels = written_scores(*case), stated_label(*case)
+    assert (np.diff(scores[ranked_rows(*case)]) <= 0.0).all()
+    assert ((scores >= labels / 3.0 - 1e-12) | (scores == scores.min())).all()
+    assert (scores <= (labels + 1.0) / 3.0 + 1e-12).all()
+
+
+@pytest.mark.slow
+def test_no_file_ranks_a_grasp_first_that_drops_the_object(tmp_path: Path) -> None:
+    """A hammer that is too heavy for some: sorted by what any format states, they come last."""
+    mesh = load_mesh("meshes/hammer.ply", unit="m")
+    hand = ParallelGripper.preset("franka")
+    best = best_grasps(label_surface(mesh, hand=hand, load=Load(mass=0.67, grip_force=70.0)), 10)
+    labels = stated_label(best, best.closed)
+    assert len(set(labels)) > 1
+    for name, kind in {"a.json": None, "a.yaml": None, "b.json": "moveit", "a.csv": None}.items():
+        write_grasps(tmp_path / name, best, format=kind)
+        scores = read_grasps(tmp_path / name, format=kind, hand=hand).scores
+        assert (np.diff(scores) <= 0.0).all()
+        assert scores[labels == Label.U].max(initial=0.0) <= 1.0 / 3.0 < scores[0]
 
 
 @pytest.mark.slow
