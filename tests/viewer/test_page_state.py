@@ -1,0 +1,100 @@
+"""What the page shows of a session, without a browser."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from grasp3d import SurfaceLabels
+from grasp3d.errors import SettingError
+from grasp3d.settings import DEGREE
+from grasp3d.viewer.session.collection import collection_of
+from grasp3d.viewer.session.controls import CONTROLS, control_values
+from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.web.page_state import click_hint, constant_state, page_state
+from tests.helpers import viewing
+from tests.helpers.viewing import wait_until_idle
+
+
+@pytest.fixture(scope="module")
+def labels() -> SurfaceLabels:
+    return viewing.box()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("friction", "much"),
+        ("friction", None),
+        ("friction", float("nan")),
+        ("resolution", 180.0),
+        ("compare", -1.0),
+        ("paint", "glitter"),
+        ("axis", "w"),
+        ("position", 2.0),
+        ("fingers", "many"),
+        ("opening", 0.0),
+        ("click", "drop"),
+        ("number", "last"),
+    ],
+)
+def test_fields_refuse_invalid_values(labels: SurfaceLabels, name: str, value: Any) -> None:
+    session = Session(collection_of(labels))
+    CONTROLS["comparing"].change(session, value=True)
+    CONTROLS["axis"].change(session, "y")
+    before = control_values(session)
+    with pytest.raises(SettingError) as refused:
+        CONTROLS[name].change(session, value)
+    assert "Python" not in str(refused.value)
+    assert control_values(session) == before
+    session.close()
+
+
+def test_the_page_shows_what_a_click_does(labels: SurfaceLabels) -> None:
+    session = Session(collection_of(labels))
+    wait_until_idle(session)
+    assert "see the best grasp" in click_hint(session)
+    session.change(click="fix")
+    assert click_hint(session) == "Click the surface to fix a finger there."
+    session.click(0)
+    wait_until_idle(session)
+    assert click_hint(session).startswith("One finger is fixed")
+    assert click_hint(session).endswith("A click moves it.")
+    session.change(click="inspect")
+    assert click_hint(session).endswith("A click shows the best grasp there.")
+    session.change(click="fix", fingers=3)
+    wait_until_idle(session)
+    assert click_hint(session).endswith("A click fixes another one.")
+    session.click(1)
+    wait_until_idle(session)
+    assert click_hint(session).startswith("2 fingers are fixed")
+    assert click_hint(session).endswith("A click moves the last one.")
+    session.close()
+
+
+def test_fractions_are_not_shown_while_grasps_are_searched(labels: SurfaceLabels) -> None:
+    session = Session(collection_of(labels))
+    wait_until_idle(session)
+    assert [len(row["fractions"]) for row in page_state(session)["rows"]] == [1, 1, 1]
+    session.change(compare=50.0 * DEGREE, max_opening=0.4 * labels.mesh.size)
+    state = page_state(session)
+    assert [row["letter"] for row in state["rows"]] == ["S", "M", "U"]
+    percents = {one["percent"] for row in state["rows"] for one in row["fractions"]}
+    assert percents == {"…"}
+    assert (state["headers"], state["stale"]) == (["α 20°", "α 50°"], True)
+    assert click_hint(session).endswith("…")
+    wait_until_idle(session)
+    assert sum(
+        row["fractions"][1]["fraction"] for row in page_state(session)["rows"]
+    ) == pytest.approx(1.0)
+    session.close()
+
+
+def test_help_has_only_available_keys(labels: SurfaceLabels) -> None:
+    collection = collection_of(labels)
+    two = replace(collection, items=collection.items * 2)
+    for viewed, available in ((collection, set()), (two, {"n", "p"})):
+        session = Session(viewed)
+        keys = {key for item in constant_state(session)["keys"] for key in item["keys"]}
+        assert keys & {"n", "p", "q"} == available
+        session.close()
