@@ -43,7 +43,6 @@ from grasp3d import (
     ObjectMesh,
     ParallelGripper,
     Sampling,
-    Sensor,
     SurfaceLabels,
     Table,
     best_grasps,
@@ -57,11 +56,9 @@ from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN, grow
 from grasp3d._kernels.hull.polytope import Polytope, make_polytope
 from grasp3d._kernels.hull.support_functions import NO_TORSION, ROWS, WrenchSpace
 from grasp3d.arrays import Bytes, Floats
-from grasp3d.contact import FingerDesign, GraspSamples, JointEncoders
 from grasp3d.paper.figures import FIGURES
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.physics.simulation import rates_by
-from grasp3d.plots.budgets import budget_figure
 from grasp3d.plots.figures import (
     LABEL_COLORS,
     LINES,
@@ -401,23 +398,6 @@ def draw_meshes(path: Path) -> None:
     )
     draw.text((image.width - 2 * EDGE, y), settings, QUIET, TEXT, anchor="rm")
     image.quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
-
-
-def draw_budgets(path: Path) -> None:
-    """What each uncertainty takes of the friction angle, for antipodal grasps of several widths.
-
-    The wider the grasp, the less the line between the contacts may turn.
-    """
-    design = FingerDesign(
-        friction=(0.4, 0.6),
-        sensor=Sensor(receptive_field=4.0, fingertip_radius=10.0),
-        encoders=JointEncoders(counts=4096, lengths=(60.0, 30.0)),
-    )
-    budgets = {
-        f"{opening:.0f} mm": design.budget(GraspSamples(0.0, opening)).mean()
-        for opening in (10.0, 15.0, 25.0, 40.0, 80.0)
-    }
-    save_as(budget_figure(budgets), path)
 
 
 def draw_paper(path: Path) -> None:
@@ -950,7 +930,6 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "grips": draw_grips,
     "reach": draw_reach,
     "meshes": draw_meshes,
-    "budgets": draw_budgets,
     "planar": draw_planar,
     "paper": draw_paper,
     "hull": draw_hull,

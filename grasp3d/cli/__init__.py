@@ -28,8 +28,7 @@ from grasp3d.cli.commands import (
     Validate,
     View,
 )
-from grasp3d.cli.design_command import Design
-from grasp3d.cli.tool_commands import Hand, Paper, Warmup
+from grasp3d.cli.tool_commands import Design, Hand, Paper, Warmup
 from grasp3d.cli.usage import HELP, HELP_ALL, help_of, parse
 from grasp3d.errors import GraspError, OutputError, SettingError
 from grasp3d.system import compiling

@@ -286,12 +286,24 @@ def uncertainty_lines(
         return lines
     margin = np.where(np.isfinite(critical), labelled.margin, -np.inf)
     texts = ", ".join(map(angle_text, quantiles(margin, LEVELS, areas)))
-    budget = margin_budget(model, critical, model.effective_friction_angle - margin)
     return [
         *lines,
         f"margin, {PERCENTS} of the {of}: {texts} (S: above 0)",
-        f"mean budget: {budget.mean(of_grasps).line}",
+        f"mean budget: {_mean_budget(model, critical, margin, of_grasps)}",
     ]
+
+
+def _mean_budget(model: GraspModel, critical: Floats, margin: Floats, weights: Floats) -> str:
+    """The means of the parts of the friction angle, over the grasps with a weight above 0."""
+    rows = weights > 0.0
+    budget = margin_budget(model, critical[rows], model.effective_friction_angle - margin[rows])
+    means = {name: float(np.average(one, weights=weights[rows])) for name, one in budget.items()}
+    parts = [
+        f"{name} {exact_angle(mean)}"
+        for name, mean in means.items()
+        if mean != 0.0 or name in {"critical angle", "margin"}
+    ]
+    return f"friction angle {exact_angle(sum(means.values()))} = {' + '.join(parts)}"
 
 
 def margin_columns(grasps: _Labelled) -> list[Column]:

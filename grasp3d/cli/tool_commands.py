@@ -1,4 +1,4 @@
-"""The commands `hand`, `paper` and `warmup`: their options."""
+"""The commands `design`, `hand`, `paper` and `warmup`: their options."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,10 +7,54 @@ from typing import Annotated
 from grasp3d.cli.options import POSITIONAL, LengthOption, Overwriting, Quiet, Stated
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE, Radians
+from grasp3d.settings.parsing import Group
 
 _NAME = Stated(metavar="[NAME|FILE]")
 _LINKS = Stated(metavar="LINK LINK")
 _LINK = Stated(metavar="LINK")
+
+
+@dataclass(frozen=True)
+class Design:
+    """Compute the sensor for a friction, or the friction for a sensor.
+
+    With --friction: the coarsest sensor for surely stable grasps. With a sensor, given by
+    --receptive-field or --sensor-resolution: the least friction. With both: whether the sensor is
+    fine enough for each friction, and with --joints the encoders that the finger needs.
+
+    Example:
+        # The coarsest sensor for two frictions
+        grasp3d design --friction 0.2 0.5
+        # Whether a sensor is fine enough, and the encoders of a finger with two joints
+        grasp3d design --friction 0.5 --receptive-field 4mm --joints 2
+    """
+
+    friction: Annotated[tuple[float, ...], Group("sensor")] = ()
+    """Coulomb coefficient of friction between fingertip and object, above 0. One value or more."""
+
+    fingertip_radius: Annotated[LengthOption, Group("fingertip")] = None
+    """Radius of a hemispherical fingertip (default: 10mm)."""
+
+    receptive_field: Annotated[LengthOption, Group("fingertip")] = None
+    """Sensor: length of the arc on the fingertip within which it cannot distinguish contacts."""
+
+    sensor_resolution: Annotated[Radians | None, Group("sensor")] = None
+    """Sensor, by its resolution in degrees instead."""
+
+    joints: Annotated[int | None, Group("fingertip")] = None
+    """Revolute joints between palm and fingertip, for the counts per revolution that their encoders
+    need, after quadrature decoding."""
+
+    def __post_init__(self) -> None:
+        has_sensor = self.receptive_field is not None or self.sensor_resolution is not None
+        if self.receptive_field is not None and self.sensor_resolution is not None:
+            raise SettingError(
+                "--receptive-field and --sensor-resolution each define the sensor; give one"
+            )
+        if self.joints is not None and not (has_sensor and self.friction):
+            raise SettingError(
+                "--joints needs --friction and a sensor: --receptive-field or --sensor-resolution"
+            )
 
 
 @dataclass(frozen=True)

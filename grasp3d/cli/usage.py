@@ -21,9 +21,8 @@ GROUPS = {
     "object": "The object and its mesh. A LENGTH is a number in the mesh's unit, or has a unit: "
     "80mm, 8cm, 0.08m, 3in.",
     "noise": "The noise of a scan, and the copies that have it.",
-    "fingertip": "The shape of the fingertips. A LENGTH has a unit, or is in --print-unit.",
+    "fingertip": "The fingertip, and its finger. A LENGTH has a unit, or is in mm.",
     "sensor": "Friction, what the fingertips' sensors resolve, and what else is uncertain.",
-    "joints": "The joints of each finger, and their encoders.",
     "hand": "The fingers, the hand that must reach each grasp, and what the object stands on.",
     "load": "What each grasp must hold, and the force at hand.",
     "search": "How candidate grasps are searched, labelled and measured.",

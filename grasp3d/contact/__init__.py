@@ -1,4 +1,4 @@
-"""Contacts of fingers, friction cones, tactile sensors, encoders, and budgets of margins."""
+"""Contacts of fingers, friction cones, and tactile sensors."""
 
 from lazy_loader import attach_stub
 

@@ -1,13 +1,6 @@
-from .budget import FingerDesign as FingerDesign
-from .budget import GraspSamples as GraspSamples
-from .budget import MarginBudget as MarginBudget
 from .contacts import Contacts as Contacts
 from .contacts import disc as disc
 from .friction_cones import effective_friction as effective_friction
-from .sensor import JointEncoders as JointEncoders
 from .sensor import Sensor as Sensor
-from .sensor import overlapping_field as overlapping_field
+from .sensor import required_counts as required_counts
 from .sensor import resolution_limit as resolution_limit
-from .tips import CylinderTip as CylinderTip
-from .tips import EllipsoidTip as EllipsoidTip
-from .tips import TipResolution as TipResolution

@@ -35,8 +35,7 @@ _ANGLES = ("sensor_resolution", "normal_error")
 class Uncertainty(LengthSettings):
     """What is not known exactly about a contact.
 
-    `a + b` is the uncertainty of a contact to which both apply: angles and lengths add up. Sensors
-    (`Sensor.uncertainty`) and encoders (`JointEncoders.uncertainty`) make one, and
+    `a + b` is the uncertainty of a contact to which both apply: angles and lengths add up.
     `GraspModel.with_uncertainty` takes it.
 
     Attributes:

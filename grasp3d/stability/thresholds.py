@@ -11,11 +11,11 @@ The margin is what is left below the threshold of S; its budget says which uncer
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Bytes, Floats
-from grasp3d.contact.budget import MarginBudget
 from grasp3d.settings import GraspModel
 from grasp3d.settings.uncertainty import Uncertainty
 from grasp3d.stability.label import Label
@@ -93,12 +93,12 @@ def margins(worst: Floats, model: GraspModel) -> Floats:
 
 def margin_budget(
     model: GraspModel, critical_angle: ArrayLike, located_angle: ArrayLike | None = None
-) -> MarginBudget:
-    """Parts of the friction angle of each grasp, whose margin decides on the label.
+) -> dict[str, Floats]:
+    """Parts of the friction angle of each grasp, whose last one, the margin, decides on the label.
 
-    Where fingers differ, the parts are those of the worst finger, and what the other fingers have
-    better is taken off `location`. A model states one normal error, whatever its causes are, so
-    `encoders` is 0.
+    They add up to the friction angle at the middle of the friction interval. Where fingers differ,
+    they are those of the worst finger, and what the other fingers have better is taken off the
+    location.
 
     Args:
         model: Friction, sensor resolution and errors.
@@ -108,30 +108,36 @@ def margin_budget(
             `SurfaceLabels.located_angles[0]`; None: locations are exact.
 
     Returns:
-        The budget; its `margin` is `model.effective_friction_angle` minus the located angle, and
-        -inf where there is no grasp.
+        The critical angle, what friction, sensor resolution, further errors of the normals and the
+        location take, and the margin [rad], by name, shape (...) each. The margin is
+        `model.effective_friction_angle` minus the located angle, and -inf where there is no grasp.
 
     Example:
         >>> import grasp3d
         >>> from grasp3d.stability import margin_budget
         >>> model = grasp3d.GraspModel(friction="0.4..0.6", sensor_resolution=0.2)
-        >>> budget = margin_budget(model, [0.0, 0.3])
-        >>> budget.margin.round(3), budget.costliest
-        (array([ 0.281, -0.019]), array(['sensor resolution', 'sensor resolution'], dtype='<U17'))
+        >>> for name, angle in margin_budget(model, 0.3).items():
+        ...     print(f"{name}: {angle:.3f}")
+        critical angle: 0.300
+        friction: 0.083
+        sensor resolution: 0.100
+        normal error: 0.000
+        location: 0.000
+        margin: -0.019
     """
     worst = _worst_finger(model)
     smallest, largest = worst.friction or model.friction_interval
     beta = math.atan(0.5 * (smallest + largest))
     critical = np.asarray(critical_angle, dtype=np.float64)
-    return MarginBudget(
-        friction_angle=np.asarray(beta),
-        critical_angle=critical,
-        friction=np.asarray(beta - math.atan(smallest)),
-        resolution=np.asarray((model.sensor_resolution + worst.sensor_resolution) / 2.0),
-        normals=np.asarray(model.normal_error + worst.normal_error),
-        location=_difference(critical, located_angle),
-        encoders=np.zeros(()),
-    )
+    parts: dict[str, Any] = {
+        "friction": beta - math.atan(smallest),
+        "sensor resolution": (model.sensor_resolution + worst.sensor_resolution) / 2.0,
+        "normal error": model.normal_error + worst.normal_error,
+        "location": _difference(critical, located_angle),
+    }
+    margin = beta - sum(parts.values()) - critical
+    stack = {"critical angle": critical, **parts, "margin": margin}
+    return {name: np.broadcast_to(angle, critical.shape)[()] for name, angle in stack.items()}
 
 
 def _worst_finger(model: GraspModel) -> Uncertainty:

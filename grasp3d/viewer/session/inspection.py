@@ -52,10 +52,10 @@ def budget_text(case: Case) -> str:
     budget = margin_budget(case.model, critical, located)
     parts = [
         f"{SYMBOLS.get(name, name)} {signed_angle(float(angle))}"
-        for name, angle in budget.stack.items()
+        for name, angle in budget.items()
         if float(angle) != 0.0 or name in {"critical angle", "margin"}
     ]
-    return f"β {signed_angle(float(budget.friction_angle))} = {' + '.join(parts)}"
+    return f"β {signed_angle(float(sum(budget.values())))} = {' + '.join(parts)}"
 
 
 def _critical_angles(worst: float, best: float, of: str) -> str:
