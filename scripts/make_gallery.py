@@ -28,7 +28,6 @@ from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
-from draw_uncertainties import over_errors, over_resolution_and_location
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
@@ -412,8 +411,6 @@ PAPER = {
     "paper_epsilon": FIGURES["figure_07"],
     "paper_fractions": FIGURES["figure_08"],
     "paper_ceilings": FIGURES["figure_11"],
-    "paper_errors": over_errors,
-    "paper_map": over_resolution_and_location,
 }
 """Pictures, and the functions that draw them."""
 

@@ -4,22 +4,20 @@ import math
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from grasp3d.arrays import Floats
-from grasp3d.batch.batch_settings import UNCERTAINTIES, BatchSettings
+from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import METHOD, content_hash, mesh_key
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.plan import Job
-from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
+from grasp3d.batch.row import BestGrasp, Outcome, Row
 from grasp3d.batch.storage.files import local_copy
 from grasp3d.errors import GraspError, MeshUnreadError, OutputError, WarningError
 from grasp3d.reading.gltf import side_names
-from grasp3d.settings import ANGLE_ROUNDING, GraspModel, search_cone
 from grasp3d.settings.costs import labelling_cost
 from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles
 from grasp3d.stability.label import Label
@@ -110,18 +108,14 @@ def _unlabelled_row(job: Job, settings: BatchSettings) -> Row:
 
 def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force: bool) -> Row:
     # Imported here: planning and reading rows need neither ray tracing nor the compiler.
-    from grasp3d.mesh.plausible_lengths import refuse_lengths
     from grasp3d.surface.labelling import Labelling
 
     clock = _lap_times()
     next(clock)
     task = Labelling.read(
-        path, settings.model, settings.search, settings.reach, settings.load, settings.mesh,
+        path, settings.model, settings.sampling, settings.reach, settings.load, settings.mesh,
         force=force,
     )  # fmt: skip
-    if not force:
-        for location in settings.grid_values["location_error"]:
-            refuse_lengths(task.mesh, location_error=location)
     reading = next(clock)
     cost = labelling_cost(len(task.mesh.vertices), task.model, task.sampling)
     allowed = allowed_memory()
@@ -144,7 +138,6 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
         **_angle_values(labels),
         **_verdict_values(labels),
         **_load_values(labels),
-        fractions=tuple(_grid_fractions(labels, settings)),
         grasps=_best_rows(best),
         warnings="; ".join(labels.warnings),
         seconds_reading=reading,
@@ -268,18 +261,6 @@ def _quantiles(name: str, levels: Iterable[float], values: Iterable[float]) -> d
     }
 
 
-def _grid_fractions(labels: "SurfaceLabels", settings: BatchSettings) -> Iterator[AreaFractions]:
-    """Area fractions over the grid; M and U only within the searched cone."""
-    models = settings.grid_models(labels.model, labels.mesh.unit)
-    # Where fingers have a friction of their own, they differ more or less with that of the others.
-    for _, group in groupby(models, lambda one: (one.friction_interval, one.location_error)):
-        members = list(group)
-        labels = labels.using(model=members[0])  # which keeps located angles that stay the same
-        angles = _angles_of(labels)
-        for model in members:
-            yield _fractions_of(model, angles)
-
-
 def _angles_of(labels: "SurfaceLabels") -> AngleDistribution:
     """Distribution of located angles, to be compared with the thresholds of a model.
 
@@ -291,16 +272,6 @@ def _angles_of(labels: "SurfaceLabels") -> AngleDistribution:
     counted = weights > 0.0
     worst, best = labels.located_angles
     return SampledAngles(worst[counted], best[counted], weights[counted], limit=labels.search.cone)
-
-
-def _fractions_of(model: GraspModel, angles: AngleDistribution) -> AreaFractions:
-    stable = float(angles.worst_below(model.effective_friction_angle))
-    ambiguous = unstable = None
-    if search_cone(model) <= angles.limit + ANGLE_ROUNDING:
-        unstable = 1.0 - float(angles.best_below(model.unstable_from))
-        ambiguous = max(0.0, 1.0 - stable - unstable)
-    at = {name: getattr(model, name) for name in UNCERTAINTIES}
-    return AreaFractions(stable=stable, ambiguous=ambiguous, no_grasp_found=unstable, **at)
 
 
 def _best_of(labels: "SurfaceLabels", count: int) -> "GraspTable | None":

@@ -24,27 +24,6 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True)
-class AreaFractions:
-    """Area fractions of S, M and U at one friction and one sensor resolution."""
-
-    friction: float
-    sensor_resolution: float
-    """Resolution alpha [rad]."""
-    stable: float
-    """S."""
-    ambiguous: float | None
-    """M; none where atan(friction) + alpha/2 exceeds the searched cone."""
-    no_grasp_found: float | None
-    """U; none as above."""
-    friction_error: float = 0.0
-    """Largest difference between the true friction and `friction`."""
-    normal_error: float = 0.0
-    """Largest angle between true and perceived normals beyond alpha/2 [rad]."""
-    location_error: float = 0.0
-    """Largest distance between true and perceived contact points, in the mesh's unit."""
-
-
-@dataclass(frozen=True)
 class BestGrasp:
     """One of the best distinct grasps of a mesh."""
 
@@ -194,8 +173,6 @@ class Row:
     [rad]; 0: no resolution is fine enough."""
     required_resolution_80: float | None = None
     required_resolution_90: float | None = None
-    fractions: tuple[AreaFractions, ...] = ()
-    """Area fractions over the grid of frictions and sensor resolutions."""
     grasps: tuple[BestGrasp, ...] = ()
     """Best distinct grasps, the best first."""
     search_angle: float | None = None
@@ -239,8 +216,7 @@ TIMINGS = frozenset({"seconds", "seconds_reading", "seconds_labelling", "seconds
 
 
 _COMMON_BYTES = b"".join(
-    pickle.dumps(tuple(field.name for field in fields(kind)))
-    for kind in (BestGrasp, AreaFractions, Row)
+    pickle.dumps(tuple(field.name for field in fields(kind))) for kind in (BestGrasp, Row)
 )
 """Bytes that occur in every packed row: the dictionary of the compression."""
 

@@ -7,31 +7,22 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 
-from grasp3d.batch.batch_settings import BatchSettings, FractionGrid
+from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.library import label_library
 from grasp3d.cli import batch_report
 from grasp3d.cli.commands import Batch
 from grasp3d.cli.existing_files import check_not_task
 from grasp3d.cli.options import given_sampling
-from grasp3d.cli.ranges import parse_angles, parse_frictions, parse_lengths, parse_numbers
 
 
 def run(command: Batch) -> int:
     """Run the command; returns the exit code."""
     for path in (Path(command.output), *([command.log] if command.log else [])):
         check_not_task(path, command.load)
-    grid = FractionGrid(
-        parse_frictions("--grid-friction", command.grid_friction),
-        parse_angles("--grid-sensor-resolution", command.grid_sensor_resolution),
-        parse_numbers("--grid-friction-error", command.grid_friction_error),
-        parse_angles("--grid-normal-error", command.grid_normal_error),
-        parse_lengths("--grid-location-error", command.grid_location_error),
-    )
     settings = BatchSettings(
         command.reach.touching(command.model),
         given_sampling(command.sampling, command.multifinger),
         command.mesh,
-        grid,
         command.best,
         command.reach,
         command.load.chosen,

@@ -15,7 +15,6 @@ from grasp3d.cli.options import (
     Inputs,
     Labelling,
     LengthOption,
-    LengthRanges,
     MeshFile,
     Multifinger,
     NumberRanges,
@@ -50,9 +49,6 @@ from grasp3d.settings.parsing import Group, Main
 from grasp3d.validating.validation_settings import ValidationSettings
 from grasp3d.viewer.view_settings import ViewSettings
 
-FRICTIONS, RESOLUTIONS = ("0.2", "0.5", "1.0"), ("0:60:1", "22.6")
-"""Default values of friction and sensor resolution of a sweep."""
-
 
 @dataclass(frozen=True)
 class Batch(Labelling):
@@ -78,25 +74,6 @@ class Batch(Labelling):
     overwrite: Annotated[bool, Main("label all meshes again")] = field(default=False, kw_only=True)
     """Label all meshes again, and remove labels of other meshes made with other settings."""
 
-    grid_friction: NumberRanges = ()
-    """Coulomb coefficients at which area fractions are computed besides the labels (default: the
-    model's)."""
-
-    grid_sensor_resolution: DegreeRanges = ()
-    """Sensor resolutions in degrees at which area fractions are computed: numbers, and ranges that
-    include both ends (default: 0:60:5 and the model's, with M and U only within the searched cone).
-    A grid that is given makes the searched cone large enough for all of it."""
-
-    grid_friction_error: NumberRanges = ()
-    """Errors of friction at which area fractions are computed (default: the model's)."""
-
-    grid_normal_error: DegreeRanges = ()
-    """Normal errors in degrees at which area fractions are computed (default: the model's)."""
-
-    grid_location_error: LengthRanges = ()
-    """Location errors at which area fractions are computed, for the grasps found at the model's
-    (default: the model's)."""
-
     best: Annotated[int, Main("best grasps in the summary of a mesh")] = 5
     """Number of best distinct grasps in the summary of each mesh; 0: none."""
 
@@ -115,10 +92,8 @@ class Batch(Labelling):
 class Sweep(Guarded):
     """Compute area fractions of S, M and U over friction and sensor resolution.
 
-    Or over any two of the uncertainties: those that have several values. Also prints the sensor
-    resolution that is required for given area fractions of S. Each mesh is labelled once, and once
-    more for each further location error, at most five times; for a folder the mean over its meshes
-    is added. Writes a table and a figure.
+    Also prints the sensor resolution that is required for given area fractions of S. Each mesh is
+    labelled once; of several meshes the mean is added. Writes a table and a figure.
 
     Example:
         # The circle of the paper and a mug
@@ -144,9 +119,8 @@ class Sweep(Guarded):
     figure: Annotated[Path | None, Main("figure: .svg .png .pdf")] = None
     """Figure (.svg, .png or .pdf) (default: the name of the table with the suffix .svg)."""
 
-    friction: Annotated[NumberRanges, Main("frictions")] = FRICTIONS
-    """Coulomb coefficients of friction between fingertip and object, above 0. For an interval give
-    its middle here and half its width with --friction-error."""
+    friction: Annotated[NumberRanges, Main("frictions")] = ("0.2", "0.5", "1.0")
+    """Coulomb coefficients of friction between fingertip and object, above 0."""
 
     sensor_resolution: Annotated[
         DegreeRanges,
@@ -154,22 +128,7 @@ class Sweep(Guarded):
             "sensor_resolution", "One value or more, in degrees, and ranges that include both ends."
         ),
         Main("sensor resolutions"),
-    ] = RESOLUTIONS
-
-    friction_error: NumberRanges = ("0",)
-    """Largest difference between the true friction and the coefficient, to either side; smaller
-    than the coefficient. --friction 0.5 --friction-error 0.1: from 0.4 to 0.6."""
-
-    normal_error: Annotated[DegreeRanges, model_help("normal_error", "In degrees.")] = ("0",)
-
-    location_error: LengthRanges = ("0",)
-    """Largest distance between the true and the perceived contact point, a length; for shapes in
-    closed form as a part of their radius or half side. Where errors have several values, those of
-    friction and sensor resolution are 0.5 and 22.6 unless they are given."""
-
-    heat_map: bool = False
-    """Draw S and M as heat maps over both axes, also for friction and sensor resolution, and for
-    four rows or fewer, which otherwise have a panel each."""
+    ] = ("0:60:1", "22.6")
 
     fraction: Annotated[tuple[float, ...], Main("area fractions of S")] = (0.5, 0.9)
     """Area fractions of S, above 0 and at most 1. For each the required sensor resolution is

@@ -378,17 +378,12 @@ def model_help(field: str, note: str = "") -> Stated:
 NumberRanges = Annotated[
     tuple[str, ...], Stated(metavar="NUMBER|FROM:TO:STEP ..."), Group("sensor")
 ]
-"""Words for `parse_numbers` and `parse_frictions`."""
+"""Words for `parse_numbers`."""
 
 DegreeRanges = Annotated[
     tuple[str, ...], Stated(metavar="DEGREES|FROM:TO:STEP ..."), Group("sensor")
 ]
 """Words for `parse_angles`."""
-
-LengthRanges = Annotated[
-    tuple[str, ...], Stated(metavar="LENGTH|FROM:TO:STEP ..."), Group("sensor")
-]
-"""Words for `parse_lengths`."""
 
 LengthOption = AnyLength | None
 """A length: a number, a text with a unit, or none."""

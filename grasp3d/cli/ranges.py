@@ -1,4 +1,4 @@
-"""Parsing of numbers, angles and lengths on the command line, one by one or as ranges."""
+"""Parsing of numbers and angles on the command line, one by one or as ranges."""
 
 import math
 from collections.abc import Iterator
@@ -6,11 +6,6 @@ from typing import Any
 
 from grasp3d.errors import SettingError
 from grasp3d.settings.checks import ANGLE, ANGLE_UNITS, parse_angle
-from grasp3d.settings.lengths import METRES, AnyLength, measure
-from grasp3d.settings.uncertainty import friction_interval
-
-_LENGTH = f"a length (a number, or a number with a unit: {', '.join(METRES)})"
-"""What one word of lengths must be."""
 
 MAX_VALUES = 10_000
 
@@ -53,57 +48,6 @@ def parse_numbers(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
         SettingError: A word is neither a number nor a range, or there are too many.
     """
     return tuple(sorted({number for number, _ in _values(what, "a number", words)}))
-
-
-def parse_frictions(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
-    """Parse coefficients of friction: numbers and ranges FROM:TO:STEP; see `parse_angles`.
-
-    Args:
-        what: What a single value is, for the error.
-        words: Words of the command line.
-
-    Returns:
-        The coefficients, in increasing order, without duplicates.
-
-    Raises:
-        SettingError: As for `parse_numbers`, or a word is an interval LOW..HIGH: the width of all
-            intervals is that of another option, of the same name with `-error`.
-    """
-    for word in words:
-        try:
-            low, high = friction_interval(word)
-        except SettingError:
-            continue  # what is no interval either is refused below
-        if low < high:
-            raise SettingError(
-                f"{what} takes no interval {word} here: give its middle and half its width, "
-                f"{what} {0.5 * (low + high):.6g} {what}-error {0.5 * (high - low):.6g}"
-            )
-    return parse_numbers(what, words)
-
-
-def parse_lengths(what: str, words: tuple[str, ...]) -> tuple[AnyLength, ...]:
-    """Parse lengths and ranges of them, FROM:TO:STEP, with or without a unit.
-
-    A unit at the end of a range is that of all its numbers without one: 0:5:0.5mm.
-
-    Args:
-        what: What a single value is, for the error.
-        words: Words of the command line.
-
-    Returns:
-        Lengths as `parse_length` returns them, without duplicates.
-
-    Raises:
-        SettingError: A word is neither a length nor a range, or there are too many.
-
-    Example:
-        >>> from grasp3d.cli.ranges import parse_lengths
-        >>> parse_lengths("location error", ("0:2:1mm", "0.5mm"))
-        (0.0, '1 mm', '2 mm', '0.5 mm')
-    """
-    values = _values(what, _LENGTH, words, tuple(METRES))
-    return tuple(dict.fromkeys(measure(number, unit or None) for number, unit in values))
 
 
 def _values(

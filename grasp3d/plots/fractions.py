@@ -1,10 +1,10 @@
-"""Figures of fractions S, M and U over the resolution or another uncertainty, and of ceilings.
+"""Figures of fractions S, M and U over the resolution, and of accuracy ceilings.
 
 They are of sweeps, of outlines, of surfaces beside their pictures, and beside sampled fractions.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from textwrap import wrap
 from typing import Any
 
@@ -15,8 +15,6 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from grasp3d.arrays import Bytes, Floats
-from grasp3d.planar import Circle, Polyline
-from grasp3d.planar.outlines import Outline
 from grasp3d.plots.figures import (
     COLUMN,
     LABEL_COLORS,
@@ -29,11 +27,9 @@ from grasp3d.plots.figures import (
     show_picture,
     styled,
 )
-from grasp3d.stability.angle_distributions import SphereAngles
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.sweeps import Sweep
-from grasp3d.surface.sweeps.axes import AXES, RESOLUTION, AxisName, describe_value
 
 PANEL = 1.7
 """Least width of a panel [inch]."""
@@ -43,8 +39,6 @@ MARGINS = 1.25
 """Height of titles and legend above and below the rows [inch]."""
 NAME = 20
 """Characters of a name in one line."""
-SQUARE = 8.0
-"""Perimeter of a square whose half side is 1."""
 LEAST, ENOUGH = 13.0, 30.0
 """Thickness of an area that is needed for its letter, and that is ample [%]."""
 
@@ -56,10 +50,9 @@ def stack_fractions(
 
     Args:
         axes: Axes to draw on, in degrees and percent.
-        sweep: The sweep; along the axis is what varies from column to column.
-        row: Row of its friction, or of what else varies from row to row.
-        fractions: Area fractions whose required resolution is marked, if resolutions are along the
-            axis.
+        sweep: The sweep.
+        row: Row of its friction.
+        fractions: Area fractions whose required resolution is marked.
     """
     degrees, stable, certain = _widened(
         sweep, 100.0 * sweep.stable[row], 100.0 * (1.0 - sweep.unstable[row])
@@ -70,7 +63,7 @@ def stack_fractions(
         Label.U: (certain, np.full_like(stable, 100.0)),
     }
     marks = {}
-    for fraction in fractions if sweep.columns == RESOLUTION else ():
+    for fraction in fractions:
         resolution = math.degrees(sweep.required_resolution(fraction)[row])
         if max(degrees[0], 0.05) < resolution <= degrees[-1]:
             marks[fraction] = resolution
@@ -87,7 +80,7 @@ def stack_fractions(
 def draw_ceiling(axes: Axes, sweeps: Sequence[Sweep]) -> None:
     """Draw the best accuracy of any predictor over the resolution (Wan & Howe 2018, Fig. 11).
 
-    One line for each sweep and row, labelled with what differs among them.
+    One line for each sweep and friction, labelled with what differs among them.
 
     Args:
         axes: Axes to draw on, in degrees and percent.
@@ -107,77 +100,36 @@ def draw_ceiling(axes: Axes, sweeps: Sequence[Sweep]) -> None:
 
 
 def row_text(sweep: Sweep, row: int) -> str:
-    """What is particular to a row of a sweep, as text: 'μ = 0.5'.
+    """The friction of a row of a sweep, as text: 'μ = 0.5'.
 
     Args:
         sweep: The sweep.
         row: The row.
     """
-    value = float(sweep.axes.values[sweep.rows][row])
-    return f"{AXES[sweep.rows].symbol} = {describe_value(sweep.rows, value, sweep.unit)}"
-
-
-def axis_title(name: AxisName, sweeps: Sequence[Sweep]) -> str:
-    """Name of an axis, with the unit of its values.
-
-    Args:
-        name: The axis.
-        sweeps: The sweeps along it, for the unit of lengths; at least one.
-    """
-    axis = AXES[name]
-    if name == RESOLUTION:
-        return rf"{axis.words} $\alpha$ [°]"
-    if name == "location_error":
-        return f"{axis.words} [{' or '.join(dict.fromkeys(map(_length_unit, sweeps)))}]"
-    return f"{axis.words} [{axis.unit}]" if axis.is_angle else axis.words
-
-
-def _length_unit(sweep: Sweep) -> str:
-    """Unit of the location errors, or what they are multiples of."""
-    if sweep.unit:
-        return sweep.unit
-    angles = sweep.distribution
-    shape = getattr(angles, "outline", angles)
-    if isinstance(shape, Circle | SphereAngles) and shape.radius == 1.0:
-        return "radii"
-    if isinstance(shape, Polyline) and shape.name == "square" and shape.perimeter == SQUARE:
-        return "half sides"
-    return "unit of the shape" if isinstance(shape, Outline | SphereAngles) else "mesh unit"
-
-
-def axis_numbers(sweep: Sweep, name: AxisName) -> Floats:
-    """Values of an axis as they are drawn: angles in degrees.
-
-    Args:
-        sweep: The sweep.
-        name: The axis.
-    """
-    values = sweep.axes.values[name]
-    return np.degrees(values) if AXES[name].is_angle else values
+    return f"μ = {sweep.friction[row]:.4g}"
 
 
 @styled
 def sweep_figure(
     sweeps: Sequence[Sweep],
     *,
-    members: Mapping[str, Sequence[Sweep]] | None = None,
+    members: Sequence[Sweep] = (),
     fractions: Sequence[float] = (),
 ) -> Figure:
     """Draw one row for each sweep: its stacked fractions at each friction, and its ceiling.
 
     Args:
-        sweeps: Sweeps of the same axes; at least one.
-        members: By a mean's name, the sweeps it is the mean of, whose S are drawn as thin lines.
+        sweeps: Sweeps of the same values; at least one.
+        members: The sweeps that the last one is the mean of, whose S are drawn as thin lines.
         fractions: Area fractions whose required resolution is marked.
     """
-    members = members or {}
     rows, columns = len(sweeps), len(sweeps[0].stable) + 1
     figure = new_figure(max(PAGE, PANEL * columns), ROW * rows + MARGINS)
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True)
     for panels, sweep in zip(grid, sweeps, strict=True):
         for row, axes in enumerate(panels[:-1]):
             stack_fractions(axes, sweep, row, fractions=fractions)
-            for member in members.get(sweep.name, ()):
+            for member in members if sweep is sweeps[-1] else ():
                 degrees, height = _widened(member, 100.0 * member.stable[row])
                 axes.plot(degrees, height, **_MEMBER)
             axes.tick_params(labelleft=row == 0)
@@ -185,16 +137,13 @@ def sweep_figure(
         lines = wrap(as_text(sweep.name), NAME)
         panels[0].set_ylabel("\n".join(lines), fontweight="bold", parse_math=False)
     for row, axes in enumerate(grid[0, :-1]):
-        words = "friction " if sweeps[0].rows == "friction" else ""
-        axes.set_title(f"{words}{row_text(sweeps[0], row)}")
+        axes.set_title(f"friction {row_text(sweeps[0], row)}")
     grid[0, -1].set_title("accuracy ceiling [%]")
     figure.supylabel("area fraction [%]", fontsize="medium")
-    if not sweeps[0].axes.is_default:
-        figure.suptitle(sweeps[0].axes.fixed_text, fontsize="medium")
     for axes in grid[-1]:
-        axes.set_xlabel(axis_title(sweeps[0].columns, sweeps))
-    marked = fractions if sweeps[0].columns == RESOLUTION else ()
-    _add_legend(figure, [*grid[0, -1].get_lines(), *_legend_lines(marked, bool(members))], sweeps)
+        axes.set_xlabel(r"sensor resolution $\alpha$ [°]")
+    further = _legend_lines(fractions, means=bool(members))
+    _add_legend(figure, [*grid[0, -1].get_lines(), *further], sweeps)
     return figure
 
 
@@ -204,7 +153,7 @@ _DOT: dict[str, Any] = {
 }  # fmt: skip
 
 
-def _legend_lines(fractions: Sequence[float], means: bool) -> list[Line2D]:
+def _legend_lines(fractions: Sequence[float], *, means: bool) -> list[Line2D]:
     """Legend entries of the marks and of the thin lines."""
     lines = []
     if fractions:
@@ -236,7 +185,7 @@ def _add_legend(figure: Figure, lines: Sequence[Line2D], sweeps: Sequence[Sweep]
 
 def _widened(sweep: Sweep, *heights: Floats) -> tuple[Floats, ...]:
     """Resolutions [degrees] and heights over them; a single resolution becomes a bar."""
-    degrees = axis_numbers(sweep, sweep.columns)
+    degrees = np.degrees(sweep.sensor_resolution)
     if len(degrees) > 1:
         return (degrees, *heights)
     return (degrees + np.array([-0.5, 0.5]), *(np.repeat(height, 2) for height in heights))
@@ -286,9 +235,9 @@ def _line(number: int) -> dict[str, Any]:
 
 
 def _ticks(axes: Axes, sweep: Sweep) -> None:
-    numbers = axis_numbers(sweep, sweep.columns)
-    if len(numbers) == 1:
-        axes.set_xticks([round(float(numbers[0]), 3)])
+    degrees = np.degrees(sweep.sensor_resolution)
+    if len(degrees) == 1:
+        axes.set_xticks([round(float(degrees[0]), 3)])
     else:
         axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 1.5, 2, 3, 5, 10]))
 

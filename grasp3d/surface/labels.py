@@ -144,9 +144,7 @@ class SurfaceLabels(VertexGrasps):
         """
         return label_fractions(self.label, self._weights(weights))
 
-    def angle_distribution(
-        self, *, weights: Weights = "area", location_error: GivenLength | None = None
-    ) -> SampledAngles:
+    def angle_distribution(self, *, weights: Weights = "area") -> SampledAngles:
         """Distribution of critical angles: fractions S, M and U at any friction and resolution.
 
         They are those of method exact, whatever `model.method` is. Settings that need a wider cone
@@ -157,7 +155,6 @@ class SurfaceLabels(VertexGrasps):
 
         Args:
             weights: As in `fractions`.
-            location_error: As in `GraspModel`, instead of the model's own; None: that.
 
         Raises:
             SettingError: Fingers have a friction of their own.
@@ -180,8 +177,7 @@ class SurfaceLabels(VertexGrasps):
             )
         values = self._weights(weights)
         weighted = values > 0.0
-        labels = self if location_error is None else self.relabel(location_error=location_error)
-        worst, best = labels.located_angles
+        worst, best = self.located_angles
         further = max(np.ravel(self.model.tilt_of_fingers)) - self.model.tilt
         return SampledAngles(
             worst=locked(worst[weighted] + further),

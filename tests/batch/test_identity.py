@@ -8,7 +8,7 @@ import pytest
 
 from grasp3d import GraspModel, MeshOptions, MultifingerSampling, Sampling, label_surface, load_mesh
 from grasp3d.batch import identity
-from grasp3d.batch.batch_settings import BatchSettings, FractionGrid
+from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import content_hash, mesh_key, settings_key, settings_text
 from grasp3d.errors import MeshError
 from grasp3d.hand.reach_settings import ReachSettings
@@ -57,9 +57,8 @@ def test_a_key_depends_on_the_content_and_all_settings(monkeypatch: pytest.Monke
         replace(settings, model=GraspModel(friction=0.25)),
         replace(settings, sampling=Sampling(max_opening=0.1)),
         replace(settings, mesh=MeshOptions(unit="mm")),
-        replace(settings, grid=FractionGrid((0.5,))),
     )
-    assert len({mesh_key("c", other) for other in others} | {key, mesh_key("d", settings)}) == 14
+    assert len({mesh_key("c", other) for other in others} | {key, mesh_key("d", settings)}) == 13
     same = replace(settings, reach=ReachSettings(replace(HAND), "as-is"))
     assert mesh_key("c", same) == mesh_key("c", others[0])
     monkeypatch.setattr(identity, "METHOD", 99)

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import asdict, replace
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ import trimesh
 
 from grasp3d import GraspModel, MeshOptions, Sampling, Table, best_grasps, label_surface, load_mesh
 from grasp3d.batch import labelling
-from grasp3d.batch.batch_settings import UNCERTAINTIES, BatchSettings, FractionGrid
+from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.labelling import Unchanged, label_job, lost_row
 from grasp3d.batch.plan import Job
@@ -55,7 +54,7 @@ def row_of(job: Job, settings: BatchSettings = SETTINGS) -> Row:
 
 def labels_of(source: Path, settings: BatchSettings = SETTINGS) -> SurfaceLabels:
     mesh = load_mesh(source, unit="cm", max_edge=0.2)
-    return label_surface(mesh, settings.model, sampling=settings.search)
+    return label_surface(mesh, settings.model, sampling=settings.sampling)
 
 
 @pytest.mark.slow
@@ -85,6 +84,7 @@ def test_a_row_has_the_values_of_labelling_the_file(tmp_path: Path) -> None:
     assert row.vertices == len(labels.mesh.vertices)
     needed = labels.angle_distribution().required_resolution(0.8, friction=0.4)
     assert row.required_resolution_80 == pytest.approx(needed)
+    assert row.search_angle == labels.search.cone
     assert 0.0 < row.seconds_labelling < row.seconds
 
 
@@ -104,50 +104,12 @@ def test_the_files_contain_the_labels(tmp_path: Path) -> None:
     assert np.allclose(angles, labels.critical_angle, rtol=1e-6, equal_nan=True)
 
 
-GRIDS = {
-    "": FractionGrid((0.2, 0.6), (0.0, math.radians(10.0), math.radians(50.0))),
-    "location_error": FractionGrid(
-        (0.3,), (0.0, 0.2), friction_error=(0.0, 0.1), normal_error=(0.05,),
-        location_error=(0.0, "1 mm"),
-    ),
-    "per_finger": FractionGrid((0.3, 0.6), (0.0, 0.2), normal_error=(0.0, 0.05)),
-}  # fmt: skip
-"""Grids by what else is uncertain."""
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("", ""),
-        ("location_error", "0.5mm"),
-        ("per_finger", "; normal_error=5"),
-        ("per_finger", "location_error=0.5mm; friction=0.3..0.5"),
-    ],
-)
-def test_fractions_over_the_grid_are_those_of_relabelling(
-    tmp_path: Path, name: str, value: str
-) -> None:
-    source, grid = egg(tmp_path), GRIDS[name]
-    model = replace(SETTINGS.model, **({name: value} if name else {}))
-    settings = replace(SETTINGS, model=model, grid=grid, best=0)
+def test_quantiles_and_required_resolutions_are_those_of_the_vertices(tmp_path: Path) -> None:
+    source = egg(tmp_path)
+    settings = replace(SETTINGS, model=replace(SETTINGS.model, location_error="0.5mm"), best=0)
     row, labels = row_of(job_of(source, tmp_path / "out"), settings), labels_of(source, settings)
-    combinations = product(
-        grid.friction,
-        grid.friction_error or (0.0,),
-        grid.normal_error or (0.0,),
-        (0.0, 0.1) if grid.location_error else (0.0,),  # in centimetres
-        grid.sensor_resolution,
-    )
-    found = [[getattr(one, field) for field in UNCERTAINTIES] for one in row.fractions]
-    assert found == list(map(list, combinations))
-    for one, combination in zip(row.fractions, found, strict=True):
-        again = labels.relabel(**dict(zip(UNCERTAINTIES, combination, strict=True)))
-        fractions = (one.stable, one.ambiguous, one.no_grasp_found)
-        assert fractions == pytest.approx(tuple(again.fractions().values()), abs=1e-12)
-    assert len({one.stable for one in row.fractions}) > (4 if name == "per_finger" else 2)
-    assert (row.friction_error, row.normal_error) == (0.0, 0.0)
-    assert row.location_error == (0.05 if name == "location_error" else 0.0)
+    assert (row.friction_error, row.normal_error, row.location_error) == (0.0, 0.0, 0.05)
     margins = (row.margin_p10, row.margin_p50, row.margin_p90)
     assert None not in margins
     assert sorted(margins) == list(margins)
@@ -165,31 +127,6 @@ def test_a_pose_error_is_of_the_best_grasps() -> None:
     assert BatchSettings(reach=reach, best=1).best == 1
     with pytest.raises(SettingError, match="a pose error tries wrong poses of the best grasps"):
         BatchSettings(reach=reach, best=0)
-
-
-def test_errors_of_the_grid_are_checked() -> None:
-    with pytest.raises(SettingError, match="below the friction"):
-        BatchSettings(grid=FractionGrid((0.2, 0.5), friction_error=(0.3,)))
-    with pytest.raises(SettingError, match="normal error must be"):
-        FractionGrid(normal_error=(2.0,))
-    with pytest.raises(SettingError, match="must be a length"):
-        FractionGrid(location_error=("2 feet",))
-    narrow = Sampling(search_angle=0.6)
-    with pytest.raises(SettingError, match="search angle must be at least"):
-        BatchSettings(sampling=narrow, grid=FractionGrid(normal_error=(0.3,)))
-
-
-@pytest.mark.slow
-def test_the_default_grid_does_not_enlarge_the_search(tmp_path: Path) -> None:
-    """So labels equal those of `grasp3d label`; M and U beyond the searched cone are empty."""
-    row = row_of(job_of(egg(tmp_path), tmp_path / "out"))
-    assert SETTINGS.search == SETTINGS.sampling
-    assert row.search_angle == pytest.approx(math.atan(0.4) + math.radians(11.3))
-    found = {round(math.degrees(one.sensor_resolution)): one for one in row.fractions}
-    assert sorted(found) == sorted([*range(0, 61, 5), 23])  # 23: the model's
-    assert found[20].ambiguous is not None
-    assert found[25].ambiguous is found[25].no_grasp_found is None
-    assert found[60].stable <= found[20].stable <= found[0].stable
 
 
 @pytest.mark.slow
@@ -219,7 +156,7 @@ def test_with_a_gripper_a_row_has_the_verdict_and_poses(tmp_path: Path) -> None:
     row = held(source, tmp_path / "out")
     mesh = load_mesh(source, unit="cm", max_edge=0.2)
     labels = label_surface(
-        mesh, SETTINGS.model, sampling=SETTINGS.search, hand=HAND, table=Table.below(mesh)
+        mesh, SETTINGS.model, sampling=SETTINGS.sampling, hand=HAND, table=Table.below(mesh)
     )
     best = best_grasps(labels, 2)
     verdict = verdict_of(labels)

@@ -24,7 +24,7 @@ from grasp3d.batch import store
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import METHOD, mesh_key
 from grasp3d.batch.inputs import MeshFile
-from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
+from grasp3d.batch.row import BestGrasp, Outcome, Row
 from grasp3d.batch.storage.folder import Folder
 from grasp3d.batch.store import FORMAT, Store, read_summary
 from grasp3d.errors import OutputError
@@ -44,15 +44,12 @@ def memory() -> Iterator[Folder]:
 
 def row_of(name: str, *, settings: BatchSettings = SETTINGS, content: str = "c") -> Row:
     number = sum(map(ord, name)) % 97 / 97.0
-    fractions = tuple(
-        AreaFractions(0.4, k / 10, number, None if k else 0.1, None) for k in range(3)
-    )
     pair = ((number, 0.5, -1e-30), (1.0, 2.0, 3.0))
     return Row(
         name, f"in/{name}", Outcome.LABELLED, bytes=7, stamp="7-1", content=content,
         key=mesh_key(content, settings), labels=f"labels/{name}.ply", vertices=12,
         center_mass=None if "open" in name else (0.1, 0.2, 0.3), stable=number, closed=True,
-        critical_angle_p90=math.inf, fractions=fractions,
+        critical_angle_p90=math.inf,
         grasps=(BestGrasp(0.1, 0.2, number, 4.0, pair, pair),) * int(10 * number), method=1,
     )  # fmt: skip
 
@@ -325,13 +322,13 @@ def test_a_journal_with_values_of_wrong_types_is_damaged(memory: Folder) -> None
 
 
 def test_a_summary_with_fewer_columns_is_extended(memory: Folder) -> None:
-    store_rows(memory, [row_of("a"), row_of("b")])
+    store_rows(memory, [row_of("a"), row_of("z")])
     (name,) = memory.names("summary")
-    table = pq.read_table(pa.BufferReader(memory.read(name))).drop_columns(["fractions", "volume"])
+    table = pq.read_table(pa.BufferReader(memory.read(name))).drop_columns(["grasps", "volume"])
     sink = pa.BufferOutputStream()
     pq.write_table(table, sink)
     memory.write(name, bytes(sink.getvalue()))
-    assert Store.open(memory, SETTINGS).rows["a"] == replace(row_of("a"), fractions=())
+    assert Store.open(memory, SETTINGS).rows["z"] == replace(row_of("z"), grasps=())
     schema = pq.read_schema(pa.BufferReader(memory.read(name)))
     assert schema.names == list(Row.__dataclass_fields__)
 
@@ -453,9 +450,6 @@ def test_other_libraries_read_the_tables_in_one_line(tmp_path: Path) -> None:
         for found_row in (pandas.loc[name], polars[name], duck[name]):
             assert (found_row["stable"], found_row["vertices"]) == (row.stable, 12)
             assert found_row["critical_angle_p90"] == math.inf
-            assert [one["stable"] for one in found_row["fractions"]] == [
-                one.stable for one in row.fractions
-            ]
             assert len(found_row["grasps"]) == len(row.grasps)
             for grasp, known in zip(found_row["grasps"], row.grasps, strict=True):
                 assert np.array_equal(np.vstack(grasp["points"]), known.points)

@@ -220,17 +220,10 @@ sweep circle -o new.csv --figure notes.svg | notes.svg: exists and is no result 
 sweep ball.ply -o link.csv | is the mesh itself
 sweep circle --friction 0.5 0 | friction must be
 sweep circle --friction | at least one friction
-sweep sphere --friction 0.4.. | --friction must be a number
-sweep sphere --friction 0.4..0.6 | and half its width, --friction 0.5 --friction-error 0.1
-sweep sphere --friction-error 0.3 | below the friction, 0.2
+sweep sphere --friction 0.4..0.6 | --friction must be a number, or a range FROM:TO:STEP
 sweep circle --sensor-resolution 180 | below 180 degrees
 sweep circle --sensor-resolution fine | deg, rad), or a range FROM:TO:STEP
 sweep circle --sensor-resolution 0:60:0 | STEP above 0
-sweep sphere --normal-error steep | --normal-error must be an angle (a number of degrees
-sweep sphere --location-error 1mm | a shape without a unit
-sweep sphere --location-error 0 5 | more than sphere is large
-sweep sphere --location-error 1 2 --sensor-resolution 1 2 --friction 1 2 | two axes, but 3 settings
-sweep box.stl --unit mm --location-error 0 5m | is 5 m, 46.4 times the size of box.stl, 107.7 mm
 sweep box.stl --max-opening 70mm | is 70 mm, but the unit of box.stl is not known: give the unit
 sweep box.stl --unit mm --max-opening 70000 | is 7e+04 mm, 650 times the size of box.stl, 107.7 mm
 sweep circle --fraction 50 | each fraction must be
@@ -272,8 +265,6 @@ batch ball.ply -o out --workers -1 | workers must be
 batch ball.ply -o out --worker-memory 0.01 | worker memory must be
 batch ball.ply -o out --timeout 0 | timeout must be
 batch ball.ply -o out --best -1 | best grasps must be
-batch ball.ply -o out --grid-friction 0 | friction must be
-batch ball.ply -o out --grid-sensor-resolution x | resolution must be an angle (a number of degrees
 batch ball.ply -o out --log no/where.txt | cannot be written
 view none.stl --screenshot a.png | none.stl: there is no such file or folder
 view . --screenshot a.png | was not written by grasp3d batch

@@ -4,7 +4,6 @@ import json
 import math
 import os
 import re
-import shutil
 import signal
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,6 @@ from grasp3d.batch.sweeping import (
     SweptMesh,
     find_targets,
     lost_mesh,
-    meshes_of,
     sweep_mesh,
 )
 from grasp3d.cli.ranges import parse_angles
@@ -83,9 +81,7 @@ def test_a_file_is_swept_into_a_table_and_a_figure(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_folder_with_a_broken_mesh_has_the_mean_of_the_others(
-    tmp_path: Path,
-) -> None:
+def test_a_folder_with_a_broken_mesh_has_the_mean_of_the_others(tmp_path: Path) -> None:
     export(tmp_path / "in" / "ball.ply", shapes.sphere(2))
     export(tmp_path / "in" / "deep" / "box.stl", shapes.box())
     (tmp_path / "in" / "bad.obj").write_text("nonsense", encoding="ascii")
@@ -101,7 +97,9 @@ def test_a_folder_with_a_broken_mesh_has_the_mean_of_the_others(
     rows = rows_of(tmp_path / "out.parquet")
     swept = [row for row in rows if not row["error"]]
     names = [row["name"] for row in swept]
-    assert names == [name for name in ("ball.ply", "deep/box.stl", "in (mean of 2)") for _ in "abc"]
+    assert names == [
+        name for name in ("ball.ply", "deep/box.stl", "mean of 2 meshes") for _ in "abc"
+    ]
     ball, box, mean = (np.array([row["stable"] for row in swept[k : k + 3]]) for k in (0, 3, 6))
     assert mean == pytest.approx((ball + box) / 2.0)
     (failed,) = [row for row in rows if row["error"]]
@@ -127,13 +125,13 @@ def test_a_note_about_creases_that_decide_the_required_resolution(tmp_path: Path
 @pytest.mark.slow
 def test_a_folder_without_valid_meshes_has_a_table_of_errors(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
-    (tmp_path / "in" / "bad.obj").write_text("nonsense", encoding="ascii")
+    for name in ("bad.obj", "worse.obj"):
+        (tmp_path / "in" / name).write_text("nonsense", encoding="ascii")
     done = grasp3d("sweep", "in", "--workers", "0", cwd=tmp_path)
     assert done.returncode == 1
-    assert "0 swept, 1 failed" in done.stdout
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "in_sweep.csv"]
-    (row,) = rows_of(tmp_path / "in_sweep.csv")
-    assert "holds no triangles" in row["error"]
+    assert "0 swept, 2 failed" in done.stdout
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "sweep.csv"]
+    assert all("holds no triangles" in row["error"] for row in rows_of(tmp_path / "sweep.csv"))
 
 
 @pytest.mark.slow
@@ -197,17 +195,15 @@ def test_resolutions_are_numbers_and_ranges_with_both_ends() -> None:
         parse_angles("--sensor-resolution", ("0:60:1e-6",))
 
 
-def test_targets_have_different_names(tmp_path: Path) -> None:
+def test_shapes_are_found_before_files_and_meshes_once(tmp_path: Path) -> None:
     one = export(tmp_path / "one" / "mug.stl", shapes.sphere(0))
     two = export(tmp_path / "two" / "mug.stl", shapes.sphere(0))
     export(tmp_path / "two" / "cup.stl", shapes.sphere(0))
-    shutil.copy(one, tmp_path / "circle")
     folder = str(tmp_path / "two")
-    targets = find_targets(["circle", str(one), folder, str(two), "circle", f"{folder}/"])
-    assert [target.name for target in targets] == ["circle", str(one), "two", str(two)]
-    assert [target.folder for target in targets] == [False, False, True, False]
-    assert [mesh.name for mesh in targets[2].files] == ["cup.stl", str(two)]
-    assert [mesh.name for mesh in meshes_of(targets)] == [str(one), "cup.stl", str(two)]
+    found, meshes = find_targets([str(one), "circle", folder, str(two), "circle", f"{folder}/"])
+    assert found == ["circle"]
+    assert [mesh.name for mesh in meshes] == [str(one), str(two), "cup.stl"]
+    assert find_targets(["square"]) == (["square"], [])
     with pytest.raises(MeshError, match="no such file"):
         find_targets([str(tmp_path / "square")])
 

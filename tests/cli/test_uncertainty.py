@@ -1,25 +1,17 @@
-"""Uncertainties on the command line: options, printed reports, and sweeps over them."""
+"""Uncertainties on the command line: options and printed reports."""
 
 import json
 import math
 import re
 from pathlib import Path
 
-import numpy as np
-import pyarrow.csv as pc
 import pytest
 
-from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
-from grasp3d.batch.sweeping import MAX_SEARCHES, search_at_each
-from grasp3d.cli.ranges import parse_angles, parse_lengths, parse_numbers
+from grasp3d import GraspModel, Sampling, label_surface, load_mesh
+from grasp3d.cli.ranges import parse_angles, parse_numbers
 from grasp3d.cli.usage import parse
 from grasp3d.errors import SettingError
-from grasp3d.mesh.primitives import box_mesh
-from grasp3d.planar import Circle
-from grasp3d.settings.lengths import Measure
 from grasp3d.settings.parsing import plain_values
-from grasp3d.surface.sweeps import sweep
-from grasp3d.system.context import report_progress, running, unreported
 from tests.helpers import shapes
 from tests.helpers.commands import export, printed
 from tests.helpers.commands import run_here as grasp3d
@@ -54,13 +46,7 @@ def test_the_options_are_the_settings() -> None:
     assert parsed("--per-finger", "none").per_finger == ()
 
 
-def test_ranges_of_lengths_and_numbers() -> None:
-    one, two = Measure(1.0, "mm"), Measure(2.0, "mm")
-    assert parse_lengths("it", ("0:2:1mm", "0.5mm")) == (0.0, one, two, Measure(0.5, "mm"))
-    assert parse_lengths("it", ("0:0.002:0.001",)) == (0.0, 0.001, 0.002)
-    assert parse_lengths("it", ("0:0.3:0.1",)) == (0.0, 0.1, 0.2, 0.3)
-    longer = Measure(1.0, "cm"), Measure(2.0, "cm")
-    assert parse_lengths("it", ("1 MM", "1mm", "1cm:2cm:1cm")) == (one, *longer)
+def test_ranges_of_angles_and_numbers() -> None:
     assert parse_numbers("it", ("0.1", "0:0.2:0.1")) == pytest.approx((0.0, 0.1, 0.2))
     assert parse_angles("it", ("180",)) == (math.pi,)
     assert parse_angles("it", ("0:0.2:0.1rad", "0.3 RAD")) == (0.0, 0.1, 0.2, 0.3)
@@ -68,11 +54,6 @@ def test_ranges_of_lengths_and_numbers() -> None:
     for word in ("0:1rad:0.1", "0deg:1:0.1rad", "rad"):
         with pytest.raises(SettingError, match="it must be an angle"):
             parse_angles("it", (word,))
-    for word in ("a", "1mm:2", "2:1:1mm", "1mm:2cm:1mm", "1:2:0mm", "mm"):
-        with pytest.raises(SettingError, match=r"it must be a length .*, or a range FROM:TO:STEP"):
-            parse_lengths("it", (word,))
-    with pytest.raises(SettingError, match="more than 10000 values"):
-        parse_lengths("location error", ("0:1:1e-5m",))
 
 
 @pytest.mark.slow
@@ -125,68 +106,6 @@ def test_the_report_of_grasps_has_their_margins(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_sweep_over_location_errors(tmp_path: Path) -> None:
-    text = printed(
-        "sweep", "circle", "sphere", "--location-error", "0:0.2:0.1", "--fraction", "0.1",
-        cwd=tmp_path,
-    )  # fmt: skip
-    assert text.startswith("area fractions of S/M/U [%] by sensor resolution, friction 0.5:")
-    assert "location error" in text
-    rows = pc.read_csv(tmp_path / "sweep.csv").to_pylist()
-    assert len(rows) == 2 * 3 * 62
-    assert {row["location_error"] for row in rows} == {0.0, 0.1, 0.2}
-    assert {row["friction"] for row in rows} == {0.5}
-    assert (tmp_path / "sweep.svg").exists()
-
-
-@pytest.mark.slow
-def test_every_line_of_the_required_resolutions_has_its_name(tmp_path: Path) -> None:
-    words = ("--location-error", "0", "0.1", "--fraction", "0.1", "0.2")
-    done = grasp3d("sweep", "circle", "square", *words, cwd=tmp_path, columns=80)
-    table = done.stdout.split("required resolution")[1].splitlines()[1:7]
-    first = [line.split()[0] for line in table]
-    assert first == ["location", "(radius", "circle", "0.1", "square", "0.1"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("words", "fixed", "rows"),
-    [
-        (("--friction-error", "0.1"), "friction error 0.1", 3 * 62),
-        (("--location-error", "0", "0.1", "--friction", "0.3", "0.5"), "resolution 22.6°", 4),
-        (
-            ("--location-error", "0", "0.1", "--normal-error", "0", "5", "10"),
-            "friction 0.5, sensor resolution 22.6°",
-            6,
-        ),
-        (("--normal-error", "0:20:1", "--sensor-resolution", "10"), "resolution 10°", 3 * 21),
-    ],
-)
-def test_defaults_leave_two_axes(
-    words: tuple[str, ...], fixed: str, rows: int, tmp_path: Path
-) -> None:
-    text = printed("sweep", "sphere", *words, cwd=tmp_path)
-    assert fixed in text.splitlines()[0]
-    assert len(pc.read_csv(tmp_path / "sphere_sweep.csv")) == rows
-
-
-def test_the_required_resolution_over_two_errors_is_printed(tmp_path: Path) -> None:
-    words = ("--location-error", "0", "0.1", "--normal-error", "0", "5", "--friction", "1")
-    done = grasp3d("sweep", "circle", *words, "--fraction", "0.2", cwd=tmp_path)
-    table = done.stdout.split("20 %, by location error (radius = 1):")[1].splitlines()
-    printed = [float(cell.rstrip("°")) for cell in table[2].split()[-2:] + table[3].split()[-2:]]
-    swept = sweep(
-        Circle(),
-        friction=1.0,
-        sensor_resolution=0.1,
-        normal_error=np.radians([0.0, 5.0]),
-        location_error=[0.0, 0.1],
-    )
-    expected = np.degrees(swept.required_resolution(0.2)).ravel()
-    assert printed == pytest.approx(expected.tolist(), abs=0.051)
-
-
-@pytest.mark.slow
 def test_reports_have_millimetres_and_the_meaning_of_safe_labels(tmp_path: Path) -> None:
     export(tmp_path / "box.stl", shapes.box((0.04, 0.06, 0.08)))
     fingers = "location_error=0.5mm; normal_error=2, friction=0.3..0.4"
@@ -210,52 +129,6 @@ def test_a_batch_refuses_a_location_error_that_cannot_be_meant(tmp_path: Path) -
     export(tmp_path / "box.stl", shapes.box((40.0, 60.0, 80.0)))
     words = ("--unit", "mm", "--rays", "8", "--max-edge", "inf")
     batch = ("batch", "box.stl", "--workers", "0", *words)
-    for number, option in enumerate(("--location-error", "--grid-location-error")):
-        done = grasp3d(*batch, "-o", f"out{number}", option, "500mm", cwd=tmp_path)
-        assert done.returncode == 1
-        assert "failed: location_error is 500 mm, 4.64 times the size of box.stl" in done.stdout
-
-
-@pytest.mark.slow
-def test_a_sweep_states_the_unit_of_its_values(tmp_path: Path) -> None:
-    export(tmp_path / "box.stl", shapes.box((40.0, 60.0, 80.0)))
-    words = ("--max-edge", "inf", "--rays", "8", "--friction", "0.5", "--sensor-resolution", "10")
-    for unit, heading in (
-        ("", "location error (in the mesh's unit)"),
-        ("mm", "location error, fr"),
-    ):
-        given = ("--location-error", "0", f"1{unit}", "--normal-error", "0", "5", "--unit", "mm")
-        text = printed("sweep", "box.stl", *words, *given, "--overwrite", cwd=tmp_path)
-        assert text.startswith(f"area fractions of S/M/U [%] by {heading}")
-        assert ("1 mm" in text) == (unit == "mm")
-
-
-def test_a_sweep_searches_at_each_location_error() -> None:
-    """At each of them every vertex has the best grasp of all searches."""
-    mesh = box_mesh((1.0, 2.0, 3.0), max_edge=1.0)
-    seen: list[float] = []
-
-    def label(model: GraspModel) -> SurfaceLabels:
-        seen.append(model.location_error)
-        with unreported():
-            labels = label_surface(mesh, model, sampling=Sampling(rays=8))
-        for fraction in (0.5, 1.0):
-            report_progress(fraction)
-        return labels
-
-    few = search_at_each(label, GraspModel(), [0.0, 0.1])
-    assert seen == [0.0, 0.1]
-    for delta in (0.0, 0.05, 0.1):
-        best = few.angle_distribution(location_error=delta)
-        for one in few.searches:
-            alone = one.angle_distribution(location_error=delta)
-            assert (best.worst <= alone.worst).all()
-            assert (best.best <= alone.best).all()
-    seen.clear()
-    values = list(np.linspace(0.0, 0.1, 30))
-    steps: list[float] = []
-    with running(progress=steps.append):
-        search_at_each(label, GraspModel(), values)
-    assert len(seen) == MAX_SEARCHES
-    assert (seen[0], seen[-1]) == (values[0], values[-1])
-    assert steps == pytest.approx(np.arange(1, 11) / 10.0)
+    done = grasp3d(*batch, "-o", "out", "--location-error", "500mm", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "failed: location_error is 500 mm, 4.64 times the size of box.stl" in done.stdout

@@ -28,7 +28,7 @@ from grasp3d import (
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
 from grasp3d.batch.checking import check_file, write_checks
 from grasp3d.batch.inputs import MeshFile
-from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
+from grasp3d.batch.row import BestGrasp, Outcome, Row
 from grasp3d.export import write_fields, write_glb, write_npz, write_ply, write_vtp
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.grasp_files import write_grasps
@@ -310,9 +310,8 @@ def test_reports_of_check(tmp_path: Path) -> None:
 
 
 def test_summary() -> None:
-    columns, fractions, best = tables("Summary")
+    columns, best = tables("Summary")
     assert set(asdict(Row("mug"))) == columns
-    assert {field.name for field in fields(AreaFractions)} == fractions
     assert {field.name for field in fields(BestGrasp)} == best
     for outcome in Outcome:
         assert f"`{outcome}`" in sections()["Summary"]

@@ -89,9 +89,7 @@ def test_the_ceiling_has_a_line_for_each_friction_and_each_sweep() -> None:
 def test_nothing_is_cut_off_and_no_panels_overlap() -> None:
     meshes = [surface(f"mesh_{seed}.ply", seed) for seed in range(3)]
     mean = mean_sweep(meshes, name="a rather long name of a folder (mean of 3)")
-    figure = sweep_figure(
-        [spheres(), *meshes, mean], members={mean.name: meshes}, fractions=(0.5, 0.9)
-    )
+    figure = sweep_figure([spheres(), *meshes, mean], members=meshes, fractions=(0.5, 0.9))
     figure.draw_without_rendering()
     page = figure.bbox
     boxes = [axes.get_tightbbox() for axes in figure.axes] + [figure.legends[0].get_window_extent()]

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grasp3d import GraspModel, MeshOptions, load_mesh
-from grasp3d.batch.batch_settings import FractionGrid
 from grasp3d.errors import SettingError
 from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskText
@@ -94,18 +93,6 @@ def test_a_position_is_converted_as_well() -> None:
     assert (found.center_of_mass, found.max_edge) == ((0.01, 0.0, -0.0025), 0.01)
     with pytest.raises(SettingError, match="center_of_mass is 10 mm, but the unit of a mesh"):
         settings_in_unit(None, replace(options, max_edge=None), source="a mesh")
-
-
-def test_lengths_of_a_grid_are_converted_as_well() -> None:
-    grid = FractionGrid(location_error=("2mm", 0, Measure(1.0, "cm")))
-    assert grid.location_error == (Measure(2.0, "mm"), 0, Measure(1.0, "cm"))
-    (found,) = settings_in_unit("m", grid)
-    assert found == FractionGrid(location_error=(0.002, 0, 0.01))
-    assert settings_in_unit("mm", found)[0] is found
-    with pytest.raises(SettingError, match="location_error is 2 mm, but the unit of a mesh"):
-        settings_in_unit(None, grid, source="a mesh")
-    with pytest.raises(SettingError, match="location_error must be a length"):
-        FractionGrid(location_error=("2km",))
 
 
 def test_a_mesh_takes_single_lengths_in_its_unit() -> None:

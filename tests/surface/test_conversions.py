@@ -21,7 +21,7 @@ from grasp3d import (
     write_npz,
     write_vtp,
 )
-from grasp3d.batch.row import AreaFractions, Row, Summary
+from grasp3d.batch.row import BestGrasp, Row, Summary
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.stability import COLORS, Label
 from grasp3d.surface import GraspTable
@@ -136,10 +136,11 @@ def test_the_table_of_a_sweep_is_that_of_the_file(labels: SurfaceLabels, tmp_pat
 
 
 def test_the_rows_of_a_batch_become_a_table() -> None:
-    rows = Summary([Row("a", fractions=(AreaFractions(0.5, 0.3, 0.6, None, 0.1),)), Row("b")])
+    best = BestGrasp(0.1, 0.2, 0.6, 4.0, ((0.0, 0.0, 0.0),) * 2, ((0.0, 0.0, 1.0),) * 2)
+    rows = Summary([Row("a", grasps=(best,)), Row("b")])
     table = rows.to_table()
     assert table["mesh"].to_pylist() == ["a", "b"]
-    assert table["fractions"].to_pylist()[0][0]["stable"] == 0.6
+    assert table["grasps"].to_pylist()[0][0]["epsilon"] == 0.6
     assert rows.to_dataframe()["outcome"].tolist() == ["labelled", "labelled"]
 
 

@@ -153,10 +153,6 @@ def rows_of(swept: Sweep) -> list[dict[str, Any]]:
             "accuracy_ceiling": swept.accuracy_ceiling[row, column],
             "required_resolution_20": swept.required_resolution(0.2)[row],
             "required_resolution_12.5": swept.required_resolution(0.125)[row],
-            "friction_error": 0.0,
-            "normal_error": 0.0,
-            "location_error": 0.0,
-            "unit": "",
             "error": "",
         }
         for row, friction in enumerate(swept.friction.tolist())

@@ -245,7 +245,7 @@ def test_max_resolution_is_where_the_label_changes(labels: SurfaceLabels) -> Non
 
 def test_distributions_have_the_fractions_of_the_labels(labels: SurfaceLabels) -> None:
     found = labels.relabel(location_error=0.05)
-    distribution = labels.angle_distribution(location_error=0.05)
+    distribution = found.angle_distribution()
     model = found.model
     expected = distribution.fractions(
         friction=model.friction, sensor_resolution=model.sensor_resolution
@@ -267,7 +267,7 @@ MODELS: tuple[dict[str, Any], ...] = (
 
 
 @pytest.mark.parametrize("changes", MODELS, ids=str)
-def test_distributions_and_sweeps_have_the_fractions_of_every_model(
+def test_distributions_have_the_fractions_of_every_model(
     labels: SurfaceLabels, changes: dict[str, Any]
 ) -> None:
     found = labels.relabel(**changes)
@@ -280,12 +280,9 @@ def test_distributions_and_sweeps_have_the_fractions_of_every_model(
         normal_error=model.normal_error,
     )
     assert fractions == pytest.approx(expected, abs=1e-12)
-    swept = sweep(found, friction=model.friction, sensor_resolution=[0.0, model.sensor_resolution])
-    assert swept.stable[0, 1] == pytest.approx(expected["S"], abs=1e-12)
-    assert swept.unstable[0, 1] == pytest.approx(expected["U"], abs=1e-12)
-    finer = found.relabel(sensor_resolution=0.0).fractions()
-    assert swept.stable[0, 0] == pytest.approx(finer["S"], abs=1e-12)
-    needed = swept.required_resolution(0.3)[0]
+    needed = distribution.required_resolution(
+        0.3, friction=model.friction_interval, normal_error=model.normal_error
+    )
     if needed > 0.0:
         below, above = (
             found.relabel(sensor_resolution=needed + change).fractions()["S"]
@@ -294,18 +291,11 @@ def test_distributions_and_sweeps_have_the_fractions_of_every_model(
         assert above <= 0.3 + 1e-12 <= below + 2e-12
 
 
-def test_errors_of_labels_can_be_replaced_in_a_sweep(labels: SurfaceLabels) -> None:
-    found = labels.relabel(friction=(0.4, 0.6), normal_error=0.1, location_error=0.05)
-    exact = sweep(
-        found, friction=0.5, sensor_resolution=0.2,
-        friction_error=0.0, normal_error=0.0, location_error=0.0,
-    )  # fmt: skip
-    expected = labels.relabel(sensor_resolution=0.2).fractions()
-    assert exact.stable[0, 0] == pytest.approx(expected["S"], abs=1e-12)
-    # Angles alone have a location error, but no error of friction and normals.
-    alone = sweep(found.angle_distribution(), friction=0.5, sensor_resolution=0.2)
+def test_a_sweep_has_the_location_error_of_the_labels(labels: SurfaceLabels) -> None:
+    found = labels.relabel(location_error=0.05)
+    swept = sweep(found.angle_distribution(), friction=0.5, sensor_resolution=0.2)
     expected = labels.relabel(sensor_resolution=0.2, location_error=0.05).fractions()
-    assert alone.stable[0, 0] == pytest.approx(expected["S"], abs=1e-12)
+    assert swept.stable[0, 0] == pytest.approx(expected["S"], abs=1e-12)
 
 
 @pytest.mark.parametrize("text", ["friction=0.4; friction=0.4", "; friction=0.3..0.4"])
@@ -315,8 +305,6 @@ def test_fingers_with_a_friction_of_their_own_have_no_distribution(
     found = labels.relabel(per_finger=text)
     with pytest.raises(SettingError, match="friction of all fingers"):
         found.angle_distribution()
-    with pytest.raises(SettingError, match="friction of their own"):
-        sweep(found, friction=0.5, sensor_resolution=0.1)
 
 
 def test_a_distribution_is_covered_as_far_as_its_labels(labels: SurfaceLabels) -> None:

@@ -62,7 +62,7 @@ def _model(model: GraspModel) -> Iterator[tuple[str, str]]:
 
 
 def _search(settings: BatchSettings) -> Iterator[tuple[str, str]]:
-    search = settings.search
+    search = settings.sampling
     if isinstance(search, Sampling):
         yield "Grip", {"both": "squeeze or expand"}.get(search.grip, search.grip)
         yield "Opening", _range(search.min_opening, search.max_opening)
