@@ -10,7 +10,7 @@ from grasp3d.quality.loads import Load
 from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling
 from grasp3d.settings.checks import check_range
 from grasp3d.settings.parsing import Main
-from grasp3d.settings.regions import Box, Sphere
+from grasp3d.settings.regions import Mask
 
 MIN_WORKER_MEMORY = 0.5
 """Least memory of a worker process [GB]."""
@@ -39,9 +39,8 @@ class BatchSettings:
         check_range("the number of best grasps", self.best, 0)
         if self.reach.pose_error and not self.best:
             raise SettingError("a pose error tries wrong poses of the best grasps; ask for one")
-        for part in (*self.mesh.only, *self.mesh.avoid):
-            if not isinstance(part, Box | Sphere):
-                raise SettingError(f"{part} is of one mesh; a library takes boxes and spheres")
+        if isinstance(self.mesh.region, Mask):
+            raise SettingError(f"{self.mesh.region} is of one mesh; a library takes a box")
         object.__setattr__(self, "sampling", self.sampling.fitted(self.model.fingers))
 
 

@@ -357,7 +357,7 @@ def _outside(grasps: EvaluatedParts | EvaluatedPoses) -> tuple[str, ...]:
     if grasps.mesh.region is None:
         return ()
     count = int(np.isinf(grasps.critical_angle).sum())
-    return (f"{count} of {grasps.size} have a contact that --only and --avoid exclude: U",)
+    return (f"{count} of {grasps.size} have a contact outside --region: U",)
 
 
 def print_files(report: Report, poses: GivenGrasps, *outputs: Path) -> None:

@@ -155,7 +155,7 @@ def _noted(hint: Any) -> tuple[Any, list[Any]]:
 
 def _option(field: "Field[Any]", hint: Any, text: str, group: str) -> Option:
     """Return an option, with its help, its placeholder, and the parser of its value."""
-    base, notes = _noted(hint)
+    _, notes = _noted(hint)
     stated = {"name": field.name, "help": text}
     for note in notes:
         if isinstance(note, Stated):
@@ -175,7 +175,7 @@ def _option(field: "Field[Any]", hint: Any, text: str, group: str) -> Option:
         group="arguments" if positional else group,
         parser=parser,
         default=field.default,
-        repeated=base is Region or REPEATED in notes,
+        repeated=REPEATED in notes,
         names=() if positional else names,
         metavar=_METAVARS.get(field.name) or stated.get("metavar", parser.metavar),
         text=stated["help"],
@@ -218,7 +218,7 @@ def _parser(hint: Any, option: str) -> Parser:
     if Measure in kinds or get_origin(base) is Length:
         kinds = kinds if Measure in kinds else get_args(get_args(base)[0])
         return _length(option, optional=NoneType in kinds)
-    if kind is Region or get_origin(kind) is tuple:
+    if get_origin(kind) is tuple:
         return _of_tuple(kind, option)
     if kind in {int, float} or get_origin(kind) is Literal:
         return _plain(option, kind, optional=optional)
@@ -227,9 +227,7 @@ def _parser(hint: Any, option: str) -> Parser:
 
 
 def _of_tuple(kind: Any, option: str) -> Parser:
-    """Return the parser of a type of tuples, or of a region, which is one of its parts."""
-    if kind is Region:
-        return _several(one_word(f"PART|{_NONE}", partial(Region().parse, option)))
+    """Return the parser of a type of tuples."""
     items = get_args(kind)
     parsers = [_parser(item, option) for item in items if item is not ...]
     return _several(parsers[0]) if ... in items else _words(parsers)
@@ -360,6 +358,7 @@ _PARSERS: dict[Any, Parser] = {
     PoseErrorField: one_word("LENGTH,DEGREES", PoseError.of, optional=False),
     Position: one_word(f"X,Y,Z|{_NONE}"),
     Quantity: one_word(f"NUMBER|{_NONE}"),
+    Region: one_word(f"BOX|FILE|{_NONE}"),
     TaskField: one_word("TASK", _task, optional=False),
 }
 """Parsers by the kind of field of settings; the texts are parsed by the settings themselves."""
@@ -442,7 +441,7 @@ Multifinger = Annotated[
 ]
 """The options of a search of three fingers and more that a search of two fingers does not have."""
 
-WholeMesh = partial(MeshOptions, only=(), avoid=())
+WholeMesh = partial(MeshOptions, region=None)
 """How commands make options of reading a mesh whose contacts may be anywhere."""
 
 

@@ -203,7 +203,7 @@ def _read_mesh(stored: Stored, settings: FileSettings, unit: Unit | None) -> Obj
     if settings.has_load and settings.load is None:
         warnings = (*mesh.report.warnings, UNREADABLE_TASK)
         mesh = replace(mesh, report=replace(mesh.report, warnings=warnings))
-    if mesh.options.only or mesh.options.avoid:
+    if mesh.options.region is not None:
         mesh = replace(mesh, region=locked(stored.field("reason") != Reason.EXCLUDED))
     return mesh
 

@@ -27,7 +27,7 @@ class Cause(StrEnum):
     NOT_REACHED = "the gripper reaches none of the grasps"
     SAME_POINT = "a fixed finger is at this point"
     OFF_SURFACE = "the vertex belongs to no face"
-    EXCLUDED = "outside --only, or inside --avoid"
+    EXCLUDED = "outside --region"
     UNSTABLE = "the best grasp needs more friction"
     FORCE = "the force at hand does not hold the load"
     COLLIDES = "at no pose do the jaws close on the object without a collision"

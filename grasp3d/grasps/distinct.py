@@ -94,7 +94,7 @@ def distinct_grasps(labels: SurfaceLabels, *, distance: float | None = None) -> 
     With a gripper of two fingers the jaws close on a free object at the poses of the candidates, as
     in `evaluate_grasps`, before they are ranked: labels, margins and forces that count are those at
     what the jaws touch, `closed` and `holding`. Grasps whose jaws touch the object outside the
-    region of `only` and `avoid` are omitted.
+    mesh's region are omitted.
 
     Args:
         labels: The labelled surface. Its grasps of the default distance are found once.

@@ -107,7 +107,7 @@ def evaluate_grasps(
     At poses of a gripper each jaw moves until it touches, and a free object gives way, with the
     model's friction; see `close_jaws`, which also says how a touched patch becomes a contact. A
     pose whose jaws close on nothing is U, without numbers. So is a grasp with a contact outside the
-    region of `only` and `avoid`, with an infinite critical angle.
+    mesh's region, with an infinite critical angle.
 
     At poses of a hand with joints, given with their values, the links that touch make the grasp:
     see `EvaluatedHandGrasps`.

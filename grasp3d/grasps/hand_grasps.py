@@ -99,7 +99,7 @@ class EvaluatedHandGrasps(GivenGrasps):
 
     @cached_property
     def outside(self) -> Bools:
-        """Whether a pose has a contact outside the region of `only` and `avoid`, shape (k,)."""
+        """Whether a pose has a contact outside the region of the mesh, shape (k,)."""
         wrong = ~allowed_contacts(self.mesh, self.contacts.points[:, None])
         return np.asarray(np.bincount(self.contacts.row[wrong], minlength=self.size) > 0)
 
@@ -386,7 +386,7 @@ class EvaluatedHandGrasps(GivenGrasps):
         reasons = Reasons(self.hand, self.mesh, self.contacts, self.contact_distance)
         reasons.add_impossible(self.given.posture, self.scene)
         reasons.add_contacts(self._touching)
-        reasons.add("touches where --only and --avoid allow no contact", self.outside)
+        reasons.add("touches outside --region", self.outside)
         reasons.add("the hand cannot press it", self.pressed == 0.0)
         reasons.add("it is not known whether the hand can press it", np.isnan(self.pressed))
         if (held := self.label_with_force) is not None and (of := self.motor_holding) is not None:

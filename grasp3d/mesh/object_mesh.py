@@ -97,8 +97,8 @@ class ObjectMesh:
     """The file's closed bodies in the normalised frame, before those that touch are united; None:
     there are too many to give each a density."""
     region: Bools | None = None
-    """Mask of the vertices in the part of the surface where contacts may be, by the options `only`
-    and `avoid`, shape (V,); None: all of it."""
+    """Mask of the vertices in the part of the surface where contacts may be, by the option
+    `region`, shape (V,); None: all of it."""
 
     __repr__ = short_repr
 

@@ -62,7 +62,7 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
             without that: then it keeps its vertices.
         options: How the mesh is read and prepared; None: the defaults.
         fields: Fields of `MeshOptions` that differ from `options`: unit, max_edge, crease_angle,
-            repair, center_of_mass, only, avoid, max_memory.
+            repair, center_of_mass, region, max_memory.
 
     Returns:
         The mesh, with a report of what was read, repaired and doubtful in `report`. Positions are
@@ -89,20 +89,18 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
         >>> coarse.report.source, coarse.unit, len(coarse.vertices)
         ('trimesh.Trimesh', None, 50)
 
-        Contacts on one end alone, as numbers of vertices or as a ball:
+        Contacts on one end alone:
 
-        >>> end = np.flatnonzero(coarse.vertices[:, 0] > 15.0)
-        >>> len(grasp3d.load_mesh(coarse, only=end).contact_faces)
-        16
-        >>> round(grasp3d.load_mesh(coarse, only="sphere:20,0,0,25").allowed_fraction, 3)
-        0.306
+        >>> end = grasp3d.load_mesh(coarse, region="box:15,-20,-20,20,20,20")
+        >>> len(end.contact_faces), round(end.allowed_fraction, 3)
+        (16, 0.25)
     """
     own = source.options if isinstance(source, ObjectMesh) else None
     settings = MeshOptions.of(options or own, fields)
     if isinstance(source, ObjectMesh):
         if settings == own:
             return source
-        if replace(settings, only=source.options.only, avoid=source.options.avoid) == own:
+        if replace(settings, region=source.options.region) == own:
             return restricted(source, settings)
     return prepare(source, settings).mesh
 

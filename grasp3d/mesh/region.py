@@ -1,4 +1,4 @@
-"""The part of a surface where contacts may be: the options `only` and `avoid`, for one mesh."""
+"""The part of a surface where contacts may be: the option `region`, for one mesh."""
 
 from dataclasses import replace
 
@@ -14,11 +14,11 @@ from grasp3d.reading.ply import read_elements, read_ply_header, scalars
 from grasp3d.reading.sources import find_source
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.lengths import one_line, settings_in_unit
-from grasp3d.settings.regions import Box, Mask, Part, Sphere
+from grasp3d.settings.regions import Box, Mask
 from grasp3d.system.names import printable
 
 ROUNDING = 1e-9
-"""Distance, in object sizes, from a box or a ball within which a vertex is in it."""
+"""Distance, in object sizes, from a box within which a vertex is in it."""
 
 OFF_MASK = 1e-2
 """Largest distance of a vertex from the surface of a mask, in object sizes."""
@@ -42,24 +42,22 @@ def restricted(mesh: ObjectMesh, options: MeshOptions) -> ObjectMesh:
         options: Its options, perhaps with another region.
 
     Raises:
-        SettingError: A part of `only` has no vertex, no face is left, numbers of vertices are of
-            another mesh, or a length has a unit, but that of the mesh is not known.
+        SettingError: No face is in the region, or a length has a unit, but that of the mesh is not
+            known.
         MeshError: A mask cannot be read.
     """
     (options,) = settings_in_unit(mesh.unit, options, source=mesh.report.source)
-    if not options.only and not options.avoid:
-        return replace(mesh, options=options, region=None)
-    mesh = replace(mesh, options=options, region=None)
-    region = np.ones(len(mesh.vertices), dtype=bool)
-    if options.only:
-        region = _union(mesh, options.only)
-    region &= ~_union(mesh, options.avoid)
-    mesh = replace(mesh, region=locked(region))
+    mesh, part = replace(mesh, options=options, region=None), options.region
+    if part is None:
+        return mesh
+    inside = _in_box(mesh, part) if isinstance(part, Box) else _on_paint(mesh, part)
+    region = np.zeros(len(mesh.vertices), dtype=bool)
+    region[mesh.canonical[inside & mesh.on_surface]] = True  # vertices at one position alike
+    mesh = replace(mesh, region=locked(region[mesh.canonical]))
     if not len(mesh.contact_faces):
-        left = int(mesh.allowed.sum())
         raise SettingError(
-            f"{mesh.report.source}: only and avoid leave {left:,} of {len(region):,} vertices, "
-            f"and no face with three of them; {_extent(mesh)}"
+            f"{mesh.report.source}: {printable(str(part))} has {int(mesh.allowed.sum()):,} of its "
+            f"{len(region):,} vertices, and no face with three of them; {_extent(mesh)}"
         )
     return mesh
 
@@ -80,20 +78,6 @@ def allowed_contacts(mesh: ObjectMesh, points: Floats) -> Bools:
     return np.asarray(inside.all(axis=1))
 
 
-def _union(mesh: ObjectMesh, parts: tuple[Part, ...]) -> Bools:
-    """Mask of the vertices in any of the parts; those at one position alike, shape (V,)."""
-    inside = np.zeros(len(mesh.vertices), dtype=bool)
-    for part in parts:
-        own = _inside(mesh, part) & mesh.on_surface
-        if not own.any():
-            raise SettingError(
-                f"{mesh.report.source}: {printable(str(part))} has none of its "
-                f"{len(inside):,} vertices; {_extent(mesh)}"
-            )
-        inside[mesh.canonical[own]] = True
-    return inside[mesh.canonical]
-
-
 def _extent(mesh: ObjectMesh) -> str:
     """Where an object lies, for messages."""
     points = mesh.vertices[mesh.faces].reshape(-1, 3)
@@ -103,32 +87,11 @@ def _extent(mesh: ObjectMesh) -> str:
     return f"the object lies from {low} to {high}{f' {mesh.unit}' if mesh.unit else ''}"
 
 
-def _inside(mesh: ObjectMesh, part: Part) -> Bools:
-    """Mask of the vertices in one part, shape (V,)."""
-    rounding = ROUNDING * mesh.size
-    if isinstance(part, Box):
-        low, high = np.array(part.corners, dtype=np.float64).reshape(2, 3)
-        beyond = np.maximum(low - mesh.vertices, mesh.vertices - high)
-        return np.asarray((beyond <= rounding).all(axis=1))
-    if isinstance(part, Sphere):
-        ball = np.array(part.numbers, dtype=np.float64)
-        distances = np.linalg.norm(mesh.vertices - ball[:3], axis=1)
-        return np.asarray(distances <= ball[3] + rounding)
-    if isinstance(part, Mask):
-        return _on_paint(mesh, part)
-    inside = np.zeros(len(mesh.vertices), dtype=bool)
-    if (not part.numbers and part.count) or part.of not in {None, len(inside)}:
-        raise SettingError(
-            f"{mesh.report.source}: {part.count:,} vertices "
-            f"{f'of {part.of:,}' if part.of else 'whose numbers are not known'} are no region of "
-            f"its {len(inside):,}: give numbers of the prepared mesh's vertices, or a mask of them"
-        )
-    if part.numbers and part.numbers[-1] >= len(inside):
-        raise SettingError(
-            f"{mesh.report.source}: has no vertex {part.numbers[-1]}, but {len(inside):,} vertices"
-        )
-    inside[list(part.numbers)] = True
-    return inside
+def _in_box(mesh: ObjectMesh, box: Box) -> Bools:
+    """Mask of the vertices in a box, shape (V,)."""
+    low, high = np.array(box.corners, dtype=np.float64).reshape(2, 3)
+    beyond = np.maximum(low - mesh.vertices, mesh.vertices - high)
+    return np.asarray((beyond <= ROUNDING * mesh.size).all(axis=1))
 
 
 def _on_paint(mesh: ObjectMesh, mask: Mask) -> Bools:

@@ -41,10 +41,9 @@ class MeshOptions(LengthSettings):
             filled.
         center_of_mass: Centre of mass of the object in the mesh's frame, three lengths with commas:
             10mm,0,-2.5mm. none: that of a uniform density, or, if the mesh is open, of its surface.
-        only: Part of the surface where contacts may be: box:X0,Y0,Z0,X1,Y1,Z1 (its lowest and its
-            highest corner), sphere:X,Y,Z,RADIUS, or a PLY of the object whose vertices are painted
-            there, mask.ply or mask.ply:PROPERTY; several: all of them together. none: anywhere.
-        avoid: Part where no contact may be, written like only; it may lie in that part.
+        region: Part of the surface where contacts may be: box:X0,Y0,Z0,X1,Y1,Z1 (its lowest and its
+            highest corner), or a PLY of the object whose vertices are painted there, mask.ply or
+            mask.ply:PROPERTY. none: anywhere.
         max_memory: Memory that reading and labelling one mesh may take [GB]; files that need more
             are refused before they are processed.
 
@@ -64,8 +63,7 @@ class MeshOptions(LengthSettings):
     crease_angle: Radians = 30.0 * DEGREE
     repair: Repair = "safe"
     center_of_mass: Position = Position(None)
-    only: Region = Region()
-    avoid: Region = Region()
+    region: Region = Region()
     max_memory: float = 2.0
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Regions of a surface in settings: boxes, spheres, painted masks and vertices."""
+"""The part of a surface where contacts may be, in settings: a box, or a painted mask."""
 
 import math
 from dataclasses import dataclass
@@ -6,14 +6,11 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.lengths import Lengths, Measure, comparable, describe_length
+from grasp3d.settings.lengths import Lengths, comparable, describe_length
 from grasp3d.settings.parsing import ParsedField, Settings, TextValue
 
-FORMS = (
-    "box:X0,Y0,Z0,X1,Y1,Z1, sphere:X,Y,Z,RADIUS, or a PLY painted at its vertices (mask.ply, or "
-    "mask.ply:PROPERTY)"
-)
-"""How parts are written, for messages."""
+FORMS = "box:X0,Y0,Z0,X1,Y1,Z1, or a PLY painted at its vertices (mask.ply, or mask.ply:PROPERTY)"
+"""How a part is written, for messages."""
 
 
 @dataclass(frozen=True)
@@ -38,23 +35,6 @@ class Box(Settings, TextValue):
 
 
 @dataclass(frozen=True)
-class Sphere(Settings, TextValue):
-    """A ball in the mesh's frame."""
-
-    numbers: Lengths = Lengths(())
-    """Its centre and its radius: four lengths."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        lengths = [one.number if isinstance(one, Measure) else one for one in self.numbers]
-        if not all(map(math.isfinite, lengths)) or lengths[3] <= 0.0:
-            raise SettingError(f"a sphere needs a centre, and a radius above 0; got {self}")
-
-    def __str__(self) -> str:
-        return "sphere:" + ",".join(map(str, self.numbers))
-
-
-@dataclass(frozen=True)
 class Mask(TextValue):
     """A PLY of the object, or of part of it, whose painted vertices are the part."""
 
@@ -67,91 +47,31 @@ class Mask(TextValue):
         return f"{self.path}:{self.painted}" if self.painted else str(self.path)
 
 
-@dataclass(frozen=True)
-class Vertices(TextValue):
-    """Vertices of a prepared mesh; files state how many there are."""
-
-    count: int
-    numbers: tuple[int, ...] = ()
-    """Numbers of the vertices, in ascending order; none where a file stated them."""
-    of: int | None = None
-    """Number of vertices of the mesh, of a mask of all of them."""
-
-    def __str__(self) -> str:
-        return f"vertices:{self.count}"
+Part: TypeAlias = Box | Mask
 
 
-Part: TypeAlias = Box | Sphere | Mask | Vertices
+class Region(ParsedField[Part | None, Part | str | None]):
+    """A field of settings that holds a part of a surface, or none, which is all of it.
 
-
-class Parts(tuple[Part, ...], TextValue):
-    """Parts of a surface that together are a region; empty: none is stated."""
-
-    __slots__ = ()
-
-    def __str__(self) -> str:
-        return "; ".join(map(str, self))
-
-
-class Region(ParsedField[tuple[Part, ...], Any]):
-    """A field of settings that holds a region of a surface: the union of parts.
-
-    It takes texts, in one text separated by semicolons: `box:` and the lowest and the highest
-    corner, `sphere:` and the centre and the radius, lengths in the mesh's unit or with their own;
-    or the name of a PLY with painted vertices. Or numbers of vertices, or a mask of all of them.
+    It takes a text: `box:` and the lowest and the highest corner, lengths in the mesh's unit or
+    with their own, or the name of a PLY with painted vertices.
     """
 
     def __init__(self) -> None:
-        super().__init__(Parts())
+        super().__init__(None)
 
-    def parse(self, name: str, value: Any) -> Parts:
+    def parse(self, name: str, value: Any) -> Part | None:
         """See `ParsedField.parse`."""
-        if isinstance(value, Parts | None):
-            return value or Parts()
-        if isinstance(value, str):
-            texts = map(str.strip, value.split(";"))
-            return Parts(_part(name, text) for text in texts if text)
-        if isinstance(value, Part):
-            return Parts((value,))
-        if isinstance(value, list | tuple) and all(
-            isinstance(one, str | tuple | Part) for one in value
-        ):
-            return Parts(part for one in value for part in self.parse(name, one))
-        import numpy as np  # not for the help of the command line
-
-        numbers = np.asarray(value)
-        if numbers.dtype.kind not in "biu" or numbers.ndim != 1:
-            raise SettingError(f"{name} must be {FORMS}; got {value!r}")
-        return Parts((_vertices(name, numbers),))
-
-
-def _vertices(name: str, values: Any) -> Vertices:
-    """The vertices of a mask of all of them, or of their numbers."""
-    if values.dtype.kind == "b":
-        numbers = tuple(values.nonzero()[0].tolist())
-        return Vertices(len(numbers), numbers, len(values))
-    numbers = tuple(sorted(set(values.tolist())))
-    if len(numbers) < len(values) or (numbers and numbers[0] < 0):
-        raise SettingError(
-            f"{name} must be numbers of vertices, each once, or a mask of booleans; of "
-            f"{len(values)} numbers {len(numbers)} differ, the smallest is {numbers[0]}"
-        )
-    return Vertices(len(numbers), numbers)
-
-
-def _part(name: str, text: str) -> Part:
-    """The part of a region that a text describes."""
-    kind, _, rest = text.partition(":")
-    lengths = tuple(one.strip() for one in rest.split(","))
-    if (kind, len(lengths)) == ("box", 6):
-        return Box(lengths)
-    if (kind, len(lengths)) == ("sphere", 4):
-        return Sphere(lengths)
-    if kind == "vertices" and rest.isdecimal():
-        return Vertices(int(rest))
-    if text.lower().endswith(".ply"):
-        return Mask(Path(text))
-    file, _, painted = text.rpartition(":")
-    if file.lower().endswith(".ply") and painted:
-        return Mask(Path(file), painted)
-    raise SettingError(f"{name} must be {FORMS}; got {text!r}")
+        if value is None or isinstance(value, Part):
+            return value
+        text = str(value).strip()
+        kind, _, rest = text.partition(":")
+        corners = tuple(one.strip() for one in rest.split(","))
+        if (kind, len(corners)) == ("box", 6):
+            return Box(corners)
+        if text.lower().endswith(".ply"):
+            return Mask(Path(text))
+        file, _, painted = text.rpartition(":")
+        if file.lower().endswith(".ply") and painted:
+            return Mask(Path(file), painted)
+        raise SettingError(f"{name} must be {FORMS}; got {text!r}")

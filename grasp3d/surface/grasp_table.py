@@ -230,7 +230,7 @@ class GraspTable(LabelledGrasps):
         if case is None:
             return None
         holding = surface_holding(self.contacts, model, case)
-        outside = np.isinf(self.critical_angle_best)  # of the region of only and avoid
+        outside = np.isinf(self.critical_angle_best)  # of the region
         holding = holding.replaced(outside, Holding.failed(case, self.size))
         if other is None:
             return holding

@@ -84,7 +84,7 @@ def chosen_settings(
         **({} if sampling is None else plain_values(sampling)),
         **plain_values(mesh.options),
         "center_of_mass": one_line(mesh.options.center_of_mass),
-        **{name: _ascii(str(getattr(mesh.options, name))) for name in ("only", "avoid")},
+        "region": _ascii(str(mesh.options.region)),
         "unit": mesh.unit or "unknown",
         **scene_settings(scene),
     }

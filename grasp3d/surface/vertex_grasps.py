@@ -162,7 +162,7 @@ class Reason(IntEnum):
     NOT_REACHED = 5
     """It has grasps, but the gripper reached none of those that were tested."""
     EXCLUDED = 6
-    """No contact may be there: it is outside the region of `only` and `avoid`."""
+    """No contact may be there: it is outside the region."""
 
 
 @dataclass(frozen=True)

@@ -153,7 +153,7 @@ def in_parts(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
             (
                 "--friction",
                 "0.3..0.6",
-                "--only",
+                "--region",
                 "box:-1,-1,-1,1,1,0.7",
                 "--location-error",
                 "0.01",

@@ -72,21 +72,18 @@ label box.stl --task missing.csv | missing.csv: cannot be read (No such file or 
 label box.stl --task 'acceleration 0' | 'acceleration 0': a task needs a force or a torque
 label box.stl --task wieght | no task is called 'wieght'; known: weight
 label box.stl --task pushes.csv | torques of the task are in N m, but the unit of box
-label ball.ply --only box:1,2,3 | --only must be box:X0,Y0,Z0,X1,Y1,Z1, sphere:X,Y,Z,RADIUS
-label ball.ply --only ball.stl | --only must be box: | got 'ball.stl'
-label ball.ply --only box:0,0,1,1,1,0 | along z it is from 1 to 0
-label ball.ply --avoid sphere:0,0,0,-1 | a radius above 0; got sphere:0.0,0.0,0.0,-1.0
-label ball.ply --only sphere:0,0,x,1 | must be a length
-label ball.ply --only sphere:0,0,1mm,1 | the unit of ball.ply is not known
-label ball.ply --only sphere:9,0,0,1 | 0.0,1.0 has none of its 10,242 vertices; the object lies
-label ball.ply --only sphere:1,0,0,0.001 | leave 1 of 10,242 vertices, and no face
-label ball.ply --avoid sphere:0,0,0,2 | leave 0 of 10,242 vertices
-label ball.ply --only vertices:7 | 7 vertices whose numbers are not known are no region
-label ball.ply --only none.ply | none.ply: there is no such file
-label ball.ply --only ball.ply | ball.ply: no vertex is painted
-label ball.ply --only ball.ply:grip | ball.ply: its vertices have no 'grip'; they have x, y, z
-label ball.ply --only mask.ply | mask.ply: is no mask of ball.ply: one of its vertices is
-batch ball.ply -o out --only mask.ply | mask.ply is of one mesh; a library takes boxes and spheres
+label ball.ply --region box:1,2,3 | region must be box:X0,Y0,Z0,X1,Y1,Z1, or a PLY painted
+label ball.ply --region ball.stl | region must be box: | got 'ball.stl'
+label ball.ply --region box:0,0,1,1,1,0 | along z it is from 1 to 0
+label ball.ply --region box:0,0,x,1,1,1 | must be a length
+label ball.ply --region box:0,0,1mm,1,1,1 | the unit of ball.ply is not known
+label ball.ply --region box:9,9,9,10,10,10 | has 0 of its 10,242 vertices | the object lies
+label ball.ply --region box:0.999999,-1,-1,1,1,1 | has 1 of its 10,242 vertices, and no face
+label ball.ply --region none.ply | none.ply: there is no such file
+label ball.ply --region ball.ply | ball.ply: no vertex is painted
+label ball.ply --region ball.ply:grip | ball.ply: its vertices have no 'grip'; they have x, y, z
+label ball.ply --region mask.ply | mask.ply: is no mask of ball.ply: one of its vertices is
+batch ball.ply -o out --region mask.ply | mask.ply is of one mesh; a library takes a box
 label box.stl --center-of-mass 1,2 | center_of_mass must be three finite lengths
 label box.stl -o notes.ply | notes.ply: exists and is no result of grasp3d
 label box.stl -o notes.npz | notes.npz: exists and is no result of grasp3d
@@ -333,7 +330,7 @@ design --fraction 1 | did you mean --friction?
 design --mass 1 | design has no option --mass
 label x --fingers | --fingers needs a value: INT
 label x --at | --at needs a value: X,Y,Z
-label x --only | --only needs a value: PART|none
+label x --region | --region needs a value: BOX|FILE|none
 label x --no-quiet | '--no-quiet' is one too many
 label x --quiet=1 | --quiet takes no value
 label x --hand | --hand needs a value: NAME|FILE|none

@@ -1,5 +1,7 @@
 import itertools
 import math
+from contextlib import suppress
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -23,7 +25,7 @@ from grasp3d import (
     load_mesh,
     read_labels,
 )
-from grasp3d.arrays import Bools, Floats
+from grasp3d.arrays import Bools, Floats, locked
 from grasp3d.errors import SettingError
 from grasp3d.export.writers import writer_for
 from grasp3d.surface.vertex_grasps import Reason
@@ -45,43 +47,28 @@ def object_of(name: str) -> ObjectMesh:
 
 @st.composite
 def regions(draw: st.DrawFn, names: tuple[str, ...] = ("box", "ball", "lopsided")) -> ObjectMesh:
-    """A small object of which a box or a ball is allowed, less another one."""
+    """A small object of which a box is allowed, or all but a ball."""
     mesh = object_of(draw(st.sampled_from(names)))
-    part = st.floats(0.2, 1.1)
-    centres = [mesh.vertices[draw(st.integers(0, len(mesh.vertices) - 1))] for _ in range(2)]
-    radii = [mesh.size * draw(part), 0.3 * mesh.size * draw(part)]
-    texts = []
-    for centre, radius in zip(centres, radii, strict=True):
-        ends = [*centre, radius]
-        if draw(st.booleans()):
-            ends = [*(centre - 0.6 * radius), *(centre + 0.6 * radius)]
-        texts.append(f"{'box' if len(ends) == 6 else 'sphere'}:{','.join(map(str, ends))}")
-    for avoid in (texts[1:], ()):
-        try:
-            return load_mesh(mesh, only=texts[0], avoid=avoid)
-        except SettingError:
-            continue
-    return load_mesh(mesh, only="sphere:0,0,0,9")
+    centre = mesh.vertices[draw(st.integers(0, len(mesh.vertices) - 1))]
+    half = 0.6 * mesh.size * draw(st.floats(0.2, 1.1))
+    if draw(st.booleans()):
+        outside = np.linalg.norm(mesh.vertices - centre, axis=1) > 0.5 * half
+        mesh = replace(mesh, region=locked(outside[mesh.canonical]))
+    else:
+        corners = [*(centre - half), *(centre + half)]
+        with suppress(SettingError):
+            mesh = load_mesh(mesh, region=f"box:{','.join(map(str, corners))}")
+    return mesh if mesh.region is not None else load_mesh(mesh, region="box:-9,-9,-9,9,9,9")
 
 
 def inside(mesh: ObjectMesh) -> Bools:
-    """Mask of the allowed vertices, from the texts of the region."""
-
-    def holds(texts: str) -> Bools:
-        mask = np.zeros(len(mesh.vertices), dtype=bool)
-        for text in filter(None, texts.split("; ")):
-            kind, _, numbers = text.partition(":")
-            ends = np.array(numbers.split(","), dtype=float)
-            if kind == "box":
-                mask |= (
-                    (mesh.vertices >= ends[:3] - 1e-9) & (mesh.vertices <= ends[3:] + 1e-9)
-                ).all(1)
-            else:
-                mask |= np.linalg.norm(mesh.vertices - ends[:3], axis=1) <= ends[3] + 1e-9
-        return mask
-
-    only, avoid = str(mesh.options.only), str(mesh.options.avoid)
-    return (holds(only) if only else np.ones(len(mesh.vertices), bool)) & ~holds(avoid)
+    """Mask of the allowed vertices; of a box from its text."""
+    kind, _, numbers = str(mesh.options.region).partition(":")
+    if kind != "box":
+        return mesh.allowed
+    low, high = np.array(numbers.split(","), dtype=float).reshape(2, 3)
+    beyond = np.maximum(low - mesh.vertices, mesh.vertices - high)
+    return np.asarray((beyond <= 1e-9).all(axis=1))
 
 
 def on_allowed_faces(mesh: ObjectMesh, points: Floats) -> Bools:
@@ -182,7 +169,7 @@ def test_no_grasp_is_named_whose_closed_jaws_touch_elsewhere(mesh: ObjectMesh) -
 def test_given_grasps_with_a_contact_outside_are_u() -> None:
     mesh = object_of("box")
     upper, lower = [[0.0, 0.02, 0.01], [0.0, -0.02, 0.01]], [[0.0, 0.02, -0.01], [0.0, -0.02, 0.01]]
-    part = load_mesh(mesh, only="box:-1,-1,-4mm,1,1,1")
+    part = load_mesh(mesh, region="box:-1,-1,-4mm,1,1,1")
     assert evaluate_grasps(mesh, [upper, lower]).label.tolist() == [Label.S, Label.M]
     grasps = evaluate_grasps(part, [upper, lower])
     assert grasps.label.tolist() == [Label.S, Label.U]
@@ -197,7 +184,7 @@ def test_given_grasps_with_a_contact_outside_are_u() -> None:
 
 def test_a_region_of_everything_changes_nothing() -> None:
     mesh = object_of("lopsided")
-    whole, same = label_surface(mesh), label_surface(load_mesh(mesh, only="sphere:0,0,0,9"))
+    whole, same = label_surface(mesh), label_surface(load_mesh(mesh, region="box:-9,-9,-9,9,9,9"))
     assert same.mesh.region is not None
     for name in ("label", "critical_angle", "critical_angle_best", "partners", "reason"):
         np.testing.assert_array_equal(getattr(same, name), getattr(whole, name))
@@ -220,11 +207,11 @@ def test_edges_at_the_border_of_a_region_are_searched(
     mesh = load_mesh((box.vertices + shifts, box.faces), max_edge=9.0)
     flipped = mesh.vertices[:, :2] * signs
     on_side = np.abs(np.abs(flipped[:, short]) - 0.02) < 1e-9
-    only = on_side & (flipped[:, short] * flipped[:, 1 - short] > -1e-9)
+    region = on_side & (flipped[:, short] * flipped[:, 1 - short] > -1e-9)
     labels = label_surface(
-        load_mesh(mesh, only=only), sampling=Sampling(search_angle=math.radians(60.0))
+        replace(mesh, region=locked(region)), sampling=Sampling(search_angle=math.radians(60.0))
     )
-    edge = only & (np.abs(np.abs(flipped[:, 1 - short]) - 0.03) < 1e-9)
+    edge = region & (np.abs(np.abs(flipped[:, 1 - short]) - 0.03) < 1e-9)
     edge &= np.abs(mesh.vertices[:, 2]) < 0.02
     assert edge.sum() > 4
     assert (labels.critical_angle_best[edge] < math.radians(1.0)).all()
@@ -233,13 +220,12 @@ def test_edges_at_the_border_of_a_region_are_searched(
 @pytest.mark.parametrize("suffix", [".ply", ".npz", ".vtp", ".parquet"])
 def test_files_have_the_region(tmp_path: Path, suffix: str) -> None:
     mesh = object_of("box")
-    mesh = load_mesh(mesh, only=mesh.vertices[:, 0] > 0.0, avoid="sphere:0,0,25mm,1cm")
+    mesh = load_mesh(mesh, region="box:0,-1,-1,1,1,2cm")
     labels, path = label_surface(mesh), tmp_path / f"box{suffix}"
     writer_for(path)(path, labels)
     read = read_labels(path)
     np.testing.assert_array_equal(read.mesh.allowed, mesh.allowed)
-    assert str(read.mesh.options.only) == f"vertices:{(mesh.vertices[:, 0] > 0.0).sum()}"
-    assert read.mesh.options.avoid == mesh.options.avoid
+    assert read.mesh.options.region == mesh.options.region
     assert read.fractions() == pytest.approx(labels.fractions(), abs=1e-6)
     assert (read.reason[~mesh.allowed] == Reason.EXCLUDED).all()
     again = tmp_path / f"again{suffix}"
@@ -264,7 +250,7 @@ def test_a_painted_mask_is_the_part_that_is_painted(
     else:
         columns |= {"other": np.ones(len(painted), "f4"), "grip": painted.astype("u1")}
     write_ply_columns(path, columns, fine.faces, {}, binary=binary)
-    part = load_mesh(mesh, only=f"{path}:grip" if kind == "scalar" else str(path))
+    part = load_mesh(mesh, region=f"{path}:grip" if kind == "scalar" else str(path))
     np.testing.assert_array_equal(part.allowed, mesh.vertices[:, 2] > 0.001)
     with pytest.raises(SettingError, match=r"is no mask of arrays: .* 0\.0\d+ away"):
-        load_mesh((mesh.vertices + 0.02, mesh.faces), only=f"{path}:{list(columns)[-1]}")
+        load_mesh((mesh.vertices + 0.02, mesh.faces), region=f"{path}:{list(columns)[-1]}")

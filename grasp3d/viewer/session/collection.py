@@ -227,10 +227,10 @@ def open_collection(
             f"{where}: has stored labels, to which a load cannot be given; view the mesh itself, "
             "or label it again with the load"
         )
-    if labels is not None and (options.only or options.avoid):
+    if labels is not None and options.region is not None:
         raise SettingError(
-            f"{where}: has stored labels, which only and avoid do not change; view the mesh "
-            "itself, or label it again with them"
+            f"{where}: has stored labels, which a region does not change; view the mesh "
+            "itself, or label it again with the region"
         )
     if target.is_dir():
         return _batch_collection(target, model, sampling, options, reach, force=force)
