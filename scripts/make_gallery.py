@@ -4,7 +4,7 @@
 
 Without names: all that need neither a browser nor files of experiments. Most need OpenGL (EGL or a
 display). `report` and `viewer` need Chromium, and the package playwright of the extra `test`;
-`physics` and `evidence` what `validate_physics.py -o physics` wrote:
+`physics` and `evidence` what `evidence_physics.py -o physics` wrote:
 
     python scripts/make_gallery.py physics --physics physics
     python scripts/make_gallery.py evidence --physics physics --grasps GRASPS --mesh MESH
@@ -99,7 +99,7 @@ class Experiments:
     """What was measured for some of the pictures."""
 
     physics: Path
-    """Folder that `validate_physics.py` wrote."""
+    """Folder that `evidence_physics.py` wrote."""
     grasps: Path | None
     """File of poses with outcomes."""
     mesh: Path | None
@@ -790,7 +790,7 @@ CAUSES = {
     "soft": "pulled at its centre of mass:\nit turns about the tips",
     "weak": "squeezed by twice its weight:\nthe pull decides",
 }
-"""Why S grasps failed under each condition of `validate_physics.py`."""
+"""Why S grasps failed under each condition of `evidence_physics.py`."""
 
 
 def draw_evidence(path: Path, experiments: Experiments) -> None:
@@ -942,7 +942,7 @@ OF_EXPERIMENTS: dict[str, Callable[[Path, Experiments], None]] = {
     "physics": draw_physics,
     "evidence": draw_evidence,
 }
-"""Pictures of what `validate_physics.py` wrote; `evidence` is several."""
+"""Pictures of what `evidence_physics.py` wrote; `evidence` is several."""
 
 
 def main() -> None:

@@ -252,14 +252,3 @@ def test_the_script_of_the_guide_runs_in_one_job(slurm: Path) -> None:
     (block,) = re.findall(r"```sh\n(#!/bin/bash\n.*?)```", guide, flags=re.DOTALL)
     (slurm / "job.sh").write_text(block.replace(".venv/bin/activate", "/dev/null"))
     check_run(["bash", "job.sh"], slurm)
-
-
-@pytest.mark.slow
-def test_the_example_script_starts_a_cluster_of_slurm_jobs(slurm: Path) -> None:
-    pytest.importorskip("dask_jobqueue")
-    options = ["--jobs", "2", "--memory", "1GB", "--interface", "lo"]
-    command = ["check", "meshes", "--quiet", "-o", "checked.csv"]
-    script = str(ROOT / "scripts" / "example_slurm.py")
-    check_run([sys.executable, script, *options, *command], slurm)
-    for pid in map(int, (slurm / "jobs").read_text(encoding="ascii").split()):
-        wait_for(lambda pid=pid: not psutil.pid_exists(pid))

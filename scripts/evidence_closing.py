@@ -1,6 +1,6 @@
 """What each step of closing the jaws adds to the prediction of outcomes.
 
-    python scripts/ablate_closing.py GRASPS --mesh MESH [--friction MU] [--resolution DEG]
+    python scripts/evidence_closing.py GRASPS --mesh MESH [--friction MU] [--resolution DEG]
 
 GRASPS is a file of poses with outcomes, as for `grasp3d validate`. Prints a table: rules by which a
 pose becomes two contacts, each with one step more than the one before; then the whole rule with a

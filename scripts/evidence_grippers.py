@@ -1,4 +1,4 @@
-"""Labels and scores of whole grippers against MuJoCo: `scripts/validate_grippers.py -o FOLDER`.
+"""Labels and scores of whole grippers against MuJoCo: `scripts/evidence_grippers.py -o FOLDER`.
 
 For each object and gripper poses are proposed at random: pairs of opposite surface points, with the
 closing axis up to 40 degrees off the normal, any approach around it, and the pair anywhere on the
@@ -10,7 +10,7 @@ all evaluated columns, what was drawn, and outcomes, which `grasp3d validate` re
 exist are kept, so that a run can be continued, or split with --only. `all.parquet` has all rows.
 Needs the extra `physics`.
 
-    python scripts/validate_grippers.py -o FOLDER [--meshes FOLDER] [--count 36] [--only NAME ...]
+    python scripts/evidence_grippers.py -o FOLDER [--meshes FOLDER] [--count 36] [--only NAME ...]
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """Draw ROC curves of the robust score in the sensor's worst case and at the perceived normals.
 
-    python scripts/draw_worst_case.py WORST PERCEIVED PICTURE
+    python scripts/evidence_data.py WORST PERCEIVED PICTURE
 
 WORST and PERCEIVED are folders that `grasp3d validate -o` wrote for the same grasps, the second one
 with `--sensor-resolution 0`. Epsilon is drawn beside them.

@@ -1,4 +1,4 @@
-"""Hold labels and grip forces against MuJoCo: `python scripts/validate_physics.py -o physics`.
+"""Hold labels and grip forces against MuJoCo: `python scripts/evidence_physics.py -o physics`.
 
 Three parts. Facets: two round tips press on two plates that are tilted at random; the tilt, and the
 friction, at which they begin to slip against the critical friction angle; and labels of the same
