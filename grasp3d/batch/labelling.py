@@ -134,7 +134,6 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
         thumbnail=job.thumbnail,
         **_surface_values(labels),
         location_error=labels.model.location_error,
-        per_finger=str(labels.model.per_finger),
         **_angle_values(labels),
         **_verdict_values(labels),
         **_load_values(labels),
@@ -264,7 +263,7 @@ def _quantiles(name: str, levels: Iterable[float], values: Iterable[float]) -> d
 def _angles_of(labels: "SurfaceLabels") -> AngleDistribution:
     """Distribution of located angles, to be compared with the thresholds of a model.
 
-    They depend on the model's location error and on how its fingers differ.
+    They depend on the model's location error.
     """
     from grasp3d.surface.area_statistics import vertex_weights
 

@@ -89,8 +89,6 @@ class Row:
     """Largest angle between true and perceived normals beyond alpha/2 [rad]."""
     location_error: float | None = None
     """Largest distance between true and perceived contact points, in the mesh's unit."""
-    per_finger: str | None = None
-    """What is known less well about each finger, as text with lengths in the mesh's unit."""
     fingers: int | None = None
     gripper: str | None = None
     """Name of the gripper that must reach the grasps."""

@@ -42,7 +42,6 @@ from grasp3d.settings import (
     MultifingerSampling,
     PoseFormat,
     Sampling,
-    check_per_finger,
 )
 from grasp3d.settings.lengths import parse_position
 from grasp3d.settings.parsing import Group, Main
@@ -221,7 +220,6 @@ class Label(Labelling, TimeLimited):
                 )
         for text in self.at:
             parse_position("at", text)
-        check_per_finger(self.model)
 
     @property
     def posed_hand(self) -> Hand | None:
@@ -462,9 +460,9 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
         ValidationSettings, without(ValidationSettings, "frictions", "sensor_resolutions")
     ] = field(default_factory=ValidationSettings)
 
-    model: Annotated[
-        GraspModel, without(GraspModel, "fingers", "per_finger", "method", "extreme_normals")
-    ] = field(default_factory=GraspModel)
+    model: Annotated[GraspModel, without(GraspModel, "fingers", "method", "extreme_normals")] = (
+        field(default_factory=GraspModel)
+    )
 
     reach: ReachSettings = field(default_factory=ReachSettings)
 

@@ -37,7 +37,6 @@ from grasp3d.settings.pose_error import PoseError, PoseErrorField
 from grasp3d.settings.quantities import Quantity
 from grasp3d.settings.regions import Region
 from grasp3d.settings.uncertainty import Friction as FrictionField
-from grasp3d.settings.uncertainty import PerFinger, Uncertainty, parse_fingers
 
 _NONE = "none"
 _METAVARS = {
@@ -322,11 +321,6 @@ def _task(text: str) -> TaskText:
     return task
 
 
-def _fingers(text: str) -> tuple[Uncertainty, ...]:
-    """Return the uncertainty of each finger."""
-    return _named("--per-finger", parse_fingers, "" if text.lower() == _NONE else text)
-
-
 def _hand(option: str, word: str) -> Hand:
     """Return the gripper of a preset or a file."""
     from grasp3d.hand.hand_files import read_hand
@@ -352,9 +346,6 @@ def _object_pose(word: str) -> ObjectPose:
 _PARSERS: dict[Any, Parser] = {
     bool: Parser("", bool, lambda _: ""),
     FrictionField: one_word("NUMBER|LOW..HIGH", optional=False),
-    PerFinger: one_word(
-        f"NAME=VALUE,...;...|{_NONE}", _fingers, lambda own: str(own) or _NONE, optional=False
-    ),
     PoseErrorField: one_word("LENGTH,DEGREES", PoseError.of, optional=False),
     Position: one_word(f"X,Y,Z|{_NONE}"),
     Quantity: one_word(f"NUMBER|{_NONE}"),

@@ -107,7 +107,7 @@ def _labels(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Surface
         **{name: _value(stored, name) for name in PLAIN},
         "epsilon_range": EpsilonRange(*(_floats(stored, f"epsilon{end}") for end in _ENDS)),
         "located_angles": None
-        if settings.model.is_uniform
+        if settings.model.location_error == 0.0
         else tuple(_floats(stored, field.name) for field in LOCATED),
         "partner_points": _partner_points(stored),
         **_reach(stored, settings),

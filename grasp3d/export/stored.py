@@ -309,7 +309,7 @@ def check_stored(stored: Stored, settings: FileSettings) -> None:
     """
     present = {
         "always": True,
-        "errors": not settings.model.is_uniform,
+        "errors": settings.model.location_error != 0.0,
         "gripper": settings.scene is not None,
         "load": settings.has_load,
     }
@@ -397,10 +397,9 @@ def _check_labels(stored: Stored, model: GraspModel) -> None:
     Located angles have no order of their own: each is compared with another threshold.
     """
     worst, best = (stored.field(f"critical_angle{end}") for end in ("", "_best"))
-    # Of fingers that differ, the grasp with the best margin may be another grasp.
-    if not model.per_finger and not (best <= worst + ROUNDING).all():
+    if not (best <= worst + ROUNDING).all():
         stored.reject("its critical_angle_best is above its critical_angle")
-    if not model.is_uniform:
+    if model.location_error != 0.0:
         worst, best = (stored.field(field.name) for field in LOCATED)
     expected, label = model.effective_friction_angle - worst, stored.field("label")
     margin = stored.values.get(MARGIN.name, expected)

@@ -404,7 +404,7 @@ def evaluate_poses(
             mesh,
             start.poses,
             object_motion=object_motion,
-            friction=float(np.min(own_model.frictions)),
+            friction=own_model.friction,
             **({"give_way": most} if most else {}),
         )
     held = jaws.closed if object_motion == "fixed" else np.zeros(start.count, dtype=np.bool_)

@@ -128,8 +128,6 @@ def _unstable_limit(case: Case) -> str:
 def _limit(case: Case, limit: float, sign: str) -> str:
     model, low = case.model, sign == "−"
     precise = partial(angle_text, limit=case.worst if low else case.best)
-    if model.per_finger:
-        return f"{precise(limit)} of the {'worst' if low else 'best'} finger"
     beta = math.atan(model.friction_interval[0 if low else 1])
     if model.tilt == 0.0:
         return f"β = {precise(limit)}"
@@ -151,18 +149,16 @@ def _cause(case: Case, limit: float) -> str:
 
 
 def _located(case: Case, text: str) -> str:
-    """What uncertain contact locations and different fingers make of a critical angle."""
+    """What uncertain contact locations make of a critical angle."""
     if case.perceived is None:
         return ""
-    if case.model.location_error == 0.0:
-        return f"; with the errors of each finger {text}"
     return f"; with the contact points anywhere within their location errors {text}"
 
 
 def _all_true(model: GraspModel) -> str:
     """Everything that may be true of a grasp within a model's errors."""
     normals = "all true normals within the sensor resolution"
-    if model.normal_error > 0.0 or model.per_finger:
+    if model.normal_error > 0.0:
         normals += " and their error"
     locations = [] if model.location_error == 0.0 else ["all contact points within theirs"]
     frictions = [] if model.friction_error == 0.0 else ["any friction of its interval"]

@@ -557,7 +557,6 @@ def _refuse(hand: ArticulatedHand, scene: Scene, model: GraspModel, load: LoadCa
     refused = {
         "fingers: a hand touches with as many links as it happens to": model.fingers != 2,
         "method extremes: its labels are exact": model.method != "exact",
-        "per_finger: its description states the sensors of its links": bool(model.per_finger),
         "location_error: its contacts follow from pose and posture": model.location_error != 0.0,
         "pose_error: that is for parallel grippers": bool(scene.pose_error),
         "torsion_radius with a load: what motors hold is that of points": load is not None

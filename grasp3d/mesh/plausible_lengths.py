@@ -7,7 +7,6 @@ from typing import get_args
 
 from grasp3d.errors import SettingError
 from grasp3d.mesh.object_mesh import ObjectMesh
-from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import (
     METRES,
     AnyLength,
@@ -288,19 +287,16 @@ def refuse_lengths(
 
     Args:
         mesh: The object; lengths of its options are checked as well.
-        settings: Settings as they were given; of a model those of each finger as well.
+        settings: Settings as they were given.
         lengths: Further lengths, as in `check_lengths`.
 
     Raises:
         SettingError: There is such a length.
     """
-    common, fingers = mesh.options.lengths() | lengths, []
+    given = mesh.options.lengths() | lengths
     for one in filter(None, settings):
-        common |= one.lengths()
-        if isinstance(one, GraspModel):
-            fingers += [own.lengths() for own in one.per_finger]
-    for each in (common, *fingers):
-        check_lengths(each, mesh.size, mesh.unit, mesh.report.source)
+        given |= one.lengths()
+    check_lengths(given, mesh.size, mesh.unit, mesh.report.source)
 
 
 def _given(lengths: Mapping[str, float | None]) -> Iterator[tuple[str, float, PlausibleRange]]:

@@ -190,22 +190,16 @@ def _perceived(
 ) -> DrawnGrasps:
     """What is perceived of true contacts within the uncertainty, and its labels."""
     points, normals = reached.points[pairs], reached.normals[pairs]  # (k, 2, 3)
-    tips = model.fingertips
-    tilt = np.array([one.tilt for one in tips])
-    location = np.array([one.location_error for one in tips])
-    low, high = (
-        np.tan([getattr(one, name) for one in tips])
-        for name in ("least_friction_angle", "largest_friction_angle")
-    )
+    low, high = model.friction_interval
     shape = normals.shape[:-1]
     directions = unit_rows(random.standard_normal((*shape, 3)))
-    shifts = (location * np.cbrt(random.random(shape)))[..., None] * directions
-    perceived = points + shifts, tilt_at_random(normals, np.broadcast_to(tilt, shape), random)
+    shifts = (model.location_error * np.cbrt(random.random(shape)))[..., None] * directions
+    perceived = points + shifts, tilt_at_random(normals, np.full(shape, model.tilt), random)
     classes = classify(
         Contacts(*perceived, 0.5 * (low + high)),
-        2.0 * tilt,
+        2.0 * model.tilt,
         friction_interval=(low, high),
-        location_error=location,
+        location_error=model.location_error,
     )
     return DrawnGrasps(
         points=points,

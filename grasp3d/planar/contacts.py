@@ -13,8 +13,6 @@ from functools import cached_property
 import numpy as np
 
 from grasp3d.arrays import Floats, locked, short_repr
-from grasp3d.errors import SettingError
-from grasp3d.settings import GraspModel
 
 TIE = 1e-10
 """Angles closer than this count as equal; a grasp at its critical angle is not force-closed [rad].
@@ -55,42 +53,6 @@ class OutlineContacts:
 def turn_between(first: Floats, second: Floats) -> Floats:
     """Angle between directions given by their polar angles [rad], from 0 to pi."""
     return np.abs(np.remainder(first - second + math.pi, 2.0 * math.pi) - math.pi)
-
-
-@dataclass(frozen=True)
-class ContactPairLimits:
-    """What is known about two contacts.
-
-    Cones of different half-angles are written as one half-angle and a range of normals that is
-    wider or narrower by the difference.
-    """
-
-    location: float = 0.0
-    """Sum of the two location errors [unit]."""
-    worst: tuple[float, float] = (0.0, 0.0)
-    """For each finger, the angle by which its effective cone is narrower than the narrowest one, at
-    most 0 [rad]."""
-    best: tuple[float, float] = (0.0, 0.0)
-    """For each finger, the angle by which its widest cone exceeds the widest of all, at most 0
-    [rad]."""
-
-    @classmethod
-    def of_model(cls, model: GraspModel) -> "ContactPairLimits":
-        """Limits of the two fingers of a model.
-
-        Raises:
-            SettingError: They are not two, or a length has a unit.
-        """
-        tips = model.fingertips
-        if len(tips) != 2:
-            raise SettingError(f"planar grasps have two fingers; got a model of {len(tips)}")
-        effective = [tip.least_friction_angle - tip.tilt for tip in tips]
-        widest = [tip.largest_friction_angle + tip.tilt for tip in tips]
-        return cls(
-            location=sum(tip.location_error for tip in tips),
-            worst=(min(effective) - effective[0], min(effective) - effective[1]),
-            best=(widest[0] - max(widest), widest[1] - max(widest)),
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +147,7 @@ class Lines:
 
 
 def located_angles(
-    fixed: OutlineContacts, others: OutlineContacts, limits: ContactPairLimits
+    fixed: OutlineContacts, others: OutlineContacts, location: float = 0.0
 ) -> tuple[Floats, Floats]:
     """Worst and best angles of one finger with each of several others, over all true locations.
 
@@ -199,7 +161,7 @@ def located_angles(
     Args:
         fixed: One contact.
         others: The others (k,).
-        limits: What is known about the fixed and the other contacts.
+        location: Sum of the two location errors [unit].
 
     Returns:
         (worst, best) [rad], shape (k,), inf where both contacts are at one point: a grasp is S if
@@ -207,12 +169,8 @@ def located_angles(
     """
     lines = Lines.between(fixed, others)
     halves = fixed.half_range[0], others.half_range
-    worst, best = (
-        (halves[0] + shift[0], halves[1] + shift[1]) for shift in (limits.worst, limits.best)
-    )
     return lines.checked(
-        np.minimum(lines.worst(worst, limits.location), math.pi),
-        lines.best(best, limits.location),
+        np.minimum(lines.worst(halves, location), math.pi), lines.best(halves, location)
     )
 
 

@@ -14,7 +14,6 @@ from grasp3d.errors import SettingError
 from grasp3d.planar.contacts import (
     STRAIGHT,
     TIE,
-    ContactPairLimits,
     OutlineContacts,
     located_angles,
 )
@@ -23,6 +22,7 @@ from grasp3d.planar.polylines import TINY
 from grasp3d.quality.ferrari_canny import epsilon_of_wrenches
 from grasp3d.settings import GraspModel, check_choice, whole_number
 from grasp3d.settings.grasp_model import Actuation
+from grasp3d.stability.angle_distributions import check_number
 from grasp3d.stability.label import Label
 from grasp3d.stability.thresholds import label_angles
 
@@ -225,7 +225,7 @@ class PlanarScan:
     """The same over the best normals; smaller where either finger is at a corner."""
     located_angles: tuple[Floats, Floats]
     """Worst and best angles over the normals and all true locations [rad]: the critical angles,
-    unless the model has a location error or fingers that differ."""
+    unless the model has a location error."""
     label: Bytes
     """Exact `Label` codes, from the located angles."""
 
@@ -277,7 +277,7 @@ class PlanarScan:
 
         The effective friction is that of the smallest friction and all errors of normals.
         """
-        beta = math.atan(effective_friction(self._frictions[0], 2.0 * self._tilt))
+        beta = math.atan(effective_friction(self.model.friction_interval[0], 2.0 * self.model.tilt))
         return self._pairs.over_combinations(face_normals, beta).lowest
 
     @property
@@ -348,25 +348,6 @@ class PlanarScan:
         scale, actuation = self.outline.torque_scale, self.model.actuation
         return Pairs(fixed, contacts, scale, actuation, self.edges)
 
-    @property
-    def _tilt(self) -> float:
-        """Largest tilt of both fingers' normals [rad]."""
-        self._check_fingers()
-        return self.model.tilt
-
-    @property
-    def _frictions(self) -> tuple[float, float]:
-        """Smallest and largest friction of both fingers."""
-        self._check_fingers()
-        return self.model.friction_interval
-
-    def _check_fingers(self) -> None:
-        if self.model.per_finger:
-            raise SettingError(
-                "wrench hulls of planar grasps have equal fingers; leave per_finger empty, or use "
-                "label and located_angles"
-            )
-
     def _check_located(self) -> None:
         if self.model.location_error != 0.0:
             raise SettingError(
@@ -376,19 +357,19 @@ class PlanarScan:
 
     @property
     def _extreme(self) -> NormalChoice:
-        return partial(extreme_normals, tilt=self._tilt)
+        return partial(extreme_normals, tilt=self.model.tilt)
 
     @cached_property
     def _tested(self) -> tuple[EpsilonRange, EpsilonRange]:
         """Ranges over the tested normals at the smallest and at the largest friction."""
-        tested = partial(tested_normals, tilt=self._tilt, rings=self.rings)
+        tested = partial(tested_normals, tilt=self.model.tilt, rings=self.rings)
         return self._over_frictions(lambda beta: partial(tested, friction_angle=beta))
 
     def _over_frictions(
         self, choose: Callable[[float], NormalChoice]
     ) -> tuple[EpsilonRange, EpsilonRange]:
         """Ranges over normals at the smallest and the largest friction, which are chosen for it."""
-        least, largest = map(math.atan, self._frictions)
+        least, largest = map(math.atan, self.model.friction_interval)
         low = self._pairs.over_combinations(choose(least), least)
         same = largest == least
         return low, low if same else self._pairs.over_combinations(choose(largest), largest)
@@ -438,13 +419,16 @@ def scan(
         True
     """
     settings = GraspModel() if model is None else model
+    check_number(settings.location_error)
+    if settings.fingers != 2:
+        raise SettingError(f"planar grasps have two fingers; got a model of {settings.fingers}")
     travel = _travel(outline, whole_number("points", points, FEWEST_POINTS))
     count = whole_number("edges of a planar cone", edges, FEWEST_EDGES)
     position = outline.fixed + travel
     contacts = outline.contacts_about_center(position)
     fixed = outline.contacts_about_center(position[:1])
-    worst, best = located_angles(fixed, contacts, ContactPairLimits())
-    located = located_angles(fixed, contacts, ContactPairLimits.of_model(settings))
+    worst, best = located_angles(fixed, contacts)
+    located = located_angles(fixed, contacts, 2.0 * settings.location_error)
     return PlanarScan(
         outline=outline,
         model=settings,

@@ -116,7 +116,7 @@ def _limits(one: Calibration) -> tuple[float, float]:
 def _shade(axes: Axes, result: Validation, low: float, high: float) -> None:
     """Colour the margins of S, M and U, which are thresholds where locations are certain."""
     model = result.model
-    if not model.is_uniform:
+    if model.location_error != 0.0:
         return
     unstable = math.degrees(model.effective_friction_angle - model.unstable_from)
     edges = {Label.U: (low, unstable), Label.M: (unstable, 0.0), Label.S: (0.0, high)}

@@ -243,8 +243,8 @@ class WrenchErrors:
     @classmethod
     def of_model(cls, model: GraspModel, center_radius: float = 0.0) -> "WrenchErrors":
         """The errors of a model, with lengths in the mesh's unit."""
-        errors = tuple(tip.location_error for tip in model.fingertips)
-        return cls(model.friction_bounds, errors, center_radius)
+        errors = (model.location_error,) * model.fingers
+        return cls(model.friction_interval, errors, center_radius)
 
     @property
     def friction_known(self) -> bool:

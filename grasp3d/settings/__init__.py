@@ -14,9 +14,7 @@ from grasp3d.settings.checks import whole_number as whole_number
 from grasp3d.settings.grasp_model import MAX_FINGERS as MAX_FINGERS
 from grasp3d.settings.grasp_model import MAX_SEARCHED_FINGERS as MAX_SEARCHED_FINGERS
 from grasp3d.settings.grasp_model import MIN_EXTREMES as MIN_EXTREMES
-from grasp3d.settings.grasp_model import FingerLimits as FingerLimits
 from grasp3d.settings.grasp_model import GraspModel as GraspModel
-from grasp3d.settings.grasp_model import check_per_finger as check_per_finger
 from grasp3d.settings.grasp_model import with_fingers as with_fingers
 from grasp3d.settings.mesh_options import MeshOptions as MeshOptions
 from grasp3d.settings.sampling import ANGLE_ROUNDING as ANGLE_ROUNDING

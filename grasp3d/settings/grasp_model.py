@@ -1,18 +1,15 @@
-"""The grasp model: friction, sensor resolution, fingers and their uncertainties."""
+"""The grasp model: friction, sensor resolution, fingers, and what is uncertain of contacts."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal, NamedTuple, TypeVar
+from typing import Annotated, Literal
 
 from grasp3d.errors import SettingError
 from grasp3d.settings.checks import DEGREE, Radians, check_choice, check_length, check_range
-from grasp3d.settings.lengths import Length, LengthSettings, Measure
+from grasp3d.settings.lengths import Length, LengthSettings
 from grasp3d.settings.parsing import Group, Main
 from grasp3d.settings.uncertainty import (
     Friction,
-    PerFinger,
-    Uncertainty,
     check_normal_error,
     check_resolution,
     check_tilt,
@@ -28,24 +25,6 @@ MAX_SEARCHED_FINGERS = 5
 """Most fingers of a grasp that is searched for; given grasps have at most `MAX_FINGERS`."""
 MIN_EDGES, MAX_EDGES = 3, 360
 MIN_EXTREMES, MAX_EXTREMES = 3, 360
-
-_KNOWN = Uncertainty()
-"""Of a finger of which nothing further is uncertain."""
-
-ValueT = TypeVar("ValueT")
-
-
-class FingerLimits(NamedTuple):
-    """What is known about the contact of one finger."""
-
-    least_friction_angle: float
-    """Friction angle beta at the smallest friction [rad]."""
-    largest_friction_angle: float
-    """The same at the largest friction [rad]."""
-    tilt: float
-    """Largest angle between the true and the perceived normal [rad]."""
-    location_error: float
-    """Largest distance between the true and the perceived contact point, a length."""
 
 
 @dataclass(frozen=True)
@@ -82,13 +61,6 @@ class GraspModel(LengthSettings):
         location_error: Largest distance between the true and the perceived contact point, a length:
             where a contact is, not how it is inclined.
             Two fingers: exact labels; more: safe ones, every S and U is correct.
-        per_finger: What is known less well about each finger: 'finger 1; finger 2', separated by
-            semicolons. Finger 1 is at the vertex (of given grasps: at the first contact). Each is
-            NAME=VALUE, separated by commas, or empty: sensor_resolution and normal_error in
-            degrees and location_error, a length, are added to those of all fingers, friction
-            replaces theirs. 'location_error=1mm; normal_error=2, friction=0.3..0.4': the contact
-            of finger 1 is known to a further 1 mm, the normal of finger 2 to a further 2 degrees,
-            and its friction is from 0.3 to 0.4.
 
     Example:
         >>> import math
@@ -109,7 +81,6 @@ class GraspModel(LengthSettings):
     friction_error: float = 0.0
     normal_error: Radians = 0.0
     location_error: Length[float] = Length(0.0)
-    per_finger: PerFinger = PerFinger()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -158,100 +129,16 @@ class GraspModel(LengthSettings):
         check_resolution(self.sensor_resolution)
         check_normal_error(self.normal_error)
         check_length("location error", self.location_error)
-        for own in self._own:
-            check_tilt(self._tilt_of(own))
-        if self.method == "extremes" and (self.location_error != 0.0 or self.per_finger):
+        check_tilt(self.tilt)
+        if self.method == "extremes" and self.location_error != 0.0:
             raise SettingError(
-                "method extremes tests normals only; location_error and per_finger need the method "
-                "exact"
+                "method extremes tests normals only; location_error needs the method exact"
             )
-
-    def with_uncertainty(self, *uncertainty: Uncertainty) -> "GraspModel":
-        """The same model with the uncertainty of a sensor, of encoders or of a user.
-
-        Args:
-            uncertainty: One value for all fingers, which replaces the sensor resolution and the
-                errors of this model, and its friction if it states one; or one for each finger:
-                then they are all there is, except for friction that they do not state.
-
-        Raises:
-            SettingError: A value is outside its range.
-        """
-        one = uncertainty[0] if len(uncertainty) == 1 else Uncertainty()
-        return replace(
-            self,
-            friction=self.friction if one.friction is None else one.friction,
-            friction_error=self.friction_error if one.friction is None else 0.0,
-            sensor_resolution=one.sensor_resolution,
-            normal_error=one.normal_error,
-            location_error=one.location_error,
-            per_finger="" if len(uncertainty) == 1 else uncertainty,
-        )
-
-    @property
-    def fingertips(self) -> tuple[FingerLimits, ...]:
-        """What is known about the contact of each finger, the one at the vertex first.
-
-        Raises:
-            SettingError: A length has a unit (see `settings_in_unit`), or `per_finger` is for
-                another number of fingers.
-        """
-        check_per_finger(self)
-        limits = tuple(map(self._limits_of, self._own))
-        return limits if self.per_finger else limits * self.fingers
-
-    @property
-    def _own(self) -> tuple[Uncertainty, ...]:
-        """What each finger adds, one for all where they do not differ."""
-        return self.per_finger or (_KNOWN,)
-
-    def _each(self, value: Callable[[Uncertainty], ValueT]) -> ValueT | tuple[ValueT, ...]:
-        """A value of the fingers: one for all, or one for each where they differ."""
-        values = tuple(map(value, self._own))
-        return values if self.per_finger else values[0]
-
-    def _limits_of(self, own: Uncertainty) -> FingerLimits:
-        of_all, further = self.location_error, own.location_error
-        if isinstance(of_all, Measure) or isinstance(further, Measure):
-            raise SettingError(
-                "location errors have a unit: convert them with settings_in_unit(unit of the mesh, "
-                "model)"
-            )
-        least, largest = self._friction_of(own)
-        return FingerLimits(
-            math.atan(least), math.atan(largest), self._tilt_of(own), of_all + further
-        )
-
-    def _friction_of(self, own: Uncertainty) -> tuple[float, float]:
-        return own.friction or self.friction_interval
-
-    def _tilt_of(self, own: Uncertainty) -> float:
-        resolution = self.sensor_resolution + own.sensor_resolution
-        return resolution / 2.0 + (self.normal_error + own.normal_error)
 
     @property
     def friction_interval(self) -> tuple[float, float]:
-        """Smallest and largest friction of a finger without a friction of its own."""
+        """Smallest and largest friction."""
         return self.friction - self.friction_error, self.friction + self.friction_error
-
-    @property
-    def friction_bounds(self) -> tuple[float | tuple[float, ...], float | tuple[float, ...]]:
-        """Smallest and largest friction, each one for all fingers or one for each."""
-        smallest = self._each(lambda own: self._friction_of(own)[0])
-        return smallest, self._each(lambda own: self._friction_of(own)[1])
-
-    @property
-    def frictions(self) -> float | tuple[float, ...]:
-        """Nominal friction, one for all fingers or one for each: the middle of its interval."""
-        if not self.per_finger:
-            return self.friction
-        pairs = (self._friction_of(own) for own in self.per_finger)
-        return tuple(0.5 * (low + high) for low, high in pairs)
-
-    @property
-    def tilt_of_fingers(self) -> float | tuple[float, ...]:
-        """`tilt`, one for all fingers or one for each, with the values of `per_finger`."""
-        return self._each(self._tilt_of)
 
     @property
     def friction_angle(self) -> float:
@@ -260,10 +147,7 @@ class GraspModel(LengthSettings):
 
     @property
     def tilt(self) -> float:
-        """How far the true normal may lie from the perceived one [rad]: alpha / 2 + normal error.
-
-        That of all fingers, to which the values of `per_finger` are added.
-        """
+        """Largest angle between true and perceived normals [rad]: alpha / 2 + normal error."""
         return self.sensor_resolution / 2.0 + self.normal_error
 
     @property
@@ -272,17 +156,16 @@ class GraspModel(LengthSettings):
 
         Wan & Howe 2018, Sec. III-A: the friction that remains whatever the tilt, here at the
         smallest friction and with all errors of normals. Negative where tilts exceed friction.
-        Where fingers differ it is that of the worst finger.
         """
-        return min(math.atan(self._friction_of(own)[0]) - self._tilt_of(own) for own in self._own)
+        return math.atan(self.friction_interval[0]) - self.tilt
 
     @property
     def widest_friction_angle(self) -> float:
         """Angle beta + alpha/2 [rad]: the friction angle that the best tilt is equivalent to.
 
-        At the largest friction; where fingers differ, that of the best finger.
+        At the largest friction.
         """
-        return max(math.atan(self._friction_of(own)[1]) + self._tilt_of(own) for own in self._own)
+        return math.atan(self.friction_interval[1]) + self.tilt
 
     @property
     def certainty(self) -> Certainty:
@@ -291,20 +174,12 @@ class GraspModel(LengthSettings):
         'exact': an M is neither S nor U (two contacts; at creases a U may be an M). 'safe': every S
         and every U is correct, an M may be one of them.
         """
-        return "exact" if self.fingers == 2 or self.is_uniform else "safe"
-
-    @property
-    def is_uniform(self) -> bool:
-        """Whether all contacts are known equally well, and their locations exactly.
-
-        Then labels are thresholds on the critical friction angle.
-        """
-        return self.location_error == 0.0 and not self.per_finger
+        return "exact" if self.fingers == 2 or self.location_error == 0.0 else "safe"
 
     @property
     def is_uncertain(self) -> bool:
         """Whether anything but the sensor's normals is uncertain."""
-        return bool(self.friction_error or self.normal_error) or not self.is_uniform
+        return any((self.friction_error, self.normal_error, self.location_error))
 
     @property
     def unstable_from(self) -> float:
@@ -323,7 +198,7 @@ class GraspModel(LengthSettings):
         Method extremes samples it, and the maximum, at the combinations that it tests. Where
         contact locations are uncertain it is a lower bound.
         """
-        if self.location_error != 0.0 or any(one.location_error != 0.0 for one in self.per_finger):
+        if self.location_error != 0.0:
             return "bound"
         if self.soft or self.method == "extremes":
             return "sampled_tilts"
@@ -343,21 +218,6 @@ class GraspModel(LengthSettings):
         return self.torsion_radius != 0.0
 
 
-def check_per_finger(model: GraspModel) -> None:
-    """Refuse uncertainties of another number of fingers than a grasp has.
-
-    Raises:
-        SettingError: `per_finger` is for another number of fingers.
-    """
-    count = len(model.per_finger)
-    if count not in {0, model.fingers}:
-        raise SettingError(
-            f"per_finger (--per-finger) is for {count} finger{'s' if count > 1 else ''}, but a "
-            f"grasp has {model.fingers}: separate the fingers by semicolons, and leave a finger "
-            "empty of which nothing further is known ('location_error=1mm;' for two fingers)"
-        )
-
-
 def with_fingers(model: GraspModel, count: int) -> GraspModel:
     """The model for given grasps, whose number of fingers is known.
 
@@ -369,6 +229,4 @@ def with_fingers(model: GraspModel, count: int) -> GraspModel:
             f"the grasps have {count} fingers, but the model (--fingers) has {model.fingers}; "
             "fingers need not be set for given grasps"
         )
-    result = replace(model, fingers=count)
-    check_per_finger(result)
-    return result
+    return replace(model, fingers=count)

@@ -4,8 +4,7 @@ import math
 
 from grasp3d.settings import GraspModel
 from grasp3d.settings.grasp_model import Tilts
-from grasp3d.settings.lengths import AnyLength, Unit, small_length
-from grasp3d.settings.uncertainty import Uncertainty
+from grasp3d.settings.lengths import Unit, small_length
 
 SAFE_LABELS = "every S and U is correct, an M may be one of them"
 """What labels mean whose `certainty` is 'safe'."""
@@ -49,11 +48,11 @@ def friction_text(model: GraspModel) -> str:
         >>> print(friction_text(grasp3d.GraspModel(friction=(0.4, 0.6))))
         0.4 to 0.6
     """
-    return _interval(model.friction_interval)
+    return " to ".join(dict.fromkeys(f"{end:.4g}" for end in model.friction_interval))
 
 
 def error_texts(model: GraspModel, unit: Unit | None = None) -> list[str]:
-    """Errors of normals and contact locations as texts, then what differs among the fingers.
+    """Errors of normals and contact locations as texts.
 
     Args:
         model: The model.
@@ -62,15 +61,12 @@ def error_texts(model: GraspModel, unit: Unit | None = None) -> list[str]:
     Example:
         >>> import grasp3d
         >>> from grasp3d.settings.model_text import error_texts
-        >>> fingers = "normal_error=2, location_error=1mm; friction=0.3..0.4"
-        >>> print(*error_texts(grasp3d.GraspModel(location_error="2mm", per_finger=fingers)))
-        locations ± 2 mm finger 1: normals ± 2°, locations ± 1 mm more finger 2: friction 0.3 to 0.4
+        >>> print(*error_texts(grasp3d.GraspModel(location_error="2mm", normal_error=0.1)))
+        normals ± 5.73° locations ± 2 mm
     """
-    texts = _errors(model.normal_error, model.location_error, unit)
-    for number, own in enumerate(model.per_finger, 1):
-        if own != Uncertainty():
-            texts.append(f"finger {number}: {', '.join(_own(own, unit))}")
-    return texts
+    normal, location = model.normal_error, model.location_error
+    texts = [f"normals ± {math.degrees(normal):.4g}°"] if normal else []
+    return texts + [f"locations ± {small_length(location, unit)}"] * (location != 0.0)
 
 
 def model_line(model: GraspModel, unit: Unit | None = None) -> str:
@@ -88,23 +84,3 @@ def model_line(model: GraspModel, unit: Unit | None = None) -> str:
     """
     resolution = f"α {math.degrees(model.sensor_resolution):.4g}°"
     return ", ".join([f"μ {friction_text(model)}", resolution, *error_texts(model, unit)])
-
-
-def _own(own: Uncertainty, unit: Unit | None) -> list[str]:
-    """What one finger adds to the model, and the friction that replaces the model's."""
-    added = _errors(own.normal_error, own.location_error, unit)
-    if own.sensor_resolution:
-        added.insert(0, f"α {math.degrees(own.sensor_resolution):.4g}°")
-    texts = [f"{', '.join(added)} more"] if added else []
-    return [*texts, f"friction {_interval(own.friction)}"] if own.friction else texts
-
-
-def _errors(normal: float, location: AnyLength, unit: Unit | None) -> list[str]:
-    texts = [f"normals ± {math.degrees(normal):.4g}°"] if normal else []
-    if location:
-        texts.append(f"locations ± {small_length(location, unit)}")
-    return texts
-
-
-def _interval(ends: tuple[float, float]) -> str:
-    return " to ".join(dict.fromkeys(f"{end:.4g}" for end in ends))

@@ -87,8 +87,8 @@ def plain_values(settings: Any) -> dict[str, Any]:
         settings: A dataclass.
 
     Returns:
-        Lengths with a unit, uncertainties of fingers and tasks as texts; settings within settings
-        as such a dictionary. `settings_of_texts` reads them.
+        Lengths with a unit and tasks as texts; settings within settings as such a dictionary.
+        `settings_of_texts` reads them.
 
     Example:
         >>> import grasp3d

@@ -9,7 +9,6 @@ from grasp3d.settings.checks import Radians, check_choice, check_range, check_se
 from grasp3d.settings.grasp_model import (
     MAX_SEARCHED_FINGERS,
     GraspModel,
-    check_per_finger,
 )
 from grasp3d.settings.lengths import Length, LengthSettings, comparable, describe_length
 from grasp3d.settings.parsing import Group, Main
@@ -225,7 +224,6 @@ def check_search_settings(model: GraspModel, sampling: AnySampling) -> None:
         SettingError: Too few or too many fingers, or settings for another number.
     """
     check_range("fingers", model.fingers, 2, MAX_SEARCHED_FINGERS)
-    check_per_finger(model)
     kind = sampling_kind(model.fingers)
     if not isinstance(sampling, kind):
         names = ", ".join(one.name for one in fields(kind))

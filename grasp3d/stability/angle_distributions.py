@@ -75,10 +75,6 @@ class AngleDistribution(ABC):
     fingers: int = 2
     """Contacts of the grasps; three and more are never U from beta + alpha/2 = 90 degrees on."""
 
-    further_tilt: float = 0.0
-    """Largest angle that is added to alpha/2 for one of the fingers [rad]; the critical angles
-    include it."""
-
     @abstractmethod
     def worst_below(self, angles: ArrayLike) -> Floats:
         """Area fractions with critical angles over the worst normals below `angles` [rad]."""
@@ -161,12 +157,11 @@ class AngleDistribution(ABC):
         """
         beta, a = np.asarray(friction_angle, float), np.asarray(tilt, float)
         largest = beta if largest_friction_angle is None else np.asarray(largest_friction_angle)
-        widest = float(np.max(largest + a, initial=0.0)) + self.further_tilt
+        widest = float(np.max(largest + a, initial=0.0))
         if min(widest, math.pi / 2.0) > self.limit + ANGLE_ROUNDING:
             raise not_covered("atan(friction) + alpha/2", widest, self.limit, self.fingers)
         stable = self.worst_below(beta - a)
-        reached = unstable_from(largest, a + self.further_tilt, self.fingers)
-        unstable = 1.0 - self.best_below(reached - self.further_tilt)
+        unstable = 1.0 - self.best_below(unstable_from(largest, a, self.fingers))
         stable, unstable = np.broadcast_arrays(stable, unstable)
         return stable, np.maximum(0.0, 1.0 - stable - unstable), unstable
 
@@ -215,7 +210,6 @@ class SampledAngles(AngleDistribution):
     """Fraction of the surface of each sample, shape (k,); their sum is 1."""
     limit: float = math.inf
     fingers: int = 2
-    further_tilt: float = 0.0
 
     __repr__ = short_repr
 

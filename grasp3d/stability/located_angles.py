@@ -1,4 +1,4 @@
-"""Critical friction angles that include uncertain contact locations, and fingers that differ.
+"""Critical friction angles that include uncertain contact locations, and contacts that differ.
 
 With them every label is the same threshold as without: S iff the worst one is below beta - alpha/2,
 U iff the best one is at least beta + alpha/2, M otherwise. For two contacts they are exact: the
@@ -17,7 +17,7 @@ from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, angles_between
 from grasp3d.contact.contacts import Contacts
 from grasp3d.quality.closure import force_closure
 from grasp3d.quality.tilting import location_tolerance
-from grasp3d.settings import FingerLimits
+from grasp3d.settings import GraspModel
 
 TOLERANCE = 1e-3
 """Three contacts and more: accuracy of the angles [rad]."""
@@ -44,10 +44,10 @@ class ContactLimits:
     """Location error of each contact, in the unit of the points, shape (b or 1, n)."""
 
     @classmethod
-    def of(cls, fingertips: tuple[FingerLimits, ...]) -> "ContactLimits":
-        """The limits of the fingers of a model, one row for all grasps."""
-        rows = np.array(fingertips)[None]  # (1, n, 4)
-        return cls.of_angles(rows[..., 0] - rows[..., 2], rows[..., 1] + rows[..., 2], rows[..., 3])
+    def of(cls, model: GraspModel) -> "ContactLimits":
+        """The limits of a model, one row for all grasps; lengths in the unit of the points."""
+        same = np.zeros((1, model.fingers))
+        return cls(inner=same, outer=same, location=same + model.location_error)
 
     @classmethod
     def of_angles(cls, narrowest: Floats, widest: Floats, location: Floats) -> "ContactLimits":
@@ -62,11 +62,6 @@ class ContactLimits:
     def uniform(self) -> bool:
         """Whether nothing is added to critical angles."""
         return not (self.inner.any() or self.outer.any() or self.location.any())
-
-    @property
-    def key(self) -> bytes:
-        """Equal for equal limits."""
-        return b"".join(array.tobytes() for array in (self.inner, self.outer, self.location))
 
     def take(self, rows: Ints) -> "ContactLimits":
         """The limits of chosen grasps."""

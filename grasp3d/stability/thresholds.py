@@ -17,7 +17,6 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Bytes, Floats
 from grasp3d.settings import GraspModel
-from grasp3d.settings.uncertainty import Uncertainty
 from grasp3d.stability.label import Label
 
 
@@ -41,7 +40,7 @@ def label_angles(worst: Floats, best: Floats, model: GraspModel) -> Bytes:
 
     Args:
         worst: Critical angle over the worst normals [rad], any shape; inf for no grasp. Located
-            ones where contact locations are uncertain or fingers differ, see
+            ones where contact locations are uncertain, see
             `stability.located_angles`.
         best: Critical angle over the best normals [rad]; equal to `worst` except at creases, and
             where locations are uncertain.
@@ -68,10 +67,7 @@ def max_resolution(worst: Floats, model: GraspModel) -> Floats:
     Returns:
         Same shape; 0 where no sensor is fine enough.
     """
-    if model.per_finger:
-        exact = model.effective_friction_angle + model.sensor_resolution / 2.0
-    else:
-        exact = math.atan(model.friction_interval[0]) - model.normal_error
+    exact = math.atan(model.friction_interval[0]) - model.normal_error
     return np.maximum(0.0, 2.0 * (exact - worst))
 
 
@@ -96,9 +92,7 @@ def margin_budget(
 ) -> dict[str, Floats]:
     """Parts of the friction angle of each grasp, whose last one, the margin, decides on the label.
 
-    They add up to the friction angle at the middle of the friction interval. Where fingers differ,
-    they are those of the worst finger, and what the other fingers have better is taken off the
-    location.
+    They add up to the friction angle at the middle of the friction interval.
 
     Args:
         model: Friction, sensor resolution and errors.
@@ -125,31 +119,18 @@ def margin_budget(
         location: 0.000
         margin: -0.019
     """
-    worst = _worst_finger(model)
-    smallest, largest = worst.friction or model.friction_interval
+    smallest, largest = model.friction_interval
     beta = math.atan(0.5 * (smallest + largest))
     critical = np.asarray(critical_angle, dtype=np.float64)
     parts: dict[str, Any] = {
         "friction": beta - math.atan(smallest),
-        "sensor resolution": (model.sensor_resolution + worst.sensor_resolution) / 2.0,
-        "normal error": model.normal_error + worst.normal_error,
+        "sensor resolution": model.sensor_resolution / 2.0,
+        "normal error": model.normal_error,
         "location": _difference(critical, located_angle),
     }
     margin = beta - sum(parts.values()) - critical
     stack = {"critical angle": critical, **parts, "margin": margin}
     return {name: np.broadcast_to(angle, critical.shape)[()] for name, angle in stack.items()}
-
-
-def _worst_finger(model: GraspModel) -> Uncertainty:
-    """Own uncertainty of the finger that leaves the least friction angle."""
-    fingers = model.per_finger or (Uncertainty(),)
-    return min(
-        fingers,
-        key=lambda own: (
-            math.atan((own.friction or model.friction_interval)[0])
-            - (own.sensor_resolution / 2.0 + own.normal_error)
-        ),
-    )
 
 
 def _difference(critical: Floats, located: ArrayLike | None) -> Floats:

@@ -134,7 +134,7 @@ class GraspContacts:
         spread = np.maximum.reduceat(angles, self.set_start[:-1]) if len(angles) else angles
         spread = np.where(self.on_crease, spread.reshape(self.size, self.count), 0.0)
         spread = np.where(self.any_normal, WIDEST, spread)
-        return np.asarray(np.minimum(spread + np.asarray(model.tilt_of_fingers), WIDEST))
+        return np.asarray(np.minimum(spread + model.tilt, WIDEST))
 
     def contacts(self, model: GraspModel) -> Contacts:
         """The contacts at their `normals`, relative to the mesh's centre of mass.
@@ -146,7 +146,7 @@ class GraspContacts:
             ContactError: The normals of a contact cancel out.
         """
         points = self.points - self.mesh.center_mass
-        return Contacts(points, self.normals, model.frictions, model.torsion_radius)
+        return Contacts(points, self.normals, model.friction, model.torsion_radius)
 
     def take(self, which: slice | Ints | Bools) -> "GraspContacts":
         """The chosen grasps."""
@@ -207,7 +207,7 @@ class JawContacts(GraspContacts):
 
     def tilts(self, model: GraspModel) -> ArrayLike:
         """Largest angle between the normal of each contact and any that may be true [rad]."""
-        return model.tilt_of_fingers
+        return model.tilt
 
     def take(self, which: slice | Ints | Bools) -> "JawContacts":
         """The chosen grasps."""

@@ -62,8 +62,8 @@ class Field:
     kind: str = "f8"
     """NumPy type of the values, as NPZ, VTP and Parquet hold them."""
     when: When = "always"
-    """What it takes for the field to be there: nothing; a location error or fingers that differ; a
-    gripper; a load; an error of poses."""
+    """What it takes for the field to be there: nothing; a location error; a gripper; a load; an
+    error of poses."""
     columns: tuple[str, ...] = ()
     """Names of its parts where a file or table has numbers alone; empty: with the axes as ends."""
     each: str = ""

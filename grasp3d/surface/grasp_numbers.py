@@ -192,9 +192,9 @@ def located_angles_of(
     Returns:
         (worst, best) [rad], shape (b,) each; inf where there is no grasp.
     """
-    if model.is_uniform:
+    if model.location_error == 0.0:
         return angles
-    limits = ContactLimits.of(model.fingertips)
+    limits = ContactLimits.of(model)
     if grasps.count == 2:
         worst, best = located_pairs(*angles, lines or grasps.lines, limits)
         return locked(worst), locked(best)
@@ -241,7 +241,7 @@ def surface_epsilons(
         values[1:, rows] = hull_epsilons(chosen_grasps, model, options)
     else:
         epsilon = uncertain_epsilon_range(
-            contacts, model.tilt_of_fingers, WrenchErrors.of_model(model, center_radius), options,
+            contacts, model.tilt, WrenchErrors.of_model(model, center_radius), options,
             bound_rtol=BOUND_RTOL,
         )  # fmt: skip
         values[:, rows] = epsilon.nominal, epsilon.minimum, epsilon.maximum
@@ -298,7 +298,7 @@ def surface_holding(grasps: GraspContacts, model: GraspModel, case: LoadCase) ->
         return _unknown_normals(Holding.none(case, grasps.size))
     subset = grasps.take(rows)
     holding = holding_of(
-        subset.contacts(model), subset.tilts(model), case, friction=model.friction_bounds,
+        subset.contacts(model), subset.tilts(model), case, friction=model.friction_interval,
     )  # fmt: skip
     if len(rows) == grasps.size:
         return holding

@@ -28,7 +28,6 @@ from grasp3d.settings.lengths import one_line
 from grasp3d.settings.parsing import plain_values
 from grasp3d.settings.pose_error import PoseError
 from grasp3d.stability.label import MEANING, Label
-from grasp3d.stability.located_angles import ContactLimits
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.closed_grasps import ClosedGrasps, close_on
@@ -177,8 +176,8 @@ class GraspTable(LabelledGrasps):
     def located_angles(self) -> WorstAndBest:
         """Critical angles (worst, best) with all that is not known about the contacts [rad].
 
-        Uncertain contact locations turn the line between two contacts, and fingers of `per_finger`
-        differ; see `stability.located_angles`. Without both they are `critical_angle` and
+        Uncertain contact locations turn the line between two contacts; see
+        `stability.located_angles`. Without them they are `critical_angle` and
         `critical_angle_best`. The label is S iff the worst is below
         `model.effective_friction_angle`, U iff the best is at least `model.unstable_from`. Two
         contacts: exact, at creases safe; more: safe.
@@ -417,7 +416,7 @@ class GraspTable(LabelledGrasps):
             )
         table = replace(self, **changed)
         angles = self.computed("located_angles")
-        if angles is not None and _limits(table.model) == _limits(self.model):
+        if angles is not None and table.model.location_error == self.model.location_error:
             vars(table)["located_angles"] = angles
         return table
 
@@ -518,8 +517,3 @@ def settings_of(mesh: ObjectMesh, model: GraspModel, scene: Scene | None) -> dic
         "labels": {label.name: meaning[label] for label in sorted(Label)},
         **surroundings,
     }
-
-
-def _limits(model: GraspModel) -> bytes:
-    """What located angles of given grasps depend on; empty: on nothing."""
-    return b"" if model.is_uniform else ContactLimits.of(model.fingertips).key

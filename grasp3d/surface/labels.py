@@ -1,7 +1,7 @@
 """Result of labelling a surface: the best grasp at every vertex, its label and epsilon."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from html import escape
 from importlib import import_module
@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, locked
-from grasp3d.errors import SettingError
 from grasp3d.settings import ANGLE_ROUNDING, check_choice, search_cone
 from grasp3d.settings.lengths import GivenLength
 from grasp3d.settings.model_text import model_line
 from grasp3d.settings.sampling import not_covered
-from grasp3d.settings.uncertainty import Uncertainty, friction_interval
+from grasp3d.settings.uncertainty import friction_interval
 from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
 from grasp3d.surface.area_statistics import Weights, label_fractions, quantiles, vertex_weights
@@ -80,7 +79,6 @@ class SurfaceLabels(VertexGrasps):
         friction_error: float | None = None,
         normal_error: float | None = None,
         location_error: GivenLength | None = None,
-        per_finger: str | Sequence[Uncertainty] | None = None,
     ) -> "SurfaceLabels":
         """Label the same grasps for another friction, resolution or error, without a new search.
 
@@ -94,7 +92,6 @@ class SurfaceLabels(VertexGrasps):
             friction_error: As in `GraspModel`; None: unchanged.
             normal_error: As in `GraspModel` [rad]; None: unchanged.
             location_error: As in `GraspModel`, in the mesh's unit or with a unit; None: unchanged.
-            per_finger: As in `GraspModel`; None: unchanged.
 
         Raises:
             SearchCoverageError: The search cone was too narrow for the new values.
@@ -116,7 +113,6 @@ class SurfaceLabels(VertexGrasps):
             "friction_error": friction_error,
             "normal_error": normal_error,
             "location_error": location_error,
-            "per_finger": per_finger,
         }
         changed: dict[str, Any] = {name: one for name, one in fields.items() if one is not None}
         if friction is not None and len(set(friction_interval(friction))) > 1:
@@ -148,44 +144,30 @@ class SurfaceLabels(VertexGrasps):
         """Distribution of critical angles: fractions S, M and U at any friction and resolution.
 
         They are those of method exact, whatever `model.method` is. Settings that need a wider cone
-        than was searched raise SearchCoverageError. The angles are the located ones, with the
-        largest tilt that any finger has beyond those of all: so a vertex is S where the worst is
-        below atan(friction) minus the tilt of all fingers, and U where the best is at least
-        atan(friction) plus it.
+        than was searched raise SearchCoverageError. The angles are the located ones.
 
         Args:
             weights: As in `fractions`.
-
-        Raises:
-            SettingError: Fingers have a friction of their own.
 
         Example:
             >>> import trimesh
             >>> import grasp3d
             >>> cone = trimesh.creation.cone(radius=0.03, height=0.1, sections=32)
             >>> mesh = grasp3d.load_mesh(cone, unit="m", max_edge=0.02)
-            >>> model = grasp3d.GraspModel(sensor_resolution=0.1, per_finger="; normal_error=2")
-            >>> angles = grasp3d.label_surface(mesh, model).angle_distribution()
+            >>> angles = grasp3d.label_surface(mesh).angle_distribution()
             >>> found = angles.fractions(friction=0.5, sensor_resolution=0.1)
             >>> {name: round(fraction, 2) for name, fraction in found.items()}
             {'S': 0.68, 'M': 0.32, 'U': 0.0}
         """
-        if any(own.friction is not None for own in self.model.per_finger):
-            raise SettingError(
-                "fingers with a friction of their own have no distribution over friction: state "
-                "the friction of all fingers (--friction) instead of that in per_finger"
-            )
         values = self._weights(weights)
         weighted = values > 0.0
         worst, best = self.located_angles
-        further = max(np.ravel(self.model.tilt_of_fingers)) - self.model.tilt
         return SampledAngles(
-            worst=locked(worst[weighted] + further),
-            best=locked(best[weighted] - further),
+            worst=locked(worst[weighted]),
+            best=locked(best[weighted]),
             weights=locked(values[weighted]),
             limit=self.search.cone,
             fingers=self.model.fingers,
-            further_tilt=further,
         )
 
     def angle_quantiles(self, levels: ArrayLike, *, weights: Weights = "area") -> Floats:

@@ -195,7 +195,7 @@ class LoadCase:
     """Force at hand of each finger [N]; None: not given."""
     torsion_radius: float
     """Torsion radius of the contacts at nominal friction [mesh unit]: that given, or that of the
-    gripper's pads, the smallest where the friction of the fingers differs; 0: hard fingers."""
+    gripper's pads; 0: hard fingers."""
     center_radius: float = 0.0
     """Radius of the ball in which the centre of mass lies [mesh unit]."""
     pad_torsion: float | None = None
@@ -233,7 +233,7 @@ class LoadCase:
         torsion, pads = model.torsion_radius, None
         if torsion == 0.0 and hand is not None and mesh.unit is not None:
             pads = hand.torsion_radius(1.0) / METRES[mesh.unit]
-            torsion = pads * float(np.min(model.frictions))
+            torsion = pads * model.friction
         return cls(load, mass, task, force, torsion, load.center_of_mass_radius, pads)
 
     def __str__(self) -> str:

@@ -179,7 +179,7 @@ def _patch_forces(
         y_and_z = np.swapaxes(jaws.poses[:, :3, 1:3], 1, 2)  # (b, 2, 3)
         ellipses = 0.5 * jaws.extents[..., None] * y_and_z[:, None]
         least = best_line_angles(points.points, points.normals, ellipses, angles)
-    tilt = _tilt(model)
+    tilt = model.tilt
     spare = model.effective_friction_angle - least + tilt
     holds = ratio > 0.0
     if decided:
@@ -207,16 +207,16 @@ def _held(
 
     As in `ClosedNumbers`; `tilted`: at the worst normals, or at the nominal ones.
     """
-    fingers, count = corners.shape[1:3]
+    count = corners.shape[2]
     pressed = Contacts(
         (corners - contacts.mesh.center_mass).reshape(len(corners), -1, 3),
         np.repeat(contacts.jaws.normals, count, axis=1),
-        np.repeat(np.broadcast_to(model.friction_bounds[0], fingers), count),
+        model.friction_interval[0],
     )
     task = Weight() if case is None else case.task
     force = 1.0 if case is None or case.available is None else case.available
     options: dict[str, Any] = {
-        "tilt": np.repeat(np.broadcast_to(model.tilt_of_fingers, fingers), count) * tilted,
+        "tilt": model.tilt * tilted,
         "bound": "norm", "rtol": PAYLOAD_RTOL, "group": count,
     }  # fmt: skip
     if task.mass is None:
@@ -341,7 +341,7 @@ def robustness_of(
     if several:
         close = partial(
             scene.hand.close, mesh, object_motion=object_motion,
-            friction=float(np.min(model.frictions)),
+            friction=model.friction,
             **({"give_way": offsets.position} if offsets.position else {}),
         )  # fmt: skip
         others = _tried(mesh, poses, offsets.poses[1:], close, model, case)
@@ -438,13 +438,8 @@ def _to_border(closed: ClosedJaws, pads: Jaws, metres: float) -> tuple[Floats, F
 
 def _probabilities(spare: Floats, model: GraspModel, jaws: ClosedJaws) -> Floats:
     """Probability that no normal tilts by more than what is to spare, shape (k, t)."""
-    deviation = 0.5 * _tilt(model)  # of the tilt about each of two axes
+    deviation = 0.5 * model.tilt  # of the tilt about each of two axes
     if deviation == 0.0:
         return np.asarray(spare > 0.0, dtype=np.float64)
     each = -np.expm1(-0.5 * (np.maximum(spare, 0.0) / deviation) ** 2)
     return np.asarray(each ** jaws.area.shape[1])
-
-
-def _tilt(model: GraspModel) -> float:
-    """Largest tilt of the normal of any finger [rad]."""
-    return float(np.max(model.tilt_of_fingers))

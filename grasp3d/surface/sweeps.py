@@ -265,9 +265,8 @@ def mean_sweep(sweeps: Sequence[Sweep], *, name: str = "") -> Sweep:
 
 
 def _kind(one: Sweep) -> tuple[object, ...]:
-    angles = one.distribution
     values = one.friction.tolist(), one.sensor_resolution.tolist()
-    return one.mode, angles.fingers, angles.further_tilt, values
+    return one.mode, one.distribution.fingers, values
 
 
 class _MeanAngles(AngleDistribution):
@@ -277,7 +276,6 @@ class _MeanAngles(AngleDistribution):
         self._parts = parts
         self.limit = min(part.limit for part in parts)
         self.fingers = parts[0].fingers
-        self.further_tilt = parts[0].further_tilt
 
     def worst_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`."""

@@ -59,7 +59,9 @@ def unpacked_bits(numbers: Array, count: int) -> Bools:
 
 def _located(number: int) -> Callable[[VertexGrasps], Array | None]:
     """Located angles; None where the labels follow from the critical angles."""
-    return lambda labels: None if labels.model.is_uniform else labels.located_angles[number]
+    return lambda labels: (
+        None if labels.model.location_error == 0.0 else labels.located_angles[number]
+    )
 
 
 def _pose(column: int) -> Callable[[VertexGrasps], Array | None]:

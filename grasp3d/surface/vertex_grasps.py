@@ -89,7 +89,7 @@ class SpreadGrasps(LabelledGrasps):
 
         Shape (k,) each; see `GraspTable.located_angles`.
         """
-        if self.model.is_uniform:
+        if self.model.location_error == 0.0:
             return self.critical_angle, self.critical_angle_best
         worst, best = self.grasps.located_angles
         return self._spread(worst, self.no_angle), self._spread(best, self.no_angle)

@@ -67,7 +67,7 @@ class Numbers:
             hand=poses.hand,
             size=poses.mesh.size * metres_per_unit(poses.mesh),
             available=None if poses.holding is None else poses.holding.available,
-            friction=float(np.min(poses.model.frictions)),
+            friction=poses.model.friction,
         )
 
     def __getitem__(self, name: str) -> Floats:

@@ -270,10 +270,6 @@ def validate_grasps(
             "outcomes are compared with margins, which method extremes has not; use the method "
             "exact"
         )
-    if model.per_finger:
-        raise SettingError(
-            "outcomes are compared with labels of fingers that are alike: leave per_finger out"
-        )
     tried = check_grasps(
         [grasps] if isinstance(grasps, str | Path | GraspPoses) else list(grasps),
         mesh=mesh,

@@ -226,17 +226,12 @@ def test_uncertainties_are_described() -> None:
         friction=(0.4, 0.6),
         normal_error=2.0 * DEGREE,
         location_error="1mm",
-        per_finger="location_error=1mm, normal_error=2; friction=0.3..0.4",
     )
     text = dict(describe_settings(BatchSettings(model)))
     assert text["Friction"] == "μ 0.4 to 0.6 (cone of β 21.8° to 30.96°)"
     assert text["Normals"] == "within a further 2°"
     assert text["Contact locations"] == "within 1 mm"
-    fingers = "finger 1: normals ± 2°, locations ± 1 mm more; finger 2: friction 0.3 to 0.4"
-    assert text["Each finger"] == fingers
-    assert not {"Normals", "Contact locations", "Each finger"} & set(
-        dict(describe_settings(BatchSettings()))
-    )
+    assert not {"Normals", "Contact locations"} & set(dict(describe_settings(BatchSettings())))
 
 
 def test_describe_settings() -> None:

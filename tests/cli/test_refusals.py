@@ -31,10 +31,6 @@ label ball.ply --sensor-resolution -1 | below 180 degrees
 label ball.ply --sensor-resolution 180 | below 180 degrees
 label ball.ply --edges 2 | edges must be from 3 to 360
 label ball.ply --torsion-radius -1 | torsion radius must be
-label ball.ply --per-finger alpha=3 | --per-finger: finger 1: the uncertainty of a finger must be
-label ball.ply --per-finger '; alpha' | --per-finger: finger 2: the uncertainty of a finger must be
-label ball.ply --per-finger location_error=1mm | is for 1 finger, but a grasp has 2: separate the
-label ball.ply --per-finger normal_error=steep | normal_error must be an angle (a number of
 label ball.ply --normal-error steep | --normal-error must be an angle | deg, rad); got 'steep'
 label ball.ply --normal-error none | --normal-error must be an angle (a number of degrees
 label ball.ply --normal-error 95 | below 90 degrees
@@ -50,7 +46,6 @@ label box.stl --at 0,0,1mm | is 1 mm, but the unit of box.stl is not known
 label ball.ply --best 0 | best must be at least 1
 label ball.ply --best -2 | best must be at least 1
 label box.stl --unit mm --location-error 2m | location_error is 2 m, 18.6 times the size of box.stl
-label box.stl --unit mm --per-finger ';location_error=2m' | location_error is 2 m, 18.6 times the
 label box.stl --max-opening 70mm | is 70 mm, but the unit of box.stl is not known: give the unit
 label box.stl --unit mm --max-opening 70000 | is 7e+04 mm, 650 times the size of box.stl, 107.7 mm
 label box.stl --hand franka | give the unit

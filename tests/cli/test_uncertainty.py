@@ -41,9 +41,6 @@ def test_the_options_are_the_settings() -> None:
         pytest.approx(0.6),
         pytest.approx(0.8),
     )
-    fingers = "location_error=1mm; friction=0.3..0.4"
-    assert parsed("--per-finger", fingers).per_finger == GraspModel(per_finger=fingers).per_finger
-    assert parsed("--per-finger", "none").per_finger == ()
 
 
 def test_ranges_of_angles_and_numbers() -> None:
@@ -108,13 +105,10 @@ def test_the_report_of_grasps_has_their_margins(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_reports_have_millimetres_and_the_meaning_of_safe_labels(tmp_path: Path) -> None:
     export(tmp_path / "box.stl", shapes.box((0.04, 0.06, 0.08)))
-    fingers = "location_error=0.5mm; normal_error=2, friction=0.3..0.4"
     words = ("--unit", "m", "--max-edge", "inf", "--rays", "8", "--location-error", "1mm")
-    text = printed("label", "box.stl", *words, "--per-finger", fingers, cwd=tmp_path)
+    text = printed("label", "box.stl", *words, cwd=tmp_path)
     (line,) = [line for line in text.splitlines() if line.startswith("uncertain: ")]
     assert "contact locations by 1 mm" in line
-    assert "finger 1: locations ± 0.5 mm more" in line
-    assert "finger 2: normals ± 2° more, friction 0.3 to 0.4" in line
     assert "safe labels" not in text  # those of two fingers are exact
     triples = [[[-0.02, 0, 0], [0.02, 0.01, 0], [0.02, -0.01, 0]]]
     (tmp_path / "triples.json").write_text(json.dumps(triples), encoding="utf-8")

@@ -80,7 +80,6 @@ def welded() -> SurfaceLabels:
 CASES: dict[str, Callable[[], SurfaceLabels]] = {
     "cone": cone,
     "location error": lambda: cone().relabel(location_error=0.01, friction=(0.6, 0.7)),
-    "fingers": lambda: cone().relabel(per_finger="location_error=0.004; friction=0.4..0.6"),
     "extremes": lambda: label_surface(box(), GraspModel(method="extremes", extreme_normals=4)),
     "three fingers": three_fingers,
     "gripper": gripper,

@@ -226,7 +226,6 @@ def test_joints_are_matched_by_name(box: ObjectMesh, tmp_path: Path) -> None:
     [
         ({"model": grasp3d.GraspModel(method="extremes")}, "takes no method extremes"),
         ({"model": grasp3d.GraspModel(location_error=0.001)}, "takes no location_error"),
-        ({"model": grasp3d.GraspModel(per_finger="normal_error=2;")}, "takes no per_finger"),
         ({"model": grasp3d.GraspModel(fingers=3)}, "takes no fingers"),
         ({"pose_error": "5mm"}, "takes no pose_error"),
         ({"load": grasp3d.Load(mass=0.5, grip_force=5.0)}, "takes no grip_force"),

@@ -23,10 +23,6 @@ def test_every_way_to_compute_the_minimum_has_a_meaning() -> None:
         (GraspModel(edges=8), "at the effective friction"),
         (GraspModel(torsion_radius=0.01), "smallest over sampled tilts"),
         (GraspModel(location_error="1 mm"), "lower bound over all uncertainties"),
-        (
-            GraspModel(per_finger="; location_error=1mm"),
-            "lower bound over all uncertainties",
-        ),
     ],
 )
 def test_the_minimum_is_called_a_bound_where_it_is_one(model: GraspModel, meaning: str) -> None:

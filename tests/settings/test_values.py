@@ -16,20 +16,13 @@ from grasp3d.quality.task_texts import TaskText
 from grasp3d.settings.checks import parse_angle
 from grasp3d.settings.lengths import METRES, Measure, measure, parse_length, settings_in_unit
 from grasp3d.settings.parsing import plain_values, settings_of_texts
-from grasp3d.settings.uncertainty import Fingers, Uncertainty, friction_interval, parse_fingers
+from grasp3d.settings.uncertainty import friction_interval
 from tests.helpers import shapes
 
 UNITS = st.sampled_from(list(METRES))
 LENGTHS = st.builds(measure, st.floats(1e-6, 1e6), UNITS)
 ANGLES = st.floats(0.0, 1.0)
 FRICTIONS = st.tuples(st.floats(0.01, 2.0), st.floats(0.01, 2.0)).map(sorted).map(tuple)
-UNCERTAINTIES = st.builds(
-    Uncertainty,
-    sensor_resolution=ANGLES,
-    normal_error=st.floats(0.0, 0.5),
-    location_error=st.one_of(st.floats(0.0, 10.0), LENGTHS),
-    friction=st.one_of(st.none(), FRICTIONS),
-)
 
 
 @given(length=LENGTHS)
@@ -49,15 +42,6 @@ def test_an_angle_is_its_text_in_every_unit(angle: float, space: str) -> None:
     assert parse_angle("it", degrees) == pytest.approx(angle, rel=1e-15, abs=1e-300)
 
 
-@given(angle=st.floats(0.0, 0.7))
-def test_texts_of_fingers_take_angles_in_every_unit(angle: float) -> None:
-    own = parse_fingers(f"normal_error={angle!r}rad; friction=0.5")
-    same = parse_fingers(f"normal_error={math.degrees(angle)!r} deg; friction=0.5")
-    assert own[0].normal_error == pytest.approx(angle, rel=1e-14, abs=1e-300)
-    assert own[0].normal_error == pytest.approx(same[0].normal_error, rel=1e-14, abs=1e-300)
-    assert parse_fingers(str(own)) == own
-
-
 @pytest.mark.parametrize("text", ["", "deg", "steep", "5 furlongs", "15 deg rad", "1,5"])
 def test_what_is_no_angle_is_refused(text: str) -> None:
     with pytest.raises(SettingError, match=r"^tilt must be an angle \(a number .*; got"):
@@ -73,18 +57,16 @@ def test_conversions_of_units_compose(length: Measure, through: Any, to: Any) ->
     assert length.in_unit(length.unit) == length.number
 
 
-@given(radius=LENGTHS, error=LENGTHS, own=UNCERTAINTIES, unit=UNITS)
+@given(radius=LENGTHS, error=LENGTHS, unit=UNITS)
 def test_settings_in_a_unit_are_those_of_numbers(
-    radius: Measure, error: Measure, own: Uncertainty, unit: Any
+    radius: Measure, error: Measure, unit: Any
 ) -> None:
-    model = GraspModel(torsion_radius=radius, location_error=error, per_finger=[own, own])
+    model = GraspModel(torsion_radius=radius, location_error=error)
     (found,) = settings_in_unit(unit, model)
     numbers = {"torsion_radius": radius.in_unit(unit), "location_error": error.in_unit(unit)}
-    fingers = settings_in_unit(unit, *model.per_finger)
-    assert found == replace(model, per_finger=fingers, **numbers)
+    assert found == replace(model, **numbers)
     assert settings_in_unit("in", found, None) == (found, None)
     assert settings_in_unit(None, found)[0] is found
-    assert not any(isinstance(one.location_error, Measure) for one in found.per_finger)
 
 
 def test_a_position_is_converted_as_well() -> None:
@@ -122,39 +104,13 @@ def test_an_interval_is_its_text_and_its_middle(ends: tuple[float, float]) -> No
     assert friction_interval(ends) == ends
 
 
-@given(fingers=st.lists(UNCERTAINTIES, max_size=5))
-def test_uncertainties_of_fingers_are_their_text(fingers: list[Uncertainty]) -> None:
-    found = parse_fingers(fingers)
-    assert parse_fingers(str(found)) == found
-    assert str(parse_fingers(str(found))) == str(found)
-    for one, other in zip(found, fingers, strict=bool(found)):
-        assert one.friction == other.friction
-        assert one.location_error == other.location_error
-        assert one.normal_error == pytest.approx(other.normal_error, rel=1e-13)
-    model = GraspModel(fingers=5, per_finger=found)
-    assert model.per_finger is found
-    assert replace(model, friction=0.6).per_finger is found
-
-
-def test_fingers_of_which_nothing_is_known_are_none() -> None:
-    assert GraspModel(per_finger=" ; ").per_finger == () == Fingers()
-    assert GraspModel(per_finger=(Uncertainty(), Uncertainty())).per_finger == ()
-    assert len(GraspModel(per_finger="; normal_error=2").per_finger) == 2
-    nothing: Any = 3
-    with pytest.raises(SettingError, match="per_finger must be a text such as"):
-        GraspModel(per_finger=nothing)
-
-
 @given(
     radius=st.one_of(st.floats(0.0, 10.0), LENGTHS),
     ends=FRICTIONS,
-    own=UNCERTAINTIES,
     edges=st.one_of(st.none(), st.integers(3, 360)),
 )
-def test_settings_are_read_from_their_texts(
-    radius: Any, ends: Any, own: Uncertainty, edges: int | None
-) -> None:
-    model = GraspModel(torsion_radius=radius, friction=ends, per_finger=[own, own], edges=edges)
+def test_settings_are_read_from_their_texts(radius: Any, ends: Any, edges: int | None) -> None:
+    model = GraspModel(torsion_radius=radius, friction=ends, edges=edges)
     texts = {name: str(value) for name, value in plain_values(model).items()}
     assert settings_of_texts(GraspModel, texts) == model
     assert pickle.loads(pickle.dumps(model)) == model  # noqa: S301
@@ -168,6 +124,3 @@ def test_values_of_files_are_plain() -> None:
     assert load.task == TaskText.of(values["task"])
     options = plain_values(MeshOptions(center_of_mass="10mm,0,1"))
     assert options["center_of_mass"] == ("10 mm", 0.0, 1.0)
-    assert plain_values(GraspModel(per_finger="; normal_error=2"))["per_finger"] == (
-        "; normal_error=2"
-    )

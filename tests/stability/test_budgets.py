@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import grasp3d
-from grasp3d.settings.uncertainty import Uncertainty
 from grasp3d.stability import margin_budget
 
 
@@ -22,16 +21,3 @@ def test_the_margin_is_the_effective_friction_angle_minus_the_located_angle() ->
     np.testing.assert_allclose(sum(part[:2] for part in budget.values()), math.atan(0.5))
     exact = margin_budget(model, critical)
     np.testing.assert_allclose(exact["margin"], model.effective_friction_angle - critical)
-
-
-def test_where_fingers_differ_the_parts_are_those_of_the_worst() -> None:
-    fingers = (
-        Uncertainty(sensor_resolution=0.1, location_error="1mm"),
-        Uncertainty(sensor_resolution=0.3, normal_error=0.05, friction=(0.3, 0.4)),
-    )
-    model = grasp3d.GraspModel(friction=0.5, sensor_resolution=0.2).with_uncertainty(*fingers)
-    budget = margin_budget(model, 0.1, 0.12)
-    assert budget["margin"] == pytest.approx(model.effective_friction_angle - 0.12)
-    assert sum(budget.values()) == pytest.approx(math.atan(0.35))
-    assert budget["sensor resolution"] == pytest.approx(0.15)
-    assert budget["normal error"] == pytest.approx(0.05)

@@ -13,7 +13,6 @@ from grasp3d import Contacts, Label, classify, force_closure
 from grasp3d._kernels.search.pair_lines import smallest_over_lines
 from grasp3d.arrays import unit_rows
 from grasp3d.quality import location_tolerance
-from grasp3d.settings import GraspModel
 from grasp3d.stability.located_angles import ContactLimits, PairLines, located_pairs
 from tests.helpers.tilts import angles, random_tilts
 
@@ -321,17 +320,6 @@ class TestMoreContacts:
         for factor, expected in ((0.95, Label.S), (1.02, Label.M)):
             error = factor * allowed[chosen][:, None] * np.ones(4)
             assert (classify(picked, 0.1, location_error=error).label == expected).all()
-
-
-def test_limits_of_a_model() -> None:
-    """A model's thresholds are those of its worst and its best finger."""
-    model = GraspModel(per_finger="normal_error=5; friction=0.3..0.4, location_error=1")
-    limits = ContactLimits.of(model.fingertips)
-    first, second = model.fingertips
-    narrowest = [tip.least_friction_angle - tip.tilt for tip in (first, second)]
-    assert model.effective_friction_angle == pytest.approx(min(narrowest))
-    assert limits.inner[0] == pytest.approx(np.array(narrowest) - min(narrowest))
-    assert limits.location.tolist() == [[0.0, 1.0]]
 
 
 @pytest.mark.parametrize("added", [(0.0, 0.0), (0.3, 0.0), (0.2, 0.5)])

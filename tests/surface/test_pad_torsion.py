@@ -66,33 +66,14 @@ def assert_forces(found: Floats, expected: Floats) -> None:
     assert (found <= expected / (1.0 - FORCE_RTOL)).all()
 
 
-@pytest.mark.parametrize(
-    "friction",
-    [{"friction": INTERVAL}, {"per_finger": "friction=0.3..0.7; friction=0.3..0.7"}],
-)
-def test_each_friction_has_its_own_torsion_radius(friction: dict[str, Any]) -> None:
-    found = held(**friction)
+def test_each_friction_has_its_own_torsion_radius() -> None:
+    found = held(friction=INTERVAL)
     assert_forces(found.grip_force_least, forces_at(HIGH))
     assert_forces(found.grip_force, forces_at(NOMINAL))
     assert_forces(found.grip_force_largest, forces_at(LOW))
     assert found.payload == pytest.approx(FORCE * MASS / found.grip_force_largest)
     stored = 1e3 * FRANKA.torsion_radius(NOMINAL)
     assert found.settings()["force_torsion_radius"] == pytest.approx(stored)
-
-
-def test_the_friction_of_each_finger_is_that_of_its_torsion() -> None:
-    known = held(per_finger="friction=0.3; friction=0.3")
-    for force in (known.grip_force_least, known.grip_force, known.grip_force_largest):
-        assert_forces(force, forces_at(LOW))
-    mixed = held(per_finger="friction=0.3; friction=0.7")
-    assert (mixed.grip_force <= forces_at(LOW) * (1.0 + FORCE_RTOL)).all()
-    assert (mixed.grip_force >= forces_at(HIGH) * (1.0 - FORCE_RTOL)).all()
-    smallest = 1e3 * FRANKA.torsion_radius(LOW)
-    assert mixed.case.torsion_radius == pytest.approx(smallest)
-    contacts = evaluate_grasps(block(), [[0, 25.0, 0], [0, -25.0, 0]]).contacts
-    model = GraspModel(per_finger="friction=0.3; friction=0.7")
-    own = mixed.case.at_friction(contacts.contacts(model)).torsion_radius
-    assert own == pytest.approx(np.array([[smallest, smallest * HIGH / LOW]]))
 
 
 def test_a_given_torsion_radius_is_that_at_any_friction() -> None:
@@ -128,21 +109,15 @@ def test_an_interval_contains_the_forces_of_its_frictions(
 
 
 @cache
-def labels(friction: Any = NOMINAL, per_finger: str = "") -> SurfaceLabels:
-    model = GraspModel(friction=friction, sensor_resolution=0.05, per_finger=per_finger)
+def labels(friction: Any = NOMINAL) -> SurfaceLabels:
+    model = GraspModel(friction=friction, sensor_resolution=0.05)
     load = Load(mass=1.0)
     return label_surface(block(), model, hand=FRANKA, load=load)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("friction", "per_finger"),
-    [(INTERVAL, ""), (NOMINAL, "friction=0.3..0.7; friction=0.3..0.7")],
-)
-def test_grasps_that_surely_hold_do_so_at_the_smallest_friction(
-    friction: Any, per_finger: str
-) -> None:
-    found, low = labels(friction, per_finger).holding, labels(LOW).holding
+def test_grasps_that_surely_hold_do_so_at_the_smallest_friction() -> None:
+    found, low = labels(INTERVAL).holding, labels(LOW).holding
     assert found is not None
     assert low is not None
     assert found.label is not None

@@ -25,8 +25,7 @@ from grasp3d import (
     scan_surface,
     sweep,
 )
-from grasp3d.errors import SearchCoverageError, SettingError
-from grasp3d.settings.uncertainty import Uncertainty
+from grasp3d.errors import SettingError
 from grasp3d.surface.vertex_grasps import Reason, grasps_at
 from tests.helpers import shapes
 
@@ -43,7 +42,7 @@ def labels() -> SurfaceLabels:
 
 @pytest.mark.slow
 def test_zero_errors_change_nothing(labels: SurfaceLabels) -> None:
-    model = GraspModel(friction_error=0.0, normal_error=0.0, location_error=0.0, per_finger="")
+    model = GraspModel(friction_error=0.0, normal_error=0.0, location_error=0.0)
     again = label_surface(labels.mesh, model, sampling=WIDE)
     assert again.label.tolist() == labels.label.tolist()
     assert again.critical_angle.tolist() == labels.critical_angle.tolist()
@@ -66,12 +65,8 @@ def test_less_knowledge_turns_labels_to_m_only(labels: SurfaceLabels, name: str)
 
 
 def test_labels_are_those_of_the_same_grasps_as_contacts(labels: SurfaceLabels) -> None:
-    """Smooth contacts: `classify` with each finger's own errors."""
-    fingers = (
-        Uncertainty(normal_error=0.05, location_error=0.05),
-        Uncertainty(location_error=0.02, friction=(0.3, 0.7)),
-    )
-    found = labels.relabel(friction=(0.4, 0.6), location_error=0.03, per_finger=fingers)
+    """Smooth contacts: `classify` with the same errors."""
+    found = labels.relabel(friction=(0.4, 0.6), normal_error=0.05, location_error=0.05)
     vertices = np.flatnonzero(found.reason == Reason.FOUND)
     grasps = grasps_at(found.mesh, found.partner_points, vertices, 0)
     smooth = np.asarray(~grasps.on_crease.any(axis=1))
@@ -80,56 +75,13 @@ def test_labels_are_those_of_the_same_grasps_as_contacts(labels: SurfaceLabels) 
     expected = classify(
         chosen.contacts(found.model),
         found.model.sensor_resolution,
-        friction_interval=([0.4, 0.3], [0.6, 0.7]),
-        normal_error=[0.05, 0.0],
-        location_error=[0.08, 0.05],
+        friction_interval=(0.4, 0.6),
+        normal_error=0.05,
+        location_error=0.05,
     )
     assert found.label[vertices[smooth]].tolist() == expected.label.tolist()
     assert len(np.unique(expected.label)) > 1
     assert found.margin[vertices[smooth]] == pytest.approx(expected.margin, abs=1e-9)
-
-
-def test_fingers_that_are_alike_are_one_uncertainty(labels: SurfaceLabels) -> None:
-    own = Uncertainty(sensor_resolution=0.05, normal_error=0.03, location_error=0.04)
-    common = labels.relabel(
-        sensor_resolution=labels.model.sensor_resolution + 0.05, normal_error=0.03,
-        location_error=0.04,
-    )  # fmt: skip
-    each = labels.relabel(per_finger=(own, own))
-    assert each.label.tolist() == common.label.tolist()
-    assert each.margin == pytest.approx(common.margin, abs=1e-12)
-
-
-def test_one_worse_finger_costs_at_most_what_is_worse_about_it() -> None:
-    """Also at creases, where the best grasps over the worst and the best normals differ."""
-    mesh = load_mesh(shapes.box((0.08, 0.05, 0.03)), unit="m", max_edge=0.01)
-    alike = label_surface(mesh, sampling=WIDE)
-    cases = {
-        "; normal_error=2": math.radians(2.0),
-        "; friction=0.4": math.atan(0.5) - math.atan(0.4),
-    }
-    for text, cost in cases.items():
-        each = alike.relabel(per_finger=text)
-        costs = alike.margin - each.margin
-        assert (costs > -1e-9).all()
-        assert (costs < cost + 1e-9).all()
-        assert costs.max() == pytest.approx(cost, abs=1e-9)
-        searched = label_surface(mesh, each.model, sampling=WIDE)
-        assert (searched.margin > each.margin - 2e-3).all()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("worse", [0, 1])
-def test_the_search_turns_the_line_away_from_the_worse_finger(
-    labels: SurfaceLabels, worse: int
-) -> None:
-    """Its grasps are better than those for fingers alike, mostly by much: the line can turn."""
-    fingers = tuple(Uncertainty(normal_error=0.3 * (finger == worse)) for finger in range(2))
-    model = GraspModel(per_finger=fingers)
-    searched = label_surface(labels.mesh, model, sampling=WIDE)
-    gains = searched.margin - labels.relabel(per_finger=fingers).margin
-    assert gains.min() >= 0.0
-    assert np.median(gains) > 0.05
 
 
 @pytest.mark.parametrize(
@@ -137,7 +89,6 @@ def test_the_search_turns_the_line_away_from_the_worse_finger(
     [
         ({"friction": (0.4, 0.6), "friction_error": 0.05}, "friction is an interval, 0.4 to 0.6"),
         ({"sensor_resolution": 1.6, "normal_error": 0.8}, "less than 90 degrees; got 91.67"),
-        ({"sensor_resolution": 3.0, "per_finger": "; normal_error=5"}, "less than 90 degrees"),
     ],
 )
 def test_models_that_contradict_themselves_are_refused(given: dict[str, Any], message: str) -> None:
@@ -151,8 +102,6 @@ def test_an_interval_replaces_the_error_of_friction(labels: SurfaceLabels) -> No
     assert after.model.friction_interval == (0.4, 0.6)
     assert before.relabel(friction=0.6).model.friction_error == 0.05
     assert before.relabel(friction=0.04, friction_error=0.01).model.friction_error == 0.01
-    stated = Uncertainty(sensor_resolution=0.1, friction=(0.45, 0.65))
-    assert before.model.with_uncertainty(stated).friction_error == 0.1
     assert "μ 0.4 to 0.6, α 22.6°" in repr(after)
 
 
@@ -181,15 +130,12 @@ def test_a_search_with_less_knowledge_turns_no_label_to_u(
     ("grip", "hand"), [("squeeze", "franka"), ("expand", None), ("both", "franka")]
 )
 @pytest.mark.parametrize("location", [0.0, 0.002])
-@pytest.mark.parametrize(
-    "per_finger", ["", "; normal_error=5", "friction=0.4; sensor_resolution=10, location_error=1mm"]
-)
 def test_a_fresh_search_is_never_worse_than_relabelling(
-    grip: str, hand: str | None, location: float, per_finger: str
+    grip: str, hand: str | None, location: float
 ) -> None:
-    """Neither by margin nor by letter, whatever is known less well about which finger."""
+    """Neither by margin nor by letter."""
     known = searched_widely(grip, hand)
-    kept = known.relabel(location_error=location, per_finger=per_finger)
+    kept = known.relabel(location_error=location)
     assert known.scene is None or known.scene.jaws is not None
     fresh = label_surface(known.mesh, kept.model, sampling=known.sampling, scene=known.scene)
     assert (fresh.margin[known.vertices] >= kept.margin[known.vertices] - 1e-9).all()
@@ -259,10 +205,7 @@ MODELS: tuple[dict[str, Any], ...] = (
     {"friction": (0.4, 0.6)},
     {"normal_error": 0.05, "sensor_resolution": 0.2},
     {"location_error": 0.03, "friction_error": 0.1},
-    {"per_finger": "normal_error=5; normal_error=5"},
-    {"per_finger": "; normal_error=5", "sensor_resolution": 0.1},
-    {"per_finger": "sensor_resolution=8, location_error=0.05; normal_error=3"},
-    {"per_finger": "location_error=0.05;", "location_error": 0.02, "friction": (0.3, 0.9)},
+    {"location_error": 0.05, "friction": (0.3, 0.9)},
 )
 
 
@@ -296,38 +239,6 @@ def test_a_sweep_has_the_location_error_of_the_labels(labels: SurfaceLabels) -> 
     swept = sweep(found.angle_distribution(), friction=0.5, sensor_resolution=0.2)
     expected = labels.relabel(sensor_resolution=0.2, location_error=0.05).fractions()
     assert swept.stable[0, 0] == pytest.approx(expected["S"], abs=1e-12)
-
-
-@pytest.mark.parametrize("text", ["friction=0.4; friction=0.4", "; friction=0.3..0.4"])
-def test_fingers_with_a_friction_of_their_own_have_no_distribution(
-    labels: SurfaceLabels, text: str
-) -> None:
-    found = labels.relabel(per_finger=text)
-    with pytest.raises(SettingError, match="friction of all fingers"):
-        found.angle_distribution()
-
-
-def test_a_distribution_is_covered_as_far_as_its_labels(labels: SurfaceLabels) -> None:
-    found = replace(labels.relabel(per_finger="; normal_error=5"), sampling=Sampling())
-    angles, widest = found.angle_distribution(), labels.search.cone - math.radians(5.0)
-    angles.fractions(friction=math.tan(widest - 1e-6), sensor_resolution=0.0)
-    with pytest.raises(SearchCoverageError):
-        angles.fractions(friction=math.tan(widest + 1e-6), sensor_resolution=0.0)
-
-
-def test_three_differing_fingers_have_the_same_fractions_too() -> None:
-    """Also where the widest finger reaches 90 degrees, and no grasp found is U."""
-    mesh = load_mesh(shapes.sphere(1), max_edge=9.0)
-    found = label_surface(
-        mesh,
-        GraspModel(fingers=3),
-        sampling=MultifingerSampling(candidates=8, search_angle=math.pi / 2.0),
-    ).relabel(per_finger="; ; normal_error=30")
-    angles = found.angle_distribution()
-    for friction, resolution in ((0.5, 0.1), (1.0, 0.6), (2.0, 0.1)):
-        again = found.relabel(friction=friction, sensor_resolution=resolution)
-        fractions = angles.fractions(friction=friction, sensor_resolution=resolution)
-        assert fractions == pytest.approx(again.fractions(), abs=1e-12)
 
 
 def test_epsilon_covers_all_errors(labels: SurfaceLabels) -> None:
@@ -380,10 +291,6 @@ class TestErrors:
         with pytest.raises(SettingError, match="location_error is 2 mm, but the unit"):
             label_surface(labels.mesh, GraspModel(location_error="2mm"))
 
-    def test_a_number_of_fingers_that_does_not_match(self, labels: SurfaceLabels) -> None:
-        with pytest.raises(SettingError, match="3 fingers, but a grasp has 2"):
-            label_surface(labels.mesh, GraspModel(per_finger="normal_error=1;;"))
-
     def test_extreme_normals_have_no_locations(self) -> None:
-        with pytest.raises(SettingError, match="need the method exact"):
+        with pytest.raises(SettingError, match="needs the method exact"):
             GraspModel(method="extremes", location_error=1.0)

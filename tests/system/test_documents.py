@@ -21,7 +21,6 @@ from grasp3d.grasps import read_object_pose
 from grasp3d.grasps.pose_files import holds_poses, read_poses
 from grasp3d.hand.hand_files import hand_of_line, read_hand
 from grasp3d.hand.parallel_gripper import preset
-from grasp3d.settings.uncertainty import Uncertainty
 from grasp3d.system.documents import DEEPEST, MOST_DIGITS, parse_json
 from grasp3d.validating.tried_grasps import MeshFolder
 from grasp3d.viewer.session.collection import open_collection
@@ -150,7 +149,6 @@ def test_whole_characters_and_large_numbers_are_read() -> None:
         lambda: preset("franka").__class__(**fields(max_opening=10**400)),
         lambda: preset("franka").__class__(**fields(source="a\udcff")),
         lambda: preset("franka").__class__(**fields(joint_names=("a\udcff", "b"))),
-        lambda: Uncertainty(friction=10**400),  # type: ignore[arg-type]
         lambda: grasp3d.GraspModel(friction=(1, 10**400)),
     ],
 )

@@ -207,26 +207,12 @@ def test_fixed_fingers_have_errors_too(session: Session) -> None:
     assert "located β*" not in dict(seen.numbers)
 
 
-def test_values_of_single_fingers_are_named() -> None:
-    session = ready_session(slab().using(model=GraspModel(per_finger=EACH)))
-    text = panel_text(session)
-    assert any(note.startswith("added for each finger: normal_error=3") for note in text.notes)
-    assert text.rules[0].startswith("located β*")
-    labels = slab().using(model=GraspModel(per_finger=EACH))
-    for letter, fraction in labels.fractions().items():
-        assert fractions(session)[letter] == pytest.approx(fraction, abs=1e-12)
-    with pytest.raises(SettingError, match="is for 2 fingers, but a grasp has 3"):
-        session.change(fingers=3)
-    assert session.state.model.fingers == 2
-
-
 def test_safe_labels_are_said_to_be_safe_once() -> None:
-    """Three fingers and a location error, or fingers that differ; two fingers have exact labels."""
+    """Three fingers and a location error; two fingers have exact labels."""
     note = "labels are safe: every S and U is correct, an M may be one of them"
     three = viewing.three_fingers()
     located = three.using(model=replace(three.model, location_error=1e-4))
-    each = three.using(model=replace(three.model, per_finger="normal_error=3; ; "))
-    for labels, count in ((located, 1), (each, 1), (three, 0), (slab(), 0)):
+    for labels, count in ((located, 1), (three, 0), (slab(), 0)):
         text = panel_text(ready_session(labels))
         assert text.notes.count(note) == count
     session = ready_session(slab().using(model=GraspModel(location_error=1e-4)))
@@ -289,8 +275,6 @@ def test_explanations_name_the_errors() -> None:
     [
         GraspModel(friction="0.4..0.6", normal_error=0.03),
         GraspModel(location_error=5e-4, friction=(0.4, 0.5)),
-        GraspModel(per_finger=EACH),
-        GraspModel(per_finger="location_error=1; friction=0.25..0.75"),
     ],
 )
 def test_a_labelled_file_has_the_errors_and_labels_of_its_model(
@@ -364,7 +348,6 @@ def test_saved_labels_have_the_chosen_errors(session: Session, tmp_path: Path) -
             b"comment grasp3d location_error -0.",
             "location error must",
         ),
-        (b"comment grasp3d per_finger ", b"comment grasp3d per_finger friction=x", "friction must"),
         (
             b"property double located_angle_best",
             b"property double lacated_angle_best",

@@ -1,4 +1,4 @@
-"""Labels with uncertainties of fingers: of Python, in files and in the viewer."""
+"""Labels with uncertainties: of Python, in files and in the viewer."""
 
 from functools import cache
 from pathlib import Path
@@ -8,7 +8,6 @@ import pytest
 
 from grasp3d import (
     GraspModel,
-    Label,
     MultifingerSampling,
     Sampling,
     SurfaceLabels,
@@ -18,7 +17,6 @@ from grasp3d import (
 )
 from grasp3d.export.read_labels import read_labels
 from grasp3d.export.writers import writer_for
-from grasp3d.settings.uncertainty import Uncertainty
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.viewer.session.painting import labels_at
 from grasp3d.viewer.subjects.subject import Subject, subject_of
@@ -35,11 +33,7 @@ MODELS = {
     "interval": GraspModel(friction=(0.4, 0.7), normal_error=0.05),
     "location": GraspModel(location_error=0.02),
     "far": GraspModel(location_error=0.2),
-    "worse": GraspModel(per_finger="; normal_error=3"),
-    "much worse": GraspModel(friction=0.3, sensor_resolution=0.1, per_finger="; normal_error=20"),
-    "located": GraspModel(per_finger="location_error=0.02; location_error=0.05"),
-    "friction": GraspModel(per_finger="location_error=0.02; friction=0.3..0.7"),
-    "same": GraspModel(per_finger="normal_error=5; normal_error=5"),
+    "both": GraspModel(location_error=0.02, friction=(0.3, 0.7)),
 }
 
 
@@ -78,7 +72,6 @@ def _for_model(labels: SurfaceLabels, name: str) -> SurfaceLabels:
         sensor_resolution=model.sensor_resolution,
         normal_error=model.normal_error,
         location_error=model.location_error,
-        per_finger=model.per_finger,
     )
 
 
@@ -90,40 +83,22 @@ def _clear(labels: SurfaceLabels) -> np.ndarray:
         return ~(near | (np.abs(best - labels.model.unstable_from) < 1e-6))
 
 
-def test_fingers_that_differ_make_all_labels() -> None:
-    found = {
-        int(code)
-        for shape in ("cone", "fins")
-        for model in ("worse", "much worse")
-        for code in np.unique(_for_model(searched(shape, "alike"), model).label)
-    }
-    assert found == set(map(int, Label))
-
-
-@pytest.mark.parametrize("model", ["location", "worse"])
-def test_three_fingers_are_read_as_they_were_written(tmp_path: Path, model: str) -> None:
+def test_three_fingers_are_read_as_they_were_written(tmp_path: Path) -> None:
     mesh = load_mesh(shapes.box(), max_edge=0.5)
     wide = MultifingerSampling(candidates=8, search_angle=1.2)
     known = label_surface(mesh, GraspModel(fingers=3), sampling=wide)
-    given = MODELS[model]
-    extra = given.per_finger and f"{given.per_finger};"
-    labels = known.relabel(location_error=given.location_error, per_finger=extra)
+    labels = known.relabel(location_error=MODELS["location"].location_error)
     write_ply(tmp_path / "three.ply", labels)
     np.testing.assert_array_equal(read_labels(tmp_path / "three.ply").label, labels.label)
     np.testing.assert_array_equal(labels_at(subject_of(labels), labels.model), labels.label)
 
 
-@pytest.mark.parametrize("model", ["far", "much worse"])
 @pytest.mark.parametrize("fingers", [2, 3])
-def test_the_angles_of_a_subject_decide_its_labels(
-    tmp_path: Path, fingers: int, model: str
-) -> None:
-    given = MODELS[model]
-    extra = given.per_finger and (*given.per_finger, *[Uncertainty()] * (fingers - 2))
-    labels = box(fingers).relabel(location_error=given.location_error, per_finger=extra)
-    if model == "far":  # these labels are not those of the critical angles
-        plain = label_angles(labels.critical_angle, labels.critical_angle_best, labels.model)
-        assert (plain != labels.label).any()
+def test_the_angles_of_a_subject_decide_its_labels(tmp_path: Path, fingers: int) -> None:
+    """These labels are not those of the critical angles."""
+    labels = box(fingers).relabel(location_error=MODELS["far"].location_error)
+    plain = label_angles(labels.critical_angle, labels.critical_angle_best, labels.model)
+    assert (plain != labels.label).any()
     assert_shown(subject_of(labels))
     for suffix in ("ply", "npz"):
         path = tmp_path / f"labelled.{suffix}"

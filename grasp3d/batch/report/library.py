@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.hand.reach_settings import ReachSettings
@@ -10,7 +9,6 @@ from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskText
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.settings.lengths import Measure, describe_length
-from grasp3d.settings.model_text import error_texts
 
 
 def describe_settings(settings: BatchSettings) -> list[tuple[str, str]]:
@@ -36,9 +34,6 @@ def _errors(model: GraspModel) -> Iterator[tuple[str, str]]:
         yield "Normals", f"within a further {_degrees(model.normal_error)}"
     if model.location_error:
         yield "Contact locations", f"within {_length(model.location_error)}"
-    if model.per_finger:
-        only_fingers = replace(model, normal_error=0.0, location_error=0.0)
-        yield "Each finger", "; ".join(error_texts(only_fingers))
 
 
 def _degrees(angle: float) -> str:

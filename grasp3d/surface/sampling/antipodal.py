@@ -57,25 +57,11 @@ class Ranking:
 
     location: float = 0.0
     """Sum of the location errors of both contacts, in the mesh's unit."""
-    first_extra: float = 0.0
-    """Angle by which the finger at the vertex is known less well than the other finger [rad]."""
-    second_extra: float = 0.0
-    """The same of the other finger; one of the two is 0 [rad]."""
 
     @classmethod
     def of(cls, model: GraspModel) -> "Ranking":
         """The uncertainties of a model for two fingers, with lengths in the mesh's unit."""
-        if model.is_uniform:
-            return cls()
-        first, second = model.fingertips
-        difference = (first.least_friction_angle - first.tilt) - (
-            second.least_friction_angle - second.tilt
-        )
-        return cls(
-            first.location_error + second.location_error,
-            max(-difference, 0.0),
-            max(difference, 0.0),
-        )
+        return cls(2.0 * model.location_error)
 
 
 ALIKE = Ranking()
@@ -249,7 +235,6 @@ class _Search:
         )  # fmt: skip
         self.grasps = no_pairs(
             len(mesh.vertices), STARTS, math.cos(self.spacing), location=self.limits.location,
-            first_extra=self.ranking.first_extra, second_extra=self.ranking.second_extra,
         )  # fmt: skip
 
     @cached_property

@@ -16,7 +16,7 @@ from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.context import report_progress, within
 from grasp3d.viewer.session.inspection import warm_up
 from grasp3d.viewer.session.painting import ROUNDING
-from grasp3d.viewer.subjects.subject import NO_LABELS, Subject, dependence, subject_of
+from grasp3d.viewer.subjects.subject import NO_LABELS, Subject, subject_of
 
 WIDEST = math.pi / 2.0
 
@@ -124,7 +124,7 @@ def locate_contacts(subject: Subject, model: GraspModel) -> Subject:
     """
     report_progress(0.0)
     angles = subject.labels.using(model=model).located_angles
-    return replace(subject, located={dependence(model): angles})
+    return replace(subject, located={model.location_error: angles})
 
 
 def check_savable(subject: Subject, model: GraspModel, path: Path) -> None:

@@ -339,7 +339,7 @@ def _case_of_grasp(
 
 def _perceived(model: GraspModel, worst: float, best: float) -> tuple[float, float] | None:
     """Critical angles at the perceived contact points, if others decide the labels."""
-    return None if model.is_uniform else (float(worst), float(best))
+    return None if model.location_error == 0.0 else (float(worst), float(best))
 
 
 def _inspection(

@@ -148,7 +148,6 @@ def texture_coordinates(
         worst = subject.labels.critical_angle
     if paint == "label":
         return _label_coordinates(worst, best, model)
-    # Located angles of different fingers may be below 0.
     values = np.clip(worst, -math.pi, math.pi) / (2.0 * math.pi) + 0.5
     finite = np.isfinite(worst)
     if paint in _SOURCES:

@@ -156,8 +156,6 @@ def _notes(session: Session) -> Iterator[str]:
         )
     if session.model.certainty == "safe":
         yield f"labels are safe: {SAFE_LABELS}"
-    if state.model.per_finger:
-        yield f"added for each finger: {state.model.per_finger} (angles in degrees)"
     models = [session.model] + [session.other_model] * (session.other_model is not None)
     searched = subject.hand_grasps is None
     if searched and any(model is not None and not subject.covers(model) for model in models):
@@ -175,7 +173,7 @@ def _rules(session: Session) -> tuple[str, ...]:
     if model.fingers != fingers:
         model = replace(model, fingers=fingers)
     if state.compared is None:
-        name = "β*" if model.is_uniform else "located β*"
+        name = "β*" if model.location_error == 0.0 else "located β*"
         return (f"{name}: {_rule(model)}",)
     other = replace(model, sensor_resolution=state.compared)
     return tuple(

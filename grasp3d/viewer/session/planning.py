@@ -21,7 +21,7 @@ from grasp3d.viewer.session.inspection import alternatives_of, find_alternatives
 from grasp3d.viewer.session.painting import FORCE_PAINTS, same_settings
 from grasp3d.viewer.session.scans import scan_with_fixed
 from grasp3d.viewer.session.state import FixedPoints, ViewState
-from grasp3d.viewer.subjects.subject import PAIR, Subject, dependence
+from grasp3d.viewer.subjects.subject import PAIR, Subject
 
 if TYPE_CHECKING:
     from grasp3d.viewer.session.collection import Item
@@ -219,7 +219,7 @@ def _located_job(subject: Subject, state: ViewState, number: int) -> SubjectJob 
     if _locates(subject, state):
         return None
     model = model_for(subject, state)
-    key = ("located", number, dependence(model), model.fingers, state.fixed, state.max_opening)
+    key = ("located", number, model.location_error, model.fingers, state.fixed, state.max_opening)
     return Job(key, "computing labels with errors", partial(locate_contacts, subject, model), DELAY)
 
 

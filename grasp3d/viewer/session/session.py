@@ -195,10 +195,8 @@ class Session:
             raise SettingError(
                 f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {state.model.fingers}"
             )
-        if state.model.fingers != self.state.model.fingers:
-            _ = state.model.fingertips  # raises an error if errors are given for other fingers
-            if self.scene is not None:
-                self.scene.hand.check_fingers(state.model.fingers)
+        if state.model.fingers != self.state.model.fingers and self.scene is not None:
+            self.scene.hand.check_fingers(state.model.fingers)
         if state.model.location_error != self.state.model.location_error:
             subject, problem = self._viewed.subject, self.location_problem
             if problem and not (subject is not None and subject.locates(state.model)):

@@ -106,7 +106,7 @@ class ViewState:
 
 def has_errors(model: GraspModel) -> bool:
     """Whether a model has other errors than the sensor resolution."""
-    return not model.is_uniform or max(model.friction_error, model.normal_error) > 0.0
+    return model.location_error != 0.0 or max(model.friction_error, model.normal_error) > 0.0
 
 
 def changed_state(state: ViewState, changes: Mapping[str, Any]) -> ViewState:

@@ -86,9 +86,9 @@ class Subject:
     """Poses of a hand with joints, of which the first one is shown; the surface has no labels."""
     alternatives: Alternatives | None = None
     """Other grasps of the vertex that was inspected last; None: not searched."""
-    located: Mapping[object, WorstAndBest] = field(default_factory=dict)
-    """Located angles that took a computation, by what they depend on; see `dependence`."""
-    _recent: dict[object, WorstAndBest] = field(init=False, repr=False, default_factory=dict)
+    located: Mapping[float, WorstAndBest] = field(default_factory=dict)
+    """Located angles that took a computation, by the location error."""
+    _recent: dict[float, WorstAndBest] = field(init=False, repr=False, default_factory=dict)
     """Located angles that were needed last, likewise."""
 
     __repr__ = short_repr
@@ -127,7 +127,7 @@ class Subject:
     def angles(self, model: GraspModel) -> tuple[Floats, Floats]:
         """Critical angles that decide the labels for a model, over the worst and best normals.
 
-        Located angles where contact locations are uncertain or fingers differ, else
+        Located angles where contact locations are uncertain, else
         `critical_angle` and `critical_angle_best`; these also where the former are not known.
 
         Args:
@@ -136,15 +136,15 @@ class Subject:
         Returns:
             Shape (V,) each [rad].
         """
-        if model.is_uniform or not self.locates(model):
+        if model.location_error == 0.0 or not self.locates(model):
             return self.labels.critical_angle, self.labels.critical_angle_best
-        key = dependence(model)
+        key = model.location_error
         if key in self.located:
             return self.located[key]
         if key not in self._recent:
             if len(self._recent) >= KEPT:
                 self._recent.pop(next(iter(self._recent)))
-            of_labels = key == dependence(self.labels.model)
+            of_labels = key == self.labels.model.location_error
             labels = self.labels if of_labels else self.labels.using(model=model)
             self._recent[key] = labels.located_angles
         return self._recent[key]
@@ -159,7 +159,7 @@ class Subject:
             Rows of the mesh's corner normals, and their angles, shape (k,) each [rad].
         """
         rows, grasps, critical = self._creased
-        limits, vertices = ContactLimits.of(model.fingertips), self.mesh.corner_normals.vertices
+        limits, vertices = ContactLimits.of(model), self.mesh.corner_normals.vertices
         worst, best = (angles[vertices[rows]] for angles in self.angles(model))
         own = located_contacts(grasps, critical, limits)
         return rows, np.clip(own[0], best, worst), np.clip(own[1], best, worst)
@@ -186,10 +186,8 @@ class Subject:
         Those of the labels' own model are, as the labels follow from them. Those of three fingers
         and more for another one take too long for a move of a slider.
         """
-        key = dependence(model)
-        if model.is_uniform or key == dependence(self.labels.model) or key in self.located:
-            return True
-        return model.fingers == PAIR and fits(model)
+        known = {0.0, self.labels.model.location_error, *self.located}
+        return model.fingers == PAIR or model.location_error in known
 
     def covers(self, model: GraspModel) -> bool:
         """Whether the search went far enough for a model: no, where poses of a hand are given."""
@@ -230,19 +228,6 @@ def _method_notes(labels: SurfaceLabels) -> tuple[str, ...]:
     return (note,)
 
 
-def dependence(model: GraspModel) -> object:
-    """What located angles depend on: of equal fingers the location error alone.
-
-    The thresholds that they are compared with have all that the fingers have in common.
-    """
-    return model if model.per_finger else model.location_error
-
-
-def fits(model: GraspModel) -> bool:
-    """Whether the values of single fingers are for the model's number of fingers."""
-    return not model.per_finger or len(model.per_finger) == model.fingers
-
-
 def located_grasp(
     grasp: GraspContacts, worst: float, best: float, model: GraspModel
 ) -> tuple[float, float]:
@@ -255,7 +240,7 @@ def located_grasp(
         model: Grasp model, with lengths in the mesh's unit.
     """
     model = replace(model, fingers=grasp.count)
-    if model.is_uniform or not fits(model):
+    if model.location_error == 0.0:
         return float(worst), float(best)
     angles = np.array([worst]), np.array([best])
     angles = located_angles_of(grasp, angles, model)
