@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.hand.gripper_pose import GripperPose
-from grasp3d.hand.scene import Scene
 from grasp3d.plots.figures import LABEL_COLORS, LINES, PAGE, label_patches, new_figure, styled
-from grasp3d.rendering.grasp_views import GraspViews
+from grasp3d.rendering.grasp_views import grasp_view
+from grasp3d.rendering.opengl import UPRIGHT
 from grasp3d.settings.lengths import METRES
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.validating.disagreements import Disagreement
@@ -187,10 +187,7 @@ def draw_disagreement(one: Disagreement) -> Bytes:
     pose = grasp.jaws.poses[0].copy()
     pose[:3, 3] += np.nan_to_num(grasp.jaws.offset[0]) * pose[:3, 0]
     held = GripperPose(pose, opening, math.nan, math.nan, math.nan)
-    # The view shows both pads, with or without contacts.
-    across = np.outer([1.0, -1.0], pose[:3, 0])
-    views = GraspViews(mesh, Scene(grasp.hand))
-    view = views.best(pose[:3, 3] + 0.5 * opening * across, -across, held)
+    view = grasp_view(pose[None, :3, 3], UPRIGHT, held)
     (points,), (normals,) = grasp.jaws.points, grasp.jaws.normals
     touching = np.isfinite(points).all(axis=1)
     contacts = MarkedContacts(points[touching], normals[touching], held=held)

@@ -61,10 +61,10 @@ class ViewSettings:
         compare: A second sensor resolution, shown beside the first, in the colours S, M, U; none:
             no second one.
         azimuth: Azimuth of the camera about the z-axis, from the x-axis; about the table's normal
-            if there is one. none: with elevation none the fingertips of a grasp that is shown are
-            seen best, else 75 degrees.
-        elevation: Elevation of the camera above the xy-plane, from -90 to 90 degrees. none: as for
-            azimuth, else 35 degrees.
+            if there is one. none: with elevation none across the closing axis of a grasp that is
+            shown, else 75 degrees.
+        elevation: Elevation of the camera above the xy-plane, from -90 to 90 degrees. none: 35
+            degrees.
         width: Width of the window or picture [pixels].
         height: Height of the window or picture [pixels].
     """

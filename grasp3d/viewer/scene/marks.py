@@ -10,9 +10,9 @@ from vtkmodules.vtkRenderingCore import vtkMapper
 
 from grasp3d.arrays import Floats, unit_rows
 from grasp3d.contact.friction_cones import tangents
+from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.shapes import ARC_COLOR
-from grasp3d.rendering.grasp_views import ARROW, approach_ends
 from grasp3d.rendering.opengl import AMBIENT
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
@@ -28,6 +28,13 @@ CONE_LENGTH = 0.15
 
 HEAD, HEAD_RADIUS, SHAFT = 0.035, 0.0095, 0.0022
 """Arrows: length and radius of the head, radius of the shaft, all likewise relative."""
+
+ARROW = 0.19
+"""Length of the arrow at a contact, likewise relative."""
+
+APPROACH = np.array([1.6, 0.15])
+"""Distances of the tail and the tip of the approach's arrow from the TCP, in finger lengths: the
+tail is in the translucent palm, which no object hides."""
 
 APPROACH_HEAD, APPROACH_HEAD_RADIUS, APPROACH_SHAFT = 0.35, 0.12, 0.04
 """The same of the approach's arrow, relative to its length."""
@@ -101,7 +108,7 @@ class Marks:
         shown, approach = grasp or NO_CONTACTS, NO_POINTS
         contacts, model = MarkedContacts(shown.points, shown.normals), shown.model
         if hand is not None and shown.held is not None and subject.mesh.unit is not None:
-            approach = approach_ends(shown.held, hand.finger_length / METRES[subject.mesh.unit])
+            approach = _approach_ends(shown.held, hand.finger_length / METRES[subject.mesh.unit])
         size, fixed_key = subject.mesh.size, (id(subject.mesh.vertices), fixed.tobytes())
         grasp_key = (contacts.points.tobytes(), contacts.normals.tobytes())
         safe = model and model.effective_friction_angle
@@ -343,6 +350,16 @@ def _arrows(contacts: MarkedContacts, size: float, extra: float) -> list[pyvista
     necks = ends - (HEAD * size + 2.0 * extra) * contacts.normals
     shafts = cylinders(tails, necks, SHAFT * size + extra)
     return [*shafts, *cones(necks, ends, HEAD_RADIUS * size + extra)]
+
+
+def _approach_ends(pose: GripperPose, length: float) -> Floats:
+    """Tail and tip of the arrow along the approach between fingers of a length, (2, 3).
+
+    (0, 3) of a hand with joints, which has no TCP.
+    """
+    if pose.has_joints:
+        return NO_POINTS
+    return np.asarray(pose.pose[:3, 3] - np.outer(APPROACH * length, pose.pose[:3, 2]))
 
 
 def _tails(contacts: MarkedContacts, size: float) -> Floats:

@@ -11,6 +11,7 @@ import numpy as np
 import pyvista
 
 from grasp3d.arrays import Bytes, Floats
+from grasp3d.rendering.grasp_views import grasp_view
 from grasp3d.rendering.opengl import UPRIGHT, View, screenshot, view_axes
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
@@ -262,7 +263,7 @@ class Scene:
         self._before_render()
 
     def view(self, session: Session) -> View:
-        """The initial view: as it is set, else the one that shows the grasp best."""
+        """The initial view: as it is set, else across the closing axis of the grasp."""
         settings, inspection = session.settings, self._inspection
         chosen = settings.azimuth is not None or settings.elevation is not None
         if chosen or inspection is None or len(inspection.points) < 2:
@@ -270,8 +271,7 @@ class Scene:
             return View(
                 azimuth, View.elevation if settings.elevation is None else settings.elevation
             )
-        assert self._subject is not None
-        return self._subject.views.best(inspection.points, inspection.normals, inspection.held)
+        return grasp_view(inspection.points, self._up, inspection.held)
 
     def pick(self, session: Session, x: float, y: float) -> int | None:
         """Vertex at a window position [pixels from the lower left]; None: there is none."""

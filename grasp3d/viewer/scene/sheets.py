@@ -6,8 +6,8 @@ from grasp3d.arrays import Bytes, Floats
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.scene import Scene
-from grasp3d.rendering.grasp_views import GraspViews
-from grasp3d.rendering.opengl import view_axes
+from grasp3d.rendering.grasp_views import grasp_view
+from grasp3d.rendering.opengl import UPRIGHT, view_axes
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.context import report_progress
@@ -27,8 +27,8 @@ def draw_grasps(labels: SurfaceLabels, grasps: GraspTable) -> list[Bytes]:
     """Render the labelled surface with each grasp, at most `MOST_PICTURES` of them.
 
     Where a gripper reaches a grasp it is drawn with its approach, and the table; else arrows and
-    friction cones are. The table is level, and the camera where the fingertips are seen best. All
-    pictures have the same scale.
+    friction cones are. The table is level, and the camera looks across the closing axis, from
+    above. All pictures have the same scale.
 
     Args:
         labels: The labelled surface.
@@ -72,7 +72,7 @@ def draw_hand_grasps(grasps: EvaluatedHandGrasps) -> list[Bytes]:
 def _drawn(subject: Subject, scene: Scene | None, grasps: Sequence[MarkedContacts]) -> list[Bytes]:
     """Pictures of grasps of a surface, shape (height, width, 3) each."""
     hand, table = (None, None) if scene is None else (scene.hand, scene.table)
-    views, pictures = GraspViews(subject.mesh, scene), []
+    up, pictures = UPRIGHT if scene is None else scene.up, []
     with still_pane(PIXELS) as (pane, picture):
         pane.show(subject, "label", subject.labels.model)
         pane.cut(None)
@@ -80,7 +80,7 @@ def _drawn(subject: Subject, scene: Scene | None, grasps: Sequence[MarkedContact
         def framed(grasp: MarkedContacts) -> tuple[Floats, Frame]:
             """Draw a grasp; returns the axes of its view, and what the picture shows."""
             pane.hold(grasp, hand, table)
-            axes = view_axes(views.best(grasp.points, grasp.normals, grasp.held), views.up)
+            axes = view_axes(grasp_view(grasp.points, up, grasp.held), up)
             return axes, frame_of(pane.points, pane.beside, axes)
 
         frames = [framed(grasp) for grasp in grasps]

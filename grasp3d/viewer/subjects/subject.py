@@ -14,7 +14,6 @@ from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import FaceRays
 from grasp3d.quality.critical_angle import critical_friction_angle
-from grasp3d.rendering.grasp_views import GraspViews
 from grasp3d.settings import GraspModel, search_cone
 from grasp3d.stability.located_angles import ContactLimits, located_contacts
 from grasp3d.stability.normal_sets import WorstAndBest
@@ -112,11 +111,6 @@ class Subject:
     def rays(self) -> FaceRays:
         """Ray tracer of the faces, for clicks; in the frame of the mesh's `normalized`."""
         return FaceRays(self.mesh.normalized, self.mesh.faces)
-
-    @cached_property
-    def views(self) -> GraspViews:
-        """Chooses the views of its grasps."""
-        return GraspViews(self.mesh, self.labels.scene)
 
     @cached_property
     def bounds(self) -> Floats:
