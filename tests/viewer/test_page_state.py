@@ -81,7 +81,7 @@ def test_fractions_are_not_shown_while_grasps_are_searched(labels: SurfaceLabels
     assert [row["letter"] for row in state["rows"]] == ["S", "M", "U"]
     percents = {one["percent"] for row in state["rows"] for one in row["fractions"]}
     assert percents == {"…"}
-    assert (state["headers"], state["stale"]) == (["α 20°", "α 50°"], True)
+    assert (state["headers"], state["stale"]) == (["α 22.6°", "α 50°"], True)
     assert click_hint(session).endswith("…")
     wait_until_idle(session)
     assert sum(
