@@ -293,11 +293,8 @@ class View(Labelling, TimeLimited):
     """With --grasps: which contacts the poses make, as in grasp3d evaluate (default: given)."""
 
     web: Annotated[bool, Main("serve a page for a browser, open no window")] = False
-    """Serve a page for a browser instead of opening a window, as where there is no display; each
-    visitor has a view of their own."""
-
-    host: Annotated[str, Stated(metavar="ADDRESS")] = "127.0.0.1"
-    """Address of the page; at 127.0.0.1 only this computer can connect."""
+    """Serve a page for a browser instead of opening a window, as where there is no display; only
+    this computer can connect."""
 
     port: Annotated[int, Stated(metavar="PORT")] = 8080
     """Port of the page; if it is in use, the next free one."""

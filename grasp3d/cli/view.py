@@ -103,7 +103,7 @@ def _check(command: View) -> str:
     if command.web or problem:
         from grasp3d.viewer.web.page import check_page
 
-        check_page(command.host, command.port)
+        check_page(command.port)
     return problem
 
 
@@ -116,7 +116,7 @@ def _serve(command: View, collection: Collection, problem: str) -> None:
         note += f"{command.port} is in use; " if uses_other_port(address, command.port) else ""
         _print(command, f"{note}{address} shows {command.target.name}; Ctrl+C stops it")
 
-    serve(collection, command.view, host=command.host, port=command.port, ready=ready)
+    serve(collection, command.view, port=command.port, ready=ready)
 
 
 def _print(command: View, line: str) -> None:

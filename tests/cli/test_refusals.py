@@ -268,7 +268,6 @@ view ball.ply --screenshot ball.ply | ball.ply: unsupported picture format .ply
 view ball.ply --screenshot notes.png | notes.png: exists and is no result of grasp3d
 view ball.ply --screenshot a.png --fingers 9 | fingers must be from 2 to 5
 view ball.ply --web --port 70000 | port must be from 0 to 65535
-view ball.ply --web --host no.such.host.invalid | cannot serve at no.such.host
 view box.stl --max-opening 70mm --screenshot a.png | is 70 mm, but the unit of box.stl is not known
 view box.stl --unit mm --max-opening 70000 --screenshot a.png | is 7e+04 mm, 650 times the size of b
 design --receptive-field 4 --sensor-resolution 20 | each define the sensor

@@ -1,9 +1,7 @@
 """Limits of a call in a child process, the memory that it has, and the errors of failed calls."""
 
 import contextlib
-import ctypes
 import signal
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -131,11 +129,3 @@ def describe_unexpected(error: Exception) -> str:
     """Return a one-line message for an exception that should not occur."""
     description = " ".join(f"{type(error).__name__}: {error}".split())
     return f"unexpected {description}; please report this mesh"
-
-
-def return_memory() -> None:
-    """Return free memory to the system, which the C library may otherwise keep for ever."""
-    if sys.platform == "linux":
-        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # of glibc alone
-        if trim is not None:
-            trim(0)

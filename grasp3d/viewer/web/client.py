@@ -1,34 +1,26 @@
-"""One visitor of the page: a session, its renderer and the page's state.
-
-The messages that browsers send are checked before trame handles them.
-"""
+"""What belongs to one page: a session, its renderer and the page's state."""
 
 import asyncio
 import contextlib
-import inspect
 import io
 import logging
-import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Container
+from collections.abc import AsyncIterator, Awaitable, Callable
 from functools import cache, partial
 from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import pyvista
 import trame_client.module  # type: ignore[import-untyped]
-from aiohttp import WSCloseCode, WSMessage, WSMsgType, web
+from aiohttp import WSCloseCode, WSMessage, web
 from PIL import Image
 from trame.app import get_server
 from trame.app.core import AVAILABLE_SERVERS
 from trame.ui.vuetify3 import VAppLayout
 from trame.widgets import html, rca
 from trame_rca.rca import VtkRemoteControlledArea
-from wslink.chunking import UnChunker
 
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.system.names import printable
 from grasp3d.viewer.scene.pictures import file_name, render_copy
 from grasp3d.viewer.scene.scene import ClickDetector, Scene, new_plotter
 from grasp3d.viewer.session.controls import CONTROLS, control_values, handle_key
@@ -39,197 +31,27 @@ from grasp3d.viewer.web.page_state import constant_state, page_state, progress_s
 LOG = logging.getLogger("grasp3d.viewer.web")
 """What the server reports."""
 
-MAX_MESSAGE_BYTES = 1 << 20
-"""Largest message from a browser; these are mouse events [bytes]."""
-
-LONGEST_REASON = 200
-"""Characters of a reason in the log."""
-
-MOST_LINES, LOG_PERIOD = 30, 10.0
-"""Number of lines that are logged in a period [s]; the others are only counted."""
-
 VIEW = "view"
 """Name of the page's one picture."""
-
-SYSTEM = "system"
-"""Beginning of the identifiers of wslink's own messages."""
-
-
-BUTTONS = tuple(
-    f"{side}Button{what}" for side in ("Left", "Middle", "Right") for what in ("Press", "Release")
-)
-WHEELS = ("StartMouseWheel", "MouseWheel", "EndMouseWheel")
-GESTURES = tuple(
-    f"{when}{what}" for when in ("Start", "", "End") for what in ("Pinch", "Rotate", "Pan")
-)
-EVENTS = frozenset({"MouseMove", *BUTTONS, *WHEELS, *GESTURES})
-"""Kinds of events that reach VTK."""
-NUMBERS = (
-    "x", "y", "w", "h", "ctrlKey", "altKey", "shiftKey", "metaKey", "spinY", "factor", "rotation",
-)  # fmt: skip
-MAX_TOUCHES = 10
-MAX_NUMBER = 1e6
-
-
-class MessageError(GraspError):
-    """A browser has sent a message that no page of this server sends."""
-
-
-class Terse(logging.Filter):
-    """Makes every record one line, and passes few of them, so that no client fills a disk."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._began, self._count = -LOG_PERIOD, 0
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        """Whether a record is written; it says then how many were not."""
-        error = record.exc_info[1] if record.exc_info else None
-        text = " ".join(record.getMessage().split())
-        record.msg, record.args = f"{text}: {one_line(error)}" if error else text, ()
-        record.exc_info = record.exc_text = None
-        now, left_out = time.monotonic(), self._count - MOST_LINES
-        if now - self._began >= LOG_PERIOD:
-            if left_out > 0:
-                record.msg += f" (and {left_out:,} more lines before that were not written)"
-            self._began, self._count = now, 0
-        self._count += 1
-        return self._count <= MOST_LINES
-
-
-LOG.addFilter(Terse())
-
-
-def check_message(message: WSMessage, methods: Container[str]) -> None:
-    """Check that a message is a complete call of a known method.
-
-    trame would otherwise reserve as much memory as a message promises, and print a traceback for
-    what it cannot decode.
-
-    Args:
-        message: From a browser's socket.
-        methods: Names of the known methods.
-
-    Raises:
-        MessageError: It is malformed.
-    """
-    if message.type is WSMsgType.ERROR:
-        raise MessageError(one_line(message.data))
-    if message.type is not WSMsgType.BINARY:
-        raise MessageError(f"{message.type.name.lower()} instead of binary data")
-    reader = UnChunker()
-    reader.set_max_message_size(MAX_MESSAGE_BYTES)
-    try:
-        call = reader.process_chunk(message.data)
-    except (ValueError, TypeError, RecursionError) as error:
-        raise MessageError(one_line(error)) from error
-    if not isinstance(call, dict):
-        kind = "an incomplete message" if call is None else type(call).__name__
-        raise MessageError(f"{kind} instead of a call")
-    _check_call(call, methods)
-
-
-def checked_event(event: dict[str, Any]) -> dict[str, Any]:
-    """An event of the mouse or of fingers with every value that VTK reads, 0 if it was not given.
-
-    VTK ends the process where a value is missing or of another type.
-
-    Raises:
-        MessageError: A value is not of its type.
-    """
-    touches, shift = event.get("positions", {}), event.get("translation", (0.0, 0.0))
-    if not isinstance(touches, dict) or len(touches) > MAX_TOUCHES:
-        raise MessageError("an event whose positions are not those of some fingers")
-    if not isinstance(shift, list | tuple) or len(shift) != 2:
-        raise MessageError("an event whose translation is not two numbers")
-    return {
-        "type": event["type"],
-        **{name: _number(event.get(name, 0)) for name in NUMBERS},
-        "translation": [_number(one) for one in shift],
-        "positions": {
-            str(finger): {axis: _number(at[axis]) for axis in "xy"}
-            for finger, at in touches.items()
-        },
-    }
-
-
-def guarded(function: Callable[..., Any], report: Callable[[str], None]) -> Callable[..., Any]:
-    """A method that browsers call, whose exceptions are reported in one line instead of raised.
-
-    Args:
-        function: The method.
-        report: Called with the reason.
-    """
-
-    async def awaited(result: Any) -> Any:
-        try:
-            return await result
-        except Exception as error:  # noqa: BLE001
-            report(one_line(error))
-
-    def called(*args: Any, **kwargs: Any) -> Any:
-        try:
-            result = function(*args, **kwargs)
-        except Exception as error:  # noqa: BLE001
-            report(one_line(error))
-            return None
-        return awaited(result) if inspect.isawaitable(result) else result
-
-    return called
-
-
-def one_line(error: object) -> str:
-    """An error as one short line."""
-    name = f"{type(error).__name__}: " if isinstance(error, Exception) else ""
-    return printable(" ".join(f"{name}{error}".split()))[:LONGEST_REASON]
-
-
-def _number(value: object) -> float:
-    if not isinstance(value, int | float) or not -MAX_NUMBER <= value <= MAX_NUMBER:
-        raise MessageError(f"an event with {one_line(repr(value))} instead of a number")
-    return value
-
-
-def _check_call(call: dict[Any, Any], methods: Container[str]) -> None:
-    name, number = call.get("method"), call.get("id")
-    if not isinstance(name, str) or not isinstance(number, str):
-        raise MessageError("a call without a method and an identifier")
-    if name not in methods and not number.startswith(SYSTEM):
-        raise MessageError(f"there is no method {name[:LONGEST_REASON]!r}")
-    if not isinstance(call.get("args", []), list) or not isinstance(call.get("kwargs", {}), dict):
-        raise MessageError(f"{name}: its arguments are neither a list nor a mapping")
-    if name.startswith("trame.rca.") and VIEW not in call.get("args", [])[:1]:
-        raise MessageError(f"{name}: there is no such picture")  # trame would print a line
-
 
 POLL_INTERVAL = 0.1
 """Time between two polls of the background job [s]."""
 FRAMES = 30.0
 """Largest number of pictures per second."""
-RENDERING = 0.25
-"""Largest part of the time in which pictures are rendered if several visitors drag at once."""
-ACTIVE = 2.0
-"""How long a visitor counts as active after a message [s]."""
-SLOW_READER = 10.0
-"""Longest wait for a browser to take a message [s]."""
-MAX_SOCKETS = 4
-"""Largest number of sockets of one page; a page that is loaded again may leave one behind."""
 ZOOMS = {"+": 1.2, "-": 1.0 / 1.2}
 QUALITY, STILL_QUALITY = 70, 95
 """JPEG quality of the pictures during and after interaction [percent]."""
 Receive = Callable[[WSMessage], Awaitable[None]]
-"""Handles a message; raises MessageError if it is malformed."""
+"""Handles a message."""
 STATIC = files("grasp3d.viewer.web") / "static"
 
 
-MAX_SIDE = 8192
-"""Largest width and height of a picture [pixels]."""
 MAX_PIXELS = 4_000_000
 """Largest number of pixels rendered for a browser, which enlarges the picture if it needs more."""
 
 
 class Client:
-    """Everything that belongs to one visitor; used only in the thread of the event loop."""
+    """Everything that belongs to one page; used only in the thread of the event loop."""
 
     def __init__(self, token: str, session: Session) -> None:
         self.token = token
@@ -244,10 +66,6 @@ class Client:
         self._saving, self._open = asyncio.Lock(), True
         self._drawn = -1
         self._sockets: list[web.WebSocketResponse] = []
-        self._guarded, self._failure = False, ""
-        self.last_used = time.monotonic()
-        """When it sent its last message, or its last connection ended."""
-        self._remote_view = RemoteView(self._plotter)
         self._build()
         self._bound: list[Any] = []
         self._server.controller.on_server_bind.add(self._bound.append)
@@ -258,70 +76,31 @@ class Client:
         self._watching = asyncio.create_task(self._watch())
 
     @property
-    def idle_time(self) -> float:
-        """Time without connections [s]; 0 if there is one."""
-        return 0.0 if self._sockets else time.monotonic() - self.last_used
-
-    @property
-    def is_active(self) -> bool:
-        """Whether it has sent a message just now."""
-        return time.monotonic() - self.last_used < ACTIVE
-
-    def share_time(self, others: int) -> None:
-        """Render as often as the event loop has time for, with some other active clients."""
-        share = RENDERING / (others + 1) / max(self._remote_view.duration, 1e-3)
-        self._view.target_fps = max(1.0, min(FRAMES, share)) if others else FRAMES
+    def is_used(self) -> bool:
+        """Whether a browser shows the page."""
+        return bool(self._sockets)
 
     @contextlib.asynccontextmanager
     async def connected(self, socket: web.WebSocketResponse) -> AsyncIterator[Receive]:
         """Connect a browser's socket to trame; yields a function that handles its messages."""
         await self._server.ready
-        endpoint = self._bound[0]["ws"]
-        self._guard(endpoint)
-        link = await endpoint.connect()
+        link = await self._bound[0]["ws"].connect()
 
         async def send(binary: bool, data: Any) -> None:
             with contextlib.suppress(ConnectionError):  # the browser disconnected; handled below
-                try:
-                    async with asyncio.timeout(SLOW_READER):
-                        await (socket.send_bytes(data) if binary else socket.send_str(data))
-                except TimeoutError:  # pictures for it would fill the memory
-                    await _close(socket)
+                await (socket.send_bytes(data) if binary else socket.send_str(data))
 
         async def receive(message: WSMessage) -> None:
-            check_message(message, endpoint.functionMap)
-            self.last_used = time.monotonic()
             await link.send(True, message)  # noqa: FBT003
-            await asyncio.sleep(0)  # no visitor has the event loop alone
-            if self._failure:
-                failure, self._failure = self._failure, ""
-                raise MessageError(failure)
 
         link.on_message(send)
-        while len(self._sockets) >= MAX_SOCKETS:
-            await _close(self._sockets.pop(0))
         self._sockets.append(socket)
         try:
             yield receive
         finally:
             if socket in self._sockets:
                 self._sockets.remove(socket)
-            self.last_used = time.monotonic()
             await link.close()
-
-    def _guard(self, endpoint: Any) -> None:
-        """Report exceptions of the methods that browsers call in one line."""
-        if self._guarded:
-            return
-        self._guarded = True
-
-        def report(reason: str) -> None:
-            self._failure = reason
-
-        methods = endpoint.functionMap
-        methods.update(
-            {name: (one, guarded(call, report)) for name, (one, call) in methods.items()}
-        )
 
     async def picture_file(self) -> tuple[str, bytes]:
         """File name and contents of a PNG of the current view with a legend.
@@ -366,7 +145,7 @@ class Client:
             self._wake.set()
 
     async def close(self) -> None:
-        """Release everything that belongs to the visitor."""
+        """Release everything that belongs to the page."""
         self._open = False
         self._polled.set()  # for a request that waits for a file
         sockets, self._sockets = self._sockets, []
@@ -379,10 +158,9 @@ class Client:
         await asyncio.gather(self._watching, self._running, return_exceptions=True)
         AVAILABLE_SERVERS.pop(self.token, None)
         self._plotter.close()
-        # trame's objects refer to this one and to each other until their cycles are collected,
-        # which may take a hundred visits; what is large is released now.
-        del self._plotter, self._scene, self._clicks, self._view, self._remote_view, self._history
-        del self.session
+        # trame's objects refer to this one and to each other until their cycles are collected;
+        # what is large is released now.
+        del self._plotter, self._scene, self._clicks, self._view, self._history, self.session
 
     def _build(self) -> None:
         """Make the page and connect its events."""
@@ -401,12 +179,12 @@ class Client:
                     html.Div(_template("stage.html"), classes="over")
                 html.Aside(_template("panel.html"), classes="panel", id="panel")
         self._view = view.create_view_handler(
-            self._remote_view, encoder="jpeg", target_fps=FRAMES, interactive_quality=QUALITY,
-            still_quality=STILL_QUALITY,
+            RemoteView(self._plotter.render_window), encoder="jpeg", target_fps=FRAMES,
+            interactive_quality=QUALITY, still_quality=STILL_QUALITY,
         )  # fmt: skip
         self._view.max_pixel_count = MAX_PIXELS
         state.change(*CONTROLS)(self._on_change)
-        controller.on_error.add(lambda text: LOG.warning("error in a page: %s", one_line(text)))
+        controller.on_error.add(partial(LOG.warning, "error in a page: %s"))
         controller.trigger("key")(self._on_key)
         controller.trigger("step")(lambda by: self._run(lambda: self.session.step(int(by))))
         controller.trigger("release")(lambda: self._run(lambda: self.session.change(fixed=())))
@@ -420,7 +198,7 @@ class Client:
                 self._run(partial(control.change, self.session, state[name]))
 
     def _run(self, action: Any) -> None:
-        """Run an action of the visitor; after an error the fields are reset."""
+        """Run an action of the user; after an error the fields are reset."""
         try:
             action()
         except SettingError as error:
@@ -493,26 +271,9 @@ def _template(name: str) -> str:
 
 
 class RemoteView(VtkRemoteControlledArea):  # type: ignore[misc]
-    """The render window of a plotter, without VTK's key bindings; the page handles keys."""
-
-    def __init__(self, plotter: pyvista.Plotter) -> None:
-        super().__init__(plotter.render_window)
-        self.duration = 0.0
-        """Time that the last picture took [s]."""
-
-    @property
-    def img_cols_rows(self) -> tuple[Any, int, int]:
-        """Render a picture; its pixels, width and height."""
-        began = time.monotonic()
-        picture: tuple[Any, int, int] = super().img_cols_rows
-        self.duration = time.monotonic() - began
-        return picture
+    """A render window without VTK's key bindings; the page handles keys."""
 
     def process_interaction_event(self, event: dict[str, Any]) -> None:
         """Forward events of the mouse and of fingers, but no key events."""
-        if event.get("type") in EVENTS:
-            super().process_interaction_event(checked_event(event))
-
-    def process_resize_event(self, width: int, height: int) -> None:
-        """Resize the picture, within what can be rendered."""
-        super().process_resize_event(min(width, MAX_SIDE), min(height, MAX_SIDE))
+        if not event["type"].startswith("Key"):
+            super().process_interaction_event(event)

@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import errno
-import ipaddress
 import os
 import signal
 import socket
@@ -37,38 +36,35 @@ def serve(
     collection: Collection,
     settings: ViewSettings,
     *,
-    host: str = HOST,
     port: int = PORT,
     ready: Callable[[str], None] | None = None,
 ) -> None:
-    """Serve a collection to browsers until SIGTERM.
+    """Serve a collection to browsers of this machine until SIGTERM.
 
     Args:
-        collection: The objects; every visitor has a view of their own.
+        collection: The objects.
         settings: Initial view.
-        host: Host name or address to serve at; 127.0.0.1: only this machine can connect.
         port: Port; if it is in use, the next free one. 0: any free port.
         ready: Called with the page's address when the server is ready.
 
     Raises:
-        OutputError: There is no OpenGL, or the host or port cannot be used.
+        OutputError: There is no OpenGL, or the port cannot be used.
         KeyboardInterrupt: It was stopped with Ctrl+C.
     """
     server = create_server()
-    server.local_only = _is_loopback(host)
-    server.add(partial(Session, collection, settings), main=True)
-    with contextlib.closing(listen(host, port)) as listener:
-        asyncio.run(_serve(server, listener, host, ready))  # Ctrl+C ends it, too
+    server.add(partial(Session, collection, settings))
+    with contextlib.closing(listen(port)) as listener:
+        asyncio.run(_serve(server, listener, ready))  # Ctrl+C ends it, too
 
 
-def check_page(host: str, port: int) -> None:
+def check_page(port: int) -> None:
     """Check that a page can be served.
 
     Raises:
         OutputError: It cannot; see `serve`.
     """
     create_server()
-    listen(host, port).close()
+    listen(port).close()
 
 
 def open_page(session: Session) -> str:
@@ -108,7 +104,7 @@ def create_server() -> "ViewerServer":
     return server
 
 
-def listen(host: str, port: int) -> socket.socket:
+def listen(port: int) -> socket.socket:
     """Open a listening socket at a port, or at the next free one.
 
     Raises:
@@ -119,19 +115,16 @@ def listen(host: str, port: int) -> socket.socket:
     last = min(port + OTHER_PORTS, LAST_PORT) if port else 0
     for candidate in range(port, last + 1):
         try:
-            return _bound(host, candidate)
-        except (OSError, UnicodeError) as error:
-            if getattr(error, "errno", None) != errno.EADDRINUSE:
-                raise OutputError(f"cannot serve at {host}, port {candidate}: {error}") from None
+            return socket.create_server((HOST, candidate))
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE:
+                raise OutputError(f"cannot serve at {HOST}, port {candidate}: {error}") from None
     raise OutputError(f"ports {port} to {last} are all in use; choose another one")
 
 
-def address_of(host: str, listener: socket.socket) -> str:
+def address_of(listener: socket.socket) -> str:
     """Address of the page for a browser."""
-    name = {"": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(host, host)  # noqa: S104
-    if ":" in name and not name.startswith("["):
-        name = f"[{name}]"
-    return f"http://{name}:{listener.getsockname()[1]}/"
+    return f"http://{HOST}:{listener.getsockname()[1]}/"
 
 
 def uses_other_port(address: str, port: int) -> bool:
@@ -144,7 +137,7 @@ class BackgroundServer:
 
     def __init__(self) -> None:
         self._server = create_server()
-        self._listener = listen(HOST, PORT)
+        self._listener = listen(PORT)
         started: Future[None] = Future()
         thread = threading.Thread(target=self._run, args=(started,), daemon=True, name="grasp3d")
         thread.start()
@@ -153,7 +146,7 @@ class BackgroundServer:
     @property
     def address(self) -> str:
         """Its address on the same machine."""
-        return address_of(HOST, self._listener)
+        return address_of(self._listener)
 
     @property
     def port(self) -> int:
@@ -161,10 +154,10 @@ class BackgroundServer:
         return int(self._listener.getsockname()[1])
 
     def add(self, start: Callable[[], Session]) -> str:
-        """Add what visitors can open; returns its path.
+        """Add a view; returns its path.
 
         Args:
-            start: Starts a session for a visitor.
+            start: Starts its session.
         """
         return self._server.add(start)
 
@@ -194,40 +187,23 @@ def background_server() -> BackgroundServer:
 @contextlib.asynccontextmanager
 async def serving(server: "ViewerServer", listener: socket.socket) -> AsyncIterator[None]:
     """Accept connections while the block runs."""
-    runner = import_module("aiohttp.web").AppRunner(server.app, shutdown_timeout=1.0)
+    web = import_module("aiohttp.web")
+    runner = web.AppRunner(server.app, access_log=None, shutdown_timeout=1.0)
     await runner.setup()
     try:
-        connections = import_module("grasp3d.viewer.web.connections")
-        accepting = await connections.accept(runner.server, listener)
+        await web.SockSite(runner, listener).start()
         yield
-        accepting.close()
     finally:
         await runner.cleanup()
 
 
 async def _serve(
-    server: "ViewerServer", listener: socket.socket, host: str, ready: Callable[[str], None] | None
+    server: "ViewerServer", listener: socket.socket, ready: Callable[[str], None] | None
 ) -> None:
     """Serve until SIGTERM."""
     stop = asyncio.Event()
     asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, stop.set)
     async with serving(server, listener):
         if ready is not None:
-            ready(address_of(host, listener))
+            ready(address_of(listener))
         await stop.wait()
-
-
-def _bound(host: str, port: int) -> socket.socket:
-    family, *_, address = socket.getaddrinfo(
-        host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-    )[0]
-    both = family == socket.AF_INET6 and socket.has_dualstack_ipv6()
-    return socket.create_server(address, family=family, dualstack_ipv6=both)
-
-
-def _is_loopback(host: str) -> bool:
-    """Whether only this machine can connect to a host."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
