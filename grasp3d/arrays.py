@@ -2,6 +2,8 @@
 
 import math
 import textwrap
+import zipfile
+import zlib
 from dataclasses import fields, is_dataclass
 from tokenize import TokenError
 from typing import TYPE_CHECKING, Any
@@ -32,6 +34,11 @@ HEADER_ERRORS = (
     TokenError,
 )  # fmt: skip
 """What NumPy raises for headers of its files, which are the text of a Python dictionary."""
+
+ARCHIVE_ERRORS = (
+    *HEADER_ERRORS, zipfile.BadZipFile, zlib.error, OSError, RuntimeError, LookupError,
+)  # fmt: skip
+"""What NumPy raises for damaged archives of arrays."""
 
 
 def text_of(array: npt.NDArray[Any]) -> str:

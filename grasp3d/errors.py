@@ -17,8 +17,8 @@ class MeshError(GraspError):
     """A mesh file or array that cannot be read as a surface."""
 
 
-class MeshUnreadError(MeshError):
-    """A mesh that could not be read this time, for a reason that need not lie in the mesh."""
+class FileUnreadError(GraspError):
+    """A file that could not be read this time, for a reason that need not lie in the file."""
 
 
 class SearchCoverageError(GraspError):

@@ -57,6 +57,7 @@ ENGINES = {
     "embreex": {"mesh.ray_tracing"},
     "numba": {"_kernels"},
     "trimesh": {"mesh", "export", "hand", "reading", "surface"},
+    "mapbox_earcut": {"reading.polygons"},
     "distributed": {"batch"},
     "dask": {"batch"},
     "fsspec": {"batch.storage"},

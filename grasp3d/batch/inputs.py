@@ -17,7 +17,7 @@ from grasp3d.batch.storage.files import (
     read_text,
 )
 from grasp3d.errors import MeshError
-from grasp3d.reading.sources import mesh_suffixes
+from grasp3d.reading.sources import SUFFIXES
 from grasp3d.system.names import as_unicode, printable, short_hash
 
 RESULT = "_labeled.ply"
@@ -87,7 +87,7 @@ def find_meshes(inputs: Iterable[str], *, results: str | None = None) -> list[Me
         for one in _meshes_of_input(item, results):
             meshes.setdefault(one.real_path, one.mesh)
     if not meshes:
-        suffixes = " ".join(sorted(mesh_suffixes()))
+        suffixes = " ".join(SUFFIXES)
         folders = printable(", ".join(inputs))
         raise MeshError(f"{folders}: no mesh in it; files named {suffixes} are read")
     return sorted(with_unique_names(meshes.values()), key=lambda mesh: (mesh.name, mesh.source))
@@ -235,12 +235,11 @@ def _meshes_below(
         MeshError: The folder cannot be opened.
     """
     listed = list_entries(folder, depth=depth)
-    suffixes = tuple(mesh_suffixes())
     stored = _store_folders(listed)
     own = _results_below(folder, results)
     for entry in listed:
         path, _, name = entry.name.rpartition("/")
-        if not name.lower().endswith(suffixes) or name.startswith(".") or name.endswith(RESULT):
+        if not name.lower().endswith(SUFFIXES) or name.startswith(".") or name.endswith(RESULT):
             continue
         if (stored and _inside(path, stored)) or (own and _inside(entry.real_path, {own})):
             continue

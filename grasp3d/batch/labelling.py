@@ -16,13 +16,14 @@ from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.plan import Job
 from grasp3d.batch.row import BestGrasp, Outcome, Row
 from grasp3d.batch.storage.files import local_copy
-from grasp3d.errors import GraspError, MeshUnreadError, OutputError, WarningError
+from grasp3d.errors import FileUnreadError, GraspError, OutputError, WarningError
 from grasp3d.reading.gltf import side_names
 from grasp3d.settings.costs import labelling_cost
 from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles
 from grasp3d.stability.label import Label
 from grasp3d.system.context import running
 from grasp3d.system.isolation import NeedsMemory, allowed_memory
+from grasp3d.system.limited_reading import limited_reading
 from grasp3d.system.versions import package_version
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def label_job(job: Job, settings: BatchSettings, *, force: bool = False) -> Row 
     begun = time.perf_counter()
     row = _unlabelled_row(job, settings)
     try:
-        with running(threads=job.threads), local_copy(job.mesh.source) as path:
+        with running(threads=job.threads), limited_reading(), local_copy(job.mesh.source) as path:
             content = content_hash(path)
             if content == job.known_content:
                 return Unchanged(job.mesh)
@@ -68,7 +69,7 @@ def label_job(job: Job, settings: BatchSettings, *, force: bool = False) -> Row 
             key = mesh_key(content, settings)
             row = replace(row, content=content, key=key, stamp=stamp)
             row = _labelled(path, job, settings, row, force=force)
-    except (OutputError, MeshUnreadError) as error:  # may pass by itself
+    except (OutputError, FileUnreadError) as error:  # may pass by itself
         row = replace(row, outcome=Outcome.LOST, error=str(error))
     except WarningError as error:  # no error of another run, which may not be strict
         row = replace(row, outcome=Outcome.REFUSED, content="", error=str(error))

@@ -33,6 +33,7 @@ from grasp3d.cli.usage import HELP, HELP_ALL, help_of, parse
 from grasp3d.errors import GraspError, OutputError, SettingError
 from grasp3d.system import compiling
 from grasp3d.system.context import running
+from grasp3d.system.limited_reading import limited_reading
 from grasp3d.system.names import printable
 from grasp3d.system.versions import package_version
 
@@ -151,7 +152,8 @@ def _printed(arguments: list[str]) -> int:
     """
     try:
         try:
-            return _run(arguments)
+            with limited_reading():
+                return _run(arguments)
         finally:
             sys.stdout.flush()
     except OSError as error:
@@ -179,7 +181,7 @@ def _run(arguments: list[str]) -> int:
         compiling.logger.setLevel(logging.ERROR)
     try:
         with _without_collections():
-            begin_processes(getattr(command, "file", None), pictures=getattr(command, "best", None))
+            begin_test(getattr(command, "file", None), pictures=getattr(command, "best", None))
             module = import_module(f"{__name__}.{type(command).__name__.lower()}")
         with running(strict=getattr(command, "strict", False)):
             return int(module.run(command))
@@ -201,17 +203,11 @@ def _without_collections() -> Iterator[None]:
             gc.enable()
 
 
-def begin_processes(file: object, *, pictures: object = None) -> None:
-    """Start what reads a mesh file, and what tests rendering: their imports take a second each."""
-    from grasp3d.reading.sources import ISOLATED_FORMATS
+def begin_test(file: object, *, pictures: object) -> None:
+    """Start what tests rendering, if pictures of a mesh are wanted: its imports take a second."""
     from grasp3d.rendering.opengl import begin_render_test
-    from grasp3d.system.isolation.process import pool
 
-    if not isinstance(file, Path) or not file.is_file():
-        return
-    if file.suffix.lower()[1:] in ISOLATED_FORMATS:
-        pool.begin("trimesh")
-    if pictures:
+    if pictures and isinstance(file, Path) and file.is_file():
         begin_render_test()
 
 

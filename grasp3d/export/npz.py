@@ -8,15 +8,15 @@ from typing import IO, Any
 
 import numpy as np
 
+from grasp3d.arrays import ARCHIVE_ERRORS
 from grasp3d.export.stored import FIELDS, Stored, settings_in
-from grasp3d.reading.sources import Source, check_memory
+from grasp3d.reading.sources import Source
 from grasp3d.surface.fields import Arrays, Field, present
 from grasp3d.surface.label_settings import SETTING, complete_settings
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 from grasp3d.system.files import atomic_write
 from grasp3d.system.names import reason_of
-from grasp3d.system.stored_arrays import Archive
 
 
 def write_npz(path: str | Path, labels: SurfaceLabels) -> None:
@@ -56,16 +56,14 @@ def packed(fields: Iterable[Field], labels: SurfaceLabels) -> str:
 
 def unpacked(source: Source, text: str) -> Arrays:
     """The arrays that `packed` has packed, by name. Raises MeshError, ValueError."""
-    return arrays_of_npz(source, io.BytesIO(base64.b64decode(text, validate=True)))
-
-
-MEMORY = 4.0
-"""Memory for reading, per byte of the arrays: they are copied, checked and arranged anew."""
+    with io.BytesIO(base64.b64decode(text, validate=True)) as stream:
+        return arrays_of_npz(source, stream)
 
 
 def read_npz(source: Source) -> Stored | None:
     """Read an NPZ of labels; None: it has none of grasp3d. Raises MeshError."""
-    arrays = arrays_of_npz(source, source.path)
+    with source.path.open("rb") as stream:
+        arrays = arrays_of_npz(source, stream)
     settings = settings_in(arrays)
     if not settings:
         return None
@@ -73,25 +71,22 @@ def read_npz(source: Source) -> Stored | None:
     return Stored(source, settings, values)
 
 
-def arrays_of_npz(source: Source, file: Path | IO[bytes]) -> Arrays:
-    """Read the arrays that are fields, and the settings, of an NPZ.
-
-    Sizes that it declares are checked before memory is allocated, and no object is unpickled.
+def arrays_of_npz(source: Source, stream: IO[bytes]) -> Arrays:
+    """Read the arrays that are fields, and the settings, of an NPZ; no object is unpickled.
 
     Args:
-        source: The file, for errors and its memory limit.
-        file: The file itself, or its content.
+        source: The file, for errors.
+        stream: Its content, or a part of it.
 
     Raises:
-        MeshError: It is damaged or too large.
+        MeshError: It is damaged.
     """
     try:
-        archive = Archive(file)
-        check_memory(source, archive.size, MEMORY)
-        names = [name for name in archive.names if name in FIELDS or name.startswith(SETTING)]
-        arrays = {name: archive.values(name) for name in names}
+        with np.load(stream, allow_pickle=False) as archive:
+            names = [name for name in archive.files if name in FIELDS or name.startswith(SETTING)]
+            arrays = {name: archive[name] for name in names}
         settings_in(arrays)  # refuses them if they are no texts
-    except ValueError as error:
+    except ARCHIVE_ERRORS as error:
         reason = reason_of(error)
         raise source.error(f"its arrays cannot be read ({reason}); label the mesh again") from error
     return arrays

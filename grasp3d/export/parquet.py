@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp3d.export.npz import MEMORY, packed, unpacked
+from grasp3d.export.npz import packed, unpacked
 from grasp3d.export.stored import Stored, damaged, fingers_of
-from grasp3d.reading.sources import Source, check_memory
+from grasp3d.reading.sources import Source
 from grasp3d.surface.fields import Array, Arrays, Field
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
@@ -57,7 +57,7 @@ def read_fields(source: Source) -> Stored | None:
     from grasp3d.system.tables import read_arrow
 
     try:
-        columns, metadata = read_arrow(source.path, lambda size: check_memory(source, size, MEMORY))
+        columns, metadata = read_arrow(source.path)
         if "grasp3d" not in metadata:
             return None
         settings = {

@@ -9,8 +9,7 @@ import numpy.typing as npt
 from grasp3d.arrays import Ints
 from grasp3d.export.npz import packed, unpacked
 from grasp3d.export.stored import Stored, damaged, fingers_of
-from grasp3d.reading.obj_off_stl import check_declared_size
-from grasp3d.reading.ply import Column, PlyHeader, read_elements, read_ply_header
+from grasp3d.reading.polygon_files import Column, PlyHeader, read_elements, read_ply_header
 from grasp3d.reading.sources import Source, check_corners
 from grasp3d.surface.fields import DECIDED, EPSILONS, FLOAT, Arrays, present
 from grasp3d.surface.label_settings import complete_settings
@@ -80,7 +79,7 @@ def read_ply(source: Source) -> Stored | None:
     kinds = {one.name: "list" if one.length else one.type for one in vertex.properties}
     if not set(LABELLED) & set(kinds):
         return None
-    settings = settings_of_header(source.head(header.start))
+    settings = settings_of_header(header.text)
     missing = next((name for name in LABELLED if name not in kinds), None)
     if missing is not None:
         name = next(name for name in LABELLED if name in kinds)
@@ -98,7 +97,6 @@ def read_ply(source: Source) -> Stored | None:
         for field, names in fields.items():
             if {kinds[name] for name in names} != {field.ply}:
                 raise damaged(source, f"its property {names[0]!r} is not {_KINDS[field.ply]}")
-        check_declared_size(source)
         columns, faces = read_tables(source, header)
         values = unpacked(source, settings.pop(PACKED)) | {"faces": faces}
     except (OSError, MemoryError, ValueError) as error:
@@ -112,7 +110,7 @@ def read_tables(source: Source, header: PlyHeader) -> tuple[Arrays, Ints]:
     """Read a PLY whose vertices have only scalar properties and whose faces are triangles.
 
     Args:
-        source: The file; its declared sizes were already compared with its length.
+        source: The file.
         header: Its header.
 
     Returns:
@@ -122,18 +120,19 @@ def read_tables(source: Source, header: PlyHeader) -> tuple[Arrays, Ints]:
         MeshError: The file has other elements, is incomplete, or has invalid faces.
     """
     vertex, face = header.element("vertex"), header.element("face")
-    lists = vertex.lists, face.lists, len(face.properties)
-    if [element.name for element in header.elements] != ["vertex", "face"] or lists != (0, 1, 1):
+    lists = [one.length is not None for one in (*vertex.properties, *face.properties)]
+    expected = [False] * len(vertex.properties) + [True]
+    if [element.name for element in header.elements] != ["vertex", "face"] or lists != expected:
         raise damaged(source, "its elements are not vertices with numbers, then triangles")
-    elements = read_elements(source, header)
+    elements, more = read_elements(source, header)
     (corners,) = elements["face"].values()
     if not isinstance(corners, np.ndarray) or corners.shape[1:] != (3,):
         raise damaged(source, "its faces are not all triangles")
-    if header.order:
-        size = header.start + vertex.min_bytes * vertex.count
-        size += (face.min_bytes + 3 * int(face.properties[0].type[1])) * face.count
-        if (more := source.path.stat().st_size - size) > 0:
-            raise damaged(source, f"{more} bytes follow its faces: is it complete?")
+    if more:
+        kind = "bytes" if header.order else "numbers"
+        raise damaged(source, f"{more} {kind} follow its faces: is it complete?")
+    if (corners % 1 != 0).any():
+        raise damaged(source, "its faces have corners that are not whole numbers")
     faces = corners.astype(np.int64)
     check_corners(faces, vertex.count, source.where, "; label the mesh again")
     columns = elements["vertex"]

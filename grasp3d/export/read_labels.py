@@ -24,7 +24,6 @@ from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.force_ranges import Certainty
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.reading.sources import Source, find_source
-from grasp3d.settings import MeshOptions
 from grasp3d.settings.lengths import Unit
 from grasp3d.surface.fields import Array
 from grasp3d.surface.holding import Holding
@@ -33,6 +32,7 @@ from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.vertex_fields import LOCATED, VERTICES, unpacked_bits
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.documents import parse_json
+from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import printable
 
 READERS: dict[str, Callable[[Source], Stored | None]] = {
@@ -47,9 +47,7 @@ PLAIN = tuple(field.name for field in VERTICES if field.of is None and field.whe
 """Fields that are attributes of labels as they are."""
 
 
-def read_labels(
-    path: str | Path, *, unit: Unit | None = None, max_memory: float = MeshOptions.max_memory
-) -> SurfaceLabels:
+def read_labels(path: str | Path, *, unit: Unit | None = None) -> SurfaceLabels:
     """Read a labelled PLY, NPZ, VTP or Parquet file.
 
     They are those that were written, bit for bit, with their grasps, mesh and settings.
@@ -57,10 +55,9 @@ def read_labels(
     Args:
         path: A file that `write_ply`, `write_npz`, `write_vtp` or `write_fields` wrote.
         unit: Unit of the mesh, for files that state none.
-        max_memory: Memory limit for reading [GB].
 
     Raises:
-        MeshError: The file is missing, damaged, too large, or was not written by grasp3d.
+        MeshError: The file is missing, damaged, or was not written by grasp3d.
 
     Example:
         >>> import trimesh
@@ -73,7 +70,7 @@ def read_labels(
         >>> labels.relabel(friction=0.1).fractions()["S"], labels.mesh.unit
         (0.0, 'cm')
     """
-    labels = labels_in(Path(path), unit=unit, max_memory=max_memory)
+    labels = labels_in(Path(path), unit=unit)
     if labels is None:
         kind = Path(path).suffix[1:].upper()
         where = printable(str(path))
@@ -81,24 +78,27 @@ def read_labels(
     return labels
 
 
-def labels_in(
-    path: Path, *, unit: Unit | None = None, max_memory: float = MeshOptions.max_memory
-) -> SurfaceLabels | None:
+def labels_in(path: Path, *, unit: Unit | None = None) -> SurfaceLabels | None:
     """The labels of a file; None: it has none, as a PLY that is a mesh. As `read_labels`."""
-    source = find_source(path, max_memory, READERS)
-    stored = READERS[f".{source.kind}"](source)
+    stored = read_file(_stored, path)
     if stored is None:
         return None
     try:
         settings = settings_from(stored.settings)
     except ValueError as error:
-        raise damaged(source, f"its grasp3d comments are not valid: {error}") from error
+        stored.reject(f"its grasp3d comments are not valid: {error}")
     check_stored(stored, settings)
     mesh = _read_mesh(stored, settings, unit)
     try:
         return _labels(stored, settings, mesh)
     except GraspError as error:
-        raise damaged(source, str(error)) from error
+        raise damaged(stored.source, str(error)) from error
+
+
+def _stored(path: Path) -> Stored | None:
+    """What a file holds; None: no labels."""
+    source = find_source(path, READERS)
+    return READERS[f".{source.kind}"](source)
 
 
 def _labels(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> SurfaceLabels:

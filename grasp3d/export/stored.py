@@ -6,8 +6,6 @@ Their settings are read as text, and as values again.
 import json
 import math
 import struct
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -15,8 +13,8 @@ from typing import Any, NoReturn, get_args
 
 import numpy as np
 
-from grasp3d.arrays import HEADER_ERRORS, Floats, short_repr, text_of
-from grasp3d.errors import GraspError, MeshError
+from grasp3d.arrays import ARCHIVE_ERRORS, Floats, short_repr, text_of
+from grasp3d.errors import FileUnreadError, GraspError, MeshError
 from grasp3d.export.vtp_arrays import vtp_arrays
 from grasp3d.hand.hand_files import hand_of_line
 from grasp3d.hand.scene import Scene
@@ -24,7 +22,7 @@ from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.mesh_sources import LARGEST
 from grasp3d.quality.loads import Load, load_from
-from grasp3d.reading.sources import LONGEST_HEADER, Source, check_finite
+from grasp3d.reading.sources import Source, check_finite
 from grasp3d.settings import (
     MAX_SEARCHED_FINGERS,
     AnySampling,
@@ -42,9 +40,8 @@ from grasp3d.surface.label_settings import GIVEN_ANGLE, SETTING
 from grasp3d.surface.vertex_fields import LOCATED, SURFACE, VERTICES
 from grasp3d.surface.vertex_grasps import Reason, SearchReport
 from grasp3d.system.documents import parse_json, problem_of_file
-from grasp3d.system.isolation import CallFailedError, call
+from grasp3d.system.limited_reading import read_file
 from grasp3d.system.ply_files import settings_of_header
-from grasp3d.system.stored_arrays import Archive
 from grasp3d.system.tables import read_settings
 
 NEEDED = (
@@ -160,12 +157,8 @@ def _numbers(values: Mapping[str, str], name: str, count: int) -> Floats | None:
 FORMAT_KEYS = frozenset({"format", "version", "unit"})
 """Keys of a gripper in JSON that describe the format."""
 
-_DAMAGE = (
-    OSError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error, struct.error, CallFailedError
-)  # fmt: skip
-
-MEMORY, SECONDS, BYTES_PER_SECOND = 4.0, 15.0, 1e6
-"""Limits of the process that reads a VTP: memory [GB], time of an empty file [s], and its speed."""
+LONGEST_HEADER = 65_536
+"""Bytes in which a header must end."""
 
 _GLB_HEAD = struct.Struct("<4sIIII")
 
@@ -187,8 +180,8 @@ def stored_settings(path: Path) -> dict[str, str] | None:
     """
     reader = _READERS.get(path.suffix.lower())
     try:
-        settings = None if reader is None or problem_of_file(path) else reader(path)
-    except (*_DAMAGE, *HEADER_ERRORS):
+        settings = None if reader is None or problem_of_file(path) else read_file(reader, path)
+    except (*ARCHIVE_ERRORS, struct.error, FileUnreadError):
         return None
     return {str(name): str(value) for name, value in settings.items()} if settings else None
 
@@ -200,8 +193,8 @@ def _from_ply(path: Path) -> dict[str, str]:
 
 
 def _from_npz(path: Path) -> dict[str, str]:
-    archive = Archive(path)
-    return settings_in({n: archive.values(n) for n in archive.names if n.startswith(SETTING)})
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
+        return settings_in({n: archive[n] for n in archive.files if n.startswith(SETTING)})
 
 
 def _from_glb(path: Path) -> dict[str, Any]:
@@ -225,9 +218,7 @@ def _from_vtp(path: Path) -> dict[str, str]:
     with path.open("rb") as stream:
         if b"VTKFile" not in stream.read(LONGEST_HEADER):  # VTK prints its errors
             return {}
-    seconds = SECONDS + path.stat().st_size / BYTES_PER_SECOND
-    arrays = call(vtp_arrays, str(path.absolute()), memory=MEMORY, seconds=seconds)
-    return settings_in(arrays.get("fields", {}))
+    return settings_in(vtp_arrays(path).get("fields", {}))
 
 
 _READERS: dict[str, Callable[[Path], dict[str, Any] | None]] = {

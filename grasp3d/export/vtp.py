@@ -3,23 +3,14 @@
 import math
 from pathlib import Path
 
-from grasp3d.export.npz import MEMORY
-from grasp3d.export.stored import (
-    BYTES_PER_SECOND,
-    SECONDS,
-    Stored,
-    damaged,
-    fingers_of,
-    settings_in,
-)
+from grasp3d.export.stored import Stored, damaged, fingers_of, settings_in
 from grasp3d.export.vtp_arrays import vtp_arrays
-from grasp3d.reading.sources import Source, check_memory
+from grasp3d.reading.sources import Source
 from grasp3d.surface.conversions import INFINITE
 from grasp3d.surface.fields import Array, Arrays
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import CORNER_NORMALS, CORNERS, VERTICES
 from grasp3d.system.files import atomic_write
-from grasp3d.system.isolation import CallFailedError, call
 from grasp3d.system.names import reason_of
 
 
@@ -52,16 +43,10 @@ def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
 
 def read_vtp(source: Source) -> Stored | None:
     """Read a VTP of labels; None: it has none of grasp3d. Raises MeshError."""
-    check_memory(source, source.size, MEMORY)
     if b"VTKFile" not in source.head():
         raise source.error(f"is no VTP; {source.hint}")
     try:
-        arrays = call(
-            vtp_arrays,
-            str(source.path.absolute()),
-            memory=source.max_memory,
-            seconds=SECONDS + source.size / BYTES_PER_SECOND,
-        )
+        arrays = vtp_arrays(source.path)
         if not arrays:
             raise source.error(f"is no surface of triangles, or incomplete; {source.hint}")
         points, fields = dict(arrays["points"]), arrays["fields"]
@@ -76,8 +61,6 @@ def read_vtp(source: Source) -> Stored | None:
             field.name: part[field.name]
             for field, part in ((CORNERS, arrays["cells"]), (CORNER_NORMALS, fields))
         }
-    except CallFailedError as failure:
-        raise damaged(source, f"the process that reads it {failure}") from failure
     except (KeyError, IndexError, ValueError, TypeError, OSError, MemoryError) as error:
         raise damaged(source, f"its arrays cannot be read ({reason_of(error)})") from error
     return Stored(source, settings, stored)

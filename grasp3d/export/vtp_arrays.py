@@ -1,11 +1,12 @@
-"""Arrays of a VTP, read in a child process: VTK may crash on damaged files."""
+"""Arrays of a VTP."""
 
+from pathlib import Path
 from typing import Any
 
 VtpArrays = dict[str, dict[str, Any]]
 
 
-def vtp_arrays(path: str) -> VtpArrays:
+def vtp_arrays(path: Path) -> VtpArrays:
     """The arrays of a VTP.
 
     Args:

@@ -16,15 +16,8 @@ from grasp3d.errors import MeshError
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.work_bounds import cell_counts
 from grasp3d.reading.mesh_files import read_mesh
-from grasp3d.reading.sources import (
-    RawMesh,
-    check_corners,
-    check_finite,
-    flattened,
-    flattens,
-    stated_unit,
-)
-from grasp3d.settings import MeshOptions
+from grasp3d.reading.scenes import flattened
+from grasp3d.reading.sources import RawMesh, check_corners, check_finite, stated_unit
 from grasp3d.settings.costs import check_cost
 from grasp3d.system.context import begin_step
 from grasp3d.system.names import reason_of
@@ -130,12 +123,11 @@ def _fewest_vertices(vertices: Floats, used: Ints, faces: int) -> int:
     return max(fewest, len(cell_counts(points, APART)))
 
 
-def read_source(source: MeshSource, *, max_memory: float = MeshOptions.max_memory) -> RawMesh:
+def read_source(source: MeshSource) -> RawMesh:
     """Read a mesh from any source.
 
     Args:
         source: A path, or an object as in `MeshSource`.
-        max_memory: Largest memory for reading a file [GB].
 
     Raises:
         MeshError: A file cannot be read, or an object is no mesh.
@@ -143,7 +135,7 @@ def read_source(source: MeshSource, *, max_memory: float = MeshOptions.max_memor
     if isinstance(source, str | os.PathLike):
         begin_step("reading the mesh")
         path = Path(os.fsdecode(source))
-        return replace(read_mesh(path, max_memory=max_memory), name=path.name, path=path)
+        return replace(read_mesh(path), name=path.name, path=path)
     if isinstance(source, ObjectMesh):
         report = source.report
         return RawMesh(
@@ -221,13 +213,6 @@ def _of_scene(source: Any) -> RawMesh:
     units = sorted({str(part.units or "none") for part in source.geometry.values()})
     stated = None if units == ["none"] else " and ".join(units)
     vertices, faces = flattened(source, "trimesh.Scene")
-    for node in source.graph.nodes_geometry:
-        if flattens(source.graph[node][0]):
-            raise MeshError(
-                f"trimesh.Scene: node {node!r} flattens its mesh: its transform, with those of the "
-                "nodes above it, is singular (a scale of 0 in some directions); correct it, or "
-                "delete the node"
-            )
     return _raw(vertices, faces, "trimesh", stated)
 
 

@@ -117,7 +117,7 @@ def prepare(source: MeshSource, options: MeshOptions) -> PreparedMesh:
         SettingError: A length has a unit, but that of the mesh is not known; or the centre of mass
             is far away.
     """
-    mesh = read_source(source, max_memory=options.max_memory)
+    mesh = read_source(source)
     repaired = repair_given(mesh, options)
     return PreparedMesh(mesh, repaired, refined_mesh(mesh, repaired, options))
 

@@ -1,6 +1,7 @@
 """The part of a surface where contacts may be: the option `region`, for one mesh."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -10,11 +11,12 @@ from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.surface_points import nearest_surface_points
 from grasp3d.reading.mesh_files import read_mesh
-from grasp3d.reading.ply import read_elements, read_ply_header, scalars
+from grasp3d.reading.polygon_files import read_elements, read_ply_header, scalars
 from grasp3d.reading.sources import find_source
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.lengths import one_line, settings_in_unit
 from grasp3d.settings.regions import Box, Mask
+from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import printable
 
 ROUNDING = 1e-9
@@ -96,11 +98,9 @@ def _in_box(mesh: ObjectMesh, box: Box) -> Bools:
 
 def _on_paint(mesh: ObjectMesh, mask: Mask) -> Bools:
     """Mask of the vertices whose nearest point on a painted surface is painted, shape (V,)."""
-    where, most = printable(str(mask.path)), mesh.options.max_memory
-    raw = read_mesh(mask.path, max_memory=most)
-    source = find_source(mask.path, most, {".ply"})
-    columns = scalars(read_elements(source, read_ply_header(source))["vertex"])
-    paint = _paint(columns, mask.painted, where)
+    where = printable(str(mask.path))
+    raw = read_mesh(mask.path)
+    paint = _paint(read_file(_vertex_columns, mask.path), mask.painted, where)
     faces = raw.faces[face_areas(raw.vertices, raw.faces) > 0.0]
     surface = replace(mesh, vertices=raw.vertices, faces=faces)
     used, reach = np.flatnonzero(mesh.on_surface), OFF_MASK * mesh.size
@@ -115,6 +115,12 @@ def _on_paint(mesh: ObjectMesh, mask: Mask) -> Bools:
     inside = np.zeros(len(mesh.vertices), dtype=bool)
     inside[used] = (paint[faces[nearest.faces]] * nearest.weights).sum(axis=1) > HALF
     return inside
+
+
+def _vertex_columns(path: Path) -> dict[str, Floats]:
+    """Numbers of the vertices of a PLY, by name."""
+    source = find_source(path, {".ply"})
+    return scalars(read_elements(source, read_ply_header(source))[0]["vertex"])
 
 
 def _paint(columns: dict[str, Floats], name: str, where: str) -> Bools:

@@ -1,97 +1,94 @@
-"""glTF and GLB: their JSON, and their buffers, which may be in side files."""
+"""glTF and GLB, read by trimesh, and what it leaves out of them without a word."""
 
-import base64
-import binascii
 import json
-import re
-import stat
 import struct
 from pathlib import Path
-from urllib.parse import unquote, urlsplit
+from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
+
+import numpy as np
 
 from grasp3d.arrays import Floats, Ints
-from grasp3d.reading.gltf_tree import GltfScene, Tree
+from grasp3d.reading.scenes import flattened, load_scene
 from grasp3d.reading.sources import Source
-from grasp3d.system.names import reason_of
 
-_JSON, _BINARY = 0x4E4F534A, 0x004E4942
+if TYPE_CHECKING:
+    import trimesh
 
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".ktx", ".ktx2", ".basis", ".dds")
-"""Suffixes of side files that are not read."""
+Tree = dict[str, Any]
 
-_ADDRESS = re.compile(rb'"uri"\s*:\s*("(?:[^"\\]|\\.){1,1000}")')
-_GLB_HEADER = 20
+_HARMLESS = (
+    "KHR_mesh_quantization", "KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_",
+    "EXT_lights_", "MSFT_texture_", "KHR_xmp",
+)  # fmt: skip
+"""Prefixes of extensions that do not change positions, or only their encoding."""
+
+_HEAD = struct.Struct("<4sIII4s")
+"""Of a GLB: its name, version and size, and size and name of the JSON."""
+
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_READ = (0, 1, _TRIANGLES, _STRIP)
+"""Modes of parts that become geometry of trimesh; the first two are points and lines."""
 
 
 def read_gltf(source: Source) -> tuple[Floats, Ints]:
-    """Read the vertices (V, 3) and faces (F, 3) of a glTF, also of its side files.
+    """Read the vertices (V, 3) and faces (F, 3) of a glTF with its side files. Raises MeshError."""
+    from trimesh.resolvers import FilePathResolver
 
-    Images, materials, animations and cameras are passed over.
+    class Resolver(FilePathResolver):
+        """Files in the folder of the glTF or below, also by names with %20 and the like."""
 
-    Args:
-        source: A .gltf or .glb file.
+        def get(self, name: str) -> bytes:
+            try:
+                return bytes(super().get(name))
+            except FileNotFoundError:
+                return bytes(super().get(unquote(name)))
 
-    Raises:
-        MeshError: It is damaged, its nodes form a cycle, it is compressed, its numbers do not
-            match its data, or it refers to files outside its folder.
-    """
-    data, binary = source.path.read_bytes(), b""
+    tree, rest = _parts(source.path)
+    text = json.dumps(_reduced(tree)).encode()
     if source.kind == "glb":
-        data, binary = _chunks(source, data)
-    tree = _tree(source, data)
-    listed = tree["buffers"] if isinstance(tree.get("buffers"), list) else []
-    buffers = [
-        _side_data(source, buffer["uri"]) if isinstance(buffer, dict) and "uri" in buffer else None
-        for buffer in listed
+        text += b" " * (-len(text) % 4)
+        size = _HEAD.size + len(text) + len(rest)
+        text = _HEAD.pack(b"glTF", 2, size, len(text), b"JSON") + text + rest
+    scene = load_scene(source, text, resolver=Resolver(str(source.path)))
+    _check(source, tree, scene)
+    vertices, faces = flattened(scene, source.where)
+    return vertices + 0.0, faces  # there is no -0.0
+
+
+def _parts(path: Path) -> tuple[Tree, bytes]:
+    """The JSON of a .gltf or .glb file, and what follows it. Raises ValueError, OSError."""
+    data = path.read_bytes()
+    if path.suffix.lower() != ".glb":
+        return json.loads(data), b""
+    magic, version, _, size, kind = _HEAD.unpack_from(data.ljust(_HEAD.size))
+    if (magic, version, kind) != (b"glTF", 2, b"JSON"):
+        raise ValueError("it does not begin as glTF 2.0")
+    end = _HEAD.size + size
+    return json.loads(data[_HEAD.size : end]), data[end:]
+
+
+def _reduced(tree: Tree) -> Tree:
+    """What positions and faces depend on: trimesh may fail at the rest."""
+    keys = ("scene", "scenes", "nodes", "meshes", "accessors", "bufferViews", "buffers")
+    kept = {key: tree[key] for key in keys if key in tree}
+    kept["nodes"] = [
+        {key: value for key, value in node.items() if key not in {"camera", "extensions", "extras"}}
+        for node in tree.get("nodes", [])
     ]
-    if binary and buffers and buffers[0] is None:
-        buffers[0] = binary
-    return GltfScene(source, tree, buffers).surface()
-
-
-def _chunks(source: Source, data: bytes) -> tuple[bytes, bytes]:
-    """Return the JSON and the binary data of a GLB."""
-    magic, version, length = struct.unpack_from("<4sII", data.ljust(12, b"\0"))
-    if magic != b"glTF":
-        raise source.unexpected("does not begin as a GLB, with glTF")
-    if version != 2:
-        raise source.error(
-            f"is GLB of version {version}, and only version 2 is read; export it as glTF 2.0"
-        )
-    chunks: dict[int, bytes] = {}
-    start, end = 12, min(length, len(data))
-    while start + 8 <= end:
-        size, kind = struct.unpack_from("<II", data, start)
-        if start + 8 + size > len(data):
-            raise source.incomplete(
-                f"a chunk declares {size:,} bytes, but {len(data) - start - 8:,} are left"
-            )
-        chunks.setdefault(kind, data[start + 8 : start + 8 + size])
-        start += 8 + size
-    return chunks.get(_JSON, b""), chunks.get(_BINARY, b"")
-
-
-def _tree(source: Source, data: bytes) -> Tree:
-    try:
-        tree = json.loads(data)
-    except (ValueError, RecursionError) as error:
-        raise source.unexpected(f"its JSON cannot be read ({reason_of(error)})") from error
-    if not isinstance(tree, dict):
-        raise source.unexpected("its JSON is not a glTF")
-    return tree
-
-
-def _side_data(source: Source, uri: object) -> bytes:
-    """Return the content of a buffer that is not part of the file's binary data."""
-    if not isinstance(uri, str):
-        raise source.unexpected("the uri of a buffer is not a text")
-    return _embedded(source, uri) if uri[:5].lower() == "data:" else _side_file(source, uri)
+    kept["meshes"] = [
+        {"primitives": [
+            {key: part[key] for key in ("indices", "mode") if key in part}
+            | {"attributes": {"POSITION": part["attributes"]["POSITION"]}}
+            for part in mesh["primitives"]
+        ]}
+        for mesh in tree.get("meshes", [])
+    ]  # fmt: skip
+    return kept
 
 
 def side_names(path: Path) -> list[str]:
-    """Return the names of the side files of a glTF that would be read.
-
-    The text is searched by pattern, not parsed, so that the time is bounded for any file.
+    """Return the names of the files with the buffers of a glTF, if it can be read.
 
     Args:
         path: Any mesh file; only .gltf and .glb have side files.
@@ -104,59 +101,84 @@ def side_names(path: Path) -> list[str]:
     """
     if path.suffix.lower() not in {".gltf", ".glb"}:
         return []
-    with path.open("rb") as stream:
-        size = -1
-        if path.suffix.lower() == ".glb":
-            size = int.from_bytes(stream.read(_GLB_HEADER)[12:16], "little")
-        text = stream.read(size)
-    names: dict[str, None] = {}
-    for match in _ADDRESS.finditer(text):
-        try:
-            uri = json.loads(match[1])
-        except ValueError:
-            continue
-        name = unquote(uri)
-        if _is_plain(uri) and _is_plain(name) and not name.lower().endswith(IMAGE_SUFFIXES):
-            names[name] = None
-    return list(names)
-
-
-def _embedded(source: Source, uri: str) -> bytes:
-    head, _, body = uri.partition(",")
     try:
-        if head.lower().endswith(";base64"):
-            return base64.b64decode(unquote(body), validate=True)
-        return unquote(body, encoding="latin-1").encode("latin-1")
-    except (binascii.Error, ValueError) as error:
-        raise source.damaged(f"its embedded data are damaged ({error})") from error
+        addresses = [str(one.get("uri", "data:")) for one in _parts(path)[0].get("buffers", [])]
+    except (ValueError, TypeError, AttributeError, RecursionError):  # which reading it will say
+        return []
+    return list(dict.fromkeys(unquote(uri) for uri in addresses if not uri.startswith("data:")))
 
 
-def _side_file(source: Source, uri: str) -> bytes:
-    """Return the content of a side file in the folder of the glTF or below."""
-    label, folder = ascii(uri[:80]), source.path.parent.resolve()
-    name = unquote(uri)
-    if not _is_plain(uri) or not _is_plain(name):
-        raise source.error(f"refers to {label}; only files in its own folder are read")
-    try:
-        path = (folder / name).resolve(strict=True)
-        status = path.stat()
-    except (OSError, RuntimeError, ValueError) as error:
-        raise source.error(f"its side file {label} is missing; keep it beside the mesh") from error
-    if not path.is_relative_to(folder):
+def _check(source: Source, tree: Tree, scene: "trimesh.Scene") -> None:
+    """Compare a scene with the file that trimesh read it from, and scale normalized positions.
+
+    Raises:
+        MeshError: Something is left out, or not supported.
+    """
+    for name in tree.get("extensionsRequired", []):
+        if not str(name).startswith(_HARMLESS):
+            raise source.error(
+                f"needs the extension {ascii(name)[:60]}, which is not supported; export the mesh "
+                "without it"
+            )
+    parts = [part for mesh in tree.get("meshes", []) for part in mesh["primitives"]]
+    if any(part.get("mode", _TRIANGLES) == _FAN for part in parts):
+        raise source.error("has triangle fans; export it as triangles")
+    read = [part for part in parts if part.get("mode", _TRIANGLES) in _READ]
+    for part, geometry in zip(read, scene.geometry.values(), strict=True):
+        if part.get("mode", _TRIANGLES) >= _TRIANGLES:
+            _check_part(source, tree, part, geometry)
+    shown = _shown(source, tree)
+    posed = [node for node in shown if "mesh" in node and _is_posed(tree, node)]
+    if posed:
         raise source.error(
-            f"refers to {label}, which is outside its folder; only files in its own folder are read"
+            "has a mesh that is posed by a skeleton, by morph targets or by instancing, which is "
+            "not supported; export it in its pose, without"
         )
-    if not stat.S_ISREG(status.st_mode):
-        raise source.error(f"its side file {label} is not a file")
-    return path.read_bytes()
+    count = sum(
+        part.get("mode", _TRIANGLES) in _READ
+        for node in shown
+        if "mesh" in node
+        for part in tree["meshes"][node["mesh"]]["primitives"]
+    )
+    if count != len(scene.graph.nodes_geometry):
+        raise source.damaged(
+            f"shows {count} parts, of which {len(scene.graph.nodes_geometry)} can be read"
+        )
 
 
-def _is_plain(name: str) -> bool:
-    """Return whether an address is the relative path of a file in the folder or below."""
-    try:
-        address = urlsplit(name)
-    except ValueError:
-        return False
-    elsewhere = address.scheme or address.netloc or Path(name).is_absolute() or name.startswith("/")
-    upward = "\\" in name or ".." in name.split("/")
-    return bool(name) and name.isprintable() and not (elsewhere or upward)
+def _check_part(source: Source, tree: Tree, part: Tree, geometry: Any) -> None:
+    accessors = tree["accessors"]
+    positions = accessors[part["attributes"]["POSITION"]]
+    corners = positions if part.get("indices") is None else accessors[part["indices"]]
+    for one in (positions, corners):
+        if "sparse" in one or "bufferView" not in one:
+            raise source.error(
+                "has sparse or compressed numbers, which is not supported; export it without"
+            )
+    is_whole = part.get("mode") == _STRIP or corners["count"] == 3 * len(geometry.faces)
+    if geometry.vertices.shape != (positions["count"], 3) or not is_whole:
+        raise source.damaged("has a part that cannot be read as its numbers say")
+    if positions.get("normalized"):
+        largest = float(np.iinfo({5120: "i1", 5121: "u1", 5122: "i2"}.get(
+            positions["componentType"], "u2")).max)  # fmt: skip
+        geometry.vertices = np.maximum(geometry.vertices / largest, -1.0)
+
+
+def _shown(source: Source, tree: Tree) -> list[Tree]:
+    """The nodes of the scene that is shown. Raises MeshError."""
+    scenes, nodes = tree.get("scenes", [{}]), tree.get("nodes", [])
+    queue, found = list(scenes[tree.get("scene", 0)].get("nodes", [])), dict[int, Tree]()
+    while queue:
+        number = queue.pop()
+        if number in found:
+            raise source.damaged(f"its nodes form a cycle, or node {number} has two parents")
+        found[number] = nodes[number]
+        queue += nodes[number].get("children", [])
+    return list(found.values())
+
+
+def _is_posed(tree: Tree, node: Tree) -> bool:
+    """Whether a mesh is moved by more than the transforms of nodes."""
+    weights = (node.get("weights"), tree["meshes"][node["mesh"]].get("weights"))
+    is_instanced = "EXT_mesh_gpu_instancing" in node.get("extensions", {})
+    return "skin" in node or is_instanced or any(any(one) for one in weights if one)

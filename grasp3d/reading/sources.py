@@ -1,13 +1,9 @@
-"""Mesh files to read, their formats and units, and the surfaces read from them.
-
-Scenes of trimesh become one surface.
-"""
+"""Mesh files to read, their formats and units, and the surfaces read from them."""
 
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,14 +13,8 @@ from grasp3d.settings.lengths import Unit
 from grasp3d.system.documents import is_folder, problem_of_file
 from grasp3d.system.names import printable
 
-if TYPE_CHECKING:
-    import trimesh
-
-DIRECT_FORMATS = ("stl", "ply", "obj", "off")
-"""Formats whose file size limits the size of the mesh; they are read in this process."""
-
-ISOLATED_FORMATS = ("glb", "gltf", "3mf", "3dxml", "xaml")
-"""Formats that a small file can expand without limit; they are read in a child process."""
+SUFFIXES = (".3dxml", ".3mf", ".glb", ".gltf", ".obj", ".off", ".ply", ".stl", ".xaml")
+"""Suffixes of mesh files that can be read."""
 
 _SIGNATURES = (
     ("PLY", rb"ply\s"),
@@ -38,15 +28,6 @@ _SIGNATURES = (
     ("STEP", rb"\s*ISO-10303-21"),
     ("OBJ", rb"(?s:(.*\n)?v[ \t]+[-+.\d][^\n]*\nv[ \t])"),
 )
-
-FLAT = 1e-9
-"""Smallest scale of a transform, as a fraction of its largest, that does not flatten a mesh."""
-
-MOST_CORNERS = 1000
-"""Largest number of corners of a face; round lids have a few hundred."""
-
-LONGEST_HEADER = 65_536
-"""Bytes in which a header must end."""
 
 _UNIT_NAMES: dict[str, Unit] = {
     "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
@@ -85,15 +66,13 @@ class RawMesh:
 
 @dataclass(frozen=True)
 class Source:
-    """An existing mesh file, and the memory limit for reading it."""
+    """An existing file of a mesh, or of labels."""
 
     path: Path
     kind: str
     """Format: the file suffix without its dot, in lower case."""
     size: int
     """Size of the file [bytes]."""
-    max_memory: float
-    """Largest memory for reading it [GB]."""
     where: str
     """Printable path, for error messages."""
 
@@ -124,46 +103,9 @@ class Source:
         head = self.head()
         matches = (name for name, pattern in _SIGNATURES if re.match(pattern, head))
         kind = next(matches, None)
-        if kind is None or kind.lower() == self.kind:
+        if kind is None or kind.lower().endswith(self.kind):
             return "is the file complete, and is its suffix right?"
         return f"its content looks like {kind}: is its suffix right?"
-
-
-def check_memory(source: Source, size: int, per_byte: float) -> None:
-    """Reject a file that needs more memory to read than is allowed.
-
-    Args:
-        source: The file.
-        size: Bytes to read.
-        per_byte: Memory per byte.
-
-    Raises:
-        MeshError: It needs more.
-    """
-    needed = per_byte * size / 1e9
-    if needed > source.max_memory:
-        raise source.error(
-            f"reading {size:,} bytes of {source.kind.upper()} takes about "
-            f"{needed:.3g} GB of memory, and max_memory is {source.max_memory:g} GB; simplify the "
-            "mesh, or raise max_memory (--max-memory)"
-        )
-
-
-def check_count(source: Source, what: str, count: int, min_bytes: int, available: int) -> None:
-    """Reject a header that declares more items than the file can contain.
-
-    Args:
-        source: The file.
-        what: Name of the items, in the plural.
-        count: Declared number of items.
-        min_bytes: Least size of an item [bytes].
-        available: Bytes of the file for all items.
-
-    Raises:
-        MeshError: It declares too many, or a negative number.
-    """
-    if count < 0 or count * min_bytes > available:
-        raise source.incomplete(f"declares {count:,} {what}, but has {available:,} bytes for them")
 
 
 def check_finite(vertices: Floats, where: str) -> None:
@@ -201,40 +143,12 @@ def check_corners(faces: Ints, count: int, where: str, remedy: str = "") -> None
         )
 
 
-def as_triangles(source: Source, corners: Ints, counts: Ints) -> Ints:
-    """Divide polygons into triangles that share the first corner of theirs, shape (F, 3).
-
-    Args:
-        source: The file.
-        corners: The vertex numbers of the corners of one polygon after the other, shape (k,).
-        counts: How many are those of each polygon, shape (n,).
-
-    Raises:
-        MeshError: A polygon has too few or too many corners.
-    """
-    bad = np.flatnonzero((counts < 3) | (counts > MOST_CORNERS))
-    if len(bad):
-        raise source.error(
-            f"face {bad[0]} has {counts[bad[0]]:,} corners; 3 to {MOST_CORNERS:,} are allowed"
-        )
-    first = np.repeat(np.cumsum(counts) - counts, counts - 2)
-    step = np.arange(len(first)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2)
-    fans: Ints = corners[np.stack([first, first + step + 1, first + step + 2], axis=1)]
-    return fans
-
-
-def mesh_suffixes() -> frozenset[str]:
-    """Return the file suffixes that can be read, such as `.stl`."""
-    return frozenset(f".{name}" for name in (*DIRECT_FORMATS, *ISOLATED_FORMATS))
-
-
-def find_source(path: Path, max_memory: float, suffixes: Iterable[str] | None = None) -> Source:
-    """Return the mesh file at a path, after checking that it exists and has a known suffix.
+def find_source(path: Path, suffixes: Iterable[str] = SUFFIXES) -> Source:
+    """Return the file at a path, after checking that it exists and has a known suffix.
 
     Args:
         path: The file.
-        max_memory: Largest memory for reading it [GB].
-        suffixes: Those that can be read; None: those of meshes.
+        suffixes: Those that can be read.
 
     Raises:
         MeshError: It does not exist, is not a file, is empty, or its suffix is unknown.
@@ -247,48 +161,17 @@ def find_source(path: Path, max_memory: float, suffixes: Iterable[str] | None = 
     suffix = path.suffix.lower()
     if not suffix:
         raise MeshError(f"{where}: its name has no suffix for its format, such as .stl")
-    supported = mesh_suffixes() if suffixes is None else frozenset(suffixes)
-    if suffix not in supported:
-        formats = " ".join(sorted(supported))
+    if suffix not in suffixes:
+        formats = " ".join(sorted(suffixes))
         raise MeshError(f"{where}: unsupported format {suffix}: supported are {formats}")
     if not (size := path.stat().st_size):
         raise MeshError(f"{where}: the file is empty; export the mesh again")
-    source = Source(path, suffix.removeprefix("."), size, max_memory, where)
+    source = Source(path, suffix.removeprefix("."), size, where)
     try:
         source.head(1)
     except OSError as error:
         raise MeshError(f"{where}: cannot be opened ({error.strerror})") from error
     return source
-
-
-def flattened(scene: "trimesh.Scene", where: str) -> tuple[Floats, Ints]:
-    """Return vertices (V, 3) and faces (F, 3) of a scene, with the transforms of its parts applied.
-
-    Points and lines are left out.
-
-    Args:
-        scene: The scene.
-        where: Its name in errors.
-
-    Raises:
-        MeshError: A position is not finite, or a face uses a vertex that is not there.
-    """
-    for part in scene.geometry.values():  # before they are concatenated
-        positions = np.asarray(part.vertices, dtype=np.float64)
-        check_finite(positions, where)
-        corners = np.asarray(getattr(part, "faces", ()), dtype=np.int64).reshape(-1, 3)
-        check_corners(corners, len(positions), where, "; export the mesh again")
-    mesh = scene.to_mesh()
-    vertices = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
-    faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
-    check_finite(vertices, where)
-    return vertices, faces
-
-
-def flattens(world: Floats) -> bool:
-    """Whether a transform, shape (4, 4), has a scale of 0 in some directions, but not in all."""
-    scales = np.linalg.svd(world[:3, :3], compute_uv=False)
-    return bool(scales[0] > 0.0 and scales[2] <= FLAT * scales[0])
 
 
 def stated_unit(name: str | None) -> tuple[Unit | None, str]:

@@ -44,8 +44,8 @@ class MeshOptions(LengthSettings):
         region: Part of the surface where contacts may be: box:X0,Y0,Z0,X1,Y1,Z1 (its lowest and its
             highest corner), or a PLY of the object whose vertices are painted there, mask.ply or
             mask.ply:PROPERTY. none: anywhere.
-        max_memory: Memory that reading and labelling one mesh may take [GB]; files that need more
-            are refused before they are processed.
+        max_memory: Memory that labelling one mesh may take [GB]; meshes that need more are refused
+            before they are labelled.
 
     Example:
         >>> import trimesh

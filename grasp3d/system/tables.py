@@ -151,14 +151,8 @@ def write_arrow(path: Path, table: pa.Table, metadata: Mapping[str, bytes]) -> N
         writer.add_key_value_metadata(metadata)
 
 
-def read_arrow(
-    path: Path, check_size: Callable[[int], None]
-) -> tuple[dict[str, npt.NDArray[Any]], dict[str, str]]:
+def read_arrow(path: Path) -> tuple[dict[str, npt.NDArray[Any]], dict[str, str]]:
     """Read a Parquet table of columns without missing values, and the metadata of its file.
-
-    Args:
-        path: The file.
-        check_size: Called with the size that the columns will have [bytes], before they are read.
 
     Raises:
         ValueError: It is damaged, or has other columns.
@@ -166,11 +160,7 @@ def read_arrow(
     """
     try:
         with pq.ParquetFile(path) as file:
-            metadata = file.metadata
-            groups = (metadata.row_group(number) for number in range(metadata.num_row_groups))
-            declared = sum(group.total_byte_size for group in groups)
-            check_size(max(declared, 8 * metadata.num_rows * metadata.num_columns))
-            table = file.read()
+            metadata, table = file.metadata, file.read()
     except pa.ArrowException as error:
         raise ValueError(str(error).splitlines()[0]) from error
     if any(column.null_count for column in table.columns):

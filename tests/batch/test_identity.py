@@ -1,5 +1,6 @@
 import hashlib
 import math
+import struct
 from dataclasses import replace
 from pathlib import Path
 
@@ -87,7 +88,7 @@ def test_the_content_hash_covers_the_file_and_its_side_files(tmp_path: Path) -> 
     assert hashes[0] != hashes[1] != hashes[2] == hashes[3] == hashes[4]
     glb = tmp_path / "a.glb"
     text = gltf.read_bytes()
-    glb.write_bytes(b"glTF" + bytes(8) + len(text).to_bytes(4, "little") + b"JSON" + text)
+    glb.write_bytes(struct.pack("<4sIII4s", b"glTF", 2, 0, len(text), b"JSON") + text)
     first = content_hash(glb)
     (tmp_path / "a b.bin").write_bytes(b"5")
     assert content_hash(glb) != first

@@ -23,7 +23,7 @@ from grasp3d.batch.library import BatchProgress, LibraryLabels, label_library
 from grasp3d.batch.plan import Job
 from grasp3d.batch.row import TIMINGS, Outcome, Row
 from grasp3d.batch.storage.folder import Folder
-from grasp3d.errors import MeshError, MeshUnreadError, OutputError
+from grasp3d.errors import FileUnreadError, MeshError, OutputError
 from tests.helpers import shapes
 
 QUICK = BatchSettings(GraspModel(), Sampling(rays=8), MeshOptions(max_edge=10.0), best=1)
@@ -220,7 +220,7 @@ def test_temporary_failures_are_tried_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def unread(path: Path) -> str:
-        raise MeshUnreadError(f"{path}: its reader was killed")
+        raise FileUnreadError(f"{path}: its reader was killed")
 
     source, out = small_library(tmp_path / "in"), tmp_path / "out"
     monkeypatch.setattr(labelling, "content_hash", unread)

@@ -45,9 +45,8 @@ def test_a_glb_and_a_gltf_with_side_files_or_embedded_data(tmp_path: Path) -> No
     for uri in ("parts/my%20data.bin", "parts/my data.bin", "./parts/my data.bin"):
         raw = read_mesh(written(tmp_path, "a.gltf", mesh_files.gltf(mesh_files.tree(), uri)))
         assert np.array_equal(raw.vertices, VERTICES)
-    for uri in (mesh_files.embedded(), "data:," + "".join(f"%{byte:02x}" for byte in DATA)):
-        raw = read_mesh(written(tmp_path, "a.gltf", mesh_files.gltf(mesh_files.tree(), uri)))
-        assert np.array_equal(raw.faces, FACES)
+    embedded = mesh_files.gltf(mesh_files.tree(), mesh_files.embedded())
+    assert np.array_equal(read_mesh(written(tmp_path, "a.gltf", embedded)).faces, FACES)
     tree = mesh_files.tree()
     tree["buffers"][0]["uri"] = "parts/my data.bin"
     raw = read_mesh(written(tmp_path, "b.glb", mesh_files.glb(tree, b"")))
@@ -135,8 +134,15 @@ def test_interleaved_positions_and_quantized_ones(tmp_path: Path) -> None:
 
     short = np.zeros((4, 4), dtype="<i2")
     short[:, :3] = 2 * VERTICES
-    raw = scene(tmp_path, small, short.tobytes().ljust(48, b"\0") + DATA[48:])
-    assert np.array_equal(raw.vertices, VERTICES)
+    data = short.tobytes().ljust(48, b"\0") + DATA[48:]
+    assert np.array_equal(scene(tmp_path, small, data).vertices, VERTICES)
+
+    def normalized(tree: Tree) -> None:
+        small(tree)
+        tree["accessors"][0]["normalized"] = True
+        tree["nodes"][0]["scale"] = [32767.0 / 2.0] * 3
+
+    assert scene(tmp_path, normalized, data).vertices == pytest.approx(VERTICES)
 
 
 def test_lines_points_and_materials_are_ignored(tmp_path: Path) -> None:
@@ -169,72 +175,31 @@ def at(path: str, value: object) -> Callable[[Tree], None]:
 
 
 PART = "meshes.0.primitives.0"
-CHAIN = [{"mesh": 0}, {"children": [2]}, {"children": [1]}]
+POSED = "is posed by a skeleton, by morph targets or by instancing"
 MISREAD: dict[str, tuple[Callable[[Tree], None], str]] = {
     "fans": (at(f"{PART}.mode", 6), "has triangle fans"),
-    "mode": (at(f"{PART}.mode", "4"), "has triangle fans"),
-    "sparse": (at("accessors.0.sparse", {"count": 1}), "POSITION of mesh 0 are sparse"),
-    "normalized": (at("accessors.0.normalized", 1), "POSITION of mesh 0 are normalized"),
+    "sparse": (at("accessors.0.sparse", {"count": 1}), "has sparse or compressed numbers"),
     "compressed": (
         at("accessors.1", {"count": 12, "type": "SCALAR", "componentType": 5123}),
-        "compr",
+        "has sparse or compressed numbers",
     ),
     "needed": (at("extensionsRequired", ["KHR_draco_mesh_compression"]), "needs the extension"),
-    "skin": (at("nodes.0.skin", 0), "node 0 is posed by a skeleton"),
-    "weights": (at("nodes.0.weights", [0.5]), "node 0 is posed"),
-    "morph": (at("meshes.0.weights", [0, 0.5]), "mesh 0 is moved by morph targets"),
-    "many": (at("nodes.0.extensions", {"EXT_mesh_gpu_instancing": {}}), "node 0 is instanced"),
-    "from the end": (at("nodes.0.mesh", -1), "mesh of node 0 is not a whole number"),
-    "offset": (at("accessors.0.byteOffset", -12), "byteOffset of accessor 0 is not a whole number"),
-    "view": (at("bufferViews.0.buffer", 0.5), "buffer of bufferView 0 is not a whole number"),
-    "stride": (at("bufferViews.0.byteStride", -12), "byteStride of bufferView 0"),
-    "count": (at("accessors.0.count", 10**12), "declares 1,000,000,000,000 entries"),
-    "short": (at("accessors.0.count", 5), "5 entries up to byte 60 of bufferView 0, which has 48"),
-    "empty positions": (at("accessors.0.count", 0), "accessor 0 has no entries"),
-    "no count": (
-        at("accessors.0", {"bufferView": 0, "componentType": 5126, "type": "VEC3"}),
-        "accessor 0 states no count",
-    ),
-    "view beyond": (at("bufferViews.1.byteLength", 25), "bufferView 1 ends at byte 73 of buffer 0"),
-    "version": (at("asset.version", "1.0"), "is glTF of version '1.0'"),
-    "asset": (at("asset", 5), "is glTF of version 5"),
-    "no view": (at("accessors.1.bufferView", 2), "uses bufferView 2, but there are 2"),
-    "no length": (at("bufferViews.0", {"buffer": 0}), "bufferView 0 states no byteLength"),
-    "no buffer": (at("bufferViews.0.buffer", 1), "uses buffer 1, but there are 1"),
-    "no data": (at("buffers", [{"uri": "data:,"}]), "ends at byte 48 of buffer 0, which has 0"),
-    "no stride": (at("bufferViews.0.byteStride", 0), "states a byteStride of 0"),
-    "corners": (at("accessors.1.count", 11), "triangles with 11 corners"),
-    "no mesh": (at("nodes.0.mesh", 3), "node 0 uses mesh 3, but there are 1"),
-    "no scene": (at("scene", 2), "there is no scene 2"),
-    "scene": (at("scenes.0.nodes", 0), "the nodes of scene 0 are not a list"),
-    "primitives": (at("meshes.0.primitives", 5), "the primitives of mesh 0 are not a list"),
-    "attributes": (at(f"{PART}.attributes", 3), "mesh 0 has no valid POSITION"),
-    "matrix": (at("nodes.0.matrix", [1] * 15), "matrix of node 0 is not a list of 16 finite"),
-    "words": (at("nodes.0.scale", ["1", 1, 1]), "scale of node 0 is not a list of 3 finite"),
-    "projection": (at("nodes.0.matrix", [1] * 16), "matrix of node 0 is a projection"),
-    "no rotation": (at("nodes.0.rotation", [0] * 4), "rotation of node 0 is 0"),
-    "flattened": (at("nodes.0.scale", [1, 0, 1]), "node 0 flattens its mesh"),
+    "skin": (at("nodes.0.skin", 0), POSED),
+    "weights": (at("nodes.0.weights", [0.5]), POSED),
+    "morph": (at("meshes.0.weights", [0, 0.5]), POSED),
+    "many": (at("nodes.0.extensions", {"EXT_mesh_gpu_instancing": {}}), POSED),
+    "from the end": (at("nodes.0.mesh", -1), "shows 1 parts, of which 0 can be read"),
+    "type": (at("accessors.0.type", "VEC2"), "cannot be read as its numbers say"),
+    "short": (at("accessors.0.count", 5), "cannot be read as GLB"),
+    "corners": (at("accessors.1.count", 11), "cannot be read as GLB"),
+    "no view": (at("accessors.1.bufferView", 2), "its parts do not fit together"),
+    "flattened": (at("nodes.0.scale", [1, 0, 1]), "node '0' flattens its mesh"),
     "flattened above": (
         at("nodes", [{"scale": [1e-5, 1, 1], "children": [1]}, {"mesh": 0, "scale": [1e-5, 1, 1]}]),
-        "node 1 flattens its mesh",
+        "node '1' flattens its mesh",
     ),
-    "overflow": (
-        at("nodes", [{"scale": [1e40] * 3, "children": [1]}, {"mesh": 0, "scale": [1e40] * 3}]),
-        "node 1 is scaled or moved by more",
-    ),
-    "type": (at("accessors.0.type", "VEC2"), "POSITION of mesh 0 have a wrong type"),
-    "index type": (at("accessors.1.componentType", 5126), "indices of mesh 0 have a wrong type"),
-    "indices": (at(f"{PART}.indices", 7), "mesh 0 has no valid indices"),
-    "position": (at(f"{PART}.attributes", {}), "mesh 0 has no valid POSITION"),
-    "twice": (at("nodes", [{"mesh": 0, "children": [1, 1]}, {}]), "has two parents"),
-    "gone": (at("nodes.0.children", [4]), "node 4 does not exist"),
-    "no child": (at("nodes.0.children", ["a\nb" * 50]), "node of a child does not exist"),
-    "circle": (at("nodes", CHAIN), "its nodes form a cycle"),
-    "root": (at("scenes.0.nodes", [0, 0]), "a scene has a node that does not exist"),
-    "list": (at("accessors", [5]), "its accessors are not a list of objects"),
-    "infinite": (at("nodes.0.scale", [1e300, 1e300, 1e999]), "finite"),
-    "address": (at("buffers.0.uri", 7), "the uri of a buffer is not a text"),
-    "embedded": (at("buffers.0.uri", "data:;base64,AAA"), "its embedded data are damaged"),
+    "twice": (at("nodes", [{"mesh": 0, "children": [1, 1]}, {}]), "node 1 has two parents"),
+    "circle": (at("nodes", [{"mesh": 0, "children": [1]}, {"children": [0]}]), "form a cycle"),
     "empty": (at("scenes.0.nodes", []), "holds no triangles"),
 }
 
@@ -258,35 +223,46 @@ def test_an_index_beyond_its_part_does_not_refer_to_the_next_part(tmp_path: Path
         scene(tmp_path, change, data)
 
 
-def test_a_hidden_part_and_entries_that_no_mesh_uses_do_not_matter(tmp_path: Path) -> None:
+def test_a_hidden_part_does_not_matter(tmp_path: Path) -> None:
     def change(tree: Tree) -> None:
         tree["nodes"] = [{"mesh": 0}, {"mesh": 0, "scale": [0, 0, 0]}]
         tree["scenes"][0]["nodes"] = [0, 1]
-        tree["bufferViews"].append({"buffer": 7, "byteLength": 10**9})
-        tree["accessors"].append({"bufferView": 99})
 
-    mesh = load_mesh(written(tmp_path, "a.glb", mesh_files.glb(changed(change))), max_edge=10.0)
-    assert mesh.volume == pytest.approx(1.0 / 6.0)
-
-
-def changed(change: Callable[[Tree], None]) -> Tree:
     tree = mesh_files.tree()
     change(tree)
-    return tree
+    mesh = load_mesh(written(tmp_path, "a.glb", mesh_files.glb(tree)), max_edge=10.0)
+    assert mesh.volume == pytest.approx(1.0 / 6.0)
 
 
 def test_a_damaged_container_is_rejected(tmp_path: Path) -> None:
     good = mesh_files.glb(mesh_files.tree())
     for data, message in (
-        (good[:-5], "declares 72 bytes, but 67 are left"),
-        (good.replace(b"glTF\x02", b"glTF\x01"), "is GLB of version 1"),
-        (good.replace(b'{"asset"', b'["asset"'), "its JSON cannot be read"),
+        (good[:-5], "cannot be read as GLB"),
+        (good.replace(b"glTF\x02", b"glTF\x01"), "does not begin as glTF 2.0"),
+        (good.replace(b'{"asset"', b'["asset"'), "cannot be read as GLB"),
     ):
-        with pytest.raises(MeshError, match=message) as info:
+        with pytest.raises(MeshError, match=message):
             read_mesh(written(tmp_path, "a.glb", data))
-        assert not hasattr(info.value, "__notes__")  # such as the traceback of the process
-    with pytest.raises(MeshError, match="its JSON is not a glTF"):
+    with pytest.raises(MeshError, match="its parts do not fit together"):
         read_mesh(written(tmp_path, "a.gltf", json.dumps([1])))
+
+
+@pytest.mark.parametrize(
+    "uri",
+    [
+        "../secret.bin", "a/../../secret.bin", "%2e%2e/secret.bin", "/etc/passwd", "out.bin",
+        "file:///etc/passwd", "http://127.0.0.1:9/a.bin", "good.bin\0", "", "folder", "gone.bin",
+    ],
+)  # fmt: skip
+def test_a_gltf_cannot_read_files_outside_its_folder(tmp_path: Path, uri: str) -> None:
+    folder = tmp_path / "folder"
+    (folder / "folder").mkdir(parents=True)
+    (tmp_path / "secret.bin").write_bytes(DATA)
+    (folder / "out.bin").symlink_to(tmp_path / "secret.bin")
+    path = written(folder, "a.gltf", mesh_files.gltf(mesh_files.tree(), uri))
+    with pytest.raises(MeshError, match="cannot be read as GLTF") as caught:
+        read_mesh(path)
+    assert "\n" not in str(caught.value)
 
 
 ITEM = '<item objectid="{}"/>'.format
@@ -334,28 +310,25 @@ def doubled(times: int) -> str:
 INNER = mesh_files.xml_model(xml_object(1) + xml_object(2), "")
 TWO = xml_components(7, 'p:path="/3D/part.model" objectid="1"')
 BAD_3MF: dict[str, tuple[bytes, str]] = {
-    "doubled": (mesh_files.three_mf(doubled(25), ITEM(26)), "33,554,432 copies of its parts, more"),
-    "nested": (mesh_files.three_mf(doubled(10), ITEM(11)), "1,024 copies of its parts, of which"),
-    "missing": (mesh_files.three_mf(xml_object(1), ITEM(1) + ITEM(2)), "object '2' is missing"),
-    "empty": (mesh_files.three_mf(xml_object(1, " "), ITEM(1)), "object '1' is missing, empty"),
+    "nested": (mesh_files.three_mf(doubled(10), ITEM(11)), "declares 4,096 triangles, of which"),
+    "missing": (mesh_files.three_mf(xml_object(1), ITEM(1) + ITEM(2)), "there is no object 2"),
+    "empty": (mesh_files.three_mf(xml_object(1, " "), ITEM(1)), "holds no triangles"),
     "circle": (
         mesh_files.three_mf(
             xml_components(1, 'objectid="2"') + xml_components(2, 'objectid="1"'), ITEM(1)
         ),
-        "contains itself",
+        "nested in a cycle",
     ),
-    "two": (mesh_files.three_mf(TWO, ITEM(7), part=INNER), "does not contain exactly one"),
-    "gone": (mesh_files.three_mf(TWO, ITEM(7)), "does not contain exactly one"),
-    "item": (
-        mesh_files.three_mf(xml_object(1), '<item objectid="1" p:path="/3D/part.model"/>'),
-        "are in several files",
+    "two": (mesh_files.three_mf(TWO, ITEM(7), part=INNER), "declares 4 triangles, of which 8"),
+    "production": (
+        mesh_files.three_mf("", '<item objectid="1" p:path="/3D/part.model"/>', part=INNER),
+        "declares 4 triangles, of which 0",
     ),
     "beyond": (
         mesh_files.three_mf(xml_object(1, mesh_files.xml_mesh(faces=FACES + 4)), ITEM(1)),
         "face 0 uses vertex 4",
     ),
-    "models": (mesh_files.zipped({"a.model": ""}), "its XML cannot be read|contains 0 models"),
-    "nothing": (mesh_files.three_mf("", ""), "holds no triangles"),
+    "models": (mesh_files.zipped({"a.model": ""}), "cannot be read as 3MF"),
     "letters": (
         mesh_files.three_mf(xml_object(1).replace('x="1.0"', 'x="l"'), ITEM(1)),
         "read to its",

@@ -33,7 +33,7 @@ from grasp3d import (
 )
 from grasp3d.batch import ClusterSettings
 from grasp3d.errors import MeshError, OutputError, SettingError
-from grasp3d.export.read_labels import READERS, read_labels
+from grasp3d.export.read_labels import READERS
 from grasp3d.export.stored import Stored
 from grasp3d.export.writers import writer_for
 from grasp3d.reading.sources import Source
@@ -440,7 +440,7 @@ def test_text_that_is_not_a_number_is_refused(tmp_path: Path, before: bytes, aft
     lines[row] = b" ".join(values)
     assert before.strip() == b"2"
     path.write_bytes(head + mark + b"\n".join(lines))
-    with pytest.raises(MeshError, match=r"that is no number|expected a whole number"):
+    with pytest.raises(MeshError, match=r"cannot be read|expected a whole number"):
         read_subject(path)
 
 
@@ -480,11 +480,6 @@ def test_a_mesh_cannot_be_read_as_labels(tmp_path: Path) -> None:
     (tmp_path / "mesh.ply").write_bytes(_ply("", ""))
     with pytest.raises(MeshError, match="label it first"):
         read_subject(tmp_path / "mesh.ply")
-
-
-def test_a_file_that_needs_more_memory_than_allowed_is_refused(file: Path) -> None:
-    with pytest.raises(MeshError, match="max_memory"):
-        read_labels(file, max_memory=1e-6)
 
 
 # The results of a batch

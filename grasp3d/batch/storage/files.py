@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
-from grasp3d.errors import GraspError, MeshError, MeshUnreadError
+from grasp3d.errors import FileUnreadError, GraspError, MeshError
 from grasp3d.reading.gltf import side_names
 from grasp3d.system.names import printable, reason_of, safe_stem
 
@@ -281,7 +281,7 @@ def read_bytes(source: str, kind: type[GraspError]) -> bytes:
 
 
 def _download(source: str, target: Path) -> None:
-    with convert_errors(source, MeshUnreadError, "downloaded"):
+    with convert_errors(source, FileUnreadError, "downloaded"):
         system, path = file_system_of(source)
         target.parent.mkdir(parents=True, exist_ok=True)
         system.get_file(path, str(target))
@@ -289,7 +289,7 @@ def _download(source: str, target: Path) -> None:
 
 def _download_side_files(source: str, copy: Path) -> None:
     """Download the side files of a glTF; missing files are reported when the glTF is read."""
-    with convert_errors(source, MeshUnreadError, "downloaded"):
+    with convert_errors(source, FileUnreadError, "downloaded"):
         names = side_names(copy)
     for name in names:
         target = copy.parent / name

@@ -221,7 +221,7 @@ def open_collection(
         raise MeshError(f"{where}: there is no such file or folder")
     labels = None
     if target.suffix.lower() in READERS and not target.is_dir():
-        labels = labels_in(target, unit=options.unit, max_memory=options.max_memory)
+        labels = labels_in(target, unit=options.unit)
     if load is not None and (target.is_dir() or labels is not None):
         raise SettingError(
             f"{where}: has stored labels, to which a load cannot be given; view the mesh itself, "
@@ -245,7 +245,7 @@ def open_collection(
         return _single(target.name, opened, *settings)
     settings = _chosen(model, sampling)
     if any(isinstance(length, Measure) for one in settings for length in one.lengths().values()):
-        unit = options.unit or read_source(target, max_memory=options.max_memory).unit
+        unit = options.unit or read_source(target).unit
         settings = settings_in_unit(unit, *settings, source=target.name)
     check_search_settings(*settings)
     reader = partial(_open_mesh, target, (reach, *settings), options, load, force)
@@ -281,7 +281,7 @@ def _batch_collection(
     check_search_settings(*settings)
     cache, items = SubjectCache(), []
     for row in rows:
-        reader = partial(read_result, folder, row, options.max_memory, unit=options.unit)
+        reader = partial(read_result, folder, row, unit=options.unit)
         opened = partial(_open_stored, reader, lengths, (reach, *settings))
         items.append(Item(as_unicode(row.mesh), cache.cached(opened)))
     count = left_out + len(rows)
@@ -326,19 +326,18 @@ def settings_of_results(
     return None
 
 
-def read_result(folder: Path, row: Row, max_memory: float, *, unit: Unit | None = None) -> Subject:
+def read_result(folder: Path, row: Row, *, unit: Unit | None = None) -> Subject:
     """Read one mesh of a batch.
 
     Args:
         folder: Folder of the results.
         row: Row of the mesh.
-        max_memory: Memory limit for reading [GB].
         unit: Unit of a file that states none.
 
     Raises:
         MeshError: Its labelled PLY is missing or damaged.
     """
-    labels = read_labels(folder / row.labels, unit=unit, max_memory=max_memory)
+    labels = read_labels(folder / row.labels, unit=unit)
     subject = subject_of(labels, row.mesh)
     notes = (text for text in row.warnings.split("; ") if text)
     return replace(subject, notes=tuple(dict.fromkeys((*notes, *subject.notes))))

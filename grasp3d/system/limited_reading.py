@@ -1,0 +1,150 @@
+"""Reading of files in a child process, whose memory and time the operating system limits.
+
+The command line, the jobs of a batch and the viewer read so: damaged files crash libraries, or take
+all time and memory. In Python files are read without limits, in the process itself.
+"""
+
+import faulthandler
+import gc
+import multiprocessing
+import os
+import pickle
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
+from typing import Any, TypeVar
+
+from grasp3d.errors import FileUnreadError, GraspError
+from grasp3d.system.names import printable
+
+SECONDS = 30.0
+"""Time of a child process [s]."""
+
+MEMORY = 2e9
+"""Memory that a child process may take beside what it has when it begins [bytes]."""
+
+GRACE = 2.0
+"""Time after which a child process that its own alarm has not ended is killed [s]."""
+
+T = TypeVar("T")
+
+_is_limited = ContextVar("is_limited", default=False)
+_starting = threading.Lock()
+# A fork needs no second to import modules; elsewhere libraries of the system do not work in forks.
+_processes: Any = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
+
+
+@contextmanager
+def limited_reading() -> Iterator[None]:
+    """Let `read_file` read in child processes inside this context."""
+    token = _is_limited.set(True)
+    try:
+        yield
+    finally:
+        _is_limited.reset(token)
+
+
+def read_file(read: Callable[..., T], path: Path, *arguments: Any) -> T:
+    """Return what a function reads of a file, in a child process where reading is limited.
+
+    Args:
+        read: A function of a module, called with the path and the arguments.
+        path: The file.
+        arguments: Further ones.
+
+    Raises:
+        FileUnreadError: The child process crashed, or exceeded a limit.
+        Exception: What the function raises.
+    """
+    if not _is_limited.get():
+        return read(path, *arguments)
+    data, code = _answer(read, (path, *arguments))
+    if not data:
+        what = f"{path}: reading it {_failure(data, code)}; is it damaged?"
+        raise FileUnreadError(printable(what))
+    is_raised, value = pickle.loads(data)  # noqa: S301, from a child process of ours
+    if is_raised:
+        raise value
+    result: T = value
+    return result
+
+
+def _answer(read: Callable[..., object], arguments: tuple[Any, ...]) -> tuple[bytes | None, int]:
+    """The answer of a child process, None if there is none, and how it ended."""
+    with _starting:  # so that no other child process inherits this pipe, and keeps it open
+        answers, sender = _processes.Pipe(duplex=False)
+        process = _processes.Process(target=_serve, args=(sender, read, arguments), daemon=True)
+        process.start()
+        sender.close()
+    data = None
+    try:
+        if answers.poll(SECONDS + GRACE):
+            data = answers.recv_bytes()
+    except EOFError:
+        pass  # it ended before
+    finally:
+        process.kill()
+        process.join()
+        answers.close()
+    return data, process.exitcode
+
+
+def _failure(data: bytes | None, code: int) -> str:
+    """Why there is no answer, the end of a sentence."""
+    if data is not None:
+        return f"takes more than {MEMORY / 1e9:g} GB of memory"
+    if -code in {signal.SIGKILL, signal.SIGALRM}:
+        return f"takes more than {SECONDS:g} s, or more memory than the machine has"
+    return f"ended its process ({signal.strsignal(-code) if code < 0 else f'exit code {code}'})"
+
+
+def _serve(sender: Any, read: Callable[..., object], arguments: tuple[Any, ...]) -> None:
+    """Send whether a function raises, and what; nothing where it takes too much memory."""
+    gc.freeze()  # what the parent has made is not the child's to delete
+    _set_limits()
+    try:
+        answer = pickle.dumps((False, read(*arguments)), pickle.HIGHEST_PROTOCOL)
+    except MemoryError:
+        answer = b""
+    except Exception as error:  # noqa: BLE001, the parent raises it
+        answer = _pickled(error)
+    sender.send_bytes(answer)
+    os._exit(0)  # nothing of the parent's is to be ended
+
+
+def _pickled(error: Exception) -> bytes:
+    """An exception with its traceback; one that cannot be pickled becomes a RuntimeError."""
+    trace = "".join(traceback.format_exception(error))
+    try:
+        if not isinstance(error, GraspError):
+            error.add_note(trace)
+        data = pickle.dumps((True, error))
+        pickle.loads(data)  # noqa: S301, some exceptions pickle but do not unpickle
+    except Exception:  # noqa: BLE001, as above
+        return pickle.dumps((True, RuntimeError(trace)))
+    return data
+
+
+def _set_limits() -> None:
+    """Limit this process, print nothing, and end at an interrupt without a word."""
+    faulthandler.disable()
+    null = os.open(os.devnull, os.O_RDWR)
+    for descriptor in range(3):
+        os.dup2(null, descriptor)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if sys.platform != "win32":
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_REAL, SECONDS)
+    if sys.platform == "linux":
+        import resource
+
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[5])
+        hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+        limit = pages * resource.getpagesize() + int(MEMORY)
+        limit = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
+        resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
