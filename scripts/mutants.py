@@ -65,12 +65,6 @@ MUTANTS = (
         "test_critical_angle.py",
     ),
     Mutant(
-        "rolling without torque scale",
-        "axes[..., 4:, 3:] = rolling / torque_scale",
-        "axes[..., 4:, 3:] = rolling",
-        "test_invariances.py",
-    ),
-    Mutant(
         "cone edges with the tangent",
         "[np.cos(friction_angle), np.sin(friction_angle)]",
         "[np.cos(friction_angle), np.tan(friction_angle)]",

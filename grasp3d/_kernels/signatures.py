@@ -62,7 +62,7 @@ _fixed_b1 = _array(_b, 1, readonly=True)
 _fixed_i1, _fixed_i2 = (_array(_i, ndim, readonly=True) for ndim in range(1, 3))
 
 # Wrenches, epsilon and forces.
-_FORM, _FORCE_FORM = _tuple(None, _i, _b, _i, _b), _tuple(None, _i, _b, _i, _i)
+_FORM, _FORCE_FORM = _tuple(None, _i, _b, _i), _tuple(None, _i, _b, _i, _i)
 _GOAL = types.UniTuple(_f, 4)
 _WORKSPACE = typeof(wrench_problem.make_workspace(TOTAL, 2))
 _POLYTOPE = typeof(make_polytope(1))
@@ -142,7 +142,6 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
             _f2,
             _f,
             _GOAL,
-            _i,
             _b,
             _i,
             _i,

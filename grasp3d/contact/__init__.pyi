@@ -1,5 +1,4 @@
 from .contacts import Contacts as Contacts
-from .contacts import disc as disc
 from .friction_cones import effective_friction as effective_friction
 from .sensor import Sensor as Sensor
 from .sensor import required_counts as required_counts

@@ -1,25 +1,17 @@
-"""Contacts between fingers and an object: points, or patches about them.
-
-A fingertip touches an object on a patch. An ellipse stands for it, by its two semi-axes as vectors
-in the tangent plane of the contact, shape (2, 3).
-"""
+"""Point contacts between fingers and an object."""
 
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Bools, Floats, Ints, locked, short_repr
-from grasp3d.contact.friction_cones import tangents
 from grasp3d.errors import ContactError, GraspError, SettingError
 
 LARGEST = 1e100
 """Largest coordinate; the squares of larger ones could overflow."""
-
-OUT_OF_PLANE = 1e-6
-"""Component of a patch's semi-axes along the normal, relative to them, that is a rounding error."""
 
 NEARLY = 1e-5
 """Distance relative to the grasp's size from which contacts are clearly apart, or off a line."""
@@ -53,12 +45,6 @@ class Contacts:
     torsion_radius: Floats
     """Largest torsional moment about the normal per normal force [mesh unit], shape (..., n);
     0: a hard finger."""
-    patch: Floats | None
-    """Semi-axes of the elliptic patches in their tangent planes [mesh unit], shape (..., n, 2, 3).
-    None: points, which resist no rolling."""
-    rolling_arms: Floats | None = field(repr=False)
-    """Moments about a contact that a unit normal force has at the ends of the semi-axes, shape
-    (..., n, 2, 3) [mesh unit]. None: all contacts are points."""
 
     __repr__ = short_repr
 
@@ -68,7 +54,6 @@ class Contacts:
         normals: ArrayLike,
         friction: ArrayLike = 0.5,
         torsion_radius: ArrayLike = 0.0,
-        patch: ArrayLike | None = None,
     ) -> None:
         """Check and copy the arrays.
 
@@ -79,11 +64,6 @@ class Contacts:
             torsion_radius: Soft fingers: uniform pressure on a disc of radius r under Coulomb
                 friction resists a torsional moment of up to 2/3 friction r per normal force, so
                 give 2/3 * friction * r. One value, or shape (..., n).
-            patch: Semi-axes s_1, s_2 of the ellipses that the fingers touch, vectors orthogonal to
-                the normals, shape (..., n, 2, 3); 0 for points. The pressure may be centred
-                anywhere in the ellipse, so that a contact also resists rolling, by moments of up to
-                the normal force times the ellipse's extent. `disc` makes round ones. None: all
-                contacts are points.
 
         Raises:
             ContactError: Shapes that do not match, or values out of range.
@@ -109,10 +89,6 @@ class Contacts:
             object.__setattr__(
                 self, name, locked(of_shape(name, values, p.shape[:-1], ContactError))
             )
-        axes = _patches(patch, self.normals)
-        object.__setattr__(self, "patch", axes)
-        arms = None if axes is None else locked(np.cross(axes, self.normals[..., None, :]))
-        object.__setattr__(self, "rolling_arms", arms)
 
     @property
     def friction_angle(self) -> Floats:
@@ -121,42 +97,7 @@ class Contacts:
 
     def with_friction(self, friction: ArrayLike) -> "Contacts":
         """The same contacts with other friction coefficients: one value, or shape (..., n)."""
-        contacts = Contacts(self.points, self.normals, friction, self.torsion_radius)
-        return contacts._with_patches(self)
-
-    def with_normals(self, normals: Floats) -> "Contacts":
-        """The same contacts with other unit normals, patches staying where they are.
-
-        A force f inside a cone about the normal n' resists rolling by its component along n, the
-        normal of the patch. By no more than is sure for all these forces it then resists: by that
-        along n' times cos(a) - friction sin(a), a the angle between both normals.
-
-        Args:
-            normals: Shape (..., n, 3), or with further axes before n, (..., k, n, 3).
-        """
-        more = normals.ndim - self.normals.ndim
-
-        def repeated(values: Floats, rest: int) -> Floats:
-            axes = tuple(range(-1 - rest - more, -1 - rest))
-            wide = np.expand_dims(values, axes) if more else values
-            return np.broadcast_to(wide, (*normals.shape[:-1], *values.shape[values.ndim - rest :]))
-
-        friction = repeated(self.friction, 0)
-        contacts = Contacts(
-            repeated(self.points, 1), normals, friction, repeated(self.torsion_radius, 0)
-        )
-        contacts._with_patches(self, lambda values: repeated(values, 2))
-        if contacts.rolling_arms is not None:
-            cosine = (contacts.normals * repeated(self.normals, 1)).sum(axis=-1)
-            sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
-            sure = np.maximum(cosine - friction * sine, 0.0)
-            arms = locked(sure[..., None, None] * contacts.rolling_arms)
-            object.__setattr__(contacts, "rolling_arms", arms)
-        return contacts
-
-    def without_patches(self) -> "Contacts":
-        """The same contacts as points, with the torsion that they resist."""
-        return Contacts(self.points, self.normals, self.friction, self.torsion_radius)
+        return Contacts(self.points, self.normals, friction, self.torsion_radius)
 
     def of_size(self, points: Floats, size: Floats) -> "Contacts":
         """The same contacts at other points, with lengths divided by a size of each grasp, (...).
@@ -165,8 +106,7 @@ class Contacts:
             points: Shape (..., n, 3).
             size: Shape (...).
         """
-        other = Contacts(points, self.normals, self.friction, self.torsion_radius / size[..., None])
-        return other._with_patches(self, lambda values: values / size[..., None, None, None])
+        return Contacts(points, self.normals, self.friction, self.torsion_radius / size[..., None])
 
     def reshape(self, batch: tuple[int, ...]) -> "Contacts":
         """The same grasps in a batch of another shape, in which one number may be -1."""
@@ -176,22 +116,12 @@ class Contacts:
         """The chosen grasps along the first axis of the batch."""
         return self._each(lambda values, _: values[which])
 
-    def _with_patches(
-        self, other: "Contacts", change: Callable[[Floats], Floats] = np.asarray
-    ) -> "Contacts":
-        """Give contacts that were just made the patches of others, changed; returns them."""
-        for name in ("patch", "rolling_arms"):
-            values = getattr(other, name)
-            object.__setattr__(self, name, None if values is None else locked(change(values)))
-        return self
-
     def _each(self, change: Callable[[Floats, tuple[int, ...]], Floats]) -> "Contacts":
         """Apply `change(values, other axes)` to every field, to change the batch axes."""
         contacts = object.__new__(Contacts)
         for column in fields(self):
             values = getattr(self, column.name)
-            if values is not None:
-                values = locked(change(values, values.shape[len(self.batch) :]))
+            values = locked(change(values, values.shape[len(self.batch) :]))
             object.__setattr__(contacts, column.name, values)
         return contacts
 
@@ -204,27 +134,6 @@ class Contacts:
     def count(self) -> int:
         """Number of contacts of each grasp."""
         return int(self.points.shape[-2])
-
-
-def _patches(patch: ArrayLike | None, normals: Floats) -> Floats | None:
-    """Semi-axes of patches (..., n, 2, 3) in the tangent planes; None: all are points."""
-    if patch is None:
-        return None
-    axes = finite_numbers("patch", patch, most=LARGEST)
-    shape = (*normals.shape[:-1], 2, 3)
-    if axes.shape != shape:
-        raise ContactError(
-            f"patch must have shape {shape}, two semi-axes for each contact; got {axes.shape}"
-        )
-    along = np.abs((axes * normals[..., None, :]).sum(axis=-1)).max(axis=-1)
-    bad = along > OUT_OF_PLANE * np.abs(axes).max(axis=(-2, -1))
-    if bad.any():
-        where = tuple(int(i) for i in np.argwhere(bad)[0])
-        raise ContactError(
-            f"the semi-axes of the patch of contact {where} must be orthogonal to its normal; "
-            f"a component of {along[where]:g} is along it"
-        )
-    return locked(in_tangent_plane(axes, normals)) if axes.any() or not axes.size else None
 
 
 def finite_numbers(
@@ -352,44 +261,6 @@ def clearly_placed(points: Floats) -> Bools:
         longest = np.max([distance[:, i, j], distance[:, i, k], distance[:, j, k]], axis=0)
         clear &= (area <= ROUNDED * size * longest) | (area >= NEARLY * size * longest)
     return clear
-
-
-def disc(normals: ArrayLike, radius: ArrayLike) -> Floats:
-    """Semi-axes of round patches, as `Contacts` takes them.
-
-    Args:
-        normals: Normals of the contacts, shape (..., 3).
-        radius: [mesh unit], at least 0: one value, or shape (...).
-
-    Returns:
-        Shape (..., 2, 3).
-
-    Raises:
-        ContactError: A radius below 0 or that is not finite.
-
-    Example:
-        >>> import grasp3d
-        >>> from grasp3d.contact import disc
-        >>> points, normals = [[-1, 0, 0], [1, 0, 0]], [[1, 0, 0], [-1, 0, 0]]
-        >>> contacts = grasp3d.Contacts(points, normals, patch=disc(normals, 0.2))
-        >>> contacts.patch.shape
-        (2, 2, 3)
-    """
-    n, r = np.asarray(normals, dtype=np.float64), np.asarray(radius, dtype=np.float64)
-    if not ((r >= 0.0) & np.isfinite(r)).all():
-        raise ContactError(f"the radius of a patch must be finite and at least 0; got {r}")
-    lengths = np.linalg.norm(n, axis=-1, keepdims=True)
-    axes = np.stack(tangents(n / np.where(lengths > 0.0, lengths, 1.0)), axis=-2)
-    return np.asarray(axes * r[..., None, None])
-
-
-def in_tangent_plane(axes: Floats, normals: Floats) -> Floats:
-    """Vectors (..., 2, 3) without their components along unit normals (..., 3)."""
-    # Twice: one subtraction leaves rounding errors of vectors nearly along the normal.
-    for _ in range(2):
-        along = (axes * normals[..., None, :]).sum(axis=-1, keepdims=True)
-        axes = axes - along * normals[..., None, :]
-    return axes
 
 
 def evenly_pressed_radius(half_extents: Floats, area: Floats) -> Floats:

@@ -4,10 +4,8 @@ from .closure import Status as Status
 from .closure import force_closure as force_closure
 from .critical_angle import critical_friction_angle as critical_friction_angle
 from .ferrari_canny import Epsilon as Epsilon
-from .ferrari_canny import SmallestEpsilon as SmallestEpsilon
 from .ferrari_canny import epsilon as epsilon
 from .ferrari_canny import epsilon_of_wrenches as epsilon_of_wrenches
-from .ferrari_canny import smallest_epsilon as smallest_epsilon
 from .force_ranges import ForceRange as ForceRange
 from .force_ranges import force_range as force_range
 from .force_ranges import payload as payload

@@ -50,9 +50,8 @@ class Certificate:
         """Forces in equilibrium, computed when they are first read.
 
         If the grasp is force-closed, nonzero forces in equilibrium, each inside its friction cone,
-        shape (..., n, 4): force along x, y, z, and torsional moment about the normal [mesh unit];
-        of contacts with patches, shape (..., n, 6): force, and moment about the contact, along x,
-        y, z. For given wrenches their weights, shape (..., n). nan where not force-closed, where
+        shape (..., n, 4): force along x, y, z, and torsional moment about the normal [mesh unit].
+        For given wrenches their weights, shape (..., n). nan where not force-closed, where
         `cone_offset` makes cones of 90 degrees or more, and where closure is so narrow that only
         the hull proves it. Copies and pickles hold the forces.
         """
@@ -93,21 +92,16 @@ def forces_of_components(contacts: Contacts, components: Floats) -> Floats:
 
     Args:
         contacts: The contacts.
-        components: Shape (b, n, 4), or with patches (b, n, 6).
+        components: Shape (b, n, 4).
 
     Returns:
-        Forces and torsional moments, shape (b, n, 4); with patches forces and moments about the
-        contacts along x, y, z, shape (b, n, 6).
+        Forces and torsional moments, shape (b, n, 4).
     """
     normals = contacts.normals.reshape(*components.shape[:2], 3)
     axes = np.stack([normals, *tangents(normals)], axis=-2)  # (b, n, 3, 3)
     forces = (components[..., None, :3] @ axes)[..., 0, :]
     twist = components[..., 3] * contacts.torsion_radius.reshape(components.shape[:2])
-    moments = twist[..., None]
-    if contacts.rolling_arms is not None:
-        arms = contacts.rolling_arms.reshape(*normals.shape[:2], 2, 3)
-        moments = moments * normals + (components[..., None, 4:] @ arms)[..., 0, :]
-    return np.concatenate([forces, moments], axis=-1)
+    return np.concatenate([forces, twist[..., None]], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +132,7 @@ def force_closure(
     that for a torque scale of 1.
 
     Args:
-        contacts: The contacts; patches resist rolling, as for `epsilon`.
+        contacts: The contacts.
         edges: Edges of polygonal friction cones; None: circular cones.
         cone_offset: Angle added to the cones' half-angles [rad], one value or shape (..., n).
         phase: As in `epsilon`.

@@ -17,7 +17,6 @@ from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, angles_between, shaped
 from grasp3d.contact.contacts import Contacts, centred
 from grasp3d.errors import SettingError
 from grasp3d.quality.closure import Status
-from grasp3d.quality.patch_lines import best_line_angles
 from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.quality.wrenches import EpsilonOptions, span, wrench_axes
 
@@ -36,22 +35,18 @@ def critical_friction_angle(contacts: Contacts, *, tolerance: float = 1e-4) -> F
     1995); for more a direction that separates the grasp at some angle proves a lower bound, forces
     in equilibrium an upper one. Friction and torsion of the contacts do not matter.
 
-    Two contacts with patches balance along any line from one patch to the other, through a centre
-    of pressure in each: the angle is that of the best line.
-
     Args:
-        contacts: The contacts; with patches only two.
+        contacts: The contacts.
         tolerance: Three contacts and more: width of the bracket [rad]; its upper end is returned.
 
     Returns:
         Angles [rad], shape (...). Negative where the grasp is force-closed without friction, and
         remains so for tilts of the normals by as much (7 contacts and more). For two contacts up to
         pi; for more, pi/2 where the grasp is force-closed at no friction. inf for one contact,
-        where no forces are in equilibrium. For two contacts with patches at most 1e-5 too large,
-        and pi/2 where they are not smaller.
+        where no forces are in equilibrium.
 
     Raises:
-        SettingError: A tolerance that is not above 0, or three contacts or more with patches.
+        SettingError: A tolerance that is not above 0.
 
     Example:
         The second of two opposing fingers is beside the line of the first:
@@ -66,21 +61,10 @@ def critical_friction_angle(contacts: Contacts, *, tolerance: float = 1e-4) -> F
         raise SettingError(f"tolerance must be above 0; got {tolerance}")
     points = contacts.points.reshape(-1, contacts.count, 3)
     normals = contacts.normals.reshape(points.shape)
-    if contacts.patch is not None and contacts.count > 2:
-        raise SettingError(
-            f"the critical friction angle of {contacts.count} contacts is that of points, but "
-            "these have patches: give contacts.without_patches()"
-        )
     if contacts.count == 1:
         angles = np.full(len(points), math.inf)
     elif contacts.count == 2:
         angles = _of_pairs(points, normals)
-        if contacts.patch is not None:
-            patch = contacts.patch.reshape(-1, 2, 2, 3)
-            of_patches = patch.any(axis=(1, 2, 3))  # others are points
-            angles[of_patches] = best_line_angles(
-                points[of_patches], normals[of_patches], patch[of_patches], angles[of_patches]
-            )
     elif contacts.count == 3:
         angles = _of_triples(points, normals, tolerance)
     else:

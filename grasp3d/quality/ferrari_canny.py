@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from grasp3d._kernels.hull.wrench_problem import Results
-from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, shaped, short_repr
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, shaped, short_repr
 from grasp3d.contact.contacts import LARGEST, Contacts, finite_numbers
 from grasp3d.errors import ContactError
 from grasp3d.quality.closure import Certificate, Status, certificate_of, forces_of_components
@@ -40,27 +40,6 @@ class Epsilon:
     status: Bytes
     """`Status` codes, shape (...)."""
     certificate: Certificate
-
-    __repr__ = short_repr
-
-    @property
-    def value(self) -> Floats:
-        """The lower bound."""
-        return self.lower
-
-
-@dataclass(frozen=True, eq=False)
-class SmallestEpsilon:
-    """The smallest epsilon among candidates."""
-
-    lower: Floats
-    """Certified lower bound of the smallest, shape (...)."""
-    upper: Floats
-    """Certified upper bound, shape (...)."""
-    index: Ints
-    """Index of that candidate, shape (...)."""
-    status: Bytes
-    """`Status` codes, shape (...): the worst of those candidates that may be the smallest."""
 
     __repr__ = short_repr
 
@@ -177,51 +156,6 @@ def epsilon_of_wrenches(wrenches: ArrayLike) -> Epsilon:
         WrenchProblem.of_rows(flat), (0.0, 0.0, math.inf, 0.0),
         batch=batch, forces_of=lambda weights: weights[..., 0], polygonal=True,
     )  # fmt: skip
-
-
-def smallest_epsilon(
-    contacts: Contacts,
-    options: EpsilonOptions | None = None,
-    *,
-    cone_offset: ArrayLike = 0.0,
-    phase: float = 0.0,
-    bounded: Bounded = "force",
-) -> SmallestEpsilon:
-    """Smallest epsilon among candidates; bounds exclude most of them early.
-
-    Args:
-        contacts: Candidates along the last batch axis, shape (..., k, n, 3). They should have the
-            same rank: epsilons of different rank are not comparable.
-        options: Cones, actuation, torque scale, and accuracy; None: the defaults.
-        cone_offset: As in `epsilon`.
-        phase: As in `epsilon`.
-        bounded: As in `epsilon`.
-
-    Returns:
-        One value for each group of k candidates, shape (...).
-
-    Raises:
-        ContactError: The contacts are those of a single grasp.
-        SettingError: A setting outside its range.
-    """
-    if not contacts.batch or contacts.batch[-1] == 0:
-        raise ContactError(
-            "smallest_epsilon needs candidates along a batch axis: points (..., k, n, 3)"
-        )
-    options = options or EpsilonOptions()
-    problem = WrenchProblem.of_contacts(
-        contacts, options, cone_offset=cone_offset, phase=phase, bounded=bounded
-    )
-    results = problem.solve(options.goal, group=contacts.batch[-1], with_forces=False)
-    lower = certified(results, polygonal=options.polygonal).reshape(contacts.batch)
-    upper, status = (values.reshape(contacts.batch) for values in (results.upper, results.status))
-    candidates = lower <= upper.min(axis=-1, keepdims=True)
-    return SmallestEpsilon(
-        lower=locked(lower.min(axis=-1))[()],
-        upper=locked(upper.min(axis=-1))[()],
-        index=locked(upper.argmin(axis=-1))[()],
-        status=locked(np.where(candidates, status, 0).max(axis=-1))[()],
-    )
 
 
 def _solved(

@@ -14,13 +14,9 @@ normal of each contact lies anywhere within the tilt a = alpha/2 of the perceive
   normal away from any direction, so that the smallest support function over the tilts is that of
   the smaller cone. Of two soft fingers see `_kernels.forces.sure_forces`; more of them are taken as
   hard.
-* 'possible': forces and moments that it can apply at some of the normals, each at one of its own.
-  No tilt needs less. It holds the convex hull of the tilted cones and limit surfaces.
-
-A patch is held as by hard fingers at points of it, which share the bound of their forces: pressure
-may be centred anywhere in it, so that torsion and rolling follow from where it is. For 'sure' the
-points are on the patch's rim, for 'possible' at the corners of a polygon that contains it. That the
-normals of the points tilt independently only widens the range.
+* 'possible': forces that it can apply at some of the normals, and of a soft finger the moments that
+  it can, each by itself. No tilt needs less. It holds the convex hull of the tilted cones and limit
+  surfaces.
 """
 
 import math
@@ -43,7 +39,6 @@ from grasp3d._kernels.hull.wrench_problem import Workspace
 from grasp3d.arrays import ArrayLike, Floats, Ints
 from grasp3d.contact.contacts import Contacts, per_contact
 from grasp3d.contact.friction_cones import edge_angles, tangents
-from grasp3d.errors import SettingError
 from grasp3d.quality.closure import forces_of_components
 from grasp3d.quality.tasks import Task, Terms
 from grasp3d.quality.wrench_problem import WrenchProblem, part_of
@@ -63,44 +58,29 @@ LEVELS = 5
 CHUNK = 256
 """Grasps whose sure forces one thread computes at a time."""
 
-PATCH_POINTS = 8
-"""Points at which a patch is pressed."""
-
-
-def pressed_at_points(contacts: Contacts, side: Side) -> Contacts:
-    """Hard contacts at points of patches: `PATCH_POINTS` for each contact of a flat batch."""
-    assert contacts.patch is not None
-    angles = edge_angles(PATCH_POINTS)
-    corners = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    if side == "possible":
-        corners /= math.cos(math.pi / PATCH_POINTS)
-    points = contacts.points[..., None, :] + corners @ contacts.patch  # (b, n, k, 3)
-    normals = np.broadcast_to(contacts.normals[..., None, :], points.shape)
-    friction = np.repeat(contacts.friction, PATCH_POINTS, axis=-1)
-    shape = (*friction.shape, 3)
-    return Contacts(points.reshape(shape), normals.reshape(shape), friction)
+SENSES = np.array([[1.0, 1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, 1.0]])
+"""Factors of the axes of moments about a normal, for either sense."""
 
 
 def problem_over_tilts(
-    contacts: Contacts, tilts: Floats, side: Side, *, spherical: bool, offset: Floats, soft: bool
+    contacts: Contacts, tilts: Floats, side: Side, *, spherical: bool, each: bool
 ) -> WrenchProblem:
-    """The wrench spaces of a flat batch of contacts without patches.
+    """The wrench spaces of a flat batch of contacts.
 
     Args:
         contacts: The contacts, of a size of about 1.
         tilts: Largest tilts a [rad], shape (b, n).
         side: Which forces.
         spherical: Whether lengths of forces are bounded by 1, instead of normal components.
-        offset: Angles added to the half-angles of the cones, shape (b, n).
-        soft: Whether torsion counts for sure forces, which bounds the force of each contact.
+        each: Whether the force of each contact is bounded, instead of all together: then torsion
+            counts for sure forces.
     """
     points, normals, torsion = contacts.points, contacts.normals, contacts.torsion_radius
     any_soft = bool((torsion > 0.0).any())
-    angles = np.clip(contacts.friction_angle + offset, 0.0, None)
+    angles = contacts.friction_angle
     tilts = np.array(tilts, order="C")  # one that kernels are compiled for
-    turning = np.zeros((*tilts.shape, 2, 3))
     if side == "sure":
-        modes = LEVELS * MODES if any_soft and soft and contacts.count == 2 else 1
+        modes = LEVELS * MODES if any_soft and each and contacts.count == 2 else 1
         cones, moments = np.empty((*tilts.shape, modes * COLUMNS)), np.empty(points.shape)
         given = [read_only(one, one.shape) for one in (points, normals, torsion)]
         arrays = (*given, angles, tilts)
@@ -115,31 +95,36 @@ def problem_over_tilts(
         widest = np.minimum(angles + tilts, math.pi)
         turns = (turn(angle) for angle in (tilts, widest) for turn in (np.cos, np.sin))
         cones = np.stack([contacts.friction, *turns], axis=-1)
-        moments = torsion[..., None] * normals
-        tangential = angles + tilts > 0.0
-        # Moments about other axes than the given normal.
-        own = np.where(tilts > 0.0, torsion, 0.0)
-        turning = own[..., None, None] * np.stack(tangents(normals), axis=-2)
-    six = any_soft and side == "possible"
+        moments, tangential = np.zeros(points.shape), angles + tilts > 0.0
+        if any_soft:
+            # Moments about a normal are as forces of further contacts. Each of these is there
+            # twice, once for either sense, and so are the contacts: two always share a bound.
+            cosine, sine = np.cos(tilts), np.sin(tilts)
+            own = np.stack([np.zeros_like(tilts), cosine, sine, cosine, sine], axis=-1)
+            cones = np.concatenate([cones, own], axis=1).repeat(2, axis=1)
+            tangential = np.concatenate([tangential, tilts > 0.0], axis=1).repeat(2, axis=1)
 
     def wrenches_of(chunk: slice | Ints) -> Floats:
-        axes = wrench_axes(
-            points[chunk], normals[chunk], torsion[chunk], 1.0, turning[chunk] if six else None
-        )
+        axes = wrench_axes(points[chunk], normals[chunk], torsion[chunk], 1.0)
         axes[..., 3, 3:] = moments[chunk]
-        return axes
+        if cones.shape[1] == contacts.count:
+            return axes
+        turning = np.zeros_like(axes)
+        turning[..., :3, 3:] = torsion[chunk][..., None, None] * axes[..., :3, :3]
+        senses = np.tile(SENSES, (contacts.count, 1))[..., None]  # (2 n, 4, 1)
+        both = axes.repeat(2, axis=1), turning.repeat(2, axis=1) * senses
+        return np.concatenate(both, axis=1)
 
     return WrenchProblem(
         kind=PER_FINGER,
         size=len(points),
-        count=contacts.count,
+        count=cones.shape[1],
         wrenches_of=wrenches_of,
         tangential=tangential.astype(float),
         cones=cones,
         tilts_exceed_friction=np.zeros(len(points), dtype=np.bool_),
         spherical=spherical,
         soft=any_soft,
-        rolling=six,
     )
 
 
@@ -147,11 +132,10 @@ ForceBound = Literal["normal", "norm", "total"]
 """What of the contact forces is limited: the normal component of each, the length of each, or the
 sum of the normal components of all."""
 
-LimitSurface = Literal["none", "ellipse", "linear", "points"]
+LimitSurface = Literal["none", "ellipse", "linear"]
 """What soft fingers were taken to resist: nothing, for hard fingers; the elliptic limit surface of
-Howe & Cutkosky (IJRR 1996), for circular cones; for polygonal cones, the convex hull of the cone's
-edges and of the pure normal force with its torsional moment, as epsilon takes it; or, of patches,
-what hard fingers at points of them do (see above)."""
+Howe & Cutkosky (IJRR 1996), for circular cones; or, for polygonal cones, the convex hull of the
+cone's edges and of the pure normal force with its torsional moment, as epsilon takes it."""
 
 
 EDGES = 64
@@ -186,7 +170,7 @@ class ForceProblem:
     group: int = 1
     """As in `WrenchSpace`."""
     plain: bool = False
-    """Whether contacts are points with circular cones of their own angles and normals."""
+    """Whether contacts have circular cones of their own angles and normals."""
 
     @classmethod
     def of_contacts(
@@ -209,12 +193,6 @@ class ForceProblem:
             cone_offset: As in `grip_force`.
         """
         check_choice("bound", bound, ForceBound)
-        if contacts.patch is not None:
-            if edges is not None:
-                raise SettingError(
-                    "grip forces of contacts with patches have circular cones: leave edges out"
-                )
-            return cls.over_tilts(contacts, 0.0, "sure", bound=bound, cone_offset=cone_offset)
         sizes = _sizes(contacts)
         problem = WrenchProblem.of_contacts(
             contacts.of_size(contacts.points / sizes[..., None, None], sizes),
@@ -239,7 +217,6 @@ class ForceProblem:
         side: Side,
         *,
         bound: ForceBound,
-        cone_offset: ArrayLike = 0.0,
         group: int = 1,
     ) -> "ForceProblem":
         """The problem of the forces that contacts surely, or possibly, apply.
@@ -249,25 +226,18 @@ class ForceProblem:
             tilt: Largest tilts [rad], one value or shape (..., n).
             side: Which of the two sets of forces.
             bound: As in `grip_force`.
-            cone_offset: As in `grip_force`.
             group: As in `payload`.
         """
         sizes = _sizes(contacts)
         flat = contacts.of_size(contacts.points / sizes[..., None, None], sizes).reshape((-1,))
-        tilts, offset = (
-            per_contact(name, value, contacts).reshape(flat.friction.shape)
-            for name, value in (("tilt", tilt), ("cone_offset", cone_offset))
-        )
+        tilts = per_contact("tilt", tilt, contacts).reshape(flat.friction.shape)
         surface: LimitSurface = "ellipse" if (flat.torsion_radius > 0.0).any() else "none"
-        if group > 1:
-            surface = "points"
-        if flat.patch is not None:
-            flat, group, surface = pressed_at_points(flat, side), PATCH_POINTS, "points"
-            tilts, offset = (np.repeat(one, group, axis=1) for one in (tilts, offset))
         problem = problem_over_tilts(
-            flat, tilts, side, spherical=bound == "norm", offset=offset, soft=bound != "total"
+            flat, tilts, side, spherical=bound == "norm", each=bound != "total"
         )
         group = flat.count if bound == "total" else group
+        if problem.count > flat.count:
+            group *= 2
         code = SURFACES[side]
         return cls(problem, contacts, sizes.reshape(-1), surface, bound, code, group)
 
@@ -302,7 +272,7 @@ class ForceProblem:
                 part_of(results, chunk),
             )  # fmt: skip
 
-        problem.in_chunks(evaluate, 1)
+        problem.in_chunks(evaluate)
         unfinished = np.flatnonzero(results.status == kernels.UNFINISHED)
         results.reason[unfinished] = kernels.NOT_RESISTED
         if certified and self.torsion not in SURFACES.values():
@@ -311,16 +281,8 @@ class ForceProblem:
         return results
 
     def in_contact_frame(self, components: Floats) -> Floats:
-        """Contact forces as of `ForceCertificate` from components along axes (b, n, 4 or 6)."""
-        if self.contacts.patch is None:
-            return forces_of_components(self.contacts, components)
-        contacts = self.contacts.reshape((-1,))
-        points = pressed_at_points(contacts, "sure")
-        forces = forces_of_components(points, components)[..., :3]  # (b, n k, 3)
-        forces = forces.reshape(len(forces), contacts.count, PATCH_POINTS, 3)
-        arms = points.points.reshape(forces.shape) - contacts.points[..., None, :]
-        moments = np.cross(arms, forces).sum(axis=-2)
-        return np.concatenate([forces.sum(axis=-2), moments], axis=-1)
+        """Contact forces as of `ForceCertificate` from components along axes (b, n, 4)."""
+        return forces_of_components(self.contacts, components[:, : self.contacts.count])
 
     def of_terms(
         self, terms: Terms, masses: Floats, rtol: float, *, small: bool = False
@@ -332,7 +294,7 @@ class ForceProblem:
 
         def evaluate(chunk: slice, workspace: Workspace) -> None:
             axes, part = problem.wrenches_of(chunk), part_of(results, chunk)
-            scratch = kernels.make_scratch(len(terms.rows), problem.count, problem.axes)
+            scratch = kernels.make_scratch(len(terms.rows), problem.count)
             problem.with_polytope(
                 len(axes),
                 lambda first, polytope: kernels.task_forces(
@@ -343,7 +305,7 @@ class ForceProblem:
                 small=small,
             )  # fmt: skip
 
-        problem.in_chunks(evaluate, 1)
+        problem.in_chunks(evaluate)
         return results
 
     def _decide(self, grasps: Ints, wrenches: Floats, results: ForceResults) -> Ints:

@@ -68,8 +68,8 @@ def force_range(
         task: As in `grip_force`.
         tilt: Largest angle a between true and given normals [rad], from 0 to below pi/2: one value,
             or shape (..., n).
-        bound: As in `grip_force`. With 'norm' the largest force of hard fingers and of patches is
-            exact, where no tilt exceeds a contact's friction angle; otherwise it is a safe bound.
+        bound: As in `grip_force`. With 'norm' the largest force of hard fingers is exact, where no
+            tilt exceeds a contact's friction angle; otherwise it is a safe bound.
         masses: As in `grip_force`.
         rtol: As in `grip_force`.
 
@@ -110,7 +110,7 @@ def force_range(
         values[:, rows] = nominal.upper, np.minimum(least, nominal.upper), largest
         resistance[rows] = nominal.reason
         report_progress(min(1.0, (first + CHUNK) / len(tilts)))
-    soft = bool((flat.torsion_radius > 0.0).any()) and flat.patch is None
+    soft = bool((flat.torsion_radius > 0.0).any())
     within = bool((tilts <= flat.friction_angle).all())
     how: Certainty = "exact" if bound == "norm" and within and not soft else "bound"
     if not tilts.any():

@@ -98,11 +98,8 @@ class OpposedForces:
 
 
 def are_opposed(contacts: Contacts) -> Bools:
-    """Whether grasps of a flat batch are two points that push toward each other, (b,).
-
-    Patches divide the torques across the line in many ways, for which there is no closed form.
-    """
-    if contacts.count != 2 or contacts.patch is not None:
+    """Whether grasps of a flat batch are two fingers that push toward each other, (b,)."""
+    if contacts.count != 2:
         return np.zeros(len(contacts.points), dtype=np.bool_)
     line, length = _line(contacts)
     first, second = contacts.normals[:, 0], contacts.normals[:, 1]

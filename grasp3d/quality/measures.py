@@ -64,7 +64,7 @@ def metrics(
         Values by name, of the batch's shape each; nan where a measure is undefined.
 
     Raises:
-        SettingError: An unknown name, a setting outside its range, or contacts with patches.
+        SettingError: An unknown name, or a setting outside its range.
 
     Example:
         Three fingers around a disc of radius 1, at 120 degrees from each other:
@@ -79,11 +79,6 @@ def metrics(
         >>> {name: round(float(found[name]), 3) for name in found}
         {'grasp_isotropy': 0.707, 'min_weight': 0.042, 'epsilon_linf': 0.6}
     """
-    if contacts.patch is not None:
-        raise SettingError(
-            "the measures of the literature are those of point contacts; give "
-            "contacts.without_patches()"
-        )
     keys = metric_names(names)
     check_torque_scale(torque_scale)
     batch = contacts.batch

@@ -38,19 +38,18 @@ NOT_BELOW = 1e-5
 """Angle below 90 degrees within which no friction angle is found [rad]."""
 
 
-def best_line_angles(points: Floats, normals: Floats, axes: Floats, known: Floats) -> Floats:
+def best_line_angles(points: Floats, normals: Floats, patch: Floats, known: Floats) -> Floats:
     """Critical friction angles of two elliptic patches: those of the best line between them.
 
     Args:
         points: Middles of the patches, shape (b, 2, 3).
         normals: Inward unit normals, shape (b, 2, 3).
-        axes: Semi-axes, which are projected onto the tangent planes, shape (b, 2, 2, 3).
+        patch: Semi-axes, shape (b, 2, 2, 3).
         known: The angles of point contacts [rad], which these do not exceed, shape (b,).
 
     Returns:
         Angles [rad], shape (b,), at most 1e-5 too large; at most pi/2 but of points.
     """
-    patch = axes - (axes * normals[:, :, None]).sum(axis=-1, keepdims=True) * normals[:, :, None]
     line = points[:, 1] - points[:, 0]
     first, second = normals[:, 0], -normals[:, 1]
     middle = 0.5 * angles_between(first, second)

@@ -19,20 +19,17 @@ by epsilon, and depends neither on the centre of mass nor on a torque scale.
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from grasp3d._kernels.hull.support_functions import TOTAL
 from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, angles_between, locked, short_repr
 from grasp3d.contact.contacts import Contacts, per_contact, tilts_of
-from grasp3d.contact.friction_cones import tilted_normals
 from grasp3d.errors import SettingError
-from grasp3d.quality.ferrari_canny import epsilon_with, smallest_epsilon
+from grasp3d.quality.ferrari_canny import epsilon_with
 from grasp3d.quality.force_problem import ForceProblem
 from grasp3d.quality.tasks import Ellipsoid
-from grasp3d.quality.wrench_problem import WrenchProblem
-from grasp3d.quality.wrenches import EpsilonOptions, wrench_axes
+from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import GraspModel
 from grasp3d.system.context import report_progress, unreported, within
 
@@ -47,9 +44,6 @@ LARGEST_RATIO = 1e3
 
 FULL_RANK = 6
 """Dimension of all wrenches."""
-
-MAX_SAMPLED_FINGERS = 5
-"""Most soft fingers whose tilts are sampled: 9 normals each, in all combinations."""
 
 COLLINEAR = 1e-9
 """Width of contacts on a line, relative to its length."""
@@ -95,19 +89,13 @@ def epsilon_range(
     * hard fingers with polygonal cones: epsilon of polygons of the effective friction, half-angle
       beta - a, as in the paper. A tilted polygon does not contain that polygon exactly, so epsilon
       at some tilt may be slightly smaller;
-    * hard fingers with patches: exact as well, as the cones tilt and the patches, which are touched
-      wherever the normals point, do not;
-    * soft fingers: the smallest among sampled tilts, the given normal and 8 at the angle a around
-      it, in all combinations of the contacts. Torsion turns with the normal, so that no such
-      formula holds, and epsilon at tilts between the samples may be smaller. Patches do not turn,
-      and resist rolling as far as is sure (`Contacts.with_normals`).
+    * soft fingers: a bound where normals may tilt. Torsion turns with the normal, so that no such
+      formula holds. Three and more have at least the epsilon of hard fingers at beta - a; nothing
+      is known of two, which resist no torque about their line as hard fingers: 0.
 
-    The maximum of hard fingers is at most epsilon of circular cones at beta + a. That of soft
-    fingers is at most epsilon of the wrenches that are possible at any of their normals: forces in
-    circular cones at beta + a, and forces in cones of half-angle a, each with the torsional moment
-    along itself in either sense. With actuation 'per_finger' it is at most the number of fingers
-    times that bound for 'total', since a sum of n support functions is at most n times the largest
-    of them.
+    The maximum of hard fingers is at most epsilon of circular cones at beta + a. Torsion adds at
+    most its moment for a unit force: the largest of all fingers, or with actuation 'per_finger' the
+    sum of them.
 
     Args:
         contacts: The contacts.
@@ -118,7 +106,7 @@ def epsilon_range(
             `options.rtol`.
 
     Raises:
-        SettingError: A setting outside its range, friction 0, or too many soft fingers.
+        SettingError: A setting outside its range, or friction 0.
     """
     tilts = tilts_of(tilt, contacts)
     options = options or EpsilonOptions()
@@ -127,106 +115,48 @@ def epsilon_range(
     if ((tilts > 0.0) & (contacts.friction.reshape(tilts.shape) == 0.0)).any():
         raise SettingError("friction must be above 0 where normals may tilt")
     soft = (contacts.torsion_radius > 0.0).any(axis=-1).reshape(-1)
-    tilted = bool(tilts.any())
-    if tilted and soft.any() and contacts.count > MAX_SAMPLED_FINGERS:
-        raise SettingError(
-            f"tilts of soft fingers are sampled, for at most {MAX_SAMPLED_FINGERS} of them; "
-            f"got {contacts.count}"
-        )
+    bounded = soft & tilts.any(axis=1)
     values, count = np.empty((3, len(soft))), 0
     flat = contacts.reshape((-1,))
-    for rows in _chunks(contacts.count, soft, tilted=tilted):
+    for rows in _chunks(soft.astype(np.int64) + bounded):
         chunk, angles = flat.take(rows), tilts[rows]
-        nominal = epsilon_with(chunk, options).lower
-        minimum = np.minimum(_minimum(chunk, angles, options, nominal), nominal)
-        maximum = (_maximum_soft if soft[rows[0]] else _maximum_hard)(chunk, angles, bound)
+        nominal = minimum = epsilon_with(chunk, options).lower
+        hard, torsion = chunk, np.zeros(len(rows))
+        if bounded[rows[0]]:
+            hard, torsion = _hard(chunk), _torsion(chunk, options)
+        if angles.any():
+            least = epsilon_with(hard, options, cone_offset=-angles)
+            unknown = bounded[rows] & (least.rank < FULL_RANK)
+            minimum = np.where(unknown, 0.0, np.minimum(least.lower, nominal))
+        maximum = epsilon_with(hard, bound, cone_offset=angles).upper + torsion
         values[:, rows] = nominal, minimum, maximum
         count += len(rows)
         report_progress(count / len(soft))
     return EpsilonRange(*(locked(row.reshape(contacts.batch))[()] for row in values))
 
 
-def _chunks(count: int, soft: Bools, *, tilted: bool) -> Iterator[Ints]:
-    """Indices of hard grasps, then of soft ones, as many at a time as fit with their tilts."""
-    for kind in (False, True):
-        chosen = np.flatnonzero(soft == kind)
-        step = max(1, CHUNK // len(_combinations(count))) if kind and tilted else CHUNK
-        for start in range(0, len(chosen), step):
-            yield chosen[start : start + step]
+def _chunks(kinds: Ints) -> Iterator[Ints]:
+    """Indices of grasps of one kind after the other, as many at a time as fit."""
+    for kind in np.unique(kinds):
+        chosen = np.flatnonzero(kinds == kind)
+        for start in range(0, len(chosen), CHUNK):
+            yield chosen[start : start + CHUNK]
 
 
-def _minimum(contacts: Contacts, tilt: Floats, options: EpsilonOptions, nominal: Floats) -> Floats:
-    """Smallest epsilon over all tilts, shape (b,); see `epsilon_range`."""
-    if not tilt.any():
-        return nominal
-    if (contacts.torsion_radius > 0.0).any():
-        return smallest_epsilon(_tilted(contacts, tilt), options).lower
-    return epsilon_with(contacts, options, cone_offset=-tilt).lower
+def _hard(contacts: Contacts) -> Contacts:
+    """The contacts as hard fingers."""
+    return Contacts(contacts.points, contacts.normals, contacts.friction)
 
 
-def _combinations(count: int) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Indices of the normals in every combination of sampled tilts, shape (k ** n, n)."""
-    sampled = tilted_normals(np.array([0.0, 0.0, 1.0]), 0.0).shape[0]
-    return np.indices((sampled,) * count).reshape(count, -1).T
-
-
-def _tilted(contacts: Contacts, tilt: Floats) -> Contacts:
-    """Every grasp (b,) with every combination of sampled tilts, batch (b, k ** n)."""
-    sampled = tilted_normals(contacts.normals, tilt)  # (b, n, k, 3)
-    choice = _combinations(contacts.count)
-    normals = sampled[:, np.arange(contacts.count), choice]  # (b, k ** n, n, 3)
-    return contacts.with_normals(normals)
-
-
-def _maximum_hard(contacts: Contacts, tilt: Floats, options: EpsilonOptions) -> Floats:
-    """Upper bound on epsilon of hard fingers over all tilts, shape (b,)."""
-    bound = epsilon_with(contacts, options, cone_offset=tilt).upper
-    if contacts.patch is None:
-        return bound
-    # Rolling is resisted by forces that press: those of cones from 90 degrees on need not.
-    wide = (contacts.friction_angle + tilt >= math.pi / 2.0).any(axis=-1)
-    return np.where(wide, _largest_force(contacts, options), bound)
+def _torsion(contacts: Contacts, options: EpsilonOptions) -> Floats:
+    """The largest torsional moments of unit forces, as lengths of wrenches, shape (b,)."""
+    moments = contacts.torsion_radius / options.torque_scale
+    return np.asarray(moments.max(axis=1) if options.actuation == "total" else moments.sum(axis=1))
 
 
 def _largest_force(contacts: Contacts, options: EpsilonOptions) -> float:
     """Size of the forces of a grasp wrench space, which no epsilon exceeds."""
     return 1.0 if options.actuation == "total" else float(contacts.count)
-
-
-def _maximum_soft(contacts: Contacts, tilt: Floats, options: EpsilonOptions) -> Floats:
-    """Upper bound on epsilon of soft fingers over all tilts, shape (b,).
-
-    Each contact is represented three times: by its forces, and by its normals n as wrenches of
-    force n and moment +e n or -e n, e its torsion radius. All three are circular cones, and the
-    support function of each is exactly the largest over all tilts. Patches add at most the moment
-    of a unit force at the end of their longest semi-axis, in any direction.
-    """
-    size, count = len(contacts.points), contacts.count
-    hard = wrench_axes(
-        contacts.points, contacts.normals, np.zeros((size, count)), options.torque_scale
-    )  # (b, n, 4, 6)
-    axes = np.tile(hard, (1, 3, 1, 1))  # (b, 3 n, 4, 6)
-    moments = hard[..., :3] * (contacts.torsion_radius / options.torque_scale)[..., None, None]
-    axes[:, count : 2 * count, :, 3:] += moments
-    axes[:, 2 * count :, :, 3:] -= moments
-    widest = np.minimum(contacts.friction_angle + tilt, math.pi)
-    angles = np.concatenate([widest, np.tile(tilt, 2)], axis=1)
-    problem = WrenchProblem(
-        kind=TOTAL,
-        size=size,
-        count=3 * count,
-        wrenches_of=lambda chunk: np.ascontiguousarray(axes[chunk]),
-        tangential=np.sin(np.minimum(angles, math.pi / 2.0)),
-        cones=np.stack([np.cos(angles), np.sin(angles)], axis=-1),
-        tilts_exceed_friction=np.zeros(size, dtype=np.bool_),
-    )
-    results = problem.solve(options.goal, with_forces=False)
-    bound, longest = results.upper, _largest_force(contacts, options)
-    if contacts.patch is not None:
-        arms = np.linalg.norm(contacts.patch, ord=2, axis=(-2, -1)).max(axis=-1)
-        rolling = bound + arms / options.torque_scale
-        bound = np.where(results.rank == FULL_RANK, np.minimum(rolling, 1.0), 1.0)
-    return longest * bound
 
 
 @dataclass(frozen=True)
@@ -316,11 +246,6 @@ def _of_locations(
     contacts: Contacts, location: tuple[float, ...], options: EpsilonOptions
 ) -> tuple[Floats, Floats]:
     """(change of epsilon, cosine of the turn of the span), shape (b,) each."""
-    if contacts.patch is not None:
-        raise SettingError(
-            "contacts with patches have no bounds for uncertain locations: give a location_error "
-            "of 0, or point contacts"
-        )
     scale = np.broadcast_to(np.asarray(options.torque_scale), contacts.batch)
     total = max(location) if options.actuation == "total" else sum(location)
     change = total / scale
@@ -405,7 +330,7 @@ def location_tolerance(
     by asin(2 d / opening). For three and more it is safe: the grasp may tolerate more.
 
     Args:
-        contacts: Point contacts; torsion does not matter.
+        contacts: The contacts; torsion does not matter.
         relative_errors: Location errors of the contacts relative to each other, at least 0, the
             largest 1: one value or shape (..., n).
         cone_offset: Angle added to the cones' half-angles [rad], one value or shape (..., n).
@@ -417,7 +342,7 @@ def location_tolerance(
         force-closed at the perceived positions.
 
     Raises:
-        SettingError: A setting outside its range, or contacts with patches.
+        SettingError: A setting outside its range.
 
     Example:
         Three fingers around a disc of radius 30 mm tolerate that much:
@@ -431,10 +356,6 @@ def location_tolerance(
         >>> print(f"{location_tolerance(contacts):.1f} mm")
         8.3 mm
     """
-    if contacts.patch is not None:
-        raise SettingError(
-            "the location tolerance is that of point contacts; give contacts.without_patches()"
-        )
     relative = per_contact("relative errors", relative_errors, contacts)
     valid = (relative >= 0.0).all() and abs(relative.max(initial=0.0) - 1.0) <= 1e-9
     if relative.size and not valid:

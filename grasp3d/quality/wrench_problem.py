@@ -77,8 +77,8 @@ class WrenchProblem:
     count: int
     """Number of contacts, or of rows, of each grasp."""
     wrenches_of: Callable[[slice | Ints], Floats]
-    """Axes of the contacts, or rows, of some of the grasps: (b, n, 4, 6), with patches
-    (b, n, 6, 6), or (b, n, 1, 6)."""
+    """Axes of the contacts, or rows, of some of the grasps: (b, n, 4, 6) or
+    (b, n, 1, 6)."""
     tangential: Floats
     """Factor of the tangential axes in the span of the wrenches: 0 without friction (b, n)."""
     cones: Floats
@@ -92,8 +92,6 @@ class WrenchProblem:
     """Whether a force's length is bounded, rather than its normal component."""
     soft: bool = False
     """Whether any finger resists torsion."""
-    rolling: bool = False
-    """Whether any finger resists rolling, so that contacts have six axes."""
     points: Floats | None = None
     """Contact points (b, n, 3), which distinguish nearly coinciding contacts from coinciding ones.
     None: the wrenches are taken as they are."""
@@ -136,8 +134,6 @@ class WrenchProblem:
         points = contacts.points.reshape(-1, contacts.count, 3)
         normals = contacts.normals.reshape(points.shape)
         torsion = contacts.torsion_radius.reshape(points.shape[:-1])
-        arms = contacts.rolling_arms
-        arms = None if arms is None else arms.reshape(-1, contacts.count, 2, 3)
         cones = cone_parts(angles, bounded)
         tangential = cones[..., 1]
         if offset.any():
@@ -147,15 +143,10 @@ class WrenchProblem:
             kind=TOTAL if options.actuation == "total" else PER_FINGER,
             spherical=bounded == "force",
             soft=bool((contacts.torsion_radius > 0.0).any()),
-            rolling=arms is not None,
             size=len(points),
             count=contacts.count,
             wrenches_of=lambda chunk: wrench_axes(
-                points[chunk],
-                normals[chunk],
-                torsion[chunk],
-                options.torque_scale,
-                None if arms is None else arms[chunk],
+                points[chunk], normals[chunk], torsion[chunk], options.torque_scale
             ),
             tangential=np.ascontiguousarray(tangential.reshape(-1, contacts.count)),
             cones=cones.reshape(-1, contacts.count, 2),
@@ -163,11 +154,6 @@ class WrenchProblem:
             tilts_exceed_friction=(contacts.friction_angle + offset < 0.0).any(axis=-1).reshape(-1),
             points=points,
         )
-
-    @property
-    def axes(self) -> int:
-        """Number of components of a contact's force along its axes; of rows only one counts."""
-        return 6 if self.rolling else 4
 
     def take(self, grasps: Ints) -> "WrenchProblem":
         """The problem of chosen grasps (g,), in their order."""
@@ -197,18 +183,17 @@ class WrenchProblem:
             cones=np.ascontiguousarray(np.broadcast_to(cones, (self.size, self.count, 2))),
         )
 
-    def solve(self, goal: Goal, *, group: int = 1, with_forces: bool = True) -> Results:
+    def solve(self, goal: Goal, *, with_forces: bool = True) -> Results:
         """Epsilon, force closure and certificates of every grasp.
 
         Args:
             goal: When a hull need not be grown further.
-            group: Number of consecutive grasps of which only the smallest epsilon is needed.
             with_forces: Whether equilibrium forces are computed.
 
         Raises:
             SettingError: Fewer than one thread.
         """
-        results = self._grown(goal, group=group, with_forces=with_forces)
+        results = self._grown(goal, with_forces=with_forces)
         # Cones of 90 degrees or more are not convex: sums of forces inside them may lie outside.
         convex = (self.cones[..., 0] > 0.0).all(axis=-1)
         results.forces[~convex] = math.nan
@@ -230,28 +215,28 @@ class WrenchProblem:
         return results
 
     @property
-    def _form(self) -> tuple[int, bool, int, bool]:
-        """Kind, boundedness, limit surface and rolling, as `WrenchSpace` takes them."""
-        return self.kind, self.spherical, LINEAR if self.soft else NO_TORSION, self.rolling
+    def _form(self) -> tuple[int, bool, int]:
+        """Kind, boundedness and limit surface, as `WrenchSpace` takes them."""
+        return self.kind, self.spherical, LINEAR if self.soft else NO_TORSION
 
-    def _grown(self, goal: Goal, *, group: int, with_forces: bool) -> Results:
+    def _grown(self, goal: Goal, *, with_forces: bool) -> Results:
         """Results before their proofs are examined; see `solve`."""
         results = self.unwritten(Results)
         if not self.is_pairs(goal):
-            self.grow_hulls(results, goal, group, with_forces=with_forces)
+            self.grow_hulls(results, goal, with_forces=with_forces)
             return results
         left = np.flatnonzero(self.solve_pairs(results, goal))
         if len(left):
             others = self.take(left)
             hulls = others.unwritten(Results)
-            others.grow_hulls(hulls, goal, 1, with_forces=with_forces)
+            others.grow_hulls(hulls, goal, with_forces=with_forces)
             for name in Results._fields:
                 getattr(results, name)[left] = getattr(hulls, name)
         return results
 
     def is_pairs(self, goal: Goal) -> bool:
         """Whether epsilon is that of two hard fingers with circular cones, within a tolerance."""
-        plain = self.kind != ROWS and not (len(self.rim) or self.soft or self.rolling)
+        plain = self.kind != ROWS and not (len(self.rim) or self.soft)
         return plain and self.count == 2 and goal[0] > 0.0 and goal[2:] == (math.inf, 0.0)
 
     def balanced_forces(self, closed: Bools, goal: Goal) -> Floats:
@@ -266,7 +251,7 @@ class WrenchProblem:
         Returns:
             Shape (b, n, 4 or 6); nan for other grasps, and where no forces prove closure.
         """
-        forces = np.full((self.size, self.count, self.axes), math.nan)
+        forces = np.full((self.size, self.count, 4), math.nan)
         balanced = closed & (self.cones[..., 0] > 0.0).all(axis=-1)  # see `solve`
         goals = (goal, SIGN) if self.is_pairs(goal) else (SIGN, goal)  # pairs need no hull
         for each in dict.fromkeys(goals):
@@ -285,7 +270,7 @@ class WrenchProblem:
                 goal[0], make_pair_scratch(), part_of(results, chunk), left[chunk],
             )  # fmt: skip
 
-        self.in_chunks(evaluate, 1)
+        self.in_chunks(evaluate)
         return left
 
     def narrow(self, bracket: Bracket) -> None:
@@ -294,13 +279,12 @@ class WrenchProblem:
         Args:
             bracket: An interval of each grasp; written, as the cones are.
         """
-        self.grow_hulls(self.unwritten(Results), SIGN, 1, with_forces=True, bracket=bracket)
+        self.grow_hulls(self.unwritten(Results), SIGN, with_forces=True, bracket=bracket)
 
     def grow_hulls(
         self,
         results: Results,
         goal: Goal,
-        group: int,
         *,
         with_forces: bool,
         bracket: Bracket | None = None,
@@ -312,7 +296,7 @@ class WrenchProblem:
             intervals = no_bracket() if bracket is None else part_of(bracket, chunk)
             settings = (
                 self._form, wrenches, self.tangential[chunk], self.cones[chunk], self.rim,
-                self.rank_tolerance, goal, group, with_forces,
+                self.rank_tolerance, goal, with_forces,
             )  # fmt: skip
 
             def run(first: int, polytope: Polytope) -> int:
@@ -326,8 +310,8 @@ class WrenchProblem:
             self.with_polytope(len(wrenches), run)
 
         # Two hard fingers have no torque about their line: loops for rank 6 alone are of no use.
-        thin = self.kind != ROWS and self.count == 2 and not (self.soft or self.rolling)
-        self.in_chunks(evaluate, group)
+        thin = self.kind != ROWS and self.count == 2 and not self.soft
+        self.in_chunks(evaluate)
 
     def _clearly_placed(self, grasps: Ints) -> Bools:
         """Whether contacts of chosen grasps are at one point, or on one line, exactly or not."""
@@ -341,7 +325,7 @@ class WrenchProblem:
         Contacts nearly on a line span a sixth dimension that the rank leaves out as too thin, but
         in which forces must balance as well. Force closure counts where it holds in both.
         """
-        if self.soft or self.rolling or not grasps.size:
+        if self.soft or not grasps.size:
             return np.ones(len(grasps), dtype=np.bool_)
         closed = self._clearly_placed(grasps)
         doubtful = np.flatnonzero(~closed)
@@ -378,8 +362,6 @@ class WrenchProblem:
             components = np.stack(
                 [normals, first, second, np.zeros_like(normals)], axis=-1
             )  # (n, m, 4)
-            if self.rolling:
-                components = _in_patches(components, angles)
         rows = components @ axes  # (n, m, 6)
         size = np.abs(rows).max(axis=(0, 1), initial=TINIEST)
         balance = -axes[:, 0].sum(axis=0)
@@ -390,7 +372,7 @@ class WrenchProblem:
         forces[:, 0] += 1.0
         slack = verify(
             self._form, wrenches, self.tangential[g], cones, self.rim,
-            self.rank_tolerance, make_workspace(self.kind, self.count, self.rolling),
+            self.rank_tolerance, make_workspace(self.kind, self.count),
             np.zeros((SCRATCH_ROWS, 8)), forces,
         )  # fmt: skip
         return (forces if slack < LARGEST_SLACK else np.full_like(forces, math.nan)), float(slack)
@@ -403,7 +385,7 @@ class WrenchProblem:
             "reason": np.zeros(self.size, dtype=np.uint8),
             "closed": np.zeros(self.size, dtype=np.bool_),
             "direction": np.zeros((self.size, 6)),
-            "forces": np.full((self.size, self.count, self.axes), math.nan),
+            "forces": np.full((self.size, self.count, 4), math.nan),
             "slack": np.full(self.size, math.inf),
         }
         names: tuple[str, ...] = kind._fields  # type: ignore[attr-defined]
@@ -426,16 +408,16 @@ class WrenchProblem:
             else:
                 first = stopped + 1
 
-    def in_chunks(self, evaluate: Callable[[slice, Workspace], None], group: int) -> None:
-        """Evaluate chunks of whole groups, in threads if there are several chunks."""
+    def in_chunks(self, evaluate: Callable[[slice, Workspace], None]) -> None:
+        """Evaluate chunks, in threads if there are several."""
         # A few grasps take less time than the start of a thread.
         workers = min(thread_count(), 1 + self.size // THREAD_GRASPS)
         part = self.size if workers == 1 else -(-self.size // (4 * workers))
-        step = max(1, min(CHUNK, part) // group) * group
+        step = max(1, min(CHUNK, part))
         chunks = [slice(i, min(i + step, self.size)) for i in range(0, self.size, step)]
 
         def with_own_workspace(chunk: slice) -> None:
-            evaluate(chunk, make_workspace(self.kind, self.count, self.rolling))
+            evaluate(chunk, make_workspace(self.kind, self.count))
 
         if workers == 1 or len(chunks) < 2:
             for chunk in chunks:
@@ -443,21 +425,6 @@ class WrenchProblem:
             return
         with ThreadPoolExecutor(workers) as executor:
             list(executor.map(with_own_workspace, chunks))
-
-
-def _in_patches(components: Floats, angles: Floats) -> Floats:
-    """Forces (n, m, 4) with the pressure in the middle and at angles (k,) on the rim of patches.
-
-    Returns:
-        Shape (n, (1 + k) m, 6).
-    """
-    corners = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    corners = np.concatenate([np.zeros((1, 2)), corners])[:, None]  # (1 + k, 1, 2)
-    pressing = components[:, None, :, :1]
-    rolling = pressing * corners  # (n, 1 + k, m, 2)
-    repeated = np.broadcast_to(components[:, None], (*rolling.shape[:-1], 4))
-    both = np.concatenate([repeated, rolling], axis=-1)
-    return both.reshape(len(components), -1, 6)
 
 
 def part_of(results: ArraysT, chunk: slice | Ints) -> ArraysT:

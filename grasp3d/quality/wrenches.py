@@ -46,41 +46,32 @@ def check_rtol(rtol: float) -> None:
 
 
 def wrench_axes(
-    points: Floats,
-    normals: Floats,
-    torsion_radius: Floats,
-    torque_scale: float,
-    rolling: Floats | None = None,
+    points: Floats, normals: Floats, torsion_radius: Floats, torque_scale: float
 ) -> Floats:
-    """Wrenches of unit forces along each contact's normal and tangents, and of its moments.
+    """Wrenches of unit forces along each contact's normal and tangents, and of its moment.
 
     Every wrench of a contact is a linear combination of its axes. The tangents are those of
     `friction_cones.tangents`; the fourth axis is the torsional moment that a unit normal force
-    allows. With patches two more are the rolling moments of a unit normal force at the end of each
-    semi-axis.
+    allows.
 
     Args:
         points: Relative to the centre of mass [mesh unit], shape (..., 3).
         normals: Inward unit normals, shape (..., 3).
         torsion_radius: [mesh unit], shape (...).
         torque_scale: rho [mesh unit].
-        rolling: As `Contacts.rolling_arms`, shape (..., 2, 3); None: points.
 
     Returns:
-        Shape (..., 4, 6), or with patches (..., 6, 6).
+        Shape (..., 4, 6).
     """
-    rows = 4 if rolling is None else 6
-    axes = np.zeros((*points.shape[:-1], rows, 6))
+    axes = np.zeros((*points.shape[:-1], 4, 6))
     write_axes(
         read_only(points, (-1, 3)),
         read_only(np.broadcast_to(normals, points.shape), (-1, 3)),
         read_only(np.broadcast_to(torsion_radius, points.shape[:-1]), (-1,)),
         float(torque_scale),
         NEAR_X_AXIS,
-        axes.reshape(-1, rows, 6),
+        axes.reshape(-1, 4, 6),
     )
-    if rolling is not None:
-        axes[..., 4:, 3:] = rolling / torque_scale
     return axes
 
 
@@ -136,8 +127,7 @@ def wrenches(
     Returns:
         Rows (..., n * m, 6), contact by contact: m = `edges`; where any finger is soft two more,
         the normal force with its torsional moment in either sense (for hard fingers the first
-        edge, twice). With patches each of them m times, with the pressure at m points on the rim
-        of the patch.
+        edge, twice).
 
     Raises:
         SettingError: A setting outside its range.
@@ -150,26 +140,15 @@ def wrenches(
     )  # (..., n, m, 3)
     check_torque_scale(torque_scale)
     axes = wrench_axes(
-        contacts.points,
-        contacts.normals,
-        contacts.torsion_radius,
-        torque_scale,
-        contacts.rolling_arms,
-    )  # (..., n, 4 or 6, 6)
+        contacts.points, contacts.normals, contacts.torsion_radius, torque_scale
+    )  # (..., n, 4, 6)
     rows = components @ axes[..., :3, :]  # (..., n, m, 6)
-    pressing = normal  # normal components of the rows
     if (contacts.torsion_radius > 0.0).any():
         unit, twist = axes[..., :1, :], axes[..., 3:4, :]
         twisted = np.concatenate([unit + twist, unit - twist], axis=-2)
         resists = contacts.torsion_radius[..., None] > 0.0
         others = np.where(resists[..., None], twisted, rows[..., :1, :])
         rows = np.concatenate([rows, others], axis=-2)
-        added = np.where(resists, 1.0, normal[..., :1])
-        pressing = np.concatenate([normal, added, added], axis=-1)
-    if contacts.patch is not None:
-        corners = np.stack([np.cos(angles), np.sin(angles)], axis=-1) @ axes[..., 4:, :]
-        rows = rows[..., None, :] + pressing[..., None, None] * corners[..., None, :, :]
-        rows = rows.reshape(*rows.shape[:-3], -1, 6)
     return rows.reshape(*rows.shape[:-3], -1, 6)
 
 

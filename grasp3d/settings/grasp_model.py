@@ -195,13 +195,15 @@ class GraspModel(LengthSettings):
     def tilts(self) -> Tilts:
         """How epsilon's minimum over all tilts is computed; see `quality.epsilon_range`.
 
-        Method extremes samples it, and the maximum, at the combinations that it tests. Where
-        contact locations are uncertain it is a lower bound.
+        Method extremes samples it, and the maximum, at the combinations that it tests. Of soft
+        fingers, and where contact locations are uncertain, it is a lower bound.
         """
         if self.location_error != 0.0:
             return "bound"
-        if self.soft or self.method == "extremes":
+        if self.method == "extremes":
             return "sampled_tilts"
+        if self.soft:
+            return "bound"
         return "exact" if self.edges is None else "effective_friction"
 
     @property

@@ -37,8 +37,7 @@ class Stability:
     Labels are those of hard fingers in either method; torsion affects epsilon only. Epsilon and
     everything derived from it is computed when it is first read. For contacts on creases the label,
     and with method extremes the extremes of epsilon, consider all normals there; everything else is
-    that of the perceived normals. Of contacts with patches the labels are those of the best line
-    between the patches, and `worst`, `best` and `best_normals` are refused.
+    that of the perceived normals.
     """
 
     label: Bytes
@@ -145,7 +144,6 @@ class Stability:
         Method extremes: those of `epsilon_max`. Method exact: normals at which the grasp is
         force-closed with the largest friction; nan where none are known, as in every U.
         """
-        self._refuse_patches("the best normals")
         return self._shaped(self._worst_and_best_normals[1])
 
     @property
@@ -164,7 +162,6 @@ class Stability:
         return epsilon_with(self._problem.contacts, self._problem.options)
 
     def _closure(self, cone_offset: Floats) -> ForceClosure:
-        self._refuse_patches("force closure at the worst and best tilts")
         contacts = self._problem.hard.reshape(self.batch)
         shape = contacts.friction.shape
         return force_closure(contacts, cone_offset=cone_offset.reshape(shape))
@@ -202,26 +199,12 @@ class Stability:
         problem = self._problem
         contacts = problem.contacts
         u = self._effective.certificate.direction[:, None]
-        torque_scale = problem.options.torque_scale
-        turning = np.cross(u[..., 3:], contacts.points) / torque_scale
+        turning = np.cross(u[..., 3:], contacts.points) / problem.options.torque_scale
         velocities = u[..., :3] + turning
         # A contact about which the object turns does not move, whatever rounding leaves.
         length = np.linalg.norm(turning, axis=-1, keepdims=True)
         velocities[(np.abs(velocities) <= AT_REST * length).all(axis=-1)] = 0.0
-        if contacts.rolling_arms is None:
-            return turned(contacts.normals, -velocities, problem.tilt), closing_normals(problem)
-        # Where the pressure resists most it adds R n to the velocity.
-        arms = contacts.rolling_arms / torque_scale
-        rolling = np.linalg.norm((arms * u[..., None, 3:]).sum(axis=-1), axis=-1)
-        velocities = velocities + rolling[..., None] * contacts.normals
-        missing = np.full_like(velocities, math.nan)
-        return turned(contacts.normals, -velocities, problem.tilt), missing
-
-    def _refuse_patches(self, what: str) -> None:
-        if self._problem.contacts.patch is not None:
-            raise SettingError(
-                f"{what} are known of point contacts only; classify contacts.without_patches()"
-            )
+        return turned(contacts.normals, -velocities, problem.tilt), closing_normals(problem)
 
     def _shaped(self, values: ArrayLike) -> Floats:
         in_batch: Floats = shaped(np.asarray(values), self.batch)
@@ -251,10 +234,6 @@ def classify(
     and no contact is on a crease, the grasp is S if the other contacts alone are force-closed;
     seven contacts and more also if their critical friction angle is below the smallest
     beta - alpha/2. Where friction or resolution differ among the contacts this is safe, not exact.
-
-    Two contacts with patches are held along the best line between the patches (see
-    `critical_friction_angle`): exact where friction and resolution of both are the same, else safe;
-    never U from beta + alpha/2 = 90 degrees on.
 
     The method 'extremes' is that of Wan & Howe 2018, Sec. III: all combinations of the perceived
     and of extreme normals, `extreme_normals` on a rim alpha/2 away. It is sampled. An M may be
@@ -288,8 +267,7 @@ def classify(
             None: the defaults.
 
     Raises:
-        SettingError: A setting outside its range, friction 0, or too many combinations; patches of
-            three contacts and more, with method extremes, on creases, or at uncertain locations.
+        SettingError: A setting outside its range, friction 0, or too many combinations.
         ContactError: Creases that do not match the contacts.
 
     Example:
@@ -317,8 +295,6 @@ def classify(
     location = _errors("location error", location_error, contacts, math.inf)
     if method == "extremes" and location.any():
         raise SettingError("method extremes tests normals only; a location_error needs exact")
-    if contacts.patch is not None:
-        _check_patches(contacts, method, creases=bool(creases), located=bool(location.any()))
     low, high = _friction_range(contacts, friction_interval)
     flat = contacts.reshape((-1,))
     problem = StabilityProblem(
@@ -343,22 +319,6 @@ def classify(
         batch=contacts.batch,
         _problem=problem,
     )
-
-
-def _check_patches(contacts: Contacts, method: Method, *, creases: bool, located: bool) -> None:
-    """Refuse what is not known of contacts with patches."""
-    reasons = {
-        f"{contacts.count} contacts": contacts.count > 2,
-        "method extremes": method == "extremes",
-        "creases": creases,
-        "a location_error": located,
-    }
-    for what, applies in reasons.items():
-        if applies:
-            raise SettingError(
-                "labels of contacts with patches are those of two fingers by method exact, without "
-                f"creases and location_error; got {what}: give contacts.without_patches()"
-            )
 
 
 def _errors(name: str, values: ArrayLike, contacts: Contacts, limit: float) -> Floats:

@@ -93,8 +93,6 @@ def decide(problem: StabilityProblem, method: Method) -> tuple[Bools, Bools, Int
     if problem.contacts.count == 1:
         none = np.zeros(len(problem.tilt), dtype=np.bool_)  # a single force has no equilibrium
         return none, ~none, np.zeros(len(none), dtype=np.int64)
-    if problem.contacts.patch is not None:
-        return _of_patches(problem)
     if problem.contacts.count == 2 or problem.location.any():
         return _by_thresholds(problem)
     if problem.creases:
@@ -116,9 +114,6 @@ def located_angles(problem: StabilityProblem) -> WorstAndBest:
 
     inf where two contacts are at one point; nan for three contacts and more with one on a crease.
     """
-    if problem.contacts.patch is not None:
-        angles = critical_friction_angle(problem.contacts)
-        return angles, angles
     contacts = problem.hard
     if contacts.count == 2:
         lines = _lines_of_pairs(problem)
@@ -173,21 +168,6 @@ def _by_thresholds(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
         unstable[together] = between >= widest[together].sum(axis=1)
         if problem.creases:
             unstable[together] = False
-    return stable, unstable, np.zeros(len(stable), dtype=np.int64)
-
-
-def _of_patches(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
-    """Two contacts with patches: the best line between the patches.
-
-    Tilted away from it, both normals are farther from it by the tilt, and from every other line
-    between the patches by no less: these form a convex cone, so that the best line stays the best.
-    """
-    angles = critical_friction_angle(problem.contacts)
-    stable = angles < problem.narrowest_angle.min(axis=1)
-    # Angles from 90 degrees on are not known.
-    unstable = (angles >= problem.widest_angle.max(axis=1)) & (
-        problem.widest_angle <= RIGHT_ANGLE
-    ).all(axis=1)
     return stable, unstable, np.zeros(len(stable), dtype=np.int64)
 
 

@@ -109,7 +109,7 @@ class LabelledGrasps:
         """Smallest epsilon over the tilts within the sensor's resolution.
 
         `model.tilts` says how it is computed: 'exact', by the 'effective_friction' of polygonal
-        cones, over 'sampled_tilts' for soft fingers and with method extremes, or as a 'bound' where
+        cones, over 'sampled_tilts' with method extremes, or as a 'bound' for soft fingers and where
         contact locations are uncertain; see `quality.epsilon_range`.
         """
         return self.epsilon_range.minimum

@@ -291,7 +291,7 @@ class LoadCase:
             torsion = np.asarray(self.torsion_radius)
         else:
             torsion = self.pad_torsion * own
-        return Contacts(contacts.points, contacts.normals, own, torsion, contacts.patch)
+        return Contacts(contacts.points, contacts.normals, own, torsion)
 
     @property
     def hard(self) -> bool:

@@ -175,10 +175,11 @@ def _patch_forces(
         _, nominal = _held(pressed, contacts, model, case, tilted=False)
     least = angles  # of the patches, no larger
     if contacts.count == 2:
-        points = contacts.contacts(model)
-        y_and_z = np.swapaxes(jaws.poses[:, :3, 1:3], 1, 2)  # (b, 2, 3)
-        ellipses = 0.5 * jaws.extents[..., None] * y_and_z[:, None]
-        least = best_line_angles(points.points, points.normals, ellipses, angles)
+        normals = jaws.normals[:, :, None]  # (b, 2, 1, 3)
+        y_and_z = np.swapaxes(jaws.poses[:, None, :3, 1:3], 2, 3)  # (b, 1, 2, 3)
+        across = y_and_z - (y_and_z * normals).sum(axis=-1, keepdims=True) * normals
+        ellipses = 0.5 * jaws.extents[..., None] * across
+        least = best_line_angles(jaws.points, jaws.normals, ellipses, angles)
     tilt = model.tilt
     spare = model.effective_friction_angle - least + tilt
     holds = ratio > 0.0

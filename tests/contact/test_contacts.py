@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from grasp3d import Contacts
-from grasp3d.contact import disc
 from grasp3d.errors import ContactError
 
 POINTS = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]
@@ -100,10 +99,7 @@ def test_errors_name_the_invalid_argument(arguments: tuple[Any, ...], message: s
 def test_reshape_and_take_keep_all_values_exactly() -> None:
     rng = np.random.default_rng(0)
     normals = rng.normal(size=(6, 3, 3))
-    contacts = Contacts(
-        rng.normal(size=(6, 3, 3)), normals, rng.random((6, 3)), rng.random((6, 3)),
-        disc(normals, rng.random((6, 3))),
-    )  # fmt: skip
+    contacts = Contacts(rng.normal(size=(6, 3, 3)), normals, rng.random((6, 3)), rng.random((6, 3)))
     grid = contacts.reshape((2, -1))
     assert (grid.batch, grid.count) == ((2, 3), 3)
     assert grid.reshape((-1,)).batch == (6,)

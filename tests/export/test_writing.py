@@ -105,7 +105,7 @@ def test_files_state_how_the_minimum_over_the_tilts_is_computed(tmp_path: Path) 
     header = (tmp_path / "out.ply").read_bytes().split(b"end_header")[0].decode()
     for line in ("edges 6", "torsion_radius 0.1", "actuation per_finger", "epsilon_rank 6"):
         assert f"comment grasp3d {line}\n" in header
-    assert "comment grasp3d epsilon_min sampled_tilts\n" in header
+    assert "comment grasp3d epsilon_min bound\n" in header
 
 
 def test_files_state_that_labels_come_from_extreme_normals(tmp_path: Path) -> None:

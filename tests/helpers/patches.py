@@ -1,103 +1,51 @@
-"""Grasps with patches, and slow ways to evaluate them."""
+"""Patches that two fingers touch, and slow ways to evaluate them."""
 
 import math
+from typing import NamedTuple
 
 import clarabel
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from grasp3d import Contacts
-from grasp3d.contact.contacts import in_tangent_plane
-from grasp3d.contact.friction_cones import cone_edges
+from grasp3d import Contacts, critical_friction_angle
+from grasp3d.quality.patch_lines import best_line_angles
 
 Floats = NDArray[np.float64]
 
 
-def random_patches(
-    count: int, fingers: int, seed: int, *, torsion: float = 0.0, size: float = 0.3
-) -> Contacts:
-    """Grasps about a ball, normals roughly inward, with elliptic patches of any direction."""
+class Patches(NamedTuple):
+    """Pairs of elliptic patches."""
+
+    points: Floats
+    """Middles (b, 2, 3)."""
+    normals: Floats
+    """Inward unit normals (b, 2, 3)."""
+    axes: Floats
+    """Semi-axes in the tangent planes (b, 2, 2, 3)."""
+
+    @property
+    def point_angles(self) -> Floats:
+        """Critical friction angles of the middles (b,)."""
+        return np.asarray(critical_friction_angle(Contacts(self.points, self.normals)))
+
+    @property
+    def angles(self) -> Floats:
+        """Those of the best lines (b,)."""
+        return np.asarray(best_line_angles(*self, self.point_angles))
+
+
+def random_patches(count: int, seed: int, *, size: float = 0.3) -> Patches:
+    """Patches on a ball, normals roughly inward, nearly opposite to each other."""
     rng = np.random.default_rng(seed)
-    points = rng.normal(size=(count, fingers, 3))
+    points = rng.normal(size=(count, 2, 3))
     points /= np.linalg.norm(points, axis=-1, keepdims=True)
-    if fingers == 2:
-        points[:, 1] = -points[:, 0] + 0.4 * rng.normal(size=(count, 3))
+    points[:, 1] = -points[:, 0] + 0.4 * rng.normal(size=(count, 3))
     normals = -points + 0.3 * rng.normal(size=points.shape)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    patch = in_tangent_plane(size * rng.normal(size=(*points.shape[:-1], 2, 3)), normals)
-    return Contacts(points, normals, rng.uniform(0.4, 0.9, points.shape[:-1]), torsion, patch)
-
-
-def rotated(contacts: Contacts, rotation: Floats) -> Contacts:
-    """The same grasps in another frame."""
-    patch = None if contacts.patch is None else contacts.patch @ rotation.T
-    return Contacts(
-        contacts.points @ rotation.T, contacts.normals @ rotation.T, contacts.friction,
-        contacts.torsion_radius, patch,
-    )  # fmt: skip
-
-
-def scaled(contacts: Contacts, unit: float) -> Contacts:
-    """The same grasps in another unit of length."""
-    patch = None if contacts.patch is None else unit * contacts.patch
-    return Contacts(
-        unit * contacts.points, contacts.normals, contacts.friction,
-        unit * contacts.torsion_radius, patch,
-    )  # fmt: skip
-
-
-def shifted(contacts: Contacts, shift: Floats) -> Contacts:
-    """The same grasps about another centre of mass."""
-    return Contacts(
-        contacts.points + shift, contacts.normals, contacts.friction, contacts.torsion_radius,
-        contacts.patch,
-    )  # fmt: skip
-
-
-def reordered(contacts: Contacts, order: Floats) -> Contacts:
-    """One grasp with its contacts in another order."""
-    patch = None if contacts.patch is None else contacts.patch[order]
-    return Contacts(
-        contacts.points[order], contacts.normals[order], contacts.friction[order],
-        contacts.torsion_radius[order], patch,
-    )  # fmt: skip
-
-
-def stacked(single: list[Contacts]) -> Contacts:
-    """A batch of single grasps, all with patches or none."""
-    names = ("points", "normals", "friction", "torsion_radius", "patch")
-    columns = ([getattr(one, name) for one in single] for name in names)
-    return Contacts(*(None if column[0] is None else np.stack(column) for column in columns))
-
-
-def resized(contacts: Contacts, factor: float) -> Contacts:
-    """The same grasps with larger or smaller patches."""
-    assert contacts.patch is not None
-    return Contacts(
-        contacts.points, contacts.normals, contacts.friction, contacts.torsion_radius,
-        factor * contacts.patch,
-    )  # fmt: skip
-
-
-def tilted_wrenches(
-    contacts: Contacts, normals: Floats, *, edges: int = 24, corners: int = 24
-) -> Floats:
-    """Wrenches of cones about other normals, of one grasp, the patches staying where they are.
-
-    Each edge of each cone, with the pressure at each of the corners of the patch: its moment is the
-    component of the force along the perceived normal times lever x normal. Shape (k, 6).
-    """
-    assert contacts.patch is not None
-    forces = cone_edges(normals, contacts.friction_angle, edges=edges)  # (n, m, 3)
-    angles = 2.0 * math.pi * np.arange(corners) / corners
-    rim = np.stack([np.cos(angles), np.sin(angles)], axis=-1) @ contacts.patch  # (n, k, 3)
-    levers = np.cross(rim, contacts.normals[:, None])
-    pressing = (forces * contacts.normals[:, None]).sum(axis=-1)
-    moments = np.cross(contacts.points[:, None], forces)[:, :, None]
-    moments = moments + pressing[:, :, None, None] * levers[:, None]
-    forces = np.broadcast_to(forces[:, :, None], moments.shape)
-    return np.concatenate([forces, moments], axis=-1).reshape(-1, 6)
+    axes = size * rng.normal(size=(*points.shape[:-1], 2, 3))
+    along = (axes * normals[..., None, :]).sum(axis=-1, keepdims=True)
+    return Patches(points, normals, axes - along * normals[..., None, :])
 
 
 def _solve(
@@ -133,22 +81,14 @@ def best_line(points: Floats, first: Floats, second: Floats, patch: Floats) -> t
     return (math.inf if cosine < 1e-6 else math.acos(min(cosine, 1.0))), line @ x
 
 
-def force_by_program(contacts: Contacts, wrench: Floats, bound: str = "normal") -> float:
-    """Least force per patch that resists a wrench, by hard contacts at eight points of its rim.
-
-    The normal components at the points of a patch, or the lengths, together are bounded.
-    """
-    assert contacts.patch is not None
-    angles = 0.25 * math.pi * np.arange(8)
-    rim = np.stack([np.cos(angles), np.sin(angles)], axis=-1) @ contacts.patch  # (n, 8, 3)
-    points = contacts.points[:, None] + rim
-    return force_of_points(points, contacts.normals, contacts.friction, wrench, bound)
-
-
 def force_of_points(
     points: Floats, normals: Floats, friction: Floats, wrench: Floats, bound: str = "normal"
 ) -> float:
-    """The same of hard contacts at points (n, k, 3) of n patches with normals (n, 3)."""
+    """Least force per patch that resists a wrench, by hard contacts at points (n, k, 3) of patches.
+
+    The normal components along normals (n, 3) at the points of a patch, or the lengths of the
+    forces, together are bounded.
+    """
     patches, size = points.shape[:2]
     count = size * patches
     columns = 4 * count + 1  # each point's force and share of the bound; then the bound

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from grasp3d._kernels.hull.certificates import _largest_across_edges, _margin_in_cone
+from grasp3d._kernels.hull.certificates import _largest_across_edges, _margin
 from grasp3d._kernels.hull.support_functions import LINEAR, TOTAL, WrenchSpace
 
 
@@ -24,7 +24,7 @@ def test_torsion_either_way_takes_its_part_of_the_normal_force() -> None:
     none = np.zeros((1, 4, 6)), np.array([[1.0, 0.5]]), np.zeros((0, 2))
     space = WrenchSpace(TOTAL, False, LINEAR, *none)  # noqa: FBT003 - fields of a named tuple
     free, one, other = (
-        _margin_in_cone(space, 0, np.array([[2.0, 0.3, -0.2, twist]])) for twist in (0.0, 0.7, -0.7)
+        _margin(space, 0, np.array([[2.0, 0.3, -0.2, twist]])) for twist in (0.0, 0.7, -0.7)
     )
     assert one == other
     assert 0.0 < one < free

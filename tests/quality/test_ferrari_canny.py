@@ -19,12 +19,12 @@ from grasp3d import (
     force_closure,
 )
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.quality import Status, smallest_epsilon, wrench_problem
-from grasp3d.quality.wrenches import EpsilonOptions, span, wrenches
+from grasp3d.quality import Status, wrench_problem
+from grasp3d.quality.wrenches import span, wrenches
 from grasp3d.system.context import running
 from tests.helpers import grasps, oracles, shapes
-from tests.helpers.grasps import with_options
 from tests.helpers.random_grasps import REGULAR, SHAPES, Shape, random_contacts, regular_contacts
+from tests.helpers.tilts import with_normals
 
 ROUNDING = 1e-9
 RTOL = 1e-3
@@ -146,7 +146,7 @@ def tilted_randomly(contacts: Contacts, tilt: float, count: int, seed: int) -> C
     """A batch of one grasp with normals tilted by up to an angle."""
     rng = np.random.default_rng(seed)
     normals = [[oracles.tilted(n, tilt, rng) for n in contacts.normals] for _ in range(count)]
-    return contacts.with_normals(np.array(normals))
+    return with_normals(contacts, np.array(normals))
 
 
 @pytest.mark.slow
@@ -163,7 +163,7 @@ def test_every_tilt_is_between_epsilon_of_narrower_and_of_wider_cones(
     assert (tilted.lower <= best.upper * (1.0 + ROUNDING) + ROUNDING).all()
     velocities = oracles.velocities(contacts, worst.certificate.direction)
     away = [oracles.turned(n, g, -tilt) for n, g in zip(contacts.normals, velocities, strict=True)]
-    tilted = epsilon(contacts.with_normals(np.array(away)), actuation=kind)
+    tilted = epsilon(with_normals(contacts, np.array(away)), actuation=kind)
     assert tilted.lower <= worst.upper + ROUNDING
 
 
@@ -224,9 +224,6 @@ def test_one_offset_for_all_equals_an_array_of_equal_offsets() -> None:
     one = epsilon(contacts, cone_offset=-0.1)
     for cone_offset in (np.full(3, -0.1), np.full((20, 1), -0.1), np.full((20, 3), -0.1)):
         np.testing.assert_array_equal(epsilon(contacts, cone_offset=cone_offset).lower, one.lower)
-    in_groups = contacts.reshape((-1, 5))
-    smallest = smallest_epsilon(in_groups, cone_offset=np.full((4, 5, 3), -0.1))
-    np.testing.assert_array_equal(smallest.lower, one.lower.reshape(4, 5).min(axis=1))
 
 
 def test_a_contact_whose_tilt_exceeds_its_friction_prevents_closure() -> None:
@@ -587,10 +584,6 @@ def test_threads_do_not_change_results(threads: int) -> None:
     assert_equal(single, threaded)
     closed = many(force_closure)(contacts).closed
     np.testing.assert_array_equal(closed, one_thread(force_closure)(contacts).closed)
-    groups = contacts.reshape((30, 10))
-    one, other = one_thread(smallest_epsilon)(groups), many(smallest_epsilon)(groups)
-    np.testing.assert_array_equal(one.index, other.index)
-    np.testing.assert_array_equal(one.lower, other.lower)
 
 
 def test_results_do_not_depend_on_earlier_calls() -> None:
@@ -604,11 +597,10 @@ def test_results_do_not_depend_on_earlier_calls() -> None:
 def test_results_are_read_only() -> None:
     contacts = random_contacts(Shape(3, 8, soft=False), 2, seed=0)
     result, closure = epsilon(contacts), force_closure(contacts)
-    smallest = smallest_epsilon(contacts.reshape((-1, 2)))
     for values in (
         result.lower, result.upper, result.value, result.rank, result.closed, result.status,
         result.certificate.direction, result.certificate.equilibrium, closure.closed,
-        closure.rank, closure.status, closure.certificate.direction, smallest.lower, smallest.index,
+        closure.rank, closure.status, closure.certificate.direction,
     ):  # fmt: skip
         with pytest.raises(ValueError, match="read-only"):
             values[...] = 0
@@ -631,48 +623,6 @@ def test_an_empty_batch_has_empty_results() -> None:
     assert epsilon(none).lower.shape == (0,)
     assert force_closure(none).closed.shape == (0,)
     assert epsilon_of_wrenches(np.zeros((0, 8, 6))).value.shape == (0,)
-    assert smallest_epsilon(
-        Contacts(np.zeros((0, 2, 3, 3)), np.ones((0, 2, 3, 3)))
-    ).lower.shape == (0,)
-
-
-# The smallest among candidates
-
-
-@given(seeds, kinds, st.sampled_from([None, 6]), st.integers(1, 12), fingers)
-@few
-def test_minimum_is_the_smallest_of_all(
-    seed: int, kind: Any, edges: int | None, group: int, count: int
-) -> None:
-    shape = Shape(count, 8, soft=count == 2)
-    # High friction, so that all grasps of some groups are force-closed.
-    contacts = random_contacts(shape, 4 * group, seed)
-    contacts = grasps.changed(contacts, friction=contacts.friction + 1.0).reshape((-1, group))
-    each = epsilon(contacts, edges=edges, actuation=kind)
-    smallest = smallest_epsilon(contacts, options=EpsilonOptions(edges=edges, actuation=kind))
-    assert smallest.lower.shape == smallest.upper.shape == smallest.index.shape == (4,)
-    assert (smallest.lower <= smallest.upper).all()
-    assert (smallest.lower <= each.upper.min(axis=1) + ROUNDING).all()
-    assert (each.lower.min(axis=1) <= smallest.upper + ROUNDING).all()
-    assert (smallest.upper - smallest.lower <= RTOL * smallest.upper + ROUNDING).all()
-    chosen = np.take_along_axis(each.lower, smallest.index[:, None], axis=1)[:, 0]
-    assert (chosen <= smallest.upper + ROUNDING).all()
-    if edges:
-        np.testing.assert_allclose(smallest.value, each.value.min(axis=1), atol=ROUNDING)
-
-
-def test_minimum_over_one_group_is_a_number() -> None:
-    contacts = random_contacts(Shape(3, 8, soft=False), 5, seed=4)
-    smallest = smallest_epsilon(contacts, options=EpsilonOptions(edges=8))
-    assert not isinstance(smallest.lower, np.ndarray)
-    assert smallest.value == pytest.approx(epsilon(contacts, edges=8).value.min(), abs=ROUNDING)
-
-
-def test_minimum_is_zero_if_any_candidate_is_not_force_closed() -> None:
-    closed = grasps.regular_on_ball("triangle")
-    pushing_out = grasps.changed(closed, normals=[[0, 0, 1.0]] * 3)
-    smallest = smallest_epsilon(grasps.stacked([closed, pushing_out, closed]))
-    assert (smallest.lower, smallest.upper, smallest.index) == (0.0, 0.0, 1)
 
 
 # Degenerate grasps: always a result, never a warning
@@ -871,13 +821,9 @@ def test_a_hull_that_exceeds_its_capacity_gets_a_larger_polytope(
     set_capacity: Callable[[int, int], None],
 ) -> None:
     contacts = random_contacts(Shape(4, 8, soft=False), 40, seed=0)
-    groups = contacts.reshape((-1, 8))
-    usual, usual_smallest = epsilon(contacts), smallest_epsilon(groups)
+    usual = epsilon(contacts)
     set_capacity(16, 1 << 18)
-    grown, grown_smallest = epsilon(contacts), smallest_epsilon(groups)
-    assert_equal(usual, grown)
-    np.testing.assert_array_equal(usual_smallest.index, grown_smallest.index)
-    np.testing.assert_array_equal(usual_smallest.lower, grown_smallest.lower)
+    assert_equal(usual, epsilon(contacts))
 
 
 @pytest.mark.parametrize("name", ["triangle", "tetrahedron"])
@@ -935,16 +881,9 @@ TRIPLE = grasps.regular_on_ball("triangle")
 def test_settings_out_of_range_are_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(SettingError, match=message):
         epsilon(TRIPLE, **options)
-    with pytest.raises(SettingError, match=message):
-        smallest_epsilon(grasps.stacked([TRIPLE, TRIPLE]), **with_options(**options))
     if set(options) <= {"edges", "cone_offset", "phase"}:
         with pytest.raises(SettingError, match=message):
             force_closure(TRIPLE, **options)
-
-
-def test_minimum_needs_candidates() -> None:
-    with pytest.raises(ContactError, match=r"candidates along a batch axis: points \(\.\.\., k"):
-        smallest_epsilon(TRIPLE)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from grasp3d.quality import (
     metric_names,
     metrics,
 )
-from tests.helpers import patches, shapes
+from tests.helpers import grasps, shapes
 from tests.helpers.random_grasps import Shape, random_contacts
 
 FINE = 1e-5
@@ -38,10 +38,7 @@ class Quality(NamedTuple):
     """Whether a rotation changes nothing."""
     shifts: bool = False
     """Whether the centre of mass does not matter."""
-    kinds: tuple[str, ...] = ("2", "2 soft", "3", "4 soft", "5", "2 patches", "3 patches")
-
-
-POINTS = ("2", "2 soft", "3", "4 soft", "5")
+    kinds: tuple[str, ...] = ("2", "2 soft", "3", "4 soft", "5")
 
 
 def bounds(contacts: Contacts, unit: float, **options: Any) -> Any:
@@ -62,7 +59,6 @@ def of_metric(name: str) -> Quality:
         rounding=2e-6,
         turns=name in OF_AXES,
         shifts=name == "min_weight",
-        kinds=POINTS,
     )
 
 
@@ -73,14 +69,12 @@ QUALITIES = {
     "closure": Quality(lambda c, _: force_closure(c).closed, shifts=True),
     "rank": Quality(lambda c, _: force_closure(c).rank, shifts=True),
     "critical angle": Quality(
-        lambda c, _: critical_friction_angle(c),
-        rounding=2e-4, shifts=True, kinds=(*POINTS, "2 patches"),
+        lambda c, _: critical_friction_angle(c), rounding=2e-4, shifts=True
     ),
-    "range over tilts": Quality(of_range, kinds=("2", "3")),
-    "range over sampled tilts": Quality(of_range, turns=False, kinds=("2 soft", "2 patches")),
+    "range over tilts": Quality(of_range, kinds=("2", "3", "2 soft", "3 soft")),
     "grip force": Quality(lambda c, _: grip_force(c, Weight(1.0)).upper, rel=2e-3),
     "location tolerance": Quality(
-        lambda c, _: location_tolerance(c, rtol=1e-6), power=1, shifts=True, kinds=POINTS
+        lambda c, _: location_tolerance(c, rtol=1e-6), power=1, shifts=True
     ),
     **{name: of_metric(name) for name in metric_names()},
 }  # fmt: skip
@@ -89,11 +83,8 @@ QUALITIES = {
 def random_grasp(kind: str, seed: int) -> Contacts:
     """A random grasp off the centre of mass."""
     count, _, detail = kind.partition(" ")
-    if detail == "patches":
-        contacts = patches.random_patches(1, int(count), seed, torsion=0.05)
-    else:
-        contacts = random_contacts(Shape(int(count), 8, soft=detail == "soft"), 1, seed)
-    return patches.shifted(contacts.reshape(()), np.array([0.2, -0.1, 0.3]))
+    contacts = random_contacts(Shape(int(count), 8, soft=detail == "soft"), 1, seed).reshape(())
+    return grasps.changed(contacts, points=contacts.points + np.array([0.2, -0.1, 0.3]))
 
 
 @pytest.mark.slow
@@ -109,8 +100,10 @@ def test_another_unit_frame_and_order_change_nothing(
     turn = shapes.rotation(seed) if quality.turns else np.eye(3)
     shift = 300.0 * rng.normal(size=3) if quality.shifts else np.zeros(3)
     order = rng.permutation(contacts.count)
-    other = patches.shifted(patches.rotated(contacts, turn), shift)
-    other = patches.reordered(patches.scaled(other, unit), order)
+    other = Contacts(
+        unit * (contacts.points @ turn.T + shift)[order], (contacts.normals @ turn.T)[order],
+        contacts.friction[order], unit * contacts.torsion_radius[order],
+    )  # fmt: skip
     expected = quality.value(contacts, 1.0)
     value = quality.value(other, unit)
     np.testing.assert_allclose(
@@ -123,7 +116,7 @@ def test_a_batch_has_the_values_of_its_grasps(name: str) -> None:
     quality = QUALITIES[name]
     for kind in quality.kinds:
         single = [random_grasp(kind, seed) for seed in range(6)]
-        batch = patches.stacked(single)
+        batch = grasps.stacked(single)
         together = np.asarray(quality.value(batch.reshape((2, 3)), 1.0))
         assert together.shape[-2:] == (2, 3)
         for k, contacts in enumerate(single):

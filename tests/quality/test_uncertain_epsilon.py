@@ -45,7 +45,7 @@ def test_epsilon_of_perturbed_grasps_stays_between_the_bounds(
     location = tuple(np.linspace(0.01, 0.03, fingers))
     errors = WrenchErrors((0.7, 0.9), location, center_radius=0.05)
     options = EpsilonOptions(None, actuation, torque_scale=SCALE, rtol=RTOL)
-    tilt = 0.05 if torsion == 0.0 else 0.0  # tilts of soft fingers are sampled
+    tilt = 0.05 if torsion == 0.0 else 0.0  # of soft fingers little is known of tilts
     found = uncertain_epsilon_range(contacts, tilt, errors, options)
     assert (found.minimum > 0.0).mean() > 0.2
     assert (found.minimum <= found.nominal).all()

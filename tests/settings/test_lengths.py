@@ -116,7 +116,7 @@ def test_limits_are_compared_when_their_unit_is_known() -> None:
 
 def test_fingers_are_soft_whatever_the_unit_of_the_torsion_radius() -> None:
     model = GraspModel(torsion_radius="5mm")
-    assert (model.soft, model.tilts, model.epsilon_rank) == (True, "sampled_tilts", 6)
+    assert (model.soft, model.tilts, model.epsilon_rank) == (True, "bound", 6)
     assert not GraspModel(torsion_radius="0mm").soft
 
 

@@ -25,9 +25,6 @@ from grasp3d._kernels.hull.wrench_problem import erase_forces, load, project, wr
 from grasp3d._kernels.hull.wrenches import RANK_TOLERANCE
 from grasp3d._kernels.surface.vectors import add6, clear6, dot6
 
-NO_ROLLING = False
-"""Patches are pressed at points of them, as `WrenchSpace.rolling`."""
-
 THREE = (0, 0, 0)
 """A tuple as long as the rank of forces, for which `grow` is compiled."""
 
@@ -60,22 +57,22 @@ class TaskScratch(NamedTuple):
     vectors: npt.NDArray[np.float64]
     """Scratch of `resist` (20, 8)."""
     forces: npt.NDArray[np.float64]
-    """Scratch of `resist` (n, 4 or 6)."""
+    """Scratch of `resist` (n, 4)."""
     best: npt.NDArray[np.float64]
     """As in `ForceSlice` (7,)."""
     ones: npt.NDArray[np.float64]
     """Metric of forces (6,)."""
 
 
-def make_scratch(terms: int, count: int, width: int = 4) -> TaskScratch:
-    """Allocate scratch for so many terms, contacts, and axes of a contact."""
+def make_scratch(terms: int, count: int) -> TaskScratch:
+    """Allocate scratch for so many terms and contacts."""
     return TaskScratch(
         frame=np.zeros((6, 6)),
         extents=np.zeros(6),
         terms=np.zeros((terms, TERM)),
         goals=np.zeros((3, 6)),
         vectors=np.zeros((SCRATCH_ROWS, 8)),
-        forces=np.zeros((count, width)),
+        forces=np.zeros((count, 4)),
         best=np.zeros(7),
         ones=np.ones(6),
     )
@@ -92,8 +89,7 @@ class ForceResults(NamedTuple):
     direction: npt.NDArray[np.float64]
     """Direction that proves `lower` (b, 6)."""
     forces: npt.NDArray[np.float64]
-    """Contact forces that resist the wrench, in the contacts' axes, (b, n, 4) or where they resist
-    rolling (b, n, 6); nan: none."""
+    """Contact forces that resist the wrench, in the contacts' axes (b, n, 4); nan: none."""
 
 
 @merged
@@ -229,8 +225,7 @@ def task_forces(
 
     Args:
         form: (kind, spherical, torsion, group) of `WrenchSpace`; not ROWS.
-        axes: Axes of contacts, (b, n, 4, 6) or where they resist rolling (b, n, 6, 6), torques
-            divided by the torque scale.
+        axes: Axes of contacts (b, n, 4, 6), torques divided by the torque scale.
         tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
         cones: As in `WrenchSpace` (b, n, 2).
         rim: As in `WrenchSpace` (m, 2).
@@ -265,9 +260,7 @@ def task_forces(
             continue
         task = TaskInSpan(scratch.frame, rank, scratch.extents, own, points)
         _write_task(own, points, rank, scale, workspace, task)
-        space = WrenchSpace(
-            kind, spherical, torsion, workspace.axes, cones[g], rim, group, NO_ROLLING
-        )
+        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, group)
         force = _force_in_all_directions(own) if rank == 6 else 0.0
         if force > 0.0:
             status, lower, upper = _grow_slice(
@@ -360,12 +353,10 @@ def wrench_forces(
         if size == 0.0:
             results.lower[g] = results.upper[g] = 0.0
             for i in range(axes.shape[1]):
-                for k in range(results.forces.shape[2]):
+                for k in range(4):
                     results.forces[g, i, k] = 0.0
             continue
-        space = WrenchSpace(
-            kind, spherical, torsion, workspace.axes, cones[g], rim, group, NO_ROLLING
-        )
+        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, group)
         if rank == 6:
             status, lower, upper = resist(space, SIX, goal, rtol, vectors, results.forces[g])
         else:

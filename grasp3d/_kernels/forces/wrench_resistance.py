@@ -137,7 +137,7 @@ def resist(space, dims, goal, rtol, vectors, forces):
         goal: The wrench that the contacts must apply, not 0, in the space's coordinates (6,).
         rtol: Largest gap between the bounds, relative to the upper one.
         vectors: Scratch (>= 19, 8); row 16 is written, the direction that proves the lower bound.
-        forces: Written, contact forces of that wrench in the contacts' axes (n, 4 or 6).
+        forces: Written, contact forces of that wrench in the contacts' axes (n, 4).
 
     Returns:
         (status, lower, upper): RESISTED with bounds; otherwise they need not hold.

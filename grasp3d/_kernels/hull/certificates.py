@@ -26,7 +26,7 @@ them at rest, which exists where they are at one point or on one line.
 import math
 
 from grasp3d._kernels.compiling.decorators import merged, part
-from grasp3d._kernels.hull.support_functions import NO_TORSION, ROWS, farthest_in_patch
+from grasp3d._kernels.hull.support_functions import NO_TORSION, ROWS
 from grasp3d._kernels.surface.vectors import clear6, copy6, dot6, remove_components, scale6
 
 LARGEST_SLACK = 0.01
@@ -71,29 +71,7 @@ def _largest_across_edges(rim, shrink, x, y):
 
 
 @merged
-def _margin_in_patch(space, i, forces):
-    """Distance of a contact's force from where its patch no longer resists rolling, or less."""
-    count = space.rim.shape[0]
-    if count == 0:
-        arm = math.sqrt(forces[i, 4] * forces[i, 4] + forces[i, 5] * forces[i, 5])
-        return (forces[i, 0] - arm) * math.sqrt(0.5)
-    shrink = math.cos(math.pi / count)
-    arm = _largest_across_edges(space.rim, shrink, forces[i, 4], forces[i, 5])
-    return (forces[i, 0] * shrink - arm) / math.sqrt(1.0 + shrink * shrink)
-
-
-@merged
 def _margin(space, i, forces):
-    """Distance of a contact's force from the border of what it can apply, or less.
-
-    Limits of friction and of rolling do not depend on each other: the nearer one counts.
-    """
-    margin = _margin_in_cone(space, i, forces)
-    return min(margin, _margin_in_patch(space, i, forces)) if space.rolling else margin
-
-
-@merged
-def _margin_in_cone(space, i, forces):
     """Distance of a contact's force from the border of its cone, or less; 0 or less outside."""
     if space.kind == ROWS:
         return forces[i, 0]
@@ -127,8 +105,6 @@ def _may_change(space, i, j):
         return True
     if space.kind == ROWS:
         return False
-    if j > 3:  # rolling
-        return True
     return space.cones[i, 1] > 0.0 and (j < 3 or space.torsion != NO_TORSION)
 
 
@@ -306,7 +282,7 @@ def balance(space, rank, extents, forces, scratch):
         space: `WrenchSpace`, not PER_FINGER, in coordinates of the span.
         rank: Number of those coordinates.
         extents: Size of a unit of each coordinate in the wrench space (6,).
-        forces: Contact forces in the contacts' axes (n, 4 or 6), or the weights of given wrenches
+        forces: Contact forces in the contacts' axes (n, 4), or the weights of given wrenches
             in the first column (n, 4); corrected, their lengths sum to 1.
         scratch: Shape (18, 8).
 
@@ -382,7 +358,7 @@ def _is_resisted(soft, j):
 
 @merged
 def _speed(axes, soft, u):
-    """Size of a contact's velocity, with its turning where it resists torsion, or rolling."""
+    """Size of a contact's velocity, with its turning where it resists torsion."""
     square = 0.0
     for j in range(axes.shape[0]):
         if not _is_resisted(soft, j):
@@ -396,8 +372,6 @@ def _speed(axes, soft, u):
 def _support(axes, cone, soft, rim, u):
     """Support function of a contact's cone of unit forces, not clipped at 0."""
     z0, z1, z2 = dot6(axes[0], u), dot6(axes[1], u), dot6(axes[2], u)
-    if axes.shape[0] == 6:  # it resists rolling
-        z0 += farthest_in_patch(axes, rim, u)[0]
     tangent = math.sqrt(z1 * z1 + z2 * z2)
     sideways = tangent
     if rim.shape[0] > 0:
@@ -455,7 +429,6 @@ def _clearly_separated(axes, cone, soft, slowest, u):
     across = z1 * z1 + z2 * z2
     return (
         not soft
-        and axes.shape[0] == 4
         and z0 < 0.0
         and z0 * z0 + across > slowest * slowest
         and across * (cone[1] * cone[1]) <= z0 * z0 * (cone[0] * cone[0])
@@ -470,7 +443,7 @@ def separation(kind, soft, axes, cones, rim, largest, u, scratch):
     Args:
         kind: As in `WrenchSpace`; given wrenches are not examined.
         soft: As in `WrenchSpace`.
-        axes: Wrenches of the contacts' axes, (n, 4, 6) or where they resist rolling (n, 6, 6).
+        axes: Wrenches of the contacts' axes (n, 4, 6).
         cones: As in `WrenchSpace` (n, 2).
         rim: As in `WrenchSpace` (m, 2).
         largest: Length of the longest wrench.

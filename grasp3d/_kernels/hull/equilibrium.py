@@ -57,17 +57,17 @@ def equilibrium(space, dims, polytope, vertices, used, forces):
         polytope: The `Polytope` of a force-closed grasp, as `grow` left it.
         vertices: Its number of vertices.
         used: Its number of facets.
-        forces: Written, each contact's force in its axes (n, 4), or where they resist rolling
-            (n, 6); or each row's weight in the first column (n, 4).
+        forces: Written, each contact's force in its axes, or each row's weight in the first column
+            (n, 4).
     """
     dim = len(dims)
     points, planes = polytope.points, polytope.planes
     corners, vectors = polytope.corners, polytope.vectors
     residual, matrix, x = vectors[15], vectors[0:6], vectors[14]
-    count, width = forces.shape
+    count = forces.shape[0]
     clear6(residual)
     for i in range(count):
-        for k in range(width):
+        for k in range(4):
             forces[i, k] = 0.0
         if space.kind != ROWS:
             forces[i, 0] = 1.0
@@ -75,7 +75,7 @@ def equilibrium(space, dims, polytope, vertices, used, forces):
     # With weight 1 for every vertex, each contact's force is a sum of several vectors of its cone,
     # together with its normal: hence non-zero and strictly inside.
     for i in range(vertices):
-        for k in range(width):
+        for k in range(4):
             forces[polytope.owners[i], k] += polytope.vertex_forces[i, k]
         add6(residual, -1.0, points[i])
     # The polytope contains the origin, so the ray along the residual leaves it through a facet.
@@ -104,7 +104,7 @@ def equilibrium(space, dims, polytope, vertices, used, forces):
         for c in range(dim):
             vertex = corners[f, c]
             weight = max(x[c], 0.0)
-            for k in range(width):
+            for k in range(4):
                 forces[polytope.owners[vertex], k] += weight * polytope.vertex_forces[vertex, k]
             add6(residual, -weight, points[vertex])
         break

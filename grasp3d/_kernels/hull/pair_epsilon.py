@@ -452,7 +452,7 @@ def _placed(d, normal, cone):
 @merged
 def _is_regular(form, angles):
     """Whether the families of directions of this module are all there are."""
-    kind, spherical, _, _ = form
+    kind, spherical, _ = form
     one, two = angles[0][0] + angles[0][1], angles[1][0] + angles[1][1]
     if kind == PER_FINGER:
         return max(one, two) < 0.5 * math.pi - CLEAR_ANGLE
@@ -517,7 +517,7 @@ def _largest_square(sides, angles, spherical, per_finger, factor, scratch):
 @part
 def _epsilon(form, frames, points, normals, cones, angles, rtol, scratch, direction):
     """(whether it was found, lower, upper) of one force-closed pair; writes its direction (6,)."""
-    kind, spherical, _, _ = form
+    kind, spherical, _ = form
     per_finger, best = kind == PER_FINGER, scratch.best
     best[9] = 0.0
     sides = (

@@ -58,7 +58,7 @@ class Polytope(NamedTuple):
     points: npt.NDArray[np.float64]
     """Vertices (p, 6)."""
     vertex_forces: npt.NDArray[np.float64]
-    """Contact force of each vertex's wrench, in its contact's axes (p, 6)."""
+    """Contact force of each vertex's wrench, in its contact's axes, then zeros (p, 6)."""
     owners: npt.NDArray[np.int64]
     """Contact or row of each vertex (p,)."""
     identifiers: npt.NDArray[np.int64]

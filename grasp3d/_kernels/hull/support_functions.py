@@ -5,12 +5,6 @@ rank). A contact's unit forces along its normal and its two tangents, and its to
 four wrenches, its *axes*. Every wrench that the contact can apply is a linear combination of them,
 so the three or four inner products of the axes with a direction determine the supports of all edges
 of its cone, or that of its circular cone, without the edges' wrenches.
-
-A contact that touches an elliptic patch has two more axes: the moments about its tangents that a
-unit normal force has at the ends of the patch's semi-axes s_k. The pressure may be centred anywhere
-in the patch, so that a normal force f_n resists rolling by f_n (c_1, c_2) times these moments, with
-|c| <= 1. Along a direction u that adds at most f_n R(u), R the length of the inner products of the
-two axes with u: the support function is the one without the patch, with g + R n instead of g.
 """
 
 import math
@@ -58,12 +52,9 @@ class WrenchSpace(NamedTuple):
     """Normal and tangential part of a force on the rim of each contact's cone (n, 2); or what
     `tilted_forces` says (n, c)."""
     rim: npt.NDArray[np.float64]
-    """Cosine and sine of the cone's edges about the normal (m, 2); m = 0: a circular cone. The
-    patches of contacts with polygonal cones are polygons of as many corners, too."""
+    """Cosine and sine of the cone's edges about the normal (m, 2); m = 0: a circular cone."""
     group: int = 1
     """SURE and POSSIBLE: contacts, one after the other, that share the bound of their forces."""
-    rolling: bool = False
-    """Whether contacts resist rolling: then they have six axes each (n, 6, 6)."""
 
 
 @merged
@@ -121,34 +112,10 @@ def _farthest_elliptic(spherical, friction, z0, z1, z2, z3):
 
 
 @merged
-def farthest_in_patch(axes, rim, u):
-    """(R, corner, c1, c2): where in a contact's patch pressure resists a direction most."""
-    z4, z5 = dot6(axes[4], u), dot6(axes[5], u)
-    if rim.shape[0] == 0:
-        arm = math.sqrt(z4 * z4 + z5 * z5)
-        scale = 1.0 / max(arm, TINY)
-        return arm, 0, scale * z4, scale * z5
-    arm, corner = -math.inf, 0
-    for j in range(rim.shape[0]):
-        value = rim[j, 0] * z4 + rim[j, 1] * z5
-        if value > arm:
-            arm, corner = value, j
-    return arm, corner, rim[corner, 0], rim[corner, 1]
-
-
-@merged
 def _farthest_force(space, i, u):
-    """(support, vertex, force, patch) of one contact: not clipped at 0; force along four axes.
-
-    The last two numbers are coordinates of the centre of pressure in the patch; times the normal
-    force they are the components along the fifth and sixth axis.
-    """
+    """(support, vertex, force) of one contact: not clipped at 0; force along its axes."""
     axes = space.axes[i]
     z0, z1, z2 = dot6(axes[0], u), dot6(axes[1], u), dot6(axes[2], u)
-    corner, c1, c2 = 0, 0.0, 0.0
-    if space.rolling:
-        arm, corner, c1, c2 = farthest_in_patch(axes, space.rim, u)
-        z0 += arm
     normal, tangential = space.cones[i, 0], space.cones[i, 1]
     # z0, z1, z2: components of g (see `support`) along the normal and the two tangents.
     count = space.rim.shape[0]
@@ -166,10 +133,9 @@ def _farthest_force(space, i, u):
             tangential * space.rim[identifier, 1],
         )
     elif space.torsion == ELLIPTIC and dot6(axes[3], axes[3]) > 0.0:
-        height, _, f0, f1, f2, f3 = _farthest_elliptic(
+        return _farthest_elliptic(
             space.spherical, tangential / normal, z0, z1, z2, dot6(axes[3], u)
         )
-        return height, -1, f0, f1, f2, f3, c1, c2
     else:
         # Inside the cone the farthest unit force is parallel to g, otherwise it is on the rim.
         tangent = math.sqrt(z1 * z1 + z2 * z2)
@@ -189,19 +155,7 @@ def _farthest_force(space, i, u):
             height = z0 + abs(z3)
             f0, f1, f2, f3 = 1.0, 0.0, 0.0, math.copysign(1.0, z3)
             identifier = count if z3 >= 0.0 else count + 1
-            if space.rolling and space.rim.shape[0] == 0:
-                identifier = -1  # the rim of an elliptic patch has no vertices
-    # Each edge, and torsion in either sense, has a vertex for each corner of the patch.
-    if space.rolling and identifier >= 0:
-        identifier = identifier * count + corner
-    return height, identifier, f0, f1, f2, f3, c1, c2
-
-
-@merged
-def _vertices(space):
-    """How many vertices a contact's wrenches have: edges and torsion, at corners of the patch."""
-    count = space.rim.shape[0]
-    return (count + 2) * count if space.rolling else count + 2
+    return height, identifier, f0, f1, f2, f3
 
 
 @merged
@@ -216,8 +170,8 @@ def farthest(space, u, point, force):
         space: `WrenchSpace`.
         u: Direction (6,).
         point: Written, the wrench (6,).
-        force: Written, the contact force of that wrench, in its contact's axes (6,), the last two
-            only where contacts resist rolling; not for PER_FINGER.
+        force: Written, the contact force of that wrench, in its contact's axes (4,); not for
+            PER_FINGER.
 
     Returns:
         (height, identifier, owner): the support, negative where all wrenches of ROWS or TOTAL have
@@ -237,7 +191,7 @@ def farthest(space, u, point, force):
     total = 0.0
     clear6(point)
     for i in range(axes.shape[0]):
-        height, index, f0, f1, f2, f3, c1, c2 = _farthest_force(space, i, u)
+        height, index, f0, f1, f2, f3 = _farthest_force(space, i, u)
         if space.kind == PER_FINGER:
             # Support functions of a Minkowski sum add up; a finger may also apply no force.
             if height > 0.0:
@@ -246,26 +200,18 @@ def farthest(space, u, point, force):
                     point[k] += (f0 * axes[i, 0, k] + f1 * axes[i, 1, k]) + (
                         f2 * axes[i, 2, k] + f3 * axes[i, 3, k]
                     )
-                if space.rolling:
-                    for k in range(6):
-                        point[k] += f0 * (c1 * axes[i, 4, k] + c2 * axes[i, 5, k])
         elif height > best:
             best, owner, identifier = height, i, index
             force[0], force[1], force[2], force[3] = f0, f1, f2, f3
-            if space.rolling:
-                force[4], force[5] = f0 * c1, f0 * c2
     if space.kind == PER_FINGER:
         return total, -1, -1
     for k in range(6):
         point[k] = (force[0] * axes[owner, 0, k] + force[1] * axes[owner, 1, k]) + (
             force[2] * axes[owner, 2, k] + force[3] * axes[owner, 3, k]
         )
-    if space.rolling:
-        for k in range(6):
-            point[k] += force[4] * axes[owner, 4, k] + force[5] * axes[owner, 5, k]
     # Edges and torsion of a contact have numbers of their own.
     if identifier >= 0:
-        identifier += owner * _vertices(space)
+        identifier += owner * (space.rim.shape[0] + 2)
     return best, identifier, owner
 
 
@@ -283,28 +229,23 @@ def contact_forces(space, u, weight, force, forces):
         space: `WrenchSpace`, not ROWS.
         u: Direction (6,).
         weight: Factor.
-        force: Scratch (6,).
-        forces: Changed, forces in the contacts' axes, (n, 4) or where they resist rolling (n, 6).
+        force: Scratch (4,).
+        forces: Changed, forces in the contacts' axes (n, 4).
     """
     if space.torsion >= SURE:
         add_tilted_forces(space, u, weight, forces)
         return
     best, owner = 0.0, -1
     for i in range(space.axes.shape[0]):
-        height, _, f0, f1, f2, f3, c1, c2 = _farthest_force(space, i, u)
+        height, _, f0, f1, f2, f3 = _farthest_force(space, i, u)
         if space.kind == PER_FINGER and height > 0.0:
             forces[i, 0] += weight * f0
             forces[i, 1] += weight * f1
             forces[i, 2] += weight * f2
             forces[i, 3] += weight * f3
-            if space.rolling:
-                forces[i, 4] += weight * f0 * c1
-                forces[i, 5] += weight * f0 * c2
         elif space.kind == TOTAL and height > best:
             best, owner = height, i
             force[0], force[1], force[2], force[3] = f0, f1, f2, f3
-            if space.rolling:
-                force[4], force[5] = f0 * c1, f0 * c2
     if owner >= 0:
-        for k in range(forces.shape[1]):
+        for k in range(4):
             forces[owner, k] += weight * force[k]

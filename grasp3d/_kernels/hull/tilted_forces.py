@@ -6,8 +6,7 @@ A contact has its axes, as in `support_functions`, and a row of numbers in `Wren
   for all contacts of the grasp, and in one of several modes, its own. They are the convex hull of a
   force along the normal, of a part of a ball about it and of a circle of forces, the corner. The
   fourth axis is the torsional moment, which has a size in each mode.
-* POSSIBLE: what it can apply at some normal, force and moment each at one of its own. The fourth to
-  sixth axis are the moments about the normal and the two tangents.
+* POSSIBLE: forces that it can apply at some normal.
 
 Contacts next to each other may share a bound, as the points of a patch do: `WrenchSpace.group`.
 """
@@ -75,26 +74,17 @@ def _sure(row, first, z0, tangent):
 
 
 @merged
-def _possible(spherical, row, z0, tangent, w0, twist):
-    """(support, f_normal, f_tangential, m_normal, m_tangential) over the normals of one contact.
+def _possible(spherical, row, z0, tangent):
+    """(support, f_normal, f_tangential) over the normals of one contact.
 
     Args:
         spherical: As in `WrenchSpace`.
         row: Friction; cosine and sine of the tilt; and of the friction angle plus the tilt, which
             is at most pi.
-        z0: Component of the direction of forces along the normal.
+        z0: Component of the direction along the normal.
         tangent: And across it.
-        w0: The same of the direction of moments.
-        twist: The same of the direction of moments.
     """
     square, turned, aside = row[0] * row[0], row[1], row[2]
-    # The moment is about an axis within the tilt of the normal, in either sense.
-    size = math.sqrt(w0 * w0 + twist * twist)
-    m0, m1 = turned, aside
-    if twist * turned <= abs(w0) * aside:
-        m0, m1 = abs(w0) / max(size, TINY), twist / max(size, TINY)
-    moment = abs(w0) * m0 + twist * m1
-    m0 = math.copysign(m0, w0)
     length = math.sqrt(z0 * z0 + tangent * tangent)
     cosine, sine = z0 / max(length, TINY), tangent / max(length, TINY)
     if length == 0.0:
@@ -103,25 +93,22 @@ def _possible(spherical, row, z0, tangent, w0, twist):
         f0, f1 = (cosine, sine) if cosine >= row[3] else (row[3], row[4])
         height = z0 * f0 + tangent * f1
         share = 1.0 if height > 0.0 else 0.0
-        return share * height + moment, share * f0, share * f1, m0, m1
+        return share * height, share * f0, share * f1
     # Of all angles between g and a normal this one would be the best; those between two are left.
-    ratio = moment * moment / max(length * length, TINY)
     c = 1.0
     if square > TINY:
-        c = min(math.sqrt((square + ratio) / (square * square + square)), 1.0)
+        c = min(math.sqrt(square / (square * square + square)), 1.0)
     s = math.sqrt(1.0 - c * c)
     if cosine < turned and c > cosine * turned + sine * aside:
         c, s = cosine * turned + sine * aside, sine * turned - cosine * aside
     elif cosine > -turned and c < cosine * turned - sine * aside:
         c, s = cosine * turned - sine * aside, sine * turned + cosine * aside
-    away = row[0] * length * s
-    root = math.sqrt(away * away + moment * moment)
-    slide, share = row[0] * away / max(root, TINY), moment / max(root, TINY)
+    slide = row[0] * length * s
+    height = length * c + abs(slide)
+    slide = math.copysign(row[0], slide) if slide != 0.0 else 0.0
     # Of the normal from the given one, toward g.
     along, across = cosine * c + sine * s, sine * c - cosine * s
-    height = length * c + root
-    f0, f1 = along - slide * across, across + slide * along
-    return height, f0, f1, share * m0, share * m1
+    return height, along - slide * across, across + slide * along
 
 
 @merged
@@ -133,24 +120,19 @@ def _width(space):
 
 @merged
 def _of_contact(space, i, first, u):
-    """(support, force and moment along six axes) of one contact; the level starts at first."""
-    axes, row = space.axes[i], space.cones[i]
-    z = _components(axes, u)
+    """(support, force and moment along four axes) of one contact; the level starts at first."""
+    row = space.cones[i]
+    z = _components(space.axes[i], u)
     z0, z1, z2, tangent, _, z3 = z
-    scale = 1.0 / max(tangent, TINY)
+    scale, f3 = 1.0 / max(tangent, TINY), 0.0
     if space.torsion == SURE:
         height, mode = _farthest_mode(row, first, _width(space), z)
         _, f0, across = _sure(row, mode, z0, tangent)
         f3 = math.copysign(row[mode], z3)
-        return height, f0, scale * across * z1, scale * across * z2, f3, 0.0, 0.0
-    w0 = w1 = w2 = 0.0
-    if axes.shape[0] == 6:
-        w0, w1, w2 = z3, dot6(axes[4], u), dot6(axes[5], u)
-    twist = math.sqrt(w1 * w1 + w2 * w2)
-    height, f0, across, m0, m1 = _possible(space.spherical, row, z0, tangent, w0, twist)
+        return height, f0, scale * across * z1, scale * across * z2, f3
+    height, f0, across = _possible(space.spherical, row, z0, tangent)
     f1, f2 = (scale * across * z1, scale * across * z2) if tangent > 0.0 else (across, 0.0)
-    turn = m1 / max(twist, TINY)
-    return height, f0, f1, f2, m0, turn * w1, turn * w2
+    return height, f0, f1, f2, f3
 
 
 @merged
@@ -161,13 +143,13 @@ def _of_group(space, start, first, u):
     where that pushes the wrong way.
     """
     best, chosen = -math.inf if space.torsion == SURE and space.group == 1 else 0.0, -1
-    f0 = f1 = f2 = f3 = f4 = f5 = 0.0
+    f0 = f1 = f2 = f3 = 0.0
     for i in range(start, min(start + space.group, space.axes.shape[0])):
         found = _of_contact(space, i, first, u)
         if found[0] > best:
-            best, f0, f1, f2, f3, f4, f5 = found
+            best, f0, f1, f2, f3 = found
             chosen = i
-    return chosen, best, f0, f1, f2, f3, f4, f5
+    return chosen, best, f0, f1, f2, f3
 
 
 @scratch_kernel
@@ -197,25 +179,22 @@ def farthest_tilted(space, u, point):
     clear6(point)
     first, total = _best_level(space, u), 0.0
     for start in range(0, space.axes.shape[0], space.group):
-        chosen, height, f0, f1, f2, f3, f4, f5 = _of_group(space, start, first, u)
+        chosen, height, f0, f1, f2, f3 = _of_group(space, start, first, u)
         total += height
         if chosen < 0:
             continue
         axes = space.axes[chosen]
         for k in range(6):
             point[k] += (f0 * axes[0, k] + f1 * axes[1, k]) + (f2 * axes[2, k] + f3 * axes[3, k])
-        if axes.shape[0] == 6:
-            for k in range(6):
-                point[k] += f4 * axes[4, k] + f5 * axes[5, k]
     return total
 
 
 @scratch_kernel
 def add_tilted_forces(space, u, weight, forces):
-    """Add the contact forces of the farthest wrench, times a weight, to forces (n, 4 or 6)."""
+    """Add the contact forces of the farthest wrench, times a weight, to forces (n, 4)."""
     first = _best_level(space, u)
     for start in range(0, space.axes.shape[0], space.group):
-        chosen, _, f0, f1, f2, f3, _, _ = _of_group(space, start, first, u)
+        chosen, _, f0, f1, f2, f3 = _of_group(space, start, first, u)
         if chosen >= 0:
             forces[chosen, 0] += weight * f0
             forces[chosen, 1] += weight * f1

@@ -50,8 +50,7 @@ class Workspace(NamedTuple):
     """Scratch arrays for one grasp in the coordinates of its span; n contacts or rows."""
 
     rows: npt.NDArray[np.float64]
-    """Wrenches with the span of the grasp (4 n, 6), or (6 n, 6) where contacts resist rolling; or
-    the n rows (n, 6)."""
+    """Wrenches with the span of the grasp (4 n, 6); or the n rows (n, 6)."""
     scratch: npt.NDArray[np.float64]
     """Scratch of that shape."""
     basis: npt.NDArray[np.float64]
@@ -77,21 +76,19 @@ class Results(NamedTuple):
     direction: npt.NDArray[np.float64]
     """Direction of `upper`, or a separating one: no wrench has a positive component (b, 6)."""
     forces: npt.NDArray[np.float64]
-    """Equilibrium forces, in the contacts' axes, (b, n, 4) or where they resist rolling
-    (b, n, 6); nan where there is none."""
+    """Equilibrium forces, in the contacts' axes (b, n, 4); nan where there is none."""
     slack: npt.NDArray[np.float64]
     """As returned by `balance`; 0 where the hull alone proves force closure (b,)."""
 
 
-def make_workspace(kind: int, count: int, rolling: bool = False) -> Workspace:
-    """Allocate a workspace for `count` contacts, which may resist rolling, or rows."""
-    axes = 6 if rolling else 4
-    rows = count if kind == ROWS else axes * count
+def make_workspace(kind: int, count: int) -> Workspace:
+    """Allocate a workspace for `count` contacts, or rows."""
+    rows = count if kind == ROWS else 4 * count
     return Workspace(
         rows=np.zeros((rows, 6)),
         scratch=np.zeros((rows, 6)),
         basis=np.zeros((6, 6)),
-        axes=np.zeros((1, 6, count) if kind == ROWS else (count, axes, 6)),
+        axes=np.zeros((1, 6, count) if kind == ROWS else (count, 4, 6)),
         extents=np.zeros(6),
         metric=np.zeros(6),
         dims=np.zeros(6, dtype=np.int64),
@@ -100,10 +97,10 @@ def make_workspace(kind: int, count: int, rolling: bool = False) -> Workspace:
 
 @merged
 def _load_contacts(axes, tangential, torsion, workspace):
-    """Copy the axes (n, 4 or 6, 6) of contacts, the tangential ones scaled by friction (n,)."""
-    rows, width = workspace.rows, axes.shape[1]
+    """Copy the axes (n, 4, 6) of contacts, the tangential ones scaled by friction (n,)."""
+    rows = workspace.rows
     for i in range(axes.shape[0]):
-        for j in range(width):
+        for j in range(4):
             factor = 1.0
             # Without friction, or without torsion, the axis does not belong to the span.
             if 1 <= j <= 2:
@@ -111,13 +108,13 @@ def _load_contacts(axes, tangential, torsion, workspace):
             elif j == 3 and torsion == NO_TORSION:
                 factor = 0.0
             for k in range(6):
-                rows[width * i + j, k] = factor * axes[i, j, k]
+                rows[4 * i + j, k] = factor * axes[i, j, k]
 
 
 @merged
 def load(form, wrenches, tangential, tolerance, workspace):
     """Write the wrenches of a grasp, as `epsilons` takes them, and their span; returns its rank."""
-    kind, _, torsion, _ = form
+    kind, torsion = form[0], form[2]
     if kind == ROWS:
         for i in range(wrenches.shape[0]):
             copy6(wrenches[i, 0], workspace.rows[i])
@@ -248,7 +245,7 @@ def _examine_separation(form, wrenches, cones, rim, workspace, polytope, results
 
     Where it does not, a grasp that is not force-closed becomes UNDECIDED.
     """
-    kind, _, torsion, _ = form
+    kind, _, torsion = form
     proof = separation(
         kind, torsion != NO_TORSION, wrenches, cones, rim, _largest_wrench(workspace),
         results.direction[g], polytope.vectors,
@@ -283,32 +280,29 @@ def _narrowed(bracket, cones, polytope, results, g):
 @scratch_kernel
 def verify(form, wrenches, tangential, cones, rim, tolerance, workspace, scratch, forces):
     """Correct forces of one grasp found by other means; returns the slack of `balance`."""
-    kind, spherical, torsion, rolling = form
+    kind, spherical, torsion = form
     rank = load(form, wrenches, tangential, tolerance, workspace)
     total = ROWS if kind == ROWS else TOTAL
     project(total, wrenches, workspace, rank)
-    space = WrenchSpace(total, spherical, torsion, workspace.axes, cones, rim, 1, rolling)
+    space = WrenchSpace(total, spherical, torsion, workspace.axes, cones, rim, 1)
     return balance(space, rank, workspace.extents, forces, scratch)
 
 
 @scratch_kernel
 def epsilons(
-    form, wrenches, tangential, cones, rim, tolerance, goal, group, with_forces, first,
-    least_rank, dims, bracket, workspace, polytope, results,
+    form, wrenches, tangential, cones, rim, tolerance, goal, with_forces, first, least_rank, dims,
+    bracket, workspace, polytope, results,
 ):  # fmt: skip
     """Epsilon, force closure and certificates of many grasps.
 
     Args:
-        form: (kind, spherical, torsion, rolling) of `WrenchSpace`.
-        wrenches: Axes of contacts (b, n, 4, 6), or where they resist rolling (b, n, 6, 6); or rows
-            (b, n, 1, 6).
+        form: (kind, spherical, torsion) of `WrenchSpace`.
+        wrenches: Axes of contacts (b, n, 4, 6), or rows (b, n, 1, 6).
         tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
         cones: As in `WrenchSpace` (b, n, 2).
         rim: As in `WrenchSpace` (m, 2).
         tolerance: As in `span`.
         goal: As in `grow`; its cutoff is 0 or inf.
-        group: Number of consecutive grasps of which only the smallest epsilon is needed; each is
-            abandoned when it cannot be smaller than those before it. 1: all are computed.
         with_forces: Whether equilibrium forces are computed.
         first: Index of the first grasp to compute.
         least_rank: 6, or 1: grasps of lower rank are left out.
@@ -325,55 +319,38 @@ def epsilons(
         The first grasp for which the polytope was too small, whose bounds hold, or that has the
         status OTHER_RANK; b if none.
     """
-    kind, spherical, torsion, rolling = form
-    rtol, atol, cutoff, sign = goal
-    smallest = math.inf
-    for g in range(first - first % group, first):
-        smallest = min(smallest, results.upper[g])
+    kind, spherical, torsion = form
     g = first
     while g < wrenches.shape[0]:
-        if g % group == 0:
-            smallest = math.inf
         _reset_result(results, g)
-        # No epsilon can be smaller than 0: the rest of the group is not needed.
-        if group > 1 and smallest <= 0.0:
-            results.lower[g] = results.upper[g] = math.inf
-            g += 1
-            continue
         rank = load(form, wrenches[g], tangential[g], tolerance, workspace)
         results.rank[g] = rank
         if rank == 0:
-            smallest = 0.0
             g += 1
             continue
         if rank < least_rank:
             results.status[g] = OTHER_RANK
             return g
         project(kind, wrenches[g], workspace, rank)
-        # Within a group, growing stops when epsilon cannot be smaller than those before it.
-        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, 1, rolling)
-        limit = min(cutoff, smallest) if group > 1 else cutoff
+        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, 1)
         status, lower, upper, vertices, used = _grow(
-            space, dims, rank, workspace.metric, (rtol, atol, limit, sign), polytope
+            space, dims, rank, workspace.metric, goal, polytope
         )
         closed = used > 0 and lower > 0.0
         # No plane could be computed: the sizes of the coordinates differ too much.
-        if math.isinf(lower) and limit == math.inf:
+        if math.isinf(lower) and goal[2] == math.inf:
             status, lower, upper, closed = STALLED, 0.0, _largest_wrench(workspace), False
         lower = min(lower, upper)
         results.lower[g], results.upper[g] = max(0.0, lower), upper
         results.status[g], results.closed[g] = status, closed
         if status != STALLED or closed:
             write_direction(rank, workspace, polytope.vectors[16], results.direction[g])
-        smallest = min(smallest, upper)
         clear = lower > CLEAR * _largest_wrench(workspace)
         if closed and clear:
             results.slack[g] = 0.0
         if closed and (with_forces or not clear) and _is_convex(kind, cones[g]):
             if kind == PER_FINGER:  # the hull contains the origin where the sum does
-                space = WrenchSpace(
-                    TOTAL, spherical, torsion, workspace.axes, cones[g], rim, 1, rolling
-                )
+                space = WrenchSpace(TOTAL, spherical, torsion, workspace.axes, cones[g], rim, 1)
                 _, _, _, vertices, used = _grow(space, dims, rank, workspace.metric, SIGN, polytope)
             slack = math.inf
             if used > 0:
@@ -390,7 +367,7 @@ def epsilons(
                 erase_forces(results, g)
         # The origin may be outside, or rounding may have moved it: either needs a proof.
         proven = clear or results.slack[g] < LARGEST_SLACK
-        if group == 1 and not (closed and proven) and status != EXHAUSTED:
+        if not (closed and proven) and status != EXHAUSTED:
             _examine_separation(form, wrenches[g], cones[g], rim, workspace, polytope, results, g)
         if status == EXHAUSTED:
             return g

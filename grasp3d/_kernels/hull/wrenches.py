@@ -29,7 +29,7 @@ def write_axes(points, normals, torsion_radius, scale, near_x_axis, axes):
         torsion_radius: (c,).
         scale: The torque scale.
         near_x_axis: Absolute x-component of a normal above which its tangents come from the y-axis.
-        axes: Written, the first four of each contact (c, 4 or 6, 6).
+        axes: Written, those of each contact (c, 4, 6).
     """
     for i in range(points.shape[0]):
         point, own = points[i], axes[i]

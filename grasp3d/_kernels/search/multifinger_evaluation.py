@@ -231,8 +231,8 @@ def _hull_force_closed(candidate, hull, n, angle):
     normal, tangential = math.cos(angle), math.sin(angle)
     for i in range(n):
         cones[i, 0], cones[i, 1] = normal, tangential
-    spherical, rolling = True, False
-    space = WrenchSpace(TOTAL, spherical, NO_TORSION, axes[:n], cones[:n], hull.rim, 1, rolling)
+    spherical = True
+    space = WrenchSpace(TOTAL, spherical, NO_TORSION, axes[:n], cones[:n], hull.rim, 1)
     _, lower, _, _, facets = grow(space, SIX, hull.metric, None, AROUND_ORIGIN, SIGN, polytope)
     if facets > 0 and lower > ROUNDING:
         return True

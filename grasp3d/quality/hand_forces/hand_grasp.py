@@ -51,9 +51,9 @@ class HandGrasp:
             most_force: What link and object bear [N], above 0.
 
         Raises:
-            ContactError: Several grasps, soft contacts or patches, or shapes that do not match.
+            ContactError: Several grasps, soft contacts, or shapes that do not match.
         """
-        if contacts.batch or contacts.patch is not None or contacts.torsion_radius.any():
+        if contacts.batch or contacts.torsion_radius.any():
             raise ContactError(
                 "joint torques are for hard contacts of one grasp: give the points of a patch as "
                 "contacts of their own"
