@@ -527,6 +527,20 @@ def test_dictionaries_of_no_format_are_refused(tmp_path: Path) -> None:
         read_poses(path, hand=hand_of("allegro"))
 
 
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("pickle_cyclic_list", r"grasp_qpos must be numbers; got a list of 1$"),
+        ("obj_scale_nan_accepted", r"scale of the object must be one number above 0; got \[?nan"),
+    ],
+)
+def test_cases_of_dictionaries_are_refused_in_one_sentence(name: str, message: str) -> None:
+    path = shapes.shared("cases", "21_names_and_tables", f"{name}.npy")
+    with pytest.raises(ContactError, match=message) as error:
+        read_poses(path, hand=hand_of("allegro"))
+    assert "\n" not in str(error.value)
+
+
 class Executes:
     """What calls a function when it is unpickled in the usual way."""
 

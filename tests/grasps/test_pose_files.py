@@ -14,12 +14,14 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from grasp3d import Label, load_mesh
 from grasp3d.errors import ContactError, GraspError, OutputError, SettingError
+from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.grasp_files import read_contacts
 from grasp3d.grasps.pose_files import holds_poses, read_poses, write_poses
 from grasp3d.grasps.pose_files.documents import numbers
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.parallel_gripper import ParallelGripper, preset
 from grasp3d.hand.pose_checks import pose_warning
 from grasp3d.settings.lengths import Unit
 from tests.helpers import grippers, shapes
@@ -514,6 +516,17 @@ def test_poses_are_distinguished_from_contacts(tmp_path: Path) -> None:
     (tmp_path / "text.json").write_text("no JSON")
     for name in ("points.json", "points.csv", "text.json", "absent.json", "mesh.stl"):
         assert not holds_poses(tmp_path / name)
+
+
+def test_a_space_may_follow_each_comma_of_a_table(tmp_path: Path) -> None:
+    path = shapes.shared("cases", "14_csv_space_after_comma", "poses.csv")
+    (tmp_path / "dense.csv").write_text(path.read_text().replace(", ", ","))
+    found, dense = read_poses(path), read_poses(tmp_path / "dense.csv")
+    assert found.names == dense.names == ("g1",)
+    assert found.unit == dense.unit == "m"
+    equal(found.poses, dense.poses)
+    mesh = load_mesh(path.with_name("box.stl"), unit="m")
+    assert evaluate_grasps(mesh, found, hand=preset("franka")).label.tolist() == [Label.S]
 
 
 def test_the_unit_of_a_file_without_one_is_given_and_another_one_is_refused(

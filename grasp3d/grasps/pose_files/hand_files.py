@@ -58,6 +58,9 @@ SAME = 1e-6
 MOST_FILES, MOST_GRASPS = 100_000, 1_000_000
 """Most files of a folder, and grasps, that are read."""
 
+DEEPEST = 3
+"""Most lists within each other that are read as an array: a list may contain itself."""
+
 SUFFIXES = (".npy", ".pt")
 
 
@@ -151,11 +154,12 @@ def _rows(content: object, what: str, name: str) -> Rows:
     return rows | _of_scene(content.get("scene_cfg"))
 
 
-def _numbers(value: object, what: str) -> Floats:
+def _numbers(value: object, what: str, deep: int = 0) -> Floats:
     if hasattr(value, "detach"):
         value = value.detach().cpu().numpy()
-    if isinstance(value, list) and value and not all(type(v) in (int, float) for v in value):
-        parts = [_numbers(one, what) for one in value[:MOST_GRASPS]]
+    is_nested = isinstance(value, list) and not all(type(v) in (int, float) for v in value)
+    if is_nested and deep < DEEPEST:
+        parts = [_numbers(one, what, deep + 1) for one in value[:MOST_GRASPS]]  # type: ignore[index]
         if len({part.shape for part in parts}) == 1:
             return np.stack(parts)
     array = numbers_in([value] if isinstance(value, int | float) else value, what)
@@ -398,8 +402,11 @@ def _of_one_scale(
     for k, rows in enumerate(content):
         values = rows.get("obj_scale", rows.get("scale"))
         if values is not None:
-            if np.ptp(values) > SAME * np.abs(values).max():
-                raise ContactError(f"the scale of the object must be one number; got {values}")
+            size = np.abs(values).max()
+            if not (0.0 < values.min() <= size < np.inf and np.ptp(values) <= SAME * size):
+                raise ContactError(
+                    f"the scale of the object must be one number above 0; got {values}"
+                )
             scales[starts[k] : starts[k + 1]] = values.reshape(-1)[0]
     known = np.unique(np.round(scales[np.isfinite(scales)], 9))
     if not len(known):

@@ -274,6 +274,8 @@ def read_table(path: Path, given: Given) -> GraspPoses:
     from grasp3d.system.tables import read_columns, read_settings
 
     columns = read_columns(path)
+    if path.suffix.lower() == ".csv":  # a space may follow each comma
+        columns = {name: _stripped(values) for name, values in columns.items()}
     missing = [name for name in REQUIRED if name not in columns]
     if missing:
         listed = " ".join(list(columns)[:12]) + (" ..." if len(columns) > 12 else "")
@@ -302,6 +304,14 @@ def read_table(path: Path, given: Given) -> GraspPoses:
         },
         **fields_of((header or {}) | _stated(columns), given),
     )
+
+
+def _stripped(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Texts without the spaces around them; numbers as they are."""
+    if values.dtype.kind != "O":
+        return values
+    stripped = [value.strip() if isinstance(value, str) else value for value in values]
+    return np.array(stripped, dtype=object)
 
 
 def _poses_in(columns: Columns, prefix: str) -> Floats:
