@@ -53,7 +53,6 @@ nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
     ("py:class", r"grasp3d\._kernels\..*|.*\.StabilityProblem|.*\.PairLines"),  # inside results
     ("py:class", r"grasp3d\.hand\.triangles\.Triangles"),  # what is drawn
     ("py:class", r"grasp3d\.hand\.jaws\.Jaws"),  # a part of `ParallelGripper`
-    ("py:class", r"grasp3d\.grasps\.readings\.Alternative"),  # a part of `PoseReading`
     ("py:class", r"grasp3d\.surface\.fields\.Field"),  # declares columns of files
     ("py:class", r"grasp3d\.validating\.disagreements\.Numbers"),  # columns of grasps
     ("py:class", r".*\.tasks\.Terms?|.*\._Part"),  # likewise

@@ -10,6 +10,7 @@ from grasp3d.cli import grasp_report, hand_report, progress_bars
 from grasp3d.cli.commands import Evaluate
 from grasp3d.cli.existing_files import check_not_source, check_not_task, check_output
 from grasp3d.errors import ContactError, MeshError, SettingError
+from grasp3d.grasps.audit import explained
 from grasp3d.grasps.evaluated_parts import EvaluatedParts
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps, poses_on
@@ -23,7 +24,6 @@ from grasp3d.grasps.grasp_files import (
 )
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.grasps.pose_files import holds_poses, read_poses
-from grasp3d.grasps.pose_readings import explained
 from grasp3d.grasps.ranking import listed_rows
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import AUTO

@@ -25,12 +25,11 @@ from grasp3d.cli.report import (
     table_of,
     uncertainty_lines,
 )
+from grasp3d.grasps.audit import READING, READINGS
 from grasp3d.grasps.evaluated_parts import EvaluatedParts
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses, GivenGrasps
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
-from grasp3d.grasps.pose_readings import READINGS
 from grasp3d.grasps.ranking import listed_rows, stated_label
-from grasp3d.grasps.readings import READING
 from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing

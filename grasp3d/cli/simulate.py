@@ -10,11 +10,11 @@ from grasp3d.cli.commands import Simulate
 from grasp3d.cli.existing_files import check_not_source, check_output
 from grasp3d.cli.report import Report, escaped, length_with_unit, table_of
 from grasp3d.errors import SettingError
+from grasp3d.grasps.audit import READINGS, explained
 from grasp3d.grasps.evaluation import poses_on
 from grasp3d.grasps.pose_files import SUFFIXES as POSES
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.pose_files.files import check_hand, format_of
-from grasp3d.grasps.pose_readings import READINGS, explained
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import AUTO
 from grasp3d.hand.hand import touching

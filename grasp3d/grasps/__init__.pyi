@@ -1,3 +1,5 @@
+from .audit import PoseReading as PoseReading
+from .audit import audit_poses as audit_poses
 from .causes import Cause as Cause
 from .causes import cause_fractions as cause_fractions
 from .distinct import alternatives_at as alternatives_at
@@ -11,12 +13,10 @@ from .grasp_files import read_grasps as read_grasps
 from .grasp_files import write_grasps as write_grasps
 from .hand_grasps import EvaluatedHandGrasps as EvaluatedHandGrasps
 from .pose_files.frames import read_object_pose as read_object_pose
-from .pose_readings import suspected_reading as suspected_reading
 from .poses import GraspPoses as GraspPoses
 from .ranking import margins_in_units as margins_in_units
 from .ranking import ranked_rows as ranked_rows
 from .ranking import stated_label as stated_label
-from .readings import PoseReading as PoseReading
 from .verdict import HoldingVerdict as HoldingVerdict
 from .verdict import Remedy as Remedy
 from .verdict import Verdict as Verdict

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
-from grasp3d.grasps.pose_readings import starting_inside, suspected_reading
+from grasp3d.grasps.audit import FEWEST, SUSPECTED, PoseReading, audit_poses
 from grasp3d.grasps.poses import GAP, GraspPoses
-from grasp3d.grasps.readings import SUSPECTED, PoseReading
 from grasp3d.hand.choices import ObjectMotion
-from grasp3d.hand.closed_jaws import ClosedJaws
+from grasp3d.hand.closed_jaws import ClosedJaws, Closing
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.object_pose import ObjectPose
@@ -74,9 +73,9 @@ class GivenGrasps(LabelledGrasps):
 
     @cached_property
     def reading(self) -> PoseReading | None:
-        """Another reading of the poses, which explains them better than the stated one, if any."""
+        """Another reading of the poses, in which far more fit the object than as stated, if any."""
         table = None if self.scene is None else self.scene.table
-        return suspected_reading(self.mesh, self.given, self.hand, table=table)
+        return audit_poses(self.mesh, self.given, self.hand, table=table)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -233,7 +232,18 @@ class EvaluatedPoses(GivenGrasps, SpreadGrasps):
         return taken
 
     def _warnings(self) -> Iterable[str | None]:
-        return [None if self.reading else starting_inside(self.state)]
+        return [None if self.reading else self._starting_inside()]
+
+    def _starting_inside(self) -> str | None:
+        """What suggests that most poses are too deep."""
+        inside = int((self.state == Closing.STARTS_INSIDE).sum())
+        if self.size < FEWEST or 2 * inside <= self.size:
+            return None
+        return (
+            f"a finger starts in the object in {inside} of {self.size} poses, even wide open: is "
+            "the origin of the poses the point between the fingertips, is the unit of mesh and "
+            "poses right, and is the object narrower than the stroke there?"
+        )
 
     def _table_columns(self) -> Arrays:
         columns = {"opening": self.opening, **super()._table_columns()}

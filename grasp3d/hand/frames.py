@@ -5,6 +5,7 @@ Nothing here imports NumPy until a matrix is made, so that the command line star
 
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -308,3 +309,20 @@ FRAMES: dict[str, GripperFrame] = dict(
 )
 """Frames by name, as the programs state them (see docs/guide/elsewhere.md); several names may stand
 for the same one."""
+
+
+def frames_of(hand: Any) -> Iterator[tuple[GripperFrame, str]]:
+    """Frames that poses of a hand may be in, with words for each.
+
+    Those by name, and their axes at the TCP and at the base; of hands with joints those of the
+    links between base and palm, and of what is fixed to these.
+    """
+    if _has_joints(hand):
+        joints, path = hand.tree.joints, hand.tree.chain(hand.palm)
+        fixed = (n for link in path for n in hand.tree.children(link) if joints[n].kind == "fixed")
+        yield from ((GripperFrame(link=n), f"--frame link={n}") for n in (*path, *fixed))
+        return
+    yield from ((frame, f"--frame {name}") for name, frame in FRAMES.items())
+    for name, frame in FRAMES.items():
+        yield replace(frame, name="", origin="tcp", ahead=0.0), f"the axes of {name} at the TCP"
+        yield replace(frame, name="", origin="base", ahead=0.0), f"the axes of {name} at the base"

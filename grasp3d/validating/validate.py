@@ -10,12 +10,11 @@ import numpy as np
 
 from grasp3d.arrays import Ints, locked
 from grasp3d.errors import ContactError, SettingError
+from grasp3d.grasps.audit import READING, READINGS, explained
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.pose_files.frames import GivenPose
-from grasp3d.grasps.pose_readings import READINGS, explained
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.grasps.readings import READING
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing

@@ -4,21 +4,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from grasp3d import ObjectMesh
-from grasp3d.grasps.hand_readings import DEEPEST, JointTrial
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE
+from grasp3d.hand.articulated.hand_scene import HandScene
 
 
-def touching(
-    hand: ArticulatedHand,
-    mesh: ObjectMesh,
-    count: int = 40,
-    seed: int = 0,
-    *,
-    deepest: float = DEEPEST,
-) -> GraspPoses:
+def touching(hand: ArticulatedHand, mesh: ObjectMesh, count: int) -> GraspPoses:
     """Random ones with which two links at least touch and none is deep; the wrist is straight."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
+    scene = HandScene(mesh, hand, 1.0, CONTACT_DISTANCE)
     low, high = np.clip(hand.limits_of_joints, -1.5, 1.5).T
     straight = ["WRJ" in name for name in hand.joint_names]
     tips = [hand.link_names.index(name) for name in hand.fingertips]
@@ -32,8 +27,10 @@ def touching(
         tried = np.tile(np.eye(4), (200, 1, 1))
         tried[:, :3, :3] = Rotation.random(200, rng=rng).as_matrix()
         tried[:, :3, 3] = mesh.center - np.einsum("kij,kj->ki", tried[:, :3, :3], middle)
-        fits, touch, _ = JointTrial(mesh, hand, None).fits(tried, posture)
-        fits &= (np.ceil(touch) - touch) * DEEPEST <= deepest
+        frames = scene.frames(tried, hand.postures(posture))
+        gaps = scene.link_gaps(scene.touch(frames, contacts=False, search=CONTACT_DISTANCE))
+        fits = (gaps <= CONTACT_DISTANCE).sum(axis=1) >= 2
+        fits &= gaps.min(axis=1) >= -0.015
         poses = np.concatenate([poses, tried[fits]])
         postures = np.concatenate([postures, posture[fits]])
     return GraspPoses(

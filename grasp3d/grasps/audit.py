@@ -1,0 +1,280 @@
+"""Audit of poses: whether far more of them fit their object if their file is read otherwise."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from grasp3d.arrays import Bools, Floats, Ints
+from grasp3d.errors import ContactError
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.grasps.postures import matched
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE
+from grasp3d.hand.articulated.hand_scene import HandScene
+from grasp3d.hand.frames import GripperFrame, frames_of
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.jaws import Jaws, metres_per_unit
+from grasp3d.hand.table import Table
+from grasp3d.mesh import ObjectMesh
+from grasp3d.system.context import unreported
+
+FEWEST, TRIED, SCREENED, KEPT = 5, 200, 24, 8
+"""Poses below which too few agree by chance, the most that are tried, those of them with which all
+readings are tried, and the readings that are then tried with all poses."""
+
+TIMES, MORE, SHARE = 2, 3, 0.1
+"""Of another reading at least so many times as many poses must fit as of the stated one, so many
+more, and so many more of those that are tried."""
+
+NAMED, RIVAL = 0.5, 0.8
+"""A reading is named if at least so many of the poses fit, and of each other reading fewer than so
+many of these."""
+
+LEAST_TOUCH = 0.05
+"""Fraction of the area of a pad that both jaws touch in a pose that fits."""
+
+LEAST_LINKS, DEEPEST = 2, 0.015
+"""Links of a hand with joints that touch in a pose that fits, and how deep they may be in the
+object [m]."""
+
+FIT = "the jaws close on the object where it is, each with a twentieth of its pad at least,"
+FIT_OF_LINKS = "at least two links touch the object, and none is deeper than 15 mm in it,"
+"""What is the case in poses that fit."""
+
+SPREAD = 0.1, 10.0
+"""Spread of the TCPs, in object sizes, beyond which lengths may be in another unit."""
+
+READING, SUSPECTED = "pose_reading", "suspected_reading"
+"""Settings of poses that were read as they fit their object, or should be: the sentence on it."""
+
+READINGS = {READING: "--frame auto", SUSPECTED: "warning"}
+"""What people are told of these settings."""
+
+UNITS = {
+    0.001: "mm instead of m", 0.01: "cm instead of m", 0.0254: "inches instead of m",
+    1000.0: "m instead of mm", 25.4: "inches instead of mm",
+}  # fmt: skip
+"""What else a file may mean by its lengths, by the factor of them."""
+
+
+def _ordered(*order: int) -> Callable[[Rotation], Rotation]:
+    """From rotations to those whose quaternions x y z w are these of theirs."""
+    return lambda turned: Rotation.from_quat(turned.as_quat()[:, order])
+
+
+ROTATIONS: dict[str, Callable[[Rotation], Rotation]] = {
+    "": lambda turned: turned,
+    "their quaternions in the order (w x y z) instead of (x y z w)": _ordered(1, 2, 3, 0),
+    "their quaternions in the order (x y z w) instead of (w x y z)": _ordered(3, 0, 1, 2),
+    "their rotations transposed": Rotation.inv,
+}
+"""What else a file may mean by its rotations."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PoseReading:
+    """Another reading of poses, in which far more of them fit their object than as stated.
+
+    Example:
+        >>> import numpy as np
+        >>> import trimesh
+        >>> import grasp3d
+        >>> from grasp3d.grasps import GraspPoses, audit_poses
+        >>> franka = grasp3d.ParallelGripper.preset("franka")
+        >>> block = grasp3d.load_mesh(trimesh.creation.box([0.03, 0.5, 0.02]), unit="m")
+        >>> poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (20, 1, 1))
+        >>> poses[:, 1, 3] = np.linspace(-0.22, 0.22, 20)
+        >>> poses[:, 2, 3] = 0.1034  # those of the hand's base
+        >>> given = GraspPoses(poses=poses, unit="m", hand=franka)
+        >>> reading = audit_poses(block, given, franka)
+        >>> str(reading.frame), reading.fitting, reading.stated
+        ('graspgen', 20, 0)
+        >>> audit_poses(block, reading.applied(given), franka) is None
+        True
+    """
+
+    given: GraspPoses
+    """The poses that were tried, as they were read, in metres."""
+    hand: Hand
+    """The gripper."""
+    frame: GripperFrame
+    """Frame of the gripper in which the file has the poses."""
+    place: str = ""
+    """The frame in words; empty: the stated one."""
+    rotation: str = ""
+    """What else the rotations mean, a key of `ROTATIONS`."""
+    factor: float = 1.0
+    """Factor of the lengths, a key of `UNITS`; 1: none."""
+    fitting: int = 0
+    """Number of poses that fit the object in this reading."""
+    stated: int = 0
+    """The same as stated."""
+    stands_out: bool = True
+    """Whether far fewer fit in all other readings."""
+
+    def __str__(self) -> str:
+        """Both counts, one sentence without a full stop."""
+        unit = f"their lengths in {UNITS[self.factor]}" if self.factor != 1.0 else ""
+        words = " and ".join(part for part in (self.place, self.rotation, unit) if part)
+        taken = "" if words == f"--frame {self.frame}" else ", which --frame auto takes,"
+        other = f"with {words}{taken} in {self.fitting}"
+        if not self.stands_out:
+            other = f"in several other readings, of which none stands out, in up to {self.fitting}"
+        fit = FIT_OF_LINKS if isinstance(self.hand, ArticulatedHand) else FIT
+        stated = f"as stated ('{self.given.gripper_frame}') {fit} in {self.stated}"
+        return f"{stated} of {self.given.count} poses; {other}"
+
+    def of(self, poses: Floats) -> Floats:
+        """What poses of the TCP would be that were read as stated, (k, 4, 4) [m]."""
+        at = np.eye(4) if self.given.object_pose is None else self.given.object_pose.matrix
+        in_file = at @ poses @ np.linalg.inv(self.given.gripper_frame.to_tcp(self.hand))
+        turned = ROTATIONS[self.rotation](Rotation.from_matrix(in_file[:, :3, :3]))
+        in_file[:, :3, :3] = turned.as_matrix()
+        changed = np.linalg.inv(at) @ _longer(in_file, self.factor)
+        return np.asarray(changed @ self.frame.to_tcp(self.hand))
+
+    def applied(self, poses: GraspPoses) -> GraspPoses:
+        """The poses in this reading.
+
+        Args:
+            poses: Those that were read as stated; their unit is known.
+
+        Raises:
+            ContactError: This reading does not stand out, or the unit is not known.
+        """
+        if not self.stands_out:
+            raise ContactError(f"{self}: give the frame (--frame, in Python frame=...)")
+        longer = poses.in_unit("m").scaled(self.factor, "m")
+        read = longer.changed(lambda each: self.of(_longer(each, 1.0 / self.factor)))
+        settings = {**poses.settings, READING: str(self)}
+        read = replace(read, gripper_frame=self.frame, settings=settings)
+        return read.in_unit(poses.unit or "m")
+
+
+def audit_poses(
+    mesh: ObjectMesh, poses: GraspPoses, hand: Hand, *, table: Table | None = None
+) -> PoseReading | None:
+    """Count how many poses fit their object as stated and in other readings of their file.
+
+    A pose fits if the gripper, wide open, gets there without collision, its jaws then close on the
+    object, and each touches it with a twentieth of a pad; of a hand with joints if two links touch,
+    and none is deeper than 15 mm in the object. Tried are the frames by name, and their axes with
+    the TCP or the base as origin, each with quaternions in another order and with transposed
+    rotations; and where the TCPs are far apart or all at one point, lengths in other units.
+
+    Args:
+        mesh: The object; its unit is known.
+        poses: Poses as they were read; without a unit they are in the mesh's.
+        hand: The gripper.
+        table: What the object stands on; None: nothing.
+
+    Returns:
+        Another reading, in which at least twice as many fit; None: there is none, or there are
+        fewer than five poses.
+    """
+    read = (poses if poses.unit else replace(poses, unit=mesh.unit)).in_unit("m")
+    read = matched(read, hand) if isinstance(hand, ArticulatedHand) else read
+    read = read.take(_some(read.count, TRIED))
+    if (count := read.count) < FEWEST:
+        return None
+
+    def fitting(readings: list[PoseReading], rows: Ints) -> Ints:
+        placed = np.concatenate([one.of(read.poses[rows]) for one in readings])
+        posture = np.tile(read.posture[rows], (len(readings), 1))
+        fits = _fits(mesh, hand, table, placed, posture)
+        return np.asarray(fits.reshape(len(readings), -1).sum(axis=1))
+
+    as_stated = PoseReading(given=read, hand=hand, frame=read.gripper_frame)
+    stated = int(fitting([as_stated], np.arange(count))[0])
+    enough = max(TIMES * stated, stated + MORE, stated + SHARE * count)
+    if enough > count:
+        return None
+    others = list(_others(as_stated, mesh))
+    few = fitting(others, _some(count, SCREENED))
+    best: list[PoseReading] = [others[k] for k in np.argsort(-few, kind="stable")[:KEPT]]
+    counts = fitting(best, np.arange(count))
+    order: list[int] = np.argsort(-counts, kind="stable").tolist()
+    first, *rivals = order
+    if (most := int(counts[first])) < enough:
+        return None
+    far_fewer = counts[rivals] < min(RIVAL * most, most - MORE + 1)
+    stands_out = most >= NAMED * count and bool(far_fewer.all())
+    return replace(best[first], fitting=most, stated=stated, stands_out=stands_out)
+
+
+def explained(
+    mesh: ObjectMesh, poses: GraspPoses, hand: Hand, *, table: Table | None = None
+) -> GraspPoses:
+    """The poses in the reading that stands out; as they are if there is none.
+
+    Args:
+        mesh: The object; its unit is known.
+        poses: As for `audit_poses`.
+        hand: The gripper.
+        table: What the object stands on; None: nothing.
+
+    Returns:
+        The poses; the setting `pose_reading` says in which reading.
+    """
+    reading = audit_poses(mesh, poses, hand, table=table)
+    if reading and reading.stands_out:
+        return reading.applied(poses if poses.unit else replace(poses, unit=mesh.unit))
+    kept = f"kept '{poses.gripper_frame}', as stated: no other reading stands out"
+    return replace(poses, settings={**poses.settings, READING: kept})
+
+
+def _others(stated: PoseReading, mesh: ObjectMesh) -> Iterator[PoseReading]:
+    """All other readings that differ, those of the stated frame first."""
+    hand, frames = stated.hand, dict[str, tuple[GripperFrame, str]]()
+    for frame, place in [(stated.frame, ""), *frames_of(hand)]:
+        frames.setdefault(_key(frame.to_tcp(hand), hand), (frame, place))
+
+    def is_plausible(reading: PoseReading) -> bool:
+        spread = np.linalg.norm(np.ptp(reading.of(stated.given.poses)[:, :3, 3], axis=0))
+        return SPREAD[0] <= float(spread) / (mesh.size * metres_per_unit(mesh)) <= SPREAD[1]
+
+    units = () if is_plausible(stated) else UNITS
+    for factor, rotation in product((1.0, *units), ROTATIONS):
+        for frame, place in frames.values():
+            one = replace(stated, frame=frame, place=place, rotation=rotation, factor=factor)
+            if is_plausible(one) if factor != 1.0 else place or rotation:
+                yield one
+
+
+def _key(matrix: Floats, hand: Hand) -> str:
+    """What two frames have in common that are the same: jaws are alike on both sides."""
+    is_turned = isinstance(hand, Jaws) and tuple(np.round(matrix[:3, 0], 6)) < (0.0, 0.0, 0.0)
+    alike = matrix * (-1.0, -1.0, 1.0, 1.0) if is_turned else matrix
+    return str((np.round(alike, 6) + 0.0).tolist())
+
+
+def _fits(
+    mesh: ObjectMesh, hand: Hand, table: Table | None, poses: Floats, posture: Floats
+) -> Bools:
+    """Which of poses (k, 4, 4) of the TCP [m] fit, shape (k,)."""
+    metres = metres_per_unit(mesh)
+    if isinstance(hand, ArticulatedHand):
+        scene = HandScene(mesh, hand, metres, CONTACT_DISTANCE)
+        frames = scene.frames(poses, hand.postures(posture))
+        gaps = scene.link_gaps(scene.touch(frames, contacts=False, search=CONTACT_DISTANCE))
+        touching = (gaps <= CONTACT_DISTANCE).sum(axis=1) >= LEAST_LINKS
+        return np.asarray(touching & (gaps.min(axis=1) >= -DEEPEST))
+    placed, held = _longer(poses, 1.0 / metres), np.zeros(len(poses), dtype=np.bool_)
+    with unreported():
+        closed = hand.close(mesh, placed)
+    free = ~hand.blocked(mesh, placed, closed, held=held, table=table)
+    touched = closed.area.min(axis=1) * metres**2 >= LEAST_TOUCH * hand.touch_area
+    return np.asarray(closed.closed & free & touched)
+
+
+def _longer(poses: Floats, factor: float) -> Floats:
+    """Poses with translations multiplied by a factor."""
+    return poses * np.where(np.arange(4) == 3, [[factor]] * 3 + [[1.0]], 1.0)
+
+
+def _some(count: int, most: int) -> Ints:
+    """Indices of at most so many of some poses, spread evenly."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))

@@ -1,0 +1,394 @@
+"""Mistakes in files of poses, which the audit finds by what the hand would touch without them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import grasp3d
+from grasp3d import ObjectMesh, load_mesh
+from grasp3d.cli import main
+from grasp3d.errors import ContactError
+from grasp3d.grasps.audit import FEWEST, READING, PoseReading, audit_poses, explained
+from grasp3d.grasps.evaluation import evaluate_grasps
+from grasp3d.grasps.grasp_files import poses_of
+from grasp3d.grasps.pose_files import read_poses, write_poses
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.frames import FRAMES, GripperFrame
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.object_pose import ObjectPose
+from grasp3d.hand.parallel_gripper import preset
+from tests.hand.test_articulated_hand import hand_of
+from tests.helpers import shapes
+from tests.helpers.hand_grasps import touching
+from tests.helpers.hands import HANDS, hand_file
+
+Floats = Any
+HAND = preset("franka")
+MESHES = Path(__file__).parents[2] / "meshes"
+INCH = 1.0 / 0.0254
+QUARTER = np.array(
+    [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
+"""A quarter of a turn about the approach direction, after which it closes along its width."""
+
+TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
+"""Half a turn about the approach direction, after which the gripper is the same."""
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """The frame in which a file has poses, the one in which it is read, and what else is wrong."""
+
+    true: GripperFrame
+    stated: GripperFrame
+    change: Callable[[Floats], Floats] = np.asarray
+
+
+def mistake(true: str, stated: str, change: Callable[[Floats], Floats] = np.asarray) -> Mistake:
+    return Mistake(FRAMES[true], FRAMES[stated], change)
+
+
+def quaternions(*order: int) -> Callable[[Floats], Floats]:
+    """Quaternions (x y z w) that are stored in another order."""
+
+    def change(poses: Floats) -> Floats:
+        changed = poses.copy()
+        stored = Rotation.from_matrix(poses[:, :3, :3]).as_quat()[:, order]
+        changed[:, :3, :3] = Rotation.from_quat(stored).as_matrix()
+        return changed
+
+    return change
+
+
+def scaled(factor: float) -> Callable[[Floats], Floats]:
+    """Lengths that are stored in another unit."""
+
+    def change(poses: Floats) -> Floats:
+        changed = poses.copy()
+        changed[:, :3, 3] *= factor
+        return changed
+
+    return change
+
+
+def transposed(poses: Floats) -> Floats:
+    """Rotations that are stored column by column."""
+    changed = poses.copy()
+    changed[:, :3, :3] = poses[:, :3, :3].transpose(0, 2, 1)
+    return changed
+
+
+def misread(poses: GraspPoses, mistake: Mistake, hand: Hand = HAND) -> GraspPoses:
+    """The poses as they are read from a file with a mistake."""
+    in_file = mistake.change(poses.poses @ np.linalg.inv(mistake.true.to_tcp(hand)))
+    read = in_file @ mistake.stated.to_tcp(hand)
+    return replace(poses, poses=read, gripper_frame=mistake.stated)
+
+
+@cache
+def found_on(file: str) -> tuple[ObjectMesh, GraspPoses]:
+    """A shipped mesh, and the best grasps on it, in metres."""
+    mesh = load_mesh(MESHES / file, unit="m")
+    best = grasp3d.best_grasps(grasp3d.label_surface(mesh, hand=HAND), 100)
+    return mesh, GraspPoses(poses=poses_of(best).poses, unit="m", hand=HAND)
+
+
+@pytest.fixture(scope="module")
+def cone() -> ObjectMesh:
+    """An object without symmetry, off the origin of its file."""
+    vertices, faces = shapes.lopsided()
+    return load_mesh((0.03 * vertices + [0.02, -0.01, 0.05], faces), unit="m", max_edge=1.0)
+
+
+@pytest.fixture(scope="module")
+def good(cone: ObjectMesh) -> GraspPoses:
+    """Poses at the middle of the object from all sides: turned about it they fit as well."""
+    poses = np.tile(np.eye(4), (40, 1, 1))
+    poses[:, :3, :3] = Rotation.random(40, random_state=0).as_matrix()
+    poses[:, :3, 3] = cone.center
+    return GraspPoses(poses=poses, unit="m", hand=HAND)
+
+
+BURG_AT_BASE = GripperFrame(approach="-z", closing="x", origin="base")
+MISTAKES: dict[str, tuple[Mistake, str]] = {
+    "closing axis": (mistake("graspgen", "hand"), "with --frame graspgen in"),
+    "base": (mistake("graspgen", "tcp"), "with --frame graspgen in"),
+    "base of its own": (mistake("hand", "tcp"), "with --frame hand in"),
+    "flange": (mistake("panda_link8", "hand"), "with --frame panda_link8 in"),
+    "TCP": (mistake("tcp", "graspgen"), "with --frame tcp in"),
+    "axes at the base": (
+        Mistake(BURG_AT_BASE, FRAMES["graspgen"]),
+        "with the axes of burg at the base, which --frame auto takes, in",
+    ),
+    "wxyz": (
+        mistake("hand", "hand", quaternions(3, 0, 1, 2)),
+        "with their quaternions in the order (w x y z) instead of (x y z w), which",
+    ),
+    "xyzw": (
+        mistake("hand", "hand", quaternions(1, 2, 3, 0)),
+        "with their quaternions in the order (x y z w) instead of (w x y z), which",
+    ),
+    "transposed": (mistake("graspgen", "graspgen", transposed), "with their rotations transposed"),
+    "frame and order": (
+        mistake("graspgen", "tcp", quaternions(3, 0, 1, 2)),
+        "with --frame graspgen and their quaternions in the order (w x y z)",
+    ),
+    "mm": (mistake("hand", "hand", scaled(1000.0)), "with their lengths in mm instead of m,"),
+    "cm": (mistake("tcp", "tcp", scaled(100.0)), "with their lengths in cm instead of m,"),
+    "in": (mistake("graspgen", "graspgen", scaled(INCH)), "their lengths in inches instead of m,"),
+    "frame and mm": (
+        mistake("graspgen", "tcp", scaled(1000.0)),
+        "with --frame graspgen and their lengths in mm instead of m, which --frame auto takes,",
+    ),
+}
+"""What is wrong, and words of the reading in which the poses are right."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_named_and_undone(name: str) -> None:
+    mistake, words = MISTAKES[name]
+    mesh, right = found_on("mug.glb")
+    wrong = misread(right, mistake)
+    reading = audit_poses(mesh, wrong, HAND)
+    assert reading is not None
+    assert words in str(reading)
+    assert reading.fitting >= max(2 * reading.stated, 0.9 * right.count)
+    read = reading.applied(wrong)
+    assert any(np.abs(read.poses - one).max() < 1e-9 for one in (right.poses, right.poses @ TURN))
+    assert audit_poses(mesh, read, HAND) is None
+    assert read.settings[READING] == str(reading)
+    np.testing.assert_array_equal(explained(mesh, wrong, HAND).poses, read.poses)
+
+
+TURNED = (
+    "banana.ply", "hammer.ply",
+    *(pytest.param(name, marks=pytest.mark.slow)
+      for name in ("bottle.off", "bowl.ply", "dumbbell.stl", "mug.glb", "spray.glb", "torus.glb")),
+)  # fmt: skip
+"""Shipped meshes on which turned poses fit less than half as often as the right ones."""
+
+
+@pytest.mark.parametrize("file", TURNED)
+def test_poses_that_are_turned_do_not_pass_in_silence(file: str) -> None:
+    mesh, right = found_on(file)
+    assert audit_poses(mesh, right, HAND) is None
+    turned = right.changed(lambda poses: poses @ QUARTER)
+    reading = audit_poses(mesh, turned, HAND)
+    assert reading is not None
+    assert reading.fitting >= 2 * reading.stated
+    counts = f"in {reading.stated} of {right.count} poses; "
+    assert counts in str(reading)
+    warnings = evaluate_grasps(mesh, turned, hand=HAND).warnings
+    assert str(reading) in warnings
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", ["sphere.stl", "cone.off", "knob.ply"])
+def test_on_round_objects_turned_poses_fit_as_well(file: str) -> None:
+    """The page on files by others says so: no audit can tell them apart."""
+    mesh, right = found_on(file)
+    assert audit_poses(mesh, right.changed(lambda poses: poses @ QUARTER), HAND) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", ["mug.glb", "hammer.ply", "box.obj"])
+def test_there_is_no_alarm_at_poses_of_which_many_miss(file: str) -> None:
+    mesh, right = found_on(file)
+    rng = np.random.default_rng(0)
+    for count in (8, 20, 100):
+        for millimetres, degrees in ((2.0, 3.0), (5.0, 15.0), (10.0, 15.0), (20.0, 15.0)):
+            poses = right.poses[rng.integers(0, right.count, count)].copy()
+            poses[:, :3, 3] += rng.normal(0.0, 0.001 * millimetres, (count, 3))
+            turns = rng.normal(0.0, np.radians(degrees), (count, 3))
+            poses[:, :3, :3] = poses[:, :3, :3] @ Rotation.from_rotvec(turns).as_matrix()
+            assert audit_poses(mesh, GraspPoses(poses=poses, unit="m", hand=HAND), HAND) is None
+
+
+@pytest.mark.slow
+def test_poses_in_the_frame_of_a_robot_are_changed_there() -> None:
+    mesh, right = found_on("mug.glb")
+    turned = np.eye(4)
+    turned[:3, :3] = Rotation.from_euler("xz", [20, 35], degrees=True).as_matrix()
+    turned[:3, 3] = 0.4, 0.0, 0.1
+    pose = ObjectPose.of(turned)
+    moved = replace(right, poses=pose.matrix @ right.poses)
+    wrong = misread(moved, mistake("hand", "hand", quaternions(3, 0, 1, 2)))
+    wrong = replace(wrong, poses=np.linalg.inv(pose.matrix) @ wrong.poses, object_pose=pose)
+    reading = audit_poses(mesh, wrong, HAND)
+    assert reading is not None
+    assert "order (w x y z)" in str(reading)
+    np.testing.assert_allclose(reading.applied(wrong).poses, right.poses, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_at_most_200_poses_are_tried() -> None:
+    mesh, right = found_on("mug.glb")
+    many = right.take(np.arange(500) % right.count)
+    reading = audit_poses(mesh, misread(many, mistake("graspgen", "hand")), HAND)
+    assert "of 200 poses; with --frame graspgen in " in str(reading)
+
+
+@pytest.mark.slow
+def test_units_of_poses_are_found_whatever_the_unit_of_the_mesh() -> None:
+    mesh, right = found_on("mug.glb")
+    small = load_mesh((1000.0 * mesh.vertices, mesh.faces), unit="mm")
+    given = replace(right, opening=INCH * 50.0, pregrasp_opening=INCH * 60.0)
+    wrong = replace(misread(given, mistake("hand", "hand", scaled(INCH))), unit="mm")
+    wrong = wrong.scaled(1000.0, "mm")
+    wrong = replace(wrong, opening=given.opening, pregrasp_opening=given.pregrasp_opening)
+    reading = audit_poses(small, wrong, HAND)
+    assert reading is not None
+    assert "their lengths in inches instead of m" in str(reading)
+    read = reading.applied(wrong)
+    np.testing.assert_allclose(read.poses[:, :3, 3], 1000.0 * right.poses[:, :3, 3], atol=1e-6)
+    np.testing.assert_allclose(read.opening, 50.0)
+    np.testing.assert_allclose(read.pregrasp_opening, 60.0)
+    with pytest.raises(ContactError, match="unit of the poses is not known"):
+        reading.applied(replace(wrong, unit=None))
+
+
+def audited(mesh: ObjectMesh, poses: GraspPoses) -> PoseReading | None:
+    return audit_poses(mesh, poses, HAND)
+
+
+def test_nothing_is_said_of_good_poses_and_of_few(cone: ObjectMesh, good: GraspPoses) -> None:
+    assert audited(cone, good) is None
+    wrong = misread(good, mistake("graspgen", "tcp"))
+    assert audited(cone, wrong.take(np.arange(FEWEST - 1))) is None
+    assert audited(cone, good.take([])) is None
+    kept = explained(cone, good, HAND)
+    np.testing.assert_array_equal(kept.poses, good.poses)
+    assert kept.settings[READING] == "kept 'tcp', as stated: no other reading stands out"
+
+
+def test_poses_beside_the_object_have_no_other_reading(cone: ObjectMesh, good: GraspPoses) -> None:
+    """That nothing fits is no proof of a mistake."""
+    beside = good.poses.copy()
+    beside[:, :3, 3] += 0.2 * Rotation.random(40, random_state=1).apply([1.0, 0.0, 0.0])
+    assert audited(cone, replace(good, poses=beside)) is None
+
+
+def test_several_readings_that_fit_are_not_named(cone: ObjectMesh, good: GraspPoses) -> None:
+    """Turned about the middle of the object, these poses fit in all directions."""
+    wrong = misread(good, mistake("graspgen", "tcp"))
+    reading = audited(cone, wrong)
+    assert reading is not None
+    assert not reading.stands_out
+    told = str(reading)
+    assert "in several other readings, of which none stands out, in up to" in told
+    assert "--frame" not in told
+    with pytest.raises(ContactError, match=r"give the frame \(--frame"):
+        reading.applied(wrong)
+    np.testing.assert_array_equal(explained(cone, wrong, HAND).poses, wrong.poses)
+
+
+def test_evaluated_poses_are_warned_of(cone: ObjectMesh, good: GraspPoses) -> None:
+    def warnings(poses: GraspPoses, mesh: ObjectMesh = cone) -> str:
+        return " ".join(evaluate_grasps(mesh, poses, hand=HAND).warnings)
+
+    assert "jaws" not in warnings(good)
+    wrong = misread(good, mistake("graspgen", "tcp"))
+    assert "as stated ('tcp') the jaws close on the object" in warnings(wrong)
+    results = evaluate_grasps(cone, wrong, hand=HAND)
+    assert results.to_poses().settings["suspected_reading"] == str(results.reading)
+    assert evaluate_grasps(cone, good, hand=HAND).reading is None
+    wide = load_mesh(shapes.box((0.3, 0.3, 0.3)), unit="m", max_edge=1.0)
+    inside = good.poses.copy()
+    inside[:, :3, 3] *= 0.1
+    text = warnings(replace(good, poses=inside), wide)
+    assert f"starts in the object in {good.count} of {good.count} poses" in text
+    assert "narrower than the stroke" in text
+
+
+@pytest.mark.slow
+def test_published_poses_in_other_orders() -> None:
+    """Quaternions and frames of a mug's 2,000 poses mixed up."""
+    folder = shapes.shared("datasets", "acronym")
+    poses = read_poses(next(folder.glob("*.h5")), hand=HAND)
+    mesh = load_mesh(next(folder.glob("*.obj")), unit="m", max_edge=1e9)
+    assert poses.object_scale is not None
+    mesh = load_mesh((poses.object_scale * mesh.vertices, mesh.faces), unit="m", max_edge=1e9)
+    assert audited(mesh, poses) is None
+    for name in ("wxyz", "xyzw", "base", "closing axis", "mm"):
+        mistake, words = MISTAKES[name]
+        assert words in str(audited(mesh, misread(poses, mistake)))
+
+
+# Hands with joints: their links touch a box.
+
+
+@cache
+def box() -> ObjectMesh:
+    return load_mesh(shapes.box((0.05, 0.07, 0.12)), unit="m")
+
+
+@cache
+def right(name: str) -> GraspPoses:
+    return touching(hand_of(name), box(), 40)
+
+
+OF_HANDS: dict[str, tuple[Mistake, str]] = {
+    "xyzw": (MISTAKES["xyzw"][0], "in the order (x y z w) instead of (w x y z)"),
+    "wxyz": (MISTAKES["wxyz"][0], "in the order (w x y z) instead of (x y z w)"),
+    "mm": (MISTAKES["mm"][0], "with their lengths in mm instead of m"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", HANDS)
+def test_a_mistake_in_poses_of_a_hand_is_named(name: str) -> None:
+    hand, poses = hand_of(name), right(name)
+    assert audit_poses(box(), poses, hand) is None
+    assert explained(box(), poses, hand).settings[READING].startswith("kept 'tcp', as stated")
+    for mistake, words in OF_HANDS.values():
+        wrong = misread(poses, mistake, hand)
+        reading = audit_poses(box(), wrong, hand)
+        assert reading is not None
+        assert words in str(reading)
+        assert f" in {reading.stated} of 40 poses; " in str(reading)
+        assert reading.fitting == 40
+        np.testing.assert_allclose(reading.applied(wrong).poses, poses.poses, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_poses_of_the_palm_are_named() -> None:
+    hand, poses = hand_of("shadow"), right("shadow")
+    palm = np.linalg.inv(GripperFrame(link="palm").to_tcp(hand))
+    wrong = replace(poses, poses=poses.poses @ palm)
+    reading = audit_poses(box(), wrong, hand)
+    assert reading is not None
+    assert reading.fitting == 40
+    assert "--frame link=palm in 40" in str(reading)
+
+
+@pytest.mark.slow
+def test_the_evaluation_warns_and_the_command_line_says_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    hand = hand_of("allegro")
+    assert isinstance(hand, ArticulatedHand)
+    wrong = misread(right("allegro"), OF_HANDS["xyzw"][0], hand)
+    result = evaluate_grasps(box(), wrong, hand=hand)
+    words = "with their quaternions in the order (x y z w) instead of (w x y z)"
+    assert any(words in warning and "in 40" in warning for warning in result.warnings)
+    np.testing.assert_array_equal(result.poses, wrong.poses)  # nothing is changed
+    box().to_trimesh().export(tmp_path / "box.stl")
+    write_poses(tmp_path / "wrong.csv", replace(wrong, hand=None))
+    command = [
+        "evaluate", str(tmp_path / "box.stl"), str(tmp_path / "wrong.csv"), "--unit", "m",
+        "--hand", str(hand_file("allegro")), "-o", str(tmp_path / "out.csv"),
+    ]  # fmt: skip
+    assert main(command) == 0
+    told = " ".join(" ".join(capsys.readouterr()).split())
+    assert words in told
+    assert main([*command, "--frame", "auto", "--overwrite"]) == 0
+    told = " ".join(" ".join(capsys.readouterr()).split())
+    assert "--frame auto: as stated ('tcp') at least two links touch" in told
