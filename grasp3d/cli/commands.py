@@ -189,13 +189,12 @@ class Label(Labelling, TimeLimited):
 
     object_pose: ObjectPoseOption = None
     """With a gripper: pose of the object in your robot's frame, in which that file then has its
-    poses: x=0.4m,z=0.1m,yaw=90deg (also y, roll, pitch, frame=NAME; or qx, qy, qz, qw), or a file
-    of it (default: the poses are in the mesh's frame)."""
+    poses: x,y,z,yaw in metres and degrees, x,y,z,qx,qy,qz,qw, or a file of it (default: the poses
+    are in the mesh's frame)."""
 
     frame: FrameOption = None
     """With a gripper: frame of the gripper in which that file is to have the poses, such as
-    graspgen or approach=+z,closing=+x,tcp=0.1034, as grasp3d evaluate takes it (default: that of
-    the format)."""
+    graspgen, or a file, as grasp3d evaluate takes it (default: that of the format)."""
 
     at: At = ()
     """Also print the label, the grasp and the reason at the vertex nearest to this point of the

@@ -91,6 +91,8 @@ def _check_grasp_file(command: Label, path: Path) -> None:
         check_hand(form or format_of(path), hand)
     if command.object_pose is not None:
         check_frame(form or format_of(path))
+    if command.frame is not None:
+        command.frame.to_tcp(hand)
 
 
 def _labels(command: Label, outputs: tuple[Path, ...]) -> tuple[SurfaceLabels, list[int]]:

@@ -379,20 +379,20 @@ LengthOption = AnyLength | None
 """A length: a number, a text with a unit, or none."""
 
 
-def _frame(word: str) -> GripperFrame | str:
-    """Return the frame of a text, or auto."""
-    return word if word == AUTO else _named("--frame", GripperFrame.of, word)
+def _frame(word: str) -> GripperFrame:
+    """Return the frame of a name or a file."""
+    from grasp3d.grasps.pose_files.frames import read_frame
+
+    return _named("--frame", read_frame, word)
 
 
-FrameOption = Annotated[
-    GripperFrame | None,
-    one_word(f"FRAME|{_NONE}", partial(_named, "--frame", GripperFrame.of)),
-    Group("hand"),
-]
+FrameOption = Annotated[GripperFrame | None, one_word(f"NAME|FILE|{_NONE}", _frame), Group("hand")]
 """The frame of a gripper's poses, or none."""
 
 AnyFrameOption = Annotated[
-    GripperFrame | str | None, one_word(f"FRAME|{AUTO}|{_NONE}", _frame), Group("hand")
+    GripperFrame | str | None,
+    one_word(f"NAME|FILE|{AUTO}|{_NONE}", lambda word: word if word == AUTO else _frame(word)),
+    Group("hand"),
 ]
 """The same, or the one that explains the poses."""
 
@@ -477,14 +477,14 @@ class GivenPoses:
 
     object_pose: ObjectPoseOption = None
     """Pose of the object in the frame of the poses, for poses in a robot's frame whose file does
-    not state it: x=0.4m,z=0.1m,yaw=90deg (also y, roll, pitch; or qx, qy, qz, qw), or a file of it
-    (default: the poses are in the mesh's frame, or as their file states)."""
+    not state it: x,y,z,yaw in metres and degrees, x,y,z,qx,qy,qz,qw, or a file of it (default: the
+    poses are in the mesh's frame, or as their file states)."""
 
     frame: Annotated[AnyFrameOption, Main("frame of the gripper in the file of poses")] = None
     """Frame of the gripper in which the file has the poses: a name, such as graspgen, isaac,
-    panda_hand_tcp or graspnetapi (an unknown one lists all); or its axes and where the TCP is,
-    approach=+z,closing=+x,tcp=0.1034; auto: the one in which most poses close on the object, if it
-    wins clearly (default: the one that the file or its format states)."""
+    panda_hand_tcp or graspnetapi (an unknown one lists all), or a file with the pose of the TCP in
+    it, a 4x4 matrix; auto: the one in which by far most poses close on the object (default: the one
+    that the file or its format states)."""
 
     @property
     def of_poses(self) -> dict[str, Any]:

@@ -102,8 +102,6 @@ class PoseReading:
     """The gripper."""
     frame: GripperFrame
     """Frame of the gripper in which the file has the poses."""
-    place: str = ""
-    """The frame in words; empty: the stated one."""
     rotation: str = ""
     """What else the rotations mean, a key of `ROTATIONS`."""
     factor: float = 1.0
@@ -118,7 +116,8 @@ class PoseReading:
     def __str__(self) -> str:
         """Both counts, one sentence without a full stop."""
         unit = f"their lengths in {UNITS[self.factor]}" if self.factor != 1.0 else ""
-        words = " and ".join(part for part in (self.place, self.rotation, unit) if part)
+        place = "" if self.frame == self.given.gripper_frame else self.frame.words
+        words = " and ".join(part for part in (place, self.rotation, unit) if part)
         taken = "" if words == f"--frame {self.frame}" else ", which --frame auto takes,"
         other = f"with {words}{taken} in {self.fitting}"
         if not self.stands_out:
@@ -228,9 +227,9 @@ def explained(
 
 def _others(stated: PoseReading, mesh: ObjectMesh) -> Iterator[PoseReading]:
     """All other readings that differ, those of the stated frame first."""
-    hand, frames = stated.hand, dict[str, tuple[GripperFrame, str]]()
-    for frame, place in [(stated.frame, ""), *frames_of(hand)]:
-        frames.setdefault(_key(frame.to_tcp(hand), hand), (frame, place))
+    hand, frames = stated.hand, dict[str, GripperFrame]()
+    for frame in (stated.frame, *frames_of(hand)):
+        frames.setdefault(_key(frame.to_tcp(hand), hand), frame)
 
     def is_plausible(reading: PoseReading) -> bool:
         spread = np.linalg.norm(np.ptp(reading.of(stated.given.poses)[:, :3, 3], axis=0))
@@ -238,9 +237,9 @@ def _others(stated: PoseReading, mesh: ObjectMesh) -> Iterator[PoseReading]:
 
     units = () if is_plausible(stated) else UNITS
     for factor, rotation in product((1.0, *units), ROTATIONS):
-        for frame, place in frames.values():
-            one = replace(stated, frame=frame, place=place, rotation=rotation, factor=factor)
-            if is_plausible(one) if factor != 1.0 else place or rotation:
+        for frame in frames.values():
+            one = replace(stated, frame=frame, rotation=rotation, factor=factor)
+            if is_plausible(one) if factor != 1.0 else rotation or frame is not stated.frame:
                 yield one
 
 

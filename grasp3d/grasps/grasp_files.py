@@ -25,10 +25,9 @@ from grasp3d.grasps.pose_files.documents import (
     rows_of,
     write_rows,
 )
-from grasp3d.grasps.pose_files.frames import GivenPose, check_object_frame
+from grasp3d.grasps.pose_files.frames import GivenFrame, GivenPose, check_object_frame
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.ranking import written_scores
-from grasp3d.hand.frames import GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.settings import MAX_FINGERS, PoseFormat
 from grasp3d.settings.lengths import Unit
@@ -62,7 +61,7 @@ def read_grasps(
     hand: Hand | None = None,
     unit: Unit | None = None,
     object_pose: GivenPose | None = None,
-    frame: GripperFrame | str | None = None,
+    frame: GivenFrame | None = None,
     outcome: Outcome | str | None = None,
     object_scale: float | None = None,
 ) -> GraspPoses | Floats:
@@ -82,8 +81,9 @@ def read_grasps(
         object_pose: Pose of the object in the frame of the poses, for files in the frame of a robot
             that do not state it; see `write_grasps`.
         frame: Frame of the gripper in which the file has the poses: a name, such as 'graspgen', or
-            axes and the place of the TCP, such as 'approach=+z,closing=+x,tcp=0.1034'; see
-            `GripperFrame`. None: the one that the file states, or that of its format.
+            of a link of a hand with joints; the pose of the TCP in it, a 4x4 matrix, translation in
+            metres; or a file with this; see `GripperFrame`. None: the one that the file states, or
+            that of its format.
         outcome: Which column or key says whether a grasp held, and which of its values mean that
             it did: 'success', 'confidence>=0.5', 'result=ok', 'result=ok/slipped', or 'held/tried'
             for counts; see `Outcome`. None: those of the format.
@@ -293,7 +293,7 @@ def write_grasps(
     format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
     metrics: Mapping[str, Floats] | None = None,
     object_pose: GivenPose | None = None,
-    frame: GripperFrame | str | None = None,
+    frame: GivenFrame | None = None,
 ) -> None:
     """Write grasps with labels, critical angles and epsilon, in the format given by the suffix.
 
@@ -325,7 +325,7 @@ def write_grasps(
         object_pose: Of poses: the object's pose in the frame of a robot, in which json, csv,
             parquet and moveit then have poses, contacts and normals; the first three state it,
             and are read relative to the object again. A 4x4 matrix, translation in metres; a text
-            such as 'x=0.4m,z=0.1m,yaw=90deg'; or a file, see `read_object_pose`. None: poses are in
+            'x,y,z,yaw' in metres and degrees, or a file, see `read_object_pose`. None: poses are in
             the frame of the object, or that of the file that they were read from.
         frame: Of poses: the frame of the gripper that the file is to have, as `read_grasps` takes
             it; files in json, csv and parquet state it. None: that of the format.

@@ -3,19 +3,18 @@
 Nothing here imports NumPy until a matrix is made, so that the command line starts quickly.
 """
 
+import json
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from grasp3d.errors import SettingError
+from grasp3d.errors import ContactError, SettingError
 from grasp3d.hand.jaws import AXES, Jaws
-from grasp3d.settings.checks import check_choice, parse_angle
-from grasp3d.settings.lengths import Measure, parse_length
+from grasp3d.system.documents import parse_json
 
 if TYPE_CHECKING:
-    from grasp3d.arrays import Floats
+    from grasp3d.arrays import ArrayLike, Floats
     from grasp3d.hand.hand import Hand
 
 Origin = Literal["tcp", "base", "ends"]
@@ -27,32 +26,21 @@ AUTO = "auto"
 LARGEST = 1.0
 """Largest distance of the TCP from a frame's origin [m]."""
 
-FORM = "approach=+z,closing=+x,tcp=0.1034"
-"""A frame as text, for messages."""
-
-_PARTS = ("approach", "closing", "side", "turn", "tcp", "link")
-
 
 @dataclass(frozen=True, kw_only=True)
 class GripperFrame:
-    """Axes and origin of the frame in which a program states the poses of a gripper.
+    """Frame in which a program states the poses of a gripper.
 
-    The axes are right-handed, so that two of them state the third. As text a frame is the name of
-    one in `FRAMES`, or parts with names: `approach` and `closing`, axes such as +z or -y, and
-    `tcp`, how far the TCP is before the origin along the approach direction, in metres or with a
-    unit; `base` stands for the `base_to_tcp` of the gripper, `ends` for an origin at the ends of
-    its fingers. `link` names the link of a hand with joints whose frame it is, where the joints
-    above it are at 0; axes and origin need not be stated then. `turn` turns the closing axis about
-    the approach direction, and `side`, the third axis, is only checked. Parts after a name replace
-    those of that frame.
+    It has a name in `FRAMES`, is that of a link of a hand with joints, or is stated by the pose of
+    the TCP in it.
 
     Example:
         >>> from grasp3d.hand.frames import GripperFrame
-        >>> frame = GripperFrame.of("approach=+z,closing=+x,tcp=103.4mm")
-        >>> frame.ahead, str(GripperFrame.of("graspgen"))
-        (0.1034, 'graspgen')
-        >>> GripperFrame.of("panda_hand,tcp=0.105").closing
-        '-y'
+        >>> str(GripperFrame.of("graspgen"))
+        'graspgen'
+        >>> turned = [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0.1034], [0, 0, 0, 1]]
+        >>> GripperFrame.of(turned).to_tcp(None)[2, 3]
+        0.1034
     """
 
     approach: str = "z"
@@ -67,69 +55,44 @@ class GripperFrame:
     ahead: float = 0.0
     """How far that point is before the origin, along the approach direction [m]."""
     link: str = ""
-    """Link of a hand with joints in whose frame axes and origin are; empty: the base."""
+    """Link of a hand with joints whose frame it is, where the joints above it are at 0; empty: of
+    none."""
+    matrix: tuple[tuple[float, ...], ...] = ()
+    """Rows of the pose of the TCP in the frame [m], instead of all above; empty: not stated."""
     name: str = field(default="", compare=False)
     """Its name in `FRAMES`; empty: none."""
 
-    def __post_init__(self) -> None:
-        axes = self.approach, self.closing
-        right = axes[0][-1:] != axes[1][-1:] and AXES.keys() >= {*axes}
-        if not right and axes != ("", ""):
-            raise SettingError(
-                f"a gripper's frame needs two axes at right angles of {', '.join(AXES)}; got "
-                f"approach={axes[0]},closing={axes[1]}"
-            )
-        check_choice("origin", self.origin, Origin)
-        if not abs(self.ahead) <= LARGEST:
-            raise SettingError(
-                f"the TCP must be at most {LARGEST:g} m from the origin of a gripper's frame; got "
-                f"{self.ahead:g} m: lengths in mm need their unit, tcp=103.4mm"
-            )
-        if not math.isfinite(self.turn):
-            raise SettingError(f"the turn of a gripper's frame must be finite; got {self.turn:g}")
-
     @classmethod
-    def of(cls, value: "GripperFrame | str") -> "GripperFrame":
-        """The frame that a text names or states.
+    def of(cls, value: "GripperFrame | str | ArrayLike") -> "GripperFrame":
+        """The frame that a name or a matrix states.
+
+        Args:
+            value: A name in `FRAMES`, or of a link of a hand with joints; or the pose of the TCP in
+                the frame, translation in metres, shape (4, 4), also as the text of a frame.
 
         Raises:
-            SettingError: No frame is called so, or the text states none.
+            ContactError: The matrix is none.
+            SettingError: It is 'auto'.
         """
-        return value if isinstance(value, GripperFrame) else _of_text(value)
+        if isinstance(value, GripperFrame):
+            return value
+        if not isinstance(value, str) or value.startswith("["):
+            return _of_matrix(parse_json(value) if isinstance(value, str) else value)
+        if value in {AUTO, ""}:
+            raise SettingError(
+                f"{value!r} is no frame of its own; auto is for poses that are read with an object "
+                "(evaluate, validate, simulate; in Python results.reading.applied(poses))"
+            )
+        return FRAMES.get(value) or GripperFrame(link=value)
 
     def __str__(self) -> str:
         """The text of it, which `of` reads."""
-        if self.name:
-            return self.name
-        own = not self.approach
-        axes = {} if own else {n: _signed(getattr(self, n)) for n in ("approach", "closing")}
-        turn = {"turn": f"{math.degrees(self.turn):.12g}deg"} if self.turn else {}
-        parts = {**axes, **turn, "tcp": self._tcp}
-        if self.link:
-            plain = self == GripperFrame(link=self.link)
-            parts = {"link": self.link, **({} if plain else parts)}
-        return ",".join(["hand"] * own + [f"{name}={value}" for name, value in parts.items()])
+        return self.name or self.link or json.dumps(self.matrix)
 
     @property
-    def _tcp(self) -> str:
-        word = "" if self.origin == "tcp" else self.origin
-        return word + (f"{self.ahead:{'+' * bool(word)}.12g}" if self.ahead or not word else "")
-
-    def distance(self, hand: "Hand | None") -> float:
-        """How far the TCP is before the origin, along the approach direction [m].
-
-        Args:
-            hand: The gripper; None: not known.
-
-        Raises:
-            SettingError: The frame depends on the lengths of a gripper, and there is none.
-        """
-        if self.origin == "tcp":
-            return self.ahead
-        if self.origin == "base" and _has_joints(hand):
-            return self.ahead
-        jaws = self._jaws(hand)
-        return self.ahead + (jaws.base_to_tcp if self.origin == "base" else -jaws.end)
+    def words(self) -> str:
+        """How people state it, of a frame of `frames_of`; those that have no name are described."""
+        return f"{'--frame' if self.link or self.name in FRAMES else 'the axes of'} {self}"
 
     def to_tcp(self, hand: "Hand | None") -> "Floats":
         """Matrix that takes coordinates of the gripper (TCP) to those of this frame, (4, 4) [m].
@@ -138,18 +101,30 @@ class GripperFrame:
             hand: The gripper; None: not known.
 
         Raises:
-            SettingError: The frame depends on a gripper, and there is none.
+            SettingError: The frame depends on a gripper, and there is none; or there is no such
+                frame.
         """
         import numpy as np
 
+        if self.matrix:
+            return np.array(self.matrix)
+        if self.link:
+            return np.asarray(np.linalg.inv(self._link_pose(hand)))
         names = (self.approach, self.closing) if self.approach else self._own_axes(hand)
         approach, unturned = (np.array(AXES[name]) for name in names)
         side = np.cross(approach, unturned)
         closing = math.cos(self.turn) * unturned + math.sin(self.turn) * side
         pose = np.eye(4)
         pose[:3, :3] = np.stack([closing, np.cross(approach, closing), approach], axis=1)
-        pose[:3, 3] = self.distance(hand) * approach
-        return pose @ np.linalg.inv(self._link_pose(hand)) if self.link else pose
+        pose[:3, 3] = self._distance(hand) * approach
+        return pose
+
+    def _distance(self, hand: "Hand | None") -> float:
+        """How far the TCP is before the origin, along the approach direction [m]."""
+        if self.origin == "tcp" or (self.origin == "base" and _has_joints(hand)):
+            return self.ahead
+        jaws = self._jaws(hand)
+        return self.ahead + (jaws.base_to_tcp if self.origin == "base" else -jaws.end)
 
     def _link_pose(self, hand: "Hand | None") -> "Floats":
         """Pose of the link in the hand's frame where all joints are at 0."""
@@ -157,8 +132,11 @@ class GripperFrame:
 
         links = getattr(hand, "link_names", ())
         if self.link not in links:
-            name = "no hand with joints is given" if hand is None else f"{hand.name} has none"
-            raise SettingError(f"poses are in the frame of the link {self.link!r}, but {name}")
+            further = f", the links of {hand.name}" if hand is not None and links else ""
+            raise SettingError(
+                f"unknown gripper frame {self.link!r}; known are {', '.join(FRAMES)}{further}; or "
+                "a file with the pose of the TCP in it, a 4x4 matrix (.npy, .txt, .json, .yaml)"
+            )
         poses = hand.link_poses(np.zeros((1, len(hand.joint_names))))  # type: ignore[union-attr]
         return np.asarray(poses[0, links.index(self.link)])
 
@@ -182,99 +160,17 @@ def _has_joints(hand: "Hand | None") -> bool:
     return hasattr(hand, "link_poses")
 
 
-def _signed(axis: str) -> str:
-    return axis if axis.startswith("-") else f"+{axis}"
+def _of_matrix(value: "ArrayLike") -> GripperFrame:
+    """The frame of a matrix. Raises ContactError."""
+    from grasp3d.hand.pose_checks import checked_pose
 
-
-def _of_text(text: str) -> GripperFrame:
-    """The frame of a text. Raises SettingError."""
-    words = [word.strip() for word in text.split(",")]
-    base, named = GripperFrame(), "=" not in words[0]
-    if named:
-        base = _named_frame(words.pop(0))
-        if not words:
-            return base
-    parts = dict(word.partition("=")[::2] for word in words)
-    if len(parts) < len(words) or not parts.keys() <= {*_PARTS} or "" in parts.values():
-        raise SettingError(
-            f"a gripper's frame is a name or parts such as {FORM} (also turn); got {text!r}"
+    matrix = checked_pose(value, "the matrix of a gripper's frame")
+    if max(map(abs, matrix[:3, 3])) > LARGEST:
+        raise ContactError(
+            f"the TCP must be at most {LARGEST:g} m from the origin of a gripper's frame; got "
+            f"{matrix[:3, 3].tolist()}: the matrix is in metres"
         )
-    if "link" in parts:
-        base, named = GripperFrame(link=parts["link"]), True
-    given = [name for name in ("approach", "closing") if name in parts]
-    if len(given) == 1 or (not given and not named):
-        missing = ({"approach", "closing"} - {*given}).pop() if given else "approach"
-        raise SettingError(
-            f"a gripper's frame needs both of its axes, {missing} is missing in {text!r}: write "
-            f"{FORM}"
-        )
-    values: dict[str, Any] = {name: _axis(parts[name]) for name in given}
-    if "turn" in parts:
-        values["turn"] = parse_angle("turn", parts["turn"])
-    if "tcp" in parts:
-        values |= _tcp_of(parts["tcp"])
-    elif not named:
-        raise SettingError(
-            f"where is the TCP in the frame {text!r}? give tcp=0 where it is the origin, "
-            "tcp=0.1034 where it is 103.4 mm before it, or tcp=base for the gripper's own"
-        )
-    frame = replace(base, name="", **values)
-    if "side" in parts:
-        _check_side(frame, _axis(parts["side"]))
-    return frame
-
-
-def _named_frame(name: str) -> GripperFrame:
-    """The frame of a name. Raises SettingError."""
-    if name == AUTO:
-        raise SettingError(
-            "'auto' is no frame of its own: it stands alone where poses are read with an object "
-            "(evaluate, validate, simulate; in Python results.reading.applied(poses))"
-        )
-    if name not in FRAMES:
-        raise SettingError(f"unknown gripper frame {name!r}; {known_frames()}")
-    return FRAMES[name]
-
-
-def _axis(text: str) -> str:
-    axis = text.removeprefix("+")
-    if axis not in AXES:
-        raise SettingError(
-            f"an axis of a gripper's frame is +x, -x, +y, -y, +z or -z; got {text!r}"
-        )
-    return axis
-
-
-def _tcp_of(text: str) -> dict[str, Any]:
-    """Origin and distance of a text. Raises SettingError."""
-    word = re.match(r"base|ends|", text).group()  # type: ignore[union-attr]
-    rest = text.removeprefix(word)
-    if word and not rest:
-        return {"origin": word, "ahead": 0.0}
-    length = parse_length("tcp", rest)
-    ahead = length.metres if isinstance(length, Measure) else float(length)
-    return {"origin": word or "tcp", "ahead": ahead}
-
-
-def _check_side(frame: GripperFrame, side: str) -> None:
-    """Refuse a third axis that makes the frame left-handed. Raises SettingError."""
-    import numpy as np
-
-    if frame.turn or not frame.approach:
-        raise SettingError("side is the third of the axes approach and closing, without a turn")
-    third = np.cross(AXES[frame.approach], AXES[frame.closing])
-    if float(third @ np.array(AXES[side])) != 1.0:
-        right = next(name for name, axis in AXES.items() if np.array_equal(third, axis))
-        raise SettingError(
-            f"the axes approach={_signed(frame.approach)}, closing={_signed(frame.closing)} and "
-            f"side={_signed(side)} are not right-handed: side is approach x closing, "
-            f"{_signed(right)}"
-        )
-
-
-def known_frames() -> str:
-    """The names of frames, and how to state another one, for messages."""
-    return f"known are {', '.join(FRAMES)}; or state its axes, {FORM}"
+    return GripperFrame(matrix=tuple(map(tuple, matrix.tolist())))
 
 
 def _named(
@@ -311,8 +207,8 @@ FRAMES: dict[str, GripperFrame] = dict(
 for the same one."""
 
 
-def frames_of(hand: Any) -> Iterator[tuple[GripperFrame, str]]:
-    """Frames that poses of a hand may be in, with words for each.
+def frames_of(hand: Any) -> Iterator[GripperFrame]:
+    """Frames that poses of a hand may be in.
 
     Those by name, and their axes at the TCP and at the base; of hands with joints those of the
     links between base and palm, and of what is fixed to these.
@@ -320,9 +216,9 @@ def frames_of(hand: Any) -> Iterator[tuple[GripperFrame, str]]:
     if _has_joints(hand):
         joints, path = hand.tree.joints, hand.tree.chain(hand.palm)
         fixed = (n for link in path for n in hand.tree.children(link) if joints[n].kind == "fixed")
-        yield from ((GripperFrame(link=n), f"--frame link={n}") for n in (*path, *fixed))
+        yield from (GripperFrame(link=name) for name in (*path, *fixed))
         return
-    yield from ((frame, f"--frame {name}") for name, frame in FRAMES.items())
+    yield from FRAMES.values()
     for name, frame in FRAMES.items():
-        yield replace(frame, name="", origin="tcp", ahead=0.0), f"the axes of {name} at the TCP"
-        yield replace(frame, name="", origin="base", ahead=0.0), f"the axes of {name} at the base"
+        yield replace(frame, name=f"{name} at the TCP", origin="tcp", ahead=0.0)
+        yield replace(frame, name=f"{name} at the base", origin="base", ahead=0.0)

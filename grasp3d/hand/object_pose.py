@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from grasp3d.errors import ContactError, SettingError
-from grasp3d.settings.checks import parse_angle
-from grasp3d.settings.lengths import Measure, parse_length
+from grasp3d.errors import ContactError
+from grasp3d.system.documents import number_of
 
 if TYPE_CHECKING:
     from grasp3d.arrays import ArrayLike, Floats
@@ -19,22 +18,21 @@ if TYPE_CHECKING:
 FAR = 100.0
 """Distance of an object from its robot that suggests millimetres [m]."""
 
-_LENGTHS, _ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
-_NUMBERS = ("qx", "qy", "qz", "qw")
+FORMS = "x,y,z,yaw (metres, degrees) or x,y,z,qx,qy,qz,qw"
+"""Forms of the text, for error messages."""
 
 
 @dataclass(frozen=True)
 class ObjectPose:
     """The pose of an object, that is of the frame of its mesh, in the frame of a robot.
 
-    As text it has parts with names, in any order: lengths x, y and z; angles roll, pitch and yaw
-    about the robot's x, then its y, then its z, or the quaternion qx, qy, qz and qw; and the name
-    of the robot's frame. Parts that are left out are 0. Lengths have units; angles without one are
-    degrees.
+    As text it has the position and the angle about the robot's z, 'x,y,z,yaw' in metres and
+    degrees, or the position and a quaternion, 'x,y,z,qx,qy,qz,qw'; the name of the robot's frame
+    may follow.
 
     Example:
         >>> from grasp3d.hand.object_pose import ObjectPose
-        >>> ObjectPose.of("x=40cm,z=0.1m,yaw=90deg,frame=base_link").matrix.round(3).tolist()
+        >>> ObjectPose.of("0.4,0,0.1,90").matrix.round(3).tolist()
         [[0.0, -1.0, 0.0, 0.4], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.1], [0.0, 0.0, 0.0, 1.0]]
     """
 
@@ -54,7 +52,7 @@ class ObjectPose:
         if not distance < FAR:
             raise ContactError(
                 f"the object's pose is {distance:.4g} m away from the robot, as if millimetres "
-                "were given as metres: write x=400mm; matrices and files are in metres"
+                "were given as metres"
             )
         if not re.fullmatch(r"[\w./:-]+", self.frame):
             raise ContactError(f"the name of a robot's frame must be one word; got {self.frame!a}")
@@ -76,9 +74,8 @@ class ObjectPose:
 
     def __str__(self) -> str:
         """The text of it, which `of` reads."""
-        lengths = [f"{axis}={one!r}m" for axis, one in zip("xyz", self.position, strict=True)]
-        turned = [f"q{axis}={one!r}" for axis, one in zip("xyzw", self.quaternion, strict=True)]
-        return " ".join([*lengths, *turned, f"frame={self.frame}"])
+        frame = [] if self.frame == "robot" else [self.frame]
+        return ",".join([*map(str, (*self.position, *self.quaternion)), *frame])
 
     @cached_property
     def matrix(self) -> "Floats":
@@ -94,49 +91,26 @@ class ObjectPose:
 
 def _of_text(text: str) -> ObjectPose:
     """The pose of a text. Raises ContactError."""
-    from scipy.spatial.transform import Rotation
-
-    parts = [part.partition("=")[::2] for part in re.findall(r"[^,\s]+", text)]
-    stated = {**dict.fromkeys((*_LENGTHS, *_ANGLES, *_NUMBERS), "0"), "frame": "robot"}
-    if not parts or len(dict(parts)) < len(parts) or not dict(parts).keys() <= stated.keys():
+    parts = [part.strip() for part in text.split(",")]
+    frame = parts.pop() if len(parts) in {5, 8} else "robot"
+    numbers = [number_of(part) for part in parts]
+    if len(numbers) not in {4, 7} or not all(map(math.isfinite, numbers)):
         raise ContactError(
-            "the object's pose must be parts with names: x=0.4m,y=-5cm,z=0.1m,yaw=90deg (also "
-            "roll, pitch, frame; or qx, qy, qz, qw), or a file (.npy, .txt, .json, .yaml; in "
-            f"Python grasp3d.grasps.read_object_pose reads it); got {text!r}"
+            f"the object's pose must be {FORMS}, or a file (.npy, .txt, .json, .yaml; in Python "
+            f"grasp3d.grasps.read_object_pose reads it); got {text!r}"
         )
-    stated |= dict(parts)
-    try:
-        position = tuple(_metres(name, stated[name]) for name in _LENGTHS)
-        angles = tuple(parse_angle(name, stated[name]) for name in _ANGLES)
-        quaternion = tuple(float(stated[name]) for name in _NUMBERS)
-    except (SettingError, ValueError) as error:
-        raise ContactError(f"the object's pose: {error}") from error
-    names = dict(parts).keys()
-    if names & {*_ANGLES} and names & {*_NUMBERS}:
-        raise ContactError(f"the object's pose needs angles or a quaternion, not both: {text!r}")
-    if not names & {*_NUMBERS}:
-        quaternion = tuple(Rotation.from_euler("xyz", angles).as_quat(canonical=True).tolist())
-    return ObjectPose(position, quaternion, stated["frame"])
-
-
-def _metres(name: str, text: str) -> float:
-    """A length [m]. Raises SettingError."""
-    length = parse_length(name, text)
-    if not isinstance(length, Measure) and length != 0.0:
-        raise SettingError(f"{name} needs a unit, such as {name}={text}m")
-    return length.metres if isinstance(length, Measure) else 0.0
+    if len(numbers) == 4:
+        half = 0.5 * math.radians(numbers.pop())
+        numbers += [0.0, 0.0, math.sin(half), math.cos(half)]
+    return ObjectPose(tuple(numbers[:3]), tuple(numbers[3:]), frame)
 
 
 def _of_matrix(value: "ArrayLike") -> ObjectPose:
     """The pose of a matrix. Raises ContactError."""
     from scipy.spatial.transform import Rotation
 
-    from grasp3d.hand.pose_checks import checked_poses
+    from grasp3d.hand.pose_checks import checked_pose
 
-    try:
-        (matrix,) = checked_poses(value)
-    except (ContactError, ValueError) as error:
-        text = str(error).removeprefix("pose 1").lstrip(": ")
-        raise ContactError(f"the matrix of the object's pose: {text}") from error
+    matrix = checked_pose(value, "the matrix of the object's pose")
     quaternion = Rotation.from_matrix(matrix[:3, :3]).as_quat(canonical=True)
     return ObjectPose(tuple(matrix[:3, 3].tolist()), tuple(quaternion.tolist()))

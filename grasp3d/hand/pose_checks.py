@@ -31,6 +31,16 @@ AWAY = 0.8
 """Fraction of the approach directions away from the object that suggests another frame."""
 
 
+def checked_pose(value: ArrayLike, what: str) -> Floats:
+    """One pose, as `checked_poses`, shape (4, 4). Raises ContactError, which says what it is."""
+    try:
+        (pose,) = checked_poses(value)
+    except (ContactError, ValueError) as error:
+        text = str(error).removeprefix("pose 1").lstrip(": ")
+        raise ContactError(f"{what}: {text}") from error
+    return np.asarray(pose)
+
+
 def checked_poses(values: ArrayLike) -> Floats:
     """Poses as finite 4x4 matrices with rotations, shape (k, 4, 4).
 

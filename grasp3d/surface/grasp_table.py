@@ -302,7 +302,7 @@ class GraspTable(LabelledGrasps):
 
         Args:
             object_pose: Pose of the object in that frame: a 4x4 matrix, translation in metres, or a
-                text such as 'x=0.4m,z=0.1m,yaw=90deg'; see `ObjectPose`.
+                text such as '0.4,0,0.1,90'; see `ObjectPose`.
 
         Raises:
             ContactError: It is no such pose.
@@ -315,7 +315,7 @@ class GraspTable(LabelledGrasps):
             >>> mesh = grasp3d.load_mesh(box, unit="mm", max_edge=20.0)
             >>> labels = grasp3d.label_surface(mesh, hand=grasp3d.read_hand("franka"))
             >>> grasps = grasp3d.best_grasps(labels, 3)
-            >>> grasps.poses_in("x=0.4m,z=0.1m,yaw=90deg").shape
+            >>> grasps.poses_in("0.4,0,0.1,90").shape
             (3, 4, 4)
         """
         if self.poses is None:

@@ -13,12 +13,12 @@ from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.audit import READING, READINGS, explained
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.grasps.pose_files.frames import GivenPose
+from grasp3d.grasps.pose_files.frames import GivenFrame, GivenPose, read_frame
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing
-from grasp3d.hand.frames import AUTO, GripperFrame
+from grasp3d.hand.frames import AUTO
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.reach_settings import ReachSettings
@@ -202,7 +202,7 @@ def validate_grasps(
     settings: ValidationSettings | None = None,
     outcome: Outcome | str | None = None,
     object_pose: GivenPose | None = None,
-    frame: GripperFrame | str | None = None,
+    frame: GivenFrame | None = None,
 ) -> Validation:
     """Hold labels and scores of grasps against what became of them.
 
@@ -262,6 +262,7 @@ def validate_grasps(
         0.80
     """
     outcome = None if outcome is None else Outcome.of(outcome)
+    is_auto = isinstance(frame, str) and frame == AUTO
     settings, reach = settings or ValidationSettings(), reach or ReachSettings()
     model = model or GraspModel()
     if model.method != "exact":
@@ -277,12 +278,10 @@ def validate_grasps(
         outcome=outcome,
         load=load,
         object_pose=object_pose,
-        frame=None if frame in (None, AUTO) else GripperFrame.of(frame),
+        frame=None if is_auto or frame is None else read_frame(frame),
     )
     worst = Disagreements(settings.worst)
-    evaluation = Evaluation(
-        model, options, reach, load, object_motion, worst, explain=frame == AUTO
-    )
+    evaluation = Evaluation(model, options, reach, load, object_motion, worst, explain=is_auto)
     with within(0.0, EVALUATED):
         for source in tried:
             evaluation.evaluate(source, sum(each.count for each in tried))

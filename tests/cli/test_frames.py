@@ -50,7 +50,9 @@ def test_a_file_in_another_frame_is_doubted_and_read_in_it(folder: Path) -> None
     assert not np.allclose(wrong["qx"].to_numpy(), named["qx"].to_numpy(), atol=1e-3)
     settings = json.loads(found.schema.metadata[b"grasp3d"])
     assert settings["pose_reading"].endswith("with --frame graspgen in 17")
-    same = evaluate("--frame", "approach=+z,closing=+x,tcp=103.4mm", output="axes.csv")
+    ahead = "1 0 0 0\n0 1 0 0\n0 0 1 0.1034\n0 0 0 1\n"
+    (folder / "ahead.txt").write_text(ahead, encoding="utf-8")
+    same = evaluate("--frame", "ahead.txt", output="axes.csv")
     assert "17   100.0 %" in same
     kept = evaluate("--frame", "auto", output="kept.csv").count("warning")
     assert kept == 0
@@ -103,7 +105,7 @@ def test_poses_without_a_unit_are_in_that_of_the_mesh_in_every_frame(folder: Pat
 
 
 def test_a_frame_that_is_none_is_refused_before_anything_is_written(folder: Path) -> None:
-    for frame, words in {"base": "unknown gripper frame 'base'", "tcp=0": "approach is"}.items():
+    for frame, words in {"base": "unknown gripper frame 'base'", "tcp=0": "or a file with"}.items():
         command = f"evaluate box.stl g.yaml --unit mm --hand franka -o no.csv --frame {frame}"
         assert words in refusal(command, folder)
     assert not (folder / "no.csv").exists()

@@ -7,11 +7,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tests.helpers import shapes
 from tests.helpers.commands import export, printed
 
-POSE = "x=0.4m,y=-5cm,z=0.1m,roll=20deg,yaw=90deg,frame=base_link"
+TURN = Rotation.from_euler("xz", [20.0, 90.0], degrees=True).as_quat().tolist()
+POSE = ",".join(map(str, [0.4, -0.05, 0.1, *TURN, "base_link"]))
 
 
 @pytest.mark.slow
@@ -24,7 +26,7 @@ def test_grasps_in_the_robots_frame_are_the_same_grasps(tmp_path: Path) -> None:
     assert "poses in the file: in the mesh's frame\n" in beside
     assert "poses in the file: in the robot's frame 'base_link'\n" in robots
     assert robots.count("warning: the table's up is 20° from z of the robot's frame") == 1
-    level = printed(*label, "--grasps", "up.csv", "--object-pose", "x=1m,yaw=3rad", cwd=tmp_path)
+    level = printed(*label, "--grasps", "up.csv", "--object-pose", "-1,0,0,172", cwd=tmp_path)
     assert "z of the robot" not in level
     table = pc.read_csv(tmp_path / "robot.csv")
     pc.write_csv(table.drop_columns(["object_pose"]), tmp_path / "silent.csv")

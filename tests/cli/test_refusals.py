@@ -83,36 +83,37 @@ label box.stl --center-of-mass 1,2 | center_of_mass must be three finite lengths
 label box.stl -o notes.ply | notes.ply: exists and is no result of grasp3d
 label box.stl -o notes.npz | notes.npz: exists and is no result of grasp3d
 label box.stl --best 2 --grasps task.csv --task task.csv --overwrite | is the file of the task
-label box.stl --unit mm --hand franka --best 2 --frame tool0 | --frame: unknown gripper frame
+label box.stl --unit mm --hand franka --best 2 --frame tool0 | unknown gripper frame
 label box.stl --unit mm --hand franka --best 2 --frame auto | --frame: 'auto' is no frame of its
-label box.stl --unit mm --hand franka --best 2 --frame approach=z | closing is missing in
+label box.stl --unit mm --hand franka --best 2 --frame '' | --frame: '' is no frame of its own
+label box.stl --unit mm --hand franka --best 2 --frame gone.txt | gone.txt: there is no such file
+label box.stl --unit mm --hand franka --best 2 --frame mirror.txt | mirror.txt: the matrix of a
+label box.stl --unit mm --hand franka --best 2 --frame millimetres.txt | must be at most 1 m from
 label box.stl --unit mm --hand franka --frame graspgen | frame is for the best grasps; give
 label box.stl --unit mm --best 2 --frame graspgen | frame is for poses of a gripper of two
 evaluate box.stl contacts.csv --frame graspgen | contains no poses; frame applies to poses
 evaluate box.stl contacts.csv --frame auto | contains no poses; frame applies to poses
 simulate box.stl --unit mm --frame graspgen | frame is that of given poses; name their file
-label box.stl --unit mm --hand franka --best 2 --object-pose 0.4,0,0.1,1,0,0,0 | with names: x=0.4m,
-label box.stl --unit mm --hand franka --best 2 --object-pose x=0.4m,x=0.5m | with names: x=0.4m,y=
-label box.stl --unit mm --hand franka --best 2 --object-pose x=0.4 | x needs a unit, such as x=0.4m
-label box.stl --unit mm --hand franka --best 2 --object-pose x=1m,yaw=1turn | yaw must be an angle
-label box.stl --unit mm --hand franka --best 2 --object-pose x=1m,yaw=90deg,qz=1 | not both
-label box.stl --unit mm --hand franka --best 2 --object-pose qx=0.5,qw=0.5 | length 1; got 0.7071
-label box.stl --unit mm --hand franka --best 2 --object-pose x=400m | 400 m away from the robot, as
-label box.stl --unit mm --hand franka --best 2 --object-pose x=1m,frame=a! | must be one word
+label box.stl --unit mm --hand franka --best 2 --object-pose 0.4,0,0.1 | must be x,y,z,yaw (metres
+label box.stl --unit mm --hand franka --best 2 --object-pose 0.4m,0,0,0 | must be x,y,z,yaw (metres
+label box.stl --unit mm --hand franka --best 2 --object-pose nan,0,0,0 | must be x,y,z,yaw (metres
+label box.stl --unit mm --hand franka --best 2 --object-pose 0,0,0,0.5,0,0,0.5 | length 1; got 0.70
+label box.stl --unit mm --hand franka --best 2 --object-pose 400,0,0,0 | 400 m away from the robot
+label box.stl --unit mm --hand franka --best 2 --object-pose 1,0,0,0,a! | must be one word
 label box.stl --unit mm --hand franka --best 2 --object-pose gone.txt | gone.txt: there is no such
-label box.stl --unit mm --hand franka --best 2 --object-pose gone.tex | must be parts with names
-label box.stl --unit mm --hand franka --best 2 --object-pose '' | must be parts with names
-label box.stl --unit mm --hand franka --best 2 --object-pose prose.txt | prose.txt: could not
+label box.stl --unit mm --hand franka --best 2 --object-pose gone.tex | must be x,y,z,yaw (metres
+label box.stl --unit mm --hand franka --best 2 --object-pose '' | must be x,y,z,yaw (metres
+label box.stl --unit mm --hand franka --best 2 --object-pose prose.txt | prose.txt: the object
 label box.stl --unit mm --hand franka --best 2 --object-pose short.txt | shape (k, 4, 4); got (2, 4)
 label box.stl --unit mm --hand franka --best 2 --object-pose double.txt | have the lengths (2, 2, 2)
 label box.stl --unit mm --hand franka --best 2 --object-pose mirror.txt | is left-handed
 label box.stl --unit mm --hand franka --best 2 --object-pose millimetres.txt | 400 m away from the
 label box.stl --unit mm --hand franka --best 2 --object-pose turned.json | the key x is missing
 label box.stl --unit mm --hand franka --best 2 --object-pose list.json | orientation must be an
-label box.stl --unit mm --hand franka --object-pose x=1m | give their number with --best
-label box.stl --unit mm --best 2 --object-pose x=1m | of a gripper of two fingers; give one
-label box.stl --unit mm --hand franka --best 2 --object-pose x=1m --grasps a.h5 | acronym files have
-label box.stl --unit mm --hand franka --best 2 --object-pose x=1m --grasps a.npy | graspnet files
+label box.stl --unit mm --hand franka --object-pose 1,0,0,0 | give their number with --best
+label box.stl --unit mm --best 2 --object-pose 1,0,0,0 | of a gripper of two fingers; give one
+label box.stl --unit mm --hand franka --best 2 --object-pose 1,0,0,0 --grasps a.h5 | acronym files
+label box.stl --unit mm --hand franka --best 2 --object-pose 1,0,0,0 --grasps a.npy | graspnet files
 label box.stl --unit mm --mass 2000 --strict | 10,000,000 kg/m^3, more than any material: if its
 label box.stl --unit mm --mass 2000 --strict --timeout none | if its mass is 2000 g, give --mass 20
 label box.stl --unit cm --mass 0.5 --hand franka --strict | strokes of the gripper, 8 cm each
@@ -153,15 +154,15 @@ evaluate box.stl pair.json -o task.csv --task task.csv --mass 0.5 --overwrite | 
 evaluate box.stl pair.json -o task.csv --task 'weight + ellipsoid task.csv' --overwrite | of the
 evaluate box.stl pair.json -o task.csv --task 'pushes.csv + ./task.csv' --overwrite | of the task
 evaluate box.stl pair.json -o task_link.csv --task task.csv --overwrite | is the file of the task
-evaluate box.stl pair.json --unit mm --object-pose x=1m | object_pose applies to poses, not to
-evaluate box.stl robot.csv --unit mm --hand franka --object-pose x=1m | it states the object's pose
+evaluate box.stl pair.json --unit mm --object-pose 1,0,0,0 | object_pose applies to poses, not to
+evaluate box.stl robot.csv --unit mm --hand franka --object-pose 1,0,0,0 | it states the object
 evaluate box.stl robots.csv --unit mm --hand franka | all grasps must have the same object_pose
 evaluate box.stl short.csv --unit mm --hand franka | Expected 7 columns, got 3
 evaluate box.stl wide.csv --unit mm --hand franka | it is no text in UTF-8
 evaluate box.stl twice.csv --unit mm --hand franka | two columns are called 'px'
 evaluate box.stl bad.csv --unit mm --hand franka | column px is missing of px py pz qx qy qz qw
-evaluate box.stl unitless.csv --unit mm --hand franka --object-pose x=1m | the unit of the poses
-simulate box.stl --unit mm --object-pose x=1m | that of given poses; name their file with --grasps
+evaluate box.stl unitless.csv --unit mm --hand franka --object-pose 1,0,0,0 | the unit of the poses
+simulate box.stl --unit mm --object-pose 1,0,0,0 | that of given poses; name their file
 evaluate box.stl zero.csv | zero.csv: the file is empty
 evaluate box.stl head.csv | there are no grasps in it, only column names
 evaluate box.stl numbers.csv | its first line must be names of columns; found 20 0 0 -20 0 0
@@ -497,8 +498,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         **dict.fromkeys(("poses.csv", "grasps.csv"), f"{columns}0,0,40,1,0,0,0,mm,1\n"),
         "untried.csv": f"{columns}0,0,40,1,0,0,0,mm,\n",
         "perhaps.csv": f"{columns}0,0,40,1,0,0,0,mm,no\n0,0,40,1,0,0,0,mm,perhaps\n",
-        "robot.csv": f"{framed}x=1m\n",
-        "robots.csv": f"{framed}x=1m\n0,0,40,1,0,0,0,mm,x=2m\n",
+        "robot.csv": f'{framed}"1,0,0,0"\n',
+        "robots.csv": f'{framed}"1,0,0,0"\n0,0,40,1,0,0,0,mm,"2,0,0,0"\n',
         "short.csv": f"{','.join(columns.split(',')[:7])}\n0,0,40,1,0,0,0\n0,0,40\n",
         "wide.csv": f"{columns}\n0,0,40,1,0,0,0,mm\n".encode("utf-16").decode("latin-1"),
         "twice.csv": f"px,{columns}0,0,0,40,1,0,0,0,mm,1\n",

@@ -9,7 +9,6 @@ field means, the column without a heading, is that of its row on the page.
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -177,9 +176,8 @@ def frame_table() -> str:
 
 def _frame(frame: GripperFrame) -> list[str]:
     """Axes of a frame, and where the TCP is."""
-    origin, _, ahead = str(replace(frame, name="")).rpartition("tcp=")[2].partition("+")
-    words = {"0": "origin", "base": "base", "ends": "ends"}
-    place = words[origin] + (f" + {1000.0 * float(ahead):g} mm" if ahead else "")
+    words = {"tcp": "origin", "base": "base", "ends": "ends"}
+    place = words[frame.origin] + (f" + {1000.0 * frame.ahead:g} mm" if frame.ahead else "")
     turned = f", turned by {math.degrees(frame.turn):g}°" if frame.turn else ""
     return [frame.approach or "its own", f"{frame.closing or 'its own'}{turned}", place]
 

@@ -366,7 +366,7 @@ def test_poses_of_the_palm_are_named() -> None:
     reading = audit_poses(box(), wrong, hand)
     assert reading is not None
     assert reading.fitting == 40
-    assert "--frame link=palm in 40" in str(reading)
+    assert "--frame palm in 40" in str(reading)
 
 
 @pytest.mark.slow

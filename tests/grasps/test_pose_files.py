@@ -466,7 +466,7 @@ def test_messages_of_ros_1_are_read_as_well(tmp_path: Path) -> None:
     (tmp_path / "a.json").write_text(json.dumps(message))
     with pytest.raises(ContactError, match="in the frame 'cup', not in that of the object"):
         read_poses(tmp_path / "a.json", hand=HAND)
-    found = read_poses(tmp_path / "a.json", hand=HAND, object_pose="z=0m,frame=cup")
+    found = read_poses(tmp_path / "a.json", hand=HAND, object_pose="0,0,0,0,cup")
     equal(found.poses[0, :3, 3], [1.0, 0.0, 0.1034])
     assert found.settings == {"frame_id": "cup"}
     assert np.isnan(found.opening).all()

@@ -258,7 +258,7 @@ for act in (
 
 @pytest.mark.slow
 def test_which_of_several_mistakes_is_named_does_not_depend_on_chance(tmp_path: Path) -> None:
-    rows = ["0,0,0,1,0,0,0,m,a,x=1m", "0,0,0,1,0,0,0,cm,b,x=2m"]
+    rows = ['0,0,0,1,0,0,0,m,a,"1,0,0,0"', '0,0,0,1,0,0,0,cm,b,"2,0,0,0"']
     head = "px,py,pz,qx,qy,qz,qw,unit,frame,object_pose"
     (tmp_path / "p.csv").write_text("\n".join([head, *rows]), encoding="utf-8")
     found = {

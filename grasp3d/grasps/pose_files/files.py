@@ -18,21 +18,22 @@ from grasp3d.grasps.pose_files.documents import (
     yaml_module,
 )
 from grasp3d.grasps.pose_files.frames import (
-    FIELD,
     OBJECT_FRAMES,
     Given,
+    GivenFrame,
     GivenPose,
     UnknownUnitError,
     as_in_file,
     in_file_metres,
     missing_of_hand,
     of_tcp,
+    read_frame,
     read_object_pose,
 )
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.postures import matched, refuse_joints
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.frames import GripperFrame
+from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.settings import PoseFormat, check_choice
@@ -147,7 +148,7 @@ def write_poses(
     *,
     format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
     object_pose: GivenPose | None = None,
-    frame: GripperFrame | str | None = None,
+    frame: GivenFrame | None = None,
 ) -> None:
     """Write grasp poses for robots and robots.
 
@@ -191,7 +192,8 @@ def write_poses(
         poses = replace(poses, object_pose=read_object_pose(object_pose))
     if poses.object_pose is not None and name in FRAME_FORMATS:
         poses = poses.moved(poses.object_pose.matrix)
-    poses = replace(poses, gripper_frame=GripperFrame.of(frame or _FORMATS[name].frame))
+    given = FRAMES[_FORMATS[name].frame] if frame is None else read_frame(frame)
+    poses = replace(poses, gripper_frame=given)
     try:
         title = _FORMATS[name].title
         _FORMATS[name].write(path, in_file_metres(poses, title) if title else as_in_file(poses))
@@ -206,7 +208,7 @@ def read_poses(
     hand: Hand | None = None,
     unit: Unit | None = None,
     object_pose: GivenPose | None = None,
-    frame: GripperFrame | str | None = None,
+    frame: GivenFrame | None = None,
     outcome: Outcome | str | None = None,
     object_scale: float | None = None,
 ) -> GraspPoses:
@@ -248,7 +250,7 @@ def read_poses(
         raise ContactError(unsupported(path, SUFFIXES, "pose"))
     check_file(path)
     pose = None if object_pose is None else read_object_pose(object_pose)
-    chosen = None if frame is None else GripperFrame.of(frame)
+    chosen = None if frame is None else read_frame(frame)
     held = None if outcome is None else Outcome.of(outcome)
     given = Given(hand, unit, held, object_scale)
     try:
@@ -380,11 +382,8 @@ def _read(path: Path, given: Given, frame: GripperFrame | None) -> GraspPoses:
     poses = entry.read(content, given)
     if entry.title:
         poses = replace(poses, unit="m", hand=given.hand or poses.hand)
-    stated = poses.settings.get(FIELD, poses.gripper_frame)
-    return replace(
-        poses,
-        gripper_frame=frame or GripperFrame.of(stated if entry.states_frame else entry.frame),
-    )
+    stated = poses.gripper_frame if entry.states_frame else FRAMES[entry.frame]
+    return replace(poses, gripper_frame=frame or stated)
 
 
 def _format_in(suffix: str, content: object) -> PoseFormat | None:

@@ -3,13 +3,13 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from grasp3d.arrays import ArrayLike, Floats
-from grasp3d.errors import ContactError, OutputError, SettingError
+from grasp3d.errors import ContactError, GraspError, OutputError, SettingError
 from grasp3d.grasps.pose_files.documents import (
     check_file,
     load_array,
@@ -17,6 +17,7 @@ from grasp3d.grasps.pose_files.documents import (
     load_yaml,
     mapping,
     number_or_none,
+    one_number,
     required,
     text_or_none,
 )
@@ -35,6 +36,8 @@ from grasp3d.settings.outcome import Outcome
 from grasp3d.system.documents import MEGABYTE, described, file_bytes
 from grasp3d.system.names import printable
 from grasp3d.system.versions import package_version
+
+ResultT = TypeVar("ResultT")
 
 
 def in_file_metres(poses: GraspPoses, what: str) -> GraspPoses:
@@ -210,6 +213,9 @@ def joint_values(hand: ParallelGripper, openings: Floats, what: str) -> Floats:
 GivenPose = ObjectPose | Path | ArrayLike
 """What `read_object_pose` takes."""
 
+GivenFrame = GripperFrame | Path | ArrayLike
+"""What `read_frame` takes."""
+
 
 def read_object_pose(source: GivenPose) -> ObjectPose:
     r"""The pose of an object in the frame of a robot, of a text, a matrix or a file.
@@ -231,23 +237,46 @@ def read_object_pose(source: GivenPose) -> ObjectPose:
         >>> read_object_pose("mug.yaml").position
         (0.4, 0.0, 0.1)
     """
+    return _of_file(source, _pose_of) or ObjectPose.of(_text(source))
+
+
+def read_frame(source: GivenFrame) -> GripperFrame:
+    """The frame of a gripper's poses, of a name, a matrix or a file.
+
+    Args:
+        source: A name or a matrix, see `GripperFrame`; or a file with the matrix (.npy, .txt,
+            .json, .yaml), the pose of the TCP in the frame, translation in metres.
+
+    Raises:
+        ContactError: There is no such file, or the matrix is none.
+        SettingError: It is 'auto'.
+    """
+    return _of_file(source, GripperFrame.of) or GripperFrame.of(_text(source))
+
+
+def _text(source: object) -> Any:
+    return str(source) if isinstance(source, Path) else source
+
+
+def _of_file(source: object, of: Callable[[Any], ResultT]) -> ResultT | None:
+    """What the content of a file states; None: the source is no file. Raises ContactError."""
     path = Path(source) if isinstance(source, str | Path) else None
-    reader = None if path is None else _READERS.get(path.suffix.lower())
-    if path is None or reader is None:
-        return ObjectPose.of(str(path) if isinstance(source, Path) else source)
+    if path is None or path.suffix.lower() not in _READERS:
+        return None
     check_file(path)
     try:
-        return _pose_of(reader(path))
+        return of(_READERS[path.suffix.lower()](path))
     except OSError as error:
         raise ContactError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (ContactError, ValueError) as error:
+    except (GraspError, ValueError) as error:
         raise ContactError(printable(f"{path}: {error}")) from error
 
 
 def _text_or_rows(path: Path) -> Any:
-    text = file_bytes(path, MEGABYTE).decode("utf-8-sig")
+    """The only line of a text; of several lines their numbers, separated by commas or spaces."""
+    text = file_bytes(path, MEGABYTE).decode("utf-8-sig").strip()
     rows = [line.replace(",", " ").split() for line in text.splitlines() if line.strip()]
-    return text if "=" in text else np.array(rows, dtype=np.float64)
+    return np.array(rows, dtype=np.float64) if len(rows) > 1 else text
 
 
 _READERS: dict[str, Callable[[Path], Any]] = {
@@ -264,9 +293,9 @@ def _pose_of(content: Any) -> ObjectPose:
     pose = mapping(content.get("pose", content.get("transform", content)), "pose")
     names = ("translation", "rotation") if "rotation" in pose else ("position", "orientation")
     position, turned = (mapping(required(pose, name), name) for name in names)
-    lengths = [f"{axis}={required(position, axis)}m" for axis in "xyz"]
-    quaternion = [f"q{axis}={required(turned, axis)}" for axis in "xyzw"]
-    return ObjectPose.of(",".join([*lengths, *quaternion, f"frame={frame}"]))
+    numbers = [one_number(required(position, axis), axis) for axis in "xyz"]
+    numbers += [one_number(required(turned, axis), axis) for axis in "xyzw"]
+    return ObjectPose.of(",".join(map(str, [*numbers, frame])))
 
 
 FRAME = (
@@ -290,7 +319,7 @@ NORMALS = "outward"
 ANGLES = "radians"
 
 FIELD = "gripper_frame"
-"""Key of the gripper's frame, also in the settings of poses where it is not known."""
+"""Key of the gripper's frame."""
 
 STATED = frozenset({
     "version", "content", "frame", "normals", "angles", "unit", "gripper", "object_file",
@@ -336,17 +365,13 @@ def fields_of(header: Mapping[str, Any], given: Given) -> dict[str, Any]:
     frame = text_or_none(header.get("frame"), "frame") or ""
     known = (*OBJECT_FRAMES, *ROBOT_FRAMES.values()) if stated else OBJECT_FRAMES
     other = {} if frame in known else {"frame": frame}
-    try:
-        gripper_frame = GripperFrame.of(text_or_none(header.get(FIELD), FIELD) or "tcp")
-    except SettingError:  # of another program: an error unless one is given, see `read_poses`
-        gripper_frame, other[FIELD] = FRAMES["tcp"], header[FIELD]
     return {
         "unit": stated_unit(header.get("unit"), given.unit),
         "hand": given.hand or _gripper(header.get("gripper")),
         "object_file": text_or_none(header.get("object_file"), "object_file"),
         "object_scale": number_or_none(header.get("object_scale"), "object_scale"),
         "object_pose": ObjectPose.of(stated) if stated else None,
-        FIELD: gripper_frame,
+        FIELD: GripperFrame.of(text_or_none(header.get(FIELD), FIELD) or "tcp"),
         "settings": other | {name: value for name, value in header.items() if name not in STATED},
     }
 
