@@ -376,10 +376,9 @@ class Evaluate(Guarded, GivenPoses):
     picture: Annotated[Path | None, Main("hands with joints: picture of the best poses")] = None
     """Poses of a hand with joints: picture of the 12 to be taken first (.png, .svg or .pdf)."""
 
-    outcome: Annotated[OutcomeOption, Group("object")] = None
-    """Poses: which column or key says whether a grasp held, and which of its values mean that it
-    did, as grasp3d validate takes it; it is written with the results (default: outcome or success,
-    or what the format has)."""
+    outcome: OutcomeOption = None
+    """Poses: column or key that says whether a grasp held, as grasp3d validate takes it; it is
+    written with the results (default: outcome or success, or what the format has)."""
 
     model: GraspModel = field(default_factory=GraspModel)
 
@@ -411,7 +410,7 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
         tuple[Path, ...], POSITIONAL, Main("poses with outcomes: .csv .h5 .json .yaml")
     ]
     """Files of poses with outcomes: tables (.csv, .parquet) with px py pz qx qy qz qw and a column
-    success (or outcome) of 1 or 0, true or false, yes or no, empty where it was not tried; ACRONYM
+    success (or outcome) of 1 or 0, true or false, empty where it was not tried; ACRONYM
     (.h5); GraspGen and the files that grasp3d writes (.json)."""
 
     output: Annotated[Path | None, Stated(metavar="FOLDER"), Main("folder for the report")] = None
@@ -436,15 +435,9 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
     """Folder in which these meshes are looked up, by their path, then by their base name (default:
     the folder of each file of grasps)."""
 
-    outcome: Annotated[
-        OutcomeOption, Group("object"), Main("what says whether a grasp held: 'fall_time>=3'")
-    ] = None
-    """Which column or key of the files says whether a grasp held, and which of its values mean that
-    it did: success (true or false, 1 or 0, success or failure); 'confidence>=0.5', a threshold
-    (also >, <=, <), in quotes; result=ok, a word or number, where others failed, or
-    result=ok/slipped with that of those that failed; held/tried, counts, where at least half held,
-    or 'held/tried>=0.8' (default: outcome or success; in ACRONYM and GraspGen
-    object_in_gripper)."""
+    outcome: Annotated[OutcomeOption, Main("column that says whether a grasp held")] = None
+    """Column or key of the files that says whether a grasp held: 1 or 0, true or false, empty: not
+    tried (default: outcome or success; in ACRONYM and GraspGen object_in_gripper)."""
 
     frictions: NumberRanges = ("0.3", "0.5", "1.0")
     """Coefficients of friction of the table of S, M and U."""

@@ -31,7 +31,6 @@ from grasp3d.settings import (
 )
 from grasp3d.settings.checks import parse_angle
 from grasp3d.settings.lengths import AnyLength, Length, Measure, Position, parse_length
-from grasp3d.settings.outcome import Outcome
 from grasp3d.settings.parsing import Group, Main
 from grasp3d.settings.pose_error import PoseError, PoseErrorField
 from grasp3d.settings.quantities import Quantity
@@ -401,10 +400,8 @@ ObjectPoseOption = Annotated[
 ]
 """The pose of the object in the frame of a robot, or none."""
 
-OutcomeOption = Annotated[
-    Outcome | None, one_word(f"OUTCOME|{_NONE}", partial(_named, "--outcome", Outcome.of))
-]
-"""Which values of a file are the outcomes of its grasps, or none."""
+OutcomeOption = Annotated[str | None, Stated(metavar="NAME"), Group("object")]
+"""The name of the values of a file that are the outcomes of its grasps, or none."""
 
 MeshFile = Annotated[
     Path,

@@ -31,7 +31,6 @@ from grasp3d.grasps.ranking import written_scores
 from grasp3d.hand.hand import Hand
 from grasp3d.settings import MAX_FINGERS, PoseFormat
 from grasp3d.settings.lengths import Unit
-from grasp3d.settings.outcome import Outcome
 from grasp3d.surface.fields import FOUND_POSES, columns_of
 from grasp3d.surface.grasp_table import NO_POSES, Columns, GraspTable
 from grasp3d.system.documents import described, number_of
@@ -62,7 +61,7 @@ def read_grasps(
     unit: Unit | None = None,
     object_pose: GivenPose | None = None,
     frame: GivenFrame | None = None,
-    outcome: Outcome | str | None = None,
+    outcome: str | None = None,
     object_scale: float | None = None,
 ) -> GraspPoses | Floats:
     """Read grasps from files of grasp3d, robots, simulators and data sets: poses or contacts.
@@ -84,9 +83,8 @@ def read_grasps(
             of a link of a hand with joints; the pose of the TCP in it, a 4x4 matrix, translation in
             metres; or a file with this; see `GripperFrame`. None: the one that the file states, or
             that of its format.
-        outcome: Which column or key says whether a grasp held, and which of its values mean that
-            it did: 'success', 'confidence>=0.5', 'result=ok', 'result=ok/slipped', or 'held/tried'
-            for counts; see `Outcome`. None: those of the format.
+        outcome: Column or key that says whether a grasp held: 1 or 0, true or false. None: those of
+            the format.
         object_scale: Factor from the numbers of the object's file to metres, of which the poses
             are: for files of poses on an object at several scales, or that do not state it.
 
@@ -98,8 +96,7 @@ def read_grasps(
         ContactError: The file is missing, or contains no grasps, or no such outcomes; or there is
             no such pose of the object.
         OutputError: A library that reads the format is not installed.
-        SettingError: No frame is called so, the text of the outcome is none, or a pose of the
-            object, a frame or an outcome is given for contacts.
+        SettingError: A pose of the object, a frame or an outcome is given for contacts.
 
     Example:
         >>> from pathlib import Path

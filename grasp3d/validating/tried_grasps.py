@@ -21,7 +21,6 @@ from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, preset
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.quality.loads import Load
 from grasp3d.settings import MeshOptions
-from grasp3d.settings.outcome import Outcome
 from grasp3d.settings.quantities import MASSES, parse_quantity
 from grasp3d.surface.load_case import loaded_mesh, mass_of
 from grasp3d.system.documents import is_file, is_folder
@@ -163,7 +162,7 @@ def check_grasps(
     mesh: MeshSource | None = None,
     meshes: Path | None = None,
     hand: Hand | None = None,
-    outcome: Outcome | None = None,
+    outcome: str | None = None,
     load: Load | None = None,
     **stated: Any,
 ) -> list[TriedGrasps]:
@@ -174,7 +173,7 @@ def check_grasps(
         mesh: The mesh of all of them; None: each file names its own.
         meshes: Folder in which these are looked up.
         hand: The gripper of all of them; None: each file names its own.
-        outcome: Which of their values are outcomes; None: those of each format.
+        outcome: Name of the values that are outcomes; None: those of each format.
         load: What each grasp must hold; without a mass those of the grasps are used.
         stated: What else is stated of the files, as `read_poses` takes it.
 
@@ -203,14 +202,14 @@ def check_grasps(
     return checked
 
 
-def _check_varied(checked: Sequence[TriedGrasps], outcome: Outcome | None) -> None:
+def _check_varied(checked: Sequence[TriedGrasps], outcome: str | None) -> None:
     """Refuse values that are named as outcomes, but are all alike. Raises ContactError."""
     held, count = (sum(getattr(one, name) for one in checked) for name in ("held", "count"))
     if outcome is not None and held in (0, count):
         became = "held" if held else "failed"
         raise ContactError(
-            f"{checked[0].name}: with the outcome {str(outcome)!r} all {count} grasps {became}, so "
-            "no score can be ranked: name other values, or another meaning of them"
+            f"{checked[0].name}: with the outcome {outcome!r} all {count} grasps {became}, so "
+            "no score can be ranked: name other values"
         )
 
 

@@ -26,7 +26,6 @@ from grasp3d.hand.scene import Scene
 from grasp3d.mesh import MeshSource, ObjectMesh
 from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions
-from grasp3d.settings.outcome import Outcome
 from grasp3d.surface.fields import Array
 from grasp3d.system.context import refuse_warnings, report_progress, within
 from grasp3d.validating.disagreements import Disagreements
@@ -200,7 +199,7 @@ def validate_grasps(
     object_motion: ObjectMotion = "free",
     load: Load | None = None,
     settings: ValidationSettings | None = None,
-    outcome: Outcome | str | None = None,
+    outcome: str | None = None,
     object_pose: GivenPose | None = None,
     frame: GivenFrame | None = None,
 ) -> Validation:
@@ -228,9 +227,9 @@ def validate_grasps(
         load: What each grasp must hold; None, or without a mass: the mass and the centre of mass
             that a file states, as ACRONYM's do.
         settings: Grid of the labels, bins, resamples and seed; None: the defaults.
-        outcome: Which column or key of the files says whether a grasp held, such as
-            'fall_time>=3', as `read_grasps` takes it; of poses in memory `score` or one of their
-            columns. None: the outcomes of the format or of the poses.
+        outcome: Column or key of the files that says whether a grasp held, 1 or 0, true or false;
+            of poses in memory `score` or one of their columns. None: the outcomes of the format or
+            of the poses.
         object_pose: Pose of the object in the frame of their poses, as `read_grasps` takes it.
         frame: Frame of the gripper in which the files have the poses, as `read_grasps` takes it;
             'auto': the one in which most poses close on the object, if it wins clearly; see
@@ -261,7 +260,6 @@ def validate_grasps(
         >>> print(f"{validation.quality('margin').roc_auc:.2f}")
         0.80
     """
-    outcome = None if outcome is None else Outcome.of(outcome)
     is_auto = isinstance(frame, str) and frame == AUTO
     settings, reach = settings or ValidationSettings(), reach or ReachSettings()
     model = model or GraspModel()

@@ -12,7 +12,6 @@ from grasp3d.arrays import Bools, Bytes, Floats, Ints, short_repr
 from grasp3d.errors import OutputError
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.settings import GraspModel
-from grasp3d.settings.outcome import Outcome
 from grasp3d.stability.label import Label
 from grasp3d.system.names import as_unicode
 from grasp3d.validating.disagreements import Disagreement, ReasonCount
@@ -134,8 +133,8 @@ class Validation:
     """What may be the reason of how many of all such grasps."""
     warnings: tuple[str, ...]
     """What may make the results wrong, one sentence each."""
-    outcome: Outcome | None = None
-    """Which values of the files are the outcomes; None: those of their formats."""
+    outcome: str | None = None
+    """Name of the values of the files that are the outcomes; None: those of their formats."""
 
     __repr__ = short_repr
 

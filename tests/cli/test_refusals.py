@@ -127,7 +127,6 @@ validate poses.csv --mesh box.stl --unit mm --mass 2000 --hand franka --strict |
 label open.stl --mass 0.5kg | is open, so its centre of mass is not known
 label open.stl --unit mm --density 1000 | is open, so a density gives no mass
 evaluate box.stl pair.json --outcome held | pair.json: contains no poses; outcome applies to poses
-evaluate box.stl poses.csv --hand franka --outcome held/ | --outcome: outcome 'held/' lacks a name
 evaluate box.stl poses.csv --hand franka --outcome held | no outcome is called 'held': its grasps
 evaluate box.stl no.csv | no.csv: there is no such file
 evaluate no.stl pair.json | there is no such file
@@ -177,7 +176,7 @@ validate scaled.json --mesh box.stl --unit cm --hand franka | box.stl is cm: giv
 simulate box.stl --unit cm --grasps scaled.json --hand franka | box.stl is cm: give --unit mm
 validate zero.csv --mesh box.stl --hand franka | zero.csv: the file is empty
 validate untried.csv --mesh box.stl --hand franka | no outcome is known of any grasp; a table needs
-validate perhaps.csv --mesh box.stl --hand franka | grasp 2: outcome must be 1, true or yes
+validate perhaps.csv --mesh box.stl --hand franka | grasp 2: outcome must be 1 or true
 validate grasps.csv --mesh box.stl --hand franka -o . --overwrite | grasps.csv: is a file of grasps
 validate poses.csv --mesh box.stl --hand franka --frictions 0 | must be a finite number above 0
 validate poses.csv --mesh box.stl --hand franka --sensor-resolutions x | must be an angle (a number
@@ -497,7 +496,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "three.json": json.dumps([[*pair, [0, 30, 0]]]),
         **dict.fromkeys(("poses.csv", "grasps.csv"), f"{columns}0,0,40,1,0,0,0,mm,1\n"),
         "untried.csv": f"{columns}0,0,40,1,0,0,0,mm,\n",
-        "perhaps.csv": f"{columns}0,0,40,1,0,0,0,mm,no\n0,0,40,1,0,0,0,mm,perhaps\n",
+        "perhaps.csv": f"{columns}0,0,40,1,0,0,0,mm,false\n0,0,40,1,0,0,0,mm,perhaps\n",
         "robot.csv": f'{framed}"1,0,0,0"\n',
         "robots.csv": f'{framed}"1,0,0,0"\n0,0,40,1,0,0,0,mm,"2,0,0,0"\n',
         "short.csv": f"{','.join(columns.split(',')[:7])}\n0,0,40,1,0,0,0\n0,0,40\n",

@@ -81,9 +81,6 @@ def parse_graspgen(content: object, given: Given) -> GraspPoses:
 LENGTH = 17
 """Numbers of a row: score, width, height, depth, rotation (9), translation (3), object."""
 
-NUMBERS = {"score": 0, "width": 1, "height": 2, "depth": 3, "object_id": 16}
-"""Which of them have a name."""
-
 MOST_ROWS = 10_000_000
 """Most rows that are read."""
 
@@ -133,7 +130,7 @@ def parse_graspnet(content: npt.NDArray[Any], given: Given) -> GraspPoses:
         poses=_graspnet_poses(rows),
         pregrasp_opening=rows[:, 1],
         scores=rows[:, 0],
-        outcome=outcomes_of(given.outcome, len(rows), NUMBERS, lambda name: rows[:, NUMBERS[name]]),
+        outcome=outcomes_of(given.outcome, len(rows), ("score",), lambda _: rows[:, 0]),
         columns={"object_id": rows[:, 16]},
     )
 

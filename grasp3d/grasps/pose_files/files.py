@@ -38,7 +38,6 @@ from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.settings import PoseFormat, check_choice
 from grasp3d.settings.lengths import Unit
-from grasp3d.settings.outcome import Outcome
 from grasp3d.system.documents import is_folder
 from grasp3d.system.files import check_suffix
 from grasp3d.system.names import unsupported
@@ -209,7 +208,7 @@ def read_poses(
     unit: Unit | None = None,
     object_pose: GivenPose | None = None,
     frame: GivenFrame | None = None,
-    outcome: Outcome | str | None = None,
+    outcome: str | None = None,
     object_scale: float | None = None,
 ) -> GraspPoses:
     """Read grasp poses from files of robots, simulators and data sets.
@@ -225,8 +224,8 @@ def read_poses(
             that do not state it; see `write_grasps`.
         frame: Frame of the gripper that the file has; see `GripperFrame`. None: the one that it
             states, or that of its format.
-        outcome: Which values of the file say whether a grasp held, such as 'fall_time>=3'; see
-            `Outcome`. None: those of the format.
+        outcome: Name of the values of the file that say whether a grasp held, 1 or 0, true or
+            false. None: those of the format.
         object_scale: Factor from the numbers of the object's file to metres, of which the poses
             are: for files of poses on an object at several scales, such as those of DexGraspNet, or
             that do not state it.
@@ -235,7 +234,7 @@ def read_poses(
         ContactError: The file is missing, or contains no such poses or outcomes; or there is no
             such pose of the object.
         OutputError: A library that reads the format is not installed.
-        SettingError: The text of the outcome is none.
+        SettingError: The frame is 'auto'.
 
     Example:
         >>> from pathlib import Path
@@ -251,8 +250,7 @@ def read_poses(
     check_file(path)
     pose = None if object_pose is None else read_object_pose(object_pose)
     chosen = None if frame is None else read_frame(frame)
-    held = None if outcome is None else Outcome.of(outcome)
-    given = Given(hand, unit, held, object_scale)
+    given = Given(hand, unit, outcome, object_scale)
     try:
         poses = _relative(of_tcp(_read(path, given, chosen)), pose)
         poses = _with_scale(poses, object_scale)

@@ -32,7 +32,6 @@ from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.pose_checks import checked_quaternions
 from grasp3d.settings.lengths import METRES, Unit
-from grasp3d.settings.outcome import Outcome
 from grasp3d.system.documents import MEGABYTE, described, file_bytes
 from grasp3d.system.names import printable
 from grasp3d.system.versions import package_version
@@ -118,8 +117,8 @@ class Given:
     """The hand that the grasps are of, of a kind that the format has; None: not given."""
     unit: Unit | None = None
     """Unit of the lengths, if the file states none."""
-    outcome: Outcome | None = None
-    """Which values of the file say whether a grasp held; None: those of the format."""
+    outcome: str | None = None
+    """Name of the values that say whether a grasp held; None: those of the format."""
     object_scale: float | None = None
     """Scale of the object whose grasps are read, of files of several."""
 

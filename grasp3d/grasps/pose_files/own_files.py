@@ -35,7 +35,6 @@ from grasp3d.grasps.pose_files.frames import (
 from grasp3d.grasps.pose_files.outcomes import Values, outcomes_of
 from grasp3d.grasps.poses import OWN_NAMES, STAGES, GraspPoses
 from grasp3d.hand.frames import FRAMES
-from grasp3d.settings.outcome import Outcome
 from grasp3d.system.documents import MEGABYTE, described
 
 Columns = Mapping[str, npt.NDArray[Any]]
@@ -170,7 +169,7 @@ NUMBERS = ("opening", "pregrasp_opening", "score")
 """Columns of one number for each pose, but outcomes."""
 
 
-def _poses(table: Mapping[str, Values], stated: Outcome | None, **fields: Any) -> GraspPoses:
+def _poses(table: Mapping[str, Values], stated: str | None, **fields: Any) -> GraspPoses:
     """Poses with the numbers that files of every kind have in columns of the same names."""
     rows = len(fields["poses"])
     opening, pregrasp_opening, scores = (
