@@ -10,7 +10,7 @@ from numba import typeof
 from numba.core import types
 
 from grasp3d._kernels.forces import grip_force, sure_forces, tasks
-from grasp3d._kernels.hands import kinematics, link_shapes, settling, touched_surface, touching
+from grasp3d._kernels.hands import kinematics, link_shapes, overlaps, touched_surface, touching
 from grasp3d._kernels.hull import (
     critical_angle,
     frictionless_closure,
@@ -120,7 +120,7 @@ _TOUCHED = _tuple(
     touched_surface.TouchedSurface, _BOX_TREE, _f32_2, _b, _i2, _i2, _f2, _f2, _f1, _f1, _f,
     _array(types.float32, 3), _array(types.int32, 3),
 )  # fmt: skip
-_TOUCHES = _tuple(touching.Touches, _f2, _f3, _f3, _i2, _f4)
+_TOUCHES = _tuple(touching.Touches, _f2, _f3, _i2, _f4)
 _SHAPE_SCRATCH = typeof(link_shapes.make_shape_scratch())
 _TOUCH_SCRATCH = _tuple(
     touching.TouchScratch, _SHAPE_SCRATCH, _i1, _f1, _f2, _f1, _f1, _f1, _f2, *[_f1] * 4, _f2, _i1
@@ -215,10 +215,8 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     touching.touch: [
         (_f4, _f, _f, _i, _i, _BODIES, _TOUCHED, _TOUCHES, _TOUCH_SCRATCH),
     ],
-    touching.measure_points: [(_f2, _TOUCHED, _f1, _f2)],
     touched_surface.fill_grid: [(_TOUCHED,)],
-    settling.self_overlaps: [(_f4, _i, _i, _i2, _BODIES, _f1, _i2)],
-    settling.smallest_changes: [(_i1, _f2, _f1, _f2, _f1, _f2, _f3, _i)],
+    overlaps.self_overlaps: [(_f4, _i, _i, _i2, _BODIES, _f1, _i2)],
     kinematics.link_poses: [(_f2, _CHAIN)],
     kinematics.jacobians: [(_f4, _i1, _i1, _f2, _i, _CHAIN)],
     ranked_outcomes.rank_outcomes: [(_i1, _i1, held, _i1) for held in (_b1, _fixed_b1)],

@@ -362,11 +362,10 @@ class Evaluate(Guarded, GivenPoses):
         ContactRule | None,
         Stated(metavar="RULE"),
         Group("hand"),
-        Main("hands with joints: given, settled or closed"),
+        Main("hands with joints: given or closed"),
     ] = None
     """Poses of a hand with joints: which contacts they make. given: the links within the contact
-    distance of the surface; settled: joints, and a free object, first move as little as makes these
-    touch and none penetrate; closed: the hand closes from its open preshape until its links touch
+    distance of the surface; closed: the hand closes from its open preshape until its links touch
     (default: given)."""
 
     contact_distance: Annotated[LengthOption, Group("hand")] = None

@@ -35,7 +35,6 @@ from grasp3d.system.counts import counted
 
 _RULES = {
     "given": "contacts as given",
-    "settled": "contacts settled",
     "closed": "contacts closed from the open preshape",
 }
 

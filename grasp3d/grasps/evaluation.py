@@ -131,13 +131,12 @@ def evaluate_grasps(
             refused. None: the poses are exact.
         scene: The gripper, the table, the approach and the pose error as one, instead of the four.
         contact_rule: Hands with joints: which contacts a pose makes. given, or None: the points of
-            links within `contact_distance` of the surface; settled: joints, and a free object,
-            first move as little as makes such links touch and none penetrate; closed: the hand
-            closes from its preshape "open" until its links touch.
+            links within `contact_distance` of the surface; closed: the hand closes from its
+            preshape "open" until its links touch.
         contact_distance: Hands with joints: distance from the surface, to either side, up to which
             a link touches, in the mesh's unit or with a unit; None: 5 mm.
-        object_motion: Of poses: free: the object settles between the jaws, or links; fixed: it does
-            not move.
+        object_motion: Of poses of grippers: free: the object settles between the jaws; fixed: it
+            does not move.
         max_distance: Largest distance of a contact from the surface, in the mesh's unit or with a
             unit; None: 1/100 of the object's size.
         load: What each grasp must hold, and with which force: `holding` then has the grip force and
@@ -390,9 +389,7 @@ def evaluate_poses(
     check_near(start.poses, mesh.center, mesh.size, mesh.unit, stated=poses.unit, reach=reach)
     if isinstance(hand, ArticulatedHand):
         case = None if load is None else LoadCase.of(load, mesh, model or GraspModel(), hand)
-        return evaluate_hand(
-            mesh, start, model, scene, object_motion=object_motion, load=case, **of_links
-        )
+        return evaluate_hand(mesh, start, model, scene, load=case, **of_links)
     refuse_joints(start, hand)
     own_model = touching(hand, GraspModel()) if model is None else model
     (own_model,) = mesh.in_own_unit(with_fingers(own_model, hand.fingers[-1]))

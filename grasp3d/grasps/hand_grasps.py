@@ -20,7 +20,7 @@ from grasp3d.hand.articulated.actuation import torques_of, unstated_torques
 from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand
 from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE, HandContacts, hand_contacts
 from grasp3d.hand.articulated.plausible_numbers import implausible
-from grasp3d.hand.choices import ContactRule, ObjectMotion
+from grasp3d.hand.choices import ContactRule
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
@@ -81,8 +81,6 @@ class EvaluatedHandGrasps(GivenGrasps):
     """What the links touch, by which rule, with gaps and collisions."""
     contact_distance: float
     """Distance of a link from the surface up to which it touches, in the mesh's unit."""
-    object_motion: ObjectMotion
-    """Whether the object gave way."""
     to_hold: LoadCase | None = None
     """What each grasp must hold; None: nothing is stated."""
 
@@ -455,7 +453,7 @@ class EvaluatedHandGrasps(GivenGrasps):
     def to_poses(self, metrics: Mapping[str, Floats] | None = None) -> GraspPoses:
         """As in `GivenGrasps`: poses and values of joints are those where the contacts are.
 
-        Settled and closed ones are not those that were given.
+        Closed ones are not those that were given.
         """
         poses = super().to_poses(metrics)
         return replace(poses, poses=self.contacts.poses, posture=self.contacts.posture)
@@ -482,7 +480,6 @@ class EvaluatedHandGrasps(GivenGrasps):
             "hand": self.hand.name,
             "contact_rule": self.contacts.rule,
             "contact_distance": self.contact_distance,
-            "object_motion": self.object_motion,
             **load_settings(None if self.to_hold is None else self.to_hold.load),
             "verdict": self.verdict,
             "link_weights": None if self.motor_holding is None else self.motor_holding.link_weights,
@@ -506,7 +503,6 @@ def evaluate_hand(
     *,
     contact_rule: ContactRule = "given",
     contact_distance: GivenLength = f"{CONTACT_DISTANCE} m",
-    object_motion: ObjectMotion = "free",
     load: LoadCase | None = None,
 ) -> EvaluatedHandGrasps:
     """Evaluate poses of a hand with joints, as `evaluate_grasps` does.
@@ -516,9 +512,8 @@ def evaluate_hand(
         poses: The poses, in the unit of the mesh, with values of the joints.
         model: Friction and sensor resolution [rad]; None: the defaults.
         scene: The hand and the table.
-        contact_rule: given, settled or closed.
+        contact_rule: given or closed.
         contact_distance: Distance of a link from the surface up to which it touches.
-        object_motion: free: a settled object gives way; fixed: it does not move.
         load: What each grasp must hold; None: nothing.
 
     Raises:
@@ -535,11 +530,10 @@ def evaluate_hand(
         contacts = hand_contacts(
             mesh, hand, poses.poses, poses.posture, rule=contact_rule,
             contact_distance=distance * metres_per_unit(mesh), table=scene.table,
-            object_motion=object_motion,
         )  # fmt: skip
     result = EvaluatedHandGrasps(
         mesh=mesh, model=own_model, scene=scene, given=poses, contacts=contacts,
-        contact_distance=distance, object_motion=object_motion, to_hold=load,
+        contact_distance=distance, to_hold=load,
     )  # fmt: skip
     refuse_warnings(result.warnings)
     with within(TOUCHED, 1.0):

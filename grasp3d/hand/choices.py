@@ -9,9 +9,9 @@ Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 ObjectMotion = Literal["free", "fixed"]
 """Whether an object gives way to closing fingers."""
 
-ContactRule = Literal["given", "settled", "closed"]
-"""By which rule poses of hands with joints become contacts: as they are given, settled until links
-touch, or closed from an open preshape."""
+ContactRule = Literal["given", "closed"]
+"""By which rule poses of hands with joints become contacts: as they are given, or closed from an
+open preshape."""
 
 MIN_ANGLES, MAX_ANGLES = 8, 64
 

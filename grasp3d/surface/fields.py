@@ -332,10 +332,6 @@ HAND_GRASPS = (
     Field("overlap", LENGTH, (), Allowed(0.0)),
     Field("below_table", LENGTH, (), POSITIVE_OR_NAN),
     *(
-        Field(name, unit, of=attrgetter(f"contacts.{name}"))
-        for name, unit in (("change", RADIANS), ("shift", LENGTH), ("turn", RADIANS))
-    ),
-    *(
         Field(name, unit, (), HELD, of=of_part("motor_holding", name), when="load")
         for name, unit in (
             ("payload", KILOGRAMS),

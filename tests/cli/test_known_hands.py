@@ -156,15 +156,10 @@ def test_allegro_around_a_ball(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_leap_settles_on_a_box_from_above(tmp_path: Path) -> None:
+def test_leap_on_a_box_from_above(tmp_path: Path) -> None:
     row, _ = evaluated("leap", tmp_path, *FINE, "0.8")
     assert (row["label"], row["label_fingertips"]) == ("S", "S")
     assert row["reason"].endswith("inside the object")
-    row, text = evaluated("leap", tmp_path, *FINE, "0.8", "--contact-rule", "settled")
-    assert "contacts settled" in text
-    assert (row["label"], row["label_fingertips"]) == ("S", "S")
-    assert row["penetration"] < 1e-4
-    assert row["change"] > 0.01
     assert {"fingertip", "thumb_fingertip"} <= set(row["links"].split())
     points, inward = normals("leap", tmp_path)
     # On the edge of two faces a contact has the normal of one of them.

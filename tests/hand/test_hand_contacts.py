@@ -44,7 +44,6 @@ def gaps(some: list[LinkShape], mesh: ObjectMesh, frames: Floats, search: float 
     touches = Touches(
         np.zeros((count, links)),
         np.zeros((count, links, 3)),
-        np.zeros((count, links, 3)),
         np.zeros((count, 0), dtype=np.int64),
         np.zeros((count, 0, 3, 7)),
     )
@@ -290,7 +289,7 @@ def test_depths_of_a_shape_do_not_depend_on_others_of_its_link() -> None:
     for link in ([hull], [plate, covered, hull]):
         bodies = link_bodies([link])
         own = Touches(
-            np.zeros((3, len(link))), *np.zeros((2, 3, len(link), 3)),
+            np.zeros((3, len(link))), np.zeros((3, len(link), 3)),
             np.zeros((3, 0), dtype=np.int64), np.zeros((3, 0, 3, 7)),
         )  # fmt: skip
         scratch = make_touch_scratch(bodies)

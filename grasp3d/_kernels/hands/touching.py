@@ -94,10 +94,7 @@ class Touches(NamedTuple):
     gaps: npt.NDArray[np.float64]
     """Signed distance of each shape, inf: beyond the search; negative: depth (k, m)."""
     points: npt.NDArray[np.float64]
-    """Where: the point of the surface; that of the shape is as far along the direction as the gap,
-    which may be negative (k, m, 3)."""
-    directions: npt.NDArray[np.float64]
-    """Unit vector along which the shape moves away from there (k, m, 3)."""
+    """Where: the point of the surface (k, m, 3)."""
     counts: npt.NDArray[np.int64]
     """Contacts of each link (k, L); 0 links: none are looked for."""
     contacts: npt.NDArray[np.float64]
@@ -181,7 +178,7 @@ def _surface_distance(i, limit, shapes, surface, scratch):
     placed, shape, triangle = scratch.placed, scratch.shape, scratch.triangle
     start = scratch.start
     nodes, bounds, tree = scratch.nodes, scratch.bounds, surface.tree
-    best, found = limit, -1
+    best, found = limit, False
     flat = _flat(kind, size, box, shapes.hull, start, scratch)
     nodes[0], bounds[0], top = 0, -math.inf, 1
     while top > 0:
@@ -206,7 +203,7 @@ def _surface_distance(i, limit, shapes, surface, scratch):
             if gap <= 0.0 and limit > NEAR and surface.closed and radius_of(kind, size) == 0.0:
                 return -math.inf
             if gap < best:
-                best, found = gap, j
+                best, found = gap, True
                 copy(shape.guess, start)
                 copy(moved(placed, shape.on_face), scratch.point)
                 flat = _flat(kind, size, box, shapes.hull, start, scratch)
@@ -223,17 +220,7 @@ def _surface_distance(i, limit, shapes, surface, scratch):
         if near < best:
             nodes[top], bounds[top] = one, near
             top += 1
-    if found < 0:
-        return math.inf
-    n = scratch.direction
-    if (
-        best < 0.0
-        and surface.closed
-        and radius_of(kind, size) > 0.0
-        and dot(n, surface.outward[found]) < 0.0
-    ):
-        copy((-n[0], -n[1], -n[2]), n)  # its core is inside
-    return best
+    return best if found else math.inf
 
 
 @part
@@ -293,7 +280,6 @@ def _shape_gap(i, start, search, shapes, surface, scratch):
         return least
     row = scratch.deepest
     copy(combined(1.0, row, -row[DEPTH], triple(row, ALONG)), scratch.point)
-    copy((-row[ALONG], -row[ALONG + 1], -row[ALONG + 2]), scratch.direction)
     return gap
 
 
@@ -470,30 +456,6 @@ def _write_contact(row, first, last, frame, shapes, surface, scratch):
 
 
 @kernel
-def measure_points(points, surface, gaps, directions):
-    """Signed distances of points from an object, and the directions away from it.
-
-    Args:
-        points: In the object's frame [m] (k, 3).
-        surface: `TouchedSurface`.
-        gaps: Written (k,).
-        directions: Written: unit vectors (k, 3).
-    """
-    nodes, bounds = np.empty(STACK, np.int64), np.empty(STACK)
-    for i in range(points.shape[0]):
-        p, most = points[i], least_distance(points[i], surface)[1]
-        slot, square = nearest_triangle(p, most * most, surface, nodes, bounds)
-        triangle = surface.tree.triangles[slot]
-        weights = nearest_weights(p, triangle)
-        sign = -1.0 if is_inside(p, slot, weights, surface) else 1.0
-        gaps[i] = sign * math.sqrt(square)
-        if abs(gaps[i]) < EQUAL:
-            copy(triple(surface.outward[slot], 0), directions[i])
-        else:
-            copy(divided(difference(p, point_of(weights, triangle)), gaps[i]), directions[i])
-
-
-@kernel
 def touch(frames, distance, search, begin, end, shapes, surface, touches, scratch):
     """Find the gaps between links and an object, and their contacts.
 
@@ -520,7 +482,6 @@ def touch(frames, distance, search, begin, end, shapes, surface, touches, scratc
                 place(frame, shapes.poses[i], scratch.placed)
                 gaps[i] = _shape_gap(i, start, search, shapes, surface, scratch)
                 copy(scratch.point, touches.points[pose, i])
-                copy(scratch.direction, touches.directions[pose, i])
                 nearest = i if gaps[i] < gaps[nearest] else nearest
             if touches.counts.shape[1] > 0 and gaps[nearest] <= distance:
                 contacts, count = touches.contacts[pose, link], 0

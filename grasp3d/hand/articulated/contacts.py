@@ -9,9 +9,9 @@ from grasp3d._kernels.hands.touching import MOST
 from grasp3d.arrays import ArrayLike, Floats, Ints, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated.closing import close
 from grasp3d.hand.articulated.hand_scene import HandScene
-from grasp3d.hand.articulated.settling import close, motion_of_object, settle
-from grasp3d.hand.choices import ContactRule, ObjectMotion
+from grasp3d.hand.choices import ContactRule
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.hand.table import Table
@@ -24,7 +24,7 @@ CONTACT_DISTANCE = 0.005
 """Gap up to which a link counts as touching [m]: published postures are off by millimetres."""
 
 TOUCHED = 3e-4
-"""Gap up to which a link touches after it settled, or closed [m]."""
+"""Gap up to which a link touches after the hand closed [m]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -34,8 +34,7 @@ class HandContacts:
     rule: ContactRule
     """How they were found."""
     poses: Floats
-    """Hand's frame to that of the mesh, (k, 4, 4) [mesh unit]; of settled ones where the object
-    moved relative to it."""
+    """Hand's frame to that of the mesh, (k, 4, 4) [mesh unit]."""
     posture: Floats
     """Values of the joints [rad or m], shape (k, p)."""
     row: Ints
@@ -60,12 +59,6 @@ class HandContacts:
     """How deep they overlap [mesh unit], shape (k,); 0: not at all."""
     table_depth: Floats
     """How deep the hand is in the table [mesh unit], shape (k,); <= 0: above; nan: no table."""
-    change: Floats
-    """Largest change of a joint by the rule [rad or m], shape (k,)."""
-    shift: Floats
-    """How far the object moved [mesh unit], shape (k,)."""
-    turn: Floats
-    """How far it turned [rad], shape (k,)."""
 
     __repr__ = short_repr
 
@@ -79,7 +72,6 @@ def hand_contacts(
     rule: ContactRule = "given",
     contact_distance: float = CONTACT_DISTANCE,
     table: Table | None = None,
-    object_motion: ObjectMotion = "free",
 ) -> HandContacts:
     """Find the contacts of poses of a hand with joints.
 
@@ -96,7 +88,6 @@ def hand_contacts(
         rule: Which contacts count; see `ContactRule`.
         contact_distance: Gap up to which a link touches [m].
         table: The table below the object, in the mesh's frame.
-        object_motion: Whether the object gives way when contacts settle.
 
     Raises:
         SettingError: The mesh has no unit, poses are no rigid motions, values of joints are of
@@ -106,22 +97,17 @@ def hand_contacts(
     check_choice("rule", rule, ContactRule)
     check_range("contact_distance", contact_distance, 0.0, 0.1, ends="(]", unit="m")
     matrices, values = checked_poses(poses), hand.postures(posture)
-    check_choice("object motion", object_motion, ObjectMotion)
     if len(matrices) != len(values):
         raise SettingError(f"{len(matrices)} poses have {len(values)} postures: give one for each")
     if not len(hand.bodies.kinds):
         raise SettingError(f"{hand.name} has no collision geometry: nothing of it can touch")
     scene = HandScene(mesh, hand, metres, contact_distance)
-    start, end = matrices.copy(), values
+    start = matrices.copy()
     start[:, :3, 3] *= metres
-    moved = start
-    if rule == "settled":
-        moved, end = settle(scene, start, values, free=object_motion == "free")
-    elif rule == "closed":
+    if rule == "closed":
         opened = np.where(hand.closing != 0.0, hand.preshapes["open"], values)
-        end = close(scene, start, opened)
-    shift, turn = motion_of_object(start, moved, scene.center)
-    frames = scene.frames(moved, end)
+        values = close(scene, start, opened)
+    frames = scene.frames(start, values)
     touches = scene.touch(frames)
     gaps = scene.link_gaps(touches)
     if rule != "given":
@@ -130,13 +116,10 @@ def hand_contacts(
     listed = np.arange(MOST) < touches.counts[:, :, None]
     row, link, _ = np.nonzero(listed)
     contacts = touches.contacts[listed]
-    if rule == "settled":
-        matrices = moved.copy()
-        matrices[:, :3, 3] /= metres
     return HandContacts(
         rule=rule,
         poses=matrices,
-        posture=end,
+        posture=values,
         row=row,
         link=link,
         points=contacts[:, :3] / metres,
@@ -146,7 +129,4 @@ def hand_contacts(
         self_collision=pairs,
         self_depth=depth / metres,
         table_depth=scene.table_depth(frames, table) / metres,
-        change=np.abs(end - values).max(axis=1, initial=0.0),
-        shift=shift / metres,
-        turn=turn,
     )

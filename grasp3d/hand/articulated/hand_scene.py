@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from grasp3d._kernels.hands.settling import self_overlaps
+from grasp3d._kernels.hands.overlaps import self_overlaps
 from grasp3d._kernels.hands.touching import MOST, Touches, make_touch_scratch, touch
 from grasp3d.arrays import Floats, Ints
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
@@ -42,7 +42,6 @@ class HandScene:
         """
         self.hand, self.metres, self.distance = hand, metres, distance
         self.bodies, self.surface = hand.bodies, mesh.touched_surface
-        self.center: Floats = self.surface.box[:3]
 
     def frames(self, poses: Floats, postures: Floats) -> Floats:
         """Frames of the links in that of the mesh [m], shape (k, L, 3, 4).
@@ -62,7 +61,6 @@ class HandScene:
         touches = Touches(
             gaps=np.full((count, shapes), np.inf),
             points=np.zeros((count, shapes, 3)),
-            directions=np.zeros((count, shapes, 3)),
             counts=np.zeros((count, listed), dtype=np.int64),
             contacts=np.zeros((count, listed, MOST, 7)),
         )

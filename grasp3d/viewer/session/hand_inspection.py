@@ -129,7 +129,6 @@ def _numbers(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
         ("inside the object", grasps.penetration[0]),
         ("links overlap", grasps.overlap[0]),
         ("below the table", grasps.below_table[0]),
-        ("object moved", contacts.shift[0]),
     )
     least = ROUNDING * grasps.mesh.size
     numbers += [(name, small_length(value, unit, 2)) for name, value in lengths if value > least]

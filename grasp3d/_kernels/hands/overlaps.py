@@ -1,4 +1,4 @@
-"""Smallest changes of postures with which links touch, and overlaps of links with each other."""
+"""Overlaps of the links of a hand with each other."""
 
 import math
 
@@ -8,51 +8,6 @@ from grasp3d._kernels.compiling.decorators import kernel, part
 from grasp3d._kernels.hands.link_shapes import COARSE, point_depth
 from grasp3d._kernels.hands.placing import moved, moved_back, place, turned_back
 from grasp3d._kernels.surface.vectors import copy, difference
-
-
-@kernel
-def smallest_changes(first, rows, targets, bounds, forces, now, limits, sweeps):
-    """Solve a small problem per pose: the smallest change z of its state with linear gaps.
-
-    The dual of: minimise |z|^2 / 2, with z between limits, plus for each row a cost of its
-    remaining gap of at most so much per metre, by coordinates. Rows that cannot be met remain, and
-    do not spoil others.
-
-    Args:
-        first: First row of each pose (k + 1,).
-        rows: Change of each gap per change of the state (c, n).
-        targets: Wanted change of each gap, counted from the state where the change is 0 (c,).
-        bounds: Least and largest multiplier of each row (c, 2).
-        forces: Multipliers to begin with, replaced by those found (c,).
-        now: The changes, written (k, n).
-        limits: Least and largest changes (k, n, 2).
-        sweeps: Number of sweeps over the rows.
-    """
-    width = now.shape[1]
-    pull = np.empty(width)
-    for pose in range(first.shape[0] - 1):
-        for k in range(width):
-            pull[k] = 0.0
-            for i in range(first[pose], first[pose + 1]):
-                forces[i] = min(max(forces[i], bounds[i, 0]), bounds[i, 1])
-                pull[k] += forces[i] * rows[i, k]
-            now[pose, k] = min(max(pull[k], limits[pose, k, 0]), limits[pose, k, 1])
-        for _ in range(sweeps):
-            largest = 0.0
-            for i in range(first[pose], first[pose + 1]):
-                missing, square = targets[i], 1e-9
-                for k in range(width):
-                    missing -= rows[i, k] * now[pose, k]
-                    square += rows[i, k] * rows[i, k]
-                force = min(max(forces[i] + missing / square, bounds[i, 0]), bounds[i, 1])
-                change = force - forces[i]
-                largest = max(largest, abs(change) * math.sqrt(square))
-                forces[i] = force
-                for k in range(width):
-                    pull[k] += change * rows[i, k]
-                    now[pose, k] = min(max(pull[k], limits[pose, k, 0]), limits[pose, k, 1])
-            if largest < 1e-7:
-                break
 
 
 @part
