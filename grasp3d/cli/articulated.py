@@ -13,7 +13,7 @@ from grasp3d.hand.articulated.plausible_numbers import implausible
 from grasp3d.hand.articulated.presets import NAMES, content_of
 
 JOINTS = ("joint", "moves", "from,\n°", "to,\n°", "open,\n°", "closes", "torque,\nN m")
-LINKS = ("link", "is", "shapes", "sensor\nresolution")
+LINKS = ("link", "is", "shapes")
 KNOWN = ("hand with joints", "torques", "couplings")
 
 PLURALS = {"box": "boxes", "mesh": "meshes"}
@@ -70,7 +70,7 @@ def _joints(hand: ArticulatedHand) -> Iterator[list[str]]:
 
 def _links(hand: ArticulatedHand) -> Iterator[list[str]]:
     for name, shapes in zip(hand.link_names, hand.shapes, strict=True):
-        if not shapes and name not in {hand.palm, *hand.fingertips, *hand.sensors}:
+        if not shapes and name not in {hand.palm, *hand.fingertips}:
             continue
         counts = Counter(shape.kind for shape in shapes)
         text = ", ".join(
@@ -78,11 +78,7 @@ def _links(hand: ArticulatedHand) -> Iterator[list[str]]:
             for kind, count in counts.items()
         )
         role = "fingertip" if name in hand.fingertips else "palm" if name == hand.palm else ""
-        sensor = ""
-        if name in hand.sensors:
-            alpha = hand.sensors[name]
-            sensor = "the model's" if alpha is None else f"{math.degrees(alpha):.4g}°"
-        yield [escaped(name), role, text, sensor]
+        yield [escaped(name), role, text]
 
 
 def _rows(hand: ArticulatedHand) -> Iterator[tuple[str, str]]:
@@ -90,6 +86,10 @@ def _rows(hand: ArticulatedHand) -> Iterator[tuple[str, str]]:
     x, y, z = np.round(hand.approach, 4) + 0.0  # without -0
     yield "approach", f"({x:.4g}, {y:.4g}, {z:.4g}) in it, open"
     yield "preshapes", ", ".join(hand.preshapes)
+    yield from (
+        ("sensor", f"{name} resolves {math.degrees(alpha):.4g}°")
+        for name, alpha in hand.sensors.items()
+    )
     for coupling in hand.couplings:
         pairs = zip(coupling.joints, coupling.ratios, strict=True)
         yield f"{coupling.kind} coupling", ", ".join(f"{name} : {ratio:g}" for name, ratio in pairs)

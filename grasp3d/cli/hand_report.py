@@ -39,14 +39,13 @@ _RULES = {
 }
 
 _LEGEND = (
-    "tips: label of the fingertips with sensors alone; β*: critical friction angle of all contacts;"
-    " α*: coarsest resolution of all sensors; margin: friction angle to spare without what is "
-    "blind; gap: largest one of a link that touches, in mm (0: all are inside)"
+    "β*: critical friction angle; α*: coarsest resolution of all sensors; margin: friction angle "
+    "to spare; gap: largest one of a link that touches, in mm (0: all are inside)"
 )
 
 _HELD = (
     "holds: what the motors hold at the perceived normals; surely: at the worst that the sensors "
-    "cannot distinguish, with the links that have some; limit: what limits that; ε N: of the "
+    "cannot distinguish; limit: what limits that; ε N: of the "
     "wrenches that the motors resist, in newtons"
 )
 
@@ -69,10 +68,10 @@ def print_hand_grasps(grasps: EvaluatedHandGrasps, *outputs: Path) -> None:
     )
 
     def cells(label: Label) -> list[str]:
-        counts = [int((codes == label).sum()) for codes in (grasps.label, grasps.label_fingertips)]
-        return [text for count in counts for text in (str(count), percent_text(count / size))]
+        count = int((grasps.label == label).sum())
+        return [str(count), percent_text(count / size)]
 
-    report.labels("scan", ("all links", "fraction", "fingertips", "fraction"), cells)
+    report.labels("scan", ("poses", "fraction"), cells)
     report.line(_lengths(grasps))
     kinds = Counter(kind for kind in grasps.reasons.kinds if kind)
     report.lines(f"{count} of {size}: {kind}" for kind, count in kinds.most_common())
@@ -139,7 +138,6 @@ def _columns(grasps: EvaluatedHandGrasps) -> list[Column]:
     return [
         ("pose", lambda row: str(row + 1)),
         ("label", lambda row: label_name(Label(int(grasps.label[row])))),
-        ("tips", lambda row: label_name(Label(int(grasps.label_fingertips[row])))),
         ("β*", lambda row: angle_text(grasps.critical_angle[row])),
         ("α*", lambda row: resolution_text(grasps.max_resolution[row])),
         ("margin", lambda row: angle_text(grasps.margin[row])),

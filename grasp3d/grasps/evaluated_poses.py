@@ -139,12 +139,12 @@ class GivenGrasps(LabelledGrasps):
         `grip_force` and more; `outcome`, `opening`, contacts `x1` `y1` `z1` ... and outward normals
         `nx1` `ny1` `nz1` ...
 
-        Of hands with joints `label`, `label_fingertips`, `critical_angle`, `max_resolution`,
-        `margin` [rad], `epsilon`, `rank`, `internal`, `structural`, `redundant`, `links`, `gap`,
-        `penetration`, `overlap`, `below_table` [mesh unit], `change` [rad], `shift`, `turn` [rad],
-        `reachable`, `reason`, `outcome`, and `gap_LINK` [mesh unit] of every link that comes near
-        the surface at some pose. With a load also `payload` [kg] and more of what the motors hold,
-        `epsilon_hand` [N], `critical_angle_hand` [rad], `limit` and `label_with_force`.
+        Of hands with joints `label`, `critical_angle`, `max_resolution`, `margin` [rad], `epsilon`,
+        `rank`, `internal`, `structural`, `redundant`, `links`, `gap`, `penetration`, `overlap`,
+        `below_table` [mesh unit], `reachable`, `reason`, `outcome`, and `gap_LINK` [mesh unit] of
+        every link that comes near the surface at some pose. With a load also `payload` [kg] and
+        more of what the motors hold, `epsilon_hand` [N], `critical_angle_hand` [rad], `limit` and
+        `label_with_force`.
         """
         from grasp3d.system.tables import table_of_columns
 

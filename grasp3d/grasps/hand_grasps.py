@@ -16,7 +16,6 @@ from grasp3d.grasps.hand_reasons import Reasons
 from grasp3d.grasps.motor_holding import MotorForces, MotorHolding, stated_torques
 from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.postures import ORDER, matched
-from grasp3d.hand.articulated.actuation import torques_of, unstated_torques
 from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand
 from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE, HandContacts, hand_contacts
 from grasp3d.hand.articulated.plausible_numbers import implausible
@@ -30,7 +29,6 @@ from grasp3d.quality.wrenches import EpsilonOptions, wrench_axes
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import GivenLength
 from grasp3d.stability.contact_sets import ContactSets, SetLabels, contact_margins, label_sets
-from grasp3d.stability.label import Label
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.surface.fields import HAND_GRASPS, Arrays, columns_of
 from grasp3d.surface.grasp_numbers import EPSILON_RTOL
@@ -48,8 +46,6 @@ OF_CONTACTS = ("link", "points", "normals", "gap")
 RANK = 1e-9
 """Singular values that count as 0, relative to the largest."""
 
-NO_SENSORS = "{} has no sensors: no grasp can be S"
-
 FEW_BEYOND = 0.1
 """Fraction of poses beyond limits up to which an order of joints that is assumed is not doubted."""
 
@@ -63,9 +59,9 @@ BRAKES = (
 class EvaluatedHandGrasps(GivenGrasps):
     """Poses of a hand with joints, with the grasps that its links make there, a row for each.
 
-    What a link touches is a contact. Links that carry a sensor know its normal within their
-    resolution; all others are blind, and do not count for S. The letters are those of a posture
-    that does not give way. Numbers are nan, and the label is U, where fewer than two links touch.
+    What a link touches is a contact, whose normal it knows within its resolution: its own, or that
+    of the model. The letters are those of a posture that does not give way. Numbers are nan, and
+    the label is U, where fewer than two links touch.
     """
 
     mesh: ObjectMesh
@@ -132,49 +128,15 @@ class EvaluatedHandGrasps(GivenGrasps):
 
     @cached_property
     def tilts_of_links(self) -> Floats:
-        """Largest angle between true and perceived normals of each link [rad], nan: blind, (L,)."""
+        """Largest angle between true and perceived normals of each link [rad], shape (L,)."""
         stated, own = self.hand.sensors, self.model.sensor_resolution
-        resolutions = [
-            (own if stated[name] is None else stated[name]) if name in stated else math.nan
-            for name in self.hand.link_names
-        ]
+        resolutions = [stated.get(name, own) for name in self.hand.link_names]
         return locked(np.array(resolutions, dtype=np.float64) / 2.0 + self.model.normal_error)
 
     @cached_property
-    def all_links(self) -> SetLabels:
-        """Labels of all links, with the angles that they follow from."""
-        return self._labels(self.sets, self.tilts_of_links[self._link])
-
-    @cached_property
-    def _tips(self) -> Bools:
-        """Contacts of `sets` of fingertips with sensors."""
-        tips = np.isin(self.hand.link_names, self.hand.fingertips) & ~np.isnan(self.tilts_of_links)
-        return np.asarray(tips[self._link])
-
-    @cached_property
-    def fingertips(self) -> SetLabels:
-        """Labels of the fingertips with sensors alone, with the posture locked."""
-        return self._labels(self.sets.of(self._tips), self.tilts_of_links[self._link][self._tips])
-
-    def _labels(self, sets: ContactSets, tilts: Floats) -> SetLabels:
+    def _labels(self) -> SetLabels:
         low, high = (math.atan(friction) for friction in self.model.friction_interval)
-        return label_sets(sets, tilts, (low, high))
-
-    @cached_property
-    def motors(self) -> MotorForces | None:
-        """What the hand can press; None: no torque of its motors is stated."""
-        if self.to_hold is None:  # any size does: see `_pressed`
-            torques = torques_of(self.hand, None, 1.0 if (self.hand.torques > 0.0).any() else None)
-        else:
-            torques = stated_torques(self.hand, self.to_hold)
-        if torques is None:
-            return None
-        names = np.array(self.hand.link_names)
-        return MotorForces(
-            hand=self.hand, torques=torques, sets=self.sets, links=names[self._link],
-            jacobians=self.jacobians, tilts=self.tilts_of_links[self._link],
-            postures=self.contacts.posture, link_loads=self._link_loads,
-        )  # fmt: skip
+        return label_sets(self.sets, self.tilts_of_links[self._link], (low, high))
 
     @cached_property
     def _link_loads(self) -> Floats | None:
@@ -186,48 +148,26 @@ class EvaluatedHandGrasps(GivenGrasps):
     @cached_property
     def motor_holding(self) -> MotorHolding | None:
         """What the motors hold at each pose; None: no load is stated."""
-        if self.to_hold is None or self.motors is None:
+        if self.to_hold is None:
             return None
+        names = np.array(self.hand.link_names)
+        forces = MotorForces(
+            hand=self.hand, torques=stated_torques(self.hand, self.to_hold), sets=self.sets,
+            links=names[self._link], jacobians=self.jacobians,
+            tilts=self.tilts_of_links[self._link], postures=self.contacts.posture,
+            link_loads=self._link_loads,
+        )  # fmt: skip
         low, high = self.model.friction_interval
         friction = low, float(self.model.friction), high
         return MotorHolding(
-            load=self.to_hold, forces=self.motors, friction=friction,
+            load=self.to_hold, forces=forces, friction=friction,
             normal_error=self.model.normal_error, torque_scale=self.mesh.torque_scale,
         )  # fmt: skip
 
-    @cached_property
-    def pressed(self) -> Floats:
-        """Whether the hand can press with its motors what makes a grasp S, shape (k,).
-
-        1: it can, or the grasp is not S with the posture locked; 0: it cannot; nan: not known.
-        """
-        return self._pressed(self.all_links, self.motors)
-
-    def _pressed(self, labels: SetLabels, motors: MotorForces | None) -> Floats:
-        if motors is None:
-            return locked(np.ones(self.size))
-        sure = labels.label == Label.S
-        # Which torques can be exerted at all does not depend on how large they are, unless motors
-        # must first overcome something.
-        against = [*self.hand.springs, *(one for one in self.hand.tendons if one.tension[0] > 0.0)]
-        if self.to_hold is None and against and unstated_torques(self.hand):
-            return locked(np.where(sure, math.nan, 1.0))
-        return motors.pressed(sure, self.model.friction_interval[0])
-
-    @cached_property
+    @property
     def label(self) -> Bytes:
-        """`Label` codes of all links: 0 U, 1 M, 2 S; shape (k,).
-
-        Where torques are stated, those of differentials for instance, S is what the hand can press.
-        """
-        return locked(np.where(self.pressed == 1.0, self.all_links.label, Label.M), np.uint8)
-
-    @cached_property
-    def label_fingertips(self) -> Bytes:
-        """The same of the fingertips with sensors alone."""
-        motors = None if self.motors is None else self.motors.of(self._tips)
-        pressed = self._pressed(self.fingertips, motors) == 1.0
-        return locked(np.where(pressed, self.fingertips.label, Label.M), np.uint8)
+        """`Label` codes: 0 U, 1 M, 2 S; shape (k,)."""
+        return self._labels.label
 
     @cached_property
     def label_with_force(self) -> Bytes | None:
@@ -237,8 +177,8 @@ class EvaluatedHandGrasps(GivenGrasps):
 
     @property
     def critical_angle(self) -> Floats:
-        """Critical friction angles of all contacts, as if each normal were known [rad], (k,)."""
-        return self.all_links.critical_angle
+        """Critical friction angles at the perceived normals [rad], shape (k,)."""
+        return self._labels.critical_angle
 
     @cached_property
     def critical_angle_hand(self) -> Floats | None:
@@ -254,14 +194,14 @@ class EvaluatedHandGrasps(GivenGrasps):
 
     @property
     def margin(self) -> Floats:
-        """Angle by which the grasp is S, at the contacts that are not blind [rad], shape (k,)."""
-        return self.all_links.margin
+        """Angle by which the grasp is S [rad], shape (k,)."""
+        return self._labels.margin
 
     @cached_property
     def link_margin(self) -> Floats:
         """Smallest margin of a contact of each link [rad], shape (k, L); see `contact_margins`.
 
-        nan: it is blind, or does not touch, or the pose is no grasp.
+        nan: it does not touch, or the pose is no grasp.
         """
         low, _ = (math.atan(friction) for friction in self.model.friction_interval)
         margins = np.full(self._touching.shape, math.nan)
@@ -282,7 +222,7 @@ class EvaluatedHandGrasps(GivenGrasps):
     def max_resolution(self) -> Floats:
         """Resolution of all sensors alike below which a grasp is S [rad], shape (k,); 0: none."""
         smallest, _ = self.model.friction_interval
-        return self.all_links.max_resolution(math.atan(smallest) - self.model.normal_error)
+        return self._labels.max_resolution(math.atan(smallest) - self.model.normal_error)
 
     @cached_property
     def epsilon(self) -> Floats:
@@ -385,8 +325,6 @@ class EvaluatedHandGrasps(GivenGrasps):
         reasons.add_impossible(self.given.posture, self.scene)
         reasons.add_contacts(self._touching)
         reasons.add("touches outside --region", self.outside)
-        reasons.add("the hand cannot press it", self.pressed == 0.0)
-        reasons.add("it is not known whether the hand can press it", np.isnan(self.pressed))
         if (held := self.label_with_force) is not None and (of := self.motor_holding) is not None:
             short = (held < self.label) | (of.load_fraction > 1.0)
             texts = [of.shortfall(row) for row in np.flatnonzero(short).tolist()]
@@ -416,7 +354,6 @@ class EvaluatedHandGrasps(GivenGrasps):
             asked = f"; {many}: are these of another hand, or in another order?"
             asked = asked if beyond > FEW_BEYOND * self.size else ""
             yield f"the order of the joints is {order}{asked}"
-        yield None if self.hand.sensors else NO_SENSORS.format(self.hand.name)
         yield BRAKES if self.to_hold is not None and self.hand.brakes else None
         yield from implausible(self.hand)
         if self.motor_holding is not None:
@@ -474,7 +411,6 @@ class EvaluatedHandGrasps(GivenGrasps):
         felt = {
             name: 2.0 * (tilt - self.model.normal_error)
             for name, tilt in zip(self.hand.link_names, tilts.tolist(), strict=True)
-            if not math.isnan(tilt)
         }
         return settings_of(self.mesh, self.model, self.scene) | {
             "hand": self.hand.name,

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -14,18 +14,17 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.actuation import actuation_of, torques_of, unstated_torques
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.plausible_numbers import too_strong
-from grasp3d.quality.hand_forces.critical_angle import hand_closes, hand_critical_angle
+from grasp3d.quality.hand_forces.critical_angle import hand_critical_angle
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
 from grasp3d.quality.hand_forces.payloads import (
     OF_LINE,
     OF_LINKS,
-    OF_ONE,
     HandPayload,
     hand_epsilon,
     hand_payload,
     links_weigh,
 )
-from grasp3d.stability.contact_sets import TETRAHEDRON, ContactSets
+from grasp3d.stability.contact_sets import ContactSets
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.context import report_progress, within
@@ -41,14 +40,9 @@ palm and rigid links, is limited by what these bear."""
 MOST_LOAD = 10.0
 """Load fraction from which on texts do not say how large it is."""
 
-UNFELT = "links without sensors"
-"""What limits the mass that is surely held where no link that touches has one."""
-
 WHY = {
     OF_LINKS: "the weight of the links alone is too much for the motors",
     OF_LINE: "point contacts on one line leave the turn about it free",
-    OF_ONE: "it is felt at one contact only",
-    UNFELT: "no link that touches has a sensor",
 }
 """Limits with which nothing is held, as sentences."""
 
@@ -103,7 +97,7 @@ class MotorForces:
     jacobians: Floats
     """Of its contacts, in the mesh's frame [m], shape (c, 3, p)."""
     tilts: Floats
-    """Largest angle between true and perceived normals [rad], nan: blind, shape (c,)."""
+    """Largest angle between true and perceived normals [rad], shape (c,)."""
     postures: Floats
     """Shape (k, p)."""
     link_loads: Floats | None = None
@@ -111,17 +105,6 @@ class MotorForces:
     (k, p, 3); None: no link has a known mass."""
 
     __repr__ = short_repr
-
-    def of(self, chosen: Bools) -> "MotorForces":
-        """The same grasps with some of their contacts.
-
-        Args:
-            chosen: Whether a contact stays, shape (c,).
-        """
-        return replace(
-            self, sets=self.sets.of(chosen), links=self.links[chosen],
-            jacobians=self.jacobians[chosen], tilts=self.tilts[chosen],
-        )  # fmt: skip
 
     def grasp(self, row: int, contacts: Ints, friction: float) -> HandGrasp:
         """The grasp of some contacts of a pose."""
@@ -135,49 +118,22 @@ class MotorForces:
     def widest(self, row: int, contacts: Ints, friction: float) -> HandGrasp | None:
         """The grasp whose forces include those of every normal that may be true, or None.
 
-        Its cones have the angles beta + a; blind contacts press in any direction. None: some cone
-        would be a half-space or more.
+        Its cones have the angles beta + a. None: some cone would be a half-space or more.
         """
-        tilts = self.tilts[contacts]
-        blind = np.isnan(tilts)
-        angles = math.atan(friction) + tilts[~blind]
+        angles = math.atan(friction) + self.tilts[contacts]
         if (angles >= RIGHT_ANGLE - FLAT).any():
             return None
-        unseen = contacts[blind].repeat(len(TETRAHEDRON))
-        index = np.concatenate([contacts[~blind], unseen])
-        normals = np.tile(TETRAHEDRON, (int(blind.sum()), 1))
-        normals = np.concatenate([self.sets.normals[contacts[~blind]], normals])
-        frictions = np.concatenate([np.tan(angles), np.ones(len(unseen))])
-        return self._grasp(row, index, Contacts(self.sets.points[index], normals, frictions))
+        sets = self.sets
+        frictions = np.tan(angles)
+        return self._grasp(
+            row, contacts, Contacts(sets.points[contacts], sets.normals[contacts], frictions)
+        )
 
     def contacts(self, rows: Ints) -> Iterator[tuple[int, Ints]]:
         """Chosen poses, of those that are evaluated, with their contacts."""
         start = np.searchsorted(self.sets.row, np.arange(self.sets.size + 1))
         for row in rows[self.sets.evaluated[rows]].tolist():
             yield row, np.arange(start[row], start[row + 1])
-
-    def pressed(self, sure: Bools, friction: float) -> Floats:
-        """Whether the drives can press what makes grasps S: 1, 0, or nan: it is not known, (k,).
-
-        Motors that reach every torque can; what differentials cannot press does not count for S.
-
-        Args:
-            sure: The grasps that are S with the posture locked, shape (k,); of others it is 1.
-            friction: The smallest coefficient.
-        """
-        pressed = np.ones(len(sure))
-        hand, motors = self.hand, not np.isnan(self.torques).any()  # nan: a joint without one
-        rigid = all(coupling.kind == "rigid" for coupling in hand.couplings)
-        if rigid and motors and not hand.tendons and not hand.springs:
-            return locked(pressed)
-        for row, contacts in self.contacts(np.flatnonzero(sure)):
-            angles = math.atan(friction) - self.tilts[contacts]
-            felt = angles > 0.0  # nan: blind
-            grasp = self.grasp(row, contacts[felt], friction)
-            if not grasp.actuation.two_way:
-                closes = hand_closes(grasp, angles[felt])
-                pressed[row] = math.nan if closes is None else closes
-        return locked(pressed)
 
     def payloads(
         self, load: LoadCase, friction: float, *, tilted: bool
@@ -187,17 +143,13 @@ class MotorForces:
         Args:
             load: What must be held.
             friction: The coefficient.
-            tilted: At the worst normals, with the contacts that are not blind; else at the
-                perceived ones with all.
+            tilted: At the worst normals; else at the perceived ones.
         """
         found: list[HandPayload | None] = [None] * self.sets.size
 
         def held(row: int, contacts: Ints) -> float:
-            used = contacts[~np.isnan(self.tilts[contacts])] if tilted else contacts
-            tilts = self.tilts[used] if tilted else np.zeros(len(used))
-            if not len(used):
-                return 0.0
-            grasp = self.grasp(row, used, friction)
+            tilts = self.tilts[contacts] if tilted else np.zeros(len(contacts))
+            grasp = self.grasp(row, contacts, friction)
             found[row] = one = hand_payload(grasp, load.task, tilt=tilts, rtol=FORCE_RTOL)
             return one.lower
 
@@ -287,12 +239,12 @@ class MotorHolding:
 
     @cached_property
     def payload(self) -> Floats:
-        """Held at the perceived normals, with all links that touch, shape (k,); nan: no grasp."""
+        """Held at the perceived normals, shape (k,); nan: no grasp."""
         return self.forces.payloads(self.load, self.friction[1], tilted=False)[0]
 
     @property
     def payload_sure(self) -> Floats:
-        """Held at the worst normals, with the links that feel theirs, shape (k,)."""
+        """Held at the worst normals, shape (k,)."""
         return self._sure[0]
 
     @cached_property
@@ -367,10 +319,9 @@ class MotorHolding:
         """What limits the mass that is surely held: a joint, or friction at a link, shape (k,)."""
         texts, forces = [""] * self.forces.sets.size, self.forces
         for row, contacts in forces.contacts(np.arange(len(texts))):
-            one, texts[row] = self._sure[1][row], UNFELT
-            if one is not None:
-                used = contacts[~np.isnan(forces.tilts[contacts])]
-                texts[row] = one.limit_at(forces.links[used].tolist())
+            one = self._sure[1][row]
+            assert one is not None
+            texts[row] = one.limit_at(forces.links[contacts].tolist())
         return np.array(texts, dtype=np.str_)
 
     @cached_property
@@ -420,13 +371,10 @@ class MotorHolding:
             at = "the tensions of its tendons" if not len(torques) else f"{at} and its tensions"
         task = str(self.load.load.task)
         where = "in any orientation" if task == "weight" else f"({task})"
-        felt = forces.tilts[forces.sets.row == row]
-        known = felt[~np.isnan(felt)]
+        tilt = forces.tilts[forces.sets.row == row].max()
         text = f"{hand.name} holds {short_number(self.payload[row])}{self.unit} at {at} {where}"
-        if not len(known):
-            return f"{text}, and nothing surely: {WHY[UNFELT]}"
-        resolution = short_number(2.0 * math.degrees(known.max() - self.normal_error))
-        sure = f"{short_number(surely[row])}{self.unit} surely for {resolution}° fingertips"
+        resolution = short_number(2.0 * math.degrees(tilt - self.normal_error))
+        sure = f"{short_number(surely[row])}{self.unit} surely at a resolution of {resolution}°"
         limit = str(self.limit[row])
         if limit.partition(" ")[0] in hand.joint_names and not limit.startswith("joint"):
             limit = f"joint {limit}"

@@ -83,8 +83,7 @@ def hand_grasp_figure(
         title = _title(name, label, angle, grasps.epsilon[number])
         margin = float(grasps.margin[number])
         felt = f"margin {_degrees(margin, '+')}" if math.isfinite(margin) else "no margin"
-        tips = Label(int(grasps.label_fingertips[number])).name
-        lines = [f"{felt}, fingertips {tips}", *wrap(str(grasps.reason[number]), REASON)[:2]]
+        lines = [felt, *wrap(str(grasps.reason[number]), REASON)[:2]]
         if held is not None and not math.isnan(held.payload[number]):
             sure = f"{short_number(held.payload_sure[number])} surely"
             lines.insert(1, f"holds {short_number(held.payload[number])}{held.unit}, {sure}")
@@ -95,7 +94,7 @@ def hand_grasp_figure(
         ScalarMappable(Normalize(-most, most), colors), ax=list(grid), location="bottom",
         shrink=0.6, aspect=40, pad=0.02, extend="both",
     )  # fmt: skip
-    bar.set_label("how much narrower the cone of a link may be for S [°]; grey: blind, or no touch")
+    bar.set_label("how much narrower the cone of a link may be for S [°]; grey: no touch")
     bar.ax.grid(visible=False)
     return figure
 

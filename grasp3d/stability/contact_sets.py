@@ -1,8 +1,7 @@
-"""Labels of grasps of any numbers of contacts, at some of which nothing is known of the normal.
+"""Labels of grasps of any numbers of contacts, whose normals are known to within different angles.
 
-A hand touches with as many links as it happens to. A link without a sensor is blind: its normal may
-be any. For S its contact drops out, as at the worst normal it cannot press; for U its force may
-have any direction. Both are exact: the contacts tilt independently.
+A hand touches with as many links as it happens to, and these may have different sensors. Labels are
+exact: the contacts tilt independently.
 """
 
 import math
@@ -21,10 +20,6 @@ from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import MAX_FINGERS
 from grasp3d.stability.label import Label
 from grasp3d.stability.located_angles import ContactLimits, located_contacts
-
-TETRAHEDRON = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / math.sqrt(3.0)
-"""Normals whose cones span all directions, however narrow they are: a blind contact."""
-
 
 WIDEST = RIGHT_ANGLE - 1e-6
 """Widest cone that `contact_margins` tries [rad]."""
@@ -141,14 +136,10 @@ class SetLabels:
     """`Label` codes, shape (k,). U where there are fewer than two contacts, M where there are more
     than `MAX_FINGERS`, of which nothing is computed."""
     critical_angle: Floats
-    """At the perceived normals of all contacts, as if each were known [rad], shape (k,); nan: fewer
-    than two contacts or too many."""
-    critical_angle_sensed: Floats
-    """That of the contacts that are not blind [rad], shape (k,); inf where these span fewer
-    dimensions of wrenches than all do, and where there are fewer than two."""
+    """At the perceived normals [rad], shape (k,); nan: fewer than two contacts or too many."""
     margin: Floats
-    """Angle by which the grasp is S [rad], shape (k,): S where it is above 0; -inf where too much
-    is blind, nan as above."""
+    """Angle by which the grasp is S [rad], shape (k,): S where it is above 0; -inf where too many
+    tilts exceed friction, nan as above."""
 
     __repr__ = short_repr
 
@@ -162,26 +153,26 @@ class SetLabels:
         Args:
             friction_angle: At the smallest friction, less all other errors of normals [rad].
         """
-        angles = 2.0 * (friction_angle - self.critical_angle_sensed)
+        angles = 2.0 * (friction_angle - self.critical_angle)
         return locked(np.maximum(0.0, np.where(np.isnan(angles), 0.0, angles)))
 
 
 def label_sets(sets: ContactSets, tilt: Floats, friction_angles: tuple[float, float]) -> SetLabels:
-    """Label grasps whose links have different sensors, or none.
+    """Label grasps whose links have different sensors.
 
-    S: force-closed whatever the true normals are, within `tilt` of the perceived ones and anywhere
-    at blind contacts; U: at none of them. Where tilts exceed friction a contact counts as blind for
-    S, unless all are known equally well. Never U where a cone of beta + tilt reaches 90 degrees,
-    of two contacts that are not blind excepted: such cones are not convex.
+    S: force-closed whatever the true normals are, within `tilt` of the perceived ones; U: at none
+    of them. Where tilts exceed friction a contact does not count for S, unless all are known
+    equally well. Never U where a cone of beta + tilt reaches 90 degrees, of two contacts excepted:
+    such cones are not convex.
 
     Args:
         sets: The contacts.
-        tilt: Largest angle between the true and the perceived normal [rad], nan: blind, shape (c,).
+        tilt: Largest angle between the true and the perceived normal [rad], shape (c,).
         friction_angles: At the smallest and at the largest friction [rad].
 
     Example:
-        Three fingers around a disc, of which one is blind and another one knows its normal within
-        2 degrees: the two that feel hold the disc in 5 dimensions of wrenches, of 6:
+        Three fingers around a disc, of which one knows its normal within 40 degrees, the others
+        within 1 degree; these alone hold the disc in 5 dimensions of wrenches, of 6:
 
         >>> import numpy as np
         >>> from grasp3d.stability.contact_sets import ContactSets, label_sets
@@ -191,16 +182,14 @@ def label_sets(sets: ContactSets, tilt: Floats, friction_angles: tuple[float, fl
         >>> beta = np.arctan(0.8)
         >>> label_sets(sets, np.array([0.02, 0.02, 0.02]), (beta, beta)).label.tolist()
         [2]
-        >>> label_sets(sets, np.array([0.02, 0.02, np.nan]), (beta, beta)).label.tolist()
+        >>> label_sets(sets, np.array([0.02, 0.02, 0.7]), (beta, beta)).label.tolist()
         [1]
     """
     least, largest = friction_angles
-    narrowest, blind = least - tilt, np.isnan(tilt)
+    narrowest = least - tilt
     differ = _reduced(np.fmax, sets, tilt) != _reduced(np.fmin, sets, tilt)
-    dropped = blind | ((narrowest <= 0.0) & differ[sets.row])
-    sensed = _critical_angles_of(sets, ~blind)
-    exceeding = (dropped & ~blind).any()
-    critical = _critical_angles_of(sets, ~dropped) if exceeding else sensed
+    dropped = (narrowest <= 0.0) & differ[sets.row]
+    critical = _critical_angles_of(sets, ~dropped)
     worst = _worst_angles(sets.of(~dropped), narrowest[~dropped], critical)
     margin = _reduced(np.fmin, sets, np.where(dropped, math.nan, narrowest)) - worst
     margin[np.isinf(worst)] = -math.inf
@@ -210,7 +199,6 @@ def label_sets(sets: ContactSets, tilt: Floats, friction_angles: tuple[float, fl
     return SetLabels(
         label=locked(label),
         critical_angle=sets.critical_angle,
-        critical_angle_sensed=locked(sensed),
         margin=locked(margin),
     )
 
@@ -226,7 +214,7 @@ def contact_margins(sets: ContactSets, tilt: Floats, friction_angle: float) -> F
     Returns:
         Margins [rad], shape (c,), within `MARGIN_STEPS` halvings of a right angle: below 0 where it
         must be wider for S, the others as they are, -inf where that does not suffice; at most its
-        whole cone; nan: it is blind.
+        whole cone.
 
     Example:
         Of four fingers around a disc any one may push along its normal alone:
@@ -236,22 +224,18 @@ def contact_margins(sets: ContactSets, tilt: Floats, friction_angle: float) -> F
         >>> angle = np.radians([0.0, 90.0, 180.0, 270.0])
         >>> points = np.stack([np.cos(angle), np.sin(angle), np.zeros(4)], axis=1)
         >>> sets = ContactSets(size=1, row=np.zeros(4, int), points=points, normals=-points)
-        >>> contact_margins(sets, np.array([0.1, 0.2, 0.3, np.nan]), 0.5).round(2).tolist()
-        [0.4, 0.3, 0.2, nan]
+        >>> contact_margins(sets, np.array([0.1, 0.2, 0.3, 0.4]), 0.5).round(2).tolist()
+        [0.4, 0.3, 0.2, 0.1]
     """
-    margins = np.where(np.isnan(tilt), math.nan, -math.inf)
+    margins = np.full(len(tilt), -math.inf)
     cones = np.clip(friction_angle - tilt, 0.0, None)
-    felt = np.flatnonzero(~np.isnan(tilt))
-    spans = np.isfinite(_critical_angles_of(sets, ~np.isnan(tilt)))
-    sensed = sets.of(~np.isnan(tilt))
-    for grasps, group in sensed.groups():
-        index, count = group[spans[grasps]], group.shape[1]
+    for grasps, group in sets.groups():
+        index, count = group[np.isfinite(sets.critical_angle[grasps])], group.shape[1]
         variants, own = (
             np.repeat(index, count, axis=0),
             np.tile(np.eye(count, dtype=bool), (len(index), 1)),
         )
-        others = cones[felt[variants]]
-        closed = partial(_closed, sensed.contacts(variants, friction=0.0), others, own)
+        closed = partial(_closed, sets.contacts(variants, friction=0.0), cones[variants], own)
         low, high = np.zeros(len(variants)), np.full(len(variants), WIDEST)
         never, always = ~closed(high), closed(low)
         for _ in range(MARGIN_STEPS):
@@ -259,7 +243,7 @@ def contact_margins(sets: ContactSets, tilt: Floats, friction_angle: float) -> F
             suffices = closed(middle)
             low, high = np.where(suffices, low, middle), np.where(suffices, middle, high)
         needed = np.where(always, 0.0, np.where(never, math.inf, high))
-        margins[felt[index.ravel()]] = (friction_angle - tilt)[felt[index.ravel()]] - needed
+        margins[index.ravel()] = (friction_angle - tilt)[index.ravel()] - needed
     return locked(margins)
 
 
@@ -270,7 +254,7 @@ def _closed(contacts: Contacts, cones: Floats, own: Bools, angles: Floats) -> Bo
 
 
 def _reduced(ufunc: np.ufunc, sets: ContactSets, values: Floats) -> Floats:
-    """The largest or smallest value at the contacts of each grasp, nan: none is known, (k,)."""
+    """The largest or smallest value at the contacts of each grasp, nan: it has none, (k,)."""
     result = np.full(sets.size, math.nan)
     ufunc.at(result, sets.row, values)
     return result
@@ -314,7 +298,7 @@ def _never_closed(sets: ContactSets, widest: Floats) -> Bools:
 
     Args:
         sets: The contacts.
-        widest: Friction angles at the best tilts [rad], nan: blind, shape (c,).
+        widest: Friction angles at the best tilts [rad], shape (c,).
     """
     never = np.zeros(sets.size, dtype=np.bool_)
     for group, contacts in sets.groups():
@@ -322,34 +306,20 @@ def _never_closed(sets: ContactSets, widest: Floats) -> Bools:
         narrowest = np.fmin.reduce(widest[contacts], axis=1, initial=RIGHT_ANGLE)
         doubtful = np.flatnonzero(sets.critical_angle[group] >= narrowest)
         grasps, index = group[doubtful], contacts[doubtful]
-        cones = widest[index]
-        number = np.isnan(cones).sum(axis=1)
-        for blind in np.unique(number):
-            rows = np.flatnonzero(number == blind)
-            order = np.argsort(cones[rows], axis=1)  # blind ones last
-            if blind or index.shape[1] > 2:
-                rows_index = np.take_along_axis(index[rows], order, axis=1)
-                never[grasps[rows]] = _open(sets, rows_index, widest, int(blind))
-                continue
-            _, best = _located(sets, index[rows], widest, sets.critical_angle[grasps[rows]])
-            never[grasps[rows]] = best >= cones[rows].max(axis=1)
+        if not len(grasps):
+            continue
+        if index.shape[1] > 2:
+            never[grasps] = _open(sets, index, widest)
+        else:
+            _, best = _located(sets, index, widest, sets.critical_angle[grasps])
+            never[grasps] = best >= widest[index].max(axis=1)
     return never
 
 
-def _open(sets: ContactSets, index: Ints, widest: Floats, blind: int) -> Bools:
-    """Whether grasps (b, n), of which the last contacts are blind, are not closed, shape (b,)."""
-    seen, unseen = np.split(index, [index.shape[1] - blind], axis=1)
-    cones = widest[seen]
+def _open(sets: ContactSets, index: Ints, widest: Floats) -> Bools:
+    """Whether grasps (b, n) are not closed with cones of the widest angles, shape (b,)."""
+    cones = widest[index]
     convex = np.asarray((cones < RIGHT_ANGLE).all(axis=1))
-    offsets = np.zeros((len(index), seen.shape[1] + 4 * blind))
-    offsets[:, : seen.shape[1]] = np.where(convex[:, None], cones, 0.0)
-    corners = np.broadcast_to(TETRAHEDRON, (len(index), blind, 4, 3)).reshape(len(index), -1, 3)
-    closure = force_closure(
-        Contacts(
-            sets.points[np.concatenate([seen, np.repeat(unseen, 4, axis=1)], axis=1)],
-            np.concatenate([sets.normals[seen], corners], axis=1),
-            friction=0.0,
-        ),
-        cone_offset=offsets,
-    )
+    offsets = np.where(convex[:, None], cones, 0.0)
+    closure = force_closure(sets.contacts(index, friction=0.0), cone_offset=offsets)
     return np.asarray(convex & ~closure.closed & (closure.status != Status.UNDECIDED))

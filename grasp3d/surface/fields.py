@@ -320,7 +320,6 @@ ANGLE_HAND = Allowed(-math.pi, math.pi, unknown=True)
 
 HAND_GRASPS = (
     LABEL,
-    replace(LABEL, name="label_fingertips"),
     replace(CRITICAL_ANGLE, allowed=ANGLE_HAND),
     MAX_RESOLUTION,
     replace(MARGIN, allowed=Allowed(infinite=-math.inf, unknown=True)),

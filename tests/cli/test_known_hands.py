@@ -147,7 +147,7 @@ def normals(name: str, folder: Path) -> tuple[Any, Any]:
 @pytest.mark.slow
 def test_allegro_around_a_ball(tmp_path: Path) -> None:
     row, text = evaluated("allegro", tmp_path, *FINE, "0.5")
-    assert (row["label"], row["label_fingertips"], row["reason"]) == ("S", "S", None)
+    assert (row["label"], row["reason"]) == ("S", None)
     assert row["critical_angle"] == pytest.approx(0.0, abs=math.radians(2.0))
     assert row["structural"] > 0
     assert "surely stable and reached: 1 of 1 pose" in text
@@ -158,7 +158,7 @@ def test_allegro_around_a_ball(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_leap_on_a_box_from_above(tmp_path: Path) -> None:
     row, _ = evaluated("leap", tmp_path, *FINE, "0.8")
-    assert (row["label"], row["label_fingertips"]) == ("S", "S")
+    assert row["label"] == "S"
     assert row["reason"].endswith("inside the object")
     assert {"fingertip", "thumb_fingertip"} <= set(row["links"].split())
     points, inward = normals("leap", tmp_path)
@@ -175,7 +175,7 @@ def test_leap_on_a_box_from_above(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_shadow_on_a_cylinder(tmp_path: Path) -> None:
     row, _ = evaluated("shadow", tmp_path, *FINE, "0.8")
-    assert (row["label"], row["label_fingertips"]) == ("S", "S")
+    assert row["label"] == "S"
     points, inward = normals("shadow", tmp_path)
     np.testing.assert_allclose(inward[:, 2], 0.0, atol=1e-6)
     np.testing.assert_allclose(inward[:, :2], -points[:, :2] / 0.04, atol=0.08)
@@ -186,12 +186,11 @@ def test_barrett_on_a_cone(tmp_path: Path) -> None:
     """No friction angle below the half angle of the cone holds it."""
     half_angle = math.atan(CONE[0] / CONE[1])
     row, _ = evaluated("barrett", tmp_path, *FINE, "1.0")
-    assert (row["label"], row["label_fingertips"]) == ("S", "S")
+    assert row["label"] == "S"
     assert row["critical_angle"] > half_angle - math.radians(0.5)
     slippery = f"{math.tan(half_angle - math.radians(4.0)):.3f}"
     row, _ = evaluated("barrett", tmp_path, *FINE, slippery)
-    # The blind palm that touches its top may push in any direction.
-    assert (row["label"], row["label_fingertips"]) == ("M", "U")
+    assert row["label"] == "U"
 
 
 @pytest.mark.slow

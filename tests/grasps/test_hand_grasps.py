@@ -64,7 +64,7 @@ def test_poses_are_written_where_the_contacts_are(box: ObjectMesh, tmp_path: Pat
 
 def test_four_fingers_on_a_box(box: ObjectMesh, tmp_path: Path) -> None:
     found = evaluated(box, tmp_path, TOUCHING)
-    assert found.label.tolist() == found.label_fingertips.tolist() == [Label.S]
+    assert found.label.tolist() == [Label.S]
     assert found.links.tolist() == ["finger_0 finger_1 finger_2 finger_3"]
     # Points near the surface are averaged, which leaves contacts off the middle a little.
     assert found.critical_angle[0] == pytest.approx(0.0, abs=SAMPLED)
@@ -89,24 +89,20 @@ def test_critical_angle_is_that_of_the_contacts_bit_for_bit(
         assert found.critical_angle[row] == critical_friction_angle(contacts)
 
 
-def test_links_without_sensors_do_not_count_for_s(box: ObjectMesh, tmp_path: Path) -> None:
-    sensors = {"finger_0": None, "finger_2": math.radians(4.0)}
-    found = evaluated(box, tmp_path, TOUCHING, sensors=sensors)
-    # The two that feel hold the box in 5 of 6 dimensions; the blind ones add the sixth.
-    assert (found.label.tolist(), found.label_fingertips.tolist()) == ([Label.M], [Label.S])
-    assert found.margin.tolist() == [-math.inf]
-    tips = math.atan(0.5) - math.radians(5.0)
-    assert found.fingertips.margin[0] == pytest.approx(tips, abs=SAMPLED)
+def test_links_have_the_resolution_that_they_state_or_that_of_the_model(
+    box: ObjectMesh, tmp_path: Path
+) -> None:
+    stated = {f"finger_{number}": math.radians(30.0) for number in range(4)}
+    found = evaluated(box, tmp_path, TOUCHING, sensors=stated)
+    assert found.label.tolist() == [Label.S]
+    assert found.margin[0] == pytest.approx(math.atan(0.5) - math.radians(15.0), abs=SAMPLED)
     assert found.to_poses().settings["sensor_resolutions"] == pytest.approx(
-        {"finger_0": math.radians(10.0), "finger_2": math.radians(4.0)}
+        {"palm": math.radians(10.0), **stated}
     )
-
-
-def test_a_hand_without_sensors_is_never_s(box: ObjectMesh, tmp_path: Path) -> None:
-    found = evaluated(box, tmp_path, TOUCHING, sensors={})
-    assert found.label.tolist() == [Label.M]
-    assert found.label_fingertips.tolist() == [Label.U]
-    assert "sliders has no sensors: no grasp can be S" in found.warnings
+    coarse = dict.fromkeys(["finger_1", "finger_3"], math.radians(80.0))
+    found = evaluated(box, tmp_path, TOUCHING, sensors=coarse)
+    # The two others hold the box in 5 of 6 dimensions; these add the sixth.
+    assert (found.label.tolist(), found.margin.tolist()) == ([Label.M], [-math.inf])
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Grasps of any numbers of contacts, some blind, and their closure by linear programs."""
+"""Grasps of any numbers of contacts, and their closure by linear programs."""
 
 import math
 from typing import Any, NamedTuple
@@ -35,8 +35,8 @@ class Sets(NamedTuple):
         return math.atan(self.friction), math.atan(self.friction)
 
 
-def random_sets(size: int, seed: int, *, blind: float = 0.3, alike: bool = False) -> Sets:
-    """Contacts around a ball, 2 to 6 of each grasp; a fraction of them is blind."""
+def random_sets(size: int, seed: int, *, alike: bool = False) -> Sets:
+    """Contacts around a ball, 2 to 6 of each grasp."""
     rng = np.random.default_rng(seed)
     row = np.repeat(np.arange(size), rng.integers(2, 7, size=size))
     points = rng.normal(size=(len(row), 3))
@@ -48,7 +48,6 @@ def random_sets(size: int, seed: int, *, blind: float = 0.3, alike: bool = False
     friction = float(rng.uniform(0.4, 1.2))
     tilt = rng.uniform(0.0, 0.6 * math.atan(friction), size=1 if alike else len(row))
     tilt = np.broadcast_to(tilt, len(row)).copy()
-    tilt[rng.random(len(row)) < blind] = math.nan
     return Sets(ContactSets(size=size, row=row, points=points, normals=normals), tilt, friction)
 
 
@@ -77,18 +76,15 @@ def true_normals(
 ) -> Floats:
     """Normals that may be true (count + 2, n, 3): random, and those that hurt and help most."""
     mine = one.sets.row == grasp
-    points, normals, known = one.sets.points[mine], one.sets.normals[mine], one.tilt[mine]
-    seen, beta = ~np.isnan(known), math.atan(one.friction)
-    tilt = np.where(seen, known, math.pi)
+    points, normals, tilt = one.sets.points[mine], one.sets.normals[mine], one.tilt[mine]
+    beta = math.atan(one.friction)
     found = [random_tilts(normals, tilt, rng) for _ in range(count)]
-    # Away from a motion that separates the contacts that are not blind, or is hardest to resist.
-    u = rng.normal(size=6)
-    if seen.any():
-        contacts = Contacts(points[seen], normals[seen], one.friction)
-        u = epsilon(contacts, cone_offset=-np.minimum(tilt[seen], beta)).certificate.direction
+    # Away from a motion that separates the contacts, or is hardest to resist.
+    contacts = Contacts(points, normals, one.friction)
+    u = epsilon(contacts, cone_offset=-np.minimum(tilt, beta)).certificate.direction
     found.append(turned(normals, -(u[:3] + np.cross(u[3:], points)), tilt))
     # Toward forces that balance.
-    wide = force_closure(Contacts(points, normals, one.friction), cone_offset=1.5 - beta)
+    wide = force_closure(contacts, cone_offset=1.5 - beta)
     forces = wide.certificate.equilibrium[:, :3]
     found.append(normals if np.isnan(forces).any() else turned(normals, forces, tilt))
     return np.array(found)

@@ -75,8 +75,8 @@ class ArticulatedHand:
     preshape, unit vector, shape (3,)."""
     fingertips: tuple[str, ...]
     """Names of the links with which the fingers end."""
-    sensors: Mapping[str, float | None]
-    """Links that carry a tactile sensor, with their sensor resolution alpha [rad]; None: that of
+    sensors: Mapping[str, float]
+    """Sensor resolution alpha of links that have one of their own [rad]; the others have that of
     the contact model."""
     torques: Floats
     """Greatest torque, or force, of the motor of each joint [N m or N], shape (p,); nan: not

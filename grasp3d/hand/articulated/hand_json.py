@@ -108,8 +108,8 @@ KEYS: dict[str, tuple[Read, str]] = {
     "approach": (_direction, "a list of three numbers, not all 0"),
     "fingertips": (_each(_text), "a list of names of links"),
     "sensors": (
-        _by_name(lambda one: None if one is None else _number(one, 0.0, math.pi)),
-        "an object of sensor resolutions [rad] from 0 to below pi, or null, by links",
+        _by_name(lambda one: _number(one, 0.0, math.pi)),
+        "an object of sensor resolutions [rad] from 0 to below pi by links",
     ),
     "torques": (
         _by_name(lambda one: _number(one, 0.0)),

@@ -56,7 +56,7 @@ def implausible(hand: ArticulatedHand) -> Iterator[str]:
                     f"are {math.radians(value):.3g} rad"
                 )
     for name, alpha in hand.sensors.items():
-        if alpha is not None and alpha >= COARSEST:
+        if alpha >= COARSEST:
             yield (
                 f"sensors: the resolution of {name} is {math.degrees(alpha):.0f}°: it is stated in "
                 f"radians, and {alpha:g}° are {math.radians(alpha):.3g}"

@@ -215,14 +215,10 @@ class _Proposal:
             n for n, ends in zip(self.names, self.limits, strict=True) if np.isinf(ends).any()
         ]:
             self.assumed.append(f"joints without limits: {', '.join(endless)}")
-        sensors = known.get("sensors")
-        if sensors is None:
-            sensors = dict.fromkeys(tips)
-            self.assumed.append("every fingertip carries a tactile sensor, no other link does")
         return replace(
             self.bare,
             approach=locked(approach),
-            sensors=dict(sensors),
+            sensors=dict(known.get("sensors", {})),
             torques=locked(self._torques()),
             preshapes=preshapes,
             closing=locked(closing),

@@ -49,9 +49,8 @@ STILL = 1e-9
 
 OF_LINKS = "the weight of the links"
 OF_LINE = "the turn about the line of the contacts"
-OF_ONE = "one contact alone"
-"""What limits where drives do not even carry the links, where the proof is a turn at which no
-contact moves, that about the line of two points, and where a single contact holds nothing."""
+"""What limits where drives do not even carry the links, and where the proof is a turn at which no
+contact moves, that about the line of two points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,8 +122,8 @@ class HandPayload:
             return "nothing"
         if self.is_of_links:
             return OF_LINKS
-        if self.lower == 0.0 and (len(names) == 1 or self._turns_freely):
-            return OF_LINE if len(names) > 1 else OF_ONE
+        if self.lower == 0.0 and self._turns_freely:
+            return OF_LINE
         if self.lower > 0.0 and shares.max(initial=0.0) > 0.0:
             return self.slice.grasp.actuation.names[int(shares.argmax())]
         if math.isfinite(self.slice.grasp.most_force) and self.lower > 0.0:

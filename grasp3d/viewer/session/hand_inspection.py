@@ -23,7 +23,7 @@ from grasp3d.viewer.session.painting import ROUNDING
 from grasp3d.viewer.subjects.subject import Subject, subject_of
 
 WHY = {
-    Label.S: "Surely stable: the links that feel hold it whatever its true normals are.",
+    Label.S: "Surely stable: it holds whatever its true normals are.",
     Label.M: "Ambiguous: some normals that the sensors cannot tell apart do not hold it.",
     Label.U: "Surely unstable: no normals that the sensors cannot tell apart hold it.",
 }
@@ -110,7 +110,6 @@ def _numbers(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
         ("pose", str(grasps.given.names[0])),
         ("contacts", contacts.rule),
         ("links", ", ".join(links) or "none"),
-        ("fingertips alone", Label(int(grasps.label_fingertips[0])).name),
         *(
             (name, signed_angle(float(value), always=name == "margin"))
             for name, value in (

@@ -232,7 +232,7 @@ def ramp_of(subject: Subject, paint: Paint, model: GraspModel) -> Ramp | None:
     """Legend of the quantity that is shown; None: labels."""
     if subject.hand_grasps is not None:
         note = "of each link: by how much its cone could be narrower (green), or is too narrow"
-        return replace(_margin_ramp(model, "blind, or does not touch"), note=note)
+        return replace(_margin_ramp(model, "does not touch"), note=note)
     return None if paint == "label" else _surface_ramp(subject, paint, model)
 
 
