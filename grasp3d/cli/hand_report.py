@@ -45,8 +45,7 @@ _LEGEND = (
 
 _HELD = (
     "holds: what the motors hold at the perceived normals; surely: at the worst that the sensors "
-    "cannot distinguish; limit: what limits that; ε N: of the "
-    "wrenches that the motors resist, in newtons"
+    "cannot distinguish; limit: what limits that"
 )
 
 _LOAD = "; held: label with the mass; load: the mass over what is surely held"
@@ -125,7 +124,6 @@ def _columns(grasps: EvaluatedHandGrasps) -> list[Column]:
     if holding is not None:
         unit = "kg" if holding.load.by_mass else ""
         held = [
-            ("ε\nN", lambda row: number_text(holding.epsilon[row])),
             (f"holds\n{unit}", lambda row: number_text(holding.payload[row])),
             (f"surely\n{unit}", lambda row: number_text(holding.payload_sure[row])),
             ("limit", lambda row: escaped(str(holding.limit[row]))),

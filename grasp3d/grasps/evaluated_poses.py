@@ -143,8 +143,7 @@ class GivenGrasps(LabelledGrasps):
         `rank`, `internal`, `structural`, `redundant`, `links`, `gap`, `penetration`, `overlap`,
         `below_table` [mesh unit], `reachable`, `reason`, `outcome`, and `gap_LINK` [mesh unit] of
         every link that comes near the surface at some pose. With a load also `payload` [kg] and
-        more of what the motors hold, `epsilon_hand` [N], `critical_angle_hand` [rad], `limit` and
-        `label_with_force`.
+        more of what the motors hold, `limit` and `label_with_force`.
         """
         from grasp3d.system.tables import table_of_columns
 

@@ -13,7 +13,7 @@ from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import GivenGrasps
 from grasp3d.grasps.hand_reasons import Reasons
-from grasp3d.grasps.motor_holding import MotorForces, MotorHolding, stated_torques
+from grasp3d.grasps.motor_holding import MotorHolding, stated_torques
 from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.postures import ORDER, matched
 from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand
@@ -151,17 +151,13 @@ class EvaluatedHandGrasps(GivenGrasps):
         if self.to_hold is None:
             return None
         names = np.array(self.hand.link_names)
-        forces = MotorForces(
-            hand=self.hand, torques=stated_torques(self.hand, self.to_hold), sets=self.sets,
-            links=names[self._link], jacobians=self.jacobians,
-            tilts=self.tilts_of_links[self._link], postures=self.contacts.posture,
-            link_loads=self._link_loads,
-        )  # fmt: skip
         low, high = self.model.friction_interval
-        friction = low, float(self.model.friction), high
         return MotorHolding(
-            load=self.to_hold, forces=forces, friction=friction,
-            normal_error=self.model.normal_error, torque_scale=self.mesh.torque_scale,
+            load=self.to_hold, hand=self.hand, torques=stated_torques(self.hand, self.to_hold),
+            friction=(low, float(self.model.friction), high), sets=self.sets,
+            links=names[self._link], jacobians=self.jacobians,
+            tilts=self.tilts_of_links[self._link], normal_error=self.model.normal_error,
+            postures=self.contacts.posture, link_loads=self._link_loads,
         )  # fmt: skip
 
     @property
@@ -179,13 +175,6 @@ class EvaluatedHandGrasps(GivenGrasps):
     def critical_angle(self) -> Floats:
         """Critical friction angles at the perceived normals [rad], shape (k,)."""
         return self._labels.critical_angle
-
-    @cached_property
-    def critical_angle_hand(self) -> Floats | None:
-        """The same with forces that the motors can press [rad], shape (k,); None: no load."""
-        if self.motor_holding is None:
-            return None
-        return self.motor_holding.forces.critical_angle(self.critical_angle)
 
     @property
     def located_angles(self) -> WorstAndBest:

@@ -14,13 +14,11 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.actuation import actuation_of, torques_of, unstated_torques
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.plausible_numbers import too_strong
-from grasp3d.quality.hand_forces.critical_angle import hand_critical_angle
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
 from grasp3d.quality.hand_forces.payloads import (
     OF_LINE,
     OF_LINKS,
     HandPayload,
-    hand_epsilon,
     hand_payload,
     links_weigh,
 )
@@ -85,12 +83,15 @@ def _motors(hand: ArticulatedHand) -> set[str]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class MotorForces:
-    """The grasps of k poses, with the drives of the hand."""
+class MotorHolding:
+    """What the motors of a hand hold at each of k poses: masses [kg], or factors of wrenches."""
 
+    load: LoadCase
     hand: ArticulatedHand
     torques: Floats
     """As `torques_of` has them, shape (p,)."""
+    friction: tuple[float, float, float]
+    """The smallest coefficient, which counts for what is sure, the nominal and the largest one."""
     sets: ContactSets
     links: npt.NDArray[np.str_]
     """Names of the links of its contacts, shape (c,)."""
@@ -98,6 +99,8 @@ class MotorForces:
     """Of its contacts, in the mesh's frame [m], shape (c, 3, p)."""
     tilts: Floats
     """Largest angle between true and perceived normals [rad], shape (c,)."""
+    normal_error: float
+    """Part of the tilts that is not the sensors' [rad]."""
     postures: Floats
     """Shape (k, p)."""
     link_loads: Floats | None = None
@@ -129,19 +132,16 @@ class MotorForces:
             row, contacts, Contacts(sets.points[contacts], sets.normals[contacts], frictions)
         )
 
-    def contacts(self, rows: Ints) -> Iterator[tuple[int, Ints]]:
-        """Chosen poses, of those that are evaluated, with their contacts."""
+    def contacts(self) -> Iterator[tuple[int, Ints]]:
+        """The poses that are evaluated, with their contacts."""
         start = np.searchsorted(self.sets.row, np.arange(self.sets.size + 1))
-        for row in rows[self.sets.evaluated[rows]].tolist():
+        for row in np.flatnonzero(self.sets.evaluated).tolist():
             yield row, np.arange(start[row], start[row + 1])
 
-    def payloads(
-        self, load: LoadCase, friction: float, *, tilted: bool
-    ) -> tuple[Floats, list[HandPayload | None]]:
+    def payloads(self, friction: float, *, tilted: bool) -> tuple[Floats, list[HandPayload | None]]:
         """Largest masses that are held, from below [kg], shape (k,), and their proofs.
 
         Args:
-            load: What must be held.
             friction: The coefficient.
             tilted: At the worst normals; else at the perceived ones.
         """
@@ -150,7 +150,7 @@ class MotorForces:
         def held(row: int, contacts: Ints) -> float:
             tilts = self.tilts[contacts] if tilted else np.zeros(len(contacts))
             grasp = self.grasp(row, contacts, friction)
-            found[row] = one = hand_payload(grasp, load.task, tilt=tilts, rtol=FORCE_RTOL)
+            found[row] = one = hand_payload(grasp, self.load.task, tilt=tilts, rtol=FORCE_RTOL)
             return one.lower
 
         return self._of_each(held), found
@@ -158,89 +158,28 @@ class MotorForces:
     def _of_each(self, number: Callable[[int, Ints], float]) -> Floats:
         """A number of each pose that is evaluated, and its contacts; nan: it is not, (k,)."""
         values = np.full(self.sets.size, math.nan)
-        for row, contacts in self.contacts(np.arange(self.sets.size)):
+        for row, contacts in self.contacts():
             values[row] = number(row, contacts)
             report_progress((row + 1) / self.sets.size)
         return locked(values)
 
-    def critical_angle(self, locked_angles: Floats) -> Floats:
-        """Friction angles above which the drives press what closes a grasp [rad], shape (k,).
-
-        Args:
-            locked_angles: Those with the posture locked, shape (k,).
-        """
-        angles = np.array(locked_angles)
-        for row, contacts in self.contacts(np.arange(self.sets.size)):
-            grasp = self.grasp(row, contacts, 1.0)
-            if not grasp.actuation.two_way:
-                angles[row] = max(hand_critical_angle(grasp).upper, angles[row])
-        return locked(angles)
-
-    def epsilon(self, friction: float, torque_scale: float) -> Floats:
-        """Radii of the largest balls of wrenches that the drives resist [N], shape (k,).
-
-        Args:
-            friction: The coefficient.
-            torque_scale: Torques are divided by it [mesh unit].
-        """
-
-        def radius(row: int, contacts: Ints) -> float:
-            grasp = self.grasp(row, contacts, friction)
-            return hand_epsilon(grasp, torque_scale, rtol=FORCE_RTOL).lower
-
-        return self._of_each(radius)
-
-    def possible(self, load: LoadCase, friction: float) -> Floats:
-        """Masses above which no normals, of those that may be true, let the hand hold, (k,).
-
-        Of each wrench alone, so they need not be held at any one of the normals.
-
-        Args:
-            load: What must be held.
-            friction: The largest coefficient.
-        """
-
-        def most(row: int, contacts: Ints) -> float:
-            grasp = self.widest(row, contacts, friction)
-            return math.inf if not grasp else hand_payload(grasp, load.task, rtol=FORCE_RTOL).upper
-
-        return self._of_each(most)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class MotorHolding:
-    """What the motors of a hand hold at each of k poses: masses [kg], or factors of wrenches."""
-
-    load: LoadCase
-    forces: MotorForces
-    friction: tuple[float, float, float]
-    """The smallest coefficient, which counts for what is sure, the nominal and the largest one."""
-    normal_error: float
-    """Part of the tilts that is not the sensors' [rad]."""
-    torque_scale: float
-    """Of the object [mesh unit]."""
-
-    __repr__ = short_repr
-
     def compute(self) -> None:
         """Compute the masses, which takes the time of some thousand cone programs a second."""
-        with within(0.0, 0.2):
+        with within(0.0, 0.3):
             _ = self.payload_sure
-        with within(0.2, 0.4):
+        with within(0.3, 0.6):
             _ = self.payload
-        with within(0.4, 0.7):
+        with within(0.6, 1.0):
             _ = self.payload_possible
-        with within(0.7, 1.0):
-            _ = self.epsilon
 
     @cached_property
     def _sure(self) -> tuple[Floats, list[HandPayload | None]]:
-        return self.forces.payloads(self.load, self.friction[0], tilted=True)
+        return self.payloads(self.friction[0], tilted=True)
 
     @cached_property
     def payload(self) -> Floats:
         """Held at the perceived normals, shape (k,); nan: no grasp."""
-        return self.forces.payloads(self.load, self.friction[1], tilted=False)[0]
+        return self.payloads(self.friction[1], tilted=False)[0]
 
     @property
     def payload_sure(self) -> Floats:
@@ -249,18 +188,23 @@ class MotorHolding:
 
     @cached_property
     def payload_possible(self) -> Floats:
-        """Held at the best normals that may be true, at most, shape (k,)."""
-        return self.forces.possible(self.load, self.friction[2])
+        """Masses above which no normals, of those that may be true, let the hand hold, (k,).
 
-    @cached_property
-    def epsilon(self) -> Floats:
-        """Epsilon at the perceived normals [N], shape (k,); nan: no grasp."""
-        return self.forces.epsilon(self.friction[1], self.torque_scale)
+        Of each wrench alone, so they need not be held at any one of the normals.
+        """
+
+        def most(row: int, contacts: Ints) -> float:
+            grasp = self.widest(row, contacts, self.friction[2])
+            if grasp is None:
+                return math.inf
+            return hand_payload(grasp, self.load.task, rtol=FORCE_RTOL).upper
+
+        return self._of_each(most)
 
     @property
     def doubts(self) -> Iterator[str]:
         """Torques of the load that are hardly true, one sentence each."""
-        hand, load = self.forces.hand, self.load.load
+        hand, load = self.hand, self.load.load
         motors = [name for name in hand.joint_names if name in _motors(hand)]
         options = {"torque_limits": motors, "unstated_torques": unstated_torques(hand)}
         for name, joints in options.items():
@@ -269,10 +213,10 @@ class MotorHolding:
     @property
     def link_weights(self) -> str:
         """Whether the weight of the hand's links counts, in one sentence."""
-        hand = self.forces.hand
+        hand = self.hand
         moving = [name for name in hand.beyond_base if hand.shapes[hand.link_names.index(name)]]
         known = [name for name in hand.beyond_base if name in hand.masses]
-        if self.forces.link_loads is None:
+        if self.link_loads is None:
             return "the weight of the links is neglected: no masses of links are stated"
         if not links_weigh(self.load.task):
             return "the weight of the links is neglected: the task does not say where gravity acts"
@@ -317,22 +261,12 @@ class MotorHolding:
     @cached_property
     def limit(self) -> npt.NDArray[np.str_]:
         """What limits the mass that is surely held: a joint, or friction at a link, shape (k,)."""
-        texts, forces = [""] * self.forces.sets.size, self.forces
-        for row, contacts in forces.contacts(np.arange(len(texts))):
+        texts = [""] * self.sets.size
+        for row, contacts in self.contacts():
             one = self._sure[1][row]
             assert one is not None
-            texts[row] = one.limit_at(forces.links[contacts].tolist())
+            texts[row] = one.limit_at(self.links[contacts].tolist())
         return np.array(texts, dtype=np.str_)
-
-    @cached_property
-    def more_torque(self) -> Floats:
-        """Mass that a tenth more of all torques adds at most to what is surely held, shape (k,)."""
-        return self._numbers(lambda one: 0.1 * float(one.drive_shares.sum()))
-
-    @cached_property
-    def more_friction(self) -> Floats:
-        """Mass that a tenth more of friction adds to it, about, shape (k,)."""
-        return self._numbers(lambda one: float(one.friction_gains.sum()))
 
     @property
     def unit(self) -> str:
@@ -353,14 +287,14 @@ class MotorHolding:
         Args:
             chosen: The poses that count, shape (k,).
         """
-        forces, hand = self.forces, self.forces.hand
+        hand = self.hand
         surely = np.where(chosen & (self.payload > 0.0), self.payload_sure, -1.0)
         if not (surely >= 0.0).any():
             causes = {*self.limit[chosen & (self.payload_sure == 0.0)].tolist()}
             why = f": {WHY[cause]}" if len(causes) == 1 and (cause := min(causes)) in WHY else ""
             return f"the motors of {hand.name} hold {self.load.to_hold} at no pose{why}"
         row = int(np.lexsort((self.payload, surely))[-1])
-        torques = np.unique(forces.torques[~np.isnan(forces.torques)])
+        torques = np.unique(self.torques[~np.isnan(self.torques)])
         slides = {joint.kind for joint in hand.tree.joints.values()} <= {"slides", "fixed"}
         size = "N" if slides else "N m"
         at = f"{short_number(torques[0])} {size}" if len(torques) == 1 else "its torques"
@@ -371,7 +305,7 @@ class MotorHolding:
             at = "the tensions of its tendons" if not len(torques) else f"{at} and its tensions"
         task = str(self.load.load.task)
         where = "in any orientation" if task == "weight" else f"({task})"
-        tilt = forces.tilts[forces.sets.row == row].max()
+        tilt = self.tilts[self.sets.row == row].max()
         text = f"{hand.name} holds {short_number(self.payload[row])}{self.unit} at {at} {where}"
         resolution = short_number(2.0 * math.degrees(tilt - self.normal_error))
         sure = f"{short_number(surely[row])}{self.unit} surely at a resolution of {resolution}°"
@@ -379,9 +313,6 @@ class MotorHolding:
         if limit.partition(" ")[0] in hand.joint_names and not limit.startswith("joint"):
             limit = f"joint {limit}"
         return f"{text}; {sure}; {limit} limits (pose {row + 1})"
-
-    def _numbers(self, of: Callable[[HandPayload], float]) -> Floats:
-        return locked(np.array([math.nan if one is None else of(one) for one in self._sure[1]]))
 
 
 def load_text(fraction: float) -> str:

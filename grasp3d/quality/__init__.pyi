@@ -14,11 +14,8 @@ from .grip_forces import GripForce as GripForce
 from .grip_forces import Resistance as Resistance
 from .grip_forces import grip_force as grip_force
 from .hand_forces.actuation import Actuation as Actuation
-from .hand_forces.critical_angle import CriticalAngle as CriticalAngle
-from .hand_forces.critical_angle import hand_critical_angle as hand_critical_angle
 from .hand_forces.hand_grasp import HandGrasp as HandGrasp
 from .hand_forces.payloads import HandPayload as HandPayload
-from .hand_forces.payloads import hand_epsilon as hand_epsilon
 from .hand_forces.payloads import hand_payload as hand_payload
 from .measures import metric_names as metric_names
 from .measures import metrics as metrics

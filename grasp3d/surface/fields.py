@@ -337,13 +337,8 @@ HAND_GRASPS = (
             ("payload_sure", KILOGRAMS),
             ("payload_possible", KILOGRAMS),
             ("load_fraction", ""),
-            ("more_torque", KILOGRAMS),
-            ("more_friction", KILOGRAMS),
         )
     ),
-    replace(EPSILON, name="epsilon_hand", unit=NEWTONS, of=of_part("motor_holding", "epsilon"),
-            when="load"),
-    replace(CRITICAL_ANGLE, name="critical_angle_hand", when="load", allowed=ANGLE_HAND),
     Field("limit", kind="U", of=of_part("motor_holding", "limit"), when="load"),
     replace(LABEL, name="label_with_force", when="load"),
     Field("reachable", kind="?"),

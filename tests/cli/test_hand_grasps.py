@@ -156,14 +156,9 @@ def test_load(folder: Path) -> None:
     assert held[0] > surely[0] > 0.0
     assert held[1] is None
     assert columns["limit"][0].startswith("slide_")
-    assert columns["more_torque"][0] == pytest.approx(0.1 * surely[0], rel=0.02)
     assert (columns["label"][0], columns["label_with_force"][0]) == ("S", "S")
     assert "surely held and reached: 1 of " in text
-    # Of motors that drive every joint both ways it is that of the contacts.
-    assert columns["critical_angle_hand"] == columns["critical_angle"]
-    assert columns["epsilon_hand"][1] is None
     row = next(line.split() for line in text.splitlines() if re.match(" +1 .* slide_", line))
-    assert f"{columns['epsilon_hand'][0]:.3f}" in row
     assert f"{100.0 * columns['load_fraction'][0]:.0f}" in row
     assert row.count("S") == 2  # without and with the mass
 
@@ -215,4 +210,4 @@ def test_poses_without_a_grasp_have_no_load(folder: Path) -> None:
     text = printed("evaluate", *POSES, "--mass", "0.5kg", cwd=folder, columns=200)
     (row,) = [line for line in text.splitlines() if line.startswith("   2 ")]
     assert "> 1000 %" not in row
-    assert row.split("  no link")[0].split().count("none") == 9
+    assert row.split("  no link")[0].split().count("none") == 8

@@ -81,12 +81,12 @@ def test_torsion_is_no_part_of_what_motors_hold(tmp_path: Path) -> None:
 def test_no_normals_that_may_be_true_hold_more_than_is_possible(tmp_path: Path) -> None:
     holding = evaluated(tmp_path, grasp3d.Load(torque_limits=10.0)).motor_holding
     assert holding is not None
-    forces, random = holding.forces, np.random.default_rng(0)
+    random = np.random.default_rng(0)
     for _ in range(10):
         axes = ANGLE * random.random((4, 1)) * unit_rows(random.normal(size=(4, 3)))
-        normals = Rotation.from_rotvec(axes).apply(forces.sets.normals)
-        tilted = replace(forces, sets=replace(forces.sets, normals=normals))
-        held = tilted.payloads(holding.load, 0.5, tilted=False)[0][0]
+        normals = Rotation.from_rotvec(axes).apply(holding.sets.normals)
+        tilted = replace(holding, sets=replace(holding.sets, normals=normals))
+        held = tilted.payloads(0.5, tilted=False)[0][0]
         assert 0.99 * holding.payload_sure[0] <= held <= 1.01 * holding.payload_possible[0]
 
 
@@ -126,7 +126,7 @@ def test_torques_that_are_not_stated_are_filled_in(tmp_path: Path) -> None:
         holding = evaluated(tmp_path, load, **part).motor_holding
         assert known is not None
         assert holding is not None
-        assert holding.forces.torques.tolist() == [20.0, filled, 20.0, filled]
+        assert holding.torques.tolist() == [20.0, filled, 20.0, filled]
         assert f"its torques and {filled:.0f} N of slide_1, slide_3" in holding.verdict(
             np.array([True, True])
         )
@@ -137,32 +137,6 @@ def test_torques_that_are_not_stated_are_filled_in(tmp_path: Path) -> None:
         evaluated(tmp_path, grasp3d.Load(unstated_torques=1.0))
     with pytest.raises(SettingError, match="give no unstated_torques"):
         grasp3d.Load(torque_limits=1.0, unstated_torques=1.0)
-
-
-def test_epsilon_in_newtons_is_proportional_to_the_torques(tmp_path: Path) -> None:
-    one, two = (
-        evaluated(tmp_path, grasp3d.Load(task=DOWN, torque_limits=limit)).motor_holding
-        for limit in (10.0, 20.0)
-    )
-    assert one is not None
-    assert two is not None
-    # No force of 4 fingers of 10 N along the axis is larger.
-    assert 1.0 < one.epsilon[0] <= 4.0 * 10.0 * 0.5
-    assert two.epsilon[0] == pytest.approx(2.0 * one.epsilon[0], rel=0.02)
-    assert np.isnan(one.epsilon[1])
-
-
-def test_friction_that_motors_need_is_more_than_that_of_the_contacts(tmp_path: Path) -> None:
-    """Of opposite fingers that one tendon pushes in opposite senses neither is pressed."""
-    opposed = [{"kind": "differential", "joints": ["slide_0", "slide_2"], "ratios": [1, -1]}]
-    load = grasp3d.Load(task=DOWN, torque_limits=10.0)
-    free, coupled = (evaluated(tmp_path, load, couplings=one) for one in ([], opposed))
-    assert free.critical_angle_hand is not None
-    assert coupled.critical_angle_hand is not None
-    np.testing.assert_array_equal(free.critical_angle_hand, free.critical_angle)
-    assert coupled.critical_angle[0] == free.critical_angle[0]
-    assert coupled.critical_angle_hand[0] > free.critical_angle[0] + 0.1
-    assert np.isnan(coupled.critical_angle_hand[1])
 
 
 def test_the_verdict_names_the_resolution_of_the_sensors_alone(tmp_path: Path) -> None:

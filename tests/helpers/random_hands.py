@@ -3,8 +3,11 @@
 import numpy as np
 
 import grasp3d
+from grasp3d.arrays import Floats
+from grasp3d.contact.friction_cones import turned
 from grasp3d.quality.hand_forces.actuation import Actuation
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
+from grasp3d.quality.hand_forces.payloads import HandPayload
 
 
 def random_hand(generator: np.random.Generator) -> HandGrasp:
@@ -49,3 +52,21 @@ def random_actuation(generator: np.random.Generator, joints: int) -> Actuation:
 def driven(grasp: HandGrasp, actuation: Actuation) -> HandGrasp:
     """The same grasp with other drives."""
     return HandGrasp(grasp.contacts, grasp.jacobian, actuation, most_force=grasp.most_force)
+
+
+def with_normals(grasp: HandGrasp, normals: Floats) -> HandGrasp:
+    """The same grasp with other unit normals (n, 3)."""
+    contacts = grasp3d.Contacts(grasp.contacts.points, normals, grasp.contacts.friction)
+    return HandGrasp(contacts, grasp.jacobian, grasp.actuation, most_force=grasp.most_force)
+
+
+def worst_grasp(found: HandPayload, tilts: Floats) -> HandGrasp:
+    """The grasp with each normal turned away from the relative velocity of a proof.
+
+    With the full friction cones about these normals the same motions prove what they prove for the
+    cones beta - a about the given ones: the bound over all tilts is reached.
+    """
+    grasp = found.slice.grasp
+    normals = grasp.contacts.normals
+    velocities = grasp.velocities(found.limiting.twist, found.limiting.motion)
+    return with_normals(grasp, turned(normals, -(velocities[:, None] @ grasp.frames)[:, 0], tilts))

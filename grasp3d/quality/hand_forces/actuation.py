@@ -16,18 +16,14 @@ from typing import Self
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Bools, Floats, locked, short_repr
+from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
 from grasp3d.errors import SettingError
-from grasp3d.quality.hand_forces.cone_program import ConeProgram
 
 RANK = 1e-10
 """Singular value, relative to the largest, that is 0."""
 
 ROUNDED = 1e-9
 """Pull on a drive, relative to the motion of the joints, that is 0 but for rounding."""
-
-SUPPORTED = 0.5
-"""Slack, of at most 1, above which a bound is not tight: it is 0 or 1 but for rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,49 +142,12 @@ class Actuation:
         return kernel(self.columns.T)
 
     @cached_property
-    def two_way(self) -> bool:
-        """Whether every torque near 0 can be exerted: then K contains all small forces."""
-        tight = self.tight
-        return tight is not None and not tight.any() and not self.undriven.size
-
-    @cached_property
     def holds_links(self) -> bool:
-        """Whether the drives hold the hand's own links and springs without any contact."""
-        at_rest = (self.lower <= 0.0).all() and (self.upper >= 0.0).all()
-        return bool(at_rest and not self.offset.any()) or self.tight is not None
-
-    @cached_property
-    def tight(self) -> Bools | None:
-        """Bounds, lower and upper ones, at which drives stay while no force is exerted, (2, q).
-
-        None: the drives cannot hold the hand's own links and springs.
-        """
-        bounds = np.stack([self.lower, self.upper])
-        if not self.offset.any() and (bounds[0] < 0.0).all() and (bounds[1] > 0.0).all():
-            return np.zeros(bounds.shape, dtype=np.bool_)
-        side, drive = np.nonzero(np.isfinite(bounds))
-        sign, idle = 1.0 - 2.0 * side, self.idle
-        at_rest = -self.inverse @ self.offset
-        rounded = ROUNDED * np.abs(at_rest).max(initial=0.0)
-        room = sign * (at_rest[drive] - bounds[side, drive])
-        if not self._resisted:
-            return None
-        if idle.shape[1]:
-            unit = np.abs(bounds[side, drive])
-            unit = np.where(unit > 0.0, unit, 1.0)[:, None]
-            rows = np.concatenate([sign[:, None] * idle[drive], room[:, None]], axis=1) / unit
-            room, rounded = _supported(rows), SUPPORTED
-        if (room < -rounded).any():
-            return None
-        tight = np.zeros(bounds.shape, dtype=np.bool_)
-        tight[side, drive] = room <= rounded
-        return tight
-
-    @property
-    def _resisted(self) -> bool:
-        """Whether drives act on all that springs and weight turn."""
-        size = float(np.abs(self.offset).max(initial=0.0))
-        return not (np.abs(self.undriven.T @ self.offset) > ROUNDED * size).any()
+        """Whether the least values of the drives that hold the links are within their limits."""
+        rest = -self.inverse @ self.offset
+        left = np.abs(self.undriven.T @ self.offset).max(initial=0.0)
+        within = (rest >= self.lower) & (rest <= self.upper)
+        return bool(within.all() and left <= ROUNDED * np.abs(self.offset).max(initial=0.0))
 
     @cached_property
     def _sizes(self) -> Floats:
@@ -231,29 +190,6 @@ def kernel(matrix: Floats) -> Floats:
     _, sizes, rows = np.linalg.svd(matrix)
     rank = int((sizes > RANK * sizes[0]).sum()) if len(sizes) else 0
     return rows[rank:].T
-
-
-def _supported(rows: Floats) -> Floats:
-    """Which of rows . (y, t) can be above 0, where t is and none is below: 1, 0, or all -1: t not.
-
-    Args:
-        rows: Shape (l, k).
-    """
-    # Homogeneous: y and t may be scaled up until every row that can be above 0 reaches 1.
-    rows = np.concatenate([rows, np.eye(rows.shape[1])[-1:]])
-    count, unknown = rows.shape
-    one = np.eye(count)
-    matrix = np.block(
-        [[-rows, one], [np.zeros((count, unknown)), one], [np.zeros_like(rows), -one]]
-    )
-    bounds = np.repeat([0.0, 1.0, 0.0], count)
-    program = ConeProgram(matrix, bounds, 0, 3 * count, ())
-    cost = np.repeat([0.0, -1.0], [unknown, count])
-    found = program.solve(cost)
-    if found.status != "Solved":
-        found = program.solve(cost, retry=True)
-    least = found.x[unknown:]
-    return least[:-1] if least[-1] > SUPPORTED else np.full(count - 1, -1.0)
 
 
 def _numbers(name: str, values: ArrayLike) -> Floats:

@@ -2,11 +2,10 @@
 
 Interior-point answers are approximate, and now and then the solver gives up on programs that are
 feasible. What is printed rests on certificates that are evaluated apart from it, never on a status:
-callers take a solution as a proposal, check it, and ask for `polished` ones or `retried` programs.
+callers take a solution as a proposal, check it, and ask for one with more care.
 """
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
 
@@ -16,9 +15,6 @@ from grasp3d.arrays import Floats, Ints
 
 HUGE = 1e30
 """Numbers in a proposal that are none."""
-
-STEPS = 8
-"""Newton steps of polishing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,13 +80,6 @@ class ConeProgram:
     def _kept(self) -> Any:
         return self.make_solver(np.zeros(self.matrix.shape[1]), retry=False)
 
-    def with_matrix(self, matrix: Floats) -> "ConeProgram":
-        """The same program with other numbers in the matrix, where there were others than 0."""
-        other = replace(self, matrix=matrix)
-        self._kept.update(A=matrix[self._place])
-        other.__dict__.update(_kept=self._kept, _place=self._place)
-        return other
-
     def solve(self, cost: Floats, *, retry: bool = False) -> Solution:
         """Propose a solution for a cost (k,); `retry`: with care instead of speed."""
         if retry:
@@ -103,47 +92,6 @@ class ConeProgram:
         if not (np.abs(x).max() < HUGE and np.abs(z).max(initial=0.0) < HUGE):
             return Solution(np.zeros_like(x), np.zeros_like(z), "NumericalError")
         return Solution(x, z, str(found.status))
-
-    def polished(self, cost: Floats, found: Solution) -> Solution:
-        """Newton's method on the conditions of optimality, from a solution nearly at the optimum.
-
-        It converges quadratically where the optimum is unique and strictly complementary
-        (Alizadeh, Haeberly & Overton 1998), and a step that makes the conditions worse ends it.
-        """
-        x, z = found.x, found.z
-        error, residual, jacobian = self._conditions(cost, x, z)
-        for _ in range(STEPS if math.isfinite(error) else 0):
-            step = np.linalg.lstsq(jacobian, -residual, rcond=1e-13)[0]
-            next_x, next_z = x + step[: len(x)], z + step[len(x) :]
-            next_error, next_residual, next_jacobian = self._conditions(cost, next_x, next_z)
-            if not next_error < error:
-                break
-            x, z, error = next_x, next_z, next_error
-            residual, jacobian = next_residual, next_jacobian
-        return replace(found, x=x, z=z)
-
-    def _conditions(self, cost: Floats, x: Floats, z: Floats) -> tuple[float, Floats, Floats]:
-        """Their largest error, their values (k + m,), and the matrix of their changes."""
-        unknown, rows = len(x), len(z)
-        s = self.bounds - self.matrix @ x
-        residual = np.concatenate([cost + self.matrix.T @ z, s])
-        by_s, by_z = np.eye(rows), np.zeros((rows, rows))
-        first = self.equations
-        middle = slice(first, first + self.inequalities)
-        inside = np.arange(rows)[middle]
-        by_s[inside, inside], by_z[inside, inside] = z[middle], s[middle]
-        residual[unknown:][middle] = s[middle] * z[middle]
-        start = first + self.inequalities
-        for size in self.cones:
-            block = slice(start, start + size)
-            by_s[block, block], by_z[block, block] = _arrow(z[block]), _arrow(s[block])
-            residual[unknown:][block] = by_z[block, block] @ z[block]
-            start += size
-        jacobian = np.zeros((unknown + rows, unknown + rows))
-        jacobian[:unknown, unknown:] = self.matrix.T
-        jacobian[unknown:, :unknown] = -by_s @ self.matrix
-        jacobian[unknown:, unknown:] = by_z
-        return float(np.abs(residual).max()), residual, jacobian
 
 
 @cache
@@ -168,10 +116,3 @@ def _no_squares(count: int) -> Any:
     from scipy import sparse
 
     return sparse.csc_matrix((count, count))
-
-
-def _arrow(vector: Floats) -> Floats:
-    """Matrix of the Jordan product with a vector of a second-order cone."""
-    matrix = vector[0] * np.eye(len(vector))
-    matrix[0], matrix[:, 0] = vector, vector
-    return np.asarray(matrix)

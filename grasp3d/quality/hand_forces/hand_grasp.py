@@ -11,7 +11,7 @@ from grasp3d.contact.contacts import Contacts, tilts_of
 from grasp3d.contact.friction_cones import tangents
 from grasp3d.errors import ContactError
 from grasp3d.quality.hand_forces.actuation import Actuation
-from grasp3d.quality.wrenches import span, wrench_axes
+from grasp3d.quality.wrenches import wrench_axes
 
 STILL = 1e-13
 """Relative velocity, relative to the object's, that is a rounding error."""
@@ -69,11 +69,6 @@ class HandGrasp:
         object.__setattr__(self, "actuation", actuation)
         object.__setattr__(self, "most_force", float(most_force))
 
-    def with_normals(self, normals: Floats) -> "HandGrasp":
-        """The same grasp with other unit normals (n, 3)."""
-        contacts = Contacts(self.contacts.points, normals, self.contacts.friction)
-        return HandGrasp(contacts, self.jacobian, self.actuation, most_force=self.most_force)
-
     def holding_links(self, acceleration: Floats) -> "HandGrasp":
         """The same grasp with the weight of the links under an acceleration (3,) [m/s^2]."""
         drives = self.actuation.holding_links(acceleration)
@@ -130,11 +125,6 @@ class HandGrasp:
         return np.ascontiguousarray(axes[:, :3].reshape(-1, 6).T)
 
     @cached_property
-    def span(self) -> Floats:
-        """Orthonormal basis of the wrenches that the contacts can apply, shape (rank, 6)."""
-        return span(self.wrenches.T)
-
-    @cached_property
     def joint_torques(self) -> Floats:
         """J^T in the frames, for forces and torques in `force` and `torque`, shape (p, 3 n)."""
         shape = (3 * self.contacts.count, self.actuation.joints)
@@ -171,24 +161,6 @@ class HandGrasp:
     def joint_loads(self, forces: Floats) -> Floats:
         """Torques J^T f that contact forces (n, 3) need [N m], shape (p,)."""
         return np.asarray(np.einsum("nip,ni->p", self.jacobian, forces))
-
-    def worst_tilt(self, twist: Floats, motion: Floats, tilt: ArrayLike) -> "HandGrasp":
-        """The grasp with each normal turned away from the relative velocity of a certificate.
-
-        With the full friction cones about these normals the same motions then prove what they prove
-        for the cones beta - a about the given ones: the bound over all tilts is reached.
-        """
-        tilts = tilts_of(tilt, self.contacts)[0][:, None]
-        normals = self.contacts.normals
-        e = (self.velocities(twist, motion)[:, None] @ self.frames)[:, 0]
-        sizes = np.linalg.norm(e, axis=1, keepdims=True)
-        away = -e / np.where(sizes > 0.0, sizes, 1.0)
-        across = away - (away * normals).sum(axis=1, keepdims=True) * normals
-        length = np.linalg.norm(across, axis=1, keepdims=True)
-        left = np.arctan2(length, (away * normals).sum(axis=1, keepdims=True))
-        turn = np.where((sizes > 0.0) & (length > 0.0), np.minimum(tilts, left), 0.0)
-        unit = across / np.where(length > 0.0, length, 1.0)
-        return self.with_normals(np.cos(turn) * normals + np.sin(turn) * unit)
 
 
 class ConeRows(NamedTuple):

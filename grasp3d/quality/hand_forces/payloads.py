@@ -17,7 +17,7 @@ from grasp3d.arrays import ArrayLike, Floats, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
 from grasp3d.quality.hand_forces.wrench_slice import Reach, WrenchSlice
-from grasp3d.quality.tasks import Ellipsoid, Sum, Task, Term, Wrenches
+from grasp3d.quality.tasks import Sum, Task, Term, Wrenches
 from grasp3d.quality.wrenches import span
 
 MOST_PROGRAMS = 600
@@ -117,7 +117,7 @@ class HandPayload:
 
     def limit_at(self, names: Sequence[str]) -> str:
         """The same with names of the n contacts."""
-        shares, gains = self.drive_shares, self.friction_gains / TENTH
+        shares, gains = self.drive_shares, self.friction_gains
         if not math.isfinite(self.upper):
             return "nothing"
         if self.is_of_links:
@@ -142,10 +142,6 @@ class HandPayload:
         still = np.abs(moves).max() < STILL * turn * grasp.length and len(moves) > 1
         return bool(still and np.abs(motion).max(initial=0.0) < STILL * turn)
 
-    def worst_grasp(self, tilt: ArrayLike) -> HandGrasp:
-        """The grasp with the normals, within the tilts, at which it holds no more than this."""
-        return self.slice.grasp.worst_tilt(self.limiting.twist, self.limiting.motion, tilt)
-
 
 def hand_payload(
     grasp: HandGrasp,
@@ -153,7 +149,6 @@ def hand_payload(
     *,
     tilt: ArrayLike = 0.0,
     rtol: float = 1e-3,
-    polish: bool = False,
 ) -> HandPayload:
     """The largest load that the motors of a hand hold, whichever the normals within tilts are.
 
@@ -170,7 +165,6 @@ def hand_payload(
             it exceeds the friction angle no force of the contact is safe.
         rtol: For tasks with a curved border: largest difference of the bounds relative to the upper
             one. Those of wrenches agree to about 1e-8.
-        polish: Whether bounds for wrenches shall agree up to rounding.
 
     Raises:
         SettingError: A setting outside its range.
@@ -191,18 +185,16 @@ def hand_payload(
     """
     if not rtol > 0.0:
         raise SettingError(f"rtol must be above 0; got {rtol}")
-    found = _payload(grasp, task, tilt, rtol, polish)
+    found = _payload(grasp, task, tilt, rtol)
     if found.lower > 0.0 or grasp.actuation.links is None:
         return found
     light = replace(grasp.actuation, links=None)
     without = HandGrasp(grasp.contacts, grasp.jacobian, light, most_force=grasp.most_force)
-    alone = _payload(without, task, tilt, rtol, polish)
+    alone = _payload(without, task, tilt, rtol)
     return replace(found, is_of_links=alone.lower > 0.0, programs=found.programs + alone.programs)
 
 
-def _payload(
-    grasp: HandGrasp, task: Task | ArrayLike, tilt: ArrayLike, rtol: float, polish: bool
-) -> HandPayload:
+def _payload(grasp: HandGrasp, task: Task | ArrayLike, tilt: ArrayLike, rtol: float) -> HandPayload:
     """The payload as `hand_payload` has it, but not whether it is nothing for the links alone."""
     growing, constant = _parts(task if isinstance(task, Task) else Wrenches(np.asarray(task)))
     angles = grasp.half_angles(tilt)
@@ -214,7 +206,7 @@ def _payload(
         return search.with_links() if weighs else search.found()
     fixed = np.zeros((1, 6)) if corners[1] is None else corners[1][0]
     each = [
-        _of_wrench(grasp.holding_links(w[:3]) if weighs else grasp, angles, w, c, polish)
+        _of_wrench(grasp.holding_links(w[:3]) if weighs else grasp, angles, w, c)
         for w in corners[0][0]
         for c in fixed
     ]
@@ -231,23 +223,6 @@ def links_weigh(task: Task | ArrayLike) -> bool:
     return all(one.corners_for(None, 1) is not None for one in (growing, constant))
 
 
-def hand_epsilon(
-    grasp: HandGrasp, torque_scale: float, *, tilt: ArrayLike = 0.0, rtol: float = 1e-2
-) -> HandPayload:
-    """Epsilon in newtons: radius of the largest ball of wrenches that the motors resist.
-
-    Args:
-        grasp: Contacts, Jacobian and drives.
-        torque_scale: Torques are divided by it [unit of the points].
-        tilt: As in `hand_payload`.
-        rtol: As in `hand_payload`.
-    """
-    size = np.repeat([1.0, grasp.length / torque_scale], 3)
-    basis = span(grasp.wrenches.T * size)
-    axes = basis * np.repeat([1.0, torque_scale], 3)
-    return hand_payload(grasp, Ellipsoid(axes), tilt=tilt, rtol=rtol)
-
-
 def _parts(task: Task) -> tuple[Task, Task | None]:
     """What grows with the mass, for 1 kg, and what does not; all of a task without a mass grows."""
     grows = [term for term in task.scaled_to(1.0).terms() if term.mass is not None]
@@ -257,9 +232,7 @@ def _parts(task: Task) -> tuple[Task, Task | None]:
     return Sum(tuple(grows)), Sum(tuple(others)) if others else None
 
 
-def _of_wrench(
-    grasp: HandGrasp, angles: Floats, wrench: Floats, constant: Floats, polish: bool
-) -> HandPayload:
+def _of_wrench(grasp: HandGrasp, angles: Floats, wrench: Floats, constant: Floats) -> HandPayload:
     """The largest factor of one wrench that acts on the object besides a constant one."""
     scale = grasp.scale
     size = float(np.linalg.norm(wrench / scale))
@@ -270,7 +243,7 @@ def _of_wrench(
     else:
         basis, per_force = -(wrench / scale / size)[None], 1.0 / size
     part = WrenchSlice(grasp, angles, basis, held)
-    found, programs = part.reach(along, polish=polish), 1
+    found, programs = part.reach(along), 1
     flat = FLAT * grasp.force  # no more than rounding
     lower, upper = (
         (0.0 if abs(one) <= flat else one) * per_force for one in (found.lower, found.upper)

@@ -168,25 +168,18 @@ class WrenchSlice:
             sizes,
         )
 
-    def reach(self, direction: Floats, *, polish: bool = False) -> Reach:
+    def reach(self, direction: Floats) -> Reach:
         """How far the wrenches reach along a direction of the subspace, (k,).
 
         Args:
             direction: Of length 1; 0: whether anything is possible.
-            polish: Whether bounds shall agree up to rounding, instead of about 1e-8.
         """
         cost = np.zeros(self.program.matrix.shape[1])
         cost[len(cost) - len(direction) :] = -direction
         best: Reach | None = None
         for retry in (False, True):
-            found = self.program.solve(cost, retry=retry)
-            for polished in (False, True)[polish:]:
-                if polished and not (found.infeasible or found.unbounded):
-                    found = self.program.polished(cost, found)
-                best = _better(best, self._evaluated(found, direction))
-                if best.proven:
-                    break
-            if best is not None and best.proven:
+            best = _better(best, self._evaluated(self.program.solve(cost, retry=retry), direction))
+            if best.proven:
                 break
         assert best is not None
         loaded = not self.grasp.actuation.holds_links or self.constant.any()

@@ -146,7 +146,6 @@ def _held(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
     if holding is None or math.isnan(holding.payload[0]):
         return []
     numbers = [
-        ("ε of the motors", f"{short_number(holding.epsilon[0])} N"),
         ("holds", f"{short_number(holding.payload[0])}{holding.unit}"),
         ("holds surely", f"{short_number(holding.payload_sure[0])}{holding.unit}"),
         ("limited by", str(holding.limit[0]) or UNKNOWN),

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 import grasp3d
 from grasp3d.contact.contacts import Contacts
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.quality import Acceleration, Ellipsoid, Weight, Wrenches, grip_force, payload
+from grasp3d.quality import Acceleration, Weight, Wrenches, grip_force, payload
 from grasp3d.quality.hand_forces.actuation import Actuation
 from grasp3d.quality.hand_forces.cone_program import ConeProgram, Solution
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
-from grasp3d.quality.hand_forces.payloads import HandPayload, hand_epsilon, hand_payload
+from grasp3d.quality.hand_forces.payloads import HandPayload, hand_payload
 from grasp3d.quality.hand_forces.wrench_slice import WrenchSlice
-from tests.helpers.random_hands import driven, random_hand
+from tests.helpers.random_hands import driven, random_hand, with_normals, worst_grasp
 
 STANDARD_GRAVITY = 9.80665
 
@@ -57,21 +57,17 @@ def check_worst_tilt(
     if not 1e-6 < found.lower < math.inf:
         return False
     assert found.upper - found.lower <= 1e-6 * found.upper
-    worst = found.worst_grasp(tilts)
+    worst = worst_grasp(found, tilts)
     angles = np.arccos(np.clip((worst.contacts.normals * grasp.contacts.normals).sum(1), -1, 1))
     assert (angles <= tilts + 1e-7).all()
     assert hand_payload(worst, wrench).value == pytest.approx(found.value, rel=1e-6)
-    exact = hand_payload(grasp, wrench, tilt=tilts, polish=True)
-    again = hand_payload(exact.worst_grasp(tilts), wrench, polish=True)
-    assert again.value == pytest.approx(exact.value, rel=1e-8)
-    assert exact.upper == pytest.approx(exact.lower, rel=1e-8)
     # Searched: random tilts, and steps from the best of them.
     best, normals = math.inf, grasp.contacts.normals
     for k in range(2 * tries):
         start, size = (grasp.contacts.normals, 1.0) if k < tries else (normals, 0.2)
         moved = start + size * np.tan(tilts)[:, None] * generator.normal(size=start.shape)
         other = within(moved, grasp.contacts.normals, tilts)
-        value = hand_payload(grasp.with_normals(other), wrench).value
+        value = hand_payload(with_normals(grasp, other), wrench).value
         assert value >= found.value * (1.0 - 1e-6)
         if value < best:
             best, normals = value, other
@@ -195,24 +191,6 @@ def test_tasks_are_those_of_the_payload_of_forces(task: grasp3d.quality.Task) ->
     assert found.upper - found.lower <= 1.01e-2 * found.upper
 
 
-@pytest.mark.slow
-def test_epsilon_in_newtons_is_that_of_forces_of_a_length() -> None:
-    contacts = ball_grasp(2)
-    actuation = Actuation.of_hand([], joints=0)
-    grasp = HandGrasp(contacts, np.zeros((4, 3, 0)), actuation, most_force=5.0)
-    ball = Ellipsoid(np.diag([1.0, 1.0, 1.0, 0.03, 0.03, 0.03]))
-    force = grip_force(contacts, ball, bound="norm", rtol=1e-5).value
-    found = hand_epsilon(grasp, 0.03)
-    assert found.lower <= 5.0 / force * (1.0 + 1e-4)
-    assert found.upper >= 5.0 / force * (1.0 - 1e-4)
-    # Two hard fingers resist no torque about their line: the ball is that of the other wrenches.
-    pair = HandGrasp(
-        Contacts([[-0.03, 0, 0], [0.03, 0, 0]], [[1, 0, 0], [-1, 0, 0]], 0.5),
-        np.zeros((2, 3, 0)), actuation, most_force=5.0,
-    )  # fmt: skip
-    assert hand_epsilon(pair, 0.03).lower > 1.0
-
-
 def hand_of(seed: int, torque: float = 0.5, friction: float = 0.8, size: float = 1.0) -> HandGrasp:
     """Four contacts with twelve motors."""
     contacts = ball_grasp(2)
@@ -264,22 +242,22 @@ def test_more_torque_friction_or_contacts_never_hold_less(
 def test_duals_say_what_a_tenth_more_would_help() -> None:
     grasp = hand_of(3)
     wrench = random_wrench(grasp, np.random.default_rng(0))
-    found = hand_payload(grasp, wrench, tilt=0.1, polish=True)
+    found = hand_payload(grasp, wrench, tilt=0.1)
     assert found.drive_shares.sum() == pytest.approx(found.value, rel=1e-7)
-    step = 1e-5
+    step = 1e-3
     for drive in np.flatnonzero(found.drive_shares):
         factors = np.ones(12)
         factors[drive] += step
         limits = 0.5 * factors
         stronger = driven(grasp, Actuation.of_hand(limits, joints=12))
-        more = hand_payload(stronger, wrench, tilt=0.1, polish=True).value - found.value
+        more = hand_payload(stronger, wrench, tilt=0.1).value - found.value
         assert more / step == pytest.approx(found.drive_shares[drive], rel=1e-2, abs=1e-5)
     for contact in range(4):
         friction = grasp.contacts.friction.copy()
         friction[contact] *= 1.001
         contacts = Contacts(grasp.contacts.points, grasp.contacts.normals, friction)
         rougher = HandGrasp(contacts, grasp.jacobian, grasp.actuation)
-        more = hand_payload(rougher, wrench, tilt=0.1, polish=True).value - found.value
+        more = hand_payload(rougher, wrench, tilt=0.1).value - found.value
         assert 100.0 * more == pytest.approx(found.friction_gains[contact], rel=0.1, abs=1e-3)
     assert found.limit == f"joint {found.drive_shares.argmax()}"
 
@@ -325,13 +303,6 @@ def test_what_is_held_only_with_a_load_is_no_payload() -> None:
     for lifted, held in ((3.0, (4.0 + 3.0) / STANDARD_GRAVITY), (10.0, 0.0)):
         lift = Wrenches([[0.0, 0.0, lifted, 0.0, 0.0, 0.0]])
         assert hand_payload(grasp, down + lift).value == pytest.approx(held, rel=1e-7)
-
-
-def test_a_proposal_that_overflows_is_not_polished() -> None:
-    program = ConeProgram(np.full((1, 1), 1e300), np.zeros(1), 0, 1, ())
-    found = Solution(np.full(1, 1e20), np.full(1, 1e20), "Solved")
-    with np.errstate(over="ignore"):
-        assert program.polished(np.zeros(1), found).x == found.x
 
 
 def test_proofs_do_not_rest_on_the_solver(monkeypatch: pytest.MonkeyPatch) -> None:
