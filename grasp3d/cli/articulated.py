@@ -93,26 +93,10 @@ def _rows(hand: ArticulatedHand) -> Iterator[tuple[str, str]]:
     for coupling in hand.couplings:
         pairs = zip(coupling.joints, coupling.ratios, strict=True)
         yield f"{coupling.kind} coupling", ", ".join(f"{name} : {ratio:g}" for name, ratio in pairs)
-    slides = hand.slides
-    for tendon in hand.tendons:
-        least, most = tendon.tension
-        arms = ", ".join(
-            f"{name} {arm:g}" if name in slides else f"{name} {1e3 * arm:g} mm"
-            for name, arm in tendon.arms.items()
-        )
-        yield "tendon", f"{tendon.name} pulls with {least:g} to {most:g} N: {arms}"
-    for name, spring in hand.springs.items():
-        force, per = ("N", "N/m") if name in slides else ("N m", "N m/rad")
-        rest = (
-            f"{1e3 * spring.rest:.4g} mm" if name in slides else f"{math.degrees(spring.rest):.4g}°"
-        )
-        text = f"{name}: {spring.stiffness:g} {per}, at rest at {rest}"
-        yield "spring", text + f", {spring.torque:+g} {force}" * (spring.torque != 0.0)
+    if hand.tendons:
+        yield "tendons", f"{', '.join(hand.tendons)}: it takes no load"
     if weights := [hand.masses[name].mass for name in hand.beyond_base if name in hand.masses]:
         yield "links", f"{sum(weights):.4g} kg that move"
-    for name, torque in hand.brakes.items():
-        size = "N" if name in slides else "N m"
-        yield "brake", f"{name} {f'holds {torque:g} {size}' if math.isfinite(torque) else 'locks'}"
     for joint in hand.tree.joints.values():
         if joint.follows is not None and all(joint.name not in c.joints for c in hand.couplings):
             name, factor, offset = joint.follows

@@ -49,11 +49,6 @@ RANK = 1e-9
 FEW_BEYOND = 0.1
 """Fraction of poses beyond limits up to which an order of joints that is assumed is not doubted."""
 
-BRAKES = (
-    "brakes hold what links are loaded with, but press nothing: payloads count on the squeeze "
-    "that was there when they locked"
-)
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class EvaluatedHandGrasps(GivenGrasps):
@@ -343,7 +338,6 @@ class EvaluatedHandGrasps(GivenGrasps):
             asked = f"; {many}: are these of another hand, or in another order?"
             asked = asked if beyond > FEW_BEYOND * self.size else ""
             yield f"the order of the joints is {order}{asked}"
-        yield BRAKES if self.to_hold is not None and self.hand.brakes else None
         yield from implausible(self.hand)
         if self.motor_holding is not None:
             yield from self.motor_holding.doubts

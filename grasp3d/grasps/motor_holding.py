@@ -50,6 +50,11 @@ FLAT = 1e-3
 
 def stated_torques(hand: ArticulatedHand, load: LoadCase) -> Floats:
     """Torques of the motors, as `torques_of` has them. Raises SettingError: some are not stated."""
+    if hand.tendons:
+        raise SettingError(
+            f"{hand.name} takes no load: what its tendons and springs press is not computed "
+            f"({', '.join(hand.tendons)})"
+        )
     stated, missing = load.load, unstated_torques(hand)
     torques = torques_of(hand, stated.torque_limits, stated.unstated_torques)
     if torques is None:
@@ -64,10 +69,7 @@ def stated_torques(hand: ArticulatedHand, load: LoadCase) -> Floats:
             "torque_limits, that of every motor"
         )
     if stated.torque_limits is not None and not _motors(hand):
-        raise SettingError(
-            f"{hand.name} has no motor that torque_limits could limit: its description states the "
-            "tensions of its tendons"
-        )
+        raise SettingError(f"{hand.name} has no motor that torque_limits could limit")
     if stated.unstated_torques is not None and not missing:
         raise SettingError(
             f"the description of {hand.name} states the torques of all motors: give torque_limits "
@@ -301,8 +303,6 @@ class MotorHolding:
         missing = unstated_torques(hand)
         if (filled := self.load.load.unstated_torques) and {*missing} < _motors(hand):
             at = f"its torques and {short_number(filled)} {size} of {', '.join(missing)}"
-        if hand.tendons:
-            at = "the tensions of its tendons" if not len(torques) else f"{at} and its tensions"
         task = str(self.load.load.task)
         where = "in any orientation" if task == "weight" else f"({task})"
         tilt = self.tilts[self.sets.row == row].max()

@@ -91,32 +91,6 @@ def mesh_shape(surface: Floats, pose: Floats) -> LinkShape:
     return LinkShape("mesh", pose, (), locked(points), locked(surface))
 
 
-class Spring(NamedTuple):
-    """What pulls a joint without a motor."""
-
-    stiffness: float = 0.0
-    """[N m/rad or N/m]"""
-    rest: float = 0.0
-    """Value of the joint at which it pulls with `torque` alone [rad or m]."""
-    torque: float = 0.0
-    """A constant torque or force [N m or N]."""
-
-    def at(self, value: float) -> float:
-        """Its torque or force at a value of the joint."""
-        return self.torque - self.stiffness * (value - self.rest)
-
-
-class Tendon(NamedTuple):
-    """A tendon that only pulls."""
-
-    name: str
-    arms: Mapping[str, float]
-    """Moment arms by joints [m], of sliding ones factors: above 0 where pulling makes the value of
-    the joint larger."""
-    tension: tuple[float, float]
-    """Its smallest and its largest tension [N]."""
-
-
 class LinkMass(NamedTuple):
     """What a link weighs."""
 
@@ -148,7 +122,6 @@ class Joint:
     """A point of the axis about which it turns, in the frame of the moved link, shape (3,)."""
     effort: float | None = None
     """Greatest torque or force that the file states [N m or N]; None: it states none."""
-    spring: Spring | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,8 +137,9 @@ class LinkTree:
     """Collision geometry of a link, by its name."""
     tendons: tuple[Mapping[str, float], ...] = ()
     """Tendons with an actuator that pull several joints: their moment arms [m] by joints."""
-    pulls: tuple[Tendon, ...] = ()
-    """Tendons whose actuators only pull, and motors that only turn a joint one way."""
+    pulls: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Names of tendons that only pull, motors that turn a joint one way, and springs, with their
+    joints."""
     masses: Mapping[str, LinkMass] = field(default_factory=dict)
     """By links, where the file states them."""
     closures: tuple[str, ...] = ()

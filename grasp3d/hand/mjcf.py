@@ -17,8 +17,6 @@ from grasp3d.hand.link_tree import (
     LinkShape,
     LinkTree,
     ShapeKind,
-    Spring,
-    Tendon,
     mesh_shape,
 )
 from grasp3d.system.names import printable
@@ -54,7 +52,9 @@ def read_mjcf(path: Path) -> LinkTree:
 
     links = (names[0], *joints)
     others = (arms for number, arms in _arms(model) if number not in one_way)
-    tendons, pulls = tuple(arms for arms in others if len(arms) > 1), tuple(one_way.values())
+    tendons = tuple(arms for arms in others if len(arms) > 1)
+    pulls = {_actuator(model, number): joints for number, joints in one_way.items()}
+    pulls |= _springs(model)
     masses = {
         name: LinkMass(float(model.body_mass[number]), tuple(model.body_ipos[number].tolist()))
         for name, number in numbers.items()
@@ -130,7 +130,6 @@ def _joint(
         _followed(model, number),
         position,
         _effort(model, number, one_way),
-        _spring(model, number),
     )
 
 
@@ -185,11 +184,10 @@ def _effort(model: "MjModel", joint: int, one_way: Collection[int]) -> float | N
     return None
 
 
-def _spring(model: "MjModel", joint: int) -> Spring | None:
-    """The spring of a joint that slides or turns; None: it has none."""
-    stiffness = float(model.jnt_stiffness[joint])
-    rest = float(model.qpos_spring[model.jnt_qposadr[joint]])
-    return Spring(stiffness, rest) if stiffness else None
+def _springs(model: "MjModel") -> dict[str, tuple[str, ...]]:
+    """Springs of joints, with their joints."""
+    names = [_name(model, int(number)) for number in np.flatnonzero(model.jnt_stiffness)]
+    return {f"the spring of {name}": (name,) for name in names}
 
 
 def _arms(model: "MjModel") -> Iterator[tuple[int, dict[str, float]]]:
@@ -211,18 +209,23 @@ def _arms(model: "MjModel") -> Iterator[tuple[int, dict[str, float]]]:
             )
 
 
-def _pulls(model: "MjModel") -> dict[int, Tendon]:
-    """Actuators of joints, and of tendons over joints, whose force has one sign."""
+def _pulls(model: "MjModel") -> dict[int, tuple[str, ...]]:
+    """Actuators whose force has one sign, and those of tendons along sites, with their joints."""
+    from mujoco import mjtTrn
+
+    arms = dict(_arms(model))
     found = {}
-    for number, of_joints in _arms(model):
+    for number in range(model.nu):
         low, high = _forces(model, number)
-        if math.isfinite(low) and math.isfinite(high) and low < high and low * high >= 0.0:
-            gear = float(model.actuator_gear[number, 0]) * (1.0 if high > 0.0 else -1.0)
-            pulled = {name: gear * arm for name, arm in of_joints.items() if gear * arm}
-            name = model.actuator(number).name or f"actuator {number}"
-            if pulled:
-                found[number] = Tendon(name, pulled, (min(abs(low), abs(high)), max(-low, high)))
+        one_way = math.isfinite(low) and math.isfinite(high) and low < high and low * high >= 0.0
+        along = number not in arms and model.actuator_trntype[number] == mjtTrn.mjTRN_TENDON
+        if along or (one_way and number in arms):
+            found[number] = tuple(arms.get(number, ()))
     return found
+
+
+def _actuator(model: "MjModel", number: int) -> str:
+    return model.actuator(number).name or f"actuator {number}"
 
 
 def _forces(model: "MjModel", actuator: int) -> tuple[float, float]:

@@ -167,15 +167,9 @@ def test_a_direction_is_printed_without_what_rounding_left(
 
 
 def test_joints_that_slide_are_printed_in_their_units(tmp_path: Path) -> None:
-    path = slider_hand.write(
-        tmp_path,
-        tendons=[{"name": "pull", "arms": {"slide_0": 0.5}, "tension": 60}],
-        springs={"slide_1": {"stiffness": 30.0, "rest": 0.02, "torque": 2.0}},
-        brakes={"slide_2": 7.0},
-    )
+    path = slider_hand.write(tmp_path, tendons=["pull"], sensors={"finger_1": 0.3})
     text = printed("hand", path, cwd=tmp_path, columns=200)
     lines = [" ".join(line.split()) for line in text.splitlines()]
-    assert "tendon pull pulls with 0 to 60 N: slide_0 0.5" in lines
-    assert "spring slide_1: 30 N/m, at rest at 20 mm, +2 N" in lines
-    assert "brake slide_2 holds 7 N" in lines
+    assert "tendons pull: it takes no load" in lines
+    assert "sensor finger_1 resolves 17.19°" in lines
     assert "sliding in mm and N)" in text

@@ -64,13 +64,6 @@ def test_every_pose_that_does_not_surely_hold_the_mass_says_so(tmp_path: Path) -
     ]  # fmt: skip
 
 
-def test_what_brakes_hold_was_pressed_before(tmp_path: Path) -> None:
-    load = grasp3d.Load(task=DOWN, torque_limits=10.0)
-    braked = evaluated(tmp_path, load, brakes={"slide_0": None})
-    assert any("brakes" in line for line in braked.warnings)
-    assert not any("brakes" in line for line in evaluated(tmp_path, load).warnings)
-
-
 def test_torsion_is_no_part_of_what_motors_hold(tmp_path: Path) -> None:
     torsion = replace(FINE, torsion_radius=0.003)
     assert evaluated(tmp_path, None, torsion).label[0] == Label.S
@@ -146,31 +139,16 @@ def test_the_verdict_names_the_resolution_of_the_sensors_alone(tmp_path: Path) -
     assert "at a resolution of 10°" in found.motor_holding.verdict(np.array([True, True]))
 
 
-def test_tendons_hold_what_motors_do_that_way_and_nothing_the_other(tmp_path: Path) -> None:
-    def pulling(arm: float) -> list[dict[str, Any]]:
-        return [{"arms": {f"slide_{k}": arm}, "tension": 40.0} for k in range(4)]
-
-    load, none = grasp3d.Load(task=DOWN), dict.fromkeys([f"slide_{k}" for k in range(4)], 0.0)
-    motors = evaluated(tmp_path, load, torques=dict.fromkeys(none, 20.0)).motor_holding
-    closing = evaluated(tmp_path, load, torques=none, tendons=pulling(0.5))
-    assert motors is not None
-    assert closing.motor_holding is not None
-    assert closing.motor_holding.payload[0] == pytest.approx(motors.payload[0], rel=1e-6)
-    assert closing.label[0] == Label.S
-    assert str(closing.motor_holding.limit[0]).startswith("tendon of slide_")
-    assert "at the tensions of its tendons" in str(closing.verdict)
-    limited = grasp3d.Load(task=DOWN, torque_limits=10.0)
+def test_a_hand_with_tendons_has_letters_and_takes_no_load(tmp_path: Path) -> None:
+    motors, pulled = (evaluated(tmp_path, None, tendons=names) for names in ([], ["flexor"]))
+    assert pulled.label.tolist() == motors.label.tolist() == [Label.S, Label.U]
+    np.testing.assert_array_equal(pulled.margin, motors.margin)
+    for load in (grasp3d.Load(task=DOWN), grasp3d.Load(mass=0.1, torque_limits=10.0)):
+        with pytest.raises(SettingError, match=r"takes no load: what .* not computed .flexor."):
+            evaluated(tmp_path, load, tendons=["flexor"])
+    idle = dict.fromkeys([f"slide_{k}" for k in range(4)], 0.0)
     with pytest.raises(SettingError, match="no motor that torque_limits could limit"):
-        evaluated(tmp_path, limited, torques=none, tendons=pulling(0.5))
-    opening = evaluated(tmp_path, load, torques=none, tendons=pulling(-0.5))
-    assert opening.motor_holding is not None
-    assert opening.motor_holding.payload[0] == 0.0
-    # A spring that presses needs no motor, and one that opens takes from what motors press.
-    opened = {name: {"torque": -5.0} for name in none}
-    less = evaluated(tmp_path, load, torques=dict.fromkeys(none, 20.0), springs=opened)
-    assert less.motor_holding is not None
-    assert less.motor_holding.payload[0] == pytest.approx(0.75 * motors.payload[0], rel=1e-6)
-    assert less.label[0] == Label.S
+        evaluated(tmp_path, grasp3d.Load(torque_limits=10.0), torques=idle)
 
 
 def test_the_weight_of_links_takes_from_what_motors_hold(tmp_path: Path) -> None:

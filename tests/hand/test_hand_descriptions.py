@@ -192,18 +192,6 @@ def test_wrong_descriptions_are_refused(tmp_path: Path, case: str) -> None:
 
 UNLIKELY: dict[str, tuple[dict[str, Any], str]] = {
     "torques": ({"torques": {"bend0": 200}}, "200 N m at bend0 .*in N mm, and 0.2 N m meant"),
-    "arms": (
-        {"tendons": [{"arms": {"bend0": -10}, "tension": 60}]},
-        "600 N m at bend0 .*arms in m",
-    ),
-    "brakes": ({"brakes": {"bend0": 2500}}, "2500 N m at bend0 .*from 50 N m on"),
-    "stiffness": ({"springs": {"bend0": {"stiffness": 50}}}, "75 N m at bend0 .*N m/rad"),
-    "rest": (
-        {"springs": {"bend0": {"stiffness": 0.01, "rest": -20}}},
-        "at rest at -20, far beyond",
-    ),
-    "grams": ({"masses": {"outer0": {"mass": 20}}}, "20 kg at .* in outer0 .*mass in kg"),
-    "center": ({"masses": {"outer0": {"mass": 0.02, "center": [0, 0, 15]}}}, "its center in m"),
     "resolution": ({"sensors": {"outer0": 2}}, "115°: it is stated in radians, and 2° are 0.0349"),
     "turns": (
         {"preshapes": {"open": {"knuckle0": -20}}},

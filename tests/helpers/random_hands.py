@@ -1,4 +1,4 @@
-"""Random grasps of hands with joints: coupled ones, one-way tendons, joints at stops."""
+"""Random grasps of hands with joints: coupled ones, joints at stops, heavy links."""
 
 import numpy as np
 
@@ -28,7 +28,7 @@ def random_hand(generator: np.random.Generator) -> HandGrasp:
 
 
 def random_actuation(generator: np.random.Generator, joints: int) -> Actuation:
-    """Motors, or tendons over several joints, one-way or not, with couplings, stops and springs."""
+    """Motors, or differentials over several joints, with stops and links that weigh something."""
     arms = None
     actuators = joints
     if joints > 2 and generator.random() < 0.4:
@@ -36,17 +36,10 @@ def random_actuation(generator: np.random.Generator, joints: int) -> Actuation:
         arms = np.eye(joints)[:actuators]
         arms[:, actuators:] = 0.7 * (generator.random((actuators, joints - actuators)) < 0.4)
     most = generator.uniform(0.2, 1.0, size=actuators)
-    least = np.where(generator.random(actuators) < 0.2 * generator.integers(0, 2), 0.0, -most)
-    rigid = np.zeros((0, joints))
-    if generator.random() < 0.3:
-        rigid = generator.normal(size=(1, joints)) * (generator.random(joints) < 0.5)
     stops = generator.choice([-1, 0, 0, 0, 1], size=joints) * (generator.random() < 0.4)
     loaded = generator.random() < 0.4
-    springs = 0.03 * generator.normal(size=joints) if loaded else None
-    return Actuation.of_hand(
-        np.stack([least, most], axis=1), joints=joints, arms=arms, rigid=rigid, stops=stops,
-        springs=springs,
-    )  # fmt: skip
+    links = 0.003 * generator.normal(size=(joints, 3)) if loaded else None
+    return Actuation.of_hand(most, joints=joints, arms=arms, stops=stops, links=links)
 
 
 def driven(grasp: HandGrasp, actuation: Actuation) -> HandGrasp:

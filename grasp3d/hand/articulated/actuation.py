@@ -49,8 +49,7 @@ def actuation_of(
 
     Differentials have one actuator, whose torque on its first joint is that of its motor; rigid
     couplings are in the posture: a joint that follows another one has no torque of its own. A joint
-    at its limit is also pushed back by the stop there. Tendons only pull, springs push as they do
-    in the posture, and brakes hold up to their torque.
+    at its limit is also pushed back by the stop there.
 
     Args:
         hand: The hand.
@@ -64,29 +63,25 @@ def actuation_of(
     """
     count, joints = len(hand.joint_names), {one.name: one for one in hand.ranges}
     drives = list(_drives(hand, torques))
-    arms, limits, springs = np.zeros((len(drives), count)), [], np.zeros(count)
-    for number, (_, pulled, least, most) in enumerate(drives):
+    arms, limits = np.zeros((len(drives), count)), []
+    for number, (_, pulled, most) in enumerate(drives):
         for name, arm in pulled.items():
             arms[number, joints[name].column] += arm * joints[name].factor
         size = float(np.abs(arms[number]).max()) or 1.0  # limits are torques, as those of motors
         arms[number] /= size
-        limits.append((size * least, size * most))
-    for name, spring in hand.springs.items():
-        one = joints[name]
-        springs[one.column] += one.factor * spring.at(one.factor * posture[one.column] + one.offset)
+        limits.append(size * most)
     lower, upper = hand.limits_of_joints.T
     stops = (posture <= lower + AT_STOP).astype(float) - (posture >= upper - AT_STOP)
     return Actuation.of_hand(
-        np.reshape(limits, (-1, 2)), joints=hand.joint_names, arms=arms,
-        names=tuple(name for name, *_ in drives), stops=stops, springs=springs,
-        links=links,
+        limits, joints=hand.joint_names, arms=arms, names=tuple(name for name, *_ in drives),
+        stops=stops, links=links,
     )  # fmt: skip
 
 
 def _drives(
     hand: ArticulatedHand, torques: Floats
-) -> Iterator[tuple[str, Mapping[str, float], float, float]]:
-    """Names, moment arms by joints, and smallest and largest values of all that drives joints."""
+) -> Iterator[tuple[str, Mapping[str, float], float]]:
+    """Names, moment arms by joints, and largest torques of all that drives joints."""
     names, together = hand.joint_names, set[str]()
     for coupling in hand.couplings:
         if coupling.kind == "differential":
@@ -98,12 +93,8 @@ def _drives(
             ratios = np.array(coupling.ratios) / coupling.ratios[0]
             arms = dict(zip(coupling.joints, ratios.tolist(), strict=True))
             most = float(torques[names.index(coupling.joints[0])])
-            yield " and ".join(coupling.joints), arms, -most, most
+            yield " and ".join(coupling.joints), arms, most
             together |= set(coupling.joints)
     for name, torque in zip(names, torques.tolist(), strict=True):
         if name not in together and not math.isnan(torque):
-            yield name, {name: 1.0}, -torque, torque
-    for tendon in hand.tendons:
-        yield tendon.name, tendon.arms, *tendon.tension
-    for name, torque in hand.brakes.items():
-        yield f"the brake of {name}", {name: 1.0}, -torque, torque
+            yield name, {name: 1.0}, torque

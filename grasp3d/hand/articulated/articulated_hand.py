@@ -15,7 +15,7 @@ from grasp3d.arrays import ArrayLike, Floats, Ints, locked
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.link_bodies import link_bodies
 from grasp3d.hand.articulated.presets import FORMAT, VERSION
-from grasp3d.hand.link_tree import Joint, LinkMass, LinkShape, LinkTree, Spring, Tendon
+from grasp3d.hand.link_tree import Joint, LinkMass, LinkShape, LinkTree
 from grasp3d.hand.triangles import Part, Triangles, triangles_of
 from grasp3d.system.names import printable
 
@@ -82,13 +82,9 @@ class ArticulatedHand:
     """Greatest torque, or force, of the motor of each joint [N m or N], shape (p,); nan: not
     stated; 0: it has none, and turns freely."""
     couplings: tuple[Coupling, ...] = ()
-    tendons: tuple[Tendon, ...] = ()
-    """Those that only pull."""
-    springs: Mapping[str, Spring] = field(default_factory=dict)
-    """By joints, also those that follow."""
-    brakes: Mapping[str, float] = field(default_factory=dict)
-    """Greatest torque or force that a brake, or a gear that locks itself, holds at a joint [N m or
-    N]; inf: whatever acts on it."""
+    tendons: tuple[str, ...] = ()
+    """Names of tendons that only pull, and of springs: what they press is not computed, so that a
+    hand with any takes no load."""
     masses: Mapping[str, LinkMass] = field(default_factory=dict)
     """What links weigh."""
     preshapes: Mapping[str, Floats]
@@ -143,11 +139,6 @@ class ArticulatedHand:
                 if both[0] <= both[1]:
                     limits[one.column] = both
         return locked(limits)
-
-    @cached_property
-    def moved_otherwise(self) -> frozenset[str]:
-        """Joints that tendons pull, or brakes hold: without a motor unless one is stated."""
-        return frozenset(self.brakes).union(*(one.arms for one in self.tendons))
 
     @property
     def link_names(self) -> tuple[str, ...]:
@@ -376,16 +367,8 @@ class ArticulatedHand:
                 for one in self.couplings
                 if dict(zip(one.joints, one.ratios, strict=True)) not in tendons
             ],
-            "tendons": [
-                {"name": name, "arms": dict(arms), "tension": most, "pretension": least}
-                for name, arms, (least, most) in self.tendons
-            ],
-            "springs": {name: one._asdict() for name, one in self.springs.items()},
+            "tendons": list(self.tendons),
             "masses": {name: one._asdict() for name, one in self.masses.items()},
-            "brakes": {
-                name: torque if math.isfinite(torque) else None
-                for name, torque in self.brakes.items()
-            },
             "preshapes": {name: by_name(posture) for name, posture in self.preshapes.items()},
             "closing": by_name(np.where(self.closing == 0.0, np.nan, self.closing)),
             "source": self.source,

@@ -17,7 +17,7 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, Coupling
 from grasp3d.hand.articulated.presets import VERSION, fitting, numbers_of
 from grasp3d.hand.articulated.proposal import articulated_hand_of
-from grasp3d.hand.link_tree import LinkMass, LinkTree, Spring, Tendon
+from grasp3d.hand.link_tree import LinkMass, LinkTree
 from grasp3d.hand.robot_files import watched
 from grasp3d.system.names import unknown
 
@@ -37,10 +37,6 @@ def _number(value: Any, least: float = -math.inf, below: float = math.inf) -> fl
     if not (math.isfinite(value) and least <= value < below):
         raise ValueError(value)
     return value
-
-
-def _above_0(value: Any) -> float:
-    return _number(value, math.ulp(0.0))  # the smallest number above 0
 
 
 def _each(read: Read) -> Read:
@@ -79,24 +75,9 @@ def _coupling(kind: Any, joints: Any, ratios: Any) -> Coupling:
     return Coupling(kind, names, tuple(map(float, numbers)))
 
 
-def _tendon(arms: Any, tension: Any, pretension: Any = 0.0, name: Any = "") -> Tendon:
-    pulled = {joint: float(arm) for joint, arm in _by_name(_number)(arms).items() if arm}
-    most, least = float(_above_0(tension)), float(_number(pretension, 0.0))
-    if not pulled or least > most:
-        raise ValueError(arms)
-    return Tendon(_text(name) or f"tendon of {' and '.join(pulled)}", pulled, (least, most))
-
-
-def _spring(**stated: Any) -> Spring:
-    if not {"stiffness", "torque"} & stated.keys():
-        raise ValueError(stated)
-    _number(stated.get("stiffness", 0.0), 0.0)
-    return Spring(**_by_name(_number)(stated))
-
-
 def _mass(mass: Any, center: Any = (0.0, 0.0, 0.0)) -> LinkMass:
     x, y, z = _each(_number)([*center])
-    return LinkMass(_above_0(mass), (x, y, z))
+    return LinkMass(_number(mass, math.ulp(0.0)), (x, y, z))  # the smallest number above 0
 
 
 _NUMBERS = "an object of numbers by joints"
@@ -119,18 +100,7 @@ KEYS: dict[str, tuple[Read, str]] = {
         _each(lambda one: _coupling(**one)),
         'a list of objects of "kind" rigid or differential, with "joints" and their "ratios"',
     ),
-    "tendons": (
-        _each(lambda one: _tendon(**one)),
-        'a list of "arms" [m] by joints, "tension" [N] above 0, perhaps "pretension" [N], "name"',
-    ),
-    "springs": (
-        _by_name(lambda one: _spring(**one)),
-        'an object by joints of "stiffness" [N m/rad], at least 0, "rest" [rad] and "torque" [N m]',
-    ),
-    "brakes": (
-        _by_name(lambda one: math.inf if one is None else _above_0(one)),
-        "an object by joints of torques [N m] above 0 that brakes hold, or null where they lock",
-    ),
+    "tendons": (_each(_text), "a list of names"),
     "masses": (
         _by_name(lambda one: _mass(**one)),
         'an object by links of "mass" [kg] above 0 and its "center" [m], three numbers',

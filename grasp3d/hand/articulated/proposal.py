@@ -30,7 +30,7 @@ from scipy.optimize import least_squares
 from grasp3d.arrays import Bools, Floats, locked, unit_rows
 from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand, Coupling
 from grasp3d.hand.articulated.plausible_numbers import largest_torque
-from grasp3d.hand.link_tree import LinkTree
+from grasp3d.hand.link_tree import LinkMass, LinkTree
 
 FARTHEST_APPROACH = 65.0
 """Largest angle between the approach direction and the way to where fingertips meet [degrees]."""
@@ -82,7 +82,8 @@ def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None)
         sensors={},
         torques=locked(np.zeros(0)),
         couplings=couplings + _tendons(whole, couplings),
-        **_passive(whole, known, assumed),
+        tendons=_pulled(whole, known, assumed),
+        masses=_masses(whole, known),
         preshapes={},
         closing=locked(np.zeros(0)),
         source=known.get("source", ""),
@@ -167,28 +168,21 @@ def _tendons(tree: LinkTree, stated: Iterable[Coupling]) -> tuple[Coupling, ...]
     )
 
 
-def _passive(tree: LinkTree, known: Mapping[str, Any], assumed: list[str]) -> dict[str, Any]:
-    """Tendons that only pull, springs and brakes, stated or of the file. Raises SettingError."""
-    moving = {joint.name: joint for joint in tree.joints.values() if joint.kind != "fixed"}
-    of_file: dict[str, Any] = {
-        "tendons": tuple(one for one in tree.pulls if moving.keys() >= one.arms.keys()),
-        "springs": {name: one.spring for name, one in moving.items() if one.spring is not None},
-    }
-    others = {"masses": {n: one for n, one in tree.masses.items() if n in tree.links}, "brakes": {}}
-    found = {key: known.get(key, default) for key, default in (of_file | others).items()}
-    tree.check_links(found["masses"])
-    for key, default in of_file.items():
-        if default and key not in known:
-            names = [getattr(one, "name", one) for one in default]
-            assumed.append(f"{key} are those of the file: {', '.join(names)}")
-    joints = {"springs": [*found["springs"]], "brakes": [*found["brakes"]]}
-    joints["tendons"] = [name for tendon in found["tendons"] for name in tendon.arms]
-    for key, names in joints.items():
-        for name in names:
-            if name not in moving:
-                known_names = ", ".join(moving)
-                raise tree.error(f"{key}: {name!r} is no joint that moves; known: {known_names}")
-    return found
+def _masses(tree: LinkTree, known: Mapping[str, Any]) -> Mapping[str, LinkMass]:
+    """What links weigh: stated, or that of the file. Raises SettingError."""
+    tree.check_links(known.get("masses", {}))
+    of_file = {name: one for name, one in tree.masses.items() if name in tree.links}
+    masses: Mapping[str, LinkMass] = known.get("masses", of_file)
+    return masses
+
+
+def _pulled(tree: LinkTree, known: Mapping[str, Any], assumed: list[str]) -> tuple[str, ...]:
+    """Tendons that only pull, and springs: stated, or those of the file on joints of the hand."""
+    moving = {joint.name for joint in tree.joints.values() if joint.kind != "fixed"}
+    found = tuple(name for name, joints in tree.pulls.items() if moving.issuperset(joints))
+    if found and "tendons" not in known:
+        assumed.append(f"it takes no load, for tendons and springs of the file: {', '.join(found)}")
+    return tuple(known.get("tendons", found))
 
 
 class _Proposal:
@@ -416,10 +410,6 @@ class _Proposal:
     def _torques(self) -> Floats:
         joints = self.tree.by_name
         unknown = np.full(len(self.names), np.nan)
-        pulled = {self.tree.source_of(joints[name])[0] for name in self.bare.moved_otherwise}
-        pulled -= {one.joints[0] for one in self.bare.couplings if one.kind == "differential"}
-        unknown[[name in pulled for name in self.names]] = 0.0  # no motor, unless one is stated
-        of_file = self.known.keys().isdisjoint(("tendons", "brakes"))
         if "torques" in self.known:
             stated = self._by_name(self.known["torques"], unknown, "torques")
             for coupling in self.bare.couplings:
@@ -430,7 +420,7 @@ class _Proposal:
         found, odd = unknown.copy(), dict[float, list[str]]()
         for number, name in enumerate(self.names):
             effort = joints[name].effort
-            if effort is None or (name in pulled and not of_file):
+            if effort is None:
                 continue
             if 0.0 < effort < largest_torque(self.bare, name):
                 found[number] = effort

@@ -3,10 +3,11 @@
 With forces f of the hand on the object, Jacobian J of the contact points and weight g of the links
 (as the torques that hold them),
 
-    J^T f + g = B^T u + A^T lambda + E s + springs,    u- <= u <= u+,  s >= 0,
+    J^T f + g = B^T u + E s,    -u+ <= u <= u+,  s >= 0,
 
-B the moment arms of the actuators, A the rows of rigid couplings, which carry anything, and E the
-joints at a stop. All of them are columns with a range: J^T f = M z + c, lower <= z <= upper. The
+B the moment arms of the actuators, and E the joints at a stop. Joints that a rigid coupling moves
+with another one are no joints of their own: they move with that in J, and structure carries what
+its motor does not. All drives are columns with a range: J^T f = M z + c, lower <= z <= upper. The
 forces for which that has a solution are a convex polyhedron K, which does not depend on normals.
 """
 
@@ -37,7 +38,7 @@ class Actuation:
     upper: Floats
     """Largest value of each drive, inf: none, shape (q,)."""
     offset: Floats
-    """Torques c of springs, less those that hold the links [N m], shape (p,)."""
+    """Torques c: less those that hold the links [N m], shape (p,)."""
     names: tuple[str, ...]
     """What each drive is, such as 'index_2' or 'index_2 at its stop', (q,)."""
     links: Floats | None = None
@@ -54,64 +55,48 @@ class Actuation:
         joints: tuple[str, ...] | int,
         arms: ArrayLike | None = None,
         names: tuple[str, ...] | None = None,
-        rigid: ArrayLike | None = None,
         stops: ArrayLike | None = None,
-        springs: ArrayLike | None = None,
-        weight: ArrayLike | None = None,
         links: ArrayLike | None = None,
     ) -> Self:
         """The actuation of a hand in a posture.
 
         Args:
-            limits: Range of the k actuators [N m, or N where arms are lengths]: shape (k, 2); or
-                (k,) for motors that act both ways. inf: no limit; a one-way tendon has 0 and its
-                limit.
+            limits: Greatest torques of the k actuators, both ways [N m], shape (k,); inf: no limit.
             joints: Names of the p joints, or how many there are.
             arms: Moment arms of the actuators, shape (k, p): (1, 1) for a tendon over two joints,
                 which divides its force between them (a differential). None: one motor per joint.
             names: Names of the actuators. None: those of the joints, where each has one.
-            rigid: Rows of rigid couplings, which carry any torque along them, shape (r, p).
             stops: 1 where a joint is at its lower stop, which pushes it up, -1 at its upper one,
                 else 0, shape (p,).
-            springs: Torques of springs [N m], shape (p,).
-            weight: Torques that hold the links against gravity [N m], shape (p,).
-            links: The same per acceleration of gravity [kg m], shape (p, 3), where that turns with
-                the load: minus the masses of the links times the Jacobians of their centres.
+            links: Torques that hold the links per acceleration of gravity [kg m], shape (p, 3):
+                minus the masses of the links times the Jacobians of their centres.
 
         Raises:
             SettingError: Shapes that do not match, or values out of range.
         """
         labels = joints if isinstance(joints, tuple) else tuple(f"joint {k}" for k in range(joints))
         count = len(labels)
-        ranges = _numbers("limits", limits)
-        if ranges.ndim == 1:
-            ranges = np.stack([-ranges, ranges], axis=-1)
-        if ranges.ndim != 2 or ranges.shape[1] != 2 or not (ranges[:, 0] <= ranges[:, 1]).all():
+        most = _numbers("limits", limits)
+        if most.ndim != 1 or not (most >= 0.0).all():
             raise SettingError(
-                "limits of actuators must be one torque, at least 0, or a smallest and a largest "
-                f"for each; got {short(limits)}"
+                f"limits of actuators must be one torque for each, at least 0; got {short(limits)}"
             )
         rows = np.eye(count) if arms is None else _table("arms", arms, count)
-        if len(rows) != len(ranges):
-            raise SettingError(f"{len(ranges)} limits of actuators do not fit {len(rows)} arms")
+        if len(rows) != len(most):
+            raise SettingError(f"{len(most)} limits of actuators do not fit {len(rows)} arms")
         if names is None:
             alone = arms is None
             names = labels if alone else tuple(f"actuator {k}" for k in range(len(rows)))
-        structure = np.zeros((0, count)) if rigid is None else _table("rigid", rigid, count)
         ends = _vector("stops", stops, count)
         at_stop = np.flatnonzero(ends)
         one_sided = (np.sign(ends)[:, None] * np.eye(count))[at_stop]
-        free, zero = np.full(len(structure), np.inf), np.zeros(len(at_stop))
+        zero = np.zeros(len(at_stop))
         return cls(
-            locked(np.concatenate([rows, structure, one_sided]).T),
-            locked(np.concatenate([ranges[:, 0], -free, zero])),
-            locked(np.concatenate([ranges[:, 1], free, zero + np.inf])),
-            locked(_vector("springs", springs, count) - _vector("weight", weight, count)),
-            (
-                *names,
-                *(f"coupling {k}" for k in range(len(structure))),
-                *(f"{labels[k]} at its stop" for k in at_stop),
-            ),
+            locked(np.concatenate([rows, one_sided]).T),
+            locked(np.concatenate([-most, zero])),
+            locked(np.concatenate([most, zero + np.inf])),
+            locked(np.zeros(count)),
+            (*names, *(f"{labels[k]} at its stop" for k in at_stop)),
             None if links is None else locked(_table("links", links, 3)),
         )
 

@@ -366,9 +366,8 @@ class _Search:
         """The payload."""
         part, count = self.slice, len(self.slice.basis)
         polytope = _Polytope(count)
-        limit = HandPayload(0.0, math.inf, self.at_rest, part, np.zeros(count), 0.0, 1)
-        if math.isnan(self.at_rest.lower):  # it cannot even hold its own links
-            return replace(limit, upper=0.0 if self.at_rest.upper < 0.0 else math.inf)
+        rest = part.reach(np.zeros(count))
+        limit = HandPayload(0.0, math.inf, rest, part, np.zeros(count), 0.0, 1)
         pending, endless = list(self.first()), 0
         while pending and limit.programs < MOST_PROGRAMS:
             direction = pending.pop()
@@ -390,11 +389,6 @@ class _Search:
             if not near and polytope.size < MOST_FACETS:
                 pending.append(direction)
         return limit
-
-    @cached_property
-    def at_rest(self) -> Reach:
-        """Whether the hand holds its own links without any load."""
-        return replace(self.slice, basis=np.zeros((0, 6)), links=None).reach(np.zeros(0))
 
     def limited(self, limit: HandPayload, found: Reach, direction: Floats) -> HandPayload:
         """With the upper bound that a reach along a direction proves, where it is smaller."""

@@ -1,0 +1,144 @@
+"""Couplings of joints, and tendons and springs of models, with which a hand takes no load."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+import grasp3d
+from grasp3d.arrays import Floats
+from grasp3d.hand.articulated.actuation import actuation_of, torques_of
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.quality import Actuation
+from tests.helpers.hands import FINGER
+
+HEAD = {"format": "grasp3d articulated hand", "version": 1, "description": "two.urdf"}
+POSTURE = np.array([-0.1, -0.2] * 2)
+
+
+def hand_of(folder: Path, **stated: Any) -> ArticulatedHand:
+    """Two opposite fingers of two parallel joints each, with what a description states."""
+    box = '<box size="0.01 0.01 0.04"/>'
+    fingers = [
+        FINGER.format(n=n, x=x, y=0.0, yaw=yaw, shape=box, kind="revolute", effort=0.4)
+        for n, (x, yaw) in enumerate([(0.03, 0.0), (-0.03, math.pi)])
+    ]
+    palm = '<link name="palm"><collision><geometry><sphere radius="0.01"/></geometry></collision>'
+    text = f'<robot name="two">{palm}</link>{"".join(fingers)}</robot>'
+    (folder / "two.urdf").write_text(text, encoding="utf-8")
+    path = folder / "two.json"
+    path.write_text(json.dumps({**HEAD, **stated}), encoding="utf-8")
+    hand = grasp3d.read_hand(path)
+    assert isinstance(hand, ArticulatedHand)
+    return hand
+
+
+def drives_of(hand: ArticulatedHand, posture: Floats = POSTURE) -> Actuation:
+    """Its drives in a posture."""
+    torques = torques_of(hand)
+    assert torques is not None
+    return actuation_of(hand, posture, torques)
+
+
+def tip_of(hand: ArticulatedHand, finger: int) -> tuple[Floats, Floats]:
+    """Where a fingertip is, and its Jacobian (3, p)."""
+    posture = POSTURE[: len(hand.joint_names)]
+    poses = hand.link_poses(posture)
+    link = hand.link_names.index(f"outer{finger}")
+    tip = poses[0, link, :3, 3] + 0.03 * poses[0, link, :3, 2]
+    return tip, hand.jacobians(poses, np.array([0]), np.array([link]), tip)[0]
+
+
+def presses(hand: ArticulatedHand, force: Floats) -> bool:
+    """Whether the drives press a force with the first fingertip, and nothing with the other."""
+    drives = drives_of(hand, POSTURE[: len(hand.joint_names)])
+    torques = tip_of(hand, 0)[1].T @ force
+    limits = list(zip(drives.lower, drives.upper, strict=True))
+    none = np.zeros(len(drives.lower))
+    found = linprog(none, A_eq=drives.columns, b_eq=torques - drives.offset, bounds=limits)
+    return found.status == 0
+
+
+def test_couplings_that_look_alike_are_opposites(tmp_path: Path) -> None:
+    """One tendon on two joints presses along the line between the axes, a rigid pair anywhere."""
+    pair = {"joints": ["knuckle0", "bend0"], "ratios": [1, 1]}
+    differential, rigid = (
+        hand_of(tmp_path, couplings=[{"kind": kind, **pair}]) for kind in ("differential", "rigid")
+    )
+    (poses,) = differential.link_poses(POSTURE)
+    inner, outer = (
+        poses[differential.link_names.index(name), :3, 3] for name in ("inner0", "outer0")
+    )
+    along = (outer - inner) / np.linalg.norm(outer - inner)
+    across = np.cross(along, [0.0, 1.0, 0.0])
+    for force in (along, -along, np.array([0.0, 1.0, 0.0]), along + [0.0, 2.0, 0.0]):
+        assert presses(differential, force)
+    for force in (across, -across, along + 1e-3 * across):
+        assert not presses(differential, force)
+    for force in (along, across, -across, np.array([0.0, 1.0, 0.0])):
+        assert presses(rigid, force)
+
+
+MODEL = """<mujoco model="finger"><compiler angle="radian"/><worldbody>
+ <body name="palm"><geom type="sphere" size="0.01"/>
+  <body name="inner"><joint name="knuckle" axis="0 1 0" range="-1 1" stiffness="0.2"
+    springref="0.3"/><geom type="box" size=".005 .005 .02" pos="0 0 .02"/>
+   <site name="a"/><body name="outer" pos="0 0 .04"><site name="b" pos="0 0 .03"/>
+    <joint name="bend" axis="0 1 0" range="-1 1" frictionloss="1"/>
+    <geom type="box" size=".005 .005 .015" pos="0 0 .015"/></body></body></body></worldbody>
+ <tendon><fixed name="t"><joint joint="knuckle" coef="-0.01"/><joint joint="bend" coef="-0.006"/>
+  </fixed><spatial name="s"><site site="a"/><site site="b"/></spatial></tendon>
+ <actuator><motor name="flexor" tendon="t" gear="2" ctrlrange="-15 0" ctrllimited="true"/>
+  <motor name="extensor" joint="bend" gear="0.5" forcerange="0.1 0.4" forcelimited="true"/>
+  <motor name="along sites" tendon="s"/>
+  <motor name="both" joint="knuckle" forcerange="-0.3 0.3" forcelimited="true"/></actuator>
+</mujoco>"""
+
+
+def test_tendons_and_springs_of_models_are_named(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    path = tmp_path / "finger.xml"
+    path.write_text(MODEL, encoding="utf-8")
+    hand = grasp3d.read_hand(path)
+    assert isinstance(hand, ArticulatedHand)
+    assert hand.tendons == ("flexor", "extensor", "along sites", "the spring of knuckle")
+    assert hand.couplings == ()
+    np.testing.assert_array_equal(hand.torques, [0.3, np.nan])
+    assert "it takes no load, for tendons and springs of the file: flexor," in hand.assumed[0]
+    for stated, names in (({}, hand.tendons), ({"tendons": ["cable"]}, ("cable",))):
+        content = {**HEAD, "description": "finger.xml", **stated}
+        (tmp_path / "finger.json").write_text(json.dumps(content), encoding="utf-8")
+        again = grasp3d.read_hand(tmp_path / "finger.json")
+        assert isinstance(again, ArticulatedHand)
+        assert again.tendons == names
+        assert again.description()["tendons"] == list(names)
+
+
+def test_models_whose_limits_are_wider_than_one_way_have_no_motors_there(tmp_path: Path) -> None:
+    """A joint's limit of what acts on it is no motor, and a range of forces allows no control."""
+    pytest.importorskip("mujoco")
+    path = tmp_path / "finger.xml"
+
+    def read(old: str, new: str) -> ArticulatedHand:
+        assert MODEL.count(old) == 1
+        path.write_text(MODEL.replace(old, new), encoding="utf-8")
+        hand = grasp3d.read_hand(path)
+        assert isinstance(hand, ArticulatedHand)
+        return hand
+
+    limit = 'actuatorfrcrange="-0.4 0.4" actuatorfrclimited="true" name='
+    np.testing.assert_array_equal(read('name="bend"', limit + '"bend"').torques, [0.3, np.nan])
+    found = read('name="knuckle"', limit + '"knuckle"').torques
+    np.testing.assert_array_equal(found, [0.4, np.nan])
+    pulled = 'ctrlrange="-15 0" ctrllimited="true"'
+    for forces in (-30, -10):
+        hand = read(pulled, f'{pulled} forcerange="{forces} 30" forcelimited="true"')
+        assert hand.couplings == ()
+        assert hand.tendons[0] == "flexor"
+    both = 'joint="knuckle" forcerange="-0.3 0.3"'
+    small = read(both, both + ' ctrlrange="-0.2 0.1" ctrllimited="true"')
+    np.testing.assert_array_equal(small.torques, [0.2, np.nan])
