@@ -18,7 +18,6 @@ from grasp3d.settings import DEGREE
 from grasp3d.viewer.session import planning
 from grasp3d.viewer.session.collection import Collection, collection_of, open_collection
 from grasp3d.viewer.session.controls import CONTROLS, handle_key
-from grasp3d.viewer.session.history import History
 from grasp3d.viewer.session.inspection import inspect
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session
@@ -109,13 +108,6 @@ def test_the_page_has_the_errors(session: Session) -> None:
     assert model.friction_interval == pytest.approx((0.4, 0.6))
     assert model.normal_error == pytest.approx(2.0 * DEGREE)
     assert not location_row(session)["problem"]
-
-
-def test_undo_restores_errors(session: Session) -> None:
-    history = History(session)
-    session.change(location_error=1e-3, normal_error=0.1)
-    history.undo()
-    assert session.state.model == slab().model
 
 
 # Labels

@@ -1,4 +1,4 @@
-"""Keys of the viewer, and undo."""
+"""Keys of the viewer."""
 
 from collections.abc import Callable
 from typing import Any
@@ -19,7 +19,6 @@ from grasp3d.mesh.primitives import box_mesh
 from grasp3d.settings import DEGREE
 from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.session.controls import ACTIONS, handle_key
-from grasp3d.viewer.session.history import History
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import ViewState
 from tests.helpers import shapes
@@ -52,21 +51,6 @@ def test_colours_without_a_resolution_are_not_compared(session: Session, paint: 
     assert session.other_model is not None
     assert session.state.compare == pytest.approx(40.0 * DEGREE)
     session.close()
-
-
-def test_undo_restores_states_step_by_step(session: Session) -> None:
-    history = History(session)
-    state = [session.state]
-    for key in ("Right", "c", "2", "f"):
-        handle_key(session, key)
-        history.record()
-        history.record()
-        state.append(session.state)
-    for before in reversed(state[:-1]):
-        history.undo()
-        assert session.state == before
-    history.undo()
-    assert session.message == "nothing to undo"
 
 
 KEYS_AND_EFFECTS: dict[str, Callable[[ViewState], object]] = {
@@ -121,7 +105,7 @@ def test_each_key_changes_its_choice() -> None:
 def test_keys_of_the_window_do_not_change_the_session(session: Session) -> None:
     own = {key for key, action in ACTIONS.items() if action is None}
     before = session.state
-    assert own == {"s", "g", "r", "+", "-", "z", "h", "q"}
+    assert own == {"s", "g", "r", "+", "-", "h", "q"}
     assert not any(handle_key(session, key) for key in [*own, "w", "F1"])
     assert session.state == before
 

@@ -349,7 +349,7 @@ STEPS = (
 
 OWN = {
     "sg": "save the labelled PLY, a picture", "r": "reset the view", "+-": "zoom in, out",
-    "z": "undo", "h": "show or hide this help", "q": "quit",
+    "h": "show or hide this help", "q": "quit",
 }  # fmt: skip
 """Keys that the window or the page handles itself."""
 

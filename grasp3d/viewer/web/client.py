@@ -24,7 +24,6 @@ from grasp3d.errors import GraspError, SettingError
 from grasp3d.viewer.scene.pictures import file_name, render_copy
 from grasp3d.viewer.scene.scene import ClickDetector, Scene, new_plotter
 from grasp3d.viewer.session.controls import CONTROLS, control_values, handle_key
-from grasp3d.viewer.session.history import History
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.web.page_state import constant_state, page_state, progress_state
 
@@ -58,7 +57,6 @@ class Client:
         self.session = session
         self._plotter = new_plotter(session.settings, off_screen=True)
         self._plotter.enable_trackball_style()  # type: ignore[call-arg]
-        self._history = History(self.session)
         self._scene = Scene(self._plotter, legend=False)
         self._clicks = ClickDetector(self._plotter, self._click)
         self._server = get_server(self.token, client_type="vue3")
@@ -160,14 +158,14 @@ class Client:
         self._plotter.close()
         # trame's objects refer to this one and to each other until their cycles are collected;
         # what is large is released now.
-        del self._plotter, self._scene, self._clicks, self._view, self._history, self.session
+        del self._plotter, self._scene, self._clicks, self._view, self.session
 
     def _build(self) -> None:
         """Make the page and connect its events."""
         state, controller = self._server.state, self._server.controller
         state.update({**constant_state(self.session), **page_state(self.session)})
         # A number that is being typed is kept when the page is drawn again.
-        state.update({"help": False, "held": False, "typed": {}})
+        state.update({"help": False, "typed": {}})
         state.update(progress_state(self.session))
         with VAppLayout(self._server):
             html.Div(_template("help.html"))
@@ -207,9 +205,7 @@ class Client:
         self._wake.set()
 
     def _on_key(self, key: str) -> None:
-        if key == "z":
-            self._run(self._history.undo)
-        elif key in ZOOMS:
+        if key in ZOOMS:
             self._scene.camera.zoom(ZOOMS[key])
             self._view.update()
         else:
@@ -243,8 +239,6 @@ class Client:
             self._view.update()
             with self._server.state as state:
                 state.update(page_state(self.session))
-        if not self._server.state.held:  # a whole drag of a slider is one step for undo
-            self._history.record()
         with self._server.state as state:
             state.update(progress_state(self.session))
 

@@ -36,7 +36,6 @@ from grasp3d.viewer.scene.pictures import file_name, render_copy
 from grasp3d.viewer.scene.scene import ClickDetector, Scene, new_plotter
 from grasp3d.viewer.session.background import Job, Worker
 from grasp3d.viewer.session.controls import CONTROLS, KEYS, handle_key
-from grasp3d.viewer.session.history import History
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.painting import HEX_PALETTE
 from grasp3d.viewer.session.panel_text import HINTS, grasp_number
@@ -107,7 +106,7 @@ class Window:
         self._interactor: Any = plotter.iren.interactor
         self._scene = Scene(plotter)
         self._panel = SidePanel(plotter.renderers[2], self._interactor, self._change)
-        self._history, self._page = History(session), Worker[str]()
+        self._page = Worker[str]()
         self._help = False
         self._size, self._text_size = (0, 0), SMALLEST_TEXT
         self._drawn: tuple[object, ...] = ()
@@ -170,8 +169,6 @@ class Window:
         opened = self._page.take_finished()
         if opened is not None:
             self._session.show_message(opened.error or f"opened in a browser: {opened.result}")
-        if not self._panel.dragged:
-            self._history.record()
         self._draw()
 
     def _draw(self) -> None:
@@ -234,7 +231,7 @@ class Window:
     def _handle_key(self, key: str) -> None:
         actions: dict[str, Callable[[], None]] = {
             "h": self._toggle_help, "q": self._plotter.iren.terminate_app, "w": self._open_page,
-            "r": lambda: self._scene.look(self._session), "z": self._history.undo,
+            "r": lambda: self._scene.look(self._session),
             "+": lambda: self._scene.camera.zoom(ZOOM),
             "-": lambda: self._scene.camera.zoom(1.0 / ZOOM),
             "s": lambda: self._session.save(self._unused_path("labeled", ".ply")),
@@ -313,8 +310,6 @@ class ControlSlider:
         assert field is not None
         self.field = field
         self._decimals = -round(math.log10(field.step))
-        self.dragged = False
-        """Whether the thumb is held with the mouse."""
         self._look = look = vtkSliderRepresentation2D()
         look.ShowSliderLabelOff()
         look.SetEndCapLength(0.0)
@@ -331,9 +326,7 @@ class ControlSlider:
         widget.SetDefaultRenderer(renderer)
         widget.SetCurrentRenderer(renderer)
         widget.SetAnimationModeToJump()
-        widget.AddObserver("StartInteractionEvent", lambda *_: self._hold(held=True))
         widget.AddObserver("InteractionEvent", self._moved)
-        widget.AddObserver("EndInteractionEvent", lambda *_: self._hold(held=False))
         widget.EnabledOn()
 
     def value_text(self, session: Session) -> str:
@@ -366,9 +359,6 @@ class ControlSlider:
         look.SetMaximumValue(max(self.field.most or 0.0, value))
         look.SetValue(value)
 
-    def _hold(self, *, held: bool) -> None:
-        self.dragged = held
-
     def _moved(self, *_: object) -> None:
         value = round(self._look.GetValue(), self._decimals)
         self._change(self._name, max(self._look.GetMinimumValue(), value))
@@ -391,11 +381,6 @@ class SidePanel:
         renderer.InteractiveOff()
         self._renderer, self._overlay = renderer, Overlay(renderer)
         self._sliders = [ControlSlider(one, renderer, interactor, change) for one in SLIDERS]
-
-    @property
-    def dragged(self) -> bool:
-        """Whether a slider is held with the mouse."""
-        return any(slider.dragged for slider in self._sliders)
 
     def show(self, session: Session, notes: tuple[str, ...], size: int, *, keys: bool) -> None:
         """Draw the panel.

@@ -34,19 +34,16 @@
     else if (down > 0) rows.scrollBy({ top: down, behavior: "smooth" });
   };
 
-  // While a slider is dragged the contents keep their height, so that nothing moves below the pointer,
-  // and no step for undo is recorded.
+  // While a slider is dragged the contents keep their height, so that nothing moves below the pointer.
   addEventListener("pointerdown", (event) => {
     const content = document.getElementById("content");
     if (content && event.target.matches?.("#rows input[type=range]")) {
       content.style.minHeight = `${content.offsetHeight}px`;
-      window.trame.state.set("held", true);
     }
   });
   for (const end of ["pointerup", "pointercancel"]) {
     addEventListener(end, () => {
       document.getElementById("content")?.style.removeProperty("min-height");
-      if (window.trame?.state?.get("held")) window.trame.state.set("held", false);
     });
   }
 
