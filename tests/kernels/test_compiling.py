@@ -10,8 +10,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numba
 import pytest
 
+from grasp3d import Contacts, critical_friction_angle
 from grasp3d._kernels.compiling import decorators, machine_code, numba_internals
 from grasp3d._kernels.compiling.numba_internals import YOUNG_OBJECTS, Listener
 
@@ -294,10 +296,11 @@ class Compiled:
         self.ended += 1
 
 
-def compilation(name: str, package: str = "grasp3d._kernels.search") -> Any:
+def compilation(name: str, package: str | None = "grasp3d._kernels.search") -> Any:
     """What Numba reports when it compiles a kernel, given as MODULE.FUNCTION."""
     module, _, function = name.partition(".")
-    kernel = SimpleNamespace(__module__=f"{package}.{module}", __qualname__=function)
+    full_name = None if package is None else f"{package}.{module}"
+    kernel = SimpleNamespace(__module__=full_name, __qualname__=function)
     return SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=kernel)})
 
 
@@ -319,28 +322,40 @@ def test_outermost_kernels_are_reported_and_collections_rarer_meanwhile(
     reports = Compiled([], refusing=refusing)
     listener = Listener("grasp3d._kernels", reports.begin, reports.end)
     rarer = YOUNG_OBJECTS if collected == 700 else collected
+    outer = compilation("descent.descend")
     try:
-        listener.on_start(compilation("descent.descend"))
+        listener.on_start(outer)
         assert not refusing
-        listener.on_start(compilation("faces.aim"))
+        listener.on_start(inner := compilation("faces.aim"))
         assert gc.get_threshold() == (rarer, 7, 8)
-        listener.on_end(None)
+        listener.on_end(inner)
         assert (gc.get_threshold(), reports.ended) == ((rarer, 7, 8), 0)
     except ValueError:
         assert refusing
-    listener.on_end(None)  # Numba reports the end of a failed compilation too
+    listener.on_end(outer)  # Numba reports the end of a failed compilation too
     assert (gc.get_threshold(), reports.ended) == ((collected, 7, 8), 1)
     assert reports.begun == ["descent.descend"]
 
 
-def test_kernels_of_other_packages_are_not_reported() -> None:
-    reports = Compiled([])
+@pytest.mark.parametrize("package", ["another._kernels.search", "grasp3d._kernelsearch", None])
+def test_functions_of_other_programs_change_nothing(package: str | None) -> None:
+    """Functions that `exec` makes, such as those of SymPy, are in no module."""
+    reports, before = Compiled([]), gc.get_threshold()
     listener = Listener("grasp3d._kernels", reports.begin, reports.end)
-    listener.on_start(compilation("descent.descend", package="another._kernels.search"))
-    listener.on_start(compilation("descent.descend"))
-    assert reports.begun == []
-    for _ in range(2):
-        listener.on_end(None)
-    listener.on_start(compilation("descent.descend"))
-    listener.on_end(None)
-    assert reports.begun == ["descent.descend"]
+    listener.on_start(other := compilation("descent.descend", package=package))
+    assert gc.get_threshold() == before
+    listener.on_start(own := compilation("descent.descend"))
+    listener.on_end(own)
+    listener.on_end(other)
+    assert (reports.begun, reports.ended, gc.get_threshold()) == (["descent.descend"], 1, before)
+
+
+def test_functions_without_a_module_are_compiled_beside_kernels() -> None:
+    namespace: dict[str, Any] = {}
+    exec("def twice(x):\n    return 2 * x", {"__name__": None}, namespace)  # noqa: S102
+    twice = namespace["twice"]
+    assert twice.__module__ is None
+    critical_friction_angle(
+        Contacts([[1, 0, 0], [-1, 0, 0]], [[-1, 0, 0], [1, 0, 0]], friction=0.5)
+    )
+    assert numba.njit(twice)(21) == 42

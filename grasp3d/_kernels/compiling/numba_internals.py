@@ -207,36 +207,46 @@ def without_literals(compiled: Any) -> Any:
 class Listener(event.Listener):
     """Reports the kernels of a package that Python calls, when Numba compiles them.
 
-    Python collects garbage less often meanwhile.
+    Python collects garbage less often meanwhile. Numba calls it for the functions of all programs
+    in the process; those of others change nothing.
     """
 
     def __init__(self, package: str, begin: Callable[[str], None], end: Callable[[], None]) -> None:
         self._package, self._begin, self._end = package, begin, end
         self._depth = 0  # kernels compile those that they call; Numba holds its lock meanwhile
-        self._reported = False
         self._before = gc.get_threshold()
 
     def on_start(self, event: Any) -> None:
         """Raise the threshold of collections, unless they are off or rarer already; report."""
+        if not self._is_own(event):
+            return
         self._depth += 1
         if self._depth > 1:
             return
         self._before = gc.get_threshold()
         if 0 < self._before[0] < YOUNG_OBJECTS:
             gc.set_threshold(YOUNG_OBJECTS, *self._before[1:])
-        kernel = event.data["dispatcher"].py_func
-        package, _, module = kernel.__module__.rpartition(".")
-        self._reported = f"{package}.".startswith(f"{self._package}.")
-        if self._reported:
-            self._begin(f"{module}.{kernel.__qualname__}")
+        self._begin(_name_of(event))
 
-    def on_end(self, event: Any) -> None:  # noqa: ARG002, Numba's interface
+    def on_end(self, event: Any) -> None:
         """Put the threshold back, also after a compilation that failed."""
+        if not self._is_own(event):
+            return
         self._depth -= 1
         if self._depth == 0:
             gc.set_threshold(*self._before)
-            if self._reported:
-                self._end()
+            self._end()
+
+    def _is_own(self, event: Any) -> bool:
+        """Whether it is about a function in the package; one that exec makes is in no module."""
+        module = event.data["dispatcher"].py_func.__module__
+        return module is not None and f"{module}.".startswith(f"{self._package}.")
+
+
+def _name_of(event: Any) -> str:
+    """The kernel that an event is about, as MODULE.FUNCTION."""
+    function = event.data["dispatcher"].py_func
+    return f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
 
 
 def listen(package: str, begin: Callable[[str], None], end: Callable[[], None]) -> None:
