@@ -1,6 +1,5 @@
 # The public names, read by type checkers and, when the package is imported, by Python.
 from . import planar as planar
-from ._kernels.compiling.ahead import warmup as warmup
 from .batch.batch_settings import BatchSettings as BatchSettings
 from .batch.library import label_library as label_library
 from .contact.contacts import Contacts as Contacts

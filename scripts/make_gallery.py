@@ -186,7 +186,7 @@ def draw_grips(path: Path) -> None:
         "two fingers, up to 60 mm": (2, Sampling(max_opening=0.06)),
         "two fingers, up to 80 mm": (2, Sampling(max_opening=0.08)),
         "two fingers, any width": (2, Sampling()),
-        "three fingers, up to 80 mm": (3, MultifingerSampling(max_spread=0.08)),
+        "three fingers, up to 80 mm": (3, MultifingerSampling(max_opening=0.08)),
     }
     coarsest, view, size = (
         2.0 * math.degrees(model.friction_angle),

@@ -181,7 +181,7 @@ def test_a_batch_of_malformed_files_has_a_row_for_each(tmp_path: Path) -> None:
     for name in sorted(chosen - {"foo.stl"}):  # a folder, ignored by a batch
         shutil.copy(shapes.shared("hostile", name), tmp_path / "in")
     code = "import sys; from grasp3d.cli import main; sys.exit(main(sys.argv[1:]))"
-    options = ["-o", str(tmp_path / "out"), "--workers", "1", "--rays", "8"]
+    options = ["-o", str(tmp_path / "out"), "--workers", "1"]
     done = subprocess.run(
         [sys.executable, "-c", code, "batch", str(tmp_path / "in"), *options],
         check=False,

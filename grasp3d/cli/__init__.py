@@ -28,7 +28,7 @@ from grasp3d.cli.commands import (
     Validate,
     View,
 )
-from grasp3d.cli.tool_commands import Design, Hand, Paper, Warmup
+from grasp3d.cli.tool_commands import Design, Hand, Paper
 from grasp3d.cli.usage import HELP, HELP_ALL, help_of, parse
 from grasp3d.errors import GraspError, OutputError, SettingError
 from grasp3d.system import compiling
@@ -97,7 +97,6 @@ def _discard(stream: TextIO) -> None:
 
 COMMANDS = (
     Label, Check, Evaluate, Validate, Simulate, Batch, Sweep, Design, Hand, View, Paper,
-    Warmup,
 )  # fmt: skip
 """The options of the commands, each of which the module of its name runs."""
 

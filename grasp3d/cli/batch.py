@@ -12,7 +12,6 @@ from grasp3d.batch.library import label_library
 from grasp3d.cli import batch_report
 from grasp3d.cli.commands import Batch
 from grasp3d.cli.existing_files import check_not_task
-from grasp3d.cli.options import given_sampling
 
 
 def run(command: Batch) -> int:
@@ -21,7 +20,7 @@ def run(command: Batch) -> int:
         check_not_task(path, command.load)
     settings = BatchSettings(
         command.reach.touching(command.model),
-        given_sampling(command.sampling, command.multifinger),
+        command.sampling,
         command.mesh,
         command.best,
         command.reach,

@@ -23,7 +23,6 @@ from grasp3d.batch.storage.files import local_path
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Check
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.options import given_sampling
 from grasp3d.cli.report import FAILED, Report, duration_text, escaped, table_of
 from grasp3d.mesh.diagnosis import MeshDiagnosis, SurfaceMeasures, Trust
 from grasp3d.system.counts import counted
@@ -43,9 +42,7 @@ def run(command: Check) -> int:
     files = find_meshes(command.inputs)
     sources = [local_path(file.source) for file in files]
     check_output(command.output, SUFFIXES, "report", overwrite=command.overwrite, sources=sources)
-    settings = BatchSettings(
-        command.model, given_sampling(command.sampling, command.multifinger), command.mesh
-    )
+    settings = BatchSettings(command.model, command.sampling, command.mesh)
     meshes = _checked(command, files, settings)
     if command.output is not None:
         write_checks(command.output, meshes, settings)

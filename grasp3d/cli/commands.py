@@ -16,7 +16,6 @@ from grasp3d.cli.options import (
     Labelling,
     LengthOption,
     MeshFile,
-    Multifinger,
     NumberRanges,
     ObjectPoseOption,
     OutcomeOption,
@@ -29,7 +28,6 @@ from grasp3d.cli.options import (
     model_help,
     without,
 )
-from grasp3d.cli.time_limit import TimeLimited
 from grasp3d.errors import SettingError
 from grasp3d.hand.choices import ContactRule, ObjectMotion
 from grasp3d.hand.hand import Hand
@@ -39,7 +37,6 @@ from grasp3d.quality.loads import Load
 from grasp3d.settings import (
     GraspModel,
     MeshOptions,
-    MultifingerSampling,
     PoseFormat,
     Sampling,
 )
@@ -137,8 +134,6 @@ class Sweep(Guarded):
 
     sampling: Sampling = field(default_factory=Sampling)
 
-    multifinger: Multifinger = field(default_factory=MultifingerSampling)
-
     reach: Annotated[ReachSettings, without(ReachSettings, "pose_error")] = field(
         default_factory=ReachSettings
     )
@@ -158,14 +153,14 @@ At = Annotated[tuple[str, ...], REPEATED, Stated(metavar="X,Y,Z")]
 
 
 @dataclass(frozen=True)
-class Label(Labelling, TimeLimited):
+class Label(Labelling):
     """Label one mesh: print area fractions of S, M and U, write the labelled mesh.
 
     Example:
         # Label a mug for a gripper that opens 60 mm
         grasp3d label meshes/mug.glb --max-opening 60mm
         # The best grasps of three fingers, for a mesh whose file states no unit
-        grasp3d label meshes/box.obj --unit m --fingers 3 --max-spread 12cm --best 4
+        grasp3d label meshes/box.obj --unit m --fingers 3 --max-opening 12cm --best 4
     """
 
     file: MeshFile
@@ -201,7 +196,6 @@ class Label(Labelling, TimeLimited):
     surface; may be stated several times."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if self.best is not None and self.best < 1:
             raise SettingError(f"best must be at least 1; got {self.best}")
         for name in ("grasps", "grasps_format", "object_pose", "frame"):
@@ -264,7 +258,7 @@ class Check(Searching):
 
 
 @dataclass(frozen=True)
-class View(Labelling, TimeLimited):
+class View(Labelling):
     """View an object: rotate it, change friction and resolution, click for reasons.
 
     Of a labelled file, options with their default are taken from the file.

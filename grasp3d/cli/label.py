@@ -8,7 +8,6 @@ import numpy as np
 from grasp3d.cli import grasp_report, progress_bars
 from grasp3d.cli.commands import Label
 from grasp3d.cli.existing_files import check_not_task, check_output, check_same_settings
-from grasp3d.cli.options import given_sampling
 from grasp3d.cli.report import (
     CHECK_HINT,
     LEVELS,
@@ -22,7 +21,6 @@ from grasp3d.cli.report import (
     print_load,
     uncertainty_lines,
 )
-from grasp3d.cli.time_limit import time_limit
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.export.writers import writer_for
 from grasp3d.grasps.causes import causes_text
@@ -45,7 +43,7 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.context import refuse_warnings
 from grasp3d.system.counts import counted
 from grasp3d.system.files import check_suffix
-from grasp3d.system.names import printable, safe_stem
+from grasp3d.system.names import safe_stem
 
 
 def run(command: Label) -> int:
@@ -66,8 +64,7 @@ def run(command: Label) -> int:
     for path in (output, *grasp_files):
         check_not_task(path, command.load)
         check_output(path, overwrite=command.overwrite, sources=[command.file])
-    with time_limit(command.timeout, printable(str(command.file))):
-        labels, vertices = _labels(command, (output, *grasp_files[:1]))
+    labels, vertices = _labels(command, (output, *grasp_files[:1]))
     grasps = best_grasps(labels, command.best) if command.best else None
     if grasps is not None:
         refuse_warnings(grasp_report.warnings_of_best(grasps, command.object_pose))
@@ -102,7 +99,7 @@ def _labels(command: Label, outputs: tuple[Path, ...]) -> tuple[SurfaceLabels, l
         The labels, and the vertices that are asked for.
     """
     model, load, quiet = command.reach.touching(command.model), command.load.chosen, command.quiet
-    sampling = given_sampling(command.sampling, command.multifinger).fitted(model.fingers)
+    sampling = command.sampling.fitted(model.fingers)
     task = Labelling.read(
         command.file, model, sampling, command.reach, load, command.mesh, force=command.force
     )

@@ -5,8 +5,8 @@ docstrings as help. Angles without a unit are degrees there.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
+from collections.abc import Callable, Container, Iterator, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from functools import cache, partial
 from pathlib import Path
 from types import NoneType, UnionType
@@ -22,16 +22,14 @@ from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskField, TaskText
 from grasp3d.settings import (
-    AnySampling,
     GraspModel,
     MeshOptions,
-    MultifingerSampling,
     Radians,
     Sampling,
 )
 from grasp3d.settings.checks import parse_angle
 from grasp3d.settings.lengths import AnyLength, Length, Measure, Position, parse_length
-from grasp3d.settings.parsing import Group, Main
+from grasp3d.settings.parsing import IN_PYTHON, Group, Main
 from grasp3d.settings.pose_error import PoseError, PoseErrorField
 from grasp3d.settings.quantities import Quantity
 from grasp3d.settings.regions import Region
@@ -76,7 +74,7 @@ class Parser:
 
 
 _GROUPS = {
-    "model": "sensor", "sampling": "search", "multifinger": "search", "reach": "hand",
+    "model": "sensor", "sampling": "search", "reach": "hand",
     "mesh": "object", "surface": "object", "grasps": "object", "cluster": "processes",
 }  # fmt: skip
 """Groups of settings by the name of their field; others are a group of that name."""
@@ -124,13 +122,24 @@ def options_of(kind: Any, group: str = "output") -> Iterator[Option]:
     plain, constants = parted(kind)
     hints, helps = get_type_hints(plain, include_extras=True), _help_texts(plain)
     for one in sorted(fields(plain), key=lambda one: bool(one.kw_only)):  # as they are given
-        if one.name in constants:
-            continue
         hint = hints[one.name]
+        if not is_option(one, hint, constants):
+            continue
         if settings := settings_in(hint):
             yield from options_of(settings, _GROUPS.get(one.name, one.name))
         else:
             yield _option(one, hint, helps.get(one.name, ""), group)
+
+
+def is_option(field: "Field[Any]", hint: Any, constants: Container[str]) -> bool:
+    """Whether commands have an option for a field, or options for settings that it holds.
+
+    Args:
+        field: The field.
+        hint: Its type.
+        constants: Names of the fields that the command gives itself.
+    """
+    return field.name not in constants and IN_PYTHON not in _noted(hint)[1]
 
 
 def parted(kind: Any) -> tuple[Any, dict[str, Any]]:
@@ -424,34 +433,8 @@ Inputs = Annotated[
 ]
 """Meshes, as `batch.inputs.find_meshes` takes them."""
 
-Multifinger = Annotated[
-    MultifingerSampling, partial(MultifingerSampling, **MultifingerSampling().common)
-]
-"""The options of a search of three fingers and more that a search of two fingers does not have."""
-
 WholeMesh = partial(MeshOptions, region=None)
 """How commands make options of reading a mesh whose contacts may be anywhere."""
-
-
-def given_sampling(sampling: Sampling, multifinger: MultifingerSampling) -> AnySampling:
-    """Return the settings of a search whose options were given; `fitted` to a number of fingers.
-
-    Args:
-        sampling: The options for two fingers and for any number.
-        multifinger: The options for three fingers and more.
-
-    Raises:
-        SettingError: Options for both were given.
-    """
-    pair, several = sampling.own_changes, multifinger.own_changes
-    if pair and several:
-        raise SettingError(
-            f"{option_name(pair[0])} is for two fingers and {option_name(several[0])} for three "
-            "and more; leave one of them out"
-        )
-    if not several:
-        return sampling
-    return replace(multifinger, **sampling.common)
 
 
 def without(kind: Any, *names: str) -> "partial[Any]":
@@ -525,7 +508,6 @@ class Searching(Guarded):
 
     model: GraspModel = field(default_factory=GraspModel)
     sampling: Sampling = field(default_factory=Sampling)
-    multifinger: Multifinger = field(default_factory=MultifingerSampling)
 
 
 @dataclass(frozen=True, kw_only=True)

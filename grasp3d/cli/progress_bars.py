@@ -18,7 +18,7 @@ from rich.text import Text
 
 from grasp3d.cli.report import escaped
 from grasp3d.system.compiling import compilations
-from grasp3d.system.context import begin_step, running
+from grasp3d.system.context import running
 
 ResultT = TypeVar("ResultT")
 
@@ -34,7 +34,6 @@ def progress(text: str, *, quiet: bool) -> Iterator[None]:
 
 def measure(compute: Callable[[], object], text: str, *, quiet: bool) -> None:
     """Compute something with a progress bar, as a step that a time limit names."""
-    begin_step(text)
     with progress(text, quiet=quiet):
         compute()
 

@@ -19,7 +19,6 @@ from grasp3d.batch.sweeping import (
 from grasp3d.cli import progress_bars, sweep_report
 from grasp3d.cli.commands import Sweep
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.options import given_sampling
 from grasp3d.cli.ranges import parse_angles, parse_numbers
 from grasp3d.cli.report import Report
 from grasp3d.errors import GraspError
@@ -39,7 +38,7 @@ def run(command: Sweep) -> int:
     settings = SweepSettings(
         friction=parse_numbers("--friction", command.friction),
         sensor_resolution=parse_angles("--sensor-resolution", command.sensor_resolution),
-        sampling=given_sampling(command.sampling, command.multifinger),
+        sampling=command.sampling,
         mesh=command.mesh,
         fingers=command.fingers,
         reach=command.reach,

@@ -1,4 +1,4 @@
-"""The commands `design`, `hand`, `paper` and `warmup`: their options."""
+"""The commands `design`, `hand` and `paper`: their options."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -140,19 +140,3 @@ class Paper(Quiet):
     fixed: Annotated[tuple[float, float, float] | None, Stated(metavar="X Y Z")] = None
     """Position of the fixed finger on the object, in the mesh's frame and unit (default: a contact
     of the two-finger grasp with the largest maximum sensor resolution)."""
-
-
-@dataclass(frozen=True)
-class Warmup(Quiet):
-    """Compile the kernels ahead, so that no later command or Python program waits for it.
-
-    An installation brings them compiled for the machine that it is made on. On a machine with
-    another processor, or with another version of Numba, they are compiled when they are first
-    needed, once: this command does so before, on all processors.
-
-    Example:
-        # Compile what is not compiled yet
-        grasp3d warmup
-        # The same while the image of a container is built, without a message
-        grasp3d warmup --quiet
-    """

@@ -12,7 +12,7 @@ from typing import Any, NoReturn, get_type_hints
 
 from docstring_parser import parse_from_object
 
-from grasp3d.cli.options import Option, options_of, parted, settings_in
+from grasp3d.cli.options import Option, is_option, options_of, parted, settings_in
 from grasp3d.errors import SettingError
 from grasp3d.settings.lengths import METRES
 
@@ -219,7 +219,7 @@ def _made(kind: Any, /, **values: Any) -> Any:
     plain, constants = parted(kind)
     hints = get_type_hints(plain, include_extras=True)
     settings = {name: settings_in(hint) for name, hint in hints.items()}
-    names = [one.name for one in fields(plain) if one.name not in constants]
+    names = [one.name for one in fields(plain) if is_option(one, hints[one.name], constants)]
     return kind(
         **{
             name: _made(settings[name], **values) if settings[name] else values[name]

@@ -5,8 +5,6 @@ from pathlib import Path
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import View
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.options import given_sampling
-from grasp3d.cli.time_limit import time_limit
 from grasp3d.errors import GraspError, SettingError, WarningError
 from grasp3d.grasps.evaluation import evaluate_poses, poses_on
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
@@ -28,8 +26,7 @@ from grasp3d.viewer.window.display import display_problem
 def run(command: View) -> int:
     """Run the command; returns the exit code."""
     problem = _check(command)
-    with time_limit(command.timeout, printable(str(command.target))):
-        collection = _opened(command)
+    collection = _opened(command)
     if command.screenshot:
         with progress_bars.progress(f"rendering {command.screenshot.name}", quiet=command.quiet):
             save_picture(collection, command.view, command.screenshot)
@@ -52,7 +49,7 @@ def _collection(command: View) -> Collection:
     return open_collection(
         command.target,
         command.model,
-        given_sampling(command.sampling, command.multifinger),
+        command.sampling,
         command.mesh,
         force=command.force,
         reach=command.reach,

@@ -16,7 +16,7 @@ from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.holding import Holding
-from grasp3d.system.context import begin_step, within
+from grasp3d.system.context import within
 
 LISTED = 10
 """Best grasps that are kept of each part."""
@@ -69,7 +69,6 @@ class EvaluatedParts:
             grasps = evaluate_contacts(
                 self.mesh, contacts, self.model, first=self.size, **self._options
             )
-        begin_step("measuring epsilon")
         with within(EPSILON_FROM, 1.0):
             grasps.compute("epsilon_range")
         return grasps

@@ -8,7 +8,7 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.choices import Axis, check_approach
 from grasp3d.hand.hand import Hand, touching
 from grasp3d.settings import GraspModel, Radians, check_choice, whole_number
-from grasp3d.settings.parsing import Main, Settings
+from grasp3d.settings.parsing import IN_PYTHON, Main, Settings
 from grasp3d.settings.pose_error import PoseError, PoseErrorField
 
 Standing = Literal["none", "as-is", "stable"]
@@ -23,7 +23,7 @@ class ReachSettings(Settings):
             model), of the gripper that must reach each grasp: fingers and palm touch neither the
             object nor the table on a straight approach. none: ideal point contacts.
         table: What the object stands on. none: nothing; as-is: a table below its lowest points;
-            stable: a table in a stable resting pose, see resting_pose.
+            stable: a table in the most probable resting pose.
         up: Axis of the mesh's frame that points up. Table stable has an up of its own.
         resting_pose: Table stable: which of the resting poses; 1: the most probable one.
         approach_within: Largest angle between the approach direction and straight down, above 0, up
@@ -37,9 +37,9 @@ class ReachSettings(Settings):
     hand: Annotated[Hand | None, Main("gripper, or hand, that must reach the grasps")] = None
     table: Annotated[Standing, Main("what the object stands on")] = "none"
     up: Axis = "z"
-    resting_pose: int = 1
+    resting_pose: Annotated[int, IN_PYTHON] = 1
     approach_within: Radians = math.pi
-    approach_angles: int = 32
+    approach_angles: Annotated[int, IN_PYTHON] = 32
     pose_error: Annotated[PoseErrorField, Main("error of poses: 5mm,3deg")] = PoseErrorField(
         PoseError()
     )

@@ -19,7 +19,6 @@ from grasp3d.reading.mesh_files import read_mesh
 from grasp3d.reading.scenes import flattened
 from grasp3d.reading.sources import RawMesh, check_corners, check_finite, stated_unit
 from grasp3d.settings.costs import check_cost
-from grasp3d.system.context import begin_step
 from grasp3d.system.names import reason_of
 
 LARGEST = 1e60
@@ -133,7 +132,6 @@ def read_source(source: MeshSource) -> RawMesh:
         MeshError: A file cannot be read, or an object is no mesh.
     """
     if isinstance(source, str | os.PathLike):
-        begin_step("reading the mesh")
         path = Path(os.fsdecode(source))
         return replace(read_mesh(path), name=path.name, path=path)
     if isinstance(source, ObjectMesh):

@@ -212,9 +212,8 @@ class PlausibleRange:
 LIMIT = PlausibleRange(1.0 / 500.0, 0.01, 100.0, usual=0.5, example="80mm")
 PART = PlausibleRange(0.0, 0.01, 1.0, usual=0.05, example="5mm")
 RANGES = {
-    "max_opening": LIMIT,
     "min_opening": PART,
-    "max_spread": LIMIT,
+    "max_opening": LIMIT,
     "min_separation": PART,
     "torsion_radius": PART,
     "location_error": PlausibleRange(0.0, 0.0, 1.0, usual=0.02, example="2mm"),

@@ -22,7 +22,6 @@ from grasp3d.mesh.work_bounds import bounds_of
 from grasp3d.reading.sources import RawMesh
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.lengths import Unit, settings_in_unit
-from grasp3d.system.context import begin_step
 from grasp3d.system.names import printable
 
 OUTSIDE = 1e-6
@@ -132,7 +131,6 @@ def repair_given(mesh: RawMesh, options: MeshOptions) -> RepairedSurface:
     Raises:
         MeshError: It is not a surface, or too large.
     """
-    begin_step("repairing the surface")
     check_surface(mesh, options.max_memory)
     with bounds_of(mesh.where):
         return repair_surface(mesh.vertices, mesh.faces, options.repair, mesh.where)
@@ -151,7 +149,6 @@ def refined_mesh(source: RawMesh, repaired: RepairedSurface, options: MeshOption
         SettingError: A length has a unit, but that of the mesh is not known; or the centre of mass
             is far away.
     """
-    begin_step("refining the mesh")
     unit = options.unit or source.unit
     (options,) = settings_in_unit(unit, options, source=source.name)
     error = rounding_of(source.vertices)

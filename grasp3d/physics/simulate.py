@@ -32,7 +32,7 @@ from grasp3d.settings.lengths import METRES, known_unit, settings_in_unit
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import input_warnings, mass_of
-from grasp3d.system.context import begin_step, refuse_warnings, report_progress, unreported
+from grasp3d.system.context import refuse_warnings, report_progress, unreported
 from grasp3d.system.counts import counted
 from grasp3d.system.isolation import CallFailedError, call
 
@@ -232,15 +232,12 @@ def simulate_grasps(
     within = _within(own_sampling, surface, hand)
     radius = _tip_radius(settings, surface, hand)
     processes = cluster or ClusterSettings()
-    begin_step("dividing the object into convex parts")
     parts = divided(surface, settings, processes)
-    begin_step("drawing grasps")
     random = _random_stream(settings.seed, GRASPS)
     with unreported():
         reached = true_points(surface, parts, radius, settings.part_angle, random)
         grasps = draw_grasps(surface, reached, own_model, within, settings.count, random)
         poses, openings = _poses(grasps, radius, random)
-    begin_step("simulating grasps")
     tips = Tips(radius * scale, own_model.friction, own_model.torsion_radius * scale)
     stage = Stage.of(surface, parts, tips, *settings_in_unit("m", settings))
     centers = np.broadcast_to(surface.center_mass, (grasps.count, 3))
@@ -418,9 +415,7 @@ def simulate_poses(
     settings = _loaded(replace(settings, pulled="center_of_mass"), surface, hand, load)
     with unreported():
         evaluated = evaluate_grasps(surface, poses, model, hand=hand, load=load)
-    begin_step("dividing the object into convex parts")
     parts = divided(evaluated.mesh, settings, processes)
-    begin_step("simulating grasps")
     stage = Stage.of(evaluated.mesh, parts, _tips(hand, evaluated.model, scale, settings), settings)
     given = np.repeat(np.arange(evaluated.size), settings.trials)
     errors = settings.pose_error.draw(len(given), "m", _random_stream(settings.seed, OFFSETS))

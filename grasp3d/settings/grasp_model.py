@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from grasp3d.errors import SettingError
 from grasp3d.settings.checks import DEGREE, Radians, check_choice, check_length, check_range
 from grasp3d.settings.lengths import Length, LengthSettings
-from grasp3d.settings.parsing import Group, Main
+from grasp3d.settings.parsing import IN_PYTHON, Group, Main
 from grasp3d.settings.uncertainty import (
     Friction,
     check_normal_error,
@@ -74,9 +74,9 @@ class GraspModel(LengthSettings):
     sensor_resolution: Annotated[Radians, Main("what the fingertip cannot resolve")] = 22.6 * DEGREE
     fingers: Annotated[int, Group("hand")] = 2
     method: Annotated[Method, Group("search")] = "exact"
-    extreme_normals: Annotated[int, Group("search")] = 8
-    edges: Annotated[int | None, Group("search")] = None
-    actuation: Annotated[Actuation, Group("search")] = "total"
+    extreme_normals: Annotated[int, IN_PYTHON] = 8
+    edges: Annotated[int | None, IN_PYTHON] = None
+    actuation: Annotated[Actuation, IN_PYTHON] = "total"
     torsion_radius: Length[float] = Length(0.0)
     friction_error: float = 0.0
     normal_error: Radians = 0.0

@@ -26,6 +26,15 @@ class Group(str):
     __slots__ = ()
 
 
+class _InPython:
+    """Marks the type of a field that commands have no option for: Python alone sets it."""
+
+    __slots__ = ()
+
+
+IN_PYTHON = _InPython()
+
+
 class TextValue:
     """A value that stands in files and reports as its `str`, from which it is made again."""
 

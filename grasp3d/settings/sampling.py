@@ -11,7 +11,7 @@ from grasp3d.settings.grasp_model import (
     GraspModel,
 )
 from grasp3d.settings.lengths import Length, LengthSettings, comparable, describe_length
-from grasp3d.settings.parsing import Group, Main
+from grasp3d.settings.parsing import IN_PYTHON, Group, Main
 
 Grip = Literal["squeeze", "expand", "both"]
 CandidatePoints = Literal["surface", "vertices"]
@@ -38,11 +38,11 @@ class SearchSettings(LengthSettings):
     span: ClassVar[str]
     """What the distance between the contacts of a grasp is called."""
 
-    limits: ClassVar[tuple[str, str]]
-    """Names of the fields with its smallest and largest value."""
+    least: ClassVar[str]
+    """Name of the field with its smallest value."""
 
-    search_angle: Radians | None = None
-    tolerance: Radians = 1e-3
+    search_angle: Annotated[Radians | None, IN_PYTHON] = None
+    tolerance: Annotated[Radians, IN_PYTHON] = 1e-3
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -55,8 +55,7 @@ class SearchSettings(LengthSettings):
     @classmethod
     def own_names(cls) -> tuple[str, ...]:
         """Names of the fields for this number of fingers alone."""
-        common = {one.name for one in fields(SearchSettings)}
-        return tuple(one.name for one in fields(cls) if one.name not in common)
+        return tuple(one.name for one in fields(cls) if one.name not in _COMMON)
 
     @property
     def own_changes(self) -> tuple[str, ...]:
@@ -69,12 +68,12 @@ class SearchSettings(LengthSettings):
     @property
     def common(self) -> dict[str, Any]:
         """The values of the fields for any number of fingers, by name."""
-        return {one.name: getattr(self, one.name) for one in fields(SearchSettings)}
+        return {name: getattr(self, name) for name in _COMMON}
 
     def fitted(self, fingers: int) -> "AnySampling":
         """Settings for a number of fingers: these, or where they are for another, the defaults.
 
-        Those have the same search angle and tolerance.
+        Those have the same fields for any number of fingers.
 
         Raises:
             SettingError: A field differs from its default that does not apply.
@@ -89,25 +88,20 @@ class SearchSettings(LengthSettings):
             )
         return kind(**self.common)
 
-    @property
-    def max_distance(self) -> float:
-        """Largest distance allowed between contacts."""
-        limit: float = getattr(self, self.limits[1])
-        return limit
-
     def limited(self, most: float) -> Self:
         """The same search, for contacts within another distance of each other.
 
         Args:
             most: The largest distance, in the unit of the lengths, which are numbers.
         """
-        least_name, most_name = self.limits
-        least = getattr(self, least_name)
-        limits: dict[str, Any] = {
-            least_name: None if least is None else min(least, most),
-            most_name: most,
-        }
+        least = getattr(self, self.least)
+        least = None if least is None else min(least, most)
+        limits: dict[str, Any] = {self.least: least, "max_opening": most}
         return replace(self, **limits)
+
+
+_COMMON = (*(one.name for one in fields(SearchSettings)), "max_opening")
+"""Names of the fields for any number of fingers."""
 
 
 @dataclass(frozen=True)
@@ -124,8 +118,8 @@ class Sampling(SearchSettings):
         grip: Two fingers. squeeze: they are outside, pushing toward each other; expand: inside a
             ring or a mug, pushing apart; both: whichever is better.
         min_opening: Two fingers: smallest distance between the contacts, a length.
-        max_opening: Two fingers: largest distance between the contacts, a length: the gripper's
-            stroke.
+        max_opening: Largest distance between any two contacts, a length: the gripper's stroke, or
+            the reach of the robot's hand.
 
     Example:
         A gripper that opens to 80 mm, and a search that is wide enough to label the surface again
@@ -141,9 +135,9 @@ class Sampling(SearchSettings):
     """
 
     span: ClassVar[str] = "opening"
-    limits: ClassVar[tuple[str, str]] = ("min_opening", "max_opening")
+    least: ClassVar[str] = "min_opening"
 
-    rays: int = 64
+    rays: Annotated[int, IN_PYTHON] = 64
     grip: Grip = "squeeze"
     min_opening: Annotated[Length[float], Group("hand")] = Length(0.0)
     max_opening: Annotated[
@@ -171,9 +165,8 @@ class MultifingerSampling(SearchSettings):
             If candidate points are vertices, all of them are tested where there are at most four
             times as many.
         min_separation: Three fingers and more: smallest distance between any two contacts, a
-            length; none: 1/100 of the object's size, but at most 1/10 of max_spread.
-        max_spread: Three fingers and more: largest distance between any two contacts, a length: the
-            reach of the robot's hand.
+            length; none: 1/100 of the object's size, but at most 1/10 of max_opening.
+        max_opening: Largest distance between any two contacts, a length: the reach of the hand.
         candidate_points: Three fingers and more: where the other fingers may be. surface: anywhere
             on it; vertices: at the mesh's vertices only.
         seed: Three fingers and more: random seed of the candidate points and of the search; the
@@ -184,19 +177,19 @@ class MultifingerSampling(SearchSettings):
 
         >>> import trimesh
         >>> import grasp3d
-        >>> sampling = grasp3d.MultifingerSampling(max_spread="150mm", candidates=16)
+        >>> sampling = grasp3d.MultifingerSampling(max_opening="150mm", candidates=16)
         >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(1, 40.0), unit="mm", max_edge=99.0)
         >>> labels = grasp3d.label_surface(ball, grasp3d.GraspModel(fingers=3), sampling=sampling)
-        >>> labels.sampling.max_spread, labels.partners.shape
+        >>> labels.sampling.max_opening, labels.partners.shape
         (150.0, (42, 2, 3))
     """
 
     span: ClassVar[str] = "spread"
-    limits: ClassVar[tuple[str, str]] = ("min_separation", "max_spread")
+    least: ClassVar[str] = "min_separation"
 
     candidates: int = 64
     min_separation: Length[float | None] = Length(None)
-    max_spread: Length[float] = Length(math.inf)
+    max_opening: Length[float] = Length(math.inf)
     candidate_points: CandidatePoints = "surface"
     seed: int = 0
 
@@ -277,12 +270,12 @@ def _check_limits(what: str, sampling: AnySampling) -> None:
 
     A number and a length with a unit are compared later, when the mesh's unit is known.
     """
-    least, most = sampling.limits
-    limits = getattr(sampling, least), getattr(sampling, most)
+    least = sampling.least
+    limits = getattr(sampling, least), sampling.max_opening
     low, high = comparable(*limits) or (0.0, math.inf)
     if not (0.0 <= low <= high and low < math.inf and high > 0.0):
         low_text, high_text = map(describe_length, limits)
         raise SettingError(
-            f"{what} must satisfy 0 <= {least} <= {most}, and {most} above 0; got {low_text} and "
-            f"{high_text}"
+            f"{what} must satisfy 0 <= {least} <= max_opening, and max_opening above 0; got "
+            f"{low_text} and {high_text}"
         )

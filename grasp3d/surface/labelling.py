@@ -36,7 +36,7 @@ from grasp3d.surface.load_case import LoadCase, input_warnings, loaded_mesh
 from grasp3d.surface.sampling.antipodal import ALIKE, AntipodalGrasps, Ranking, best_pairs
 from grasp3d.surface.sampling.multifinger import search
 from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at, grasps_differ
-from grasp3d.system.context import begin_step, refuse_warnings, report_progress, unreported, within
+from grasp3d.system.context import refuse_warnings, report_progress, unreported, within
 
 TIE = 1e-9
 """Difference of located angles up to which a grasp is kept [rad]."""
@@ -203,7 +203,6 @@ class Labelling:
     def labels(self) -> SurfaceLabels:
         """Search for the best grasp through every vertex, and label it; see `label_surface`."""
         enumerated = self.model.method == "extremes"
-        begin_step("searching for grasps")
         with within(0.0, BEFORE_ENUMERATION if enumerated else 1.0):
             if isinstance(self.sampling, Sampling):
                 labels = label_pairs(self.mesh, self.model, self.sampling, self.scene)
@@ -211,8 +210,6 @@ class Labelling:
                 labels = label_multifinger(self.mesh, self.model, self.sampling, self.scene)
         if self.load is not None:
             labels = labels.using(load=self.load)
-        if enumerated:
-            begin_step("labelling at the extreme normals")
         with within(BEFORE_ENUMERATION, 1.0):
             labels.compute_labels()
         return labels

@@ -1,10 +1,9 @@
-"""The context of a call: threads, progress, the times of steps, whether warnings are errors.
+"""The context of a call: threads, progress, whether warnings are errors.
 
 It is a context variable: what a function calls has the same context, another thread a new one.
 """
 
 import os
-import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -19,42 +18,12 @@ Progress = Callable[[float], None]
 """Called with the fraction of the work that is done, from 0 to 1; what it raises ends the work."""
 
 
-class StepTimes:
-    """The time of each step, in the order in which they began."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        """Time of the finished steps [s], by name."""
-        self._running: tuple[str, float] | None = None
-
-    def begin(self, name: str) -> None:
-        """Begin a step, and end the one before."""
-        self.end()
-        self._running = name, time.monotonic()
-
-    def end(self) -> None:
-        """End the running step."""
-        if self._running is not None:
-            name, began = self._running
-            self._running = None
-            self.seconds[name] = self.seconds.get(name, 0.0) + time.monotonic() - began
-
-    def __str__(self) -> str:
-        """List the steps with their times; the last one is the running one."""
-        texts = [f"{name} {seconds:.1f} s" for name, seconds in self.seconds.items()]
-        if (running := self._running) is not None:
-            name, began = running
-            texts.append(f"{name} {time.monotonic() - began:.1f} s and not finished")
-        return ", ".join(texts) or "no step had begun"
-
-
 @dataclass(frozen=True)
 class _Context:
     """What all functions of a call share."""
 
     threads: int | None = None
     progress: Progress | None = None
-    times: StepTimes | None = None
     strict: bool = False
 
 
@@ -202,25 +171,3 @@ def unreported() -> Iterator[None]:
     """Run a part whose progress is not reported."""
     with _changed(progress=None):
         yield
-
-
-def begin_step(name: str) -> None:
-    """Record that a step of a computation begins, if the times of steps are recorded.
-
-    Args:
-        name: The step, as a gerund: `repairing the surface`.
-    """
-    times = _context.get().times
-    if times is not None:
-        times.begin(name)
-
-
-@contextmanager
-def recorded_steps() -> Iterator[StepTimes]:
-    """Record the times of the steps that begin in this context."""
-    times = StepTimes()
-    with _changed(times=times):
-        try:
-            yield times
-        finally:
-            times.end()

@@ -14,6 +14,7 @@ import pytest
 import trimesh
 
 import grasp3d
+from grasp3d._kernels.compiling.ahead import warmup
 from grasp3d.batch import cluster
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.job_requests import Request
@@ -43,7 +44,7 @@ if __name__ == "__main__":
     block = ("block.off", "--unit", "m", "--max-edge", "40mm")
     held = ("--hand", "robotiq_2f85", "--table", "as-is", "--mass", "0.1kg")
     run("label", *mug, "--best", 2)
-    run("label", *small, "-o", "extremes.ply", "--method", "extremes", "--edges", 4)
+    run("label", *small, "-o", "extremes.ply", "--method", "extremes")
     run("label", *mug, "-o", "located.ply", "--location-error", "1mm", "--normal-error", 2)
     run("label", *small, "-o", "soft.ply", "--torsion-radius", "1mm")
     run("label", *mug, *held, "-o", "held.ply", "--best", 2, "--grasps", "poses.json")
@@ -69,7 +70,7 @@ if __name__ == "__main__":
 @pytest.mark.slow
 @pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
 def test_no_command_compiles_what_was_compiled_ahead(tmp_path: Path) -> None:
-    grasp3d.warmup()
+    warmup()
     code = tmp_path / "commands.py"
     code.write_text(COMMANDS)
     (tmp_path / "small.off").write_text(mesh_files.off_text())

@@ -254,7 +254,7 @@ def test_describe_settings() -> None:
     assert text["Fingers"] == "2, soft"
     assert {"Torsion radius", "Longest edge", "Unit of the files"} <= set(text)
     assert text["Search"] == "grasps with β* up to 57.3°"
-    three_fingers = BatchSettings(GraspModel(fingers=3), MultifingerSampling(max_spread=0.12))
+    three_fingers = BatchSettings(GraspModel(fingers=3), MultifingerSampling(max_opening=0.12))
     text = dict(describe_settings(three_fingers))
     assert text["Distances between contacts"] == "at most 0.12 (in each mesh's unit)"
     assert "Grip" not in text

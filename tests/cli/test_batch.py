@@ -19,7 +19,7 @@ from grasp3d.batch.row import TIMINGS
 from tests.helpers import shapes
 from tests.helpers.commands import COMMAND, run_here, run_process
 
-OPTIONS = ("--rays", "8", "--max-edge", "0.3")
+OPTIONS = ("--max-edge", "0.3")
 
 
 @contextmanager

@@ -34,7 +34,7 @@ THREE = [
     [[0.5, 0.1, 0.1], [0.5, -0.1, 0.1], [0.5, 0.0, -0.1]],
     [[0.5, 0.1, 0.1], [0.5, 0.1, 0.1], [0.5, 0.1, 0.1]],
 ]
-TWO_FINGERS = ("--rays", "16", "--max-edge", "0.2")
+TWO_FINGERS = ("--max-edge", "0.2")
 
 
 @pytest.fixture
@@ -340,7 +340,7 @@ def printed_rows(text: str) -> list[list[str]]:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("fingers", "options"),
-    [(2, TWO_FINGERS), (3, ("--fingers", "3", "--candidates", "8", "--max-edge", "0.3"))],
+    [(2, TWO_FINGERS), (3, ("--fingers", "3", "--max-edge", "0.3"))],
 )
 def test_the_best_grasps_evaluated_again_are_the_same(
     folder: Path, fingers: int, options: tuple[str, ...], monkeypatch: pytest.MonkeyPatch

@@ -17,7 +17,7 @@ from tests.helpers import shapes
 from tests.helpers.commands import export, printed
 from tests.helpers.commands import run_here as grasp3d
 
-COARSE = ("--max-edge", "inf", "--rays", "8", "--unit", "m")
+COARSE = ("--max-edge", "inf", "--unit", "m")
 
 
 @pytest.fixture

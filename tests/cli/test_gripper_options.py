@@ -17,7 +17,7 @@ from tests.helpers import shapes
 from tests.helpers.commands import printed, run_here
 from tests.helpers.grippers import HAND
 
-OPTIONS = ("--unit", "mm", "--max-edge", "10", "--rays", "8")
+OPTIONS = ("--unit", "mm", "--max-edge", "10")
 FRANKA = ("--hand", "franka", "--table", "as-is")
 
 
@@ -64,18 +64,20 @@ def test_label_prints_the_verdict_and_writes_poses(
 
 
 @pytest.mark.slow
-def test_own_grippers_and_resting_poses(box: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_own_grippers_on_a_table_that_the_object_rests_on(
+    box: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(
         "grasp3d.rendering.opengl.can_render", lambda: False
     )  # pictures take seconds
     write_hand(box / "mine.json", HAND)
     printed(
         "label", "box.stl", *OPTIONS, "--hand", "mine.json", "--table", "stable",
-        "--resting-pose", "3", "--approach-within", "40", "--approach-angles", "16", "--best", "2",
+        "--approach-within", "40", "--best", "2",
         cwd=box,
     )  # fmt: skip
     poses = read_poses(box / "box_grasps.json")
-    table = Table.resting(load_mesh(box / "box.stl", unit="mm", max_edge=90.0), 3)
+    table = Table.resting(load_mesh(box / "box.stl", unit="mm", max_edge=90.0))
     downward = -(poses.poses[:, :3, 2] @ table.normal)
     assert (downward >= np.cos(np.radians(40.0)) - 1e-9).all()
     printed(

@@ -69,7 +69,7 @@ def test_placeholders_are_the_same_everywhere(command: str) -> None:
     text = grasp3d(command, "--help-all", cwd=Path(), columns=80).stdout
     for word in ("{None", "STR", "(default: )", "(default: None)", "default: False"):
         assert word not in text
-    for name in re.findall(r"--(?:\w+-opening|max-spread|max-distance)", text):
+    for name in re.findall(r"--(?:\w+-opening|max-opening|max-distance)", text):
         assert f"{name} LENGTH" in text
     if "--unit" in text:
         assert "Unit of the mesh's coordinates" in " ".join(text.split())

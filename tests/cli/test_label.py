@@ -34,27 +34,15 @@ def test_label_writes_the_ply_and_prints_the_fractions(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_angles_are_degrees_on_the_command_line(tmp_path: Path) -> None:
     source = export(tmp_path / "ball.ply", shapes.sphere(2))
-    arguments = ("--sensor-resolution", "30", "--friction", "0.2", "--search-angle", "40")
+    arguments = ("--sensor-resolution", "30", "--friction", "0.2")
     printed("label", source, "-o", "out.npz", "--max-edge", "9", *arguments, cwd=tmp_path)
     with np.load(tmp_path / "out.npz") as data:
         assert float(str(data["setting_sensor_resolution"])) == pytest.approx(math.radians(30.0))
-        assert float(str(data["setting_search_angle"])) == pytest.approx(math.radians(40.0))
         assert set(data["label"]) == {1}  # 15 degrees of tilt against 11.3 of friction
 
 
 OPTIONS: dict[str, tuple[list[str], str, dict[str, str]]] = {
     "usual": ([], "smallest over all tilts", {"epsilon_min": "exact", "edges": "None"}),
-    "circular": (["--edges", "none"], "smallest over all tilts", {"edges": "None"}),
-    "polygons": (
-        ["--edges", "8"],
-        "at the effective friction",
-        {"edges": "8", "epsilon_min": "effective_friction", "epsilon_rank": "5"},
-    ),
-    "per finger": (
-        ["--actuation", "per_finger"],
-        "smallest over all tilts",
-        {"actuation": "per_finger", "epsilon_rank": "5"},
-    ),
     "soft": (
         ["--torsion-radius", "0.05"],
         "lower bound over all uncertainties",
@@ -116,7 +104,7 @@ def test_help_is_printed_quickly_and_names_the_settings(tmp_path: Path) -> None:
     used += after.children_system - before.children_system
     assert used < 5.0  # of computing, as others may be busy; test_layers checks the loaded modules
     assert "INT|none" in run.stdout
-    for option in ("--edges", "--friction", "--sensor-resolution", "--max-opening", "--unit"):
+    for option in ("--friction", "--sensor-resolution", "--max-opening", "--unit"):
         assert option in run.stdout
     assert "22.6" in run.stdout
     assert "type: ignore" not in run.stdout

@@ -10,7 +10,7 @@ from tests.helpers import shapes
 from tests.helpers.commands import export, printed
 from tests.helpers.commands import run_here as grasp3d
 
-COARSE = ("--max-edge", "inf", "--rays", "8")
+COARSE = ("--max-edge", "inf")
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ OPTIONS = (
     "--mass", "--density", "--grip-force", "--task", "--center-of-mass",
     "--center-of-mass-radius",
 )  # fmt: skip
-COARSE = ("--max-edge", "20", "--rays", "8")
+COARSE = ("--max-edge", "20")
 
 
 @pytest.fixture(scope="module")

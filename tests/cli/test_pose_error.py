@@ -67,7 +67,7 @@ def test_without_an_error_there_is_a_score_alone(folder: Path) -> None:
 
 def test_the_best_grasps_say_it_too(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("grasp3d.rendering.opengl.can_render", lambda: False)
-    options = ("--unit", "m", "--max-edge", "12mm", "--rays", "16", "--hand", "hand.json")
+    options = ("--unit", "m", "--max-edge", "12mm", "--hand", "hand.json")
     text = printed("label", "box.stl", *options, "--best", "2", "--pose-error", "2mm", cwd=folder)
     assert re.search(r"closed +tried +score$", text, re.MULTILINE)
     count = re.search(r"worst label of (\d+) poses that are wrong by at most 2 mm, ", text)

@@ -29,7 +29,6 @@ label ball.ply --friction 0.6..0.4 | an interval of two, the smallest first
 label ball.ply --friction-error 0.5 | below the friction, 0.5
 label ball.ply --sensor-resolution -1 | below 180 degrees
 label ball.ply --sensor-resolution 180 | below 180 degrees
-label ball.ply --edges 2 | edges must be from 3 to 360
 label ball.ply --torsion-radius -1 | torsion radius must be
 label ball.ply --normal-error steep | --normal-error must be an angle | deg, rad); got 'steep'
 label ball.ply --normal-error none | --normal-error must be an angle (a number of degrees
@@ -49,12 +48,9 @@ label box.stl --unit mm --location-error 2m | location_error is 2 m, 18.6 times 
 label box.stl --max-opening 70mm | is 70 mm, but the unit of box.stl is not known: give the unit
 label box.stl --unit mm --max-opening 70000 | is 7e+04 mm, 650 times the size of box.stl, 107.7 mm
 label box.stl --hand franka | give the unit
-label box.stl --unit mm --hand franka --table stable --resting-pose 99 | pose must be from 1 to
-label box.stl --unit mm --hand franka --resting-pose 2 | table stable only
 label box.stl --unit mm --hand franka --table stable --up y | up does not
 label box.stl --unit mm --table as-is | applies to grippers only
 label box.stl --unit mm --hand franka --approach-within 0 | must be above 0 and at most 180
-label box.stl --unit mm --hand franka --approach-angles 7 | from 8 to 64
 label box.stl --unit mm --hand franka --fingers 3 | flat pads
 label box.stl --unit mm --hand franka --min-opening 100 --force | contradicts
 label box.stl --mass -0.5kg | mass must be finite and above 0 [kg]; got -0.5kg
@@ -115,7 +111,7 @@ label box.stl --unit mm --best 2 --object-pose 1,0,0,0 | of a gripper of two fin
 label box.stl --unit mm --hand franka --best 2 --object-pose 1,0,0,0 --grasps a.h5 | acronym files
 label box.stl --unit mm --hand franka --best 2 --object-pose 1,0,0,0 --grasps a.npy | graspnet files
 label box.stl --unit mm --mass 2000 --strict | 10,000,000 kg/m^3, more than any material: if its
-label box.stl --unit mm --mass 2000 --strict --timeout none | if its mass is 2000 g, give --mass 20
+label box.stl --unit mm --mass 2000 --strict | if its mass is 2000 g, give --mass 20
 label box.stl --unit cm --mass 0.5 --hand franka --strict | strokes of the gripper, 8 cm each
 label box.stl --unit m --mass 0.5 --strict | 110 m large: with 0.5 kg it has 2.6e-06 kg/m^3 and
 label open.stl --strict | the surface is open: inside and outside
@@ -219,12 +215,9 @@ sweep circle --sensor-resolution 0:60:0 | STEP above 0
 sweep box.stl --max-opening 70mm | is 70 mm, but the unit of box.stl is not known: give the unit
 sweep box.stl --unit mm --max-opening 70000 | is 7e+04 mm, 650 times the size of box.stl, 107.7 mm
 sweep circle --fraction 50 | each fraction must be
-sweep ball.ply --search-angle 30 | 75 degrees; got 30
 sweep circle --workers -1 | workers must be
 sweep circle --fingers 3 | closed form for two fingers only; got 3
 sweep ball.ply --fingers 6 | fingers must be from 2 to 5; got 6
-sweep ball.ply --fingers 3 --rays 16 | rays does not apply to 3
-sweep ball.ply --rays 16 --seed 1 | two fingers and --seed for three
 check nothing.stl | there is no such file or folder
 check void | no mesh in it
 check ball.ply -o report.txt | unsupported report format .txt
@@ -318,8 +311,6 @@ label x --frictoin 1 | did you mean --friction?
 label x --resolution 3 | did you mean --sensor-resolution?
 label x --colour red | no option --colour; all options: grasp3d label --help-all
 label x --no-mass | --no-mass
-warmup --hand | grasp3d warmup has no option --hand
-warmup --fingers 3 | grasp3d warmup has no option --fingers
 design --fraction 1 | did you mean --friction?
 design --mass 1 | design has no option --mass
 label x --fingers | --fingers needs a value: INT
@@ -331,11 +322,9 @@ label x --hand | --hand needs a value: NAME|FILE|none
 label x --mass --best 3 | --mass needs a value: MASS|none
 paper -o x --fixed 1 2 | --fixed needs 3 values: X Y Z
 paper -o x --fixed 1 2 x | --fixed must be a number; got 'x'
-label x --edges some | --edges must be a whole number, or none; got 'some'
 label ball.ply --best all | --best must be a whole number, or none; got 'all'
 label x --fingers 2.5 | --fingers must be a whole number; got '2.5'
 label x --friction-error small | --friction-error must be a number; got 'small'
-label x --actuation both | --actuation must be one of total, per_finger; got 'both'
 check ball.ply --repair all | --repair must be one of none, safe, full; got 'all'
 view ball.ply --paint red | --paint must be one of label, critical_angle
 label x --grasps-format urdf | --grasps-format must be one of json, csv
@@ -359,9 +348,6 @@ label ball.ply --unit feet | --unit must be one of m, cm, mm, in, or none; got '
 label ball.ply --table wood | --table must be one of none, as-is, stable
 label ball.ply --up w | --up must be one of x, y, z, -x, -y, -z
 label ball.ply --grip hard | --grip must be one of squeeze, expand, both
-label ball.ply --seed one | --seed must be a whole number
-label ball.ply --timeout soon | --timeout must be a number, or none
-label ball.ply --timeout 0 | timeout must be a finite time above 0 s
 label ball.ply --mass heavy | mass must be
 label ball.ply --mass 5stone | mass must be
 label ball.ply --density 1000 --mass 1 | mass and density exclude each other
@@ -374,7 +360,6 @@ label ball.ply --best 3 --grasps x.yaml | unsupported table format .yaml
 label ball.ply --best 3 --grasps x.txt --hand franka | unsupported table format .txt
 label ball.ply --best 3 --grasps x.json --grasps-format csv --hand franka | .csv
 label ball.ply --best 3 -o x.parquet --grasps x.parquet | is the labelled file and that of the best
-label ball.ply --rays 16 --seed 1 | two fingers and --seed for three
 label ball.ply --approach-within 30 | applies to grippers only
 label ball.ply -o x | x: has no suffix: supported are .ply
 label ball.ply -o x.PLYS | unsupported format .PLYS

@@ -23,7 +23,7 @@ def shell(line: str, cwd: Path, **environment: str) -> subprocess.CompletedProce
 @pytest.mark.slow
 def test_a_closed_output_discards_what_is_printed(tmp_path: Path) -> None:
     export(tmp_path / "box.stl", shapes.box((0.04, 0.06, 0.08)))
-    words = "box.stl --max-edge inf --rays 8"
+    words = "box.stl --max-edge inf"
     run = shell(f"label {words} >&-", tmp_path)
     assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
     assert (tmp_path / "box_labeled.ply").read_bytes().startswith(b"ply\n")

@@ -35,7 +35,7 @@ from tests.helpers.commands import export, printed
 from tests.helpers.commands import run_here as grasp3d
 from tests.helpers.commands import run_process as real_grasp3d
 
-QUICK = ("--rays", "16", "--max-edge", "9")
+QUICK = ("--max-edge", "9")
 SETTINGS = SweepSettings(
     (0.2, 1.0), tuple(np.radians([0.0, 30.0])), Sampling(rays=16), MeshOptions(max_edge=9.0)
 )
@@ -116,7 +116,7 @@ def test_a_folder_with_a_broken_mesh_has_the_mean_of_the_others(tmp_path: Path) 
 @pytest.mark.slow
 def test_a_note_about_creases_that_decide_the_required_resolution(tmp_path: Path) -> None:
     export(tmp_path / "box.stl", shapes.box())
-    once = ("--friction", "0.5", "--sensor-resolution", "20", "--rays", "8")
+    once = ("--friction", "0.5", "--sensor-resolution", "20")
     for edge, noted in (("0.1", True), ("0.02", False)):
         text = printed("sweep", "box.stl", *once, "--max-edge", edge, cwd=tmp_path)
         assert ("area includes strips along creases, on box.stl" in text) == noted

@@ -16,7 +16,7 @@ from tests.helpers import shapes
 from tests.helpers.commands import export, printed
 from tests.helpers.commands import run_here as grasp3d
 
-COARSE = ("--max-edge", "inf", "--rays", "8", "--unit", "mm")
+COARSE = ("--max-edge", "inf", "--unit", "mm")
 ERRORS = (
     "--friction", "0.4..0.6", "--sensor-resolution", "10", "--normal-error", "2",
     "--location-error", "1mm",
@@ -105,7 +105,7 @@ def test_the_report_of_grasps_has_their_margins(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_reports_have_millimetres_and_the_meaning_of_safe_labels(tmp_path: Path) -> None:
     export(tmp_path / "box.stl", shapes.box((0.04, 0.06, 0.08)))
-    words = ("--unit", "m", "--max-edge", "inf", "--rays", "8", "--location-error", "1mm")
+    words = ("--unit", "m", "--max-edge", "inf", "--location-error", "1mm")
     text = printed("label", "box.stl", *words, cwd=tmp_path)
     (line,) = [line for line in text.splitlines() if line.startswith("uncertain: ")]
     assert "contact locations by 1 mm" in line
@@ -121,7 +121,7 @@ def test_reports_have_millimetres_and_the_meaning_of_safe_labels(tmp_path: Path)
 
 def test_a_batch_refuses_a_location_error_that_cannot_be_meant(tmp_path: Path) -> None:
     export(tmp_path / "box.stl", shapes.box((40.0, 60.0, 80.0)))
-    words = ("--unit", "mm", "--rays", "8", "--max-edge", "inf")
+    words = ("--unit", "mm", "--max-edge", "inf")
     batch = ("batch", "box.stl", "--workers", "0", *words)
     done = grasp3d(*batch, "-o", "out", "--location-error", "500mm", cwd=tmp_path)
     assert done.returncode == 1

@@ -118,7 +118,7 @@ def test_pages_of_commands_show_what_the_guide_prints(site: Path) -> None:
             "/following-sibling::div[1][contains(@class, 'highlight-text')]"
         )
     }
-    assert set(KINDS) - shown == {"paper", "warmup"}
+    assert set(KINDS) - shown == {"paper"}
 
 
 def test_pictures_of_the_gallery_stand_above_their_code(site: Path) -> None:

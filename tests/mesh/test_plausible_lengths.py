@@ -24,7 +24,7 @@ from tests.helpers import shapes
 
 REFUSED: dict[str, tuple[dict[str, float | str], float, Any, str]] = {
     "mm for m": ({"max_opening": 80.0}, 0.144, "m", "if it is in mm, give --max-opening 80mm"),
-    "m for mm": ({"max_spread": 0.1}, 144.0, "mm", "if it is in m, give --max-spread 0.1m"),
+    "m for mm": ({"max_opening": 0.1}, 144.0, "mm", "if it is in m, give --max-opening 0.1m"),
     "radius": ({"torsion_radius": 3.0}, 0.144, "m", "if it is in mm, give --torsion-radius 3mm"),
     "no unit": ({"max_opening": 80.0}, 0.144, None, "give --unit m and --max-opening 80mm"),
     "distance": ({"max_distance": 5.0}, 0.144, "m", "if it is in mm, give --max-distance 5mm"),

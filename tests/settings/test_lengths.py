@@ -58,7 +58,7 @@ def test_only_lengths_with_that_default_can_be_none() -> None:
     empty: Any = None
     for call in (
         lambda: Sampling(min_opening=empty),
-        lambda: MultifingerSampling(max_spread=empty),
+        lambda: MultifingerSampling(max_opening=empty),
         lambda: GraspModel(torsion_radius=empty),
     ):
         with pytest.raises(SettingError, match=r"must be a length: .*; got None"):
@@ -88,8 +88,8 @@ def test_every_length_of_the_settings_takes_a_unit() -> None:
         ),
         (Sampling(min_opening="5mm", max_opening="5mm"), {"min_opening", "max_opening"}),
         (
-            MultifingerSampling(min_separation="5mm", max_spread="5mm"),
-            {"min_separation", "max_spread"},
+            MultifingerSampling(min_separation="5mm", max_opening="5mm"),
+            {"min_separation", "max_opening"},
         ),
         (MeshOptions(max_edge="5mm"), {"max_edge"}),
     ):

@@ -55,8 +55,8 @@ from grasp3d.settings.checks import check_range
         (MultifingerSampling, {"candidates": 8.5}, "candidates must be from 8 to 4096; got 8.5"),
         (
             MultifingerSampling,
-            {"min_separation": 2.0, "max_spread": 1.0},
-            "min_separation <= max_spread",
+            {"min_separation": 2.0, "max_opening": 1.0},
+            "min_separation <= max_opening",
         ),
         (MultifingerSampling, {"candidate_points": "edges"}, "known: surface, vertices"),
         (MultifingerSampling, {"seed": -1}, "seed must be a whole number of at least 0"),
@@ -109,7 +109,7 @@ def test_a_search_is_fitted_to_its_number_of_fingers() -> None:
     assert pair.fitted(2) is pair
     for given, fingers, message in (
         (Sampling(rays=100), 3, "rays does not apply to 3 fingers; use one of candidates, min_"),
-        (Sampling(max_opening="5mm"), 4, "max_opening does not apply to 4 fingers"),
+        (Sampling(min_opening="5mm"), 4, "min_opening does not apply to 4 fingers"),
         (MultifingerSampling(seed=1), 2, "seed does not apply to 2 fingers; use one of rays, "),
     ):
         with pytest.raises(SettingError, match=message):
@@ -122,12 +122,13 @@ def test_a_search_is_limited_to_a_distance_between_contacts() -> None:
     assert Sampling(min_opening=2.0, rays=9).limited(1.0) == Sampling(
         min_opening=1.0, max_opening=1.0, rays=9
     )
-    assert MultifingerSampling().limited(5.0) == MultifingerSampling(max_spread=5.0)
+    assert MultifingerSampling().limited(5.0) == MultifingerSampling(max_opening=5.0)
     for kind in (Sampling, MultifingerSampling):
-        assert kind().max_distance == math.inf
-        assert kind().limited(3.0).max_distance == 3.0
-        assert kind(tolerance=0.01).common == {"search_angle": None, "tolerance": 0.01}
-        assert set(kind.limits) == set(kind.own_names()) & set(kind.length_names())
+        assert kind().limited(3.0).max_opening == 3.0
+        common = {"search_angle": None, "tolerance": 0.01, "max_opening": math.inf}
+        assert kind(tolerance=0.01).common == common
+        assert {kind.least} == set(kind.own_names()) & set(kind.length_names())
+    assert Sampling(max_opening=3.0).fitted(4) == MultifingerSampling(max_opening=3.0)
 
 
 @pytest.mark.parametrize(

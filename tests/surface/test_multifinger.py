@@ -137,7 +137,7 @@ def test_labels_are_monotone_in_friction_and_antitone_in_resolution() -> None:
 @pytest.mark.slow
 def test_contacts_keep_the_limits_of_distances() -> None:
     low, high = 0.4, 1.5
-    labels = labelled("wedge", 4, min_separation=low, max_spread=high)
+    labels = labelled("wedge", 4, min_separation=low, max_opening=high)
     vertices = np.flatnonzero(np.isfinite(labels.critical_angle))
     assert len(vertices) > 100
     contacts = contacts_of(labels, vertices)
@@ -178,7 +178,7 @@ def test_a_ball_is_force_closed_with_any_friction(fingers: int) -> None:
 @pytest.mark.slow
 def test_hulls_at_extreme_normals_agree_on_a_thousand_grasps() -> None:
     """With circular cones only an exact M can be labelled S or U, for lack of a sampled tilt."""
-    sources = (labelled("wedge", 3), labelled("wedge", 3, max_spread=0.6))
+    sources = (labelled("wedge", 3), labelled("wedge", 3, max_opening=0.6))
     found = [_smooth_grasps(labels) for labels in sources]
     points, normals, critical = (
         np.concatenate([some[:500] for some in rows]) for rows in zip(*found, strict=True)
@@ -248,7 +248,7 @@ def test_a_small_spread_reduces_the_default_separation() -> None:
     labels = label_surface(
         mesh,
         GraspModel(fingers=3, friction=2.0),
-        sampling=MultifingerSampling(max_spread=0.05 * mesh.size),
+        sampling=MultifingerSampling(max_opening=0.05 * mesh.size),
     )
     assert np.isfinite(labels.critical_angle).any()
     far = MultifingerSampling(min_separation=2.0 * mesh.size)
@@ -258,9 +258,9 @@ def test_a_small_spread_reduces_the_default_separation() -> None:
 
 def test_settings_of_another_number_of_fingers_are_rejected() -> None:
     mesh = wedge()
-    with pytest.raises(SettingError, match=r"for 3 fingers must be Multifinger.*max_spread"):
+    with pytest.raises(SettingError, match=r"for 3 fingers must be Multifinger.*max_opening"):
         label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(grip="both"))
     with pytest.raises(SettingError, match=r"for 2 fingers must be Sampling\(.*; got Multif"):
-        label_surface(mesh, sampling=MultifingerSampling(max_spread=1.0))
+        label_surface(mesh, sampling=MultifingerSampling(max_opening=1.0))
     with pytest.raises(SettingError, match="fingers must be from 2 to 5; got 6"):
         label_surface(mesh, GraspModel(fingers=6))

@@ -188,8 +188,8 @@ def test_a_labelled_file_has_its_own_settings_unless_others_are_given(file: Path
     assert changed.model == replace(labels.model, friction=0.3)
     assert (changed.sampling.min_opening, changed.sampling.max_opening) == (0.1, 0.3)
     assert changed.sampling.search_angle is None
-    three = open_collection(file, GraspModel(fingers=3), MultifingerSampling(max_spread=0.2))
-    assert (three.model.fingers, three.sampling) == (3, MultifingerSampling(max_spread=0.2))
+    three = open_collection(file, GraspModel(fingers=3), MultifingerSampling(max_opening=0.2))
+    assert (three.model.fingers, three.sampling) == (3, MultifingerSampling(max_opening=0.2))
     with pytest.raises(SettingError, match="does not apply to 3 fingers"):
         open_collection(file, GraspModel(fingers=3), Sampling(max_opening=0.2))
 

@@ -76,9 +76,9 @@ def warmup() -> tuple[str, ...]:
         OutputError: A process that compiles ended before it was done.
 
     Example:
-        >>> import grasp3d
-        >>> compiled = grasp3d.warmup()
-        >>> grasp3d.warmup()
+        >>> from grasp3d._kernels.compiling.ahead import warmup
+        >>> compiled = warmup()
+        >>> warmup()
         ()
     """
     names = missing()

@@ -62,7 +62,7 @@ def _search(settings: BatchSettings) -> Iterator[tuple[str, str]]:
         yield "Grip", {"both": "squeeze or expand"}.get(search.grip, search.grip)
         yield "Opening", _range(search.min_opening, search.max_opening)
     else:
-        yield "Distances between contacts", _range(search.min_separation or 0.0, search.max_spread)
+        yield "Distances between contacts", _range(search.min_separation or 0.0, search.max_opening)
     yield from _reach(settings.reach)
     if search.search_angle is not None:
         yield "Search", f"grasps with β* up to {_degrees(search.search_angle)}"

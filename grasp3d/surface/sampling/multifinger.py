@@ -121,7 +121,7 @@ class _Search:
         mesh, sampling = self.mesh, self.sampling
         separation = sampling.min_separation
         if separation is None:
-            separation = min(SEPARATION * mesh.size, MAX_SEPARATION * sampling.max_spread)
+            separation = min(SEPARATION * mesh.size, MAX_SEPARATION * sampling.max_opening)
         if separation > mesh.size:
             raise SettingError(
                 f"min_separation is {separation:g}, but no two points of the object, of size "
@@ -138,7 +138,7 @@ class _Search:
             self.on_vertices and len(self.vertices) <= ALL_VERTICES_FACTOR * sampling.candidates
         )
         self.points_per_vertex = len(self.vertices) if all_vertices else sampling.candidates
-        self.scale = 1.0 / min(1.0, sampling.max_spread / mesh.size)
+        self.scale = 1.0 / min(1.0, sampling.max_opening / mesh.size)
         self.domain = contact_domain(
             mesh, self.scale, self._candidate_points(), on_vertices=self.on_vertices
         )
@@ -215,7 +215,7 @@ class _Search:
         sampling, unit = self.sampling, self.scale / self.mesh.size
         return SearchLimits(
             min_distance=max(self.min_separation * unit, MIN_SEPARATION),
-            max_distance=sampling.max_spread * unit,
+            max_distance=sampling.max_opening * unit,
             max_angle=self.cone,
             tolerance=MIN_GAIN * sampling.tolerance,
             margin=MIN_GAIN * sampling.tolerance,
@@ -238,7 +238,7 @@ class _Search:
         sampling = Sampling(
             grip="both",
             min_opening=self.min_separation,
-            max_opening=self.sampling.max_spread,
+            max_opening=self.sampling.max_opening,
             tolerance=self.sampling.tolerance,
         )
         with unreported():

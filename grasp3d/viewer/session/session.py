@@ -75,7 +75,7 @@ class Session:
         self.settings = settings
         self.state = state or ViewState(
             model=collection.model,
-            max_opening=collection.sampling.max_distance,
+            max_opening=collection.sampling.max_opening,
             paint=settings.paint,
             compare=settings.compare,
             vertex=settings.vertex,
