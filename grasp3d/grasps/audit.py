@@ -84,7 +84,7 @@ class PoseReading:
         >>> import grasp3d
         >>> from grasp3d.grasps import GraspPoses, audit_poses
         >>> franka = grasp3d.ParallelGripper.preset("franka")
-        >>> block = grasp3d.load_mesh(trimesh.creation.box([0.03, 0.5, 0.02]), unit="m")
+        >>> block = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.5, 0.02]), unit="m")
         >>> poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (20, 1, 1))
         >>> poses[:, 1, 3] = np.linspace(-0.22, 0.22, 20)
         >>> poses[:, 2, 3] = 0.1034  # those of the hand's base
@@ -226,28 +226,28 @@ def explained(
 
 
 def _others(stated: PoseReading, mesh: ObjectMesh) -> Iterator[PoseReading]:
-    """All other readings that differ, those of the stated frame first."""
-    hand, frames = stated.hand, dict[str, GripperFrame]()
-    for frame in (stated.frame, *frames_of(hand)):
-        frames.setdefault(_key(frame.to_tcp(hand), hand), frame)
+    """All other readings that differ at these poses, those of the stated frame first."""
+    poses, seen = stated.given.poses, {_key(stated.of(stated.given.poses), stated.hand)}
 
-    def is_plausible(reading: PoseReading) -> bool:
-        spread = np.linalg.norm(np.ptp(reading.of(stated.given.poses)[:, :3, 3], axis=0))
-        return SPREAD[0] <= float(spread) / (mesh.size * metres_per_unit(mesh)) <= SPREAD[1]
+    def is_plausible(placed: Floats) -> bool:
+        spread = float(np.linalg.norm(np.ptp(placed[:, :3, 3], axis=0)))
+        return SPREAD[0] <= spread / (mesh.size * metres_per_unit(mesh)) <= SPREAD[1]
 
-    units = () if is_plausible(stated) else UNITS
+    units = () if is_plausible(poses) else UNITS
     for factor, rotation in product((1.0, *units), ROTATIONS):
-        for frame in frames.values():
+        for frame in (stated.frame, *frames_of(stated.hand)):
             one = replace(stated, frame=frame, rotation=rotation, factor=factor)
-            if is_plausible(one) if factor != 1.0 else rotation or frame is not stated.frame:
+            key = _key(placed := one.of(poses), stated.hand)
+            if key not in seen and (factor == 1.0 or is_plausible(placed)):
+                seen.add(key)
                 yield one
 
 
-def _key(matrix: Floats, hand: Hand) -> str:
-    """What two frames have in common that are the same: jaws are alike on both sides."""
-    is_turned = isinstance(hand, Jaws) and tuple(np.round(matrix[:3, 0], 6)) < (0.0, 0.0, 0.0)
-    alike = matrix * (-1.0, -1.0, 1.0, 1.0) if is_turned else matrix
-    return str((np.round(alike, 6) + 0.0).tolist())
+def _key(poses: Floats, hand: Hand) -> bytes:
+    """What poses have in common that are the same: jaws are alike on both sides."""
+    closing = poses[:, :3, :1]
+    closing = closing * closing.transpose(0, 2, 1) if isinstance(hand, Jaws) else closing
+    return (np.round(np.concatenate([closing, poses[:, :3, 2:]], axis=2), 6) + 0.0).tobytes()
 
 
 def _fits(

@@ -39,8 +39,8 @@ class GripperFrame:
         >>> str(GripperFrame.of("graspgen"))
         'graspgen'
         >>> turned = [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0.1034], [0, 0, 0, 1]]
-        >>> GripperFrame.of(turned).to_tcp(None)[2, 3]
-        0.1034
+        >>> GripperFrame.of(turned).to_tcp(None)[:3, 3].tolist()
+        [0.0, 0.0, 0.1034]
     """
 
     approach: str = "z"

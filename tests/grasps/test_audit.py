@@ -290,6 +290,16 @@ def test_several_readings_that_fit_are_not_named(cone: ObjectMesh, good: GraspPo
     np.testing.assert_array_equal(explained(cone, wrong, HAND).poses, wrong.poses)
 
 
+def test_readings_that_mean_the_same_poses_are_one() -> None:
+    """Rotations of poses from straight above are the same if they are transposed."""
+    bar = load_mesh(shapes.box((0.06, 0.5, 0.02)), unit="m")
+    poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (20, 1, 1))
+    poses[:, :3, 3] = np.linspace((-0.005, -0.22, 0.0), (0.005, 0.22, 0.0), 20)
+    right = GraspPoses(poses=poses, unit="m", hand=HAND)
+    reading = audited(bar, misread(right, mistake("graspgen", "tcp")))
+    assert "with --frame graspgen in 20" in str(reading)
+
+
 def test_evaluated_poses_are_warned_of(cone: ObjectMesh, good: GraspPoses) -> None:
     def warnings(poses: GraspPoses, mesh: ObjectMesh = cone) -> str:
         return " ".join(evaluate_grasps(mesh, poses, hand=HAND).warnings)
