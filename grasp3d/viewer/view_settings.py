@@ -6,8 +6,6 @@ from typing import Annotated, Literal
 
 from grasp3d.errors import SettingError
 from grasp3d.settings import Radians, check_choice, whole_number
-from grasp3d.settings.checks import check_range
-from grasp3d.settings.model_text import EPSILON_MIN
 from grasp3d.settings.parsing import Main
 
 Paint = Literal[
@@ -15,33 +13,6 @@ Paint = Literal[
     "grip_force", "payload", "margin",
 ]  # fmt: skip
 MIN_WIDTH, MIN_HEIGHT, MAX_PIXELS = 320, 240, 7680
-
-_ALIKE: dict[Paint, str] = {
-    "critical_angle": "β* does not depend on the sensor resolution",
-    "max_resolution": "α* does not depend on the sensor resolution",
-    "epsilon": "ε does not depend on the sensor resolution",
-    "epsilon_min": f"{EPSILON_MIN} is computed for one sensor resolution at a time",
-    "approach_margin": "the approach margin does not depend on the sensor resolution",
-    "grip_force": "the grip force at the nominal normals does not depend on the sensor resolution",
-    "payload": "the payload is computed for one sensor resolution at a time",
-}
-"""Why a second sensor resolution would have the same colours."""
-
-
-def comparison_problem(paint: Paint) -> str:
-    """Why two sensor resolutions cannot be compared in some colours; empty if they can."""
-    reason = _ALIKE.get(paint)
-    return f"{reason}: two resolutions are compared in the colours S, M, U" if reason else ""
-
-
-def check_comparison(paint: Paint) -> None:
-    """Check that the colours of two sensor resolutions differ.
-
-    Raises:
-        SettingError: They do not, as the quantity does not depend on the resolution.
-    """
-    if problem := comparison_problem(paint):
-        raise SettingError(problem)
 
 
 @dataclass(frozen=True)
@@ -58,8 +29,6 @@ class ViewSettings:
             fails to be.
         vertex: Index of the vertex whose grasp is shown first. none: no grasp; pictures with a
             gripper show the best grasp that it reaches.
-        compare: A second sensor resolution, shown beside the first, in the colours S, M, U; none:
-            no second one.
         azimuth: Azimuth of the camera about the z-axis, from the x-axis; about the table's normal
             if there is one. none: with elevation none across the closing axis of a grasp that is
             shown, else 75 degrees.
@@ -71,7 +40,6 @@ class ViewSettings:
 
     paint: Annotated[Paint, Main("colours: epsilon, margin, ...")] = "label"
     vertex: int | None = None
-    compare: Radians | None = None
     azimuth: Radians | None = None
     elevation: Radians | None = None
     width: int = 1280
@@ -81,9 +49,6 @@ class ViewSettings:
         check_choice("paint", self.paint, Paint)
         if self.vertex is not None:
             whole_number("vertex", self.vertex, 0)
-        if self.compare is not None:
-            check_range("compare", self.compare, 0.0, math.pi, ends="[)", degrees=True)
-            check_comparison(self.paint)
         azimuth, elevation = self.azimuth or 0.0, self.elevation or 0.0
         if not math.isfinite(azimuth) or not abs(elevation) <= math.pi / 2.0:
             raise SettingError(

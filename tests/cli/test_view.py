@@ -57,7 +57,7 @@ def test_the_page_of_a_labelled_file_has_the_fractions_that_were_printed(
     run = run_process("label", "box.stl", *words, "-o", f"box.{suffix}", cwd=box, env=KEPT)
     printed = re.findall(r"■ ([SMU]) .*?([\d.]+) %", run.stdout)
     rows = page_state(ready_session(open_collection(box / f"box.{suffix}")))["rows"]
-    shown = {row["letter"]: row["fractions"][0]["percent"].split()[0] for row in rows}
+    shown = {row["letter"]: row["percent"].split()[0] for row in rows}
     assert dict(printed) == shown
     assert 0.0 < float(shown["U"]) < 100.0
 

@@ -188,8 +188,6 @@ def test_colours_of_approach_margins(session: Session) -> None:
     known = np.isfinite(margins)
     assert np.allclose(u[known], margins[known] / np.nanmax(margins))
     assert np.array_equal(v < 0.5, known)
-    session.change(compare=0.1)
-    assert session.other_model is None
 
 
 def test_colours_of_approach_margins_need_a_gripper() -> None:

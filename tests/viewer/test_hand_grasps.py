@@ -164,7 +164,7 @@ def test_session_evaluates_at_another_resolution(tmp_path: Path) -> None:
 def test_texts_are_those_of_a_hand(tmp_path: Path) -> None:
     session = ready_session(collection_of_grasps(grasps(tmp_path, TOUCHING)))
     text, page = panel_text(session), page_state(session)
-    assert (text.fractions, text.rules, text.notes) == ((), (), ())
+    assert (text.fractions, text.rule, text.notes) == ((), "", ())
     assert text.facts.endswith("hand sliders")
     assert text.ramp is not None
     assert text.ramp.grey == "does not touch"
@@ -180,7 +180,6 @@ def test_texts_are_those_of_a_hand(tmp_path: Path) -> None:
         lambda session: session.save(Path("x.ply")),
         lambda session: session.change(fingers=3),
         lambda session: session.change(location_error=0.001),
-        lambda session: session.change(compare=0.7),
     ],
 )
 def test_what_needs_labels_is_refused(action: object, tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """Keys of the viewer."""
 
 from collections.abc import Callable
-from typing import Any
 
 import pytest
 
@@ -37,29 +36,12 @@ def session(labels: SurfaceLabels) -> Session:
     return ready_session(collection_of(labels))
 
 
-@pytest.mark.parametrize("paint", ["critical_angle", "max_resolution", "epsilon", "epsilon_min"])
-def test_colours_without_a_resolution_are_not_compared(session: Session, paint: Any) -> None:
-    session.change(compare=40.0 * DEGREE)
-    assert session.other_model is not None
-    session.change(paint=paint)
-    assert session.other_model is None
-    before = session.state
-    assert handle_key(session, "c")
-    assert session.message.endswith("two resolutions are compared in the colours S, M, U")
-    assert session.state == before
-    session.change(paint="label")
-    assert session.other_model is not None
-    assert session.state.compare == pytest.approx(40.0 * DEGREE)
-    session.close()
-
-
 KEYS_AND_EFFECTS: dict[str, Callable[[ViewState], object]] = {
     "Right": lambda state: state.model.friction == 0.55,
     "Left": lambda state: state.model.friction == 0.5,
     "Up": lambda state: state.model.sensor_resolution == pytest.approx(24.6 * DEGREE),
     "Down": lambda state: state.model.sensor_resolution == pytest.approx(22.6 * DEGREE),
     "e": lambda state: state.show_errors,
-    "c": lambda state: state.compare == pytest.approx(40.0 * DEGREE),
     "2": lambda state: state.paint == "critical_angle",
     "3": lambda state: state.paint == "max_resolution",
     "4": lambda state: state.paint == "epsilon",

@@ -165,9 +165,9 @@ class Visitor:
         data = self.page.locator("#stage").screenshot()
         return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=float)
 
-    def fractions(self, name: str = "fraction") -> dict[str, float]:
+    def fractions(self) -> dict[str, float]:
         values = self.page.locator("#fractions li").evaluate_all(
-            "(all, name) => all.map(one => [one.dataset.label, +one.dataset[name]])", name
+            "all => all.map(one => [one.dataset.label, +one.dataset.fraction])"
         )
         return dict(values)
 
@@ -190,10 +190,10 @@ class Visitor:
             assert time.monotonic() < over
             self.page.wait_for_timeout(50)
 
-    def shows(self, expected: dict[str, float], name: str = "fraction") -> None:
+    def shows(self, expected: dict[str, float]) -> None:
         """Wait until the page shows these area fractions."""
         wanted = {letter: pytest.approx(value, abs=1e-9) for letter, value in expected.items()}
-        self.until(lambda: self.fractions(name) == wanted)
+        self.until(lambda: self.fractions() == wanted)
 
 
 def visitor(browser: Any, server: Served, width: int = 1000, height: int = 620) -> Visitor:

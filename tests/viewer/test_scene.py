@@ -204,9 +204,9 @@ def test_normals_differ_across_sharp_edges() -> None:
         assert 3 <= len(flat) <= 12  # three faces, each of one brightness per colour
 
 
-def pixel_of(scene: Scene, point: Floats, pane: int = 0) -> tuple[int, int]:
+def pixel_of(scene: Scene, point: Floats) -> tuple[int, int]:
     """Row and column of the pixel that shows a point."""
-    renderer = scene.plotter.renderers[pane]
+    renderer = scene.plotter.renderers[0]
     renderer.SetWorldPoint(*point, 1.0)
     renderer.WorldToDisplay()
     x, y, _ = renderer.GetDisplayPoint()
@@ -247,10 +247,8 @@ def test_a_grasp_is_marked_and_its_hidden_part_is_faint() -> None:
 
 @pytest.mark.slow
 @needs_opengl
-@pytest.mark.parametrize("compare", [None, 0.5])
-def test_contact_numbers_are_at_the_displayed_contacts(compare: float | None) -> None:
-    how = {"azimuth": 0.6, "elevation": 0.5, "compare": compare}
-    with viewed(collection_of(held_box()), **how) as (session, scene):
+def test_contact_numbers_are_at_the_displayed_contacts() -> None:
+    with viewed(collection_of(held_box()), azimuth=0.6, elevation=0.5) as (session, scene):
         subject = session.subject
         assert subject is not None
         vertex = int(np.flatnonzero(subject.labels.reason == Reason.FOUND)[0])
@@ -260,12 +258,10 @@ def test_contact_numbers_are_at_the_displayed_contacts(compare: float | None) ->
         image = scene.screenshot()
         seen = session.inspection
         assert seen is not None
-        renderer = scene.plotter.renderers[0 if compare is None else 1]
-        positions = display_positions(renderer, seen.points)
+        positions = display_positions(scene.plotter.renderers[0], seen.points)
         for point, (x, y) in zip(seen.points, positions, strict=True):
-            row, column = pixel_of(scene, point, 0 if compare is None else 1)
-            offset = 0 if compare is None else image.shape[1] / 2
-            assert (offset + x, HIGH - y) == pytest.approx((column, row), abs=2.0)
+            row, column = pixel_of(scene, point)
+            assert (x, HIGH - y) == pytest.approx((column, row), abs=2.0)
         session.click(None)
         scene.update(session)
         plain = scene.screenshot()
@@ -302,7 +298,7 @@ def test_captions_contain_the_largest_opening_if_it_is_limited() -> None:
         (viewing.scan(), ["α 22.6°", "μ 0.5", "two fingers"]),
     ):
         session = ready_session(labels)
-        assert list(Captions.of(session, legend=True).captions[0]) == caption
+        assert list(Captions.of(session, legend=True).caption) == caption
         session.close()
 
 
@@ -348,25 +344,6 @@ def test_fixed_fingers_are_black_and_replace_the_markers_of_their_contacts() -> 
         image = scene.screenshot()
         assert image[pixel_of(scene, nearest)].max() < 60
         assert image[pixel_of(scene, other)].min() > 240
-
-
-@needs_opengl
-def test_two_panes_show_two_resolutions_from_one_side() -> None:
-    with viewed(collection_of(scanned())) as (session, scene):
-        same = after(session, scene, compare=session.model.sensor_resolution)
-        half = WIDE // 2
-        body = slice(40, HIGH - 40)  # between the captions and the scale bar
-        assert (same[body, :half][:, 2:] == same[body, half:][:, 2:]).all()
-        other = after(session, scene, compare=math.radians(60.0))
-        assert (other[:, : half - 2] == same[:, : half - 2]).all()
-        left, right = (
-            nearest_label(part[coloured(part)]) for part in (other[:, :half], other[:, half:])
-        )
-        assert (right == Label.M).mean() > (left == Label.M).mean() + 0.2
-        columns = np.nonzero(coloured(other[:, half:]).any(axis=0))[0]
-        assert 0.85 * half < np.ptp(columns) < half - 2
-        single = after(session, scene, compare=None)
-        assert np.ptp(np.nonzero(coloured(single).any(axis=0))[0]) > 1.1 * np.ptp(columns)
 
 
 @needs_opengl
@@ -438,15 +415,11 @@ def test_the_scale_bar_has_a_round_length_at_every_zoom(legend: bool) -> None:
 @pytest.mark.slow
 @needs_opengl
 @pytest.mark.parametrize("size", [(320, 240), (640, 400), (500, 700)])
-@pytest.mark.parametrize("compare", [None, 0.5])
-def test_the_object_fills_its_pane_without_overlapping_texts(
-    size: tuple[int, int], compare: float | None
-) -> None:
+def test_the_object_fills_its_pane_without_overlapping_texts(size: tuple[int, int]) -> None:
     width, height = size
-    how = {"width": width, "height": height, "compare": compare, "elevation": 0.4, "azimuth": 1.0}
+    how = {"width": width, "height": height, "elevation": 0.4, "azimuth": 1.0}
     with viewed(collection_of(held_box()), legend=True, **how) as (session, scene):
         image = scene.screenshot()
-        pane = width if compare is None else width // 2
         points = session.subject.mesh.vertices  # type: ignore[union-attr]
         seen = points @ axes_of(scene.camera)[:2].T
         scale = height / (2.0 * scene.camera.parallel_scale)
@@ -454,19 +427,18 @@ def test_the_object_fills_its_pane_without_overlapping_texts(
         corners = np.array([pixel_of(scene, point) for point in points])
         top, left = corners.min(axis=0)
         bottom, right = corners.max(axis=0)
-        assert 0 < left < right < pane
+        assert 0 < left < right < width
         assert 0 < top < bottom < height
-        area = TextArea(pane, height, text_size(width, height, 1.0))
-        above, below = Captions.of(session, legend=True).margins(area, 0)
-        filled = max(wide / (pane - 2.0 * area.margin), tall / (height - above - below))
+        area = TextArea(width, height, text_size(width, height, 1.0))
+        above, below = Captions.of(session, legend=True).margins(area)
+        filled = max(wide / (width - 2.0 * area.margin), tall / (height - above - below))
         assert 0.93 < filled <= 1.0
         assert above - 1 < top
         assert bottom < height - below + 1
         box = np.zeros(image.shape[:2], dtype=bool)
         box[top : bottom + 1, left : right + 1] = True
-        if compare is None:  # nothing is drawn between the texts and the object
-            rows = np.nonzero((image < 250).any(axis=2).any(axis=1))[0]
-            assert not {top - 2, bottom + 2} & set(rows)
+        rows = np.nonzero((image < 250).any(axis=2).any(axis=1))[0]
+        assert not {top - 2, bottom + 2} & set(rows)  # between the texts and the object
 
 
 @needs_opengl
@@ -542,45 +514,32 @@ def box_of(item: TextLine | Rectangle) -> Floats:
 
 @pytest.mark.parametrize("size", [(320, 240), (321, 900), (800, 240), (1280, 800), (1600, 1200)])
 @pytest.mark.parametrize("paint", ["label", "critical_angle", "max_resolution", "epsilon_min"])
-@pytest.mark.parametrize("compare", [None, 0.5])
-def test_texts_do_not_overlap_and_fit_into_the_pane(
-    size: tuple[int, int], paint: str, compare: float | None
-) -> None:
+def test_texts_do_not_overlap_and_fit_into_the_pane(size: tuple[int, int], paint: str) -> None:
     labels = scanned(subdivisions=1)
     known = labels.critical_angle.copy()
     known[:9] = math.inf
     some = with_critical_angles(labels, known)
     name = "an object with quite a long name, as they have them in data sets.ply"
     subject = subject_of(some, name)
-    session = Session(
-        Collection((Item(name, lambda: subject),), labels.model, Sampling()),
-        ViewSettings(paint="label", compare=compare),
-    )
+    session = Session(Collection((Item(name, lambda: subject),), labels.model, Sampling()))
     ready(session)
     session.change(paint=paint)
     captions = Captions.of(session, legend=True)
     session.close()
-    count = 1 if session.other_model is None else 2
-    assert count == (2 if compare and paint == "label" else 1)
-    area = TextArea(size[0] / count, size[1], text_size(*size, 1.0))
-    for number in range(count):
-        items = captions.items(area, number, 0.01)
-        boxes = [box_of(item) for item in items if not _is_frame(item, area)]
-        assert len(boxes) > 5
-        for index, one in enumerate(boxes):
-            assert (one >= -1e-6).all()
-            assert one[2] <= area.width
-            assert one[3] <= area.height
-            bar = isinstance(items[index], Rectangle)
-            for item, other in zip(items[index + 1 :], boxes[index + 1 :], strict=False):
-                if not (bar and isinstance(item, Rectangle)):
-                    assert apart(one, other), (items[index], item)
-        above, below = captions.margins(area, number)
-        assert all(one[3] <= below + 1e-6 or one[1] >= area.height - above - 1e-6 for one in boxes)
-
-
-def _is_frame(item: TextLine | Rectangle, area: TextArea) -> bool:
-    return isinstance(item, Rectangle) and item.height == area.height
+    area = TextArea(*size, text_size(*size, 1.0))
+    items = captions.items(area, 0.01)
+    boxes = [box_of(item) for item in items]
+    assert len(boxes) > 5
+    for index, one in enumerate(boxes):
+        assert (one >= -1e-6).all()
+        assert one[2] <= area.width
+        assert one[3] <= area.height
+        bar = isinstance(items[index], Rectangle)
+        for item, other in zip(items[index + 1 :], boxes[index + 1 :], strict=True):
+            if not (bar and isinstance(item, Rectangle)):
+                assert apart(one, other), (items[index], item)
+    above, below = captions.margins(area)
+    assert all(one[3] <= below + 1e-6 or one[1] >= area.height - above - 1e-6 for one in boxes)
 
 
 @given(st.floats(1e-9, 1e9))
@@ -702,12 +661,8 @@ def test_a_ray_outside_the_visible_side_of_a_section_hits_nothing() -> None:
 @pytest.mark.slow
 @needs_opengl
 @pytest.mark.parametrize("section", [None, Section("x", 0.6, flipped=True)])
-@pytest.mark.parametrize("compare", [None, 0.5])
-def test_clicks_hit_the_same_vertices_as_vtk(
-    section: Section | None, compare: float | None
-) -> None:
-    how = {"azimuth": 0.3, "elevation": 0.5, "compare": compare}
-    with viewed(collection_of(held_box()), **how) as (session, scene):
+def test_clicks_hit_the_same_vertices_as_vtk(section: Section | None) -> None:
+    with viewed(collection_of(held_box()), azimuth=0.3, elevation=0.5) as (session, scene):
         after(session, scene, section=section)
         subject = session.subject
         assert subject is not None
@@ -716,8 +671,7 @@ def test_clicks_hit_the_same_vertices_as_vtk(
         random = np.random.default_rng(2)
         agreed = found = 0
         for x, y in random.uniform((0.0, 0.0), (WIDE - 1.0, HIGH - 1.0), (150, 2)):
-            pane = 0 if compare is None or x < WIDE / 2 else 1
-            hit = picker.Pick(x, y, 0.0, scene.plotter.renderers[pane])
+            hit = picker.Pick(x, y, 0.0, scene.plotter.renderers[0])
             expected = None
             if hit:
                 corners = subject.mesh.faces[picker.GetCellId()]

@@ -36,7 +36,6 @@ from grasp3d.viewer.session.computations import (
     compute_epsilon,
     write_labels,
 )
-from grasp3d.viewer.session.controls import handle_key
 from grasp3d.viewer.session.painting import UNSEARCHED
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.scans import scan_with_fixed
@@ -64,14 +63,14 @@ def file(tmp_path: Path) -> Path:
 
 
 def test_a_session_begins_with_its_settings() -> None:
-    session = Session(collection_of(viewing.labels()), ViewSettings(compare=0.1))
+    session = Session(collection_of(viewing.labels()), ViewSettings(paint="critical_angle"))
     assert session.working is not None
     assert session.subject is None
     assert panel_text(session).fractions == ()
     wait_until_idle(session)
     assert session.state.max_opening == 0.3
     assert session.model == viewing.labels().model
-    assert session.other_model == replace(session.model, sensor_resolution=0.1)
+    assert session.state.paint == "critical_angle"
     assert session.name == viewing.labels().mesh.report.source
     assert panel_text(session).title == session.name
 
@@ -102,7 +101,6 @@ def test_sliders_change_the_labels_without_a_search() -> None:
         ({"fingers": 6}, "fingers must be from 2 to 5"),
         ({"paint": "red"}, "no paint is called 'red'"),
         ({"click": "hit"}, "no click action is called 'hit'"),
-        ({"compare": 4.0}, "second resolution must be"),
         ({"max_opening": 0.0}, "opening must be above 0"),
         ({"max_opening": math.nan}, "opening must be above 0"),
         ({"fixed": ((0.0, 0.0),)}, "three finite coordinates"),
@@ -165,22 +163,14 @@ def test_more_friction_than_searched_starts_a_wider_search() -> None:
     assert session.working is None  # the widest search covers every model
 
 
-def test_the_second_resolution_can_start_a_wider_search() -> None:
-    session = ready_session(viewing.labels())
-    session.change(compare=1.5)
-    assert session.working is not None
-    wait_until_idle(session)
-    assert len(panel_text(session).other_fractions) == 3
-
-
 def test_a_wider_search_does_not_change_known_fractions() -> None:
     session = ready_session(viewing.labels())
     before = {one.letter: one.fraction for one in panel_text(session).fractions}
-    handle_key(session, "c")
-    session.change(compare=1.5)
+    session.change(sensor_resolution=1.5)
     wait_until_idle(session)
     assert session.subject is not None
     assert session.subject.cone == math.pi / 2
+    session.change(sensor_resolution=viewing.labels().model.sensor_resolution)
     after = {one.letter: one.fraction for one in panel_text(session).fractions}
     assert after == before
     grasps, labels = session.subject.labels, viewing.labels()
@@ -194,11 +184,12 @@ def test_a_wider_search_of_a_file_keeps_its_partners(batched: Subject) -> None:
     model, sampling = viewing.labels().model, viewing.labels().sampling or Sampling()
     session = ready_session(Collection((Item("a", lambda: batched),), model, sampling))
     before = {one.letter: one.fraction for one in panel_text(session).fractions}
-    session.change(compare=1.5)
+    session.change(sensor_resolution=1.5)
     wait_until_idle(session)
     assert session.message == ""
     assert session.subject is not None
     assert session.subject.cone == math.pi / 2
+    session.change(sensor_resolution=model.sensor_resolution)
     assert {one.letter: one.fraction for one in panel_text(session).fractions} == before
 
 
@@ -315,15 +306,13 @@ def test_old_grasps_are_not_shown_while_new_ones_are_searched(
     choice: dict[str, object], missing: str, tmp_path: Path
 ) -> None:
     session = ready_session(viewing.box())
-    session.change(compare=0.3)
-    wait_until_idle(session)
     session.click(4)
     assert not session.stale
     session.change(**choice)
     text = panel_text(session)
     assert session.stale
     assert text.stale
-    assert (text.fractions, text.other_fractions, session.inspection) == ((), (), None)
+    assert (text.fractions, session.inspection) == ((), None)
     with pytest.raises(SettingError, match=f"the {missing} are still being searched; save when"):
         session.save(tmp_path / "a.ply")
     session.click(9, inspect=True)
@@ -331,7 +320,7 @@ def test_old_grasps_are_not_shown_while_new_ones_are_searched(
     wait_until_idle(session)
     text = panel_text(session)
     assert not text.stale
-    assert len(text.fractions) == len(text.other_fractions) == 3
+    assert len(text.fractions) == 3
     assert session.inspection is not None
     assert session.inspection.vertex == 9
     session.save(tmp_path / "a.ply")
@@ -569,7 +558,7 @@ def test_a_given_unit_is_shown_for_a_file_without_one(tmp_path: Path) -> None:
         assert session.subject.mesh.unit == unit
         texts = [
             one.text
-            for one in Captions.of(session, legend=True).items(TextArea(600, 400, 12), 0, 0.01)
+            for one in Captions.of(session, legend=True).items(TextArea(600, 400, 12), 0.01)
             if isinstance(one, TextLine)
         ]
         assert ("0.5 mm" in texts) == (unit is not None)
@@ -750,17 +739,7 @@ def test_the_object_can_be_changed_during_a_job() -> None:
 def test_the_rule_has_the_limits_of_s_and_u(model: GraspModel, rule: str) -> None:
     labels = viewing.box() if model.fingers == 2 else viewing.three_fingers()
     session = Session(collection_of(labels.using(model=model)))
-    assert panel_text(session).rules == (rule,)
-    session.close()
-
-
-def test_each_of_two_resolutions_has_its_rule() -> None:
-    session = ready_session(viewing.box())
-    session.change(compare=math.radians(40.0))
-    text = panel_text(session)
-    assert text.rules == (
-        "α 22.6°: S below 15.3°, U from 37.9° on", "α 40°: S below 6.6°, U from 46.6° on"
-    )  # fmt: skip
+    assert panel_text(session).rule == rule
     session.close()
 
 
@@ -774,7 +753,7 @@ def test_texts_of_an_object() -> None:
     assert sum(one.fraction for one in text.fractions) == pytest.approx(1.0)
     assert [one.color for one in text.fractions] == ["#009E73", "#F0E442", "#D55E00"]
     assert text.ramp is None
-    assert (text.other_fractions, session.working, session.message) == ((), None, "")
+    assert (session.working, session.message) == (None, "")
     session.show_message("hello")
     assert session.message == "hello"
     unknown = replace(viewing.box().mesh.report, unit=None, warnings=("mind the gap",))

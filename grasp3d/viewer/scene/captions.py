@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 from grasp3d.arrays import Bytes
 from grasp3d.grasps.explanations import UNSEARCHED, finger_words
-from grasp3d.settings import GraspModel, sampling_kind
+from grasp3d.settings import sampling_kind
 from grasp3d.settings.model_text import error_texts
 from grasp3d.stability.label import MEANING, Label, Mode
 from grasp3d.viewer.scene.overlays import (
-    EDGE,
     INK,
     QUIET,
     OverlayItem,
@@ -48,13 +47,13 @@ class LegendLayout:
 
 @dataclass(frozen=True, eq=False)
 class Captions:
-    """Texts of a picture with one pane or two."""
+    """Texts of a picture."""
 
     placeholder: str = ""
     """Sentence in the middle if there is no object; empty if there is one."""
     title: str = ""
-    captions: tuple[tuple[str, ...], ...] = ((),)
-    """Settings of each pane, in parts."""
+    caption: tuple[str, ...] = ()
+    """Settings, in parts."""
     text: PanelText | None = None
     """Text for the legend; None: no legend."""
     mode: Mode = "label"
@@ -68,60 +67,46 @@ class Captions:
             session: The session.
             legend: Whether to add title, legend and all settings, as needed without a panel.
         """
-        subject, other = session.subject, session.other_model
+        subject = session.subject
         if subject is None:
             return cls(placeholder=_placeholder(session))
-        models = [session.model] if other is None else [session.model, other]
-        captions = [_caption(session, subject, model, full=legend) for model in models]
-        if not legend and other is None:
-            captions = [()]
         text = panel_text(session) if legend else None
         return cls(
             title=text.title if text else "",
-            captions=tuple(captions),
+            caption=_caption(session, subject) if legend else (),
             text=text,
             mode=subject.labels.mode,
             unit=subject.mesh.unit,
         )
 
-    def margins(self, area: TextArea, number: int) -> tuple[float, float]:
-        """Heights of the texts of a pane above and below the object [pixels]."""
-        above = heading_height(area, title=bool(self.title), caption=bool(self.captions[number]))
+    def margins(self, area: TextArea) -> tuple[float, float]:
+        """Heights of the texts above and below the object [pixels]."""
+        above = heading_height(area, title=bool(self.title), caption=bool(self.caption))
         below = bar_height(area)
         if self.text is not None:
             below = max(below, legend_height(area, self._layout(area)))
         return above + 0.3 * area.size, below + 0.7 * area.size
 
-    def items(self, area: TextArea, number: int, per_pixel: float | None) -> list[OverlayItem]:
-        """All texts and rectangles of a pane.
+    def items(self, area: TextArea, per_pixel: float) -> list[OverlayItem]:
+        """All texts and rectangles.
 
         Args:
-            area: Size of the pane.
-            number: Index of the pane, from the left.
-            per_pixel: Length of a pixel, for a scale bar; None: no scale bar.
+            area: Size of the picture.
+            per_pixel: Length of a pixel, for the scale bar.
         """
         if self.placeholder:
             return _centred(area, self.placeholder)
-        below_title = number == 0 and bool(self.title)
-        items = heading(area, self.title if below_title else "", self.captions[number])
-        if self.title and not below_title:  # at the height of the first pane's caption
-            y = area.height - 0.5 * area.margin - 2.25 * area.line
-            items = [caption_at(area, self.captions[number], y)]
-        if per_pixel is not None and 0.0 < per_pixel < math.inf:
+        items = heading(area, self.title, self.caption)
+        if 0.0 < per_pixel < math.inf:
             items += scale_bar(area, per_pixel, self.unit)
-        if number > 0:
-            items.append(Rectangle(0.0, 0.0, max(1.0, area.size / 14.0), area.height, EDGE))
         if self.text is not None:
-            items += self._legend(area, number, self.text)
+            layout, ramp = self._layout(area), self.text.ramp
+            items += (
+                legend_items(area, layout, self.text.fractions)
+                if ramp is None
+                else ramp_items(area, layout, ramp)
+            )
         return items
-
-    def _legend(self, area: TextArea, number: int, text: PanelText) -> list[OverlayItem]:
-        layout = self._layout(area)
-        ramp = text.ramp
-        if ramp is None:
-            fractions = text.other_fractions if number else text.fractions
-            return legend_items(area, layout, fractions)
-        return ramp_items(area, layout, ramp)
 
     def _layout(self, area: TextArea) -> LegendLayout:
         """Layout of the label legend, which also determines the height of a ramp's legend."""
@@ -140,12 +125,9 @@ def _placeholder(session: Session) -> str:
     return session.message or f"{session.name} cannot be shown"
 
 
-def _caption(
-    session: Session, subject: Subject, model: GraspModel, *, full: bool
-) -> tuple[str, ...]:
+def _caption(session: Session, subject: Subject) -> tuple[str, ...]:
+    model = session.model
     resolution = f"α {round(math.degrees(model.sensor_resolution), 2):g}°"
-    if not full:
-        return (resolution,)
     friction = f"μ {round(model.friction, 4):g}"
     if model.friction_error > 0.0:
         friction += f" ± {round(model.friction_error, 4):g}"

@@ -19,7 +19,7 @@ FONTS = Path(get_data_path(), "fonts", "ttf")
 PLAIN, BOLD = FONTS / "DejaVuSans.ttf", FONTS / "DejaVuSans-Bold.ttf"
 """Fonts with Greek letters."""
 
-INK, QUIET, EDGE, WHITE = "#20262D", "#5B6470", "#C3C9CF", "#FFFFFF"
+INK, QUIET, WHITE = "#20262D", "#5B6470", "#FFFFFF"
 MIN_SIZE, MAX_SIZE = 10, 20
 """Limits of the text size [pixels at 72 per inch]."""
 

@@ -13,7 +13,6 @@ import pyvista
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.rendering.grasp_views import grasp_view
 from grasp3d.rendering.opengl import UPRIGHT, View, screenshot, view_axes
-from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.captions import Captions
 from grasp3d.viewer.scene.framing import (
@@ -159,10 +158,10 @@ def new_plotter(
     Args:
         settings: Size of the window.
         off_screen: Render without a window.
-        panel: Add a third renderer beside the scene's two.
+        panel: Add a second renderer beside the scene's.
     """
     plotter = pyvista.Plotter(
-        shape=(1, 3 if panel else 2),
+        shape=(1, 2 if panel else 1),
         off_screen=off_screen,
         window_size=[settings.width, settings.height],
         border=False,
@@ -182,7 +181,7 @@ class Scene:
         area: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0),
         legend: bool = True,
     ) -> None:
-        """Use the first two renderers of a plotter made by `new_plotter`.
+        """Use the first renderer of a plotter made by `new_plotter`.
 
         Args:
             plotter: The plotter.
@@ -192,8 +191,7 @@ class Scene:
         self.plotter = plotter
         self.area = area
         self.legend = legend
-        renderers = plotter.renderers[:2]
-        self._panes = [Pane(renderer) for renderer in renderers]
+        self._pane = Pane(plotter.renderers[0])
         self._inspection: Inspection | None = None
         self.captions = Captions()
         self._subject: Subject | None = None
@@ -204,8 +202,6 @@ class Scene:
         self._steps = 0
         self._scale = 0.0
         """Scale of the last frame, by which a zoom of the user's is recognised."""
-        self._count = 1
-        renderers[1].camera = renderers[0].camera
         before_render = weakref.WeakMethod(self._before_render)
 
         def on_render(*_: object) -> None:
@@ -213,19 +209,18 @@ class Scene:
             if call is not None:
                 call()
 
-        renderers[0].GetRenderWindow().AddObserver("StartEvent", on_render)
+        plotter.renderers[0].GetRenderWindow().AddObserver("StartEvent", on_render)
 
     @property
     def camera(self) -> pyvista.Camera:
-        """The camera, shared by both panes."""
-        camera: pyvista.Camera = self._panes[0].renderer.camera
+        """The camera."""
+        camera: pyvista.Camera = self._pane.renderer.camera
         return camera
 
     def update(self, session: Session) -> None:
         """Update what has changed; the owner of the plotter renders."""
-        subject, other = session.subject, session.other_model
-        self._count = 2 if other is not None and subject is not None else 1
-        self._divide()
+        subject = session.subject
+        self._pane.renderer.viewport = self.area
         self.captions = Captions.of(session, legend=self.legend)
         before, self._subject = self._subject, subject
         if subject is None:
@@ -238,17 +233,15 @@ class Scene:
                 inspection = replace(inspection, held=None)
             self._inspection = inspection
             self._set_surroundings(session, subject)
-            before_grasp = len(self._panes[0].gripper.points)
-            has_moved = self._draw(0, session, session.model, inspection)
-            if other is not None:
-                self._draw(1, session, other, inspection and replace(inspection, model=other))
+            before_grasp = len(self._pane.gripper.points)
+            has_moved = self._draw(session, inspection)
             item = session.collection.items[session.number]
             if item is not self._item or session.steps != self._steps:
                 self._item, self._steps = item, session.steps
                 self.look(session)
             elif has_moved:
                 self._show_whole_gripper()
-            elif len(self._panes[0].gripper.points) < before_grasp and (
+            elif len(self._pane.gripper.points) < before_grasp and (
                 self.camera.parallel_scale == self._scale
             ):
                 self._frame_all(axes_of(self.camera))
@@ -276,26 +269,16 @@ class Scene:
     def pick(self, session: Session, x: float, y: float) -> int | None:
         """Vertex at a window position [pixels from the lower left]; None: there is none."""
         subject = session.subject
-        width, height = self.plotter.window_size
-        for pane in self._panes[: self._count]:
-            left, bottom, right, top = pane.renderer.viewport
-            inside = left * width <= x < right * width and bottom * height <= y < top * height
-            if subject is not None and inside:
-                near, far = (_world(pane.renderer, x, y, depth) for depth in (0.0, 1.0))
-                return vertex_at(subject, near, far - near, session.state.section)
-        return None
+        (width, height), (left, bottom, right, top) = self.plotter.window_size, self.area
+        inside = left * width <= x < right * width and bottom * height <= y < top * height
+        if subject is None or not inside:
+            return None
+        near, far = (_world(self._pane.renderer, x, y, depth) for depth in (0.0, 1.0))
+        return vertex_at(subject, near, far - near, session.state.section)
 
     def screenshot(self) -> Bytes:
         """RGB colours of the window, shape (height, width, 3)."""
         return screenshot(self.plotter)
-
-    def _divide(self) -> None:
-        """Give each pane its part of the window."""
-        left, bottom, right, top = self.area
-        middle = 0.5 * (left + right) if self._count > 1 else right
-        self._panes[0].renderer.viewport = (left, bottom, middle, top)
-        self._panes[1].renderer.viewport = (middle, bottom, right, top)
-        self._panes[1].renderer.SetDraw(self._count > 1)
 
     def _set_surroundings(self, session: Session, subject: Subject) -> None:
         """Set the direction that is up, and the size of all that may be shown."""
@@ -306,12 +289,11 @@ class Scene:
 
     def _frame_all(self, axes: Floats) -> None:
         """Show all from a direction."""
-        pane = self._panes[0]
-        self._frame(frame_of(pane.points, pane.beside, axes), axes)
+        self._frame(frame_of(self._pane.points, self._pane.beside, axes), axes)
 
     def _show_whole_gripper(self) -> None:
         """Move the camera away, in the same direction, if most of the gripper is not visible."""
-        axes, beside = axes_of(self.camera), self._panes[0].gripper.points
+        axes, beside = axes_of(self.camera), self._pane.gripper.points
         free = self._find_free_area()
         per_pixel = 2.0 * self.camera.parallel_scale / max(1.0, free.height)
         width, height = free.free
@@ -320,7 +302,7 @@ class Scene:
         )
         if visible_fraction(beside, now, axes) < MOSTLY:
             self._frame_all(axes)
-        self._panes[0].renderer.ResetCameraClippingRange()
+        self._pane.renderer.ResetCameraClippingRange()
 
     def _frame(self, frame: Frame, axes: Floats) -> None:
         """Point the camera at a frame."""
@@ -329,14 +311,11 @@ class Scene:
         self.camera.parallel_scale = parallel_scale(frame.reach, free)
         self._scale = self.camera.parallel_scale
 
-    def _draw(
-        self, number: int, session: Session, model: GraspModel, inspection: Inspection | None
-    ) -> bool:
-        """Draw one pane; returns whether another gripper is drawn than before."""
-        subject, state = self._subject, session.state
+    def _draw(self, session: Session, inspection: Inspection | None) -> bool:
+        """Draw the object; returns whether another gripper is drawn than before."""
+        subject, state, pane = self._subject, session.state, self._pane
         assert subject is not None
-        pane = self._panes[number]
-        pane.show(subject, state.paint, model, stale=session.stale)
+        pane.show(subject, state.paint, session.model, stale=session.stale)
         pane.cut(state.section.plane(subject.bounds) if state.section else None)
         fixed = np.array(state.fixed, dtype=float).reshape(-1, 3)
         scene = session.scene
@@ -345,27 +324,20 @@ class Scene:
 
     def _clear(self) -> None:
         self._item = self._inspection = None
-        for pane in self._panes:
-            pane.hide()
+        self._pane.hide()
 
     def _find_free_area(self) -> FreeArea:
-        """The part of a pane that is free of texts."""
-        width, height = self._panes[0].renderer.GetSize()
-        areas = self._text_areas()
-        margins = [self.captions.margins(area, number) for number, area in enumerate(areas)]
-        return FreeArea(
-            width, height,
-            top=max(top for top, _ in margins),
-            bottom=max(bottom for _, bottom in margins),
-            sides=areas[0].margin,
-        )  # fmt: skip
+        """The part of the pane that is free of texts."""
+        area = self._text_area()
+        top, bottom = self.captions.margins(area)
+        return FreeArea(area.width, area.height, top=top, bottom=bottom, sides=area.margin)
 
     def _before_render(self) -> None:
         """Adapt to the window size and the zoom; called before each rendering."""
         free = self._find_free_area()
         subject, camera = self._subject, self.camera
         if self._free_area is not None and free != self._free_area and subject is not None:
-            axes, pane = axes_of(camera), self._panes[0]
+            axes, pane = axes_of(camera), self._pane
             reach = frame_of(pane.points, pane.beside, axes).reach
             zoom = parallel_scale(reach, free) / parallel_scale(reach, self._free_area)
             is_own = camera.parallel_scale == self._scale
@@ -374,29 +346,24 @@ class Scene:
         self._free_area = free
         camera.SetWindowCenter(0.0, -free.shift)
         per_pixel = 2.0 * camera.parallel_scale / max(1.0, free.height)
-        for number, (pane, area) in enumerate(zip(self._panes, self._text_areas(), strict=False)):
-            last = number == self._count - 1
-            pane.captions.show(self.captions.items(area, number, per_pixel if last else None))
-            pane.numbers.show(self._contact_numbers(pane.renderer, area, per_pixel))
+        area = self._text_area()
+        self._pane.captions.show(self.captions.items(area, per_pixel))
+        self._pane.numbers.show(self._contact_numbers(area, per_pixel))
 
-    def _contact_numbers(
-        self, renderer: pyvista.Renderer, area: TextArea, per_pixel: float
-    ) -> list[OverlayItem]:
-        """Numbers of a grasp's contacts at their current positions in a pane."""
+    def _contact_numbers(self, area: TextArea, per_pixel: float) -> list[OverlayItem]:
+        """Numbers of a grasp's contacts at their current positions."""
         subject, inspection = self._subject, self._inspection
         if subject is None or inspection is None or len(inspection.points) < 2:
             return []
         points, radius = inspection.points, CONTACT_RADIUS * subject.mesh.size
         tips = points + radius * inspection.normals
-        contacts, ahead = display_positions(renderer, points), display_positions(renderer, tips)
+        contacts, ahead = (display_positions(self._pane.renderer, one) for one in (points, tips))
         return contact_numbers(area, contacts, ahead, radius / per_pixel)
 
-    def _text_areas(self) -> list[TextArea]:
-        """Sizes of the panes; their text size is that for the whole scene."""
-        sizes = [pane.renderer.GetSize() for pane in self._panes[: self._count]]
-        unit = pixel_ratio(self._panes[0].renderer)
-        size = text_size(sum(width for width, _ in sizes), sizes[0][1], unit)
-        return [TextArea(width, height, size) for width, height in sizes]
+    def _text_area(self) -> TextArea:
+        """Size of the pane and of its texts."""
+        width, height = self._pane.renderer.GetSize()
+        return TextArea(width, height, text_size(width, height, pixel_ratio(self._pane.renderer)))
 
 
 def _world(renderer: pyvista.Renderer, x: float, y: float, depth: float) -> Floats:

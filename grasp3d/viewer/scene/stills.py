@@ -101,8 +101,6 @@ def still_pane(
     check_rendering()
     with off_screen(*size) as (plotter, factor):
         pane = Pane(plotter.renderers[0])
-        pane.renderer.viewport = (0.0, 0.0, 1.0, 1.0)
-        plotter.renderers[1].SetDraw(0)
 
         def picture(axes: Floats, frame: Frame, scale: float | None) -> Bytes:
             camera = pane.renderer.camera

@@ -13,15 +13,12 @@ from grasp3d.settings import DEGREE
 from grasp3d.settings.model_text import EPSILON_MIN
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import OF_MODEL, Axis, Section
-from grasp3d.viewer.view_settings import Paint, check_comparison, comparison_problem
+from grasp3d.viewer.view_settings import Paint
 
 LEAST_FRICTION = 0.01
 """Smallest friction that can be true within the friction error that is chosen."""
 FRICTION_STEP, RESOLUTION_STEP, SECTION_STEP = 0.05, 2.0, 0.05
 """Changes by a key; resolutions are in degrees."""
-DEFAULT_COMPARED = 40.0
-"""Initial second resolution of a comparison [degrees]."""
-
 
 ARROWS = {"Left": "←", "Right": "→", "Up": "↑", "Down": "↓"}
 
@@ -175,21 +172,6 @@ def _drawn(name: str, check: Callable[[Session], None], **options: Any) -> Contr
     return Control(lambda session: getattr(session.state, name), write, **options)
 
 
-def _write_comparing(session: Session, value: Any) -> None:
-    check_comparison(session.state.paint)
-    session.change(compare=DEFAULT_COMPARED * DEGREE if value else None)
-
-
-def _read_compare(session: Session) -> float:
-    angle = session.state.compare
-    return DEFAULT_COMPARED if angle is None else _degrees(angle)
-
-
-def _write_compare(session: Session, value: Any) -> None:
-    if session.state.compare is not None:
-        session.change(compare=_number(value, below=180.0) * DEGREE)
-
-
 def _write_axis(session: Session, value: Any) -> None:
     section = session.state.section or Section()
     session.change(section=None if value == "off" else replace(section, axis=value))
@@ -282,22 +264,6 @@ CONTROLS: dict[str, Control] = {
         page=Field(
             "location error", "Location error", 0.05, 0.001, of_size=True, shown=_shows_errors,
             problem=lambda session: session.location_problem,
-        ),
-    ),
-    "comparing": Control(
-        lambda session: session.state.compare is not None, _write_comparing,
-        keys={"c": not_}, of_keys="compare with a second resolution",
-        page=Field(
-            "compare with a second α",
-            problem=lambda session: comparison_problem(session.state.paint),
-        ),
-    ),
-    "compare": Control(
-        _read_compare, _write_compare,
-        valid="the second resolution must be from 0 to below 180 degrees",
-        page=Field(
-            "second resolution α", "Second sensor resolution α in degrees", 90.0, 0.1, "°",
-            shown=lambda session: session.state.compared is not None,
         ),
     ),
     "axis": Control(

@@ -72,12 +72,10 @@ class PanelText:
     """Name of the object, and its number in the collection."""
     facts: str
     """Size and vertices of the object."""
-    rules: tuple[str, ...]
-    """Limits of S and U in the critical friction angle, for each displayed resolution."""
+    rule: str
+    """Limits of S and U in the critical friction angle; empty for poses of a hand."""
     fractions: tuple[LabelFraction, ...]
     """S, M, U, and the unsearched part if any; empty: there are no valid labels now."""
-    other_fractions: tuple[LabelFraction, ...]
-    """The same at the second resolution; empty: there is none."""
     ramp: Ramp | None
     """Legend of the colours; None: labels."""
     notes: tuple[str, ...]
@@ -88,7 +86,7 @@ class PanelText:
 
 def panel_text(session: Session) -> PanelText:
     """Texts and numbers for the current state of a session."""
-    subject, model, other = session.subject, session.model, session.other_model
+    subject, model = session.subject, session.model
     count = len(session.collection.items)
     title = session.name if count == 1 else f"{session.name} ({session.number + 1} of {count})"
     stale = session.stale
@@ -97,9 +95,8 @@ def panel_text(session: Session) -> PanelText:
     return PanelText(
         title=title,
         facts=_facts(subject, len(session.state.fixed), stale=stale) if subject else "",
-        rules=() if of_hand else _rules(session),
+        rule="" if of_hand else _rule(session),
         fractions=_fractions(current, model) if current else (),
-        other_fractions=_fractions(current, other) if current and other else (),
         ramp=ramp_of(subject, session.state.paint, model) if subject else None,
         notes=(*_notes(session), *(subject.notes if subject else ()), *session.collection.notes),
         stale=stale,
@@ -156,37 +153,26 @@ def _notes(session: Session) -> Iterator[str]:
         )
     if session.model.certainty == "safe":
         yield f"labels are safe: {SAFE_LABELS}"
-    models = [session.model] + [session.other_model] * (session.other_model is not None)
-    searched = subject.hand_grasps is None
-    if searched and any(model is not None and not subject.covers(model) for model in models):
+    if subject.hand_grasps is None and not subject.covers(session.model):
         yield (
             f"grasps were searched up to β* = {math.degrees(subject.cone):.1f}°; grey vertices "
             "need a wider search"
         )
 
 
-def _rules(session: Session) -> tuple[str, ...]:
-    """Limits of S and U for the chosen friction and resolutions."""
+def _rule(session: Session) -> str:
+    """Limits of S and U for the chosen friction and resolution."""
     state = session.state
     fingers = len(state.fixed) + 1 if state.fixed else state.model.fingers
     model = state.model
     if model.fingers != fingers:
         model = replace(model, fingers=fingers)
-    if state.compared is None:
-        name = "β*" if model.location_error == 0.0 else "located β*"
-        return (f"{name}: {_rule(model)}",)
-    other = replace(model, sensor_resolution=state.compared)
-    return tuple(
-        f"α {math.degrees(one.sensor_resolution):.4g}°: {_rule(one)}" for one in (model, other)
-    )
-
-
-def _rule(model: GraspModel) -> str:
+    name = "β*" if model.location_error == 0.0 else "located β*"
     stable = math.degrees(model.effective_friction_angle)
     limit = model.unstable_from
     below = f"S below {stable:.1f}°" if stable > 0.0 else "no S"
     above = "no U" if math.isinf(limit) else f"U from {math.degrees(limit):.1f}° on"
-    return f"{below}, {above}"
+    return f"{name}: {below}, {above}"
 
 
 def _fractions(subject: Subject, model: GraspModel) -> tuple[LabelFraction, ...]:

@@ -175,20 +175,12 @@ def limited_sampling(sampling: AnySampling, state: ViewState) -> AnySampling:
     return fitted.limited(state.max_opening)
 
 
-def _covers(subject: Subject, state: ViewState) -> bool:
-    """Whether the search went far enough for all displayed resolutions."""
-    if state.compared is None:
-        return subject.covers(state.model)
-    other = replace(state.model, sensor_resolution=state.compared)
-    return subject.covers(state.model) and subject.covers(other)
-
-
 def _search_job(
     subject: Subject, state: ViewState, sampling: AnySampling, number: int
 ) -> SubjectJob | None:
     """Search for other fingers or limits, a wider cone, or another location error."""
     search = limited_sampling(sampling, state)
-    wide = not _covers(subject, state)
+    wide = not subject.covers(state.model)
     if needs_search(subject, state, sampling):
         key = ("search", number, state.model.fingers, search, wide)
         run = partial(search_grasps, subject, state.model, search, wide=wide)

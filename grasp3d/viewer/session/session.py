@@ -35,7 +35,7 @@ from grasp3d.viewer.view_settings import Paint, ViewSettings
 if TYPE_CHECKING:
     from collections.abc import Hashable
 
-OF_FINGERS = frozenset({"fingers", "max_opening", "fixed", "location_error", "compare"})
+OF_FINGERS = frozenset({"fingers", "max_opening", "fixed", "location_error"})
 """Choices that do not apply to them."""
 
 BEST = 20
@@ -77,7 +77,6 @@ class Session:
             model=collection.model,
             max_opening=collection.sampling.max_opening,
             paint=settings.paint,
-            compare=settings.compare,
             vertex=settings.vertex,
             show_errors=has_errors(collection.model),
         )
@@ -121,12 +120,6 @@ class Session:
         """Chosen friction and resolution, with the displayed surface's number of fingers."""
         subject = self.subject
         return self.state.model if subject is None else model_for(subject, self.state)
-
-    @property
-    def other_model(self) -> GraspModel | None:
-        """The same at the second resolution; None: there is none."""
-        resolution = self.state.compared
-        return None if resolution is None else replace(self.model, sensor_resolution=resolution)
 
     @property
     def working(self) -> tuple[str, float] | None:

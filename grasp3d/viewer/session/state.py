@@ -1,6 +1,5 @@
 """The user's choices in a viewer, as an immutable value."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
@@ -10,7 +9,7 @@ import numpy as np
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel, check_choice
-from grasp3d.viewer.view_settings import Paint, comparison_problem
+from grasp3d.viewer.view_settings import Paint
 
 Axis = Literal["x", "y", "z"]
 Click = Literal["inspect", "fix"]
@@ -62,8 +61,6 @@ class ViewState:
     """Largest distance between contacts, in the mesh's unit: the gripper's stroke for two fingers,
     the largest spread for more."""
     paint: Paint = "label"
-    compare: float | None = None
-    """A second sensor resolution, shown beside the first in the colours S, M, U [rad]."""
     section: Section | None = None
     click: Click = "inspect"
     """Action of a click on the surface: inspect a vertex, or fix a finger there."""
@@ -85,23 +82,9 @@ class ViewState:
         check_choice("click action", self.click, Click)
         if not self.max_opening > 0.0:
             raise SettingError(f"the largest opening must be above 0; got {self.max_opening:g}")
-        if self.compare is not None and not 0.0 <= self.compare < math.pi:
-            raise SettingError(
-                "the second resolution must be at least 0 and below 180 degrees; "
-                f"got {math.degrees(self.compare):g}"
-            )
         points = np.asarray(self.fixed or np.zeros((1, 3)), dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
             raise SettingError("fixed fingers must be points of three finite coordinates each")
-
-    @property
-    def compared(self) -> float | None:
-        """The second resolution that is shown now [rad]; None: none.
-
-        Colours that do not depend on the resolution are shown once; with S, M, U the chosen second
-        resolution returns.
-        """
-        return None if comparison_problem(self.paint) else self.compare
 
 
 def has_errors(model: GraspModel) -> bool:

@@ -30,8 +30,8 @@ PAIR = 2
 NO_LABELS = "the surface has no labels: poses of a hand with joints are shown"
 """Why it cannot be clicked or saved."""
 
-KEPT = 4
-"""Sets of located angles that are kept: those of two panes, before and after a change."""
+KEPT = 2
+"""Sets of located angles that are kept: before and after a change."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,5 @@
 """The displayed state of a session as plain values for the page."""
 
-import math
-from collections.abc import Sequence
 from typing import Any
 
 from grasp3d.stability.label import MEANING, Label
@@ -10,9 +8,7 @@ from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.painting import HEX_PALETTE, Ramp
 from grasp3d.viewer.session.panel_text import (
     HINTS,
-    NOTHING,
     OF_HAND,
-    LabelFraction,
     PanelText,
     grasp_number,
     interval_text,
@@ -58,8 +54,8 @@ def page_state(session: Session) -> dict[str, Any]:
         "table": scene is not None and scene.table is not None,
         "title": text.title,
         "facts": text.facts,
-        "rules": list(text.rules),
-        **_table(session, text),
+        "rule": text.rule,
+        "rows": _rows(session, text),
         "ramp": text.ramp and _ramp(text.ramp, stale=text.stale),
         "inspection": inspection and _inspection(inspection),
         "hint": click_hint(session),
@@ -127,44 +123,30 @@ def click_hint(session: Session) -> str:
     return f"{fixed}; the colours are for the contact point of the next one. {action}"
 
 
-def _table(session: Session, text: PanelText) -> dict[str, Any]:
-    """Rows of the area fractions, with a column for each displayed resolution."""
-    headers = []
-    if session.other_model is not None:
-        angles = (session.state.model.sensor_resolution, session.state.compared or 0.0)
-        headers = [f"α {math.degrees(angle):.4g}°" for angle in angles]
-    columns = [text.fractions, text.other_fractions] if headers else [text.fractions]
-    labels = {one.letter: (one.text, one.color) for fractions in columns for one in fractions}
-    if not labels and (text.stale or session.working is not None):
-        labels = _pending_labels(session)
-    rows = [
-        {
-            "letter": letter,
-            "text": meaning,
-            "color": color,
-            "fractions": [_fraction(letter, fractions) for fractions in columns],
-        }
-        for letter, (meaning, color) in labels.items()
-    ]
-    return {"rows": rows, "headers": headers, "columns": len(columns)}
-
-
-def _pending_labels(session: Session) -> dict[str, tuple[str, str]]:
-    """Meanings and colours of the labels whose fractions are being computed."""
+def _rows(session: Session, text: PanelText) -> list[dict[str, Any]]:
+    """Rows of the area fractions; None: not known yet."""
+    if text.fractions or not (text.stale or session.working is not None):
+        return [
+            {
+                "letter": one.letter,
+                "text": one.text,
+                "color": one.color,
+                "fraction": one.fraction,
+                "percent": one.percent,
+            }
+            for one in text.fractions
+        ]
     meaning = MEANING["scan" if session.state.fixed else "label"]
-    return {
-        label.name: (meaning[label], HEX_PALETTE[label]) for label in sorted(Label, reverse=True)
-    }
-
-
-def _fraction(letter: str, fractions: Sequence[LabelFraction]) -> dict[str, Any]:
-    """One number of the table; None: not known yet."""
-    if not fractions:
-        return {"fraction": None, "percent": "…"}
-    for one in fractions:
-        if one.letter == letter:
-            return {"fraction": one.fraction, "percent": one.percent}
-    return {"fraction": 0.0, "percent": NOTHING}
+    return [
+        {
+            "letter": label.name,
+            "text": meaning[label],
+            "color": HEX_PALETTE[label],
+            "fraction": None,
+            "percent": "…",
+        }
+        for label in sorted(Label, reverse=True)
+    ]
 
 
 def progress_state(session: Session) -> dict[str, Any]:

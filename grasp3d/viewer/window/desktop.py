@@ -105,7 +105,7 @@ class Window:
         self._session, self._plotter, self._watch = session, plotter, watch
         self._interactor: Any = plotter.iren.interactor
         self._scene = Scene(plotter)
-        self._panel = SidePanel(plotter.renderers[2], self._interactor, self._change)
+        self._panel = SidePanel(plotter.renderers[1], self._interactor, self._change)
         self._page = Worker[str]()
         self._help = False
         self._size, self._text_size = (0, 0), SMALLEST_TEXT
@@ -196,12 +196,12 @@ class Window:
             return False
         self._size = (width, height)
         self._plotter.render_window.DetectDPI()
-        unit = pixel_ratio(self._plotter.renderers[2])
+        unit = pixel_ratio(self._plotter.renderers[1])
         largest = PANEL_TEXT * text_size(width, height, unit)
         self._text_size = round(max(SMALLEST_TEXT * unit, largest))
         border = 1.0 - min(PANEL_WIDTH * self._text_size / width, MAX_PANEL)
         self._scene.area = (0.0, 0.0, border, 1.0)
-        self._plotter.renderers[2].viewport = (border, 0.0, 1.0, 1.0)
+        self._plotter.renderers[1].viewport = (border, 0.0, 1.0, 1.0)
         return True
 
     def _on_render(self) -> bool:
