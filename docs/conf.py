@@ -56,7 +56,6 @@ nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
     ("py:class", r"grasp3d\.surface\.fields\.Field"),  # declares columns of files
     ("py:class", r"grasp3d\.validating\.disagreements\.Numbers"),  # columns of grasps
     ("py:class", r".*\.tasks\.Terms?|.*\._Part"),  # likewise
-    ("py:class", r"grasp3d\.planar\.outlines\.FractionSettings"),  # keywords of `Outline.fractions`
     ("py:obj", r".*"),  # parameters, and words in backticks
 ]
 

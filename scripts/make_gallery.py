@@ -418,7 +418,7 @@ PAPER = {
 OUTLINE_FRICTION = 0.5
 OUTLINE_RESOLUTIONS = (0.0, 10.0, 22.6, 40.0, 60.0)
 OUTLINE_POINTS = 1440
-OUTLINES = (planar.Circle(), planar.square())
+OUTLINES = (planar.Circle(), planar.Square())
 
 
 def draw_outline(axes: Axes, outline: planar.Outline, degrees: float) -> None:
@@ -426,13 +426,13 @@ def draw_outline(axes: Axes, outline: planar.Outline, degrees: float) -> None:
     model = GraspModel(friction=OUTLINE_FRICTION, sensor_resolution=math.radians(degrees))
     found = planar.scan(outline, model, points=OUTLINE_POINTS)
     bare(axes)
-    axes.fill(*found.points.T, color="#F1F1F1")
-    ends = np.concatenate([found.points, found.points[:1]])
+    axes.fill(*found.contacts.points.T, color="#F1F1F1")
+    ends = np.concatenate([found.contacts.points, found.contacts.points[:1]])
     first = np.flatnonzero(np.diff(found.label, prepend=255))
     for start, end in pairwise([*first.tolist(), len(found.label)]):
         color = LABEL_COLORS[Label(found.label[start])]
         axes.plot(*ends[start : end + 1].T, color=color, linewidth=4.0, solid_capstyle="butt")
-    point = found.points[0]
+    point = found.contacts.points[0]
     inward = np.array([0.0, 0.45])
     axes.annotate(
         "", point + inward, point - inward, arrowprops={"arrowstyle": "-|>", "color": "#333333"}

@@ -34,7 +34,7 @@ def test_forces_and_wrenches_of_one_grasp() -> None:
 
 
 def test_fractions_of_planar_shapes() -> None:
-    for fractions in (grasp3d.planar.circle_fractions, grasp3d.planar.square_fractions):
+    for fractions in (grasp3d.planar.Circle().fractions, grasp3d.planar.Square().fractions):
         found = fractions(friction=0.5, sensor_resolution=0.3)
         assert set(found) == {"S", "M", "U"}
         assert sum(found.values()) == pytest.approx(1.0)

@@ -7,7 +7,7 @@ from grasp3d.batch.inputs import MeshFile, find_meshes
 from grasp3d.batch.storage.files import local_copy
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.planar import Circle, square
+from grasp3d.planar import Circle, Square
 from grasp3d.settings import (
     AnySampling,
     GraspModel,
@@ -24,7 +24,7 @@ from grasp3d.system.context import running
 
 SHAPES: dict[str, Callable[[], AngleDistribution]] = {
     "circle": Circle,
-    "square": square,
+    "square": Square,
     "sphere": SphereAngles,
 }
 """Shapes in closed form, with one finger fixed (on the square in the middle of a side)."""

@@ -17,7 +17,7 @@ from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.planar import Circle, scan, square
+from grasp3d.planar import Circle, Square, scan
 from grasp3d.plots.cones import combinations_figure, cone_figure, tips_figure
 from grasp3d.plots.curves import curves_figure
 from grasp3d.plots.figures import Drawing
@@ -236,13 +236,13 @@ def circle_fractions(settings: PaperSettings) -> Drawing:
 
 def square_curves(settings: PaperSettings) -> Drawing:
     """Draw Fig. 9: epsilon along the square."""
-    scans = [scan(square(), model) for model in settings.models]
+    scans = [scan(Square(), model) for model in settings.models]
     return curves_figure(scans, over="position", unit="half sides")
 
 
 def square_fractions(settings: PaperSettings) -> Drawing:
     """Draw Fig. 10: fractions of the square over the resolution."""
-    return fractions_figure(swept(square(), "square", settings))
+    return fractions_figure(swept(Square(), "square", settings))
 
 
 def ceilings(settings: PaperSettings) -> Drawing:
@@ -252,7 +252,7 @@ def ceilings(settings: PaperSettings) -> Drawing:
     for comparison.
     """
     sphere = swept(SphereAngles(), "sphere (the paper's)", settings)
-    outlines = [swept(outline, outline.name, settings) for outline in (Circle(), square())]
+    outlines = [swept(outline, outline.name, settings) for outline in (Circle(), Square())]
     return ceiling_figure([sphere, *outlines])
 
 

@@ -9,7 +9,7 @@ from grasp3d.contact.sensor import Sensor, resolution_limit
 from grasp3d.paper.figures import ScannedObject
 from grasp3d.paper.markdown import fraction_cells, percent, resolution_cell, table
 from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.planar import Circle, Outline, circle_fractions, scan, square, square_fractions
+from grasp3d.planar import Circle, Outline, Square, scan
 from grasp3d.settings import GraspModel
 from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles, accuracy_ceiling
 
@@ -96,7 +96,7 @@ def numbers_page(settings: PaperSettings, objects: Sequence[ScannedObject]) -> s
         **{
             f"The {outline.name} over the resolution, μ = {friction:g}": _over(outline, friction)
             for friction in dict.fromkeys((settings.friction, SLIPPERY))
-            for outline in (Circle(), square())
+            for outline in (Circle(), Square())
         },
         "In space": _in_space(objects, settings),
         "Receptive field and location (Fig. 4)": receptive_fields(),
@@ -117,7 +117,7 @@ def _fractions_at_resolutions(settings: PaperSettings) -> str:
     head = ("object", "α", "S", "M", "U", "ceiling S + U + M/2", "points whose hulls disagree")
     rows = []
     for model in settings.models:
-        for outline in (Circle(), square()):
+        for outline in (Circle(), Square()):
             scanned = scan(outline, model)
             exact = _fractions(outline, model)
             differing = int((scanned.label_extremes != scanned.label).sum())
@@ -257,7 +257,7 @@ def _ambiguous() -> list[tuple[str, ...]]:
          "2α / π while α/2 ≤ β and β + α/2 ≤ 90°",
          f"**differs**: a value read off a curve; ours holds for μ {least:.2f} to {1 / least:.2f}"),
         (f"{quantity}, square, μ = {READ_AT:g}", "–", percent(square),
-         "from the polygon, `grasp3d.planar.square`", "not what Fig. 8 shows, but nearer"),
+         "`grasp3d.planar.Square`", "not what Fig. 8 shows, but nearer"),
         (f"{quantity}, sphere by area, μ = {SPHERE[0]:g} to {SPHERE[1]:g}", "–",
          " to ".join(percent(fraction) for fraction in spheres), "sin 2β · sin α",
          "depends on μ, unlike on the circle"),
@@ -295,7 +295,7 @@ def _ceiling() -> tuple[str, ...]:
 
 def _shapes(resolution: float) -> tuple[dict[str, float], ...]:
     """Fractions of `SHAPES` at the friction at which the paper reads its Fig. 8."""
-    functions = (circle_fractions, square_fractions, SphereAngles().fractions)
+    shapes: tuple[AngleDistribution, ...] = (Circle(), Square(), SphereAngles())
     return tuple(
-        fractions(friction=READ_AT, sensor_resolution=resolution) for fractions in functions
+        shape.fractions(friction=READ_AT, sensor_resolution=resolution) for shape in shapes
     )

@@ -15,7 +15,7 @@ from grasp3d.arrays import Bools, Floats
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
 from grasp3d.planar import Circle as CircleOutline
-from grasp3d.planar.contacts import turn_between
+from grasp3d.planar import turn_between
 from grasp3d.plots.figures import COLUMN, LABEL_COLORS, LINES, PAGE, bare, new_figure, styled
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
@@ -229,9 +229,8 @@ def combinations_figure(model: GraspModel) -> Figure:
         SettingError: As in `cone_figure`.
     """
     check_drawable(model)
-    circle = CircleOutline()
     off = model.friction_angle - TOLERATED * model.tilt  # between line and perceived normals
-    contacts = circle.contacts_at([off * circle.radius, (math.pi - off) * circle.radius])
+    contacts = CircleOutline().contacts_at([off, math.pi - off])
     figure = new_figure(COLUMN, 4.3)
     for axes, signs in zip(figure.subplots(2, 2).flat, product((1, -1), repeat=2), strict=True):
         _combination(axes, contacts.points, contacts.first, np.array(signs), model)

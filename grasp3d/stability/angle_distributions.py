@@ -17,10 +17,8 @@ from functools import cached_property
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, short_repr
-from grasp3d.errors import SettingError
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel
-from grasp3d.settings.checks import check_length, check_range
-from grasp3d.settings.lengths import Measure
+from grasp3d.settings.checks import check_range
 from grasp3d.settings.sampling import not_covered
 from grasp3d.stability.thresholds import unstable_from
 
@@ -54,16 +52,6 @@ def accuracy_ceiling(fractions: dict[str, float]) -> float:
         fractions: Fractions of the surface under the keys S, M and U.
     """
     return fractions["S"] + fractions["U"] + fractions["M"] / 2.0
-
-
-def check_number(location_error: float) -> None:
-    """Raise SettingError unless a location error is a finite number of at least 0, no text."""
-    if isinstance(location_error, str | Measure):
-        raise SettingError(
-            "the location error on a shape without a unit must be a number in the unit of its "
-            f"radius; got {location_error!r}"
-        )
-    check_length("location error", location_error)
 
 
 class AngleDistribution(ABC):
@@ -260,95 +248,23 @@ class SphereAngles(AngleDistribution):
     The line through contacts that are an angle t apart about the centre makes the angle
     (pi - t) / 2 with both normals.
 
-    Attributes:
-        location_error: Largest distance between a true and a perceived contact point, for both
-            fingers, as a number in the unit of the radius.
-        radius: Radius of the sphere.
-
     Example:
         >>> from grasp3d.stability import SphereAngles
-        >>> sphere = SphereAngles(location_error=2.0, radius=30.0)
-        >>> fractions = sphere.fractions(friction=0.5, sensor_resolution=0.2)
+        >>> fractions = SphereAngles().fractions(friction=0.5, sensor_resolution=0.2)
         >>> {name: round(fraction, 3) for name, fraction in fractions.items()}
-        {'S': 0.084, 'M': 0.202, 'U': 0.715}
+        {'S': 0.126, 'M': 0.159, 'U': 0.715}
     """
 
-    location_error: float = 0.0
-    radius: float = 1.0
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.radius < math.inf:
-            raise SettingError(
-                f"the radius of a sphere must be a finite number above 0; got {self.radius:g}"
-            )
-        check_number(self.location_error)
-
-    def angle_distribution(self, *, location_error: float = 0.0) -> "SphereAngles":
-        """Distribution on the same sphere at another location error, see `SphereAngles`.
-
-        Raises:
-            SettingError: The location error is not a finite number of at least 0.
-        """
-        return SphereAngles(location_error, self.radius)
-
     def worst_below(self, angles: ArrayLike) -> Floats:
-        """See `AngleDistribution`: sin(x)^2, where the worst line at beta* = x has that angle."""
-        return np.asarray(np.sin(critical_angle_below(angles, self._ratio)) ** 2)
+        """See `AngleDistribution`: sin(angle)^2."""
+        angle = np.clip(np.asarray(angles, dtype=np.float64), 0.0, math.pi / 2.0)
+        return np.asarray(np.sin(angle) ** 2)
 
     def best_below(self, angles: ArrayLike) -> Floats:
-        """See `AngleDistribution`: sin(angle)^2, for every location error.
-
-        A sphere has no creases, and no line is nearer to both normals than the perceived one.
-        """
-        return np.asarray(np.sin(critical_angle_below(angles, 0.0)) ** 2)
+        """See `AngleDistribution`: the same, as a sphere has no creases."""
+        return self.worst_below(angles)
 
     def worst_quantile(self, fraction: float) -> float:
         """See `AngleDistribution`: the inverse of `worst_below`."""
         check_range("a fraction", fraction, 0.0, 1.0)
-        return float(worst_angle(math.asin(math.sqrt(fraction)), self._ratio))
-
-    @property
-    def _ratio(self) -> float:
-        """Largest shift of two contacts against each other, as a fraction of the diameter."""
-        return self.location_error / self.radius
-
-
-def worst_angle(critical_angle: ArrayLike, ratio: float) -> Floats:
-    """Largest angle between a normal and the line of the contacts, over all true locations [rad].
-
-    Of two fingers on a circle or a sphere, in closed form. With radius R and beta* the critical
-    friction angle, contacts are 2 R cos(beta*) apart. If the true ones are within d1 and d2 of the
-    perceived ones, their line turns by up to eta = asin((d1 + d2) / (2 R cos(beta*))), and the
-    worst line makes the angle beta* + eta with a normal. The normals of the two contacts lie
-    symmetrically about their line, so that no other line is nearer to both: the best angle is
-    beta*, whatever the location error is.
-
-    Args:
-        critical_angle: Critical friction angle beta* at the perceived locations [rad], 0 to pi/2.
-        ratio: Largest shift of the contacts against each other, as a fraction of the diameter.
-    """
-    angle = np.asarray(critical_angle, dtype=np.float64)
-    opening = np.cos(angle)  # as a fraction of the diameter
-    sine = np.divide(ratio, opening, out=np.ones_like(angle), where=opening > ratio)
-    return np.asarray(angle + (np.arcsin(sine) if ratio > 0.0 else 0.0))
-
-
-def critical_angle_below(worst: ArrayLike, ratio: float) -> Floats:
-    """Inverse of `worst_angle`: the critical angle below which the worst angle is below `worst`.
-
-    sin(worst - x) = ratio / cos(x) gives x = (worst + asin(sin(worst) - 2 ratio)) / 2.
-
-    Args:
-        worst: Angles [rad].
-        ratio: As in `worst_angle`.
-
-    Returns:
-        Critical angles [rad], from 0 (none) to pi/2 (all).
-    """
-    angle = np.clip(np.asarray(worst, dtype=np.float64), 0.0, math.pi)
-    if ratio == 0.0:
-        return np.minimum(angle, math.pi / 2.0)
-    sine = np.sin(angle)
-    within = 0.5 * (angle + np.arcsin(np.clip(sine - 2.0 * ratio, -1.0, 1.0)))
-    beyond = np.maximum(angle - math.pi / 2.0, 0.0)  # contacts so near that any line is possible
-    return np.clip(np.where(sine > ratio, within, beyond), 0.0, math.pi / 2.0)
+        return math.asin(math.sqrt(fraction))

@@ -17,7 +17,7 @@ from PIL import Image
 
 from grasp3d import GraspModel, Label, Sensor
 from grasp3d.errors import OutputError, SettingError
-from grasp3d.planar import Circle, PlanarScan, Polyline, scan, square
+from grasp3d.planar import Circle, PlanarScan, Square, scan
 from grasp3d.plots.cones import (
     combinations_figure,
     cone_figure,
@@ -47,11 +47,7 @@ from tests.helpers.figures import check_texts
 MODEL = GraspModel(friction=1.0, sensor_resolution=math.radians(30.0))
 SCANS: dict[str, tuple[PlanarScan, Over]] = {
     "circle": (scan(Circle(), MODEL, points=180), "angle"),
-    "square": (scan(square(), MODEL, points=160), "position"),
-    "triangle": (
-        scan(Polyline([(0.0, 0.0), (3.0, 0.0), (1.0, 2.0)], fixed=1.2), MODEL, points=90),
-        "position",
-    ),
+    "square": (scan(Square(), MODEL, points=160), "position"),
 }
 
 
@@ -165,9 +161,7 @@ def test_curves_show_the_scan(name: str) -> None:
         if over == "angle":
             assert np.asarray(line.get_xdata())[:-1] == pytest.approx(np.degrees(found.angle))
         else:
-            assert np.asarray(line.get_xdata())[:-1] == pytest.approx(
-                found.position - found.outline.fixed
-            )
+            assert np.asarray(line.get_xdata())[:-1] == pytest.approx(found.position)
     dots = [line for line in axes.lines if line.get_marker() == "o"]
     if corners.any():
         for dot, epsilon in zip(dots, expected, strict=True):
@@ -239,7 +233,7 @@ def test_runs_cover_every_label_without_gaps(labels: NDArray[np.uint8]) -> None:
 def test_figures_show_the_fractions_and_ceilings_of_their_sweeps() -> None:
     sweeps = [
         sweep(outline, friction=1.0, sensor_resolution=np.radians([0, 30, 60]), name=outline.name)
-        for outline in (Circle(), square())
+        for outline in (Circle(), Square())
     ]
     axes = fractions_figure(sweeps[0]).axes[0]
     areas = [np.asarray(area.get_paths()[0].vertices) for area in axes.collections]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from grasp3d import GraspModel
 from grasp3d.errors import OutputError, SearchCoverageError, SettingError
-from grasp3d.planar import Circle, square
+from grasp3d.planar import Circle, Square
 from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles, SphereAngles
 from grasp3d.surface.sweeps import Sweep, mean_sweep, sweep, write_sweeps
 from tests.stability.test_angle_distributions import sampled
@@ -29,7 +29,7 @@ SPHERE = sweep(
 
 
 def every() -> st.SearchStrategy[AngleDistribution]:
-    closed: list[AngleDistribution] = [SphereAngles(), Circle(), square()]
+    closed: list[AngleDistribution] = [SphereAngles(), Circle(), Square()]
     return st.one_of(sampled(), st.sampled_from(closed))
 
 

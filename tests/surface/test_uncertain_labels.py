@@ -294,3 +294,17 @@ class TestErrors:
     def test_extreme_normals_have_no_locations(self) -> None:
         with pytest.raises(SettingError, match="needs the method exact"):
             GraspModel(method="extremes", location_error=1.0)
+
+
+@pytest.mark.slow
+def test_fractions_of_a_sphere_have_a_closed_form() -> None:
+    """The worst line at beta* = x makes the angle x + asin(d / (R cos x)), the best one x."""
+    mesh = load_mesh(shapes.sphere(5))
+    radius = float(np.linalg.norm(mesh.vertices, axis=1).max())
+    model = GraspModel(friction=(0.5, 0.7), sensor_resolution=0.3, location_error=0.1 * radius)
+    found = scan_surface(mesh, model, fixed=(0.0, 0.0, radius)).fractions()
+    least, widest = math.atan(0.5) - 0.15, math.atan(0.7) + 0.15
+    stable = math.sin(0.5 * (least + math.asin(math.sin(least) - 2.0 * 0.1))) ** 2
+    unstable = math.cos(widest) ** 2
+    exact = {"S": stable, "M": 1.0 - stable - unstable, "U": unstable}
+    assert found == pytest.approx(exact, abs=0.015)

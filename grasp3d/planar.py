@@ -1,0 +1,529 @@
+"""The circle and the square of Wan & Howe 2018 (Sec. III-B), with one finger fixed on them.
+
+The second finger is scanned along the outline: fractions of the perimeter come in closed form,
+curves of epsilon from planar wrench hulls. The square has the fixed finger in the middle of its
+bottom side. Lengths are in radii of the circle, and in half sides of the square.
+"""
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.contact.friction_cones import effective_friction
+from grasp3d.errors import SettingError
+from grasp3d.quality.ferrari_canny import epsilon_of_wrenches
+from grasp3d.settings import GraspModel, check_choice, whole_number
+from grasp3d.settings.checks import check_range
+from grasp3d.stability.angle_distributions import AngleDistribution
+from grasp3d.stability.label import Label
+from grasp3d.stability.thresholds import label_angles
+
+TIE = 1e-10
+"""Angles closer than this count as equal; a grasp at its critical angle is not force-closed [rad].
+"""
+
+STRAIGHT = 1e-9
+"""Half-range of normals up to which a point is not a corner [rad]."""
+
+TINY = 1e-12
+"""Fraction of a perimeter within which a contact is at a corner."""
+
+SAME = 1e-12
+"""Normals closer than this are one [rad]."""
+
+MOST_NORMALS = 64
+"""Largest number of normals of one contact, all combined with those of the other."""
+
+PART = 1 << 16
+"""Largest number of wrenches in memory at once."""
+
+RANK = 3
+"""Dimensions of planar wrenches; a hull of lower rank is not force-closed."""
+
+FEWEST_POINTS = 8
+FEWEST_EDGES = 2
+
+Kind = Literal["exact", "extremes", "four"]
+
+NormalChoice = Callable[[float], Floats]
+"""From the half-range of a contact's normals to the angles about their middle to evaluate [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class OutlineContacts:
+    """Contact points on an outline and the inward normals possible there."""
+
+    points: Floats
+    """Relative to the centre of mass, shape (k, 2)."""
+    first: Floats
+    """Unit normals of the outline just before the point, shape (k, 2)."""
+    last: Floats
+    """Unit normals just behind it, shape (k, 2); different from `first` at corners only, where any
+    normal between the two is possible."""
+
+    __repr__ = short_repr
+
+    @cached_property
+    def middle(self) -> Floats:
+        """Polar angles of the normals halfway between first and last [rad], shape (k,)."""
+        between = self.first + self.last
+        return locked(np.arctan2(between[:, 1], between[:, 0]))
+
+    @cached_property
+    def half_range(self) -> Floats:
+        """Angle from the middle to first and to last [rad], shape (k,); below pi/2."""
+        across = self.first[:, 0] * self.last[:, 1] - self.first[:, 1] * self.last[:, 0]
+        along = (self.first * self.last).sum(axis=1)
+        return locked(0.5 * np.arctan2(np.abs(across), along))
+
+
+def turn_between(first: Floats, second: Floats) -> Floats:
+    """Angle between directions given by their polar angles [rad], from 0 to pi."""
+    return np.abs(np.remainder(first - second + math.pi, 2.0 * math.pi) - math.pi)
+
+
+class Outline(AngleDistribution):
+    """A closed counter-clockwise curve about its centre of mass, with one finger fixed on it.
+
+    As a distribution it gives fractions of its perimeter, along which the second finger may be, by
+    critical friction angle, in closed form. Arc lengths begin at the fixed finger, the middle of
+    the lowest points.
+    """
+
+    name: str
+    """Name for titles."""
+    perimeter: float
+    """Length of the curve."""
+    torque_scale: float
+    """Largest distance of the curve from its centre of mass."""
+    corner_positions: tuple[float, ...] = ()
+    """Arc lengths of the corners, ascending."""
+
+    @abstractmethod
+    def contacts_at(self, positions: ArrayLike) -> OutlineContacts:
+        """Contacts at positions along the perimeter.
+
+        Args:
+            positions: Arc lengths, shape (k,), taken modulo the perimeter.
+        """
+
+    def best_below(self, angles: ArrayLike) -> Floats:
+        """See `AngleDistribution`: the fixed finger is at no corner, and corners have no length."""
+        return self.worst_below(angles)
+
+
+@dataclass(frozen=True)
+class Circle(Outline):
+    """The paper's circle, of radius 1.
+
+    Example:
+        >>> from grasp3d.planar import Circle
+        >>> fractions = Circle().fractions(friction=1.0, sensor_resolution=0.5)
+        >>> {name: round(fraction, 3) for name, fraction in fractions.items()}
+        {'S': 0.341, 'M': 0.318, 'U': 0.341}
+    """
+
+    name: str = "circle"
+    perimeter = 2.0 * math.pi
+    torque_scale = 1.0
+
+    def contacts_at(self, positions: ArrayLike) -> OutlineContacts:
+        """See `Outline`."""
+        turn = np.asarray(positions, dtype=np.float64) - math.pi / 2.0
+        outward = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+        inward = locked(-outward)
+        return OutlineContacts(locked(outward), inward, inward)
+
+    def worst_below(self, angles: ArrayLike) -> Floats:
+        """See `AngleDistribution`: 2 x / pi.
+
+        The line through fingers an angle t apart about the center is (pi - t) / 2 off both normals,
+        for every position of the fixed finger.
+        """
+        angle = np.clip(np.asarray(angles, dtype=np.float64), 0.0, math.pi / 2.0)
+        return angle * (2.0 / math.pi)
+
+    def worst_quantile(self, fraction: float) -> float:
+        """See `AngleDistribution`: the inverse."""
+        check_range("a fraction", fraction, 0.0, 1.0)
+        return fraction * math.pi / 2.0
+
+
+@dataclass(frozen=True)
+class Square(Outline):
+    """The paper's square, of half side 1, the fixed finger in the middle of its bottom side.
+
+    Example:
+        >>> from grasp3d.planar import Square
+        >>> fractions = Square().fractions(friction=1.0, sensor_resolution=0.4)
+        >>> {name: round(fraction, 3) for name, fraction in fractions.items()}
+        {'S': 0.25, 'M': 0.212, 'U': 0.538}
+    """
+
+    name: str = "square"
+    perimeter = 8.0
+    torque_scale = math.sqrt(2.0)
+    corner_positions = (1.0, 3.0, 5.0, 7.0)
+
+    def contacts_at(self, positions: ArrayLike) -> OutlineContacts:
+        """See `Outline`."""
+        along = np.remainder(np.asarray(positions, dtype=np.float64) + 1.0, 8.0)
+        corner = np.round(along / 2.0)
+        at_corner = np.abs(along - 2.0 * corner) <= TINY * self.perimeter
+        side = np.where(at_corner, corner, along // 2.0)
+        x = np.where(at_corner, -1.0, along - 2.0 * side - 1.0)
+        sides = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])  # counter-clockwise
+        number = side.astype(np.int64) % 4
+        forward, inward = sides[number], sides[(number + 1) % 4]
+        first = np.where(at_corner[:, None], sides[number], inward)
+        return OutlineContacts(locked(x[:, None] * forward - inward), locked(first), locked(inward))
+
+    def worst_below(self, angles: ArrayLike) -> Floats:
+        """See `AngleDistribution`.
+
+        With the second finger x from the middle of the top side both angles are atan(x / 2); at the
+        height y of the others atan(y) and its complement; on the bottom side 90 degrees.
+        """
+        angle = np.asarray(angles, dtype=np.float64)
+        theta = np.clip(angle, TIE, math.pi / 2.0 - TIE)
+        top = np.minimum(2.0 * np.tan(theta), 1.0) / 4.0
+        beside = np.maximum(np.minimum(np.tan(theta), 2.0) - 1.0 / np.tan(theta), 0.0) / 4.0
+        below = np.where(angle > math.pi / 2.0 + TIE, 1.0, top + beside)
+        return np.asarray(np.where(angle > TIE, below, 0.0))
+
+
+def critical_angles(fixed: OutlineContacts, others: OutlineContacts) -> tuple[Floats, Floats]:
+    """Worst and best critical friction angles of one finger with each of several others.
+
+    In closed form, with d from the first to the second contact: the smaller over s = +1 (external
+    grasp) and s = -1 (internal grasp) of max(angle(n1, s d), angle(n2, -s d)), as two planar
+    contacts are force-closed when the line between them lies strictly inside both cones (Nguyen
+    1988). At corners these are the largest and the smallest angle over the normals there. Up to
+    pi/2, which is all that labels need, the first is the exact maximum; above it is an upper bound.
+
+    Args:
+        fixed: One contact, at no corner.
+        others: The others (k,).
+
+    Returns:
+        (worst, best) [rad], shape (k,), inf where both contacts are at one point.
+    """
+    x, y = (others.points - fixed.points).T
+    toward = np.arctan2(y, x)
+    one, two = turn_between(toward, fixed.middle), turn_between(toward + math.pi, others.middle)
+
+    def largest(half_range: Floats) -> Floats:
+        external = np.maximum(one, two + half_range)
+        return np.minimum(external, np.maximum(math.pi - one, math.pi - two + half_range))
+
+    worst, best = np.minimum(largest(others.half_range), math.pi), largest(-others.half_range)
+    same = np.hypot(x, y) == 0.0
+    return np.where(same, math.inf, worst), np.where(same, math.inf, np.maximum(best, 0.0))
+
+
+class EpsilonRange(NamedTuple):
+    """Epsilon and force closure of contact pairs over several normals, each of shape (k,)."""
+
+    lowest: Floats
+    highest: Floats
+    all_closed: Bools
+    """Whether all combinations of normals are force-closed."""
+    any_closed: Bools
+    """Whether any combination is."""
+
+    @property
+    def labels(self) -> Bytes:
+        """`Label` codes."""
+        codes = np.where(self.all_closed, Label.S, np.where(self.any_closed, Label.M, Label.U))
+        return locked(codes.astype(np.uint8))
+
+
+def extreme_normals(half_range: float, tilt: float) -> Floats:
+    """The two normals that are farthest apart, the counter-clockwise one first.
+
+    Args:
+        half_range: Half-range of the contact's normals about their middle [rad].
+        tilt: Largest tilt of each normal, alpha / 2 [rad].
+
+    Returns:
+        Angles about the middle [rad], shape (2,).
+    """
+    return np.array([half_range + tilt, -half_range - tilt])
+
+
+def face_normals(half_range: float) -> Floats:
+    """The normals on both sides of a corner and the bisecting one; elsewhere the one normal."""
+    return np.array([-half_range, 0.0, half_range]) if half_range > SAME else np.zeros(1)
+
+
+def tested_normals(half_range: float, tilt: float, friction_angle: float) -> Floats:
+    """Normals that are tested of those that the sensor cannot distinguish.
+
+    Wan & Howe 2018, Sec. III: the normals on both sides of the contact with their extreme tilts,
+    and the bisecting one. More are between them where these leave gaps, so that no possible normal
+    is farther than the friction angle from a tested one.
+
+    Args:
+        half_range: Half-range of the contact's normals about their middle [rad].
+        tilt: Largest tilt of each normal, alpha / 2 [rad].
+        friction_angle: Half-angle of the friction cone, beta [rad].
+
+    Returns:
+        Angles about the middle [rad], ascending, shape (k,).
+
+    Raises:
+        SettingError: The gaps would need too many normals.
+    """
+    tilted = [side * half_range + turn for side in (-1, 1) for turn in (-tilt, 0.0, tilt)]
+    normals: Floats = np.sort(np.array([*tilted, 0.0]))
+    normals = normals[np.concatenate([[True], np.diff(normals) > SAME])]
+    parts = np.ceil(np.diff(normals) / (2.0 * friction_angle) - SAME)
+    needed = int(parts.sum()) + 1
+    if needed > MOST_NORMALS:
+        raise SettingError(
+            f"to leave no gap between friction cones of {math.degrees(friction_angle):.3g} "
+            f"degrees, {needed} normals of a contact would have to be tested, more than "
+            f"{MOST_NORMALS}; use the exact label"
+        )
+    filled = [
+        np.linspace(start, end, int(count), endpoint=False)
+        for start, end, count in zip(normals, normals[1:], parts, strict=False)
+    ]
+    return np.concatenate([*filled, normals[-1:]])
+
+
+@dataclass(frozen=True, eq=False)
+class PlanarScan:
+    """A finger fixed on an outline and a second one at k points along it.
+
+    The first row is the fixed finger's own point, which makes no grasp: U, epsilon 0, critical
+    angle inf. What comes from wrench hulls is computed at first use.
+    """
+
+    outline: Outline
+    model: GraspModel
+    edges: int
+    """Number of forces of a planar cone, evenly between its two edges."""
+    position: Floats
+    """Arc length from the fixed finger, rising from 0 to less than the perimeter."""
+    weights: Floats
+    """Fraction of the perimeter that is nearest to each point; 0 for corners and the fixed point.
+    """
+    contacts: OutlineContacts
+    """Contacts at the points."""
+    critical_angle: Floats
+    """Critical friction angle over the worst normals [rad], closed form."""
+    critical_angle_best: Floats
+    """The same over the best normals; smaller at corners."""
+    label: Bytes
+    """Exact `Label` codes, from the critical angles."""
+
+    __repr__ = short_repr
+
+    @cached_property
+    def at_corner(self) -> Bools:
+        """Whether a point is a corner, with a range of normals, shape (k,)."""
+        return locked(self.contacts.half_range > STRAIGHT)
+
+    @cached_property
+    def angle(self) -> Floats:
+        """Angle about the center of mass from the fixed finger, from 0 to 2 pi [rad]."""
+        x, y = self.contacts.points.T
+        turn = np.arctan2(y, x)
+        return locked(np.remainder(turn - turn[0], 2.0 * math.pi))
+
+    @cached_property
+    def epsilon(self) -> Floats:
+        """Epsilon at the perceived normals; at corners the bisecting ones."""
+        return self._over(lambda _: np.zeros(1), self.model.friction_angle).lowest
+
+    @cached_property
+    def epsilon_extremes(self) -> Floats:
+        """Epsilon of the four combinations of extreme normals, shape (4, k).
+
+        Tilts of the fixed and the scanned finger, + counter-clockwise: ++, +-, -+, --. At corners
+        the normals are the extreme ones of the whole range, exterior angle + alpha.
+        """
+        values = np.zeros((4, len(self.position)))
+        for part, value, _ in self._evaluated(self._extreme, self.model.friction_angle):
+            values[:, part] = value.T
+        return locked(values)
+
+    @cached_property
+    def epsilon_effective(self) -> Floats:
+        """Epsilon at the effective friction; at corners the smallest over faces and bisector."""
+        model = self.model
+        beta = math.atan(effective_friction(model.friction, model.sensor_resolution))
+        return self._over(face_normals, beta).lowest
+
+    @property
+    def epsilon_min(self) -> Floats:
+        """Smallest epsilon over all tested normals.
+
+        Raises:
+            SettingError: Too many normals would have to be tested.
+        """
+        return self._tested.lowest
+
+    @property
+    def epsilon_max(self) -> Floats:
+        """Largest epsilon over all tested normals; see `epsilon_min`."""
+        return self._tested.highest
+
+    @property
+    def label_extremes(self) -> Bytes:
+        """`Label` codes from force closure at the tested normals alone; see `epsilon_min`.
+
+        The same as `label`, except within rounding of a threshold.
+        """
+        return self._tested.labels
+
+    @cached_property
+    def label_four(self) -> Bytes:
+        """`Label` codes from the four combinations of extreme normals alone.
+
+        They differ from the exact ones where alpha > 2 beta: the extreme cones of a contact then
+        leave a gap between them. If the line between the contacts lies within alpha/2 - beta of a
+        perceived normal, in the gap, no combination is force-closed and the label is U, although it
+        is M wherever the line is less than alpha/2 + beta off both normals. At corners there is a
+        gap where exterior angle + alpha exceed 2 beta; where they exceed 180 degrees the label may
+        even be S, from extreme normals that point to the opposite side.
+        """
+        return self._over(self._extreme, self.model.friction_angle).labels
+
+    def fractions(self, *, of: Kind = "exact") -> dict[str, float]:
+        """Fractions of the perimeter that are S, M and U, weighted with `weights`.
+
+        Args:
+            of: 'exact': `label`; 'extremes': `label_extremes`; 'four': `label_four`.
+
+        Raises:
+            SettingError: `of` is unknown, or too many normals would have to be tested.
+        """
+        check_choice("kind of labels", of, Kind)
+        labels = getattr(self, "label" if of == "exact" else f"label_{of}")
+        return {
+            label.name: float(self.weights[labels == label].sum())
+            for label in sorted(Label, reverse=True)
+        }
+
+    @property
+    def _extreme(self) -> NormalChoice:
+        return partial(extreme_normals, tilt=self.model.tilt)
+
+    @cached_property
+    def _tested(self) -> EpsilonRange:
+        beta = self.model.friction_angle
+        return self._over(partial(tested_normals, tilt=self.model.tilt, friction_angle=beta), beta)
+
+    def _over(self, choose: NormalChoice, friction_angle: float) -> EpsilonRange:
+        """Range over all combinations of chosen normals, whose number may differ by contact."""
+        lowest, highest = np.zeros((2, len(self.position)))
+        all_closed, any_closed = np.zeros((2, len(self.position)), dtype=np.bool_)
+        for part, value, closed in self._evaluated(choose, friction_angle):
+            lowest[part], highest[part] = value.min(axis=1), value.max(axis=1)
+            all_closed[part], any_closed[part] = closed.all(axis=1), closed.any(axis=1)
+        return EpsilonRange(locked(lowest), locked(highest), locked(all_closed), locked(any_closed))
+
+    def _evaluated(
+        self, choose: NormalChoice, friction_angle: float
+    ) -> Iterator[tuple[Ints, Floats, Bools]]:
+        """Rows (m,) of contacts off the fixed point; epsilon and closure, (m, combinations).
+
+        The scanned finger's normals run fastest.
+        """
+        points = self.contacts.points
+        index = np.flatnonzero((points != points[0]).any(axis=1))
+        first = self._wrenches(np.array([0]), choose, friction_angle)  # (1, k1, e, 3)
+        half_ranges = np.round(self.contacts.half_range[index], 12)  # groups of equal corners
+        for half in np.unique(half_ranges):
+            group = index[half_ranges == half]
+            count = first.shape[1] * len(choose(float(half))) * 2 * self.edges
+            for start in range(0, len(group), max(1, PART // count)):
+                part = group[start : start + max(1, PART // count)]
+                second = self._wrenches(part, choose, friction_angle)  # (m, k2, e, 3)
+                shape = (len(part), first.shape[1], *second.shape[1:])
+                pair = [np.broadcast_to(first[:, :, None], shape)]
+                pair.append(np.broadcast_to(second[:, None], shape))
+                result = epsilon_of_wrenches(np.concatenate(pair, axis=-2))
+                closed = result.closed & (result.rank == RANK)
+                value = np.where(closed, result.value, 0.0)
+                yield part, value.reshape(len(part), -1), closed.reshape(len(part), -1)
+
+    def _wrenches(self, index: Ints, choose: NormalChoice, beta: float) -> Floats:
+        """Wrenches (m, k, e, 3) of contacts of one half-range: force x, y, torque / scale."""
+        contacts = self.contacts
+        offsets = choose(float(contacts.half_range[index[0]]))
+        spread = np.linspace(-beta, beta, self.edges)
+        turn = (contacts.middle[index, None] + offsets)[..., None] + spread  # (m, k, e)
+        force = np.stack([np.cos(turn), np.sin(turn)])
+        x, y = contacts.points[index].T[..., None, None] / self.outline.torque_scale
+        return np.stack([*force, x * force[1] - y * force[0]], axis=-1)
+
+
+def scan(
+    outline: Outline, model: GraspModel | None = None, *, points: int = 720, edges: int = 2
+) -> PlanarScan:
+    """Scan the second finger along an outline (Wan & Howe 2018, Sec. III-B).
+
+    Args:
+        outline: The circle or the square.
+        model: Friction and sensor resolution; None: the defaults.
+        points: Number of evenly spaced points, the fixed finger's first, at least 8; corners are
+            added.
+        edges: Number of unit forces of a planar friction cone, at least 2, evenly spaced from one
+            edge to the other; 2 in the paper. More approximate the arc between the edges: epsilon
+            changes, force closure does not.
+
+    Raises:
+        SettingError: A setting is outside its range, or the model has more than the two.
+
+    Example:
+        >>> import grasp3d
+        >>> scanned = grasp3d.planar.scan(grasp3d.planar.Circle(), grasp3d.GraspModel(friction=1.0))
+        >>> {name: round(fraction, 2) for name, fraction in scanned.fractions().items()}
+        {'S': 0.37, 'M': 0.25, 'U': 0.37}
+    """
+    settings = model or GraspModel()
+    if settings != GraspModel(settings.friction, settings.sensor_resolution):
+        raise SettingError("planar outlines take a friction and a sensor resolution, nothing else")
+    count = whole_number("edges of a planar cone", edges, FEWEST_EDGES)
+    position = _positions(outline, whole_number("points", points, FEWEST_POINTS))
+    contacts = outline.contacts_at(position)
+    worst, best = critical_angles(outline.contacts_at(position[:1]), contacts)
+    return PlanarScan(
+        outline=outline,
+        model=settings,
+        edges=count,
+        position=locked(position),
+        weights=locked(_weights(position, contacts, outline.perimeter)),
+        contacts=contacts,
+        critical_angle=locked(worst),
+        critical_angle_best=locked(best),
+        label=locked(label_angles(worst + TIE, best + TIE, settings)),
+    )
+
+
+def _positions(outline: Outline, points: int) -> Floats:
+    """Arc lengths from the fixed finger: evenly spaced ones and the corners, in order."""
+    even = np.linspace(0.0, outline.perimeter, points + 1)
+    corners = np.array(outline.corner_positions)
+    apart = np.abs(corners[:, None] - even).min(axis=1) > TINY * outline.perimeter
+    return np.sort(np.concatenate([even[:-1], corners[apart]]))
+
+
+def _weights(position: Floats, contacts: OutlineContacts, perimeter: float) -> Floats:
+    """Fraction of the perimeter nearest to each point, except to corners and the fixed point."""
+    weighted = contacts.half_range <= STRAIGHT
+    weighted[0] = False
+    smooth = np.flatnonzero(weighted)
+    bounds = 0.5 * (position[smooth[:-1] + 1] + position[smooth[1:] - 1])
+    weights = np.zeros(len(position))
+    weights[smooth] = np.diff(np.concatenate([[0.0], bounds, [perimeter]])) / perimeter
+    return weights

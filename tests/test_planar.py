@@ -1,0 +1,441 @@
+"""Circle and square: the reference, comparison with sampled definitions and hulls, known grasps."""
+
+import itertools
+import json
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial import QhullError
+
+from grasp3d import Contacts, GraspModel, Label, classify
+from grasp3d.errors import SettingError
+from grasp3d.planar import Circle, Outline, PlanarScan, Square, scan
+from tests.helpers import oracles, shapes
+
+Floats = NDArray[np.float64]
+
+DEGREE = math.pi / 180.0
+NEAR = 1e-6
+"""Distance to a threshold within which labels from hulls may differ from the exact ones [rad]."""
+OUTLINES = {"circle": Circle(), "square": Square()}
+BOTH = pytest.mark.parametrize("outline", OUTLINES.values(), ids=OUTLINES)
+
+
+def model(friction: float, degrees: float) -> GraspModel:
+    return GraspModel(friction=friction, sensor_resolution=degrees * DEGREE)
+
+
+def off(a: Floats, b: Floats) -> Floats:
+    """Angles between unit vectors."""
+    return np.asarray(np.arccos(np.clip((a * b).sum(axis=-1), -1.0, 1.0)))
+
+
+def expected_circle(friction: float, degrees: float) -> dict[str, float]:
+    """From the angle off both normals, which is uniform from 0 to 90 degrees."""
+    beta, tilt = math.atan(friction), 0.5 * degrees * DEGREE
+    stable = max(0.0, 2.0 * (beta - tilt) / math.pi)
+    unstable = max(0.0, 1.0 - 2.0 * (beta + tilt) / math.pi)
+    return {"S": stable, "U": unstable, "M": 1.0 - stable - unstable}
+
+
+def expected_square(friction: float, degrees: float) -> dict[str, float]:
+    """By trigonometry from the middle of the bottom: t off both normals of the opposite side; on
+    the others t off the first and 90 degrees - t off the second."""
+
+    def below(angle: float) -> float:
+        if angle <= 0.0:
+            return 0.0
+        if angle > math.pi / 2.0:
+            return 1.0
+        top = 4.0 * min(math.tan(angle), 0.5)
+        tallest = min(2.0, math.tan(min(angle, 1.5)))
+        sides = 2.0 * max(0.0, tallest - 1.0 / math.tan(angle))
+        return (top + sides) / 8.0
+
+    beta, tilt = math.atan(friction), 0.5 * degrees * DEGREE
+    # The finger's own side is at 90 degrees exactly, which is not closed at 90 degrees.
+    stable, possible = below(beta - tilt), below(beta + tilt - 1e-12)
+    return {"S": stable, "U": 1.0 - possible, "M": possible - stable}
+
+
+def near_threshold(found: PlanarScan) -> NDArray[np.bool_]:
+    beta, tilt = found.model.friction_angle, found.model.tilt
+    away = np.abs(found.critical_angle - (beta - tilt))
+    return np.minimum(away, np.abs(found.critical_angle_best - (beta + tilt))) < NEAR
+
+
+def smooth(found: PlanarScan) -> NDArray[np.bool_]:
+    """Rows that are neither a corner nor the fixed finger's."""
+    return found.weights > 0.0
+
+
+# The definition, sampled
+
+
+@BOTH
+def test_fractions_agree_with_the_definition(outline: Outline) -> None:
+    count = 4000
+    contacts = outline.contacts_at((np.arange(count) + 0.5) * outline.perimeter / count)
+    fixed = outline.contacts_at([0.0])
+    d = contacts.points - fixed.points
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    squeeze, expand = (
+        np.maximum(off(fixed.first, sign * d), off(contacts.first, -sign * d)) for sign in (1, -1)
+    )
+    sampled = np.minimum(squeeze, expand)
+    angles = np.radians(np.arange(3.0, 180.0, 4.0)).reshape(3, 15)  # 90 itself decides a side
+    counted = (sampled < angles[..., None]).mean(axis=-1)
+    np.testing.assert_allclose(outline.worst_below(angles), counted, atol=1e-3)
+    np.testing.assert_array_equal(outline.best_below(angles), outline.worst_below(angles))
+    assert outline.worst_below(0.0) == outline.worst_below(-1.0) == 0.0
+
+
+@BOTH
+def test_critical_angles_of_a_scan_agree_with_the_definition(outline: Outline) -> None:
+    found = scan(outline, points=60)
+    point, normal = np.array([0.0, -1.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    for row in np.flatnonzero(smooth(found)):
+        p, n = (np.append(v[row], 0.0) for v in (found.contacts.points, found.contacts.first))
+        expected = oracles.critical_angle(point, normal, p, n)
+        assert found.critical_angle[row] == pytest.approx(expected, abs=1e-7)
+        assert found.critical_angle_best[row] == pytest.approx(expected, abs=1e-7)
+
+
+# Reference and formulas
+
+
+def test_fractions_agree_with_the_reference() -> None:
+    reference = json.loads(shapes.shared("reference", "planar.json").read_text(encoding="utf-8"))
+    cases = [(kind, case) for kind in OUTLINES for case in reference[kind]]
+    assert len(cases) == 60
+    for kind, case in cases:
+        found = OUTLINES[kind].fractions(
+            friction=case["mu"], sensor_resolution=case["alpha_deg"] * DEGREE
+        )
+        # Two of the reference's squares have an error of 1.1e-6: see `expected_square`.
+        assert found == pytest.approx({k: case[k] for k in "SMU"}, abs=1.2e-6)
+
+
+@pytest.mark.parametrize("friction", [1e-6, 0.2, 0.5, 1.0, 10.0])
+@pytest.mark.parametrize("degrees", [0.0, 5.0, 22.6, 53.13, 60.0, 90.0, 120.0, 170.0])
+def test_fractions_agree_with_trigonometry(friction: float, degrees: float) -> None:
+    for outline, expected in ((Circle(), expected_circle), (Square(), expected_square)):
+        found = outline.fractions(friction=friction, sensor_resolution=degrees * DEGREE)
+        assert found == pytest.approx(expected(friction, degrees), abs=1e-9)
+
+
+@BOTH
+def test_at_alpha_of_twice_beta_nothing_is_surely_stable(outline: Outline) -> None:
+    grasp_model = GraspModel(friction=0.5, sensor_resolution=2.0 * math.atan(0.5))
+    fractions = outline.fractions(friction=0.5, sensor_resolution=grasp_model.sensor_resolution)
+    assert fractions["S"] == 0.0
+    found = scan(outline, grasp_model, points=100)
+    assert not (found.label == Label.S).any()
+    assert not (found.label_extremes == Label.S).any()
+    assert not found.epsilon_effective.any()
+
+
+# Outlines
+
+
+def test_contacts_go_round_counter_clockwise_with_normals_inward() -> None:
+    found = Square().contacts_at([0.0, 0.5, 1.0, 2.0, 8.0 + 4.0, -1.0])
+    np.testing.assert_allclose(
+        found.points, [(0, -1), (0.5, -1), (1, -1), (1, 0), (0, 1), (-1, -1)], atol=1e-15
+    )
+    up, left, right, down = (0.0, 1.0), (-1.0, 0.0), (1.0, 0.0), (0.0, -1.0)
+    np.testing.assert_allclose(found.first, [up, up, up, left, down, right], atol=1e-15)
+    np.testing.assert_allclose(found.last, [up, up, left, left, down, up], atol=1e-15)
+    around = Circle().contacts_at([0.0, 0.5 * math.pi, math.pi])
+    np.testing.assert_allclose(around.points, [(0, -1), (1, 0), (0, 1)], atol=1e-15)
+    np.testing.assert_allclose(around.first, [up, left, down], atol=1e-15)
+
+
+# Epsilon
+
+
+def rows_of(
+    point: Floats, normal: Floats, tilt: float, beta: float, edges: int, scale: float
+) -> list[list[float]]:
+    rows = []
+    for j in range(edges):
+        turn = math.atan2(normal[1], normal[0]) + tilt - beta + 2.0 * beta * j / (edges - 1)
+        fx, fy = math.cos(turn), math.sin(turn)
+        rows.append([fx, fy, (point[0] * fy - point[1] * fx) / scale])
+    return rows
+
+
+def slow_epsilon(found: PlanarScan, row: int, tilts: tuple[float, float], beta: float) -> float:
+    """Epsilon by Qhull of explicit wrenches, with normals tilted from the middle ones."""
+    scale = float(np.hypot(*found.contacts.points.T).max())
+    bodies = []
+    for contact, tilt in zip((0, row), tilts, strict=True):
+        normal = found.contacts.first[contact] + found.contacts.last[contact]
+        point = found.contacts.points[contact]
+        bodies.append(rows_of(point, normal, tilt, beta, found.edges, scale))
+    try:
+        return max(0.0, oracles.epsilon_of_hull(np.vstack(bodies)))
+    except QhullError:  # all in one plane
+        return 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("edges", [2, 5])
+@BOTH
+def test_epsilon_agrees_with_full_hulls(outline: Outline, edges: int) -> None:
+    grasp_model = model(0.8, 20.0)
+    found = scan(outline, grasp_model, points=24, edges=edges)
+    beta, tilt = grasp_model.friction_angle, grasp_model.tilt
+    assert found.epsilon.max() > 0.04
+    for row in np.flatnonzero(smooth(found)).tolist():
+        nominal = slow_epsilon(found, row, (0.0, 0.0), beta)
+        assert found.epsilon[row] == pytest.approx(nominal, abs=1e-9)
+        signs = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+        four = [slow_epsilon(found, row, (tilt * a, tilt * b), beta) for a, b in signs]
+        np.testing.assert_allclose(found.epsilon_extremes[:, row], four, atol=1e-9)
+        effective = slow_epsilon(found, row, (0.0, 0.0), beta - tilt)
+        assert found.epsilon_effective[row] == pytest.approx(effective, abs=1e-9)
+        turns = (-tilt, 0.0, tilt)
+        pairs = itertools.product(turns, turns)
+        values = [slow_epsilon(found, row, pair, beta) for pair in pairs]
+        assert found.epsilon_min[row] == pytest.approx(min(values), abs=1e-9)
+        assert found.epsilon_max[row] == pytest.approx(max(values), abs=1e-9)
+
+
+def test_opposite_fingers_make_a_regular_tetrahedron_of_wrenches() -> None:
+    found = scan(Circle(), model(1.0, 30.0), points=8)
+    assert found.position[4] == pytest.approx(math.pi)
+    assert found.angle[4] == pytest.approx(math.pi)
+    assert found.epsilon[4] == pytest.approx(math.sqrt(1.5) / 3.0, rel=1e-12)
+
+
+@BOTH
+def test_for_round_cones_the_least_epsilon_is_that_at_the_effective_friction(
+    outline: Outline,
+) -> None:
+    found = scan(outline, model(0.7, 25.0), points=60, edges=129)
+    rows = smooth(found)
+    lowest = found.epsilon_extremes.min(axis=0)
+    np.testing.assert_allclose(lowest[rows], found.epsilon_effective[rows], atol=1e-4)
+    np.testing.assert_allclose(found.epsilon_min[rows], lowest[rows], atol=1e-4)
+    assert (found.epsilon_min <= found.epsilon).all()
+    assert (found.epsilon <= found.epsilon_max).all()
+
+
+def test_curves_of_a_circle_are_the_same_on_both_sides() -> None:
+    found = scan(Circle(), model(0.6, 30.0), points=36)
+    np.testing.assert_allclose(found.epsilon_min, found.epsilon_min[-np.arange(36)], atol=1e-12)
+
+
+# Labels
+
+
+CASES = [(1.0, 0.0), (1.0, 30.0), (0.5, 22.6), (0.2, 22.6), (0.2, 30.0), (0.2, 100.0), (3.0, 150.0)]
+
+
+@BOTH
+@pytest.mark.parametrize(("friction", "degrees"), CASES)
+def test_hulls_of_all_tested_normals_give_the_exact_labels(
+    outline: Outline, friction: float, degrees: float
+) -> None:
+    found = scan(outline, model(friction, degrees), points=90)
+    differ = found.label_extremes != found.label
+    assert not (differ & ~near_threshold(found)).any()
+    assert len(set(found.label.tolist())) >= 2
+
+
+@pytest.mark.slow
+@BOTH
+@pytest.mark.parametrize(("friction", "degrees"), [(1.0, 22.6), (0.5, 53.0), (0.2, 30.0)])
+def test_curves_add_up_to_the_closed_form(
+    outline: Outline, friction: float, degrees: float
+) -> None:
+    found = scan(outline, model(friction, degrees), points=4000)
+    exact = outline.fractions(friction=friction, sensor_resolution=degrees * DEGREE)
+    assert found.fractions(of="extremes") == pytest.approx(exact, abs=1e-3)
+    assert found.fractions() == pytest.approx(exact, abs=1e-3)
+
+
+def test_weights_are_those_of_the_points_that_are_not_corners() -> None:
+    found = scan(Square(), points=10)
+    corners = found.at_corner
+    assert corners.sum() == 4
+    assert found.weights.sum() == pytest.approx(1.0, abs=1e-14)
+    assert not found.weights[corners].any()
+    assert found.weights[0] == 0.0
+    assert (found.weights[~corners][1:] > 0.0).all()
+    assert (np.diff(found.position) > 0.0).all()
+
+
+@BOTH
+@pytest.mark.parametrize(("friction", "degrees"), CASES)
+def test_four_combinations_differ_where_a_line_passes_between_the_extreme_cones(
+    outline: Outline, friction: float, degrees: float
+) -> None:
+    found = scan(outline, model(friction, degrees), points=360)
+    beta, tilt = found.model.friction_angle, found.model.tilt
+    differ = (found.label_four != found.label) & smooth(found)
+    d = found.contacts.points - found.contacts.points[0]
+    d /= np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300)
+    missed = np.ones(len(d), dtype=np.bool_)
+    sure = ~near_threshold(found)
+    for sign in (1.0, -1.0):
+        offs = np.stack(
+            [off(found.contacts.first[:1], sign * d), off(found.contacts.first, -sign * d)]
+        )
+        closed = (offs < beta + tilt).all(axis=0) & (offs > tilt - beta).all(axis=0)
+        missed &= ~closed
+        sure &= (np.abs(offs - (tilt - beta)) > NEAR).all(axis=0)
+    expected = (found.label == Label.M) & missed & smooth(found)
+    np.testing.assert_array_equal(differ[sure], expected[sure])
+    assert (found.label_four[differ & sure] == Label.U).all()
+    if tilt < beta:
+        assert not differ[sure].any()
+
+
+def test_four_combinations_miss_the_middle_of_the_opposite_side() -> None:
+    grasp_model = model(0.2, 30.0)
+    found = scan(Square(), grasp_model, points=4000)
+    gap = grasp_model.tilt - grasp_model.friction_angle
+    wrong = found.label_four != found.label
+    opposite = np.abs(found.contacts.points[:, 0]) < 2.0 * math.tan(gap)
+    opposite &= found.contacts.points[:, 1] > 1.0 - 1e-9
+    np.testing.assert_array_equal(wrong & smooth(found), opposite)
+    lost = found.fractions()["M"] - found.fractions(of="four")["M"]
+    assert lost == pytest.approx(0.5 * math.tan(gap), abs=1e-3)
+
+
+def test_on_a_circle_four_combinations_stop_growing_at_alpha_of_twice_beta() -> None:
+    beta = math.atan(0.2)
+    for degrees in (25.0, 60.0, 120.0):
+        found = scan(Circle(), model(0.2, degrees), points=4000)
+        assert found.fractions(of="four")["M"] == pytest.approx(4.0 * beta / math.pi, abs=1e-3)
+        assert found.fractions()["M"] > 4.0 * beta / math.pi + 5e-3
+
+
+def test_rows_of_corners_have_the_whole_range_of_normals() -> None:
+    grasp_model = model(1.0, 15.0)
+    found = scan(Square(), grasp_model, points=90)
+    for position, corner in zip((3.0, 5.0), ((1.0, 1.0), (-1.0, 1.0)), strict=True):
+        (row,) = np.flatnonzero(np.isclose(found.position, position)).tolist()
+        np.testing.assert_allclose(found.contacts.points[row], corner, atol=1e-12)
+        # From the middle of the bottom the corner is atan(1/2) off that normal; its normals reach
+        # from the diagonal to 45 degrees on either side.
+        line = math.atan2(2.0, 1.0)
+        assert found.critical_angle_best[row] == pytest.approx(math.atan(0.5))
+        assert found.critical_angle[row] == pytest.approx(line)
+        assert found.label[row] == found.label_extremes[row] == Label.M
+        both = [slow_epsilon(found, row, pair, grasp_model.friction_angle) for pair in (
+            (grasp_model.tilt, math.pi / 4.0 + grasp_model.tilt),
+            (grasp_model.tilt, -math.pi / 4.0 - grasp_model.tilt),
+        )]  # fmt: skip
+        np.testing.assert_allclose(found.epsilon_extremes[:2, row], both, atol=1e-9)
+        nominal = slow_epsilon(found, row, (0.0, 0.0), grasp_model.friction_angle)
+        assert found.epsilon[row] == pytest.approx(nominal, abs=1e-9)
+
+
+@BOTH
+def test_the_fixed_point_makes_no_grasp(outline: Outline) -> None:
+    found = scan(outline, model(10.0, 90.0), points=16)
+    assert found.label[0] == found.label_extremes[0] == found.label_four[0] == Label.U
+    assert found.critical_angle[0] == found.critical_angle_best[0] == math.inf
+    assert found.epsilon[0] == found.epsilon_max[0] == found.epsilon_effective[0] == 0.0
+    assert found.angle[0] == 0.0
+    assert not found.epsilon_extremes[:, 0].any()
+    assert np.isfinite(found.critical_angle[1:]).all()
+
+
+def test_a_grasp_within_one_side_is_possible_only_beyond_ninety_degrees() -> None:
+    own = 2.0 / 8.0
+    for degrees, possible in ((89.0, False), (90.0, False), (91.0, True)):
+        fractions = Square().fractions(friction=1.0, sensor_resolution=degrees * DEGREE)
+        assert (fractions["U"] < own - 1e-9) == possible
+        found = scan(Square(), model(1.0, degrees), points=80)
+        side = (found.contacts.points[:, 1] < -1.0 + 1e-9) & smooth(found)
+        expected = Label.M if possible else Label.U
+        assert (found.label[side] == expected).all()
+        assert (found.label_extremes[side] == expected).all()
+
+
+def test_without_tilt_only_corners_are_ambiguous() -> None:
+    found = scan(Square(), model(0.6, 0.0), points=360)
+    assert not (found.label == Label.M)[smooth(found)].any()
+    assert (found.label == Label.M)[found.contacts.half_range > 0.0].any()
+    np.testing.assert_array_equal(found.epsilon_min[smooth(found)], found.epsilon[smooth(found)])
+
+
+@BOTH
+@pytest.mark.parametrize("friction", [1e-6, 10.0])
+@pytest.mark.parametrize("degrees", [0.0, 22.6, 179.0])
+def test_extreme_friction(outline: Outline, friction: float, degrees: float) -> None:
+    found = scan(outline, model(friction, degrees), points=90)
+    fractions = outline.fractions(friction=friction, sensor_resolution=degrees * DEGREE)
+    assert found.fractions() == pytest.approx(fractions, abs=0.06)
+    assert np.isfinite(found.epsilon_extremes).all()
+    assert ((found.epsilon >= 0.0) & (found.epsilon <= 1.0)).all()
+    if friction > 1.0:
+        differ = found.label_extremes != found.label
+        assert not (differ & ~near_threshold(found)).any()
+
+
+def test_too_many_normals_are_refused_and_other_results_are_available() -> None:
+    found = scan(Circle(), model(1e-6, 22.6), points=16)
+    for name in ("label_extremes", "epsilon_min", "epsilon_max"):
+        with pytest.raises(SettingError, match=r"1972\d\d normals .* use the exact"):
+            getattr(found, name)
+    assert (found.label == Label.M).any()
+    assert found.epsilon[8] > 0.0
+    assert found.label_four.shape == found.label.shape
+
+
+def test_results_are_locked() -> None:
+    found = scan(Square(), points=16)
+    for name in (
+        "position", "angle", "at_corner", "label", "critical_angle", "critical_angle_best",
+        "weights", "epsilon", "epsilon_extremes", "epsilon_effective", "epsilon_min",
+        "epsilon_max", "label_extremes", "label_four",
+    ):  # fmt: skip
+        values = getattr(found, name)
+        assert not values.flags.writeable
+        assert values.shape[{"epsilon_extremes": 1}.get(name, 0)] == len(found.position)
+
+
+def in_space(vectors: Floats) -> Floats:
+    return np.concatenate([vectors, np.zeros((*vectors.shape[:-1], 1))], axis=-1)
+
+
+@BOTH
+def test_labels_agree_with_those_of_contacts_in_space(outline: Outline) -> None:
+    found = scan(outline, model(0.7, 20.0), points=200)
+    rows = np.flatnonzero(smooth(found))
+    points, normals = (
+        in_space(np.stack([np.broadcast_to(values[0], values[rows].shape), values[rows]], axis=1))
+        for values in (found.contacts.points, found.contacts.first)
+    )
+    space = classify(Contacts(points, normals, 0.7), found.model.sensor_resolution).label
+    np.testing.assert_array_equal(found.label[rows], space)
+
+
+# Refused settings
+
+
+def test_settings_out_of_range() -> None:
+    wrong: Any
+    for wrong in (7, 100.5, None):
+        with pytest.raises(SettingError, match="points must be a whole number of at least 8"):
+            scan(Circle(), points=wrong)
+    for wrong in (1, 2.5):
+        with pytest.raises(SettingError, match="edges of a planar cone must be a whole number"):
+            scan(Circle(), edges=wrong)
+    wrong = "best"
+    with pytest.raises(SettingError, match="called 'best'; known: exact, extremes, four"):
+        scan(Circle(), points=8).fractions(of=wrong)
+
+
+@pytest.mark.parametrize("more", [{"location_error": 0.1}, {"fingers": 3}, {"edges": 8}])
+def test_models_of_more_than_friction_and_resolution_are_refused(more: dict[str, Any]) -> None:
+    with pytest.raises(SettingError, match="a friction and a sensor resolution, nothing else"):
+        scan(Circle(), GraspModel(**more))
