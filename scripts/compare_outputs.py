@@ -2,8 +2,10 @@
 
 `run` labels meshes with the command line of a checkout, which both checkouts have alike: two and
 three fingers, exact labels and those at extreme normals, and a gripper with a table and a mass,
-each with its best grasps. `compare` reads both folders and prints a row per setting: meshes, arrays
-that are equal in every bit, and those that differ, were dropped or added; then what differs.
+each with its best grasps; with a program in Python where the command line has no options, three
+fingers at few extreme normals and scans. `compare` reads both folders and prints a row per setting:
+meshes, arrays that are equal in every bit, and those that differ, were dropped or added; then what
+differs.
 
     python scripts/compare_outputs.py run CHECKOUT FOLDER [MESH ...] [--only SETTING ...]
     python scripts/compare_outputs.py compare BEFORE AFTER
@@ -26,14 +28,20 @@ SHIPPED = Path(__file__).parents[1] / "meshes"
 SUFFIXES = {".glb", ".obj", ".off", ".ply", ".stl"}
 SETTINGS: dict[str, list[str]] = {
     f"{fingers} fingers, {method}": ["--fingers", str(fingers), "--method", method]
-    for fingers in (2, 3)
-    for method in ("exact", "extremes")
+    for fingers, method in ((2, "exact"), (2, "extremes"), (3, "exact"))
 } | {
     "franka, table, mass": ["--hand", "franka", "--mass", "0.2kg", "--table", "as-is"],
     "location error": ["--location-error", "1mm", "--friction", "0.4..0.6"],
 }
-SETTINGS["3 fingers, extremes"] += ["--extreme-normals", "4"]  # 125 combinations instead of 729
 """Words of the command line by name of the setting."""
+
+PROGRAMS = {
+    # 125 combinations of normals instead of 729.
+    "3 fingers, extremes": "labels = grasp3d.label_surface(mesh, grasp3d.GraspModel(fingers=3, "
+    "method='extremes', extreme_normals=4))",
+    "scan": "labels = grasp3d.scan_surface(mesh, fixed=mesh.vertices[:1])",
+}
+"""Programs by name of the setting, which make `labels` of `mesh`."""
 
 UNIT = ("--unit", "m")
 """Of meshes that state none; the others state metres themselves."""
@@ -49,10 +57,19 @@ def run(checkout: Path, folder: Path, meshes: list[Path], only: list[str]) -> No
     """Label the meshes with the package in a folder."""
     environment = {**os.environ, "PYTHONPATH": str(checkout)}
     start = "import sys; from grasp3d.cli import main; sys.exit(main())"
-    for name in only or SETTINGS:
+    for name in only or [*SETTINGS, *PROGRAMS]:
         for mesh in meshes:
             target = folder / name.replace(", ", "-").replace(" ", "_")
             target.mkdir(parents=True, exist_ok=True)
+            if name in PROGRAMS:
+                program = (
+                    f"import grasp3d, sys; mesh = grasp3d.load_mesh(sys.argv[1], unit='m'); "
+                    f"{PROGRAMS[name]}; grasp3d.write_npz(sys.argv[2], labels)"
+                )
+                words = [str(mesh), str(target / f"{mesh.stem}.npz")]
+                command = [sys.executable, "-P", "-c", program, *words]
+                subprocess.run(command, check=True, env=environment)  # noqa: S603
+                continue
             every = mesh.stem in IN_EVERY_FORMAT and "extremes" not in name
             for suffix in FORMATS if every else FORMATS[:1]:
                 words = [
@@ -186,7 +203,7 @@ def main() -> int:
     running.add_argument("checkout", type=Path)
     running.add_argument("folder", type=Path)
     running.add_argument("meshes", type=Path, nargs="*")
-    running.add_argument("--only", nargs="+", choices=SETTINGS, default=[])
+    running.add_argument("--only", nargs="+", choices=[*SETTINGS, *PROGRAMS], default=[])
     comparing = commands.add_parser("compare")
     comparing.add_argument("before", type=Path)
     comparing.add_argument("after", type=Path)
