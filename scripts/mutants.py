@@ -120,12 +120,6 @@ MUTANTS = (
         "test_closing.py test_collisions.py",
     ),
     Mutant(
-        "extra friction of the wrong finger",
-        "max(-difference, 0.0)",
-        "max(difference, 0.0)",
-        "test_uncertain_labels.py",
-    ),
-    Mutant(
         "scan keeps the worst of best angles",
         "best[v] = min(best[v], low)",
         "best[v] = max(best[v], low)",
@@ -141,7 +135,7 @@ MUTANTS = (
         "partners of any distance",
         "if limits[0] <= opening <= limits[1]:",
         "if limits[0] <= opening:",
-        "surface/test_labelling.py",
+        "test_labelling.py",
     ),
     # Hulls and games.
     Mutant(

@@ -100,10 +100,6 @@ def test_axes_are_along_the_normal_and_the_tangents_of_friction_cones() -> None:
     np.testing.assert_allclose(axes[:, :3, 3:], torques, atol=1e-14)
     np.testing.assert_allclose(axes[:, 3, 3:], radii[:, None] * normals / 0.7, atol=1e-15)
     assert (axes[:, 3, :3] == 0.0).all()
-    arms = rng.normal(size=(200, 2, 3))
-    with_patches = wrench_axes(points, normals, radii, 0.7, arms)
-    np.testing.assert_array_equal(with_patches[:, :4], axes)
-    np.testing.assert_allclose(with_patches[:, 4:, 3:], arms / 0.7)
     np.testing.assert_array_equal(
         wrench_axes(points.reshape(4, 50, 3), normals.reshape(4, 50, 3), radii.reshape(4, 50), 0.7),
         axes.reshape(4, 50, 4, 6),
