@@ -107,8 +107,10 @@ def _of_stl(source: Source) -> tuple[Floats, Ints]:
         declared = data.count(b"endfacet")
     else:
         raise source.incomplete(f"declares {declared:,} faces, but contains {max(available, 0):,}")
+    if not declared:
+        raise source.unexpected("cannot be read as STL: it holds no triangles")
     corners, faces = flattened(load_scene(source, data), source.where)
-    if len(faces) != declared or not declared:
+    if len(faces) != declared:
         raise source.unexpected(
             f"cannot be read as STL: of {declared:,} triangles {len(faces):,} are complete"
         )

@@ -206,7 +206,7 @@ def test_another_reader_reads_the_same(tmp_path: Path, suffix: str) -> None:
 
 BAD: dict[str, tuple[str | bytes, str]] = {
     "empty.stl": (b"", "the file is empty"),
-    "prose.stl": ("This is not a mesh.\n" * 40, "cannot be read as STL: of 0 triangles"),
+    "prose.stl": ("This is not a mesh.\n" * 40, "cannot be read as STL: it holds no triangles"),
     "cut.stl": (STL[:300], "cannot be read as STL: of 1 triangles 0 are complete"),
     "corner.stl": (STL.replace("vertex", "vortex", 1), "cannot be read as STL"),
     "digits.stl": (STL.replace("1.0", "1,0", 1), "cannot be read as STL"),

@@ -191,7 +191,7 @@ def test_a_labelled_file_has_its_own_settings_unless_others_are_given(file: Path
     three = open_collection(file, GraspModel(fingers=3), MultifingerSampling(max_opening=0.2))
     assert (three.model.fingers, three.sampling) == (3, MultifingerSampling(max_opening=0.2))
     with pytest.raises(SettingError, match="does not apply to 3 fingers"):
-        open_collection(file, GraspModel(fingers=3), Sampling(max_opening=0.2))
+        open_collection(file, GraspModel(fingers=3), Sampling(min_opening=0.2))
 
 
 def _held() -> SurfaceLabels:

@@ -305,7 +305,7 @@ def test_files_with_damaged_grippers_are_refused(
 def stored_result(folder: Path) -> Subject:
     write_ply(folder / "box.ply", held_box())
     write_fields(folder / "box.parquet", held_box())
-    return read_result(folder, Row("box.stl", labels="box.ply", fields="box.parquet"), 1.0)
+    return read_result(folder, Row("box.stl", labels="box.ply", fields="box.parquet"))
 
 
 def test_results_of_a_batch_have_poses(tmp_path: Path) -> None:
