@@ -163,7 +163,7 @@ class Square(Outline):
         >>> from grasp3d.planar import Square
         >>> fractions = Square().fractions(friction=1.0, sensor_resolution=0.4)
         >>> {name: round(fraction, 3) for name, fraction in fractions.items()}
-        {'S': 0.25, 'M': 0.212, 'U': 0.538}
+        {'S': 0.25, 'M': 0.211, 'U': 0.539}
     """
 
     name: str = "square"

@@ -92,7 +92,7 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
 
         >>> end = grasp3d.load_mesh(coarse, region="box:15,-20,-20,20,20,20")
         >>> len(end.contact_faces), round(end.allowed_fraction, 3)
-        (16, 0.25)
+        (16, 0.278)
     """
     own = source.options if isinstance(source, ObjectMesh) else None
     settings = MeshOptions.of(options or own, fields)

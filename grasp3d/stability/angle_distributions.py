@@ -252,7 +252,7 @@ class SphereAngles(AngleDistribution):
         >>> from grasp3d.stability import SphereAngles
         >>> fractions = SphereAngles().fractions(friction=0.5, sensor_resolution=0.2)
         >>> {name: round(fraction, 3) for name, fraction in fractions.items()}
-        {'S': 0.126, 'M': 0.159, 'U': 0.715}
+        {'S': 0.127, 'M': 0.159, 'U': 0.715}
     """
 
     def worst_below(self, angles: ArrayLike) -> Floats:
