@@ -396,7 +396,7 @@ def test_the_command_labels_by_enumeration(tmp_path: Path) -> None:
         np.testing.assert_array_equal(data["label"], labels.label)
         np.testing.assert_array_equal(data["epsilon_min"], labels.epsilon_min)
         for key, value in {
-            "method": "extremes", "extreme_normals": "8", "edges": "8",
+            "method": "extremes", "extreme_normals": "8", "edges": "None",
             "epsilon_min": "sampled_tilts", "epsilon_max": "sampled_tilts",
         }.items():  # fmt: skip
             assert str(data[f"setting_{key}"]) == value
