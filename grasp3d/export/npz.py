@@ -84,7 +84,7 @@ def arrays_of_npz(source: Source, stream: IO[bytes]) -> Arrays:
     try:
         with np.load(stream, allow_pickle=False) as archive:
             names = [name for name in archive.files if name in FIELDS or name.startswith(SETTING)]
-            arrays = {name: archive[name] for name in names}
+            arrays = {name: np.asarray(archive[name]) for name in names}
         settings_in(arrays)  # refuses them if they are no texts
     except ARCHIVE_ERRORS as error:
         reason = reason_of(error)

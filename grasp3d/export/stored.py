@@ -377,7 +377,8 @@ def _check_surface(stored: Stored) -> None:
     if not (Triangles(vertices, faces).areas != 0.0).any():
         stored.reject("its faces have no area")
     for name in ("normal", "corner_normals"):
-        lengths = np.linalg.norm(stored.values.get(name, np.zeros((0, 3))), axis=1)
+        with np.errstate(over="ignore"):
+            lengths = np.linalg.norm(stored.values.get(name, np.zeros((0, 3))), axis=1)
         if not ((np.abs(lengths - 1.0) < 2.0 * ROUNDING) | (lengths == 0.0)).all():
             stored.reject("its normals are not of length 1")
 

@@ -20,7 +20,6 @@ from grasp3d.grasps.pose_files.documents import (
     check_file,
     json_numbers,
     json_text,
-    load_json,
     one_line,
     rows_of,
     write_rows,
@@ -33,8 +32,9 @@ from grasp3d.settings import MAX_FINGERS, PoseFormat
 from grasp3d.settings.lengths import Unit
 from grasp3d.surface.fields import FOUND_POSES, columns_of
 from grasp3d.surface.grasp_table import NO_POSES, Columns, GraspTable
-from grasp3d.system.documents import described, number_of
+from grasp3d.system.documents import described, load_json, number_of
 from grasp3d.system.files import check_suffix
+from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import unsupported
 
 SUFFIXES = (".csv", ".parquet", ".json")
@@ -47,6 +47,9 @@ GRASPS = "a list of grasps, each a list of two or more contacts [x, y, z]"
 
 PART = 100_000
 """Most grasps that are evaluated, and written, at a time."""
+
+LARGE = 2**23
+"""Size of tables that are read a part at a time, in this process [bytes]."""
 
 MAX_LISTED = 12
 """Most columns of a file that an error message lists."""
@@ -158,13 +161,20 @@ def contact_parts(path: Path) -> Iterator[tuple[float, Floats]]:
         raise ContactError(unsupported(path, SUFFIXES, "contacts"))
     check_file(path)
     try:
-        for fraction, contacts in _from_json(path) if suffix == ".json" else _from_table(path):
+        is_large = suffix != ".json" and path.stat().st_size > LARGE
+        for fraction, contacts in _from_table(path) if is_large else [read_file(_whole, path)]:
             for start in range(0, len(contacts), PART):
                 yield fraction, contacts[start : start + PART]
     except OSError as error:
         raise one_line(path, f"cannot be read ({error.strerror or error})") from error
     except (ContactError, ValueError) as error:
         raise one_line(path, str(error)) from error
+
+
+def _whole(path: Path) -> tuple[float, Floats]:
+    """Contacts of a file, as one part. Raises ContactError, ValueError, OSError."""
+    parts = _from_json(path) if path.suffix.lower() == ".json" else _from_table(path)
+    return 1.0, np.concatenate([contacts for _, contacts in parts])
 
 
 def _from_table(path: Path) -> Iterator[tuple[float, Floats]]:

@@ -9,13 +9,11 @@ from typing import Any, get_type_hints
 from grasp3d.errors import SettingError
 from grasp3d.hand.jaws import Corners
 from grasp3d.system.documents import load_json, typed
+from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import printable, unknown
 
 FORMAT, VERSION = "grasp3d gripper", 1
 """What the keys `format` and `version` of a file contain."""
-
-LARGEST_FILE = 2**20
-"""Largest JSON file [bytes]; one gripper takes a thousand."""
 
 KEYS = ("format", "version", "unit")
 """Keys that every description has besides the fields of a gripper."""
@@ -64,10 +62,14 @@ def fields_in_json(content: Mapping[str, Any], kind: type) -> dict[str, Any]:
 def read_json(path: Path) -> object:
     """The content of a JSON file of a hand. Raises SettingError."""
     try:
-        return load_json(path, LARGEST_FILE, finite=True)
+        return read_file(_content, path)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise SettingError(printable(f"{path}: {reason}")) from error
+
+
+def _content(path: Path) -> object:
+    return load_json(path, finite=True)
 
 
 def _typed(name: str, value: object, kind: Any) -> Any:

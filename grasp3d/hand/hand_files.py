@@ -14,7 +14,7 @@ from grasp3d.hand.hand import Hand
 from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, gripper_of
 from grasp3d.hand.parallel_gripper import preset as known_gripper
 from grasp3d.hand.robot_files import SUFFIXES as MODELS
-from grasp3d.hand.robot_files import watched
+from grasp3d.hand.robot_files import made_of
 from grasp3d.system.documents import described, is_file, is_folder, parse_json, problem_of_file
 from grasp3d.system.files import atomic_write, check_suffix
 from grasp3d.system.names import printable, unsupported
@@ -124,7 +124,7 @@ def _of_model(
         raise SettingError(printable(f"{path}: preset is for hands with joints, without fingers"))
     if len(fingers) != 2 or fingers[0] == fingers[1]:
         raise SettingError(printable(f"{path}: a gripper needs two different finger links"))
-    return watched(_gripper_of_links, path, fingers, palm, tcp)
+    return made_of(path, _gripper_of_links, fingers, palm, tcp)
 
 
 def _gripper_of_links(

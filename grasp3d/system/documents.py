@@ -4,7 +4,6 @@ All readers of JSON, YAML, XML, tables and arrays read and check with these. Who
 the name of the file to the message.
 """
 
-import gc
 import json
 import math
 import os
@@ -17,15 +16,8 @@ from pathlib import Path
 from types import NoneType
 from typing import Any, get_args, get_origin, get_type_hints
 
-DEEPEST = 32
-"""Deepest nesting of lists and objects that is read, so that nothing later exceeds the stack."""
-
-MOST_DIGITS = 300
+LONGEST_NUMBER = 300
 """Most digits of a whole number; the largest floating-point number has 309."""
-
-MEGABYTE = 2**20
-
-_TOO_DEEP = f"is no JSON that is read: it is nested more than {DEEPEST} levels deep"
 
 _ESCAPED_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 
@@ -40,13 +32,8 @@ def is_folder(path: str | Path) -> bool:
     return os.path.isdir(path)  # noqa: PTH112, as above
 
 
-def problem_of_file(path: Path, largest: int | None = None) -> str | None:
-    """Why a path names no regular file that is read: a phrase for its name; None: it names one.
-
-    Args:
-        path: The path.
-        largest: Largest size of the file [bytes]; None: any.
-    """
+def problem_of_file(path: Path) -> str | None:
+    """Why a path names no regular file: a phrase for its name; None: it names one."""
     try:
         status = path.stat()
     except FileNotFoundError:
@@ -57,26 +44,19 @@ def problem_of_file(path: Path, largest: int | None = None) -> str | None:
         return "is a folder; name a file"
     if not stat.S_ISREG(status.st_mode):
         return "is a pipe or a device, not a file"
-    if largest is not None and status.st_size > largest:
-        return f"is larger than {largest / MEGABYTE:g} MB, the most that is read of such files"
     return None
 
 
-def file_bytes(path: Path, largest: int) -> bytes:
-    """Content of a regular file. Raises ValueError with the reason, OSError.
-
-    Args:
-        path: The path.
-        largest: Largest size of the file [bytes].
-    """
-    if problem := problem_of_file(path, largest):
+def file_bytes(path: Path) -> bytes:
+    """Content of a regular file. Raises ValueError with the reason, OSError."""
+    if problem := problem_of_file(path):
         raise ValueError(problem)
     return path.read_bytes()
 
 
-def load_json(path: Path, largest: int, *, finite: bool = False) -> Any:
+def load_json(path: Path, *, finite: bool = False) -> Any:
     """Content of a JSON file; see `parse_json`. Raises ValueError with the reason, OSError."""
-    return parse_json(file_bytes(path, largest), finite=finite)
+    return parse_json(file_bytes(path), finite=finite)
 
 
 def parse_json(text: str | bytes, *, finite: bool = False) -> Any:
@@ -87,22 +67,16 @@ def parse_json(text: str | bytes, *, finite: bool = False) -> Any:
         finite: Whether to refuse NaN and Infinity, which are no JSON but often in it.
 
     Raises:
-        ValueError: It is no JSON; or has whole numbers beyond `MOST_DIGITS`, texts that are no
-            Unicode, or lists and objects within more than `DEEPEST` others. With the reason.
+        ValueError: It is no JSON; or has whole numbers that are too large, texts that are no
+            Unicode, or lists and objects within too many others. With the reason.
     """
-    collects = gc.isenabled()
-    gc.disable()  # nothing that it makes is garbage, and a search takes twice as long as the rest
     try:
         text = text if isinstance(text, str) else text.decode("utf-8-sig")
         content = json.loads(text, parse_int=_whole, parse_constant=_refuse if finite else None)
     except RecursionError as error:
-        raise ValueError(_TOO_DEEP) from error
+        raise ValueError("is no JSON that is read: it is nested too deeply") from error
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"is no JSON: {error}") from error
-    finally:
-        if collects:
-            gc.enable()
-    _check_depth(content)
     if _ESCAPED_SURROGATE.search(text):
         check_text(json.dumps(content, ensure_ascii=False))
     return content
@@ -114,12 +88,6 @@ def check_text(text: str) -> None:
         text.encode()
     except UnicodeEncodeError as error:
         raise ValueError(f"has a text with half a character, {text[error.start]!a}") from error
-
-
-def check_digits(text: str) -> None:
-    """Refuse a whole number with more digits than can be computed with. Raises ValueError."""
-    if len(text) > MOST_DIGITS:
-        raise ValueError(f"a number has {len(text)} digits, and at most {MOST_DIGITS} are read")
 
 
 def number_of(value: object) -> float:
@@ -187,20 +155,6 @@ def _refuse(name: str) -> None:
 
 
 def _whole(text: str) -> int:
-    check_digits(text)
+    if len(text) > LONGEST_NUMBER:
+        raise ValueError(f"a number has {len(text)} digits, and at most {LONGEST_NUMBER} are read")
     return int(text)
-
-
-def _check_depth(content: object) -> None:
-    """Raise ValueError if a document is nested more deeply than is read."""
-    inner: list[Any] = [[content]]
-    depth = 0
-    while inner := [
-        one
-        for part in inner
-        for one in (part.values() if type(part) is dict else part)
-        if type(one) is list or type(one) is dict
-    ]:
-        depth += 1
-        if depth > DEEPEST:
-            raise ValueError(_TOO_DEEP)

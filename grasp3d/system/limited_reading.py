@@ -105,7 +105,7 @@ def _failure(data: bytes | None, code: int) -> str:
 
 def _serve(sender: Any, read: Callable[..., object], arguments: tuple[Any, ...]) -> None:
     """Send whether a function raises, and what; nothing where it takes too much memory."""
-    gc.freeze()  # what the parent has made is not the child's to delete
+    gc.disable()  # what the parent has made is not the child's to delete
     _set_limits()
     try:
         answer = pickle.dumps((False, read(*arguments)), pickle.HIGHEST_PROTOCOL)

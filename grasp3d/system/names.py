@@ -113,4 +113,4 @@ def _safe(character: str) -> str:
 
 def reason_of(error: BaseException) -> str:
     """What an error of another library says, in one short line; its class if it says nothing."""
-    return " ".join(str(error).split())[:LONGEST_REASON] or type(error).__name__
+    return printable(" ".join(str(error).split())[:LONGEST_REASON]) or type(error).__name__

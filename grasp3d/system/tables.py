@@ -28,7 +28,7 @@ import pyarrow.csv as pc
 import pyarrow.parquet as pq
 
 from grasp3d.errors import OutputError
-from grasp3d.system.documents import MEGABYTE, parse_json, problem_of_file
+from grasp3d.system.documents import parse_json, problem_of_file
 from grasp3d.system.files import atomic_write, check_suffix
 from grasp3d.system.names import as_unicode, reason_of
 
@@ -38,22 +38,13 @@ if TYPE_CHECKING:
 SUFFIXES = (".csv", ".parquet")
 """Endings of the files that tables are written to."""
 
-LARGEST_FILE = 4096 * MEGABYTE
-"""Largest table [bytes]."""
-
-MOST_COLUMNS, MOST_VALUES = 4096, 250_000_000
-"""Most columns and values that are read, of 8 bytes each: 10 million grasps with 25 columns."""
-
-OBJECT = 25.0
-"""Memory of an object of Python, in numbers."""
-
 ROWS = 16_384
 """Rows of Parquet that are read at a time."""
 
-PART_ROWS, PART_BYTES = 100_000, 8 * MEGABYTE
+PART_ROWS, PART_BYTES = 100_000, 2**23
 """Rows of Parquet, and bytes of CSV, of the parts in which a large table is read."""
 
-LONGEST_LINE = MEGABYTE
+LONGEST_LINE = 2**20
 """Bytes of a CSV file in which its first line must end."""
 
 _NUMBER = re.compile(r"[-+\d.,;\se]+", re.IGNORECASE)
@@ -214,7 +205,7 @@ def read_columns(path: Path) -> dict[str, npt.NDArray[Any]]:
         ValueError: The content is not a valid table; the message gives the reason.
         OSError: The file cannot be read.
     """
-    if problem := problem_of_file(path, LARGEST_FILE):
+    if problem := problem_of_file(path):
         raise ValueError(problem)
     try:
         if path.suffix.lower() != ".csv":
@@ -228,7 +219,7 @@ def read_columns(path: Path) -> dict[str, npt.NDArray[Any]]:
 
 def column_names(path: Path) -> list[str]:
     """Names of the columns of a CSV or Parquet table, which is not read. As `read_columns`."""
-    if problem := problem_of_file(path, LARGEST_FILE):
+    if problem := problem_of_file(path):
         raise ValueError(problem)
     try:
         if path.suffix.lower() == ".csv":
@@ -297,8 +288,6 @@ def _as_numbers(texts: pa.Array) -> pa.Array:
 def _checked_names(stated: Sequence[str]) -> list[str]:
     """Names of columns, which differ. Raises ValueError."""
     names = [name.strip() for name in stated]
-    if len(names) > MOST_COLUMNS:
-        raise ValueError(f"it has {len(names):,} columns, and at most {MOST_COLUMNS:,} are read")
     if all(_NUMBER.fullmatch(name) for name in names):
         raise ValueError(f"its first line must be names of columns; found {' '.join(names)[:80]}")
     twice = [name for name, count in Counter(names).items() if count > 1]
@@ -320,11 +309,9 @@ def _values_of(column: pa.ChunkedArray) -> npt.NDArray[Any]:
 
 
 def _read_parquet(path: Path) -> dict[str, npt.NDArray[Any]]:
-    """The columns of a Parquet file, whose few bytes may stand for very many values."""
-    parts, size, names = [], 0, list[str]()
+    """The columns of a Parquet file."""
+    parts, names = [], list[str]()
     for _, table in _parquet_parts(path):
-        size += table.nbytes
-        _check_values(size / 8)
         names = _checked_names(table.column_names)
         parts.append(list(map(_values_of, table.columns)))
     return dict(zip(names, map(np.concatenate, zip(*parts, strict=True)), strict=True))
@@ -342,7 +329,6 @@ def _parquet_parts(
     _checked_names(schema.names)
     fields = [field for field in schema if wanted is None or field.name.strip() in wanted]
     flat = [field for field in fields if not pa.types.is_nested(field.type)]
-    _check_values(count * sum(_cost(field.type) for field in flat))
     texts = [field.name for field in flat if pa.types.is_string(field.type)]
     rows, read = PART_ROWS if wanted and not texts else ROWS, 0
     with pq.ParquetFile(path, read_dictionary=texts) as file:
@@ -355,22 +341,6 @@ def _parquet_parts(
                     values = pa.repeat(str(field.type), len(table)).dictionary_encode()
                     table = table.append_column(field.name, values)
             yield read / max(count, 1), table
-
-
-def _cost(kind: pa.DataType) -> float:
-    """Memory of a value, in numbers; what is no number or text becomes objects of Python."""
-    if pa.types.is_fixed_size_binary(kind):
-        return OBJECT + float(kind.byte_width) / 8
-    is_plain = pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_string(kind)
-    return 1.0 if is_plain or pa.types.is_boolean(kind) else OBJECT
-
-
-def _check_values(count: float) -> None:
-    if count > MOST_VALUES:
-        raise ValueError(
-            f"it stands for {count:,.0f} values, and at most {MOST_VALUES:,} are read; divide it "
-            "into several files"
-        )
 
 
 def _head_of_csv(path: Path) -> tuple[list[str], str]:

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from grasp3d import load_mesh, read_hand
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.grasps.pose_files import hand_files, holds_poses, read_poses, write_poses
+from grasp3d.grasps.pose_files import holds_poses, read_poses, write_poses
 from grasp3d.grasps.pose_files.hand_files import ALL_STAGES
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.postures import POSTURES, matched, wrist_of
@@ -608,7 +608,6 @@ def test_files_of_pytorch_are_read_by_it_without_executing_them(
     torch.__spec__ = importlib.machinery.ModuleSpec("torch", None)
     monkeypatch.setattr(torch, "load", load, raising=False)
     monkeypatch.setitem(sys.modules, "torch", torch)
-    monkeypatch.setattr(hand_files, "watched", lambda read, path: read(path))
     back = read_poses(tmp_path / "a.pt", hand=poses.hand)
     equal(back.posture, poses.posture, 1e-6)
     assert calls == [{"map_location": "cpu", "weights_only": True}]

@@ -698,13 +698,10 @@ BOMB = "\n".join(
         (
             "a.yaml",
             "a: !!python/object/apply:os.system [echo]",
-            "contains objects of Python, which are not read",
+            "is no YAML: could not determine a constructor",
         ),
-        ("a.yaml", "a: !!python/name:os.system ''", "contains objects of Python"),
-        ("a.yaml", "a: !other {}", "is no YAML: could not determine a constructor"),
-        ("a.yaml", "[" * 100 + "]" * 100, "nested more than 32 levels"),
-        ("a.yaml", "[" * 100_000, "nest"),  # by this check or, in later versions, by libyaml
-        ("a.yaml", "a: &a {b: 1}\nc: {<<: *a}", "it merges keys"),
+        ("a.yaml", "a: !!python/name:os.system ''", "could not determine a constructor"),
+        ("a.yaml", "[" * 100 + "]" * 100, "must be an object of keys and values"),
         ("a.yaml", "a: 2026-13-45", "is no YAML"),
         ("a.yaml", "? [a]\n: 1", "is no YAML"),
         ("a.h5", "no HDF5", "is no HDF5 file"),

@@ -125,7 +125,6 @@ def test_wrong_contents_are_refused_in_one_sentence(
     ("content", "words"),
     [
         *((text, "is no") for text in ("", "[1, 2]", "null", "{", "[" * 100_000, '{"format": 1}')),
-        (" " * (2**20 + 1), "is larger than 1 MB"),
         ("\udcff\udcfe\x00{", "is no JSON"),
     ],
 )

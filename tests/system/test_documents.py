@@ -1,12 +1,10 @@
 """What every reader does with numbers, names and paths that nothing can be made of."""
 
-import gc
 import json
 import os
 import subprocess
 import sys
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +19,7 @@ from grasp3d.grasps import read_object_pose
 from grasp3d.grasps.pose_files import holds_poses, read_poses
 from grasp3d.hand.hand_files import hand_of_line, read_hand
 from grasp3d.hand.parallel_gripper import preset
-from grasp3d.system.documents import DEEPEST, MOST_DIGITS, parse_json
+from grasp3d.system.documents import LONGEST_NUMBER, parse_json
 from grasp3d.validating.tried_grasps import MeshFolder
 from grasp3d.viewer.session.collection import open_collection
 from tests.hand.test_robot_descriptions import BOX, URDF
@@ -125,19 +123,14 @@ def test_texts_of_half_characters_and_deep_nests_are_refused_in_every_file(
     reader, content = JSON_FILES[what]
     half = refusal(tmp_path / "f.json", content.replace("%s", r'"a\ud800b"'), reader)
     assert r"has a text with half a character, '\ud800'" in half
-    for depth in (DEEPEST, 990, 100_000):
-        text = refusal(
-            tmp_path / "f.json", content.replace("%s", "[" * depth + "]" * depth), reader
-        )
-        assert f"nested more than {DEEPEST} levels deep" in text
-        text = refusal(tmp_path / "f.json", content.replace("%s", '{"a":' * depth), reader)
-        assert text.startswith(": is no JSON")
+    nest = "[" * 100_000 + "]" * 100_000
+    text = refusal(tmp_path / "f.json", content.replace("%s", nest), reader)
+    assert "nested too deeply" in text
 
 
 def test_whole_characters_and_large_numbers_are_read() -> None:
     assert parse_json(r'{"\ud83d\ude00": "\\ud800"}') == {"\N{GRINNING FACE}": r"\ud800"}
-    assert parse_json("[" * DEEPEST + "]" * DEEPEST)
-    assert parse_json("9" * MOST_DIGITS) == 10**MOST_DIGITS - 1
+    assert parse_json("9" * LONGEST_NUMBER) == 10**LONGEST_NUMBER - 1
     with pytest.raises(SettingError, match=r"its gripper has a text with half a character"):
         hand_of_line(gripper("name", r'"\udfff"'))
 
@@ -226,17 +219,6 @@ def test_pipes_and_devices_are_not_read(tmp_path: Path, name: str) -> None:
         assert stored_settings(path) is None
 
 
-def test_large_files_are_refused_before_they_are_read(tmp_path: Path) -> None:
-    for name, reader in SOURCES.items():
-        if name.startswith("m.") or name in {"p.h5", "p.npy", "o.npy"}:
-            continue  # these have checks of what they declare
-        path = tmp_path / name
-        with path.open("wb") as stream:
-            stream.truncate(2**33)
-        with pytest.raises(GraspError, match="is larger than"):
-            reader(path)
-
-
 SEEDS = """
 from pathlib import Path
 from grasp3d.grasps.pose_files import read_poses
@@ -312,11 +294,3 @@ def test_a_mesh_of_a_urdf_may_have_one_scale(tmp_path: Path) -> None:
         found.append(fingers(path).finger_width)
     assert found == pytest.approx([0.02, 0.02])
     assert np.isfinite(found).all()
-
-
-@pytest.mark.parametrize("text", ["[1, {}]", "[1", "[" * 99 + "]" * 99])
-def test_garbage_is_collected_again_after_a_document(text: str) -> None:
-    assert gc.isenabled()
-    with suppress(ValueError):
-        parse_json(text)
-    assert gc.isenabled()

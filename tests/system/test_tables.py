@@ -117,31 +117,6 @@ def parquet(path: Path, kind: pa.DataType, rows: int, value: object) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    ("kind", "rows", "value", "words"),
-    [
-        (pa.float64(), 3_000, 0.0, "stands for 3,000 values, and at most 1,000 are read"),
-        (pa.string(), 3_000, "a", "stands for 3,000 values"),
-        (pa.string(), 900, "a" * 100_000, "stands for"),
-        (pa.decimal128(9), 90, 1, "stands for 2,250 values"),
-        (pa.binary(100_000), 2, b"a" * 100_000, "stands for"),
-    ],
-)
-def test_few_bytes_for_very_many_values_are_refused(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    kind: pa.DataType,
-    rows: int,
-    value: object,
-    words: str,
-) -> None:
-    path = parquet(tmp_path / "t.parquet", kind, rows, value)
-    assert path.stat().st_size < 210_000
-    monkeypatch.setattr(tables, "MOST_VALUES", 1_000)
-    with pytest.raises(ValueError, match=words):
-        read_columns(path)
-
-
 def test_columns_of_lists_are_not_read(tmp_path: Path) -> None:
     """However many values they have: their values are what they are."""
     path = tmp_path / "t.parquet"
@@ -185,19 +160,6 @@ def test_texts_that_are_equal_take_little_memory(tmp_path: Path) -> None:
     found = read_columns(path)["px"]
     assert len(found) == 10_000
     assert len(set(map(id, found))) == 1
-
-
-@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
-def test_tables_of_too_many_columns_are_refused_at_once(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / f"t{suffix}"
-    names = [f"c{number}" for number in range(5_000)]
-    if suffix == ".csv":
-        path.write_text(",".join(names) + "\n" + ",".join("0" for _ in names), encoding="utf-8")
-    else:
-        pq.write_table(pa.table({name: [0] for name in names}), path)
-    for read in (read_columns, column_names):
-        with pytest.raises(ValueError, match="it has 5,000 columns, and at most 4,096 are read"):
-            read(path)
 
 
 def test_texts_of_many_parts_and_missing_ones_are_read(tmp_path: Path) -> None:

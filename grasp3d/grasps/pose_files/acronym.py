@@ -11,7 +11,6 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError
-from grasp3d.grasps.pose_files.documents import watched
 from grasp3d.grasps.pose_files.frames import Given, joint_values
 from grasp3d.grasps.pose_files.outcomes import Values, outcomes_of
 from grasp3d.grasps.poses import GraspPoses
@@ -87,11 +86,6 @@ def read_acronym(path: Path, given: Given) -> GraspPoses:
     with path.open("rb") as stream:
         if stream.read(8) != b"\x89HDF\r\n\x1a\n":
             raise ContactError("is no HDF5 file")
-    return watched(_read_file, path, given)  # HDF5 reads some for ever, crashes at others
-
-
-def _read_file(path: Path, given: Given) -> GraspPoses:
-    """Poses of a file, in a child process. Raises ContactError."""
     with _plain_errors(), h5py_module().File(path, "r") as file:
         return _read(_DataSets(file), given)
 

@@ -1,18 +1,17 @@
 """Values of JSON and YAML documents, checked.
 
 Nothing here walks a document deeper than the shape that is expected: YAML may refer to one list
-many times, so that a short file stands for more values than memory holds.
+many times.
 """
 
 import json
 import math
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
 from types import NoneType
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,39 +20,15 @@ from grasp3d.arrays import HEADER_ERRORS, Floats
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.system import documents
 from grasp3d.system.documents import (
-    DEEPEST,
-    MEGABYTE,
-    MOST_DIGITS,
-    check_digits,
     described,
     file_bytes,
     number_of,
     problem_of_file,
 )
 from grasp3d.system.files import atomic_write
-from grasp3d.system.isolation import CallFailedError, call
 from grasp3d.system.names import printable
 from grasp3d.system.stored_arrays import RefusedError, StoredArray, array_in
 from grasp3d.system.versions import package_version
-
-ResultT = TypeVar("ResultT")
-
-LARGEST_JSON, LARGEST_YAML = 256 * MEGABYTE, 32 * MEGABYTE
-"""Largest files [bytes]: what they stand for takes up to 5 GB, and YAML a minute."""
-
-MEMORY = 4.0
-"""Memory of the process that reads a file [GB]."""
-
-SECONDS = 15.0
-"""Time limit of an empty file, including the start of the process [s]."""
-
-BYTES_PER_SECOND = 1e6
-"""Speed of reading with a large margin [bytes/s]."""
-
-_WHOLE = re.compile(r"[-+]?(0[xob])?[\da-fA-F_:]+")
-"""Whole numbers of YAML."""
-
-_PYTHON = "tag:yaml.org,2002:python"
 
 Entries = Sequence[Mapping[str, Any]]
 
@@ -71,41 +46,18 @@ def one_line(path: Path, problem: str) -> ContactError:
     return ContactError(printable(f"{path}: {' '.join(problem.split())}"))
 
 
-def load_json(path: Path) -> Any:
-    """Content of a JSON file. Raises ValueError, OSError."""
-    return documents.load_json(path, LARGEST_JSON)
-
-
 def load_yaml(path: Path) -> Any:
     """Content of a YAML file of plain values. Raises ContactError, ValueError, OSError."""
     yaml = yaml_module()
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    text = file_bytes(path, LARGEST_YAML)
+    text = file_bytes(path)
     try:
-        _check_events(yaml, text, loader)
         return yaml.load(text, loader)
     except yaml.YAMLError as error:
         raise ContactError(f"is no YAML: {' '.join(str(error).split())[:200]}") from error
     except (ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         # Dates such as 2026-13-45, numbers of thousands of digits, keys that are lists.
         raise ContactError(f"is no YAML: {error}") from error
-
-
-def _check_events(yaml: Any, text: bytes, loader: Any) -> None:
-    """Refuse what a small file can expand to any size, and objects of Python."""
-    depth = 0
-    for event in yaml.parse(text, loader):
-        depth += isinstance(event, yaml.CollectionStartEvent)
-        depth -= isinstance(event, yaml.CollectionEndEvent)
-        if depth > DEEPEST:
-            raise ContactError(f"it is nested more than {DEEPEST} levels deep")
-        if str(getattr(event, "tag", None)).startswith(_PYTHON):
-            raise ContactError("it contains objects of Python, which are not read: plain YAML only")
-        value = getattr(event, "value", "")
-        if value == "<<":
-            raise ContactError("it merges keys (<<), which is not read: write the keys out")
-        if len(value) > MOST_DIGITS and _WHOLE.fullmatch(value):
-            check_digits(value)
 
 
 def load_array(path: Path) -> npt.NDArray[Any]:
@@ -349,22 +301,3 @@ def _expected(shape: tuple[int, ...]) -> str:
     if len(shape) == 1:
         return f"a list of {shape[0]} numbers"
     return " x ".join(map(str, shape)) + " numbers, in lists"
-
-
-def watched(read: Callable[..., ResultT], path: Path, *arguments: object) -> ResultT:
-    """What a function reads of a file, in a process with limits of time and memory.
-
-    Args:
-        read: Called with the absolute path and the arguments.
-        path: The file, or a folder.
-        arguments: Further ones.
-
-    Raises:
-        ContactError: The process fails, or exceeds a limit.
-    """
-    files = path.rglob("*") if path.is_dir() else [path]
-    seconds = SECONDS + sum(file.stat().st_size for file in files) / BYTES_PER_SECOND
-    try:
-        return call(read, path.absolute(), *arguments, memory=MEMORY, seconds=seconds)
-    except CallFailedError as failure:
-        raise ContactError(f"is damaged: the process that reads it {failure}") from failure

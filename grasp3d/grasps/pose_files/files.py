@@ -12,7 +12,6 @@ from grasp3d.errors import ContactError, OutputError, SettingError
 from grasp3d.grasps.pose_files import acronym, data_sets, hand_files, own_files, robots
 from grasp3d.grasps.pose_files.documents import (
     check_file,
-    load_json,
     load_yaml,
     one_line,
     yaml_module,
@@ -38,8 +37,9 @@ from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.settings import PoseFormat, check_choice
 from grasp3d.settings.lengths import Unit
-from grasp3d.system.documents import is_folder
+from grasp3d.system.documents import is_folder, load_json
 from grasp3d.system.files import check_suffix
+from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import unsupported
 
 
@@ -252,7 +252,7 @@ def read_poses(
     chosen = None if frame is None else read_frame(frame)
     given = Given(hand, unit, outcome, object_scale)
     try:
-        poses = _relative(of_tcp(_read(path, given, chosen)), pose)
+        poses = _relative(of_tcp(read_file(_read, path, given, chosen)), pose)
         poses = _with_scale(poses, object_scale)
         refuse_joints(poses, hand)
         is_matched = isinstance(poses.hand, ArticulatedHand) and poses.posture.size
@@ -304,7 +304,10 @@ def holds_poses(path: str | Path) -> bool:
         >>> holds_poses("grasps.json"), holds_poses("grasps.yaml")
         (False, True)
     """
-    path = Path(path)
+    return read_file(_holds_poses, Path(path))
+
+
+def _holds_poses(path: Path) -> bool:
     suffix = path.suffix.lower()
     if is_folder(path) and not suffix:
         return any(file.suffix.lower() in _DICTIONARIES for file in path.rglob("*"))
@@ -377,7 +380,8 @@ def _read(path: Path, given: Given, frame: GripperFrame | None) -> GraspPoses:
     entry = _FORMATS[name]
     if entry.title:
         given.check(entry.title, states_hand=entry.states_hand)
-    poses = entry.read(content, given)
+    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are refused
+        poses = entry.read(content, given)
     if entry.title:
         poses = replace(poses, unit="m", hand=given.hand or poses.hand)
     stated = poses.gripper_frame if entry.states_frame else FRAMES[entry.frame]

@@ -9,11 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from grasp3d.arrays import ArrayLike, Floats
-from grasp3d.errors import ContactError, GraspError, OutputError, SettingError
+from grasp3d.errors import ContactError, FileUnreadError, GraspError, OutputError, SettingError
 from grasp3d.grasps.pose_files.documents import (
     check_file,
     load_array,
-    load_json,
     load_yaml,
     mapping,
     number_or_none,
@@ -32,7 +31,8 @@ from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.pose_checks import checked_quaternions
 from grasp3d.settings.lengths import METRES, Unit
-from grasp3d.system.documents import MEGABYTE, described, file_bytes
+from grasp3d.system.documents import described, file_bytes, load_json
+from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import printable
 from grasp3d.system.versions import package_version
 
@@ -264,7 +264,9 @@ def _of_file(source: object, of: Callable[[Any], ResultT]) -> ResultT | None:
         return None
     check_file(path)
     try:
-        return of(_READERS[path.suffix.lower()](path))
+        return of(read_file(_READERS[path.suffix.lower()], path))
+    except FileUnreadError:  # which names the file
+        raise
     except OSError as error:
         raise ContactError(f"{path}: cannot be read ({error.strerror or error})") from error
     except (GraspError, ValueError) as error:
@@ -273,7 +275,7 @@ def _of_file(source: object, of: Callable[[Any], ResultT]) -> ResultT | None:
 
 def _text_or_rows(path: Path) -> Any:
     """The only line of a text; of several lines their numbers, separated by commas or spaces."""
-    text = file_bytes(path, MEGABYTE).decode("utf-8-sig").strip()
+    text = file_bytes(path).decode("utf-8-sig").strip()
     rows = [line.replace(",", " ").split() for line in text.splitlines() if line.strip()]
     return np.array(rows, dtype=np.float64) if len(rows) > 1 else text
 

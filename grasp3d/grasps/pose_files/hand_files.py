@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
-from grasp3d.grasps.pose_files.documents import load_array, numbers_in, watched
+from grasp3d.grasps.pose_files.documents import load_array, numbers_in
 from grasp3d.grasps.pose_files.frames import Given, from_quaternions, quaternions
 from grasp3d.grasps.pose_files.outcomes import outcomes_of
 from grasp3d.grasps.poses import STAGES, GraspPoses
@@ -75,11 +75,6 @@ def load_npy(path: Path) -> Any:
             is_plain = b"'descr': '|O'" not in stream.read(200)
         if is_plain:
             return load_array(path)
-    return watched(read_dictionaries, path)
-
-
-def read_dictionaries(path: Path) -> list[Rows]:
-    """What the dictionaries of a file or folder state, in a child process. Raises ContactError."""
     if not path.is_dir():
         return _of_file(path, "")
     files = sorted(one for one in path.rglob("*") if one.suffix.lower() in SUFFIXES)

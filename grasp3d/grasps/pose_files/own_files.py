@@ -35,7 +35,7 @@ from grasp3d.grasps.pose_files.frames import (
 from grasp3d.grasps.pose_files.outcomes import Values, outcomes_of
 from grasp3d.grasps.poses import OWN_NAMES, STAGES, GraspPoses
 from grasp3d.hand.frames import FRAMES
-from grasp3d.system.documents import MEGABYTE, described
+from grasp3d.system.documents import described
 
 Columns = Mapping[str, npt.NDArray[Any]]
 
@@ -162,7 +162,7 @@ def _contacts(columns: Columns) -> list[list[dict[str, Any]]]:
     ]
 
 
-LARGEST_TEXTS = 2048 * MEGABYTE
+LARGEST_TEXTS = 2**31
 """Most memory of a column of texts [bytes]."""
 
 NUMBERS = ("opening", "pregrasp_opening", "score")

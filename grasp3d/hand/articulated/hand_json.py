@@ -18,7 +18,7 @@ from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, Coupling
 from grasp3d.hand.articulated.presets import VERSION, fitting, numbers_of
 from grasp3d.hand.articulated.proposal import articulated_hand_of
 from grasp3d.hand.link_tree import LinkMass, LinkTree
-from grasp3d.hand.robot_files import watched
+from grasp3d.hand.robot_files import made_of
 from grasp3d.system.names import unknown
 
 Read = Callable[[Any], Any]
@@ -148,7 +148,7 @@ def articulated_hand(content: Mapping[str, Any]) -> ArticulatedHand:
     stated = stated_of(content)
     if "description" not in stated:
         raise SettingError("description is missing: the name of a URDF or MuJoCo file")
-    return watched(articulated_hand_of, Path(stated["description"]), stated)
+    return made_of(Path(stated["description"]), articulated_hand_of, stated)
 
 
 def proposed_hand(path: Path, preset: str | None, palm: str | None) -> ArticulatedHand:
@@ -162,7 +162,7 @@ def proposed_hand(path: Path, preset: str | None, palm: str | None) -> Articulat
     Raises:
         SettingError: The file cannot be read, is of no hand with joints, or of another one.
     """
-    return watched(_proposed, path, preset, palm)
+    return made_of(path, _proposed, preset, palm)
 
 
 def _proposed(tree: LinkTree, preset: str | None, palm: str | None) -> ArticulatedHand:
