@@ -19,18 +19,20 @@ ROOT = str(Path(grasp3d.__file__).parents[1])
 MODEL = mesh_files.xml_model(mesh_files.xml_object(1), '<item objectid="1"/>')
 
 
-def overlapping() -> bytes:
-    """A GLB of parts whose positions begin at each byte of the same megabyte."""
-    count, tree = 1_000_000, mesh_files.tree()
-    tree["bufferViews"] = [{"buffer": 0, "byteLength": count + 12, "byteStride": 1}]
-    positions = {"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3"}
-    tree["accessors"] = [positions] * 30
-    tree["meshes"] = [{"primitives": [{"attributes": {"POSITION": k}} for k in range(30)]}]
-    return mesh_files.glb(tree, bytes(count + 12))
+def repeated() -> bytes:
+    """A GLB of one part that is shown at each of many nodes."""
+    count, tree = 60_000, mesh_files.tree()
+    tree["bufferViews"] = [{"buffer": 0, "byteLength": 12 * count}]
+    tree["buffers"] = [{"byteLength": 12 * count}]
+    tree["accessors"] = [{"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3"}]
+    tree["meshes"] = [{"primitives": [{"attributes": {"POSITION": 0}}]}]
+    tree["nodes"] = [{"mesh": 0}] * 400
+    tree["scenes"] = [{"nodes": list(range(400))}]
+    return mesh_files.glb(tree, np.arange(3 * count, dtype="<f4").tobytes())
 
 
 SMALL = {
-    "a.glb": overlapping(),
+    "a.glb": repeated(),
     "a.3mf": mesh_files.zipped({"3D/3dmodel.model": MODEL, "a.png": bytes(400_000_000)}),
 }
 
