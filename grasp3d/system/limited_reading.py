@@ -81,12 +81,10 @@ def _answer(read: Callable[..., object], arguments: tuple[Any, ...]) -> tuple[by
         process = _processes.Process(target=_serve, args=(sender, read, arguments), daemon=True)
         process.start()
         sender.close()
-    data = None
     try:
-        if answers.poll(SECONDS + GRACE):
-            data = answers.recv_bytes()
-    except EOFError:
-        pass  # it ended before
+        data = answers.recv_bytes() if answers.poll(SECONDS + GRACE) else None
+    except EOFError:  # it ended before
+        data = None
     finally:
         process.kill()
         process.join()
@@ -106,6 +104,7 @@ def _failure(data: bytes | None, code: int) -> str:
 def _serve(sender: Any, read: Callable[..., object], arguments: tuple[Any, ...]) -> None:
     """Send whether a function raises, and what; nothing where it takes too much memory."""
     gc.disable()  # what the parent has made is not the child's to delete
+    _is_limited.set(False)  # what is read meanwhile is limited with it
     _set_limits()
     try:
         answer = pickle.dumps((False, read(*arguments)), pickle.HIGHEST_PROTOCOL)

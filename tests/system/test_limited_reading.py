@@ -41,6 +41,10 @@ def process(path: Path, *more: object) -> tuple[int, Path, tuple[object, ...]]:
     return os.getpid(), path, more
 
 
+def nested(path: Path) -> bool:
+    return read_file(process, path)[0] == os.getpid()
+
+
 def refuse(path: Path) -> None:
     raise MeshError(f"{path}: is no mesh")
 
@@ -84,6 +88,7 @@ def test_a_child_process_answers_or_raises(capfd: pytest.CaptureFixture[str]) ->
     with limited():
         assert read_file(process, FILE, 2, "three")[1:] == (FILE, (2, "three"))
         assert read_file(big, FILE).sum() == big(FILE).sum()
+        assert read_file(nested, FILE)
         with pytest.raises(MeshError, match=r"mug\.stl: is no mesh") as refused:
             read_file(refuse, FILE)
         assert not hasattr(refused.value, "__notes__")
