@@ -22,6 +22,9 @@ _KINDS: dict[str, JointKind] = {
 }  # fmt: skip
 """Kinds of joints; all others move in other ways."""
 
+FAR = 1e4
+"""Largest distance of a link or a shape from what it is fixed to [m]."""
+
 
 def read_urdf(path: Path) -> LinkTree:
     """Read the links and joints of a URDF.
@@ -55,7 +58,13 @@ def _links(root: Element) -> dict[str, Element]:
     """Links by name. Raises ValueError."""
     if root.tag != "robot":
         raise ValueError(f"its first element is {root.tag[:40]}, and must be robot")
-    return {_text(link, "name"): link for link in root.findall("link")}
+    links: dict[str, Element] = {}
+    for link in root.findall("link"):
+        name = _text(link, "name")
+        if name in links:
+            raise ValueError(f"two links are called {name}")
+        links[name] = link
+    return links
 
 
 def _mass(link: Element) -> LinkMass | None:
@@ -127,13 +136,14 @@ def _shape(collision: Element, link: str, path: Path) -> LinkShape:
     geometry, pose = _part(collision, "geometry"), _pose(collision)
     shape = next(iter(geometry), geometry)
     if shape.tag == "box":
-        x, y, z = (0.5 * length for length in _numbers(shape, "size", 3))
+        x, y, z = (0.5 * length for length in _lengths(shape, "size", 3))
         return LinkShape("box", pose, (x, y, z))
     if shape.tag in {"cylinder", "capsule"}:
-        size = _number(shape, "radius"), 0.5 * _number(shape, "length")
+        (radius,), (length,) = _lengths(shape, "radius", 1), _lengths(shape, "length", 1)
+        size = radius, 0.5 * length
         return LinkShape("cylinder" if shape.tag == "cylinder" else "capsule", pose, size)
     if shape.tag == "sphere":
-        return LinkShape("sphere", pose, (_number(shape, "radius"),))
+        return LinkShape("sphere", pose, (*_lengths(shape, "radius", 1),))
     if shape.tag == "mesh":
         raw = read_collision_mesh(_text(shape, "filename"), link, path)
         scale = shape.get("scale", "1")
@@ -150,6 +160,8 @@ def _pose(element: Element) -> Floats:
     angles = _numbers(origin, "rpy", 3, "0 0 0")
     pose = np.array(transformations.euler_matrix(*angles), dtype=np.float64)
     pose[:3, 3] = _numbers(origin, "xyz", 3, "0 0 0")
+    if np.abs(pose[:3, 3]).max() > FAR:
+        raise ValueError(f"xyz of origin is more than {FAR:,.0f} m away")
     return pose
 
 
@@ -178,6 +190,14 @@ def _numbers(element: Element, name: str, count: int, default: str | None = None
         return numbers_of(text, count)
     except ValueError as error:
         raise ValueError(f"{name} of {element.tag} {error}") from error
+
+
+def _lengths(element: Element, name: str, count: int) -> list[float]:
+    """Lengths of an attribute, which are above 0. Raises ValueError."""
+    lengths = _numbers(element, name, count)
+    if min(lengths) <= 0.0:
+        raise ValueError(f"{name} of {element.tag} must be above 0; got {element.get(name)}")
+    return lengths
 
 
 def read_collision_mesh(name: str, link: str, path: Path) -> Floats:

@@ -166,7 +166,8 @@ def refined_mesh(source: RawMesh, repaired: RepairedSurface, options: MeshOption
     ]
     if options.center_of_mass is not None:
         center_mass = (np.array(options.center_of_mass) - center) / size
-        warnings += _center_warnings(surface, center_mass, source.where)
+        _check_distance(center_mass, source.where)
+    warnings += _center_warnings(surface, center_mass, given=options.center_of_mass is not None)
     added = np.arange(len(repaired.vertices), len(refined.vertices))
     mesh = ObjectMesh(
         vertices=locked(
@@ -255,14 +256,11 @@ def _size_warnings(raw: RawMesh, size: float, unit: Unit | None) -> Iterator[str
         yield implausible
 
 
-def _center_warnings(surface: Triangles, center_mass: Floats, where: str) -> Iterator[str]:
-    """Check a centre of mass that is given, in the normalised frame.
-
-    Yields:
-        A warning if it is outside the surface's bounding box.
+def _check_distance(center_mass: Floats, where: str) -> None:
+    """Refuse a given centre of mass, in the normalised frame, that cannot be meant.
 
     Raises:
-        SettingError: It is so far away that it cannot be meant.
+        SettingError: It is far away.
     """
     away = float(np.linalg.norm(center_mass))
     if not away <= FAR:
@@ -270,13 +268,23 @@ def _center_warnings(surface: Triangles, center_mass: Floats, where: str) -> Ite
             f"center_of_mass is {away:.3g} times the object's size away from {where}: give it in "
             "the mesh's frame, with its unit if that is another one (10mm,0,-2mm)"
         )
+
+
+def _center_warnings(surface: Triangles, center_mass: Floats, *, given: bool) -> Iterator[str]:
+    """Warn about a centre of mass outside the surface's bounding box, in the normalised frame."""
     points = surface.vertices[surface.used]
     low, high = points.min(axis=0), points.max(axis=0)
     beyond = float(np.maximum(low - center_mass, center_mass - high).max())
     if beyond > OUTSIDE:
-        yield (
-            f"the centre of mass is outside the object's bounding box by {beyond:.3g} of its size: "
+        reason = (
             "is it in the mesh's unit and frame?"
+            if given
+            else "the surface crosses itself, and is inside out beyond; mend it, or give the "
+            "centre of mass (--center-of-mass)"
+        )
+        yield (
+            f"the centre of mass is outside the object's bounding box by {beyond:.3g} of its "
+            f"size: {reason}"
         )
 
 

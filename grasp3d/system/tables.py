@@ -152,14 +152,14 @@ def read_arrow(path: Path) -> tuple[dict[str, npt.NDArray[Any]], dict[str, str]]
     try:
         with pq.ParquetFile(path) as file:
             metadata, table = file.metadata, file.read()
+        if any(column.null_count for column in table.columns):
+            raise ValueError("values are missing")
+        columns = {
+            name: _values_of(column)
+            for name, column in zip(table.column_names, table.columns, strict=True)
+        }
     except pa.ArrowException as error:
         raise ValueError(str(error).splitlines()[0]) from error
-    if any(column.null_count for column in table.columns):
-        raise ValueError("values are missing")
-    columns = {
-        name: _values_of(column)
-        for name, column in zip(table.column_names, table.columns, strict=True)
-    }
     texts = {name.decode(): text.decode() for name, text in (metadata.metadata or {}).items()}
     return columns, texts
 

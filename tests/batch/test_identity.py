@@ -16,7 +16,7 @@ from grasp3d.hand.reach_settings import ReachSettings
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND
 
-GOLDEN = "74963f28c6ba63df"
+GOLDEN = "2beedea59fea6ab1"
 
 
 def test_labels_are_those_of_this_version_of_the_method() -> None:

@@ -161,6 +161,12 @@ def test_meshes_are_read_from_packages_and_beside_the_file(tmp_path: Path) -> No
         ),
         ({"right": '<mesh filename="package://none/f.stl"/>'}, FINGERS, "no mesh package://none/f"),
         ({"right": '<mesh filename="f.stl"/>'}, FINGERS, "there is no mesh f.stl of link right"),
+        ({"right": '<box size="-1 1 1"/>'}, FINGERS, "size of box must be above 0; got -1 1 1"),
+        (
+            {"limit": f'{LIMIT}</joint><link name="arm"/><joint>'},
+            FINGERS,
+            "two links are called ar",
+        ),
     ],
 )
 def test_descriptions_of_no_gripper_are_refused(
@@ -258,6 +264,9 @@ def test_a_palm_of_another_shape_has_a_box_about_it(tmp_path: Path) -> None:
 def test_endless_shapes_are_refused(tmp_path: Path) -> None:
     path = with_palm(mjcf(tmp_path), CAMERA[mjcf], 'type="plane" size="1 1 1"')
     with pytest.raises(SettingError, match="of camera is of no finite shape"):
+        read_hand(path, fingers=FINGERS)
+    path = with_palm(urdf(tmp_path), "0 0 0.5", "0 0 1e308")
+    with pytest.raises(SettingError, match="wrist: xyz of origin is more than 10,000 m away"):
         read_hand(path, fingers=FINGERS)
 
 

@@ -206,6 +206,20 @@ def test_a_centre_outside_the_object_is_warned_about_and_a_far_one_refused() -> 
         load_mesh(box, center_of_mass=(1e6, 0.0, 0.0))
 
 
+def test_a_surface_that_crosses_itself_may_have_its_centre_outside() -> None:
+    vertices, faces = shapes.box((40.0, 20.0, 20.0))
+    turned = np.where(vertices[:, :1] > 0.0, [1.0, -0.9, 1.0], 1.0)
+    mesh = load_mesh((vertices * turned, faces))
+    # Two wedges that meet at an edge; the smaller one is inside out:
+    edge = 40.0 / 1.9
+    areas = np.array([10.0 * edge, -9.0 * (40.0 - edge)])
+    x = areas @ [edge / 3.0, 40.0 - (40.0 - edge) / 3.0] / areas.sum() - 20.0
+    np.testing.assert_allclose(mesh.center_mass, [x, 0.0, 0.0], atol=1e-9)
+    (warning,) = mesh.report.warnings
+    beyond = (-20.0 - x) / mesh.size
+    assert f"outside the object's bounding box by {beyond:.3g} of its size: the surface" in warning
+
+
 def test_bodies_without_a_mass_have_no_densities(monkeypatch: pytest.MonkeyPatch) -> None:
     outer = block((10.0,) * 3, (0.0,) * 3)
     cavities = [block((9.0,) * 3, (shift, 0.0, 0.0)) for shift in (-0.2, 0.2)]
