@@ -15,6 +15,9 @@ from setuptools.command.build_py import build_py
 
 HERE = Path(__file__).resolve().parent
 
+OWN_FOLDER_ALONE = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": "none: this is no absolute path"}
+"""Machine code that this user has compiled before in another folder is not what others need."""
+
 
 class BuildWithMachineCode(build_py):
     """Copies the modules, and the machine code of the kernels beside them."""
@@ -30,7 +33,7 @@ class BuildWithMachineCode(build_py):
         compiled = subprocess.run(
             [sys.executable, "-m", "grasp3d._kernels.compiling.ahead"],
             cwd=root,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+            env={**os.environ, **OWN_FOLDER_ALONE, "PYTHONPATH": os.pathsep.join(paths)},
             stdout=subprocess.PIPE,
             text=True,
             check=False,

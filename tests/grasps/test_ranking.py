@@ -158,7 +158,7 @@ def test_no_file_ranks_a_grasp_first_that_drops_the_object(tmp_path: Path) -> No
     assert len(set(labels)) > 1
     for name, kind in {"a.json": None, "a.yaml": None, "b.json": "moveit", "a.csv": None}.items():
         write_grasps(tmp_path / name, best, format=kind)
-        scores = read_grasps(tmp_path / name, format=kind, hand=hand).scores
+        scores = read_grasps(tmp_path / name, hand=hand).scores
         assert (np.diff(scores) <= 0.0).all()
         assert scores[labels == Label.U].max(initial=0.0) <= 1.0 / 3.0 < scores[0]
 

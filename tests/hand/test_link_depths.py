@@ -5,12 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-import pyvista as pv
 import trimesh
 from scipy.spatial.transform import Rotation
-from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkDoubleArray
-from vtkmodules.vtkFiltersCore import vtkImplicitPolyDataDistance
 
 from grasp3d.arrays import Floats
 from grasp3d.hand.link_tree import LinkShape
@@ -43,14 +39,14 @@ def mesh_of(name: str) -> ObjectMesh:
 
 
 def depths_below(name: str) -> Depths:
-    """Depths of points by VTK, compared with all triangles below."""
-    distance = vtkImplicitPolyDataDistance()
-    distance.SetInput(pv.wrap(surface(name)))
+    """Depths of points by Embree, in single precision, compared with all triangles below."""
+    o3d = pytest.importorskip("open3d")
+    scene = o3d.t.geometry.RaycastingScene()
+    below = surface(name)
+    scene.add_triangles(below.vertices.astype(np.float32), below.faces.astype(np.uint32))
 
     def depth(points: Floats) -> Floats:
-        found = vtkDoubleArray()
-        distance.EvaluateFunction(numpy_to_vtk(np.ascontiguousarray(points)), found)
-        return -vtk_to_numpy(found)
+        return -scene.compute_signed_distance(points.astype(np.float32)).numpy().astype(float)
 
     return depth
 
@@ -100,11 +96,12 @@ def test_depths_are_those_of_dense_division(name: str, kind: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", SHAPES)
-@pytest.mark.parametrize("name", ["block", "ball", "mug", "torus"])
+@pytest.mark.parametrize(
+    ("name", "kind"), [("block", "mesh"), ("ball", "sphere"), ("mug", "box"), ("torus", "cylinder")]
+)
 def test_many_depths_are_those_of_dense_division(name: str, kind: str) -> None:
     """At one pose in fifty a climb may end elsewhere, too early."""
-    off = compare(name, kind, 20 if kind == "mesh" else 40, 5)
+    off = compare(name, kind, 50 if kind == "mesh" else 100, 5)
     assert off.max() < 1.0
     assert (off < -1.0).mean() <= 0.02
 
@@ -112,4 +109,4 @@ def test_many_depths_are_those_of_dense_division(name: str, kind: str) -> None:
 def test_depths_of_points_are_those_of_all_triangles() -> None:
     points = np.random.default_rng(0).uniform(-0.05, 0.05, (25, 3))
     expected = signed_depth(surface("mug"))(points)
-    np.testing.assert_allclose(depths_below("mug")(points), expected, atol=1e-12)
+    np.testing.assert_allclose(depths_below("mug")(points), expected, atol=1e-7)
