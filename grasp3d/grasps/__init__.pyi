@@ -2,7 +2,6 @@ from .audit import PoseReading as PoseReading
 from .audit import audit_poses as audit_poses
 from .causes import Cause as Cause
 from .causes import cause_fractions as cause_fractions
-from .distinct import alternatives_at as alternatives_at
 from .distinct import best_grasps as best_grasps
 from .distinct import distinct_grasps as distinct_grasps
 from .distinct import grasp_kinds as grasp_kinds

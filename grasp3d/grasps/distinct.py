@@ -1,28 +1,20 @@
-"""The best distinct grasps of a labelled surface, and those through one vertex."""
+"""The best distinct grasps of a labelled surface."""
 
 import itertools
 import math
-from concurrent.futures import ThreadPoolExecutor
 from functools import reduce
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Floats, Ints, locked
+from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.errors import SettingError
 from grasp3d.grasps.ranking import ranked_rows, stated_label
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.measures import connected
-from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.settings import Sampling
 from grasp3d.settings.checks import check_range
-from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
-from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.sampling.antipodal import Ranking, largest_cost, pair_limits
-from grasp3d.surface.sampling.reachable import ReachSearch
-from grasp3d.surface.vertex_grasps import Reason
 
 DISTINCT = 1.0 / 8.0
 """Distance of corresponding contacts, in object sizes, from which grasps are distinct."""
@@ -253,98 +245,3 @@ def _alike(labels: SurfaceLabels, edges: Ints) -> Bools:
         # For more than two fingers there are no directions.
         alike &= np.nan_to_num(cosines, nan=1.0) >= math.cos(TURN)
     return np.asarray(alike)
-
-
-TESTS_PER_GRASP = 16
-"""Opposing contacts that are tested and not reached, for each grasp that is asked for, before the
-search ends."""
-
-
-def alternatives_at(labels: SurfaceLabels, vertex: int, count: int) -> GraspTable:
-    """Distinct grasps through a vertex that the gripper reaches, best first.
-
-    Opposing contacts differ by half a finger's width at least. The first grasp is that of the
-    vertex; the others come from a search of the whole surface, for fingers that squeeze.
-
-    Args:
-        labels: Labels of two fingers with a gripper.
-        vertex: Number of the vertex.
-        count: Largest number of grasps; there may be fewer, or none.
-
-    Returns:
-        The grasps, with `reach` and their poses.
-
-    Raises:
-        SettingError: There is no gripper or no such vertex, or the count is below 1.
-
-    Example:
-        >>> import trimesh
-        >>> import grasp3d
-        >>> from grasp3d.grasps import alternatives_at
-        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
-        >>> mesh = grasp3d.load_mesh(box, unit="m", max_edge=0.01)
-        >>> hand = grasp3d.ParallelGripper.preset("franka")
-        >>> labels = grasp3d.label_surface(mesh, hand=hand)
-        >>> grasps = alternatives_at(labels, 60, 3)
-        >>> grasps.size, bool(grasps.reach.reached.all())
-        (2, True)
-    """
-    scene, mesh = labels.scene, labels.mesh
-    if scene is None or scene.jaws is None or labels.model.fingers > 2:
-        raise SettingError("alternatives are grasps of two fingers with a gripper; give a gripper")
-    check_range("vertex", vertex, 0, len(mesh.vertices) - 1)
-    check_range("the number of grasps", count, 1)
-    own = int(mesh.canonical[vertex])
-    sampling = labels.sampling if isinstance(labels.sampling, Sampling) else Sampling()
-    limited = scene.within_stroke(mesh, sampling)
-    with ThreadPoolExecutor(1) as executor:
-        cone, ranking = labels.search.cone, Ranking.of(labels.model)
-        limits = pair_limits(mesh, limited, cone, ranking)
-        most = largest_cost(cone, ranking)
-        search = ReachSearch(mesh, scene, cone, limits, executor, most)
-        partners = search.partners_of(np.array([own]), count, TESTS_PER_GRASP * count)
-    first = slice(0, int(labels.reason[own] == Reason.FOUND))  # of the vertex, if any
-    points, grip = labels.partner_points, labels.grip[own : own + 1][first].astype(np.int64)
-    signs = np.concatenate([grip, np.ones(count, dtype=np.int64)])
-    faces = np.concatenate([points.faces[own, 0][first], partners.faces[0]])
-    weights = np.concatenate([points.weights[own, 0][first], partners.weights[0]])
-    positions = SurfacePoints(np.maximum(faces, 0), weights).positions(mesh)
-    rows = _different(positions, faces >= 0, search.spacing * mesh.size)[:count]
-    return _grasps(labels, own, SurfacePoints(faces[rows], weights[rows]), signs[rows])
-
-
-def _different(positions: Floats, exists: Bools, spacing: float) -> Ints:
-    """Rows of positions (n, 3) that are not near an earlier one."""
-    rows: list[int] = []
-    for row in np.flatnonzero(exists):
-        gaps = np.linalg.norm(positions[rows] - positions[row], axis=1)
-        if (gaps >= spacing).all():
-            rows.append(int(row))
-    return np.array(rows, dtype=np.int64)
-
-
-def _grasps(labels: SurfaceLabels, vertex: int, points: SurfacePoints, signs: Ints) -> GraspTable:
-    """The grasps of a vertex and opposing contacts (k,) that are reached, best first."""
-    scene, mesh, count = labels.scene, labels.mesh, len(signs)
-    assert scene is not None
-    own = vertex_surface_points(mesh, np.full(count, vertex))
-    contacts = SurfaceContacts(
-        mesh,
-        SurfacePoints(
-            np.stack([own.faces, points.faces], axis=1),
-            np.stack([own.weights, points.weights], axis=1),
-        ),
-    )
-    reach = scene.reach(mesh, contacts.points, contacts.normals, grip=signs)
-    worst, best = critical_angles(contacts)
-    grasps = GraspTable(
-        contacts=contacts,
-        model=labels.model,
-        critical_angle=locked(worst),
-        critical_angle_best=locked(best),
-        scene=scene,
-        reach=reach,
-        load=labels.load,
-    )
-    rows = ranked_rows(grasps)
-    return grasps.take(rows[reach.reached[rows]])

@@ -7,7 +7,6 @@ import numpy as np
 
 from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
 from grasp3d.arrays import Floats, Ints, locked, unit_rows
-from grasp3d.batch.row import BestGrasp
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach import Reach, Reachability
 from grasp3d.hand.reach_settings import ReachSettings
@@ -96,30 +95,7 @@ def not_reached(labels: SurfaceLabels) -> Ints:
 
 
 def neighbours_grasps(labels: SurfaceLabels, vertex: int, count: int) -> GraspTable:
-    """In place of a search for alternatives: the grasps of the nearest vertices, its own first."""
+    """The grasps of the nearest vertices of a vertex, its own first."""
     near = reached(labels)
     gaps = np.linalg.norm(labels.mesh.vertices[near] - labels.mesh.vertices[vertex], axis=1)
     return labels.grasps.take(labels.row[near[np.argsort(gaps, kind="stable")[:count]]]).whole()
-
-
-def best_grasps_of(labels: SurfaceLabels, count: int) -> tuple[BestGrasp, ...]:
-    """Grasps of a report, with poses: those of the first vertices that are reached."""
-    reach = labels.reach
-    assert reach is not None
-    return tuple(
-        BestGrasp(
-            critical_angle=float(labels.critical_angle[vertex]),
-            max_resolution=float(labels.max_resolution[vertex]),
-            epsilon=0.1,
-            opening=float(labels.opening[vertex]),
-            points=tuple(map(tuple, (labels.mesh.vertices[vertex], labels.partners[vertex, 0]))),
-            normals=tuple(
-                map(tuple, (-labels.mesh.normals[vertex], -labels.partner_normals[vertex, 0]))
-            ),
-            label="S",
-            pose=tuple(reach.poses[vertex].ravel().tolist()),
-            pregrasp_opening=float(reach.pregrasp_opening[vertex]),
-            approach_margin=float(reach.approach_margin[vertex]),
-        )
-        for vertex in reached(labels)[:count]
-    )

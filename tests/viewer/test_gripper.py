@@ -1,4 +1,4 @@
-"""A gripper in the viewer: panel, alternatives, colours, files, new searches, and the scene."""
+"""A gripper in the viewer: panel, colours, files, new searches, and the scene."""
 
 import json
 import math
@@ -27,19 +27,19 @@ from grasp3d.settings import Sampling
 from grasp3d.viewer.scene.framing import MOST_BESIDE, extents, frame_of, middle_of
 from grasp3d.viewer.scene.pictures import open_renderer
 from grasp3d.viewer.scene.scene import Scene, new_plotter
-from grasp3d.viewer.session import collection, computations, inspection, planning
+from grasp3d.viewer.session import collection, computations, planning
 from grasp3d.viewer.session.collection import collection_of, open_collection, read_result
 from grasp3d.viewer.session.computations import search_grasps
 from grasp3d.viewer.session.controls import CONTROLS, handle_key
 from grasp3d.viewer.session.inspection import best_vertices
 from grasp3d.viewer.session.painting import ramp_of, texture_coordinates
-from grasp3d.viewer.session.panel_text import grasp_number, panel_text
+from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import BEST, Session
 from grasp3d.viewer.subjects.subject import Subject, subject_of
 from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web.page_state import page_state
 from tests.helpers import viewing
-from tests.helpers.held_grasps import JAWS, held_box, neighbours_grasps, not_reached, reached
+from tests.helpers.held_grasps import JAWS, held_box, not_reached, reached
 from tests.helpers.viewing import read_subject, ready_session, rewritten, wait_until_idle
 from tests.rendering.test_opengl import needs_opengl
 
@@ -47,9 +47,8 @@ AXES = np.eye(3)
 
 
 @pytest.fixture(autouse=True)
-def nearby_alternatives(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Poses are made by hand, so that no search finds others."""
-    monkeypatch.setattr(inspection, "alternatives_at", neighbours_grasps)
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Searches begin without a delay."""
     monkeypatch.setattr(planning, "DELAY", 0.0)
 
 
@@ -93,7 +92,6 @@ def test_the_panel_says_why_a_vertex_is_not_reached(session: Session) -> None:
     assert "jaws reaches none of those tested" in seen.reason
     assert "the table is in the way" in seen.reason
     assert len(seen.points) == 1
-    assert grasp_number(seen) == ""
 
 
 def test_without_a_gripper_nothing_is_added() -> None:
@@ -103,7 +101,7 @@ def test_without_a_gripper_nothing_is_added() -> None:
     assert not {"pre-grasp opening", "approach margin"} & set(dict(session.inspection.numbers))
     assert not page_state(session)["gripper"]
     assert all(item["name"] != "approach_margin" for item in page_state(session)["paints"])
-    for key in ("j", "t", ".", "6"):
+    for key in ("j", "t", "6"):
         state = session.state
         assert handle_key(session, key)
         assert "there is no gripper" in session.message
@@ -117,51 +115,6 @@ def test_a_table_is_needed_to_hide_it() -> None:
     handle_key(session, "t")
     assert "there is no table" in session.message
     assert panel_text(session).facts.endswith("gripper jaws")
-
-
-# Alternatives
-
-
-def test_keys_step_through_the_grasps_of_a_vertex(session: Session) -> None:
-    vertex = held_vertex()
-    session.click(vertex)
-    first = session.inspection
-    assert first is not None
-    assert grasp_number(first) == "1 of …"
-    handle_key(session, ".")
-    assert "still being searched" in session.message
-    wait_until_idle(session)
-    expected = neighbours_grasps(held_box(), vertex, 5)
-    seen = []
-    for number in (1, 2, 3, 4, 5, 1):
-        found = session.inspection
-        assert found is not None
-        assert grasp_number(found) == f"{number} of 5"
-        assert page_state(session)["inspection"]["grasp"] == f"{number} of 5"
-        assert found.vertex == vertex
-        assert found.held is not None
-        seen.append(found.held.pose)
-        handle_key(session, ".")
-    assert np.array_equal(seen[0], seen[5])
-    assert expected.reach is not None
-    assert np.array_equal(np.stack(seen[:5]), expected.reach.poses)
-    session.click(vertex + 1)
-    session.click(vertex)
-    assert session.state.alternative == 0
-
-
-def test_an_alternative_has_its_own_contacts_angles_and_epsilon(session: Session) -> None:
-    vertex = held_vertex()
-    session.click(vertex)
-    wait_until_idle(session)
-    handle_key(session, ",")
-    found, last = session.inspection, neighbours_grasps(held_box(), vertex, 5)
-    assert found is not None
-    assert np.array_equal(found.points, last.contacts.points[4])
-    numbers = dict(found.numbers)
-    assert numbers["opening"] == f"{last.opening[4]:.4g} m"
-    assert numbers["β*"].startswith(f"{math.degrees(last.critical_angle[4]):.1f}°")
-    assert numbers["ε"] == f"{last.epsilon_range.nominal[4]:.3g}"
 
 
 def test_the_page_has_switches(session: Session) -> None:
@@ -317,18 +270,6 @@ def test_results_of_a_batch_have_poses(tmp_path: Path) -> None:
         assert np.allclose(stored, made, atol=1e-6, equal_nan=True), name
     assert np.array_equal(subject.labels.reach.reached, labels.reach.reached)
     assert is_closed(subject.mesh.faces)
-
-
-def test_a_click_on_a_result_of_a_batch_searches_alternatives(tmp_path: Path) -> None:
-    subject = stored_result(tmp_path)
-    item = collection.Item("box", lambda: subject)
-    session = ready_session(
-        collection.Collection((item,), subject.labels.model, subject.labels.sampling or Sampling())
-    )
-    session.click(held_vertex())
-    wait_until_idle(session)
-    assert session.inspection is not None
-    assert grasp_number(session.inspection) == "1 of 5"
 
 
 def test_another_gripper_than_in_the_file_starts_a_search(

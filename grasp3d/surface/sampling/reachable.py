@@ -25,7 +25,6 @@ from grasp3d.hand.reach import Reach, Reachability
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import SurfaceRays
-from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.surface.sampling.vertices import contact_tree
 
 NOT_REACHED = 5
@@ -188,42 +187,6 @@ class ReachSearch:
             tracer.evaluate_all(rays, self.limits._replace(largest=np.inf), one)
         return vertices[one.best[vertices] < self.cone]
 
-    def partners_of(
-        self,
-        vertices: Ints,
-        count: int,
-        most_failed: int,
-        *,
-        worst: bool = True,
-        costs: Floats | None = None,
-        step: float = math.inf,
-    ) -> SurfacePoints:
-        """Opposing contacts of vertices that are reached, best first, for fingers that squeeze.
-
-        Args:
-            vertices: Vertices (n,).
-            count: Contacts of each vertex, k.
-            most_failed: Contacts of a vertex that are tested and not reached, before it ends.
-            worst: Whether the best are those over the worst normals of the vertex.
-            costs: Costs that are to be improved [rad] (n,), None: all that are searched for.
-            step: Difference of costs from which contacts near one that is not reached are tested.
-
-        Returns:
-            Surface points (n, k); face -1: none.
-        """
-        faces = np.full((len(vertices), count), -1, dtype=np.int64)
-        weights = np.zeros((len(vertices), count, 3))
-        limit = np.full(len(vertices), self.most) if costs is None else costs
-
-        def work(rows: slice, beside: Any) -> None:
-            faces[rows], weights[rows] = search_reachable(
-                vertices[rows], worst, limit[rows], step, self.spacing, count, most_failed,
-                self.domain, beside,
-            )  # fmt: skip
-
-        self._in_chunks(work, len(vertices))
-        return SurfacePoints(faces, weights)
-
     def _search(self, missing: Ints, reached: BestPairs) -> None:
         """Search the whole surface; at creases for the best normals too."""
         creases = missing[self.sets.counts[missing] != 1]
@@ -256,20 +219,44 @@ class ReachSearch:
             wave = waits & np.isin(np.arange(count), owners[found[others]])
 
     def _keep_partners(
-        self, vertices: Ints, reached: BestPairs, most_failed: int, **options: Any
+        self,
+        vertices: Ints,
+        reached: BestPairs,
+        most_failed: int,
+        *,
+        worst: bool = True,
+        costs: Floats | None = None,
+        step: float = math.inf,
     ) -> Bools:
-        """Search for opposing contacts, and keep those that are better; whether any are found.
+        """Search for the best opposing contacts that are reached, and keep those that are better.
+
+        For fingers that squeeze.
 
         Args:
             vertices: Vertices (n,).
             reached: Grasps that are reached; written.
-            most_failed: As in `partners_of`.
-            options: As in `partners_of`.
+            most_failed: Contacts of a vertex that are tested and not reached, before it ends.
+            worst: Whether the best are those over the worst normals of the vertex.
+            costs: Costs that are to be improved [rad] (n,), None: all that are searched for.
+            step: Difference of costs from which contacts near one that is not reached are tested.
+
+        Returns:
+            Whether a contact is found (n,).
         """
-        points = self.partners_of(vertices, 1, most_failed, **options)
+        faces = np.full((len(vertices), 1), -1, dtype=np.int64)
+        weights = np.zeros((len(vertices), 1, 3))
+        limit = np.full(len(vertices), self.most) if costs is None else costs
+
+        def work(rows: slice, beside: Any) -> None:
+            faces[rows], weights[rows] = search_reachable(
+                vertices[rows], worst, limit[rows], step, self.spacing, 1, most_failed,
+                self.domain, beside,
+            )  # fmt: skip
+
+        self._in_chunks(work, len(vertices))
         signs = np.ones(len(vertices), dtype=np.int8)
-        self._keep(Pairs(vertices, signs, points.faces[:, 0], points.weights[:, 0]), reached)
-        return points.faces[:, 0] >= 0
+        self._keep(Pairs(vertices, signs, faces[:, 0], weights[:, 0]), reached)
+        return faces[:, 0] >= 0
 
     def _keep(self, pairs: Pairs, reached: BestPairs, results: ReachResults | None = None) -> None:
         """Keep those of some grasps that are reached and better than the known ones.

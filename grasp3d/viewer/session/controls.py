@@ -308,7 +308,6 @@ CONTROLS: dict[str, Control] = {
 
 STEPS = (
     ("b", "v", Session.step_best, "one of the best grasps"),
-    (".", ",", Session.step_grasp, "grasp at the vertex, with a gripper"),
     ("n", "p", Session.step, "object"),
 )
 """Keys that lead forward and back, and to what."""

@@ -7,9 +7,9 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints
 from grasp3d.grasps.causes import cause_at
-from grasp3d.grasps.distinct import alternatives_at, best_grasps, first_vertices
+from grasp3d.grasps.distinct import best_grasps, first_vertices
 from grasp3d.grasps.explanations import PAIR, Case, explain
-from grasp3d.hand.gripper_pose import GripperPose, has_pose
+from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.settings import GraspModel
@@ -17,15 +17,13 @@ from grasp3d.settings.model_text import EPSILON_MIN
 from grasp3d.stability.thresholds import label_angles, margin_budget
 from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.grasp_numbers import surface_epsilons, surface_holding
-from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.holding import Holding
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.rows import NO_ROW
 from grasp3d.surface.vertex_grasps import Reason
-from grasp3d.system.context import report_progress
 from grasp3d.system.counts import short_number
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
-from grasp3d.viewer.subjects.subject import Alternatives, Subject, located_grasp
+from grasp3d.viewer.subjects.subject import Subject, located_grasp
 
 SYMBOLS = {"critical angle": "β*", "sensor resolution": "α/2"}
 """Parts of a budget that have a symbol in the viewer."""
@@ -140,49 +138,9 @@ class HeldGrasp:
         return "the fingers can only push, and the contacts cannot push against all of the load"
 
 
-MOST = 5
-"""Most grasps through one vertex that the viewer shows, with the vertex's own."""
-
-SAME = 1e-3
-"""Distance of contacts up to which two grasps are the same, in object sizes."""
-
-
-def find_alternatives(subject: Subject, vertex: int) -> Subject:
-    """Add the other grasps through a vertex that the gripper reaches.
-
-    Args:
-        subject: A surface with labels and a gripper.
-        vertex: A vertex whose grasp is reached.
-    """
-    report_progress(0.0)
-    grasps = alternatives_at(subject.labels, vertex, MOST)
-    others = grasps.take(_others(subject, vertex, grasps)[: MOST - 1])
-    return replace(subject, alternatives=Alternatives(vertex, others))
-
-
-def alternatives_of(subject: Subject, vertex: int) -> GraspTable | None:
-    """The other grasps of a vertex; None: not searched."""
-    others = subject.alternatives
-    return others.grasps if others is not None and others.vertex == vertex else None
-
-
-def is_reached(subject: Subject, vertex: int) -> bool:
-    """Whether the pose of a gripper at the vertex's grasp is known."""
-    reach = subject.labels.reach
-    return reach is not None and vertex < len(reach.poses) and bool(has_pose(reach)[vertex])
-
-
 def best_vertices(subject: Subject, count: int) -> Ints:
     """Vertices of the best distinct grasps, best first; see `best_grasps`."""
     return first_vertices(best_grasps(subject.labels, count))
-
-
-def _others(subject: Subject, vertex: int, grasps: GraspTable) -> Ints:
-    """Rows of the grasps that have a pose and are not the vertex's own."""
-    assert grasps.reach is not None
-    gaps = np.linalg.norm(grasps.contacts.points[:, 1:] - subject.labels.partners[vertex], axis=2)
-    is_other = ~(gaps <= SAME * subject.mesh.size).all(axis=1)
-    return np.flatnonzero(has_pose(grasps.reach) & is_other)
 
 
 UNKNOWN = "–"
@@ -218,40 +176,18 @@ class Inspection(MarkedContacts):
     """Names, and values with their units."""
     reason: str
     """One sentence: why it is S, M or U."""
-    number: int = 1
-    """Which grasp of the vertex it is, from 1."""
-    count: int | None = 1
-    """Number of grasps of the vertex that are known; None: others are not searched yet."""
     budget: str = ""
     """What the friction angle is spent on; empty: no grasp."""
 
 
-def inspect(subject: Subject, vertex: int, model: GraspModel, alternative: int = 0) -> Inspection:
-    """Inspect one vertex.
+def inspect(subject: Subject, vertex: int, model: GraspModel) -> Inspection:
+    """Inspect the best grasp of a vertex, or say why there is none.
 
     Args:
         subject: The surface.
         vertex: Index of the vertex.
         model: Friction and resolution; fingers as the subject has them.
-        alternative: Which of its grasps, 0: the best one; as far as there are so many.
     """
-    pose, count = GripperPose.of(subject.labels.reach, vertex), 1
-    others = None if pose is None else alternatives_of(subject, vertex)
-    if others is not None:
-        count += others.size
-    row = min(alternative, count - 1)
-    if others is None or row == 0:
-        inspection = _inspect_best(subject, vertex, model, pose)
-    else:
-        inspection = _inspect_alternative(subject, vertex, others, row - 1, model)
-    known = pose is None or others is not None
-    return replace(inspection, number=row + 1, count=count if known else None)
-
-
-def _inspect_best(
-    subject: Subject, vertex: int, model: GraspModel, pose: GripperPose | None
-) -> Inspection:
-    """Inspect the best grasp of a vertex, or say why there is none."""
     labels, openings = subject.labels, subject.labels.opening
     worst, best = (angles[vertex] for angles in subject.angles(model))
     points, normals = _contacts(subject, vertex)
@@ -277,24 +213,7 @@ def _inspect_best(
         epsilons=_epsilons(subject, vertex, model),
         opening=math.nan if openings is None else openings[vertex],
         force=_force_of(subject, vertex, model),
-        pose=pose,
-    )  # fmt: skip
-
-
-def _inspect_alternative(
-    subject: Subject, vertex: int, grasps: GraspTable, row: int, model: GraspModel
-) -> Inspection:
-    """Inspect one of the other grasps of a vertex, whose label does not depend on the search."""
-    perceived = grasps.critical_angle[row], grasps.critical_angle_best[row]
-    contacts = grasps.contacts.take(slice(row, row + 1))
-    return _inspection(
-        subject, _case_of_grasp(subject, model, contacts, *perceived),
-        contacts.points[0], contacts.normals[0],
-        vertex=vertex,
-        epsilons=_epsilons_of(contacts, model),
-        opening=grasps.opening[row],
-        force=_held_by(subject, contacts, model),
-        pose=GripperPose.of(grasps.reach, row),
+        pose=GripperPose.of(labels.reach, vertex),
     )  # fmt: skip
 
 

@@ -11,7 +11,6 @@ from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import SAFE_LABELS
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.system.counts import counted, noun
-from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.painting import (
     HEX_PALETTE,
     Ramp,
@@ -101,14 +100,6 @@ def panel_text(session: Session) -> PanelText:
         notes=(*_notes(session), *(subject.notes if subject else ()), *session.collection.notes),
         stale=stale,
     )
-
-
-def grasp_number(inspection: Inspection) -> str:
-    """Which grasp of a vertex is shown, of those that the gripper reaches; empty: no gripper."""
-    if inspection.held is None or inspection.vertex is None:
-        return ""
-    count = "…" if inspection.count is None else inspection.count
-    return f"{inspection.number} of {count}"
 
 
 def interval_text(model: GraspModel) -> str:

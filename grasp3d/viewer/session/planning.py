@@ -17,7 +17,6 @@ from grasp3d.viewer.session.computations import (
     search_wider,
     write_labels,
 )
-from grasp3d.viewer.session.inspection import alternatives_of, find_alternatives, is_reached
 from grasp3d.viewer.session.painting import FORCE_PAINTS, same_settings
 from grasp3d.viewer.session.scans import scan_with_fixed
 from grasp3d.viewer.session.state import FixedPoints, ViewState
@@ -90,7 +89,6 @@ def next_job(
     return (
         _search_job(subject, state, sampling, number)
         or _located_job(subject, state, number)
-        or _alternatives_job(subject, state, number)
         or _numbers_job(subject, state, number)
     )
 
@@ -213,17 +211,6 @@ def _located_job(subject: Subject, state: ViewState, number: int) -> SubjectJob 
     model = model_for(subject, state)
     key = ("located", number, model.location_error, model.fingers, state.fixed, state.max_opening)
     return Job(key, "computing labels with errors", partial(locate_contacts, subject, model), DELAY)
-
-
-def _alternatives_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
-    """Search for other grasps of the inspected vertex that the gripper reaches."""
-    vertex = state.vertex
-    if vertex is None or not is_reached(subject, vertex):
-        return None
-    if alternatives_of(subject, vertex) is not None:
-        return None
-    key = ("alternatives", number, vertex, state.model.fingers, state.max_opening)
-    return Job(key, "searching other grasps", partial(find_alternatives, subject, vertex))
 
 
 def _numbers_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:

@@ -145,19 +145,18 @@ class Session:
         None: no vertex is chosen, or its grasp is not known yet.
         """
         subject, vertex, model = self.subject, self.state.vertex, self.model
-        alternative = self.state.alternative
         if subject is None or self.stale:
             return None
         if vertex is None and subject.hand_grasps is None:
             return inspect_last_contact(subject, model)
         last = self._last_inspection
-        key = (vertex, model, alternative)
+        key = (vertex, model)
         if last is None or last[0] is not subject or last[1] != key:
             if subject.hand_grasps is not None:
                 found = inspect_hand(subject.hand_grasps, model)
             else:
                 assert vertex is not None
-                found = inspect(subject, vertex, model, alternative)
+                found = inspect(subject, vertex, model)
             last = self._last_inspection = (subject, key, found)
         return last[2]
 
@@ -224,31 +223,11 @@ class Session:
         if vertex is not None and subject.hand_grasps is not None:
             raise SettingError(NO_LABELS)
         if vertex is None or inspect or self.state.click == "inspect":
-            self._set_state(replace(self.state, vertex=vertex, alternative=0))
+            self._set_state(replace(self.state, vertex=vertex))
             return
         x, y, z = (float(value) for value in subject.mesh.vertices[vertex])
         others = self.state.fixed[: max(0, self.state.model.fingers - 2)]
-        self._set_state(replace(self.state, fixed=(*others, (x, y, z)), vertex=None, alternative=0))
-
-    def step_grasp(self, by: int) -> None:
-        """Show another grasp of the inspected vertex that the gripper reaches, cyclically.
-
-        Args:
-            by: Number of grasps to go forward, or back.
-
-        Raises:
-            SettingError: There is no gripper, or it reaches no other grasp there.
-        """
-        self.check_gripper()
-        grasp = self.inspection
-        if grasp is None or grasp.vertex is None or grasp.held is None:
-            raise SettingError("click a vertex that the gripper reaches to step through its grasps")
-        if grasp.count is None:
-            raise SettingError("other grasps at this vertex are still being searched")
-        if grasp.count == 1:
-            raise SettingError("the gripper reaches no other grasp at this vertex")
-        self.steps += 1
-        self._set_state(replace(self.state, alternative=(grasp.number - 1 + by) % grasp.count))
+        self._set_state(replace(self.state, fixed=(*others, (x, y, z)), vertex=None))
 
     def step_best(self, by: int) -> None:
         """Inspect another of the best distinct grasps of the surface, cyclically.
@@ -338,7 +317,7 @@ class Session:
         self._failed.clear()
         self._cached = []
         self._saving = None
-        self.state = replace(self.state, vertex=None, alternative=0, fixed=(), section=None)
+        self.state = replace(self.state, vertex=None, fixed=(), section=None)
         self._go_on()
 
     def save(self, path: Path) -> None:
@@ -420,7 +399,7 @@ class Session:
             self._failed[finished.job.key] = finished.error or "it cannot be computed"
         elif kind == "scan":
             self._viewed = replace(self._viewed, scan=result, fixed=self.state.fixed)
-        elif kind in {"epsilon", "forces", "alternatives", "located"}:
+        elif kind in {"epsilon", "forces", "located"}:
             self._replace(result)
         else:
             self._show(result)

@@ -66,8 +66,6 @@ class ViewState:
     """Action of a click on the surface: inspect a vertex, or fix a finger there."""
     vertex: int | None = None
     """The inspected vertex."""
-    alternative: int = 0
-    """Which grasp of that vertex is shown, if a gripper reaches several; 0: its best one."""
     show_gripper: bool = True
     """Whether the gripper is drawn at the inspected grasp, if there is one."""
     show_table: bool = True

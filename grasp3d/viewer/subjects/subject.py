@@ -21,7 +21,6 @@ from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.grasp_numbers import located_angles_of
-from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
 
@@ -56,17 +55,6 @@ class LastContact:
 
 
 @dataclass(frozen=True, eq=False)
-class Alternatives:
-    """Other grasps through one vertex that the gripper reaches, besides the vertex's own."""
-
-    vertex: int
-    grasps: GraspTable
-    """Best first."""
-
-    __repr__ = short_repr
-
-
-@dataclass(frozen=True, eq=False)
 class Subject:
     """Labels that are viewed, computed or from a file, with what was computed of them since."""
 
@@ -83,8 +71,6 @@ class Subject:
     """With fixed fingers: the best contact found for the last one; None: unknown."""
     hand_grasps: EvaluatedHandGrasps | None = None
     """Poses of a hand with joints, of which the first one is shown; the surface has no labels."""
-    alternatives: Alternatives | None = None
-    """Other grasps of the vertex that was inspected last; None: not searched."""
     located: Mapping[float, WorstAndBest] = field(default_factory=dict)
     """Located angles that took a computation, by the location error."""
     _recent: dict[float, WorstAndBest] = field(init=False, repr=False, default_factory=dict)

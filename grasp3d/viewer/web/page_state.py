@@ -10,7 +10,6 @@ from grasp3d.viewer.session.panel_text import (
     HINTS,
     OF_HAND,
     PanelText,
-    grasp_number,
     interval_text,
     panel_text,
 )
@@ -177,8 +176,6 @@ def _inspection(inspection: Inspection) -> dict[str, Any]:
         "color": HEX_PALETTE[inspection.code],
         "reason": inspection.reason,
         "budget": inspection.budget,
-        "grasp": grasp_number(inspection),
-        "several": inspection.count not in {None, 1},
         "numbers": [
             {"name": name, "value": value, "wide": len(name) + len(value) > SHORT}
             for name, value in inspection.numbers

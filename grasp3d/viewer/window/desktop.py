@@ -38,7 +38,7 @@ from grasp3d.viewer.session.background import Job, Worker
 from grasp3d.viewer.session.controls import CONTROLS, KEYS, handle_key
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.painting import HEX_PALETTE
-from grasp3d.viewer.session.panel_text import HINTS, grasp_number
+from grasp3d.viewer.session.panel_text import HINTS
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.web.page import open_page
 from grasp3d.viewer.window.display import check_display
@@ -58,7 +58,7 @@ BUTTONS = (
     "RightButtonPressEvent", "MouseWheelForwardEvent", "MouseWheelBackwardEvent",
 )  # fmt: skip
 KEYSYMS = {
-    "bracketleft": "[", "bracketright": "]", "comma": ",", "period": ".", "plus": "+", "equal": "+",
+    "bracketleft": "[", "bracketright": "]", "plus": "+", "equal": "+",
     "minus": "-", "KP_Add": "+", "KP_Subtract": "-",
 }  # fmt: skip
 """VTK's names of keys, where they differ from those of `session.controls`."""
@@ -499,8 +499,7 @@ def _heading(inspection: Inspection) -> str:
     where = "best contact found" if inspection.vertex is None else f"vertex {inspection.vertex}"
     if inspection.held is not None and inspection.held.has_joints:
         where = "pose of the hand"
-    number = grasp_number(inspection)
-    return f"{letter}: {where}{f', grasp {number}' if number else ''}"
+    return f"{letter}: {where}"
 
 
 def _status(area: TextArea, session: Session) -> _Lines:
