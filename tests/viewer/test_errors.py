@@ -188,6 +188,7 @@ def test_fixed_fingers_have_errors_too(session: Session) -> None:
     session.click(3)
     wait_until_idle(session)
     before = fractions(session)["S"]
+    handle_key(session, "b")
     seen = session.inspection
     assert seen is not None
     session.change(location_error=5e-3)

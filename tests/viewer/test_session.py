@@ -15,9 +15,7 @@ from grasp3d import (
     Label,
     MultifingerSampling,
     Sampling,
-    SurfaceLabels,
     label_surface,
-    load_mesh,
     scan_surface,
     write_fields,
     write_ply,
@@ -38,7 +36,6 @@ from grasp3d.viewer.session.computations import (
 )
 from grasp3d.viewer.session.painting import UNSEARCHED
 from grasp3d.viewer.session.panel_text import panel_text
-from grasp3d.viewer.session.scans import scan_with_fixed
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Section, ViewState
 from grasp3d.viewer.subjects.subject import Subject, subject_of
@@ -415,53 +412,6 @@ def test_a_click_fixes_a_finger_and_another_moves_it() -> None:
     wait_until_idle(session)
     assert session.subject is not None
     assert session.subject.labels.mode == "label"
-
-
-def plate() -> SurfaceLabels:
-    """A thin plate with a vertex (8) in the middle of its upper side, and none below it."""
-    corners = [(x, y, z) for z in (0.0, 0.05) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
-    lower = [(0, 2, 1), (0, 3, 2)]
-    sides = [(k, (k + 1) % 4, k + 4) for k in range(4)]
-    sides += [((k + 1) % 4, (k + 1) % 4 + 4, k + 4) for k in range(4)]
-    upper = [(k + 4, (k + 1) % 4 + 4, 8) for k in range(4)]
-    vertices = np.array([*corners, (0.6, 0.45, 0.05)], dtype=float)
-    mesh = load_mesh((vertices, np.array(lower + sides + upper)), max_edge=math.inf, repair="none")
-    return label_surface(mesh)
-
-
-def test_contacts_between_vertices_are_tested_for_a_fixed_finger() -> None:
-    session = ready_session(plate())
-    session.click(8)
-    inspected = session.inspection
-    assert inspected is not None
-    assert (inspected.code, len(inspected.points)) == (Label.S, 2)
-    session.click(None)
-    session.change(click="fix")
-    session.click(8)
-    wait_until_idle(session)
-    found = session.inspection
-    assert found is not None
-    assert (found.vertex, found.code) == (None, Label.S)
-    assert found.points == pytest.approx(np.array([[0.6, 0.45, 0.0], [0.6, 0.45, 0.05]]), abs=1e-3)
-    assert ("location", "between vertices") in found.numbers
-    percents = {one.letter: one.percent for one in panel_text(session).fractions}
-    assert percents == {"S": "<0.1 %", "M": "0.0 %", "U": ">99.9 %"}
-    session.change(fixed=())
-    wait_until_idle(session)
-    assert session.inspection is None
-
-
-def test_the_best_contact_of_the_last_finger_is_not_worse_than_the_vertices() -> None:
-    for labels, fixed in ((viewing.labels(), (30,)), (viewing.three_fingers(), (3, 20))):
-        points = tuple(
-            (float(x), float(y), float(z)) for x, y, z in labels.mesh.vertices[list(fixed)]
-        )
-        model = replace(labels.model, fingers=len(fixed) + 1)
-        found = scan_with_fixed(subject_of(labels), model, points)
-        assert found.last_contact is not None
-        assert found.last_contact.worst <= found.labels.critical_angle.min() + 1e-9
-        assert found.last_contact.best <= found.labels.critical_angle_best.min() + 1e-9
-        assert found.last_contact.grasp.count == len(fixed) + 1
 
 
 def test_two_of_three_fingers_are_fixed_one_after_the_other() -> None:

@@ -32,10 +32,9 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.context import current_progress, report_progress, running, within
 from grasp3d.system.documents import is_file, is_folder
 from grasp3d.system.names import as_unicode, printable
-from grasp3d.viewer.session.computations import search_grasps
+from grasp3d.viewer.session.computations import scan_of_grasp, search_grasps
 from grasp3d.viewer.session.hand_inspection import subject_of_hand
 from grasp3d.viewer.session.inspection import warm_up
-from grasp3d.viewer.session.scans import scan_of_grasp
 from grasp3d.viewer.subjects.subject import Subject, subject_of
 
 READ = 0.2

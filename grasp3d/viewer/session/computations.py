@@ -1,4 +1,4 @@
-"""Computations of the viewer: new and wider searches, epsilon, forces, and files of labels."""
+"""Computations of the viewer: new and wider searches, scans, epsilon, forces, files of labels."""
 
 import math
 from dataclasses import replace
@@ -8,15 +8,19 @@ import numpy as np
 
 from grasp3d.errors import SettingError
 from grasp3d.export.writers import writer_for
+from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.scene import Scene
 from grasp3d.settings import AnySampling, GraspModel, search_cone
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import label_surface, merged
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.scanning import scan_surface
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.context import report_progress, within
 from grasp3d.viewer.session.inspection import warm_up
 from grasp3d.viewer.session.painting import ROUNDING
-from grasp3d.viewer.subjects.subject import NO_LABELS, Subject, subject_of
+from grasp3d.viewer.session.state import FixedPoints
+from grasp3d.viewer.subjects.subject import NO_LABELS, GivenGrasp, Subject, subject_of
 
 WIDEST = math.pi / 2.0
 
@@ -88,6 +92,32 @@ def with_known_grasps(wide: SurfaceLabels, narrow: SurfaceLabels) -> SurfaceLabe
     return merged(
         old, new, worst=worst, best=best, reason=np.where(missing, new.reason, old.reason)
     )
+
+
+def scan_with_fixed(subject: Subject, model: GraspModel, fixed: FixedPoints) -> Subject:
+    """Label every vertex as the contact of one more finger.
+
+    Args:
+        subject: The surface.
+        model: Friction and resolution.
+        fixed: Contact points of the fixed fingers.
+    """
+    model = replace(model, fingers=len(fixed) + 1)
+    labels = scan_surface(subject.mesh, model, fixed=np.array(fixed))
+    return warm_up(subject_of(labels, subject.name))
+
+
+def scan_of_grasp(grasps: GraspTable, row: int) -> Subject:
+    """The surface with all fingers of a grasp fixed but the first."""
+    contacts = grasps.contacts.take(slice(row, row + 1))
+    labels = scan_surface(grasps.mesh, grasps.model, fixed=contacts.points[0, 1:])
+    given = GivenGrasp(
+        contacts,
+        float(grasps.critical_angle[row]),
+        float(grasps.critical_angle_best[row]),
+        GripperPose.of(grasps.reach, row),
+    )
+    return warm_up(replace(subject_of(labels.using(scene=grasps.scene)), given=given))
 
 
 def compute_epsilon(subject: Subject, model: GraspModel) -> Subject:

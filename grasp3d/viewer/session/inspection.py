@@ -1,4 +1,4 @@
-"""One vertex, or the best contact of the last finger: its grasps, their numbers, and its label."""
+"""One vertex, or a given grasp: contacts, numbers, and the label with its reason."""
 
 import math
 from dataclasses import dataclass, replace
@@ -165,11 +165,11 @@ class MarkedContacts:
 class Inspection(MarkedContacts):
     """The grasp of one vertex, as it is listed and drawn.
 
-    The vertex or last finger is the first contact, and the only one if it has no grasp.
+    The vertex is the first contact, and the only one if it has no grasp.
     """
 
     vertex: int | None
-    """None: the best contact found for the last finger, or a given grasp."""
+    """None: a given grasp."""
     code: int
     """Label, or `UNSEARCHED`."""
     numbers: tuple[tuple[str, str], ...]
@@ -217,32 +217,20 @@ def inspect(subject: Subject, vertex: int, model: GraspModel) -> Inspection:
     )  # fmt: skip
 
 
-def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | None:
-    """Inspect the best contact found for the last finger; None: no fingers are fixed.
+def inspect_given(subject: Subject, model: GraspModel) -> Inspection | None:
+    """Inspect the given grasp, which is labelled as those of a scan are; None: there is none.
 
     Args:
         subject: The surface.
         model: Friction and resolution; fingers as the subject has them.
     """
-    contact = subject.last_contact
-    if contact is None:
+    given = subject.given
+    if given is None:
         return None
-    case = _case_of_grasp(subject, model, contact.grasp, contact.worst, contact.best)
-    points, normals = contact.grasp.points[0], contact.grasp.normals[0]
-    gaps = np.linalg.norm(points[:, None] - points, axis=2)
-    return _inspection(
-        subject, case, points, normals,
-        between=contact.between, opening=gaps.max(), pose=contact.held,
-    )  # fmt: skip
-
-
-def _case_of_grasp(
-    subject: Subject, model: GraspModel, grasp: GraspContacts, worst: float, best: float
-) -> Case:
-    """What decides the label of a given grasp (1, n), which is labelled as those of a scan are."""
-    located = located_grasp(grasp, worst, best, model)
+    located = located_grasp(given.contacts, given.worst, given.best, model)
     over_worst, over_best = (np.array([angle]) for angle in located)
-    return Case(
+    points, normals = given.contacts.points[0], given.contacts.normals[0]
+    case = Case(
         model=model,
         mode="scan",
         code=int(label_angles(over_worst, over_best, model)[0]),
@@ -250,10 +238,12 @@ def _case_of_grasp(
         best=located[1],
         cone=subject.cone,
         cause=None,
-        off_line=_off_line(grasp.points[0], grasp.normals[0]),
-        creases=_fingers_on_creases(grasp),
-        perceived=_perceived(model, worst, best),
+        off_line=_off_line(points, normals),
+        creases=_fingers_on_creases(given.contacts),
+        perceived=_perceived(model, given.worst, given.best),
     )
+    gaps = np.linalg.norm(points[:, None] - points, axis=2)
+    return _inspection(subject, case, points, normals, opening=gaps.max(), pose=given.held)
 
 
 def _perceived(model: GraspModel, worst: float, best: float) -> tuple[float, float] | None:
@@ -268,7 +258,6 @@ def _inspection(
     normals: Floats,
     *,
     vertex: int | None = None,
-    between: bool = False,
     epsilons: tuple[float, ...] = (),
     opening: float,
     force: HeldGrasp | None = None,
@@ -278,8 +267,6 @@ def _inspection(
     unit = f" {subject.mesh.unit}" if subject.mesh.unit else ""
     numbers = [] if vertex is None else [("vertex", f"{vertex}")]
     numbers.append(("position", position_text(points[0], subject.mesh)))
-    if between:
-        numbers.append(("location", "between vertices"))
     if vertex is not None and math.isinf(case.best):
         numbers.append(("β*", "no grasp"))
     else:

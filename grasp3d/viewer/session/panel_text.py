@@ -4,8 +4,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from grasp3d.grasps.explanations import UNSEARCHED
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import SAFE_LABELS
@@ -15,13 +13,12 @@ from grasp3d.viewer.session.painting import (
     HEX_PALETTE,
     Ramp,
     area_fractions,
-    label_codes,
     labels_at,
     ramp_of,
 )
 from grasp3d.viewer.session.planning import ranked_otherwise
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.subjects.subject import Subject, located_grasp
+from grasp3d.viewer.subjects.subject import Subject
 
 HINTS = {
     "inspect": "Click the surface to see the best grasp there, and why it is S, M or U.",
@@ -47,18 +44,14 @@ class LabelFraction:
     """As #RRGGBB."""
     fraction: float
     """Fraction of the area, from 0 to 1."""
-    occurs: bool = False
-    """Whether a contact between the vertices has it, although its area may be counted as 0."""
-    alone: bool = True
-    """Whether no contact between the vertices has another label."""
 
     @property
     def percent(self) -> str:
         """The fraction as text; bounds where rounding would hide a label."""
         text = f"{100.0 * self.fraction:.1f} %"
-        if text == NOTHING and (self.occurs or self.fraction > 0.0):
+        if text == NOTHING and self.fraction > 0.0:
             return "<0.1 %"
-        if text == EVERYTHING and not (self.alone and self.fraction > 1.0 - ROUNDING):
+        if text == EVERYTHING and self.fraction <= 1.0 - ROUNDING:
             return ">99.9 %"
         return text
 
@@ -168,7 +161,6 @@ def _rule(session: Session) -> str:
 
 def _fractions(subject: Subject, model: GraspModel) -> tuple[LabelFraction, ...]:
     fractions = area_fractions(subject, labels_at(subject, model))
-    between = _label_between(subject, model)
     labels = [
         (label.name, MEANING[subject.labels.mode][label], int(label))
         for label in sorted(Label, reverse=True)
@@ -176,19 +168,6 @@ def _fractions(subject: Subject, model: GraspModel) -> tuple[LabelFraction, ...]
     if fractions[UNSEARCHED] > 0.0:
         labels.append(("–", "not searched", UNSEARCHED))
     return tuple(
-        LabelFraction(
-            letter, text, HEX_PALETTE[code], float(fractions[code]),
-            occurs=between == code, alone=between in {None, code},
-        )
+        LabelFraction(letter, text, HEX_PALETTE[code], float(fractions[code]))
         for letter, text, code in labels
     )  # fmt: skip
-
-
-def _label_between(subject: Subject, model: GraspModel) -> int | None:
-    """Label of the best contact of the last finger, if it is between vertices."""
-    contact = subject.last_contact
-    if contact is None or not contact.between:
-        return None
-    angles = located_grasp(contact.grasp, contact.worst, contact.best, model)
-    worst, best = (np.array([angle]) for angle in angles)
-    return int(label_codes(subject, worst, best, model)[0])

@@ -13,12 +13,12 @@ from grasp3d.viewer.session.computations import (
     compute_epsilon,
     compute_forces,
     locate_contacts,
+    scan_with_fixed,
     search_grasps,
     search_wider,
     write_labels,
 )
 from grasp3d.viewer.session.painting import FORCE_PAINTS, same_settings
-from grasp3d.viewer.session.scans import scan_with_fixed
 from grasp3d.viewer.session.state import FixedPoints, ViewState
 from grasp3d.viewer.subjects.subject import PAIR, Subject
 

@@ -15,7 +15,7 @@ from grasp3d.viewer.session.inspection import (
     Inspection,
     best_vertices,
     inspect,
-    inspect_last_contact,
+    inspect_given,
 )
 from grasp3d.viewer.session.painting import FORCE_PAINTS
 from grasp3d.viewer.session.planning import (
@@ -140,7 +140,7 @@ class Session:
 
     @property
     def inspection(self) -> Inspection | None:
-        """The inspected vertex, or with fixed fingers the best contact found for the last one.
+        """The inspected vertex, or the given grasp.
 
         None: no vertex is chosen, or its grasp is not known yet.
         """
@@ -148,7 +148,7 @@ class Session:
         if subject is None or self.stale:
             return None
         if vertex is None and subject.hand_grasps is None:
-            return inspect_last_contact(subject, model)
+            return inspect_given(subject, model)
         last = self._last_inspection
         key = (vertex, model)
         if last is None or last[0] is not subject or last[1] != key:

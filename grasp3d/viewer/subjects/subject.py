@@ -34,24 +34,19 @@ KEPT = 2
 
 
 @dataclass(frozen=True, eq=False)
-class LastContact:
-    """The best contact found for the last finger when the others are fixed."""
+class GivenGrasp:
+    """A grasp that is shown until a vertex is inspected."""
 
-    grasp: GraspContacts
-    """The contact and the fixed contacts, (1, n)."""
+    contacts: GraspContacts
+    """Its contacts, (1, n)."""
     worst: float
-    """Smallest critical friction angle over the worst normals of the contacts [rad]; inf: none."""
+    """Critical friction angle over the worst normals [rad]; inf: none."""
     best: float
-    """The same over the best normals, possibly of another contact."""
+    """The same over the best normals."""
     held: GripperPose | None = None
     """Pose of a gripper, if it reaches the grasp."""
 
     __repr__ = short_repr
-
-    @property
-    def between(self) -> bool:
-        """Whether the contact is between vertices, which are the only points with a colour."""
-        return bool(self.grasp.surface_points.weights[0, 0].max() < 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +62,8 @@ class Subject:
     forces: SurfaceLabels | None = None
     """The same grasps at the model for which forces were computed; None: no load, or not computed
     yet."""
-    last_contact: LastContact | None = None
-    """With fixed fingers: the best contact found for the last one; None: unknown."""
+    given: GivenGrasp | None = None
+    """The grasp whose surface it is; None: there is none."""
     hand_grasps: EvaluatedHandGrasps | None = None
     """Poses of a hand with joints, of which the first one is shown; the surface has no labels."""
     located: Mapping[float, WorstAndBest] = field(default_factory=dict)

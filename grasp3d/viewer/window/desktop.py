@@ -496,7 +496,7 @@ def _add_vertex(lines: _Lines, session: Session) -> None:
 
 def _heading(inspection: Inspection) -> str:
     letter = "not searched" if inspection.code == UNSEARCHED else Label(inspection.code).name
-    where = "best contact found" if inspection.vertex is None else f"vertex {inspection.vertex}"
+    where = "given grasp" if inspection.vertex is None else f"vertex {inspection.vertex}"
     if inspection.held is not None and inspection.held.has_joints:
         where = "pose of the hand"
     return f"{letter}: {where}"
