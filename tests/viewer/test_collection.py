@@ -4,6 +4,7 @@ import re
 import shutil
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -39,11 +40,11 @@ from grasp3d.export.writers import writer_for
 from grasp3d.reading.sources import Source
 from grasp3d.surface import Reason
 from grasp3d.surface.sampling.antipodal import OPENING_SLACK
-from grasp3d.system.context import report_progress, running
+from grasp3d.system.context import running
 from grasp3d.viewer.session.background import Cancelled
 from grasp3d.viewer.session.collection import (
     Collection,
-    SubjectCache,
+    LastOpened,
     collection_of,
     open_collection,
 )
@@ -576,28 +577,27 @@ def test_a_batch_without_labelled_meshes_is_refused(tmp_path: Path) -> None:
         open_collection(tmp_path / "out")
 
 
-# The cache
+# The object that was opened last
 
 
 def _subject(name: str) -> Subject:
     return replace(subject_of(viewing.box()), name=name)
 
 
-def test_the_last_few_objects_stay_open(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("grasp3d.viewer.session.collection.MAX_OPEN", 2)
-    cache, opened = SubjectCache(), list[str]()
+def test_the_object_that_was_opened_last_is_kept() -> None:
+    last, opened = LastOpened(), list[str]()
 
     def reader(name: str) -> Callable[[], Subject]:
         def read() -> Subject:
             opened.append(name)
             return _subject(name)
 
-        return cache.cached(read)
+        return last.kept(read)
 
-    a, b, c = (reader(name) for name in "abc")
-    for one in (a, b, a, c, a, b):
+    a, b = reader("a"), reader("b")
+    for one in (a, a, b, b, a):
         one()
-    assert "".join(opened) == "abcb"  # c pushed out b, which was used before a
+    assert "".join(opened) == "aba"
 
 
 def test_names_that_are_not_unicode_are_escaped(tmp_path: Path) -> None:
@@ -607,7 +607,7 @@ def test_names_that_are_not_unicode_are_escaped(tmp_path: Path) -> None:
     assert item.name == "\\xffbox.stl"
 
 
-def test_cancelled_and_failed_openings_are_not_cached() -> None:
+def test_cancelled_and_failed_openings_are_not_kept() -> None:
     outcomes: list[BaseException | None] = [Cancelled(), MeshError("no"), None]
 
     def read() -> Subject:
@@ -616,11 +616,11 @@ def test_cancelled_and_failed_openings_are_not_cached() -> None:
             raise outcome
         return _subject("a")
 
-    cached = SubjectCache().cached(read)
+    kept = LastOpened().kept(read)
     for kind in (Cancelled, GraspError):
         with pytest.raises(kind):
-            cached()
-    assert cached() is cached()
+            kept()
+    assert kept() is kept()
 
 
 def test_two_threads_share_one_opening_of_an_object() -> None:
@@ -628,35 +628,18 @@ def test_two_threads_share_one_opening_of_an_object() -> None:
 
     def read() -> Subject:
         count.append(1)
-        report_progress(0.5)
         begun.set()
         assert go_on.wait(60)
         return _subject("a")
 
-    cached, found, fractions = SubjectCache().cached(read), list[Subject](), list[float]()
-    first = threading.Thread(target=lambda: found.append(cached()))
-    first.start()
-    assert begun.wait(60)
-    gone = threading.Event()
-
-    def cancel(_: float) -> None:
-        gone.set()
-        raise Cancelled
-
-    with pytest.raises(Cancelled):
-        running(progress=cancel)(cached)()
-    assert gone.is_set()
-    second = threading.Thread(
-        target=lambda: found.append(
-            running(progress=lambda done: (fractions.append(done), go_on.set())[0])(cached)()
-        )
-    )
-    second.start()
-    first.join(60)
-    second.join(60)
+    kept = LastOpened().kept(read)
+    with ThreadPoolExecutor(2) as executor:
+        first = executor.submit(kept)
+        assert begun.wait(60)
+        second = executor.submit(kept)
+        go_on.set()
+        assert first.result() is second.result()
     assert len(count) == 1
-    assert found[0] is found[1]
-    assert set(fractions) == {0.5}
 
 
 def test_the_labels_in_a_notebook_are_a_table() -> None:

@@ -29,7 +29,7 @@ from grasp3d.settings.lengths import Measure, Unit, settings_in_unit
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import Labelling, label_surface
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.system.context import current_progress, report_progress, running, within
+from grasp3d.system.context import report_progress, within
 from grasp3d.system.documents import is_file, is_folder
 from grasp3d.system.names import as_unicode, printable
 from grasp3d.viewer.session.computations import scan_of_grasp, search_grasps
@@ -39,12 +39,6 @@ from grasp3d.viewer.subjects.subject import Subject, subject_of
 
 READ = 0.2
 """Fraction of the work of opening a mesh after which it is read and prepared."""
-
-MAX_OPEN = 4
-"""Number of objects that are kept open."""
-
-POLL_INTERVAL = 0.1
-"""How often a thread that waits for another one's opening reports progress [s]."""
 
 SettingsT = TypeVar("SettingsT")
 Lengths: TypeAlias = Mapping[str, float | None]
@@ -76,54 +70,27 @@ class Collection:
             raise SettingError("there is no object to view")
 
 
-class SubjectCache:
-    """Keeps the objects that were opened last, for several threads.
-
-    Each object is opened by one thread at a time. An opening that fails or is cancelled is not
-    cached: the next one starts again.
-    """
+class LastOpened:
+    """Keeps the object that was opened last; one thread at a time opens one."""
 
     def __init__(self) -> None:
-        self._subjects: dict[int, Subject] = {}
         self._lock = threading.Lock()
-        self._count = 0
+        self._kept: tuple[Callable[[], Subject], Subject] | None = None
 
-    def cached(self, reader: Callable[[], Subject]) -> Callable[[], Subject]:
-        """Add the cache to a function that opens one object.
+    def kept(self, reader: Callable[[], Subject]) -> Callable[[], Subject]:
+        """A function that opens an object, unless it is the one that is kept.
 
         Args:
             reader: Opens the object.
         """
-        number, opening, fraction = self._count, threading.Lock(), [0.0]
-        self._count += 1
 
-        def recorded() -> Subject:
-            report = current_progress()
+        def read() -> Subject:
+            with self._lock:
+                if self._kept is None or self._kept[0] is not reader:
+                    self._kept = reader, reader()
+                return self._kept[1]
 
-            def record(value: float) -> None:
-                fraction[0] = value
-                report(value)
-
-            with running(progress=record):
-                return reader()
-
-        def read_cached() -> Subject:
-            while not opening.acquire(timeout=POLL_INTERVAL):
-                # Of the other thread; raises if this opening is cancelled.
-                report_progress(fraction[0])
-            try:
-                with self._lock:
-                    subject = self._subjects.pop(number, None)
-                subject = subject or recorded()
-                with self._lock:  # as the one that was opened last
-                    self._subjects[number] = subject
-                    while len(self._subjects) > MAX_OPEN:
-                        self._subjects.pop(next(iter(self._subjects)))
-                return subject
-            finally:
-                opening.release()
-
-        return read_cached
+        return read
 
 
 def collection_of(labels: SurfaceLabels) -> Collection:
@@ -164,7 +131,7 @@ def collection_of_grasps(grasps: GraspTable | EvaluatedHandGrasps) -> Collection
     """
     if not grasps.size:
         raise SettingError("there are no grasps to view")
-    cache, source = SubjectCache(), as_unicode(grasps.mesh.report.source)
+    last, source = LastOpened(), as_unicode(grasps.mesh.report.source)
     names = [f"grasp {row + 1}" for row in range(grasps.size)]
     if isinstance(grasps, EvaluatedHandGrasps):
         names = [as_unicode(name) for name in grasps.given.names]
@@ -175,8 +142,7 @@ def collection_of_grasps(grasps: GraspTable | EvaluatedHandGrasps) -> Collection
         return scan_of_grasp(grasps, row)
 
     items = tuple(
-        Item(f"{source}, {name}", cache.cached(partial(opened, row)))
-        for row, name in enumerate(names)
+        Item(f"{source}, {name}", last.kept(partial(opened, row))) for row, name in enumerate(names)
     )
     return Collection(items, grasps.model, _default(grasps.model))
 
@@ -254,7 +220,7 @@ def open_collection(
 def _single(
     name: str, reader: Callable[[], Subject], model: GraspModel, sampling: AnySampling
 ) -> Collection:
-    return Collection((Item(as_unicode(name), SubjectCache().cached(reader)),), model, sampling)
+    return Collection((Item(as_unicode(name), LastOpened().kept(reader)),), model, sampling)
 
 
 def _batch_collection(
@@ -278,11 +244,11 @@ def _batch_collection(
     settings = settings_in_unit(unit, *settings, source=source)
     lengths = {} if force else _given_lengths(model, sampling, unit, source)
     check_search_settings(*settings)
-    cache, items = SubjectCache(), []
+    last, items = LastOpened(), []
     for row in rows:
         reader = partial(read_result, folder, row, unit=options.unit)
         opened = partial(_open_stored, reader, lengths, (reach, *settings))
-        items.append(Item(as_unicode(row.mesh), cache.cached(opened)))
+        items.append(Item(as_unicode(row.mesh), last.kept(opened)))
     count = left_out + len(rows)
     note = f"{left_out} of {count} meshes were not labelled; see report/index.html for the reasons"
     return Collection(tuple(items), *settings, (note,) if left_out else ())
