@@ -326,6 +326,7 @@ def bad_values() -> dict[str, tuple[dict[str, Array | None], str]]:
         "nan": ({"max_resolution": changed("max_resolution", 0, math.nan)}, "from 0 to pi"),
         "margin": ({"margin": changed("margin", 0, 9.0)}, "does not match its angles"),
         "position": ({"vertices": changed("vertices", 0, math.inf)}, "not a finite number"),
+        "far": ({"vertices": changed("vertices", 0, 1e200)}, "its coordinates exceed 1e"),
         "face": ({"faces": changed("faces", 0, count)}, "its faces goes up to"),
         "partner": (
             {"partner_faces": changed("partner_faces", 0, 10**6)},
