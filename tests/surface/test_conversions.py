@@ -29,7 +29,7 @@ from grasp3d.surface.sweeps import write_sweeps
 from grasp3d.surface.vertex_fields import VERTICES
 from grasp3d.viewer import show
 from grasp3d.viewer.session.collection import collection_of_grasps, collection_of_mesh
-from grasp3d.viewer.session.inspection import inspect_last_contact
+from grasp3d.viewer.session.inspection import inspect_given
 from tests.helpers import shapes
 
 
@@ -159,7 +159,7 @@ def test_grasps_are_shown_one_at_a_time_with_their_own_numbers(grasps: GraspTabl
     assert [item.name for item in collection.items] == [f"arrays, grasp {n}" for n in (1, 2, 3)]
     subject = collection.items[1].open()
     assert subject.labels.mode == "scan"
-    shown = inspect_last_contact(subject, grasps.model)
+    shown = inspect_given(subject, grasps.model)
     assert shown is not None
     assert shown.code == grasps.label[1]
     np.testing.assert_array_equal(shown.points, grasps.contacts.points[1])
