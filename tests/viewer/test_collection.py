@@ -275,11 +275,6 @@ def test_declared_sizes_are_checked_before_memory_is_allocated(file: Path) -> No
         read_subject(viewing.rewritten(file, change))
 
 
-def test_a_file_that_needs_more_memory_than_allowed_is_refused(file: Path) -> None:
-    with pytest.raises(MeshError, match="max_memory"):
-        read_labels(file, max_memory=1e-6)
-
-
 # The results of a batch
 
 
