@@ -27,8 +27,10 @@ from grasp3d.batch.job_requests import (
     result_of,
     versions,
 )
+from grasp3d.batch.limits import CallFailedError
+from grasp3d.batch.worker import call_pickled, end_idle
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.system.isolation import CallFailedError, call_pickled, describe_unexpected, end_idle
+from grasp3d.system.names import describe_unexpected
 
 logger = logging.getLogger(__name__)
 

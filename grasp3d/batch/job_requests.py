@@ -14,16 +14,10 @@ from itertools import count
 from typing import Any, Protocol
 
 from grasp3d.batch.batch_settings import MIN_WORKER_MEMORY, ClusterSettings
+from grasp3d.batch.limits import CallFailedError, CallFailure, NeedsMemory, machine_memory
+from grasp3d.batch.worker import call_pickled, end_idle
 from grasp3d.system.context import available_processors
-from grasp3d.system.isolation import (
-    CallFailedError,
-    CallFailure,
-    NeedsMemory,
-    call_pickled,
-    describe_unexpected,
-    end_idle,
-)
-from grasp3d.system.isolation.limits import machine_memory
+from grasp3d.system.names import describe_unexpected
 
 USABLE_MEMORY = 0.9
 """Fraction of the memory that jobs may take; the rest is for the system and for this program."""

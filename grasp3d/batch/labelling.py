@@ -13,6 +13,7 @@ from grasp3d.arrays import Floats
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import METHOD, content_hash, mesh_key
 from grasp3d.batch.inputs import MeshFile
+from grasp3d.batch.limits import NeedsMemory, allowed_memory
 from grasp3d.batch.plan import Job
 from grasp3d.batch.row import BestGrasp, Outcome, Row
 from grasp3d.batch.storage.files import local_copy
@@ -22,8 +23,6 @@ from grasp3d.settings.costs import labelling_cost
 from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles
 from grasp3d.stability.label import Label
 from grasp3d.system.context import running
-from grasp3d.system.isolation import NeedsMemory, allowed_memory
-from grasp3d.system.limited_reading import limited_reading
 from grasp3d.system.versions import package_version
 
 if TYPE_CHECKING:
@@ -60,7 +59,7 @@ def label_job(job: Job, settings: BatchSettings, *, force: bool = False) -> Row 
     begun = time.perf_counter()
     row = _unlabelled_row(job, settings)
     try:
-        with running(threads=job.threads), limited_reading(), local_copy(job.mesh.source) as path:
+        with running(threads=job.threads), local_copy(job.mesh.source) as path:
             content = content_hash(path)
             if content == job.known_content:
                 return Unchanged(job.mesh)

@@ -12,14 +12,11 @@ from typing import Generic, TypeVar
 from grasp3d._kernels.compiling.ahead import warmup
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.job_requests import JobClient, Request, Result, ResultKind, open_local, versions
+from grasp3d.batch.limits import CallFailure, NeedsMemory
+from grasp3d.batch.worker import pickle_call, working_folder
 from grasp3d.system.context import is_strict, running
-from grasp3d.system.isolation import (
-    CallFailure,
-    NeedsMemory,
-    describe_unexpected,
-    pickle_call,
-    working_folder,
-)
+from grasp3d.system.limited_reading import limited_reading
+from grasp3d.system.names import describe_unexpected
 
 JobT = TypeVar("JobT")
 SettingsT = TypeVar("SettingsT")
@@ -65,7 +62,7 @@ def run(
         SettingError: No cluster runs at the given address.
         GraspError: The cluster's scheduler is gone, or its workers cannot run the jobs.
     """
-    jobs, task = iter(jobs), partial(_strictly, task) if is_strict() else task
+    jobs, task = iter(jobs), partial(_in_context, task, strict=is_strict())
     first = list(islice(jobs, 1))
     if not first:
         return
@@ -103,9 +100,11 @@ def run(
         yield from attempts.rows(chain(first, jobs))
 
 
-def _strictly(task: Callable[[JobT, SettingsT], RowT], job: JobT, settings: SettingsT) -> RowT:
-    """Run a job whose warnings are errors, also in a process of its own."""
-    with running(strict=True):
+def _in_context(
+    task: Callable[[JobT, SettingsT], RowT], job: JobT, settings: SettingsT, *, strict: bool
+) -> RowT:
+    """Run a job that reads with limits, and whose warnings are errors if it is strict."""
+    with running(strict=strict), limited_reading():
         return task(job, settings)
 
 

@@ -34,7 +34,6 @@ from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import input_warnings, mass_of
 from grasp3d.system.context import refuse_warnings, report_progress, unreported
 from grasp3d.system.counts import counted
-from grasp3d.system.isolation import CallFailedError, call
 
 ATTEMPTS = 6
 """Attempts of one job: some seconds, so that progress is seen and little is lost by a crash."""
@@ -119,22 +118,27 @@ def divided(
             f"{source}: is open, so it bounds no body that could be simulated; close it "
             "(--repair full)"
         )
-    work = partial(
-        convex_parts,
-        mesh.vertices,
-        mesh.faces,
-        threshold=settings.part_threshold,
-        seed=settings.seed,
-    )
-    if cluster.workers == 0:
-        return work()
-    try:
-        return call(work, memory=cluster.worker_memory, seconds=cluster.timeout)
-    except CallFailedError as failure:
-        raise GraspError(
-            f"{source}: CoACD, which divides it into convex parts, {failure.reason}; try a larger "
+    parts: ConvexParts | GraspError
+
+    def lost(_: object, reason: str) -> GraspError:
+        return GraspError(
+            f"{source}: CoACD, which divides it into convex parts, {reason}; try a larger "
             "part_threshold, or repair the mesh (--repair full)"
-        ) from failure
+        )
+
+    (parts,) = run(_parts, [(mesh.vertices, mesh.faces)], settings, lost=lost, cluster=cluster)
+    if isinstance(parts, GraspError):
+        raise parts
+    return parts
+
+
+def _parts(surface: tuple[Floats, Ints], settings: SimulationSettings) -> ConvexParts | GraspError:
+    """Convex parts of a surface, or why there are none."""
+    threshold, seed = settings.part_threshold, settings.seed
+    try:
+        return convex_parts(*surface, threshold=threshold, seed=seed)
+    except GraspError as error:
+        return error
 
 
 def _lost(job: Job, reason: str) -> JobResult:

@@ -111,6 +111,12 @@ def _safe(character: str) -> str:
     return "_" if unsafe else character
 
 
+def describe_unexpected(error: Exception) -> str:
+    """Return a one-line message for an exception that should not occur."""
+    description = " ".join(f"{type(error).__name__}: {error}".split())
+    return f"unexpected {description}; please report this mesh"
+
+
 def reason_of(error: BaseException) -> str:
     """What an error of another library says, in one short line; its class if it says nothing."""
     return printable(" ".join(str(error).split())[:LONGEST_REASON]) or type(error).__name__

@@ -88,7 +88,7 @@ def test_running_jobs_end_with_their_client(tmp_path: Path) -> None:
                 assert client.stdout is not None
                 assert client.stdout.readline() == b"well\n"
                 time.sleep(0.2)
-                (child,) = children(nanny, "isolation.child")
+                (child,) = children(nanny, "worker_main")
                 client.send_signal(signum)
                 begun = time.monotonic()
                 wait_for(lambda child=child: not child.is_running() or child.status() == "zombie")

@@ -18,8 +18,8 @@ from grasp3d._kernels.compiling.ahead import warmup
 from grasp3d.batch import cluster
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.job_requests import Request
+from grasp3d.batch.limits import CallFailedError, CallFailure
 from grasp3d.batch.run import run
-from grasp3d.system.isolation import CallFailedError, CallFailure
 from tests.helpers import mesh_files
 from tests.helpers.jobs import Work, lost, work
 

@@ -14,6 +14,7 @@ from grasp3d.batch import labelling
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.labelling import Unchanged, label_job, lost_row
+from grasp3d.batch.limits import NeedsMemory
 from grasp3d.batch.plan import Job
 from grasp3d.batch.row import TIMINGS, Outcome, Row
 from grasp3d.batch.storage.folder import Folder
@@ -22,7 +23,6 @@ from grasp3d.grasps import verdict_of
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.settings.pose_error import PoseError
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.system.isolation import NeedsMemory
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND
 

@@ -108,7 +108,7 @@ def test_jobs_are_taken_as_they_are_needed() -> None:
     assert len(set(some)) == 50
     assert len(begun) == next(taken) <= 50 + 4 + 1
     left = [process.cmdline() for process in psutil.Process().children() if process.is_running()]
-    assert not any("grasp3d.system.isolation.child" in command for command in left)
+    assert not any("grasp3d.batch.worker_main" in command for command in left)
 
 
 def test_no_jobs_are_no_rows() -> None:

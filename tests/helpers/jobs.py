@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp3d.system.isolation import NeedsMemory, allowed_memory
+from grasp3d.batch.limits import NeedsMemory, allowed_memory
 
 
 @dataclass(frozen=True)

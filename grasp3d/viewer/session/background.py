@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 
 from grasp3d.errors import GraspError
 from grasp3d.system.context import running
-from grasp3d.system.isolation import describe_unexpected
+from grasp3d.system.names import describe_unexpected
 
 ResultT = TypeVar("ResultT")
 

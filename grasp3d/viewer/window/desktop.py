@@ -16,7 +16,7 @@ from grasp3d.errors import GraspError
 from grasp3d.grasps.explanations import UNSEARCHED
 from grasp3d.stability.label import Label
 from grasp3d.system.files import atomic_write
-from grasp3d.system.isolation import describe_unexpected
+from grasp3d.system.names import describe_unexpected
 from grasp3d.viewer.scene.framing import pixel_ratio
 from grasp3d.viewer.scene.overlays import (
     INK,

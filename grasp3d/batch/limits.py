@@ -1,11 +1,11 @@
-"""Limits of a call in a child process, the memory that it has, and the errors of failed calls."""
+"""The memory that a job of a batch may take, and how jobs fail."""
 
 import contextlib
 import signal
-from collections.abc import Callable
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
+
+import psutil
 
 from grasp3d.errors import GraspError
 
@@ -16,23 +16,6 @@ _LIMITS = ("memory.max", "memory.high", "memory/memory.limit_in_bytes")
 
 _CRASHES = {"SIGSEGV", "SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGTRAP", "SIGSYS"}
 """Signals that are raised by an error of the process itself."""
-
-
-def never() -> bool:
-    """Return False: the call is never cancelled."""
-    return False
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Limits of a call; the child process is ended when one is exceeded."""
-
-    memory: float | None = None
-    """Memory of the child process and its descendants together [GB]; none: no limit."""
-    seconds: float | None = None
-    """Duration of the call [s]; none: no limit."""
-    cancelled: Callable[[], bool] = never
-    """Polled in another thread: whether the result is no longer needed."""
 
 
 class NeedsMemory(Exception):  # noqa: N818, not an error: the work was not started
@@ -53,7 +36,7 @@ _allowed: float | None = None
 
 
 def allowed_memory() -> float | None:
-    """Return the memory limit of the current call in this process [GB]; None: no limit."""
+    """Return the memory limit of the current job in this process [GB]; None: no limit."""
     return _allowed
 
 
@@ -61,7 +44,7 @@ def set_allowed_memory(memory: float | None) -> None:
     """Set the value that `allowed_memory` returns.
 
     Args:
-        memory: Limit of this process and its descendants together [GB]; none: no limit.
+        memory: Limit of this process [GB]; none: no limit.
     """
     global _allowed  # noqa: PLW0603
     _allowed = memory
@@ -69,8 +52,6 @@ def set_allowed_memory(memory: float | None) -> None:
 
 def machine_memory() -> float:
     """Return the memory of the machine, or the limit of a container, if that is lower [GB]."""
-    import psutil
-
     limits = [float(psutil.virtual_memory().total)]
     for name in _LIMITS:
         with contextlib.suppress(OSError, ValueError):  # none, or the word max
@@ -79,7 +60,7 @@ def machine_memory() -> float:
 
 
 class CallFailure(StrEnum):
-    """Why a call in a child process failed."""
+    """Why a job ended without a result."""
 
     CRASHED = "crashed"
     KILLED = "killed"
@@ -90,7 +71,7 @@ class CallFailure(StrEnum):
 
 
 class CallFailedError(GraspError):
-    """A call in a child process ended without a result."""
+    """A job ended without a result."""
 
     def __init__(self, kind: CallFailure, reason: str) -> None:
         super().__init__(kind, reason)
@@ -103,7 +84,7 @@ class CallFailedError(GraspError):
 
 
 def failure_from_exit_code(code: int) -> CallFailedError:
-    """Return the error for the exit code of a child process that ended during a call.
+    """Return the error for the exit code of a process that ended during a job.
 
     Args:
         code: As `subprocess` reports it: below zero the negative number of the signal that ended
@@ -123,9 +104,3 @@ def failure_from_exit_code(code: int) -> CallFailedError:
             CallFailure.KILLED, "was killed from outside, most likely for lack of memory"
         )
     return CallFailedError(CallFailure.KILLED, f"was killed from outside ({description})")
-
-
-def describe_unexpected(error: Exception) -> str:
-    """Return a one-line message for an exception that should not occur."""
-    description = " ".join(f"{type(error).__name__}: {error}".split())
-    return f"unexpected {description}; please report this mesh"

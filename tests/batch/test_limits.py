@@ -3,8 +3,8 @@ from pathlib import Path
 import psutil
 import pytest
 
-from grasp3d.system.isolation import limits
-from grasp3d.system.isolation.limits import machine_memory
+from grasp3d.batch import limits
+from grasp3d.batch.limits import machine_memory
 
 MACHINE = psutil.virtual_memory().total / 1e9
 
