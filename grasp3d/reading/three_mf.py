@@ -38,17 +38,21 @@ class _Objects:
         """Add the objects of a model."""
 
         def start(name: str, attributes: dict[str, str]) -> None:
+            if name == "vertex":  # of which there are very many
+                return
             kind = name.rpartition(":")[2]
-            path = next((v.strip("/") for k, v in attributes.items() if k.endswith("path")), model)
             if kind == "object":
                 self._current = model, attributes["id"]
                 self._triangles[self._current], self._components[self._current] = 0, []
             elif kind == "triangle":
                 self._triangles[self._current] += 1
-            elif kind == "component":
-                self._components[self._current].append((path, attributes["objectid"]))
-            elif kind == "item" and "3d/3dmodel.model" in model.lower():
-                self.built.append((path, attributes["objectid"]))
+            elif kind in {"component", "item"}:
+                paths = (v.strip("/") for k, v in attributes.items() if k.endswith("path"))
+                part = next(paths, model), attributes["objectid"]
+                if kind == "component":
+                    self._components[self._current].append(part)
+                elif "3d/3dmodel.model" in model.lower():
+                    self.built.append(part)
 
         parser = expat.ParserCreate()
         parser.StartElementHandler = start
