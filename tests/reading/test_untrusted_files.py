@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 import grasp3d
-from grasp3d.errors import FileUnreadError
+from grasp3d.cli import main
+from grasp3d.errors import FileUnreadError, MeshError
 from grasp3d.reading.mesh_files import read_mesh
+from grasp3d.reading.sources import Source
 from grasp3d.system import limited_reading
+from grasp3d.viewer.show import show
 from tests.helpers import mesh_files
 from tests.helpers.mesh_files import DATA, VERTICES, written
 
@@ -50,6 +53,26 @@ def test_a_small_file_that_stands_for_much_memory_is_refused(
         pytest.raises(FileUnreadError, match=r"takes more than 0\.3 GB of memory"),
     ):
         read_mesh(path)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere child processes import anew")
+def test_commands_read_in_child_processes_and_python_in_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(source: Source) -> None:
+        raise source.error(f"read by {os.getpid()}")
+
+    monkeypatch.setattr("grasp3d.reading.mesh_files._surface", refuse)
+    path = written(tmp_path, "a.stl", b"solid")
+    for read in (grasp3d.load_mesh, show):
+        with pytest.raises(MeshError, match=f"read by {os.getpid()}$"):
+            read(path)
+    output = str(tmp_path / "out")
+    for words in (["label"], ["check"], ["view"], ["batch", "-o", output, "--workers", "0"]):
+        assert main([words[0], str(path), *words[1:]]) > 0
+        printed = "".join(capsys.readouterr())
+        assert "read by " in printed
+        assert f"read by {os.getpid()}" not in printed
 
 
 HOOK = """
