@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 def read_mjcf(path: Path) -> LinkTree:
     """Read the bodies and joints of a MuJoCo model.
 
-    Geometry that collides with nothing (contype and conaffinity 0) is not read.
+    Geometry that collides with nothing (contype and conaffinity 0, in no pair) is not read.
 
     Args:
         path: The file; MuJoCo reads its meshes and included files as well.
@@ -249,7 +249,8 @@ def _shape(model: "MjModel", geom: int, path: Path) -> LinkShape | None:
     """A piece of geometry; None: it collides with nothing."""
     from mujoco import mjtGeom
 
-    if not (model.geom_contype[geom] or model.geom_conaffinity[geom]):
+    pairs = {*model.pair_geom1.tolist(), *model.pair_geom2.tolist()}
+    if not (model.geom_contype[geom] or model.geom_conaffinity[geom] or geom in pairs):
         return None
     kind, size = int(model.geom_type[geom]), tuple(map(float, model.geom_size[geom]))
     pose = _pose(model.geom_pos[geom], model.geom_quat[geom])

@@ -50,7 +50,7 @@ MJCF = """<mujoco>
  <worldbody>
   <body name="hand" pos="1 2 3" euler="0.3 0.2 0.1">
    <geom type="box" size="0.03 0.06 0.03" pos="0 0 0.03"/>
-   <geom type="sphere" size="0.5" contype="0" conaffinity="0"/>
+   <geom name="ball" type="sphere" size="0.5" contype="0" conaffinity="0"/>
    <body name="camera" pos="0.01 0 0.03"><geom type="box" size="0.02 0.01 0.01" pos="0.02 0 0"/>
    </body>
    <body name="left" pos="0 0.001 0.06">
@@ -259,6 +259,13 @@ def test_a_palm_of_another_shape_has_a_box_about_it(tmp_path: Path) -> None:
     gripper = read_hand(path, fingers=FINGERS, palm="camera")
     lengths = 1e3 * gripper.palm_width, 1e3 * gripper.palm_length
     assert lengths == pytest.approx((20.0, 10.0), rel=0.01)
+
+
+def test_geometry_that_collides_in_pairs_is_read(tmp_path: Path) -> None:
+    palm = read_links(mjcf(tmp_path)).shapes("hand")
+    pair = '<contact><pair geom1="ball" geom2="ball"/></contact>'
+    ball, *same = read_links(mjcf(tmp_path, more=pair)).shapes("hand")[::-1]
+    assert (ball.kind, ball.size, len(same)) == ("sphere", (0.5,), len(palm))
 
 
 def test_endless_shapes_are_refused(tmp_path: Path) -> None:
