@@ -11,7 +11,7 @@ import numpy.typing as npt
 from grasp3d.arrays import RIGHT_ANGLE, Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts
 from grasp3d.errors import SettingError
-from grasp3d.hand.articulated.actuation import actuation_of, torques_of, unstated_torques
+from grasp3d.hand.articulated.actuation import actuation_of, motors_without_torque, torques_of
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.plausible_numbers import too_strong
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
@@ -55,8 +55,8 @@ def stated_torques(hand: ArticulatedHand, load: LoadCase) -> Floats:
             f"{hand.name} takes no load: what its tendons and springs press is not computed "
             f"({', '.join(hand.tendons)})"
         )
-    stated, missing = load.load, unstated_torques(hand)
-    torques = torques_of(hand, stated.torque_limits, stated.unstated_torques)
+    stated, missing = load.load, motors_without_torque(hand)
+    torques = torques_of(hand, stated.torque_limits)
     if torques is None:
         if set(missing) >= _motors(hand):
             raise SettingError(
@@ -65,23 +65,17 @@ def stated_torques(hand: ArticulatedHand, load: LoadCase) -> Floats:
             )
         raise SettingError(
             f"the description of {hand.name} states no torque of the motor of "
-            f"{', '.join(missing)}: give unstated_torques, the greatest torque of these, or "
-            "torque_limits, that of every motor"
+            f"{', '.join(missing)}: state it there, or give torque_limits, that of every motor"
         )
     if stated.torque_limits is not None and not _motors(hand):
         raise SettingError(f"{hand.name} has no motor that torque_limits could limit")
-    if stated.unstated_torques is not None and not missing:
-        raise SettingError(
-            f"the description of {hand.name} states the torques of all motors: give torque_limits "
-            "for others, or none"
-        )
     return torques
 
 
 def _motors(hand: ArticulatedHand) -> set[str]:
     """Joints with a motor of their own."""
     pairs = zip(hand.joint_names, hand.torques.tolist(), strict=True)
-    return {name for name, torque in pairs if torque > 0.0} | {*unstated_torques(hand)}
+    return {name for name, torque in pairs if torque > 0.0} | {*motors_without_torque(hand)}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -208,9 +202,9 @@ class MotorHolding:
         """Torques of the load that are hardly true, one sentence each."""
         hand, load = self.hand, self.load.load
         motors = [name for name in hand.joint_names if name in _motors(hand)]
-        options = {"torque_limits": motors, "unstated_torques": unstated_torques(hand)}
-        for name, joints in options.items():
-            yield from too_strong(hand, name, dict.fromkeys(joints, getattr(load, name) or 0.0))
+        yield from too_strong(
+            hand, "torque_limits", dict.fromkeys(motors, load.torque_limits or 0.0)
+        )
 
     @property
     def link_weights(self) -> str:
@@ -300,9 +294,6 @@ class MotorHolding:
         slides = {joint.kind for joint in hand.tree.joints.values()} <= {"slides", "fixed"}
         size = "N" if slides else "N m"
         at = f"{short_number(torques[0])} {size}" if len(torques) == 1 else "its torques"
-        missing = unstated_torques(hand)
-        if (filled := self.load.load.unstated_torques) and {*missing} < _motors(hand):
-            at = f"its torques and {short_number(filled)} {size} of {', '.join(missing)}"
         task = str(self.load.load.task)
         where = "in any orientation" if task == "weight" else f"({task})"
         tilt = self.tilts[self.sets.row == row].max()

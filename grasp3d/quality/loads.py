@@ -43,7 +43,6 @@ class Load(LengthSettings):
             none: the greatest force of the gripper, if any states one.
         torque_limits: Hands with joints: greatest torque of the motor of every joint [N m], or with
             a unit: 0.7Nm. none: those that its description states.
-        unstated_torques: That of those motors alone whose torque the description does not state.
         task: What the grasp must resist: weight; 'weight within 30 of -z' (gravity at most 30
             degrees from an axis, or from three numbers); 'acceleration 5' [m/s^2]; 'wrench
             0,0,-5,0,0,0.1' (force [N], torque about the centre of mass [N m]); a file of wrenches
@@ -70,7 +69,6 @@ class Load(LengthSettings):
     density: Quantity[float | tuple[float, ...] | None] = Quantity(None, DENSITIES, several=True)
     grip_force: Quantity[float | None] = Quantity(None, FORCES)
     torque_limits: Quantity[float | None] = Quantity(None, TORQUES)
-    unstated_torques: Quantity[float | None] = Quantity(None, TORQUES)
     task: TaskField = TaskField(TaskText.of("weight"))
     center_of_mass_radius: Length[float] = Length(0.0)
 
@@ -78,8 +76,6 @@ class Load(LengthSettings):
         super().__post_init__()
         if self.mass is not None and self.density is not None:
             raise SettingError("mass and density exclude each other; give one of them")
-        if self.torque_limits is not None and self.unstated_torques is not None:
-            raise SettingError("torque_limits are those of every motor; give no unstated_torques")
         check_length("center_of_mass_radius", self.center_of_mass_radius)
         if self.center_of_mass_radius != 0.0 and not isinstance(self.task, TaskText):
             raise SettingError(

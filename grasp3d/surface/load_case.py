@@ -218,9 +218,8 @@ class LoadCase:
             SettingError: The centre of mass is not known, or the mass or the unit of the mesh is
                 needed but not known.
         """
-        for name in ("torque_limits", "unstated_torques"):
-            if getattr(load, name) is not None and (hand is None or hand.fingers):
-                raise SettingError(f"{name} are those of the motors of a hand with joints")
+        if load.torque_limits is not None and (hand is None or hand.fingers):
+            raise SettingError("torque_limits are those of the motors of a hand with joints")
         source = mesh.report.source
         with_load(mesh, load)  # refuses an object whose centre of mass is not known
         mass = mass_of(mesh, load)

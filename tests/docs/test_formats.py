@@ -230,7 +230,7 @@ def test_grasps(tmp_path: Path, suffix: str, also: str) -> None:
     in_json = {field.name for field in CONTACTS}
     whole |= {"load": of_load, "metrics": of_metrics}.get(also, set())
     if also == "load":  # whose density and torques are not given
-        settings |= tables("Settings")[3] - {"density", "torque_limits", "unstated_torques"}
+        settings |= tables("Settings")[3] - {"density", "torque_limits"}
     if suffix == ".json":
         written = json.loads(path.read_text())
         assert set(written) == {"grasp3d", "grasps"}

@@ -102,34 +102,13 @@ def test_numbers_of_another_load_do_not_stay_with_the_poses(tmp_path: Path) -> N
 
 def test_torques_that_are_not_stated_are_asked_for(tmp_path: Path) -> None:
     unstated = {"torques": {"slide_0": 20.0}}
-    with pytest.raises(SettingError, match="of the motor of slide_1, slide_2, slide_3: give unst"):
+    with pytest.raises(SettingError, match="of the motor of slide_1, slide_2, slide_3: state it"):
         evaluated(tmp_path, grasp3d.Load(mass=1.0), **unstated)
     with pytest.raises(SettingError, match="states the torque of no motor: give torque_limits"):
         evaluated(tmp_path, grasp3d.Load(mass=1.0), torques={})
     found = evaluated(tmp_path, None, **unstated)
     assert found.label[0] == Label.S
     assert found.motor_holding is None
-
-
-def test_torques_that_are_not_stated_are_filled_in(tmp_path: Path) -> None:
-    part = {"torques": {"slide_0": 20.0, "slide_2": 20.0}}
-    known = evaluated(tmp_path, grasp3d.Load(task=DOWN, torque_limits=20.0), **part).motor_holding
-    for filled in (10.0, 20.0):
-        load = grasp3d.Load(task=DOWN, unstated_torques=filled)
-        holding = evaluated(tmp_path, load, **part).motor_holding
-        assert known is not None
-        assert holding is not None
-        assert holding.torques.tolist() == [20.0, filled, 20.0, filled]
-        assert f"its torques and {filled:.0f} N of slide_1, slide_3" in holding.verdict(
-            np.array([True, True])
-        )
-        # Two pairs of fingers hold in parallel.
-        share = 0.5 + 0.5 * filled / 20.0
-        assert holding.payload[0] == pytest.approx(share * known.payload[0], rel=0.02)
-    with pytest.raises(SettingError, match="states the torques of all motors: give torque_limits"):
-        evaluated(tmp_path, grasp3d.Load(unstated_torques=1.0))
-    with pytest.raises(SettingError, match="give no unstated_torques"):
-        grasp3d.Load(torque_limits=1.0, unstated_torques=1.0)
 
 
 def test_the_verdict_names_the_resolution_of_the_sensors_alone(tmp_path: Path) -> None:

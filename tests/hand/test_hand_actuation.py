@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import grasp3d
-from grasp3d.hand.articulated.actuation import actuation_of, torques_of, unstated_torques
+from grasp3d.hand.articulated.actuation import actuation_of, motors_without_torque, torques_of
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from tests.helpers.hands import hand_file, three_fingers
 
@@ -53,7 +53,7 @@ def test_a_joint_without_a_motor_is_driven_by_none(tmp_path: Path) -> None:
     hand = grasp3d.read_hand(path)
     assert isinstance(hand, ArticulatedHand)
     assert hand.description()["torques"] == stated
-    assert unstated_torques(hand) == []
+    assert motors_without_torque(hand) == []
     for limit, most in ((None, 0.4), (0.7, 0.7)):
         torques = torques_of(hand, limit)
         np.testing.assert_array_equal(torques, [most, most, most, np.nan, most, most])
@@ -65,5 +65,5 @@ def test_a_joint_without_a_motor_is_driven_by_none(tmp_path: Path) -> None:
     path.write_text(json.dumps({**content, "torques": stated}), encoding="utf-8")
     unknown = grasp3d.read_hand(path)
     assert isinstance(unknown, ArticulatedHand)
-    assert unstated_torques(unknown) == ["bend1"]
+    assert motors_without_torque(unknown) == ["bend1"]
     assert torques_of(unknown) is None

@@ -14,7 +14,7 @@ AT_STOP = 1e-3
 """Distance from its limit [rad or m] at which a joint is at its stop."""
 
 
-def unstated_torques(hand: ArticulatedHand) -> list[str]:
+def motors_without_torque(hand: ArticulatedHand) -> list[str]:
     """Joints with a motor of their own whose greatest torque is not stated."""
     pulled = {
         name for one in hand.couplings if one.kind == "differential" for name in one.joints[1:]
@@ -23,9 +23,7 @@ def unstated_torques(hand: ArticulatedHand) -> list[str]:
     return [name for name, torque in torques if math.isnan(torque) and name not in pulled]
 
 
-def torques_of(
-    hand: ArticulatedHand, torque_limit: float | None = None, unstated: float | None = None
-) -> Floats | None:
+def torques_of(hand: ArticulatedHand, torque_limit: float | None = None) -> Floats | None:
     """Greatest torque of the motor of each joint [N m or N], (p,); None: one is not stated.
 
     It is nan where a joint has no motor, or a differential pulls it with that of another one.
@@ -33,13 +31,10 @@ def torques_of(
     Args:
         hand: The hand.
         torque_limit: That of every motor, instead of the stated ones.
-        unstated: That of those motors whose torque is not stated.
     """
-    missing = np.isin(hand.joint_names, unstated_torques(hand))
-    if torque_limit is None and unstated is None and missing.any():
+    if torque_limit is None and motors_without_torque(hand):
         return None
-    torques = np.where(hand.torques == 0.0, np.nan, torque_limit or hand.torques)
-    return np.where(missing, unstated or torques, torques)
+    return np.where(hand.torques == 0.0, np.nan, torque_limit or hand.torques)
 
 
 def actuation_of(
