@@ -43,6 +43,10 @@ def read_gltf(source: Source) -> tuple[Floats, Ints]:
                 return bytes(super().get(name))
             except FileNotFoundError:
                 return bytes(super().get(unquote(name)))
+            except ValueError as error:
+                raise source.error(
+                    f"names the file {ascii(name)[:60]}, which is not in its folder; put it there"
+                ) from error
 
     tree, rest = _parts(source.path)
     text = json.dumps(_reduced(tree)).encode()

@@ -260,7 +260,7 @@ def test_a_gltf_cannot_read_files_outside_its_folder(tmp_path: Path, uri: str) -
     (tmp_path / "secret.bin").write_bytes(DATA)
     (folder / "out.bin").symlink_to(tmp_path / "secret.bin")
     path = written(folder, "a.gltf", mesh_files.gltf(mesh_files.tree(), uri))
-    with pytest.raises(MeshError, match="cannot be read as GLTF") as caught:
+    with pytest.raises(MeshError, match=r"cannot be read as GLTF|is not in its folder") as caught:
         read_mesh(path)
     assert "\n" not in str(caught.value)
 
