@@ -1,7 +1,6 @@
 """The command line: parses the arguments, runs one command, prints, and returns an exit code.
 
-Standard output and standard error may be closed, full, or have no letters for a name. The modules
-of options import nothing heavy, so that `grasp3d --help` is fast.
+The modules of options import nothing heavy, so that `grasp3d --help` is fast.
 """
 
 import gc
@@ -14,7 +13,6 @@ from difflib import get_close_matches
 from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
-from typing import TextIO
 
 from docstring_parser import parse_from_object
 
@@ -30,70 +28,12 @@ from grasp3d.cli.commands import (
 )
 from grasp3d.cli.tool_commands import Design, Hand, Paper
 from grasp3d.cli.usage import HELP, HELP_ALL, help_of, parse
-from grasp3d.errors import GraspError, OutputError, SettingError
+from grasp3d.errors import GraspError, SettingError
 from grasp3d.system import compiling
 from grasp3d.system.context import running
 from grasp3d.system.limited_reading import limited_reading
 from grasp3d.system.names import printable
 from grasp3d.system.versions import package_version
-
-
-def prepare_streams() -> None:
-    """Make standard output and standard error usable, whatever they are connected to.
-
-    A closed one (`>&-`) discards what is printed. Its file descriptor is taken again, so that no
-    other file gets it.
-    """
-    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
-        try:
-            os.fstat(descriptor)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)  # the lowest free descriptor, which is this one
-        if getattr(sys, name) is None:
-            mode = "w" if descriptor else "r"
-            setattr(sys, name, os.fdopen(descriptor, mode, encoding="utf-8", closefd=False))
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):  # a terminal may not support all characters
-            stream.reconfigure(errors="backslashreplace")
-
-
-def discard_output() -> None:
-    """Discard what could not be printed, and all that is printed from now on."""
-    _discard(sys.stdout)
-
-
-def print_error(text: str) -> None:
-    """Print an error, or discard it if standard error cannot be written.
-
-    Args:
-        text: The error, in one line.
-    """
-    try:
-        print(f"grasp3d: {text}", file=sys.stderr, flush=True)  # noqa: T201
-    except OSError:
-        _discard(sys.stderr)
-
-
-def check_output(error: OSError) -> None:
-    """Raise OutputError if an error is that of standard output, as on a full disk.
-
-    Args:
-        error: An error that names no file.
-    """
-    if isinstance(error, BrokenPipeError) or error.filename is not None:
-        return
-    try:
-        print(flush=True)  # noqa: T201
-    except OSError:
-        discard_output()
-        reason = error.strerror or error
-        raise OutputError(f"standard output: cannot be written ({reason})") from error
-
-
-def _discard(stream: TextIO) -> None:
-    """Discard what a stream still holds, and all that is written to it from now on."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
 
 COMMANDS = (
     Label, Check, Evaluate, Validate, Simulate, Batch, Sweep, Design, Hand, View, Paper,
@@ -128,36 +68,36 @@ examples:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; returns 0 on success, 1 if some meshes failed, 2 for bad input."""
-    prepare_streams()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # a terminal may not support all characters
+            stream.reconfigure(errors="backslashreplace")
     try:
-        return _printed(sys.argv[1:] if arguments is None else arguments)
+        with limited_reading():
+            code = _run(sys.argv[1:] if arguments is None else arguments)
+        print(end="", flush=True)  # noqa: T201
     except GraspError as error:
-        print_error(printable(str(error)))
-        return BAD_INPUT
+        return _failed(printable(str(error)), BAD_INPUT)
     except BrokenPipeError:  # the reader of the output has ended, as in `grasp3d batch ... | head`
-        discard_output()
+        _discard_output()
         return 0
-    except KeyboardInterrupt as stop:
-        details = f": {stop}" if str(stop) else ""
-        print_error(f"interrupted{details}")
-        return INTERRUPTED
-
-
-def _printed(arguments: list[str]) -> int:
-    """Run the command line, and write what it prints.
-
-    Raises:
-        OutputError: Standard output cannot be written.
-    """
-    try:
-        try:
-            with limited_reading():
-                return _run(arguments)
-        finally:
-            sys.stdout.flush()
     except OSError as error:
-        check_output(error)
-        raise
+        if error.filename is not None:
+            raise
+        _discard_output()
+        return _failed(f"standard output: cannot be written ({error.strerror})", BAD_INPUT)
+    except KeyboardInterrupt as stop:
+        return _failed("interrupted" + (f": {stop}" if str(stop) else ""), INTERRUPTED)
+    return code
+
+
+def _failed(text: str, code: int) -> int:
+    print(f"grasp3d: {text}", file=sys.stderr, flush=True)  # noqa: T201
+    return code
+
+
+def _discard_output() -> None:
+    """Discard what could not be printed, which Python tries again at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _run(arguments: list[str]) -> int:

@@ -7,7 +7,7 @@ import numpy as np
 
 from grasp3d.cli import grasp_report, progress_bars
 from grasp3d.cli.commands import Label
-from grasp3d.cli.existing_files import check_not_task, check_output, check_same_settings
+from grasp3d.cli.existing_files import check_not_task, check_output
 from grasp3d.cli.report import (
     CHECK_HINT,
     LEVELS,
@@ -64,7 +64,7 @@ def run(command: Label) -> int:
     for path in (output, *grasp_files):
         check_not_task(path, command.load)
         check_output(path, overwrite=command.overwrite, sources=[command.file])
-    labels, vertices = _labels(command, (output, *grasp_files[:1]))
+    labels, vertices = _labels(command)
     grasps = best_grasps(labels, command.best) if command.best else None
     if grasps is not None:
         refuse_warnings(grasp_report.warnings_of_best(grasps, command.object_pose))
@@ -92,12 +92,8 @@ def _check_grasp_file(command: Label, path: Path) -> None:
         command.frame.to_tcp(hand)
 
 
-def _labels(command: Label, outputs: tuple[Path, ...]) -> tuple[SurfaceLabels, list[int]]:
-    """Read and label the mesh; `outputs` must not have been made with other settings.
-
-    Returns:
-        The labels, and the vertices that are asked for.
-    """
+def _labels(command: Label) -> tuple[SurfaceLabels, list[int]]:
+    """Read and label the mesh; returns the labels, and the vertices that are asked for."""
     model, load, quiet = command.reach.touching(command.model), command.load.chosen, command.quiet
     sampling = command.sampling.fitted(model.fingers)
     task = Labelling.read(
@@ -105,8 +101,6 @@ def _labels(command: Label, outputs: tuple[Path, ...]) -> tuple[SurfaceLabels, l
     )
     points = (parse_position("at", text) for text in command.at)
     vertices = [nearest_vertex(task.mesh, "at", point) for point in points]
-    for path in outputs:
-        check_same_settings(path, task, overwrite=command.overwrite)
     with progress_bars.progress(f"labelling {command.file.name}", quiet=quiet):
         labels = task.labels()
     progress_bars.measure(lambda: labels.epsilon_range, "measuring epsilon", quiet=quiet)

@@ -486,7 +486,7 @@ class Overwriting:
     """The option of commands that write files."""
 
     overwrite: bool = False
-    """Replace existing files, also those made with other settings or by other programs."""
+    """Replace existing files."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -41,7 +41,7 @@ def test_json_and_picture_are_written_and_read_again(tmp_path: Path) -> None:
     assert read_hand(tmp_path / "g.json") == preset("franka")
     assert (tmp_path / "g.png").read_bytes().startswith(b"\x89PNG")
     # It may have been written by hand.
-    assert "exists and is no result" in refusal("hand g.json -q -o g.json", tmp_path)
+    assert "exists; name another file" in refusal("hand g.json -q -o g.json", tmp_path)
     assert printed("hand", "g.json", "-q", "-o", "g.json", "--overwrite", cwd=tmp_path) == ""
 
 

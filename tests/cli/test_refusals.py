@@ -76,8 +76,7 @@ label ball.ply --region ball.ply:grip | ball.ply: its vertices have no 'grip'; t
 label ball.ply --region mask.ply | mask.ply: is no mask of ball.ply: one of its vertices is
 batch ball.ply -o out --region mask.ply | mask.ply is of one mesh; a library takes a box
 label box.stl --center-of-mass 1,2 | center_of_mass must be three finite lengths
-label box.stl -o notes.ply | notes.ply: exists and is no result of grasp3d
-label box.stl -o notes.npz | notes.npz: exists and is no result of grasp3d
+label box.stl -o notes.ply | notes.ply: exists; name another file
 label box.stl --best 2 --grasps task.csv --task task.csv --overwrite | is the file of the task
 label box.stl --unit mm --hand franka --best 2 --frame tool0 | unknown gripper frame
 label box.stl --unit mm --hand franka --best 2 --frame auto | --frame: 'auto' is no frame of its
@@ -189,7 +188,7 @@ validate poses.csv --hand franka --meshes nowhere | nowhere: there is no such fo
 simulate box.stl --unit mm --grasps poses.csv | contains poses; give their gripper with
 simulate box.stl --unit mm --hand franka | gripper 'franka' has flat pads, which touch more than two
 simulate box.stl --unit mm -o out.ply | out.ply: unsupported table format .ply
-simulate box.stl --unit mm -o mine.csv | exists and is no result of grasp3d
+simulate box.stl --unit mm -o mine.csv | exists; name another file
 simulate box.stl --unit mm --count 2 | count must be from 3 to 100000; got 2
 simulate box.stl --unit mm --tip-radius 4m | must be below the size of the object, 107.7
 simulate box.stl --unit mm -o box.stl | box.stl: unsupported table format .stl
@@ -203,8 +202,7 @@ sweep circle -o x.xlsx | unsupported table format .xlsx
 sweep circle --figure x.docx | unsupported figure format .docx
 sweep circle -o no/where.csv | cannot be written
 sweep circle --figure no/where.svg | cannot be written
-sweep circle -o notes.csv | notes.csv: exists and is no result of grasp3d
-sweep circle -o new.csv --figure notes.svg | notes.svg: exists and is no result of grasp3d
+sweep circle -o notes.csv | notes.csv: exists; name another file
 sweep ball.ply -o link.csv | is the mesh itself
 sweep circle --friction 0.5 0 | friction must be
 sweep circle --friction | at least one friction
@@ -222,7 +220,7 @@ check nothing.stl | there is no such file or folder
 check void | no mesh in it
 check ball.ply -o report.txt | unsupported report format .txt
 check ball.ply -o missing/report.json | cannot be written
-check ball.ply -o notes.json | notes.json: exists and is no result of grasp3d
+check ball.ply -o notes.json | notes.json: exists; name another file
 check ball.ply -o link.json | is the mesh itself
 check ball.ply --workers -1 | workers must be at least 0
 check ball.ply --max-memory 0.1 | max memory must be at least 0.5 GB
@@ -234,7 +232,7 @@ hand gone.json | no such file
 hand franka --fingers a b | is no file
 hand franka -o g.txt | supported are .json
 hand franka --picture g.txt | supported are .svg
-hand franka -o other.json | exists and is no result of grasp3d
+hand franka -o other.json | exists; name another file
 batch -o out | no input
 batch void -o out | no mesh in it
 batch void/*.obj -o out | no mesh in it
@@ -258,7 +256,7 @@ view prose.stl --screenshot a.png | prose.stl: cannot be read as STL: it holds n
 view ball.ply --screenshot a.jpg | a.jpg: unsupported picture format .jpg: supported are .png
 view ball.ply --screenshot none/a.png | none/a.png: cannot be written
 view ball.ply --screenshot ball.ply | ball.ply: unsupported picture format .ply
-view ball.ply --screenshot notes.png | notes.png: exists and is no result of grasp3d
+view ball.ply --screenshot notes.png | notes.png: exists; name another file
 view ball.ply --screenshot a.png --fingers 9 | fingers must be from 2 to 5
 view ball.ply --web --port 70000 | port must be from 0 to 65535
 view box.stl --max-opening 70mm --screenshot a.png | is 70 mm, but the unit of box.stl is not known

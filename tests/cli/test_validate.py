@@ -95,7 +95,7 @@ def test_the_report_is_written_again_but_replaces_no_other_file(folder: Path) ->
         (folder / "out" / name).write_text("mine")
         done = grasp3d(*GIVEN, "-o", "out", cwd=folder)
         assert done.returncode == 2
-        assert f"{name}: exists and is no result of grasp3d" in done.stderr
+        assert f"{name}: exists; name another file" in done.stderr
         (folder / "out" / name).unlink()
 
 

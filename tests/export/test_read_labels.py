@@ -271,7 +271,6 @@ def test_an_incomplete_vtp_says_so(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_vtp_that_would_take_all_memory_is_no_result(tmp_path: Path) -> None:
-    """Where an existing file is looked at before it is replaced."""
     path = tmp_path / "f.vtp"
     writer_for(path)(path, gripper())
     assert stored_settings(path)
@@ -412,3 +411,14 @@ def test_any_damage_gives_a_one_line_error_or_labels(
         assert "\n" not in found
     else:
         assert len(found.label) == len(found.mesh.vertices)
+
+
+def test_settings_are_not_read_from_damaged_files(tmp_path: Path) -> None:
+    writer_for(tmp_path / "whole.npz")(tmp_path / "whole.npz", labels_of("cone"))
+    assert stored_settings(tmp_path / "whole.npz")
+    data = (tmp_path / "whole.npz").read_bytes()
+    np.savez(tmp_path / "other.npz", vertices=np.zeros(3))
+    for name in ("cut.npz", "cut.ply", "cut.glb", "cut.vtp", "cut.parquet", "cut.json"):
+        (tmp_path / name).write_bytes(data[:200])
+        assert stored_settings(tmp_path / name) is None
+    assert stored_settings(tmp_path / "other.npz") is None
