@@ -359,7 +359,7 @@ class PlanarScan:
     def epsilon_effective(self) -> Floats:
         """Epsilon at the effective friction; at corners the smallest over faces and bisector."""
         model = self.model
-        beta = math.atan(effective_friction(model.friction, model.sensor_resolution))
+        beta = math.atan(effective_friction(model.nominal_friction, model.sensor_resolution))
         return self._over(face_normals, beta).lowest
 
     @property

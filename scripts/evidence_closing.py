@@ -124,8 +124,8 @@ def row(rule: Rule, mesh: grasp3d.ObjectMesh, poses: GraspPoses, model: grasp3d.
     angles = angles_of(found)
     held = poses.outcome == 1.0
     ranked = RankedOutcomes.of(held, -angles)
-    codes = labels_at(angles, angles, model, float(model.friction), model.sensor_resolution)
-    success = label_success(held, codes, float(model.friction), model.sensor_resolution)
+    codes = labels_at(angles, angles, model, model.nominal_friction, model.sensor_resolution)
+    success = label_success(held, codes, model.nominal_friction, model.sensor_resolution)
     cells = [
         f"{100.0 * success.fraction(name):.0f} % of {success.counts[Label[name]]}"
         for name in ("S", "M", "U")

@@ -90,9 +90,9 @@ MUTANTS = (
     ),
     Mutant(
         "location error of half a turn",
-        "opening * np.sin(turn) / relative.sum(axis=-1)",
-        "opening * np.cos(turn) / relative.sum(axis=-1)",
-        "test_uncertain_epsilon.py test_budgets.py",
+        "np.arcsin(sines)",
+        "np.arccos(sines)",
+        "test_locations.py",
     ),
     # Search: critical angles, extreme normals and samples of surfaces.
     Mutant(

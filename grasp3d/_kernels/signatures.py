@@ -30,7 +30,7 @@ from grasp3d._kernels.search import (
     multifinger,
     multifinger_evaluation,
     multifinger_grasps,
-    pair_lines,
+    pair_angles,
     ranked_outcomes,
     rays,
     reachable_partners,
@@ -79,10 +79,10 @@ _FACE_TREE = _tuple(face_tree.FaceTree, _i1, _i, _f2)
 _BOX_TREE = _tuple(box_tree.BoxTree, _i, _i1, _f2, _f2)
 
 # Searches.
-_PAIR_LIMITS = _tuple(antipodal_candidates.PairLimits, *[_f] * 4)
+_PAIR_LIMITS = _tuple(antipodal_candidates.PairLimits, *[_f] * 2)
 _PAIRS = _tuple(
     antipodal_candidates.BestPairs, _f1, _f1, _f2, _f2, _f2, _f2, _i2, _f3, _i8_1, _i8_1, _u8_1,
-    _f3, _f2, _i8_2, *[_f] * 4,
+    _f3, _f2, _i8_2, _f,
 )  # fmt: skip
 _DOMAIN = _tuple(face_contacts.PairDomain, _SURFACE, _SETS, _fixed_f2, _FACE_TREE, _PAIR_LIMITS)
 _RAYS = _tuple(rays.Rays, _i32_1, _f2, _i8_1, _f1, _f1, _i32_1)
@@ -176,7 +176,7 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
         (_b, _fixed_f3, _fixed_f3, _fixed_f2, _f2, _f2, _f1, _f1, _f3, _f3),
     ],
     reachable_partners.search_reachable: [
-        (_i1, _b, _f1, _f, _f, _i, _i, _DOMAIN, _BESIDE),
+        (_i1, _b, _f1, _f, _f, _i, _DOMAIN, _BESIDE),
     ],
     frictionless_closure.frictionless_depth: [
         (_f3, _i, _f, _i, typeof(frictionless_closure.make_cells(3))),
@@ -190,10 +190,7 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     visible_faces.draw_surface: [(_f2, _fixed_i2, _u8_1, _fixed_i2, _f2, _b, _f2, _f, _f3)],
     face_tree.face_tree: [(_SURFACE,)],
     reachable_partners.explain_pairs: [(_i1, _i8_1, _i1, _f2, _DOMAIN, _BESIDE, _u8_1)],
-    pair_lines.locate_pairs: [
-        (_f1, _f1, _f1, _f1, _f3, _f3, _f2, _f3, _b1, _f1, _f2, _f2, _f1, _f1),
-    ],
-    pair_lines.pair_angles: [(_f3, _i1, _i1, _f2, _f2, _f2, _f2, _f1)],
+    pair_angles.pair_angles: [(_f3, _i1, _i1, _f2, _f2, _f2)],
     box_tree.box_tree: [(_fixed_f2, _fixed_i2)],
     box_tree.nearest_faces: [(_f2, _f, _i, _i, _BOX_TREE, _i1)],
     rays.exploring_rays: [(_i1, _f, _f, _ORIGINS, _PAIRS)],
@@ -203,7 +200,7 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     coplanar_contacts.critical_of_sets: [(_f3, _i2, _i2, _f2, _f, _PLANE, _f1, _f1)],
     coplanar_contacts.critical_of_three: [(_f3, _fixed_f3, _f, _PLANE, _f1)],
     reaching.reach_tips: [(_f3, _f3, _GRIPPER, _LIMITS, _BOX_TREE, _REACH_WORKSPACE, _u8_1)],
-    pair_lines.scan: [(_f1, _fixed_f2, _fixed_f2, _SETS, _f1, _f1, _i8_1)],
+    pair_angles.scan: [(_f1, _fixed_f2, _fixed_f2, _SETS, _f1, _f1, _i8_1)],
     surface_contacts.write_normals_of_all: [(_i1, _f2, _SURFACE, _SETS, _i1, _i1, _f3)],
     wrenches.write_axes: [(_fixed_f2, _fixed_f2, _fixed_f1, _f, _f, _f3)],
     wrenches.span: [(_f2, _f, _f2, _f2)],

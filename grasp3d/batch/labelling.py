@@ -97,10 +97,9 @@ def _unlabelled_row(job: Job, settings: BatchSettings) -> Row:
         stamp=mesh.stamp,
         version=package_version(),
         method=METHOD,
-        friction=settings.model.friction,
+        friction_min=settings.model.friction_interval[0],
+        friction_max=settings.model.friction_interval[1],
         sensor_resolution=settings.model.sensor_resolution,
-        friction_error=settings.model.friction_error,
-        normal_error=settings.model.normal_error,
         fingers=settings.model.fingers,
         gripper=None if settings.reach.hand is None else settings.reach.hand.name,
     )

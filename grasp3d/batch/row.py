@@ -79,14 +79,12 @@ class Row:
     """SHA-256 of the file, and of the files that it refers to."""
     key: str = ""
     """SHA-256 of the content, the settings and the version of the method."""
-    friction: float | None = None
-    """Coulomb coefficient of the labels."""
+    friction_min: float | None = None
+    """Coulomb coefficient of the labels, the smallest where it is an interval."""
+    friction_max: float | None = None
+    """The same, the largest."""
     sensor_resolution: float | None = None
     """Resolution alpha of the labels [rad]."""
-    friction_error: float | None = None
-    """Largest difference between the true friction and `friction`."""
-    normal_error: float | None = None
-    """Largest angle between true and perceived normals beyond alpha/2 [rad]."""
     location_error: float | None = None
     """Largest distance between true and perceived contact points, in the mesh's unit."""
     fingers: int | None = None

@@ -234,7 +234,7 @@ def _print_table(report: Report, rows: Collection[Row], model: GraspModel) -> No
     cells = (_cells(row, uncertain=uncertain) for row in rows)
     report.table(table_of(("mesh", *names), cells))
     legend = ", ".join(f"{code.name} {meaning}" for code, meaning in MEANING["label"].items())
-    safe = f" ({SAFE_LABELS})" if model.certainty == "safe" else ""
+    safe = f" ({SAFE_LABELS})" if model.location_error != 0.0 else ""
     spare, medians = (
         (MARGIN, "margin and ε_min are medians") if uncertain else ("", "ε_min is a median")
     )

@@ -28,12 +28,12 @@ from grasp3d.settings import (
     Sampling,
 )
 from grasp3d.settings.checks import parse_angle
+from grasp3d.settings.friction import Friction as FrictionField
 from grasp3d.settings.lengths import AnyLength, Length, Measure, Position, parse_length
 from grasp3d.settings.parsing import IN_PYTHON, Group, Main
 from grasp3d.settings.pose_error import PoseError, PoseErrorField
 from grasp3d.settings.quantities import Quantity
 from grasp3d.settings.regions import Region
-from grasp3d.settings.uncertainty import Friction as FrictionField
 
 _NONE = "none"
 _METAVARS = {

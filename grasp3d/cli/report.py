@@ -6,7 +6,6 @@ commands. What prints them is imported when that is done: the help of a command 
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -17,7 +16,7 @@ from grasp3d.quality.force_ranges import Certainty
 from grasp3d.quality.task_texts import TaskText
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import Measure, Unit, small_length
-from grasp3d.settings.model_text import SAFE_LABELS, error_texts, friction_text
+from grasp3d.settings.model_text import SAFE_LABELS, friction_text
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
 from grasp3d.stability.thresholds import margin_budget
 from grasp3d.surface.area_statistics import quantiles
@@ -277,7 +276,7 @@ def uncertainty_lines(
     if not model.is_uncertain:
         return []
     lines = [f"uncertain: {'; '.join(_uncertainties(model, unit))}"]
-    if model.certainty == "safe":
+    if model.location_error != 0.0:
         lines.append(f"safe labels: {SAFE_LABELS}")
     critical = np.where(np.isfinite(labelled.critical_angle), labelled.critical_angle, np.inf)
     areas = np.ones(len(critical)) if areas is None else areas
@@ -313,13 +312,12 @@ def margin_columns(grasps: _Labelled) -> list[Column]:
 
 
 def _uncertainties(model: GraspModel, unit: Unit | None) -> Sequence[str]:
-    parts = [f"friction {friction_text(model)}"] if model.friction_error else []
-    if model.normal_error:
-        parts.append(f"normals by a further {math.degrees(model.normal_error):.4g}°")
+    smallest, largest = model.friction_interval
+    parts = [f"friction {friction_text(model)}"] if smallest < largest else []
     if model.location_error:
         stated = "" if unit or isinstance(model.location_error, Measure) else " (unit not stated)"
         parts.append(f"contact locations by {small_length(model.location_error, unit)}{stated}")
-    return parts + error_texts(replace(model, normal_error=0.0, location_error=0.0), unit)
+    return parts
 
 
 def print_load(report: Report, holding: Holding | None, areas: Floats | None = None) -> None:

@@ -401,7 +401,7 @@ def evaluate_poses(
             mesh,
             start.poses,
             object_motion=object_motion,
-            friction=own_model.friction,
+            friction=own_model.nominal_friction,
             **({"give_way": most} if most else {}),
         )
     held = jaws.closed if object_motion == "fixed" else np.zeros(start.count, dtype=np.bool_)

@@ -131,9 +131,7 @@ def _limit(case: Case, limit: float, sign: str) -> str:
     beta = math.atan(model.friction_interval[0 if low else 1])
     if model.tilt == 0.0:
         return f"β = {precise(limit)}"
-    tilts = [model.sensor_resolution / 2.0, model.normal_error]
-    terms = [f"{sign} {angle_text(tilt)}" for tilt in tilts if tilt > 0.0]
-    return f"{angle_text(beta)} {' '.join(terms)} = {precise(limit)}"
+    return f"{angle_text(beta)} {sign} {angle_text(model.tilt)} = {precise(limit)}"
 
 
 def _cause(case: Case, limit: float) -> str:
@@ -158,11 +156,9 @@ def _located(case: Case, text: str) -> str:
 def _all_true(model: GraspModel) -> str:
     """Everything that may be true of a grasp within a model's errors."""
     normals = "all true normals within the sensor resolution"
-    if model.normal_error > 0.0:
-        normals += " and their error"
-    locations = [] if model.location_error == 0.0 else ["all contact points within theirs"]
-    frictions = [] if model.friction_error == 0.0 else ["any friction of its interval"]
-    parts = [normals, *locations, *frictions]
+    smallest, largest = model.friction_interval
+    locations = ["all contact points within their errors"] * (model.location_error != 0.0)
+    parts = [normals, *locations, *["any friction of its interval"] * (smallest < largest)]
     return ", ".join(parts[:-1]) + (" and " if len(parts) > 1 else "") + parts[-1]
 
 

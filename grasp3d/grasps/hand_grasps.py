@@ -126,7 +126,7 @@ class EvaluatedHandGrasps(GivenGrasps):
         """Largest angle between true and perceived normals of each link [rad], shape (L,)."""
         stated, own = self.hand.sensors, self.model.sensor_resolution
         resolutions = [stated.get(name, own) for name in self.hand.link_names]
-        return locked(np.array(resolutions, dtype=np.float64) / 2.0 + self.model.normal_error)
+        return locked(np.array(resolutions, dtype=np.float64) / 2.0)
 
     @cached_property
     def _labels(self) -> SetLabels:
@@ -149,9 +149,9 @@ class EvaluatedHandGrasps(GivenGrasps):
         low, high = self.model.friction_interval
         return MotorHolding(
             load=self.to_hold, hand=self.hand, torques=stated_torques(self.hand, self.to_hold),
-            friction=(low, float(self.model.friction), high), sets=self.sets,
+            friction=(low, self.model.nominal_friction, high), sets=self.sets,
             links=names[self._link], jacobians=self.jacobians,
-            tilts=self.tilts_of_links[self._link], normal_error=self.model.normal_error,
+            tilts=self.tilts_of_links[self._link],
             postures=self.contacts.posture, link_loads=self._link_loads,
         )  # fmt: skip
 
@@ -206,7 +206,7 @@ class EvaluatedHandGrasps(GivenGrasps):
     def max_resolution(self) -> Floats:
         """Resolution of all sensors alike below which a grasp is S [rad], shape (k,); 0: none."""
         smallest, _ = self.model.friction_interval
-        return self._labels.max_resolution(math.atan(smallest) - self.model.normal_error)
+        return self._labels.max_resolution(math.atan(smallest))
 
     @cached_property
     def epsilon(self) -> Floats:
@@ -215,7 +215,7 @@ class EvaluatedHandGrasps(GivenGrasps):
         options = EpsilonOptions.of_model(model, torque_scale=mesh.torque_scale, rtol=EPSILON_RTOL)
         assert isinstance(model.torsion_radius, float)
         return self.sets.epsilon(
-            options, friction=model.friction, torsion_radius=model.torsion_radius
+            options, friction=model.nominal_friction, torsion_radius=model.torsion_radius
         )
 
     @property
@@ -392,7 +392,7 @@ class EvaluatedHandGrasps(GivenGrasps):
         """Settings of the evaluation; angles in radians."""
         tilts = self.tilts_of_links
         felt = {
-            name: 2.0 * (tilt - self.model.normal_error)
+            name: 2.0 * tilt
             for name, tilt in zip(self.hand.link_names, tilts.tolist(), strict=True)
         }
         return settings_of(self.mesh, self.model, self.scene) | {

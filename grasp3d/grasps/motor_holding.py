@@ -95,8 +95,6 @@ class MotorHolding:
     """Of its contacts, in the mesh's frame [m], shape (c, 3, p)."""
     tilts: Floats
     """Largest angle between true and perceived normals [rad], shape (c,)."""
-    normal_error: float
-    """Part of the tilts that is not the sensors' [rad]."""
     postures: Floats
     """Shape (k, p)."""
     link_loads: Floats | None = None
@@ -298,7 +296,7 @@ class MotorHolding:
         where = "in any orientation" if task == "weight" else f"({task})"
         tilt = self.tilts[self.sets.row == row].max()
         text = f"{hand.name} holds {short_number(self.payload[row])}{self.unit} at {at} {where}"
-        resolution = short_number(2.0 * math.degrees(tilt - self.normal_error))
+        resolution = short_number(2.0 * math.degrees(tilt))
         sure = f"{short_number(surely[row])}{self.unit} surely at a resolution of {resolution}°"
         limit = str(self.limit[row])
         if limit.partition(" ")[0] in hand.joint_names and not limit.startswith("joint"):

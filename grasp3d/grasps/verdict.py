@@ -420,9 +420,9 @@ def _sure(grasps: GraspTable, **changed: Any) -> bool:
 def _friction(grasps: GraspTable) -> list[Remedy]:
     """The least friction with which some of the grasps are S, as a remedy if there is one."""
     model = grasps.model
-    least = math.floor(model.friction / MU) + 1
+    least = math.floor(model.nominal_friction / MU) + 1
     step = _edge(lambda step: _sure(grasps, friction=MU * step), round(MOST_FRICTION / MU), least)
-    return [Remedy("friction", round(MU * step, 2), model.friction)] if step else []
+    return [Remedy("friction", round(MU * step, 2), model.nominal_friction)] if step else []
 
 
 def _edge(holds: Callable[[int], bool], good: int, bad: int) -> int:

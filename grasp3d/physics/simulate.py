@@ -242,7 +242,7 @@ def simulate_grasps(
         reached = true_points(surface, parts, radius, settings.part_angle, random)
         grasps = draw_grasps(surface, reached, own_model, within, settings.count, random)
         poses, openings = _poses(grasps, radius, random)
-    tips = Tips(radius * scale, own_model.friction, own_model.torsion_radius * scale)
+    tips = Tips(radius * scale, own_model.nominal_friction, own_model.torsion_radius * scale)
     stage = Stage.of(surface, parts, tips, *settings_in_unit("m", settings))
     centers = np.broadcast_to(surface.center_mass, (grasps.count, 3))
     if settings.pulled == "line":
@@ -487,7 +487,7 @@ def _tips(hand: Hand, model: GraspModel, scale: float, settings: SimulationSetti
     """The gripper's fingers, in metres."""
     jaws = _needed_jaws(hand)
     return Tips(
-        friction=model.friction,
+        friction=model.nominal_friction,
         torsion_radius=model.torsion_radius * scale if jaws.round_tips else 0.0,
         fingers=Fingers.of(jaws, settings.pad_stiffness),
     )

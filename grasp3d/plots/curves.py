@@ -64,7 +64,7 @@ def curves_figure(scans: Sequence[PlanarScan], *, over: Over, unit: str = "unit"
         )
         model = scan.model
         curves.set_title(
-            rf"{scan.outline.name}, $\mu$ = {model.friction:g}, "
+            rf"{scan.outline.name}, $\mu$ = {model.nominal_friction:g}, "
             rf"$\alpha$ = {math.degrees(model.sensor_resolution):.4g}°"
         )
     grid[0, 0].set_ylabel(r"grasp quality $\epsilon$")

@@ -27,5 +27,4 @@ from .tasks import Weight as Weight
 from .tasks import Wrenches as Wrenches
 from .tilting import EpsilonRange as EpsilonRange
 from .tilting import epsilon_range as epsilon_range
-from .tilting import location_tolerance as location_tolerance
 from .wrenches import EpsilonOptions as EpsilonOptions

@@ -178,7 +178,6 @@ class ForceProblem:
         contacts: Contacts,
         *,
         bound: ForceBound,
-        lengths: bool = False,
         edges: int | None = None,
         cone_offset: ArrayLike = 0.0,
     ) -> "ForceProblem":
@@ -187,8 +186,6 @@ class ForceProblem:
         Args:
             contacts: The contacts.
             bound: As in `grip_force`.
-            lengths: Whether lengths of forces are bounded, or their sum, instead of normal
-                components; so they are for 'norm'.
             edges: As in `grip_force`.
             cone_offset: As in `grip_force`.
         """
@@ -198,7 +195,7 @@ class ForceProblem:
             contacts.of_size(contacts.points / sizes[..., None, None], sizes),
             EpsilonOptions(edges, "total" if bound == "total" else "per_finger"),
             cone_offset=cone_offset,
-            bounded="force" if lengths or bound == "norm" else "normal",
+            bounded="force" if bound == "norm" else "normal",
         )
         surface: LimitSurface = "none"
         if problem.soft:

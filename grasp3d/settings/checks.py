@@ -156,3 +156,12 @@ def check_length(name: str, length: AnyLength, *, above: bool = False) -> None:
     if not all(0.0 <= one < math.inf for one in numbers) or (above and not all(numbers)):
         least = "above 0" if above else "of at least 0"
         raise SettingError(f"{name} must be a finite length {least}; got {describe_length(length)}")
+
+
+def check_resolution(resolution: float) -> None:
+    """Raise SettingError unless a sensor resolution is from 0 to below pi [rad]."""
+    if not 0.0 <= resolution < math.pi:
+        raise SettingError(
+            "sensor resolution must be at least 0 and below 180 degrees (pi radians); "
+            f"got {math.degrees(resolution):g} degrees (in Python angles are radians)"
+        )

@@ -7,7 +7,7 @@ from grasp3d.settings.grasp_model import Tilts
 from grasp3d.settings.lengths import Unit, small_length
 
 SAFE_LABELS = "every S and U is correct, an M may be one of them"
-"""What labels mean whose `certainty` is 'safe'."""
+"""What labels with a location error mean."""
 
 EPSILON_MIN = "ε_min"
 """Name of the minimum of epsilon."""
@@ -16,7 +16,7 @@ MINIMUM: dict[Tilts, str] = {
     "exact": "smallest over all tilts",
     "effective_friction": "at the effective friction",
     "sampled_tilts": "smallest over sampled tilts",
-    "bound": "lower bound over all uncertainties",
+    "bound": "lower bound over all tilts",
 }
 """What the minimum of epsilon is, by how it is computed, where epsilon is named before."""
 
@@ -30,8 +30,8 @@ def epsilon_min_text(model: GraspModel) -> str:
     Example:
         >>> import grasp3d
         >>> from grasp3d.settings.model_text import epsilon_min_text
-        >>> print(epsilon_min_text(grasp3d.GraspModel(location_error=0.001)))
-        ε_min: lower bound over all uncertainties
+        >>> print(epsilon_min_text(grasp3d.GraspModel()))
+        ε_min: smallest over all tilts
     """
     return f"{EPSILON_MIN}: {MINIMUM[model.tilts]}"
 
@@ -51,8 +51,8 @@ def friction_text(model: GraspModel) -> str:
     return " to ".join(dict.fromkeys(f"{end:.4g}" for end in model.friction_interval))
 
 
-def error_texts(model: GraspModel, unit: Unit | None = None) -> list[str]:
-    """Errors of normals and contact locations as texts.
+def location_texts(model: GraspModel, unit: Unit | None = None) -> list[str]:
+    """The error of contact locations as a text, none where there is no such error.
 
     Args:
         model: The model.
@@ -60,17 +60,16 @@ def error_texts(model: GraspModel, unit: Unit | None = None) -> list[str]:
 
     Example:
         >>> import grasp3d
-        >>> from grasp3d.settings.model_text import error_texts
-        >>> print(*error_texts(grasp3d.GraspModel(location_error="2mm", normal_error=0.1)))
-        normals ± 5.73° locations ± 2 mm
+        >>> from grasp3d.settings.model_text import location_texts
+        >>> print(*location_texts(grasp3d.GraspModel(location_error="2mm")))
+        locations ± 2 mm
     """
-    normal, location = model.normal_error, model.location_error
-    texts = [f"normals ± {math.degrees(normal):.4g}°"] if normal else []
-    return texts + [f"locations ± {small_length(location, unit)}"] * (location != 0.0)
+    error = model.location_error
+    return [f"locations ± {small_length(error, unit)}"] * (error != 0.0)
 
 
 def model_line(model: GraspModel, unit: Unit | None = None) -> str:
-    """Friction, resolution and errors in one line.
+    """Friction, resolution and location error in one line.
 
     Args:
         model: The model.
@@ -83,4 +82,4 @@ def model_line(model: GraspModel, unit: Unit | None = None) -> str:
         μ 0.5, α 11.46°, locations ± 1 mm
     """
     resolution = f"α {math.degrees(model.sensor_resolution):.4g}°"
-    return ", ".join([f"μ {friction_text(model)}", resolution, *error_texts(model, unit)])
+    return ", ".join([f"μ {friction_text(model)}", resolution, *location_texts(model, unit)])

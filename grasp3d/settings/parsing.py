@@ -96,15 +96,15 @@ def plain_values(settings: Any) -> dict[str, Any]:
         settings: A dataclass.
 
     Returns:
-        Lengths with a unit and tasks as texts; settings within settings as such a dictionary.
-        `settings_of_texts` reads them.
+        Lengths with a unit, intervals of friction and tasks as texts; settings within settings as
+        such a dictionary. `settings_of_texts` reads them.
 
     Example:
         >>> import grasp3d
         >>> from grasp3d.settings.parsing import plain_values
         >>> values = plain_values(grasp3d.GraspModel(torsion_radius="5mm", friction=(0.4, 0.6)))
-        >>> values["torsion_radius"], values["friction"], values["friction_error"]
-        ('5 mm', 0.5, 0.1)
+        >>> values["torsion_radius"], values["friction"]
+        ('5 mm', '0.4..0.6')
     """
     return {one.name: _plain(getattr(settings, one.name)) for one in fields(settings)}
 

@@ -19,6 +19,7 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, short_repr
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel
 from grasp3d.settings.checks import check_range
+from grasp3d.settings.friction import friction_interval
 from grasp3d.settings.sampling import not_covered
 from grasp3d.stability.thresholds import unstable_from
 
@@ -93,27 +94,18 @@ class AngleDistribution(ABC):
         *,
         friction: float | tuple[float, float],
         sensor_resolution: float,
-        friction_error: float = 0.0,
-        normal_error: float = 0.0,
     ) -> dict[str, float]:
         """Area fractions S, M and U.
 
         Args:
             friction: Coulomb coefficient, above 0, or the interval in which it lies.
             sensor_resolution: Resolution alpha [rad].
-            friction_error: Largest difference between the true friction and `friction`.
-            normal_error: Largest angle between true and perceived normals beyond alpha/2 [rad].
 
         Raises:
             SettingError: A value is outside its range.
             SearchCoverageError: The search did not cover all grasps that this needs.
         """
-        model = GraspModel(
-            friction=friction,
-            sensor_resolution=sensor_resolution,
-            friction_error=friction_error,
-            normal_error=normal_error,
-        )
+        model = GraspModel(friction=friction, sensor_resolution=sensor_resolution)
         least, largest = map(math.atan, model.friction_interval)
         stable, ambiguous, unstable = self.fractions_at(
             least, model.tilt, largest_friction_angle=largest
@@ -133,7 +125,7 @@ class AngleDistribution(ABC):
             friction_angle: Half-angles beta of the friction cones [rad]; where friction is an
                 interval, those at the smallest friction.
             tilt: Largest angles between true and perceived normals [rad]: halves of the resolutions
-                alpha, and further errors of the normals.
+                alpha.
             largest_friction_angle: Half-angles at the largest friction [rad]; None: the same. All
                 are broadcast together.
 
@@ -154,20 +146,13 @@ class AngleDistribution(ABC):
         return stable, np.maximum(0.0, 1.0 - stable - unstable), unstable
 
     def required_resolution(
-        self,
-        fraction: float,
-        *,
-        friction: float | tuple[float, float],
-        friction_error: float = 0.0,
-        normal_error: float = 0.0,
+        self, fraction: float, *, friction: float | tuple[float, float]
     ) -> float:
         """Coarsest sensor resolution alpha below which a fraction of the surface is S [rad].
 
         Args:
             fraction: Area fraction, above 0, at most 1.
             friction: Coulomb coefficient, above 0, or the interval in which it lies.
-            friction_error: Largest difference between the true friction and `friction`.
-            normal_error: Largest angle between true and perceived normals beyond alpha/2 [rad].
 
         Returns:
             The resolution; 0 where no sensor is fine enough.
@@ -177,13 +162,10 @@ class AngleDistribution(ABC):
             SearchCoverageError: The search did not cover all grasps that this needs.
         """
         check_range("the fraction", fraction, 0.0, 1.0, ends="(]")
-        model = GraspModel(
-            friction=friction, friction_error=friction_error, normal_error=normal_error
-        )
-        beta, angle = math.atan(model.friction_interval[0]), self.worst_quantile(fraction)
+        beta, angle = math.atan(friction_interval(friction)[0]), self.worst_quantile(fraction)
         if angle > self.limit and min(beta, math.pi / 2.0) > self.limit + ANGLE_ROUNDING:
             raise not_covered("atan(friction)", beta, self.limit, self.fingers)
-        return max(0.0, 2.0 * (beta - angle - normal_error))
+        return max(0.0, 2.0 * (beta - angle))
 
 
 @dataclass(frozen=True, eq=False)

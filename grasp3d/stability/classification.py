@@ -22,7 +22,7 @@ from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import MIN_EXTREMES, check_choice, whole_number
 from grasp3d.settings.grasp_model import Method
 from grasp3d.stability.enumeration import Extremes, Tested, extremes
-from grasp3d.stability.exact import StabilityProblem, closing_normals, decide, located_angles
+from grasp3d.stability.exact import StabilityProblem, closing_normals, decide, margins
 from grasp3d.stability.label import Label
 from grasp3d.stability.normal_sets import face_normals
 
@@ -68,9 +68,7 @@ class Stability:
         finger with the least; beta at the smallest friction. -inf for two contacts at one point;
         nan for three contacts and more with one on a crease.
         """
-        problem = self._problem
-        worst, _ = located_angles(problem)
-        return self._shaped(problem.narrowest_angle.min(axis=1) - worst)
+        return self._shaped(margins(self._problem))
 
     @cached_property
     def worst(self) -> ForceClosure:
@@ -217,7 +215,6 @@ def classify(
     *,
     method: Method = "exact",
     friction_interval: tuple[ArrayLike, ArrayLike] | None = None,
-    normal_error: ArrayLike = 0.0,
     location_error: ArrayLike = 0.0,
     creases: Mapping[int, ArrayLike] | None = None,
     extreme_normals: int = 8,
@@ -248,12 +245,10 @@ def classify(
         friction_interval: Smallest and largest friction coefficient, where friction is uncertain:
             each above 0, one number or of shape (..., n), with the contacts' friction between them;
             None: the contacts' friction alone. S is decided by the smallest, U by the largest.
-        normal_error: Largest angle between true and perceived normals beyond alpha/2 [rad], from 0
-            to below pi / 2, as joint encoders cause it: one value, or shape (..., n).
         location_error: Largest distance between true and perceived contacts, in the unit of the
             points, at least 0: one value, or shape (..., n). Normals do not change with the
-            location. Method exact only. Two contacts: exact, U safe on creases; more: safe, every S
-            and U is correct, and grasps with a contact on a crease are M.
+            location. Method exact only. Two contacts: S is exact, every U is correct; more: every S
+            is correct, nothing is U, and grasps with a contact on a crease are M.
         creases: For contacts on creases and corners, by number: inward normals of the faces that
             meet there, shape (k, 3) or (..., k, 3). The contact may have any normal between them,
             tilted by up to alpha/2. They affect labels, and with method extremes epsilon. Method
@@ -291,15 +286,16 @@ def classify(
             "sensor resolution must be at least 0 and below pi radians; "
             f"got {sensor_resolution!r} (radians)"
         )
-    tilt = alpha / 2.0 + _errors("normal error", normal_error, contacts, math.pi / 2.0)
-    location = _errors("location error", location_error, contacts, math.inf)
+    location = per_contact("location error", location_error, contacts)
+    if not ((location >= 0.0) & (location < math.inf)).all():
+        raise SettingError(f"location error must be at least 0; got {location_error!r}")
     if method == "extremes" and location.any():
         raise SettingError("method extremes tests normals only; a location_error needs exact")
     low, high = _friction_range(contacts, friction_interval)
     flat = contacts.reshape((-1,))
     problem = StabilityProblem(
         contacts=flat,
-        tilt=tilt.reshape(-1, contacts.count),
+        tilt=alpha.reshape(-1, contacts.count) / 2.0,
         low=flat if low is contacts else low.reshape((-1,)),
         high=flat if high is contacts else high.reshape((-1,)),
         creases=face_normals(creases or {}, contacts),
@@ -319,15 +315,6 @@ def classify(
         batch=contacts.batch,
         _problem=problem,
     )
-
-
-def _errors(name: str, values: ArrayLike, contacts: Contacts, limit: float) -> Floats:
-    """Check errors and broadcast them to the contacts, shape (..., n)."""
-    errors = per_contact(name, values, contacts)
-    if not ((errors >= 0.0) & (errors < limit)).all():
-        below = "" if math.isinf(limit) else f" and below {limit:.4g} (radians)"
-        raise SettingError(f"{name} must be at least 0{below}; got {values!r}")
-    return errors
 
 
 def _friction_range(

@@ -19,7 +19,7 @@ from grasp3d.quality.ferrari_canny import epsilon_with
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import MAX_FINGERS
 from grasp3d.stability.label import Label
-from grasp3d.stability.located_angles import ContactLimits, located_contacts
+from grasp3d.stability.locations import angles_to_line, spare_of_pairs, surely_closed_from
 
 WIDEST = RIGHT_ANGLE - 1e-6
 """Widest cone that `contact_margins` tries [rad]."""
@@ -280,17 +280,21 @@ def _worst_angles(sets: ContactSets, narrowest: Floats, critical: Floats) -> Flo
         known = known & np.isfinite(critical[grasps])
         if known.any():
             rows, chosen = index[known], grasps[known]
-            worst[chosen], _ = _located(sets, rows, narrowest, critical[chosen])
+            cones = narrowest[rows]
+            least = cones.min(axis=1)
+            if rows.shape[1] == 2:
+                worst[chosen] = least - _spare(sets, rows, cones)
+                continue
+            worst[chosen] = surely_closed_from(
+                sets.contacts(rows), critical[chosen], cones - least[:, None], np.zeros((1, 1))
+            )
     return worst
 
 
-def _located(
-    sets: ContactSets, index: Ints, cones: Floats, critical: Floats
-) -> tuple[Floats, Floats]:
-    """Critical angles (worst, best) of grasps (b, n) relative to the narrowest and widest cone."""
-    angles = cones[index]
-    limits = ContactLimits.of_angles(angles, angles, np.zeros_like(angles))
-    return located_contacts(sets.contacts(index), critical, limits)
+def _spare(sets: ContactSets, index: Ints, cones: Floats) -> Floats:
+    """Angle by which the cones (b, 2) of two contacts contain the line between them, shape (b,)."""
+    angles, _ = angles_to_line(sets.contacts(index), {})
+    return spare_of_pairs(angles, angles, cones, np.zeros(len(index)))
 
 
 def _never_closed(sets: ContactSets, widest: Floats) -> Bools:
@@ -311,8 +315,7 @@ def _never_closed(sets: ContactSets, widest: Floats) -> Bools:
         if index.shape[1] > 2:
             never[grasps] = _open(sets, index, widest)
         else:
-            _, best = _located(sets, index, widest, sets.critical_angle[grasps])
-            never[grasps] = best >= widest[index].max(axis=1)
+            never[grasps] = _spare(sets, index, widest[index]) <= 0.0
     return never
 
 

@@ -14,8 +14,13 @@ from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings.grasp_model import Method
 from grasp3d.stability.enumeration import Tested, check_combinations, closure_at, extreme_normals
-from grasp3d.stability.located_angles import ContactLimits, PairLines, located_grasps, located_pairs
-from grasp3d.stability.normal_sets import STEP, Creases, WorstAndBest, sampled_set
+from grasp3d.stability.locations import (
+    angles_to_line,
+    line_turns,
+    spare_of_pairs,
+    surely_closed_from,
+)
+from grasp3d.stability.normal_sets import STEP, Creases, sampled_set
 
 MIN_FORM_CLOSURE = 7
 """Fewest contacts of a grasp that is force-closed without friction."""
@@ -70,11 +75,6 @@ class StabilityProblem(NamedTuple):
         return self.high.friction_angle - self.contacts.friction_angle + self.tilt
 
     @property
-    def limits(self) -> ContactLimits:
-        """What is known about the contacts, relative to thresholds that all have in common."""
-        return ContactLimits.of_angles(self.narrowest_angle, self.widest_angle, self.location)
-
-    @property
     def tested(self) -> Tested:
         """Normals that the enumeration tests at each contact."""
         return extreme_normals(
@@ -93,11 +93,12 @@ def decide(problem: StabilityProblem, method: Method) -> tuple[Bools, Bools, Int
     if problem.contacts.count == 1:
         none = np.zeros(len(problem.tilt), dtype=np.bool_)  # a single force has no equilibrium
         return none, ~none, np.zeros(len(none), dtype=np.int64)
-    if problem.contacts.count == 2 or problem.location.any():
-        return _by_thresholds(problem)
-    if problem.creases:
-        return _by_sampled_sets(problem)
-    return _by_closure(problem)
+    if problem.contacts.count == 2:
+        return _of_pairs(problem)
+    if problem.location.any():
+        stable = margins(problem) > 0.0
+        return stable, np.zeros_like(stable), np.zeros(len(stable), dtype=np.int64)
+    return _by_sampled_sets(problem) if problem.creases else _by_closure(problem)
 
 
 def _by_extremes(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
@@ -109,65 +110,52 @@ def _by_extremes(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
     return ~low.failing, ~high.closing, low.hulls + high.hulls
 
 
-def located_angles(problem: StabilityProblem) -> WorstAndBest:
-    """Located angles of grasps (b,), see `stability.located_angles`; method exact.
+def margins(problem: StabilityProblem) -> Floats:
+    """Angle by which grasps (b,) are S, method exact: what the narrowest cone has to spare [rad].
 
-    inf where two contacts are at one point; nan for three contacts and more with one on a crease.
+    -inf where two contacts are at one point; nan for three contacts and more with one on a crease.
     """
+    narrowest = problem.narrowest_angle.min(axis=1)
     contacts = problem.hard
     if contacts.count == 2:
-        lines = _lines_of_pairs(problem)
-        turned = math.pi - lines.angles[::-1]
-        worst, best = (
-            np.minimum(angles.max(axis=1), reverse.max(axis=1))
-            for angles, reverse in zip(lines.angles, turned, strict=True)
-        )
-        worst[lines.openings == 0.0] = best[lines.openings == 0.0] = math.inf
-        return located_pairs(worst, best, lines, problem.limits)
+        return _spare_of_pairs(problem)[0]
     if problem.creases:
-        return np.full(len(problem.tilt), math.nan), np.full(len(problem.tilt), math.nan)
+        return np.full(len(narrowest), math.nan)
+    wider = problem.narrowest_angle - narrowest[:, None]
     critical = critical_friction_angle(contacts)
-    return located_grasps(contacts, critical, problem.limits)
+    return np.asarray(narrowest - surely_closed_from(contacts, critical, wider, problem.location))
 
 
-def _lines_of_pairs(problem: StabilityProblem) -> PairLines:
-    contacts = problem.hard
-    if not problem.creases:
-        return PairLines.of_contacts(contacts)
-    sets = [problem.creases.get(i, contacts.normals[:, i, None]) for i in range(2)]
-    widths = np.array([rows.shape[1] for rows in sets])
-    # The last corner of a set may be repeated.
-    counts = np.stack([(rows == rows[:, -1:]).all(axis=2).argmax(axis=1) + 1 for rows in sets], 1)
-    start = np.arange(len(contacts.points))[:, None] * widths.sum() + np.array([0, widths[0]])
-    together = np.concatenate(sets, axis=1).reshape(-1, 3)
-    return PairLines.of_sets(
-        contacts.points, start.ravel(), counts.ravel(), together, contacts.normals
+def _spare_of_pairs(problem: StabilityProblem) -> tuple[Floats, Floats]:
+    """What the narrowest and the widest cones of two contacts have to spare, shape (b,) each."""
+    largest, smallest = angles_to_line(problem.hard, problem.creases)
+    turn = line_turns(problem.contacts.points, problem.location.sum(axis=1))
+    return (
+        spare_of_pairs(largest, smallest, problem.narrowest_angle, turn),
+        spare_of_pairs(smallest, largest, problem.widest_angle, -turn),
     )
 
 
-def _by_thresholds(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
-    """Two contacts, and uncertain locations: thresholds on located angles."""
-    worst, best = located_angles(problem)
+def _of_pairs(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
+    """Two contacts: the line between them lies in both cones, or in neither sense."""
     narrowest, widest = problem.narrowest_angle, problem.widest_angle
-    stable, unstable = worst < narrowest.min(axis=1), best >= widest.max(axis=1)
-    if problem.contacts.count > 2:
-        unstable &= (widest < RIGHT_ANGLE).all(axis=1)
-    else:
-        together = np.flatnonzero(np.isinf(worst))
-        located = problem.location[together].any(axis=1)
-        if problem.creases and not located.all():
-            raise ContactError(
-                f"grasp {together[~located][0]} of the batch has both contacts at one point, and "
-                "one on a crease; classify it without creases"
-            )
-        # Contacts at one point push along any line that lies in both cones; where their locations
-        # are uncertain, any line may be the true one, and normals of a crease may be nearer.
-        normals = problem.contacts.normals[together]
-        between = angles_between(normals[:, 0], -normals[:, 1])
-        stable[together] = (between < narrowest[together].sum(axis=1)) & ~located
-        unstable[together] = between >= widest[together].sum(axis=1)
-        if problem.creases:
-            unstable[together] = False
+    worst, best = _spare_of_pairs(problem)
+    stable, unstable = worst > 0.0, best <= 0.0
+    together = np.flatnonzero(np.isneginf(worst))
+    located = problem.location[together].any(axis=1)
+    if problem.creases and not located.all():
+        raise ContactError(
+            f"grasp {together[~located][0]} of the batch has both contacts at one point, and one "
+            "on a crease; classify it without creases"
+        )
+    # Contacts at one point push along any line that lies in both cones; where their locations are
+    # uncertain, any line may be the true one, and normals of a crease may be nearer.
+    normals = problem.contacts.normals[together]
+    between = angles_between(normals[:, 0], -normals[:, 1])
+    stable[together] = (between < narrowest[together].sum(axis=1)) & ~located
+    unstable[together] = between >= widest[together].sum(axis=1)
+    if problem.creases:
+        unstable[together] = False
     return stable, unstable, np.zeros(len(stable), dtype=np.int64)
 
 

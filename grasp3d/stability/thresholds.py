@@ -41,7 +41,7 @@ def label_angles(worst: Floats, best: Floats, model: GraspModel) -> Bytes:
     Args:
         worst: Critical angle over the worst normals [rad], any shape; inf for no grasp. Located
             ones where contact locations are uncertain, see
-            `stability.located_angles`.
+            `stability.locations`.
         best: Critical angle over the best normals [rad]; equal to `worst` except at creases, and
             where locations are uncertain.
         model: Friction, sensor resolution and number of fingers.
@@ -58,17 +58,16 @@ def label_angles(worst: Floats, best: Floats, model: GraspModel) -> Bytes:
 def max_resolution(worst: Floats, model: GraspModel) -> Floats:
     """Coarsest sensor resolution below which the grasp is S [rad]: alpha* = 2 (beta - beta*).
 
-    With the smallest friction, and less twice the error of normals, where these are uncertain.
+    With the smallest friction, where it is an interval.
 
     Args:
         worst: Critical angle over the worst normals [rad], any shape; as in `label_angles`.
-        model: Friction and error of normals; its sensor resolution does not matter.
+        model: Friction; its sensor resolution does not matter.
 
     Returns:
         Same shape; 0 where no sensor is fine enough.
     """
-    exact = math.atan(model.friction_interval[0]) - model.normal_error
-    return np.maximum(0.0, 2.0 * (exact - worst))
+    return np.maximum(0.0, 2.0 * (math.atan(model.friction_interval[0]) - worst))
 
 
 def margins(worst: Floats, model: GraspModel) -> Floats:
@@ -102,8 +101,8 @@ def margin_budget(
             `SurfaceLabels.located_angles[0]`; None: locations are exact.
 
     Returns:
-        The critical angle, what friction, sensor resolution, further errors of the normals and the
-        location take, and the margin [rad], by name, shape (...) each. The margin is
+        The critical angle, what friction, sensor resolution and the location take, and the margin
+        [rad], by name, shape (...) each. The margin is
         `model.effective_friction_angle` minus the located angle, and -inf where there is no grasp.
 
     Example:
@@ -115,7 +114,6 @@ def margin_budget(
         critical angle: 0.300
         friction: 0.083
         sensor resolution: 0.100
-        normal error: 0.000
         location: 0.000
         margin: -0.019
     """
@@ -125,7 +123,6 @@ def margin_budget(
     parts: dict[str, Any] = {
         "friction": beta - math.atan(smallest),
         "sensor resolution": model.sensor_resolution / 2.0,
-        "normal error": model.normal_error,
         "location": _difference(critical, located_angle),
     }
     margin = beta - sum(parts.values()) - critical

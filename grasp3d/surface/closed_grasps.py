@@ -159,7 +159,7 @@ def close_on(
             mesh,
             poses,
             object_motion="free",
-            friction=model.friction,
+            friction=model.nominal_friction,
         )
     robustness = robustness_of(mesh, poses, jaws, scene, model, case, object_motion="free")
     stated = robustness.stated

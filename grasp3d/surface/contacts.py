@@ -23,7 +23,6 @@ from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel
-from grasp3d.stability.located_angles import PairLines
 
 WIDEST = RIGHT_ANGLE - 1e-9
 """Largest tilt that is evaluated [rad]: no force is the same for all normals of half a ball."""
@@ -112,14 +111,6 @@ class GraspContacts:
         """Indices of the grasps where no contact's normals cancel out."""
         return locked(np.flatnonzero((self.normals != 0.0).any(axis=2).all(axis=1)))
 
-    @cached_property
-    def lines(self) -> PairLines:
-        """Lines between the contacts of grasps of two, shape (b, 2)."""
-        counts = np.where(self.any_normal.ravel(), 0, np.diff(self.set_start))
-        return PairLines.of_sets(
-            self.points, self.set_start[:-1], counts, self.set_normals, self.normals
-        )
-
     def tilts(self, model: GraspModel) -> ArrayLike:
         """Largest angle between the nominal normal of each contact and any that may be true (b, n).
 
@@ -146,7 +137,7 @@ class GraspContacts:
             ContactError: The normals of a contact cancel out.
         """
         points = self.points - self.mesh.center_mass
-        return Contacts(points, self.normals, model.friction, model.torsion_radius)
+        return Contacts(points, self.normals, model.nominal_friction, model.torsion_radius)
 
     def take(self, which: slice | Ints | Bools) -> "GraspContacts":
         """The chosen grasps."""
@@ -199,11 +190,6 @@ class JawContacts(GraspContacts):
     def points(self) -> Floats:
         """Positions in the mesh's frame and unit, shape (b, n, 3)."""
         return self.jaws.points
-
-    @cached_property
-    def lines(self) -> PairLines:
-        """Lines between the contacts of grasps of two, shape (b, 2)."""
-        return PairLines.of_contacts(self.contacts(GraspModel()))
 
     def tilts(self, model: GraspModel) -> ArrayLike:
         """Largest angle between the normal of each contact and any that may be true [rad]."""

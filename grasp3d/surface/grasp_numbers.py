@@ -14,7 +14,7 @@ from grasp3d.arrays import Bytes, Floats, Ints, locked
 from grasp3d.contact.contacts import Contacts
 from grasp3d.quality.ferrari_canny import epsilon_with
 from grasp3d.quality.measures import ALL, metrics
-from grasp3d.quality.tilting import EpsilonRange, WrenchErrors, uncertain_epsilon_range
+from grasp3d.quality.tilting import EpsilonRange, uncertain_epsilon_range
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import GraspModel
 from grasp3d.stability.classification import classify
@@ -27,7 +27,7 @@ from grasp3d.stability.enumeration import (
     rings_needed,
 )
 from grasp3d.stability.label import Label
-from grasp3d.stability.located_angles import ContactLimits, PairLines, located_grasps, located_pairs
+from grasp3d.stability.locations import line_turns, surely_closed_from
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.surface.contacts import GraspContacts, JawContacts
 from grasp3d.surface.critical_angles import AMBIGUOUS
@@ -90,11 +90,12 @@ def _labels_of_jaws(grasps: JawContacts, model: GraspModel) -> Bytes:
     """Label codes of patches that closed jaws touch, which have one normal each, shape (b,)."""
     if not grasps.size:
         return np.zeros(0, dtype=np.uint8)
+    low, high = model.friction_interval
     result = classify(
         grasps.contacts(model),
         2.0 * model.tilt,
         method=model.method,
-        friction_interval=model.friction_interval if model.friction_error else None,
+        friction_interval=(low, high) if low < high else None,
         extreme_normals=model.extreme_normals,
         options=EpsilonOptions.of_model(model, torque_scale=1.0, rtol=LABEL_RTOL),
     )
@@ -146,13 +147,13 @@ def _groups(
                 for i in range(grasps.count)
             ]
             nominal = np.stack([faces[:, 0] for faces in sets], axis=1)
-            contacts = Contacts(points[rows], nominal, model.friction, model.torsion_radius)
+            contacts = Contacts(points[rows], nominal, model.nominal_friction, model.torsion_radius)
             creases = {i: faces for i, faces in enumerate(sets) if faces.shape[1] > 1}
             tilt = np.full((len(rows), grasps.count), model.tilt)
             count = model.extreme_normals
             ends = contacts, contacts
-            if model.friction_error != 0.0:
-                low, high = model.friction_interval
+            low, high = model.friction_interval
+            if low != high:
                 ends = contacts.with_friction(low), contacts.with_friction(high)
             yield rows, ends, extreme_normals(contacts, tilt, count=count, creases=creases)
 
@@ -179,25 +180,28 @@ def located_angles_of(
     angles: WorstAndBest,
     model: GraspModel,
     *,
-    lines: PairLines | None = None,
+    best_points: Floats | None = None,
 ) -> WorstAndBest:
-    """Located angles of grasps on a surface.
+    """Critical angles of grasps on a surface with uncertain contact locations.
 
     Args:
         grasps: The grasps, shape (b, n).
         angles: Their critical angles over the worst and the best normals [rad], shape (b,) each.
         model: What is known about the contacts, with lengths in the mesh's unit.
-        lines: Two contacts: their lines; None: computed.
+        best_points: Contacts of the grasps over the best normals (b, n, 3); None: those of
+            `grasps`.
 
     Returns:
         (worst, best) [rad], shape (b,) each; inf where there is no grasp.
     """
     if model.location_error == 0.0:
         return angles
-    limits = ContactLimits.of(model)
+    error = model.location_error
     if grasps.count == 2:
-        worst, best = located_pairs(*angles, lines or grasps.lines, limits)
-        return locked(worst), locked(best)
+        worst, best = angles
+        points = grasps.points if best_points is None else best_points
+        turned = line_turns(grasps.points, 2.0 * error), line_turns(points, 2.0 * error)
+        return locked(worst + turned[0]), locked(np.maximum(best - turned[1], 0.0))
     bounds = np.full((2, grasps.size), math.inf)
     rows = np.flatnonzero(np.isfinite(angles[0]))
     on_crease = grasps.on_crease[rows].any(axis=1)
@@ -205,7 +209,9 @@ def located_angles_of(
     smooth = rows[~on_crease]
     if len(smooth):
         contacts = Contacts(grasps.points[smooth] - grasps.mesh.center, grasps.normals[smooth])
-        bounds[:, smooth] = located_grasps(contacts, np.asarray(angles[0])[smooth], limits)
+        same, errors = np.zeros((1, grasps.count)), np.full((1, grasps.count), error)
+        bounds[0, smooth] = surely_closed_from(contacts, angles[0][smooth], same, errors)
+        bounds[1, smooth] = 0.0
     return locked(bounds[0]), locked(bounds[1])
 
 
@@ -241,8 +247,8 @@ def surface_epsilons(
         values[1:, rows] = hull_epsilons(chosen_grasps, model, options)
     else:
         epsilon = uncertain_epsilon_range(
-            contacts, model.tilt, WrenchErrors.of_model(model, center_radius), options,
-            bound_rtol=BOUND_RTOL,
+            contacts, model.tilt, model.friction_interval, options,
+            center_radius=center_radius, bound_rtol=BOUND_RTOL,
         )  # fmt: skip
         values[:, rows] = epsilon.nominal, epsilon.minimum, epsilon.maximum
     return EpsilonRange(*map(locked, values))

@@ -177,18 +177,19 @@ class GraspTable(LabelledGrasps):
         """Critical angles (worst, best) with all that is not known about the contacts [rad].
 
         Uncertain contact locations turn the line between two contacts; see
-        `stability.located_angles`. Without them they are `critical_angle` and
+        `stability.locations`. Without them they are `critical_angle` and
         `critical_angle_best`. The label is S iff the worst is below
         `model.effective_friction_angle`, U iff the best is at least `model.unstable_from`. Two
-        contacts: exact, at creases safe; more: safe.
+        contacts: every S is exact, every U correct; more: every S is correct, nothing is U.
         """
         angles, other = (self.critical_angle, self.critical_angle_best), self.best_normals
         if not self.size:
             return angles
-        lines = None
-        if self.contacts.count == 2 and other is not None:
-            lines = self.contacts.lines.with_best_at(other.rows, other.contacts.lines)
-        return located_angles_of(self.contacts, angles, self.model, lines=lines)
+        points = None
+        if other is not None:
+            points = self.contacts.points.copy()
+            points[other.rows] = other.contacts.points
+        return located_angles_of(self.contacts, angles, self.model, best_points=points)
 
     @Deferred
     def label(self) -> Bytes:

@@ -2,12 +2,10 @@
 
 import math
 from dataclasses import dataclass, fields, replace
-from functools import partial
-from typing import Any
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked
+from grasp3d.arrays import ArrayLike, Bools, Bytes, locked
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.reach import Reach
@@ -33,39 +31,10 @@ from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_numbers import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase, input_warnings, loaded_mesh
-from grasp3d.surface.sampling.antipodal import ALIKE, AntipodalGrasps, Ranking, best_pairs
+from grasp3d.surface.sampling.antipodal import best_pairs
 from grasp3d.surface.sampling.multifinger import search
 from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at, grasps_differ
 from grasp3d.system.context import refuse_warnings, report_progress, unreported, within
-
-TIE = 1e-9
-"""Difference of located angles up to which a grasp is kept [rad]."""
-
-
-def with_more_margin(labels: SurfaceLabels, other: SurfaceLabels) -> SurfaceLabels:
-    """Known grasps, or those of a search by margin where they have more of it.
-
-    Over the best normals it is those with the smallest located angle, which alone decides whether
-    the vertex is U: so a search by margin makes none U that the known grasps leave M. Known grasps
-    stay where the best normals of one search would have a larger angle than the worst ones of the
-    other.
-
-    Args:
-        labels: Grasps with the smallest critical angles.
-        other: Grasps with the largest margins that were found, for the same model.
-    """
-    worst, best = (
-        found < known - TIE
-        for found, known in zip(other.located_angles, labels.located_angles, strict=True)
-    )
-    best |= (labels.reason != Reason.FOUND) & worst
-    angles = np.where(worst, other.critical_angle, labels.critical_angle)
-    in_order = np.where(best, other.critical_angle_best, labels.critical_angle_best) <= angles
-    worst, best = worst & in_order, best & in_order
-    return merged(
-        labels, other, worst=worst, best=best,
-        reason=np.where(worst, other.reason, labels.reason),
-    )  # fmt: skip
 
 
 def merged(
@@ -308,10 +277,6 @@ def label_surface(
     return task.labels()
 
 
-BEFORE_MARGINS = 0.35
-"""Fraction of the work for two fingers that the search by critical angles is expected to take,
-where one by margins follows."""
-
 BEFORE_ANGLES = 0.9
 """Fraction of the work for three fingers and more that the search is expected to take."""
 
@@ -327,78 +292,31 @@ def label_pairs(
         sampling: How grasps are searched for.
         scene: The gripper that must reach each grasp; None: ideal points.
     """
-    cone, ranking = search_cone(model, sampling), Ranking.of(model)
+    cone = search_cone(model, sampling)
     limited = sampling if scene is None else scene.within_stroke(mesh, sampling)
     jaws = None if scene is None or scene.jaws is None else scene
-    find = partial(best_pairs, mesh, limited, cone, scene=jaws)
-    other_hand = scene if jaws is None else None
-    labels_of = partial(
-        SurfaceLabels.of_vertices, mesh, model, sampling=sampling, mode="label", scene=scene,
-    )  # fmt: skip
-    alike = ranking == ALIKE
-    with within(0.0, 1.0 if alike else BEFORE_MARGINS):
-        pairs = find()
-    search = SearchReport(cone, pairs.rays, pairs.evaluated)
-    labels = labels_of(**_pairs(mesh, pairs, other_hand), search=search)
-    if alike:
-        return labels
-    # With larger openings or other normals, grasps may have more margin.
-    with within(BEFORE_MARGINS, 1.0):
-        other = find(ranking=ranking)
-    search = SearchReport(cone, pairs.rays + other.rays, pairs.evaluated + other.evaluated)
-    with unreported():
-        found = _pairs(mesh, other, other_hand, are_costs=True)
-        with_margin = labels_of(**found, search=search)
-    return with_more_margin(labels, with_margin)
-
-
-def _pairs(
-    mesh: ObjectMesh, pairs: AntipodalGrasps, scene: Scene | None, *, are_costs: bool = False
-) -> dict[str, Any]:
-    """What `SurfaceLabels.of_vertices` takes of the grasps that a search has found.
-
-    It may have found costs in place of critical angles. With a scene, those grasps are left out
-    that its hand does not reach.
-    """
+    pairs = best_pairs(mesh, limited, cone, scene=jaws)
     points = SurfacePoints(
         pairs.partner_points.faces[..., None], pairs.partner_points.weights[..., None, :]
     )
-    angles = pairs.worst, pairs.best
-    if are_costs:
-        having = (pairs.reason == Reason.FOUND) & mesh.on_surface
-        angles, points = _angles_of_pairs(mesh, points, np.unique(mesh.canonical[having]))
     reasons, reach = pairs.reason, pairs.reach
-    if scene is not None:
+    if scene is not None and jaws is None:
         reasons, reach = _reach_of(mesh, points, reasons, scene, grip=pairs.grip)
     lost = reasons != pairs.reason
-    return {
-        "angles": tuple(np.where(lost, math.inf, angle) for angle in angles),
-        "partners": np.where(lost[:, None], math.nan, pairs.partner)[:, None],
-        "partner_points": points,
-        "grip": np.where(lost, 0, pairs.grip),
-        "reason": reasons,
-        "reach": reach,
-    }
-
-
-def _angles_of_pairs(
-    mesh: ObjectMesh, points: SurfacePoints, vertices: Ints
-) -> tuple[tuple[Floats, Floats], SurfacePoints]:
-    """Critical angles (V,) of the grasps of some vertices, and points of the two that have them.
-
-    A grasp of the smallest cost over the best normals may not have the smallest angle.
-    """
-    worst, best, other = np.full((3, len(mesh.vertices)), math.inf)
-    worst[vertices], best[vertices] = critical_angles(grasps_at(mesh, points, vertices, 0))
-    other[vertices] = critical_angles(grasps_at(mesh, points, vertices, 1))[1]
-    numbers = np.where(other < best, 1, 0)[mesh.canonical]
-    rows = np.arange(len(numbers))
-    both = SurfacePoints(
-        np.stack([points.faces[:, 0], points.faces[rows, numbers]], axis=1),
-        np.stack([points.weights[:, 0], points.weights[rows, numbers]], axis=1),
+    return SurfaceLabels.of_vertices(
+        mesh,
+        model,
+        angles=(np.where(lost, math.inf, pairs.worst), np.where(lost, math.inf, pairs.best)),
+        partners=np.where(lost[:, None], math.nan, pairs.partner)[:, None],
+        partner_points=points,
+        grip=np.where(lost, 0, pairs.grip),
+        reason=reasons,
+        reach=reach,
+        sampling=sampling,
+        mode="label",
+        search=SearchReport(cone, pairs.rays, pairs.evaluated),
+        scene=scene,
     )
-    best = np.minimum(best, other)
-    return (worst[mesh.canonical], best[mesh.canonical]), both
 
 
 def label_multifinger(

@@ -14,7 +14,6 @@ from grasp3d.settings import ANGLE_ROUNDING, check_choice, search_cone
 from grasp3d.settings.lengths import GivenLength
 from grasp3d.settings.model_text import model_line
 from grasp3d.settings.sampling import not_covered
-from grasp3d.settings.uncertainty import friction_interval
 from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
 from grasp3d.surface.area_statistics import Weights, label_fractions, quantiles, vertex_weights
@@ -76,21 +75,17 @@ class SurfaceLabels(VertexGrasps):
         *,
         friction: float | tuple[float, float] | None = None,
         sensor_resolution: float | None = None,
-        friction_error: float | None = None,
-        normal_error: float | None = None,
         location_error: GivenLength | None = None,
     ) -> "SurfaceLabels":
         """Label the same grasps for another friction, resolution or error, without a new search.
 
         Epsilon and grip forces are those of the new model at the same grasps. With method extremes
-        the hulls are enumerated again. The grasps are those that were best for the model of the
-        search: with a larger location error others, with a larger opening, may have more margin.
+        the hulls are enumerated again. The grasps have the smallest critical angles: with a
+        location error others, with a larger opening, may have more margin.
 
         Args:
             friction: Coulomb coefficient or interval; None: unchanged.
             sensor_resolution: Resolution alpha [rad]; None: unchanged.
-            friction_error: As in `GraspModel`; None: unchanged.
-            normal_error: As in `GraspModel` [rad]; None: unchanged.
             location_error: As in `GraspModel`, in the mesh's unit or with a unit; None: unchanged.
 
         Raises:
@@ -110,13 +105,9 @@ class SurfaceLabels(VertexGrasps):
         fields = {
             "friction": friction,
             "sensor_resolution": sensor_resolution,
-            "friction_error": friction_error,
-            "normal_error": normal_error,
             "location_error": location_error,
         }
         changed: dict[str, Any] = {name: one for name, one in fields.items() if one is not None}
-        if friction is not None and len(set(friction_interval(friction))) > 1:
-            changed.setdefault("friction_error", 0.0)  # the interval states it
         (model,) = self.mesh.in_own_unit(replace(self.model, **changed))
         needed = search_cone(model)
         if needed > max(self.search.cone, search_cone(self.model)) + ANGLE_ROUNDING:

@@ -232,7 +232,7 @@ class LoadCase:
         torsion, pads = model.torsion_radius, None
         if torsion == 0.0 and hand is not None and mesh.unit is not None:
             pads = hand.torsion_radius(1.0) / METRES[mesh.unit]
-            torsion = pads * model.friction
+            torsion = pads * model.nominal_friction
         return cls(load, mass, task, force, torsion, load.center_of_mass_radius, pads)
 
     def __str__(self) -> str:

@@ -342,7 +342,7 @@ def robustness_of(
     if several:
         close = partial(
             scene.hand.close, mesh, object_motion=object_motion,
-            friction=model.friction,
+            friction=model.nominal_friction,
             **({"give_way": offsets.position} if offsets.position else {}),
         )  # fmt: skip
         others = _tried(mesh, poses, offsets.poses[1:], close, model, case)

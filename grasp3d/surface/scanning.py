@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.search.pair_lines import scan
+from grasp3d._kernels.search.pair_angles import scan
 from grasp3d.arrays import ArrayLike, Floats, used_indices
 from grasp3d.errors import SettingError
 from grasp3d.mesh import MeshSource, load_mesh

@@ -89,9 +89,8 @@ INDEX = Allowed(0)
 
 LOCATED = (
     replace(CRITICAL_ANGLE, name="located_angle", of=_located(0), when="errors",
-            allowed=Allowed(-math.pi, 2.0 * math.pi, math.inf)),
-    replace(CRITICAL_ANGLE, name="located_angle_best", of=_located(1), when="errors",
-            allowed=Allowed(infinite=math.inf)),
+            allowed=Allowed(0.0, 2.0 * math.pi, math.inf)),
+    replace(CRITICAL_ANGLE, name="located_angle_best", of=_located(1), when="errors"),
 )  # fmt: skip
 PARTNERS = (
     Field("partners", LENGTH, ("n-1", 3), KNOWN_OR_NAN, each="partner_{}", ply=DOUBLE),

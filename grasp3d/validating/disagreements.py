@@ -67,7 +67,7 @@ class Numbers:
             hand=poses.hand,
             size=poses.mesh.size * metres_per_unit(poses.mesh),
             available=None if poses.holding is None else poses.holding.available,
-            friction=poses.model.friction,
+            friction=poses.model.nominal_friction,
         )
 
     def __getitem__(self, name: str) -> Floats:

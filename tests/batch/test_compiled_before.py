@@ -45,7 +45,7 @@ if __name__ == "__main__":
     held = ("--hand", "robotiq_2f85", "--table", "as-is", "--mass", "0.1kg")
     run("label", *mug, "--best", 2)
     run("label", *small, "-o", "extremes.ply", "--method", "extremes")
-    run("label", *mug, "-o", "located.ply", "--location-error", "1mm", "--normal-error", 2)
+    run("label", *mug, "-o", "located.ply", "--location-error", "1mm", "--friction", "0.4..0.6")
     run("label", *small, "-o", "soft.ply", "--torsion-radius", "1mm")
     run("label", *mug, *held, "-o", "held.ply", "--best", 2, "--grasps", "poses.json")
     run("label", *small, "--fingers", 3, "-o", "three.ply")

@@ -45,7 +45,7 @@ OPTIONS: dict[str, tuple[list[str], str, dict[str, str]]] = {
     "usual": ([], "smallest over all tilts", {"epsilon_min": "exact", "edges": "None"}),
     "soft": (
         ["--torsion-radius", "0.05"],
-        "lower bound over all uncertainties",
+        "lower bound over all tilts",
         {"torsion_radius": "0.05", "epsilon_min": "bound", "epsilon_rank": "6"},
     ),
 }

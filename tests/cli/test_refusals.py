@@ -26,13 +26,11 @@ label ball.ply --friction slippery | an interval of two, the smallest first
 label ball.ply --friction 0.4.. | an interval of two, the smallest first
 label ball.ply --friction 0.4..0.5..0.6 | an interval of two
 label ball.ply --friction 0.6..0.4 | an interval of two, the smallest first
-label ball.ply --friction-error 0.5 | below the friction, 0.5
 label ball.ply --sensor-resolution -1 | below 180 degrees
 label ball.ply --sensor-resolution 180 | below 180 degrees
+label x --sensor-resolution steep | --sensor-resolution must be an angle | rad); got 'steep'
+label ball.ply --sensor-resolution none | --sensor-resolution must be an angle (a number of degrees
 label ball.ply --torsion-radius -1 | torsion radius must be
-label ball.ply --normal-error steep | --normal-error must be an angle | deg, rad); got 'steep'
-label ball.ply --normal-error none | --normal-error must be an angle (a number of degrees
-label ball.ply --normal-error 95 | below 90 degrees
 label ball.ply --location-error -1mm | finite length of at least 0
 label ball.ply --location-error '1 furlong' | --location-error must be a length: a number
 label ball.ply --max-opening 70km | --max-opening must be a length: a number | (m, cm, mm, in)
@@ -322,7 +320,6 @@ paper -o x --fixed 1 2 | --fixed needs 3 values: X Y Z
 paper -o x --fixed 1 2 x | --fixed must be a number; got 'x'
 label ball.ply --best all | --best must be a whole number, or none; got 'all'
 label x --fingers 2.5 | --fingers must be a whole number; got '2.5'
-label x --friction-error small | --friction-error must be a number; got 'small'
 check ball.ply --repair all | --repair must be one of none, safe, full; got 'all'
 view ball.ply --paint red | --paint must be one of label, critical_angle
 label x --grasps-format urdf | --grasps-format must be one of json, csv

@@ -111,13 +111,6 @@ def test_torques_that_are_not_stated_are_asked_for(tmp_path: Path) -> None:
     assert found.motor_holding is None
 
 
-def test_the_verdict_names_the_resolution_of_the_sensors_alone(tmp_path: Path) -> None:
-    model = replace(FINE, normal_error=math.radians(2.0))
-    found = evaluated(tmp_path, grasp3d.Load(task=DOWN), model)
-    assert found.motor_holding is not None
-    assert "at a resolution of 10°" in found.motor_holding.verdict(np.array([True, True]))
-
-
 def test_a_hand_with_tendons_has_letters_and_takes_no_load(tmp_path: Path) -> None:
     motors, pulled = (evaluated(tmp_path, None, tendons=names) for names in ([], ["flexor"]))
     assert pulled.label.tolist() == motors.label.tolist() == [Label.S, Label.U]

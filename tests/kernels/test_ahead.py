@@ -89,7 +89,7 @@ def copied(tmp_path: Path) -> Path:
     for source in PACKAGE.glob("*.py*"):
         shutil.copy2(source, tmp_path / "grasp3d")
     folder = tmp_path / code_folders()[0].relative_to(PACKAGE.parent)
-    for file in folder.glob("pair_lines.scan-*"):
+    for file in folder.glob("pair_angles.scan-*"):
         file.unlink()
     return tmp_path
 
@@ -113,7 +113,7 @@ def test_what_is_missing_is_compiled_beside_the_rest(copied: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "compiling 1 kernel," in done.stderr
     listed = [Path(line).relative_to(copied) for line in done.stdout.splitlines()]
-    (index,) = (path for path in listed if path.match("pair_lines.scan-*.nbi"))
+    (index,) = (path for path in listed if path.match("pair_angles.scan-*.nbi"))
     assert (copied / index).exists()
     names = Counter(path.name.partition("-")[0] for path in listed if path.suffix == ".nbc")
     assert names.keys() == {ahead.name_of(kernel) for kernel in SIGNATURES}
@@ -126,7 +126,7 @@ def test_what_is_missing_is_compiled_beside_the_rest(copied: Path) -> None:
 
 @jitted
 def test_a_process_that_ends_early_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ahead, "missing", lambda: ["pair_lines.scan", "descent.descend"])
+    monkeypatch.setattr(ahead, "missing", lambda: ["pair_angles.scan", "descent.descend"])
     monkeypatch.setattr(ahead, "_CHILD", "import sys; sys.exit(3)")
     with pytest.raises(OutputError, match=r"kernel \S+ was not compiled: .* with code 3"):
         warmup()

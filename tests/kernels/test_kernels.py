@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d._kernels.search.antipodal_candidates import no_pairs
-from grasp3d._kernels.search.pair_lines import scan
+from grasp3d._kernels.search.pair_angles import scan
 from grasp3d._kernels.search.rays import Origins, seed_rays
 from grasp3d._kernels.surface.surface_contacts import (
     ContactNormals,

@@ -8,8 +8,6 @@ from grasp3d import GraspModel
 from grasp3d.settings.grasp_model import Tilts
 from grasp3d.settings.model_text import MINIMUM, epsilon_min_text
 
-BOUND = "lower bound over all uncertainties"
-
 
 def test_every_way_to_compute_the_minimum_has_a_meaning() -> None:
     assert set(MINIMUM) == set(get_args(Tilts))
@@ -22,9 +20,8 @@ def test_every_way_to_compute_the_minimum_has_a_meaning() -> None:
         (GraspModel(), "smallest over all tilts"),
         (GraspModel(edges=8), "at the effective friction"),
         (GraspModel(method="extremes"), "smallest over sampled tilts"),
-        (GraspModel(torsion_radius=0.01), "lower bound over all uncertainties"),
-        (GraspModel(location_error="1 mm"), "lower bound over all uncertainties"),
+        (GraspModel(torsion_radius=0.01), "lower bound over all tilts"),
     ],
 )
-def test_the_minimum_is_called_a_bound_where_it_is_one(model: GraspModel, meaning: str) -> None:
+def test_the_minimum_is_called_what_it_is(model: GraspModel, meaning: str) -> None:
     assert epsilon_min_text(model) == f"ε_min: {meaning}"

@@ -378,8 +378,6 @@ PAIR = Contacts([[-1, 0, 0], [1, 0, 0]], [[1, 0, 0], [-1, 0, 0]])
         ({"sensor_resolution": [0.1, 4.0]}, r"below pi radians"),
         ({"sensor_resolution": [0.1] * 3}, r"one number or have shape \(2,\); got \(3,\)"),
         ({"sensor_resolution": "wide"}, r"sensor resolution must be an array of numbers"),
-        ({"normal_error": -0.1}, r"normal error must be at least 0 and below 1\.571"),
-        ({"normal_error": 2.0}, r"normal error must be at least 0 and below"),
         ({"location_error": -1.0}, r"location error must be at least 0; got -1"),
         ({"friction_interval": (0.5, 0.4)}, r"friction_interval must be \(smallest, largest\)"),
         ({"friction_interval": (0.0, 0.4)}, r"above 0, with the contacts' friction between"),

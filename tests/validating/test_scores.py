@@ -134,7 +134,7 @@ def test_every_score_has_its_direction_and_a_worst_value() -> None:
 
 @pytest.mark.parametrize("error", [0.0, 0.002])
 def test_labels_by_threshold_are_those_of_an_evaluation(error: float) -> None:
-    model = GraspModel(location_error=error, friction_error=0.05)
+    model = GraspModel(location_error=error, friction=(0.45, 0.55))
     given = fixed(model)
     seen = set()
     for friction, resolution in ((0.2, 0.0), (0.5, 0.4), (1.0, 0.7)):

@@ -41,7 +41,6 @@ KEYS_AND_EFFECTS: dict[str, Callable[[ViewState], object]] = {
     "Left": lambda state: state.model.friction == 0.5,
     "Up": lambda state: state.model.sensor_resolution == pytest.approx(24.6 * DEGREE),
     "Down": lambda state: state.model.sensor_resolution == pytest.approx(22.6 * DEGREE),
-    "e": lambda state: state.show_errors,
     "2": lambda state: state.paint == "critical_angle",
     "3": lambda state: state.paint == "max_resolution",
     "4": lambda state: state.paint == "epsilon",

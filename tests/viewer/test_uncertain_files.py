@@ -30,7 +30,7 @@ SHAPES = {
 }
 MODELS = {
     "alike": GraspModel(),
-    "interval": GraspModel(friction=(0.4, 0.7), normal_error=0.05),
+    "interval": GraspModel(friction=(0.4, 0.7), sensor_resolution=0.5),
     "location": GraspModel(location_error=0.02),
     "far": GraspModel(location_error=0.2),
     "both": GraspModel(location_error=0.02, friction=(0.3, 0.7)),
@@ -67,10 +67,8 @@ def test_the_viewer_and_files_have_the_labels_of_python(
 def _for_model(labels: SurfaceLabels, name: str) -> SurfaceLabels:
     model = MODELS[name]
     return labels.relabel(
-        friction=model.friction_interval if model.friction_error else model.friction,
-        friction_error=model.friction_error,
+        friction=model.friction,
         sensor_resolution=model.sensor_resolution,
-        normal_error=model.normal_error,
         location_error=model.location_error,
     )
 

@@ -5,10 +5,6 @@ Two fingers are force-closed where the line between the contacts lies inside bot
 line and the normals. Each vertex keeps its best grasp and a small sorted cache of the best closing
 directions that differ clearly; the search is refined around all of them, since the best direction
 of a coarse sample need not lead to the best grasp.
-
-Grasps are compared by their cost: the critical friction angle, plus the angle by which the line may
-turn where contact locations are uncertain, plus what is known less well about each finger. It
-differs from the margin of the label by a constant. Where all of that is 0 it is the critical angle.
 """
 
 import math
@@ -17,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.compiling.decorators import merged
 from grasp3d._kernels.surface.surface_contacts import (
     largest_angle,
     point_on_face,
@@ -34,25 +30,21 @@ FOUND, NO_PARTNER, OPENING = 0, 1, 2
 
 
 class PairLimits(NamedTuple):
-    """Which pairs of contacts are grasps, and how well their locations are known."""
+    """Which pairs of contacts are grasps."""
 
     smallest: float
     """Smallest opening."""
     largest: float
     """Largest opening."""
-    location: float = 0.0
-    """Sum of the location errors of both contacts."""
-    cos_cone: float = -2.0
-    """Cosine of the largest critical angle that is searched for; -2: costs bound it."""
 
 
 class BestPairs(NamedTuple):
     """The best antipodal grasps found so far, a row per vertex; written in place."""
 
     worst: npt.NDArray[np.float64]
-    """Cost over the worst normals [rad]."""
+    """Critical angle over the worst normals [rad]."""
     best: npt.NDArray[np.float64]
-    """Smallest cost over the best normals, possibly of another grasp [rad]."""
+    """Smallest critical angle over the best normals, possibly of another grasp [rad]."""
     closing: npt.NDArray[np.float64]
     """Closing direction of the grasp of `worst` (V, 3)."""
     closing_best: npt.NDArray[np.float64]
@@ -74,28 +66,14 @@ class BestPairs(NamedTuple):
     starts: npt.NDArray[np.float64]
     """Cache of the best closing directions that differ clearly, sorted by angle (V, k, 3)."""
     start_angles: npt.NDArray[np.float64]
-    """Their costs over the worst normals [rad] (V, k)."""
+    """Their critical angles over the worst normals [rad] (V, k)."""
     start_signs: npt.NDArray[np.int8]
     """+1 squeeze, -1 expand (V, k)."""
     distinct_cosine: float
     """Cosine of the angle from which two closing directions count as different."""
-    location: float = 0.0
-    """Sum of the location errors of both contacts."""
-    first_extra: float = 0.0
-    """Angle by which the finger at the vertex is known less well than the other one [rad]."""
-    second_extra: float = 0.0
-    """The same of the other finger; one of the two is 0 [rad]."""
 
 
-def no_pairs(
-    count: int,
-    starts: int,
-    distinct_cosine: float,
-    *,
-    location: float = 0.0,
-    first_extra: float = 0.0,
-    second_extra: float = 0.0,
-) -> BestPairs:
+def no_pairs(count: int, starts: int, distinct_cosine: float) -> BestPairs:
     """Grasps of a number of vertices before any was found, with so many cached directions."""
     return BestPairs(
         worst=np.full(count, math.inf),
@@ -113,9 +91,6 @@ def no_pairs(
         start_angles=np.full((count, starts), math.inf),
         start_signs=np.zeros((count, starts), dtype=np.int8),
         distinct_cosine=distinct_cosine,
-        location=location,
-        first_extra=first_extra,
-        second_extra=second_extra,
     )
 
 
@@ -140,15 +115,6 @@ def _keep_start(v, sign, direction, angle, grasps):
     copy(direction, directions[row])
 
 
-@part
-def line_turn(location, opening):
-    """Angle by which the line between two contacts may turn, whose location errors are known.
-
-    asin(location / opening), location: the sum of both errors; pi/2 where that exceeds the opening.
-    """
-    return math.asin(min(location / opening, 1.0))
-
-
 @merged
 def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasps, scratch):
     """Evaluate the grasp of a vertex and a point on a face; store it if it is the best so far."""
@@ -161,21 +127,16 @@ def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasp
     high = low
     if counts[v] != 1:
         high = largest_angle(normals, start[v], counts[v], x, y, z)
-    low, high = low + grasps.first_extra, high + grasps.first_extra
-    extra = grasps.second_extra
     count, vertex = write_normals(face, weights, surface, sets, scratch)
     # The angles at the second contact, against the opposite direction; a vertex has its own set.
     if vertex >= 0:
         first, count = start[vertex], counts[vertex]
-        low = max(low, smallest_angle(normals, first, count, -x, -y, -z) + extra)
-        high = max(high, largest_angle(normals, first, count, -x, -y, -z) + extra)
+        low = max(low, smallest_angle(normals, first, count, -x, -y, -z))
+        high = max(high, largest_angle(normals, first, count, -x, -y, -z))
         copy(normals[first], scratch[0])
     else:
-        low = max(low, smallest_angle(scratch, 0, count, -x, -y, -z) + extra)
-        high = max(high, largest_angle(scratch, 0, count, -x, -y, -z) + extra)
-    if grasps.location > 0.0:
-        turn = line_turn(grasps.location, opening)
-        low, high = low + turn, high + turn
+        low = max(low, smallest_angle(scratch, 0, count, -x, -y, -z))
+        high = max(high, largest_angle(scratch, 0, count, -x, -y, -z))
     # `high` decides the grasp of `worst` and the cache, `low` that of `best`: they may differ.
     if high < grasps.start_angles[v, -1]:
         _keep_start(v, sign, direction, high, grasps)

@@ -2,14 +2,14 @@
 
 Rays sample the directions in which a vertex sees the surface. A good opposing contact on a thin
 feature or near the edge of a flat face is seen under a small solid angle, between the rays. Here a
-tree over the faces bounds from below the cost of every grasp of a vertex with its second contact on
-the faces of a node; nodes that cannot improve the vertex's grasp are left out.
+tree over the faces bounds from below the critical angle of every grasp of a vertex with its second
+contact on the faces of a node; nodes that cannot improve the vertex's grasp are left out.
 
 It is for fingers that squeeze: every point where a line leaves the object may be an opposing
 contact, whatever lies between, so that a pair of points is a grasp without tracing a ray.
 
-`descend` moves contacts over their faces in steps, where contacts or normals are uncertain.
-`descend_exactly` finds the smallest critical angle of contacts that are known exactly. Its vertices
+`descend` moves contacts over their faces in steps, where there is a smallest opening.
+`descend_exactly` finds the smallest critical angle. Its vertices
 come in the order of the tree, so that the best face of one is nearly the best of the next: with the
 limit that it gives, most of the search only proves that nothing is better. A node is left out where
 no line to its ball is within the limit of the vertex's normal, or of the reversed normals of the
@@ -89,7 +89,7 @@ def _visit(node, position, _stale, state):
         read_face(face, v, surface, lines, normals)
         cosine = cosine_at(triple(weights, 0), lines, normals, own, limits)
         if cosine > NONE:
-            turning = turning_speed(weights, lines, normals, tree.bounds[node, 7], limits.location)
+            turning = turning_speed(weights, lines, normals, tree.bounds[node, 7])
             cosine = move_on_face(weights, cosine, turning, limit[0], lines, normals, own, limits)
         if cosine > limit[1]:
             limit[0], limit[1], best_face[0] = math.acos(min(cosine, 1.0)), cosine, face
@@ -107,8 +107,8 @@ def descend(vertices, worst, gain, cone, domain, grasps):
         vertices: Vertices (n,).
         worst: Whether the angle over the worst normals of the vertex is minimised, or that over its
             best normals.
-        gain: Least decrease of the cost that is searched for [rad].
-        cone: Largest cost that is searched for [rad].
+        gain: Least decrease of the angle that is searched for [rad].
+        cone: Largest angle that is searched for [rad].
         domain: `PairDomain`.
         grasps: `BestPairs`; written.
     """

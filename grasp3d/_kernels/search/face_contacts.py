@@ -137,24 +137,13 @@ def _nearer(cosine, cosine_by, sine_by):
 
 
 @merged
-def _turned(cosine, location, opening):
-    """Cosine of an angle that the uncertain locations of contacts make larger, up to pi."""
-    sine_turn = min(location / opening, 1.0)
-    cosine_turn = math.sqrt((1.0 - sine_turn) * (1.0 + sine_turn))
-    if cosine <= -cosine_turn:
-        return -1.0
-    return cosine * cosine_turn - _sine(cosine) * sine_turn
-
-
-@merged
 def upper_bound(node, v, own, domain, least):
-    """Upper bound of the cosine of the costs of grasps of a vertex and a node's faces.
+    """Upper bound of the cosine of the critical angles of a vertex and a node's faces.
 
     The line to any point in the node's ball is within an angle `ball` of the line to its centre,
     and any normal within `spread` of the cone's axis. The two angles of a grasp also add up to at
     least the angle between one normal and the reversed other one. And a line that is not longer
-    than `reach` to a point beyond a plane is within an angle of the plane's normal. The uncertain
-    locations of contacts turn no line by less than one that is `reach` long.
+    than `reach` to a point beyond a plane is within an angle of the plane's normal.
     Below `least`, the bound is not made tighter.
     """
     bounds, point, limits = domain.tree.bounds[node], domain.surface.points[v], domain.limits
@@ -187,10 +176,6 @@ def upper_bound(node, v, own, domain, least):
         sine = sin_ball * cos_spread + cos_ball * sin_spread
         if bound > least and sine > 0.0:  # otherwise both angles add up to more than pi
             bound = min(bound, _nearer(-dot(axis, line) / distance, cosine, sine))
-    if bound <= limits.cos_cone:
-        return NONE
-    if limits.location > 0.0:
-        bound = _turned(bound, limits.location, reach)
     return bound
 
 
@@ -214,36 +199,26 @@ def longest_difference(rows):
 
 @merged
 def cosine_at(weights, lines, normals, own, limits):
-    """Cosine of the cost of the grasp of a vertex and a point inside a face.
+    """Cosine of the critical angle of a vertex and a point inside a face.
 
-    NONE outside the limits of openings, and of the critical angle.
+    NONE outside the limits of openings.
     """
     line = weighted_sum(weights, lines[0], lines[1], lines[2])
     normal = weighted_sum(weights, normals[0], normals[1], normals[2])
     opening, length = norm(line), norm(normal)
     if not limits.smallest <= opening <= limits.largest or length < 1e-12:
         return NONE
-    cosine = min(-dot(normal, line) / (opening * length), own_cosine(own, line))
-    if cosine <= limits.cos_cone:
-        return NONE
-    if limits.location > 0.0:
-        cosine = _turned(cosine, limits.location, opening)
-    return cosine
+    return min(-dot(normal, line) / (opening * length), own_cosine(own, line))
 
 
 @part
-def turning_speed(weights, lines, normals, cos_spread, location):
-    """Upper bound of the change of the cost per unit of barycentric coordinates [rad]."""
+def turning_speed(weights, lines, normals, cos_spread):
+    """Upper bound of the change of the angle per unit of barycentric coordinates [rad]."""
     edge = longest_difference(lines)
     nearest = norm(weighted_sum(weights, lines[0], lines[1], lines[2])) - TOTAL * edge
     if nearest <= 0.0 or cos_spread <= 0.0:
         return math.inf
-    speed = edge / nearest + longest_difference(normals) / cos_spread
-    if location > 0.0:  # the derivative of the line's turn with respect to the opening
-        if nearest <= location:
-            return math.inf
-        speed += edge * location / (nearest * math.sqrt(nearest**2 - location**2))
-    return speed
+    return edge / nearest + longest_difference(normals) / cos_spread
 
 
 @part
@@ -255,9 +230,9 @@ def move_on_face(weights, cosine, turning, limit, lines, normals, own, limits):
 
     Args:
         weights: Barycentric coordinates of the contact (3,); written.
-        cosine: Cosine of its cost.
-        turning: Upper bound of the change of the cost by a step of 1 [rad].
-        limit: Cost to be improved [rad].
+        cosine: Cosine of its critical angle.
+        turning: Upper bound of the change of that angle by a step of 1 [rad].
+        limit: Angle to be improved [rad].
         lines: Lines from the vertex to the corners (3, 3).
         normals: Normals at the corners (3, 3).
         own: `OwnNormals`.

@@ -21,7 +21,6 @@ from grasp3d._kernels.search.antipodal_candidates import (
     NO_PARTNER,
     OPENING,
     evaluate_pair,
-    line_turn,
 )
 from grasp3d._kernels.surface.surface_contacts import ContactNormals, smallest_angle
 from grasp3d._kernels.surface.vectors import (
@@ -296,9 +295,6 @@ def neighbour_rays(vertices, origins, grasps):
 RAYS_PER_ROUND = 13
 """Most rays per vertex of a round of refinement: two rings and a bisector."""
 
-LONGER = 1.25
-"""Factor by which openings may grow in a round: with uncertain locations wider grasps cost less."""
-
 
 @part
 def _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, rays):
@@ -327,16 +323,6 @@ def _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, rays):
     return size
 
 
-@part
-def _largest_angle(v, points, grasps):
-    """Largest angle to a normal at which a grasp near the best one may cost less [rad]."""
-    cost = grasps.worst[v]
-    if grasps.location == 0.0 or cost == math.inf:
-        return cost
-    opening = norm(difference(grasps.partner[v], points[v]))
-    return cost - line_turn(grasps.location, LONGER * opening)
-
-
 @kernel
 def refining_rays(vertices, radii, turn, origins, grasps):
     """Rays near each vertex's best grasp: a ring, and the bisector of the two normals.
@@ -358,7 +344,7 @@ def refining_rays(vertices, radii, turn, origins, grasps):
     rays, size = make_rays(vertices.shape[0] * RAYS_PER_ROUND), 0
     for v in vertices:
         sign, axis, tangent = grasps.signs[v], grasps.closing[v], origins.tangents[v]
-        radius, bound = radii[v], min(origins.cone, _largest_angle(v, origins.points, grasps))
+        radius, bound = radii[v], min(origins.cone, grasps.worst[v])
         bisector = difference(origins.centres[v], grasps.partner_normal[v])
         if norm(bisector) > 1e-9:
             middle = divided(bisector, norm(bisector))

@@ -1,10 +1,10 @@
-"""The best opposing contacts of a vertex that a gripper reaches.
+"""The best opposing contact of a vertex that a gripper reaches.
 
 The tree of faces is searched best first: of all nodes and contacts that wait, the one with the
 smallest bound of the critical angle comes next, so that contacts come in the order of their
-critical angles. Each is tested with the gripper until enough are reached. Contacts near one that
-was tested mostly end alike: near one that is reached all are passed over, near one that is not
-those that cost little more. One that is reached is moved toward the better one near it.
+critical angles. Each is tested with the gripper until one is reached. Contacts near one that was
+tested mostly end alike: those that are little worse are passed over. The one that is reached is
+moved toward the better one near it.
 """
 
 import math
@@ -220,8 +220,8 @@ def explain_pairs(vertices, signs, faces, weights, domain, reaching, codes):
 
 
 @kernel
-def search_reachable(vertices, worst, limit, step, spacing, wanted, most_failed, domain, reaching):
-    """Find the opposing contacts of each vertex with the smallest costs that are reached.
+def search_reachable(vertices, worst, limit, step, spacing, most_failed, domain, reaching):
+    """Find the opposing contact of each vertex with the smallest angle that is reached.
 
     For fingers that squeeze.
 
@@ -229,28 +229,27 @@ def search_reachable(vertices, worst, limit, step, spacing, wanted, most_failed,
         vertices: Vertices (n,).
         worst: Whether contacts are ordered by the angle over the worst normals of the vertex, or
             by that over its best normals.
-        limit: Cost that is to be improved, of each vertex [rad] (n,).
-        step: Difference of costs from which those near a contact that is not reached are tested
+        limit: Angle that is to be improved, of each vertex [rad] (n,).
+        step: Difference of angles from which those near a contact that is not reached are tested
             [rad], inf: none are.
-        spacing: Distance from which contacts are different.
-        wanted: Contacts wanted of each vertex, k.
+        spacing: Distance up to which contacts are near.
         most_failed: Contacts of each vertex that are tested and not reached, before it ends.
         domain: `PairDomain`.
         reaching: (shape, limits, tree, workspace), as `reach_pair` takes them.
 
     Returns:
-        Faces (n, k), -1: none, and barycentric coordinates (n, k, 3) of the contacts, best first.
+        Faces (n,), -1: none, and barycentric coordinates (n, 3) of the contacts.
     """
     surface, sets, limits, tree = domain.surface, domain.sets, domain.limits, domain.tree
     # The heap has the smallest key at the top: keys are cosines with the sign turned.
     keys, entries = np.empty(MOST_WAITING), np.empty(MOST_WAITING, dtype=np.int64)
-    partner_faces = np.full((len(vertices), wanted), -1, dtype=np.int64)
-    partner_weights = np.zeros((len(vertices), wanted, 3))
+    partner_faces = np.full(len(vertices), -1, dtype=np.int64)
+    partner_weights = np.zeros((len(vertices), 3))
     contact_faces = np.empty(MOST_STEPS, dtype=np.int64)
     contact_weights, weights = np.empty((MOST_STEPS, 3)), np.empty(3)
     passed = np.empty(MOST_STEPS, dtype=np.int64)
-    most = most_failed + wanted
-    tested, until, steps = np.empty((most, 3)), np.empty(most), np.empty(most)
+    tested, until = np.empty((most_failed, 3)), np.empty(most_failed)
+    steps = np.empty(most_failed)
     lines, corner_normals = np.empty((3, 3)), np.empty((3, 3))
     room = weights, lines, corner_normals
     rows = np.empty((max(sets.counts.max(), 1), 12))
@@ -261,23 +260,22 @@ def search_reachable(vertices, worst, limit, step, spacing, wanted, most_failed,
         if worst and sets.counts[v] == 0:
             continue  # among all directions the worst normal has no grasp
         own = OwnNormals(rows, read_own(v, sets, rows), worst)
-        contacts, failed, reached, passes = 0, 0, 0, 0
+        contacts, failed, passes = 0, 0, 0
         waiting = _push(keys, entries, 0, -1.0, 0)
         for _ in range(MOST_STEPS):
-            if waiting == 0 or failed == most_failed or reached == wanted:
+            if waiting == 0 or failed == most_failed:
                 break
-            near = failed + reached
             entry, key = entries[0], keys[0]
             waiting = _pop(keys, entries, waiting)
             if entry < 0:
                 contact = -1 - entry
                 face, chosen = contact_faces[contact], contact_weights[contact]
                 copy(point_on_face(face, chosen, surface), point)
-                if _passes_over(point, 0.0, key, tested, until, near, spacing) >= 0:
+                if _passes_over(point, 0.0, key, tested, until, failed, spacing) >= 0:
                     passed[passes] = contact
                     passes += 1
                     continue
-                beside = _passes_over(point, 0.0, FIRST_KEY, tested, until, near, spacing)
+                beside = _passes_over(point, 0.0, FIRST_KEY, tested, until, failed, spacing)
                 if key > ACCURATE and beside < 0:
                     read_face(face, v, surface, lines, corner_normals)
                     key = -move_on_face(
@@ -290,17 +288,14 @@ def search_reachable(vertices, worst, limit, step, spacing, wanted, most_failed,
                             v, face, chosen, passed[:passes], contact_faces, tested[beside],
                             own, room, domain, reaching, scratch,
                         )  # fmt: skip
-                    partner_faces[row, reached] = face
-                    copy(chosen, partner_weights[row, reached])
-                    copy(point_on_face(face, chosen, surface), tested[near])
-                    until[near], steps[near] = math.inf, 0.0
-                    reached, passes = reached + 1, 0
-                else:
-                    _pass_over(key, point, step, tested, until, steps, near, spacing)
-                    failed += 1
+                    partner_faces[row] = face
+                    copy(chosen, partner_weights[row])
+                    break
+                _pass_over(key, point, step, tested, until, steps, failed, spacing)
+                failed += 1
                 continue
             ball = tree.bounds[entry]
-            if _passes_over(ball, ball[3], LAST_KEY, tested, until, near, spacing) >= 0:
+            if _passes_over(ball, ball[3], LAST_KEY, tested, until, failed, spacing) >= 0:
                 continue  # of a contact that was tested after it began to wait
             for child in below(entry, tree.depth):
                 if child == NO_NODE:
@@ -309,7 +304,7 @@ def search_reachable(vertices, worst, limit, step, spacing, wanted, most_failed,
                 if high <= least or waiting == MOST_WAITING:
                     continue
                 ball = tree.bounds[child]
-                if _passes_over(ball, ball[3], LAST_KEY, tested, until, near, spacing) < 0:
+                if _passes_over(ball, ball[3], LAST_KEY, tested, until, failed, spacing) < 0:
                     waiting = _push(keys, entries, waiting, -high, child)
             first, last = faces_of_leaf(entry, tree.depth, tree.order.shape[0])
             for i in range(first, last):
@@ -317,7 +312,7 @@ def search_reachable(vertices, worst, limit, step, spacing, wanted, most_failed,
                 if contacts == MOST_STEPS or not aim(face, v, domain.centres, surface, weights):
                     continue
                 copy(point_on_face(face, weights, surface), point)
-                if _passes_over(point, 0.0, LAST_KEY, tested, until, near, spacing) >= 0:
+                if _passes_over(point, 0.0, LAST_KEY, tested, until, failed, spacing) >= 0:
                     continue
                 read_face(face, v, surface, lines, corner_normals)
                 cosine = cosine_at(triple(weights, 0), lines, corner_normals, own, limits)

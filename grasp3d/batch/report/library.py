@@ -9,6 +9,7 @@ from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskText
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.settings.lengths import Measure, describe_length
+from grasp3d.settings.model_text import friction_text
 
 
 def describe_settings(settings: BatchSettings) -> list[tuple[str, str]]:
@@ -22,18 +23,8 @@ def describe_settings(settings: BatchSettings) -> list[tuple[str, str]]:
 
 
 def _friction(model: GraspModel) -> str:
-    smallest, largest = model.friction_interval
-    number = f"{smallest:.4g} to {largest:.4g}" if smallest < largest else f"{model.friction:.4g}"
-    angles = [_degrees(math.atan(one)) for one in dict.fromkeys((smallest, largest))]
-    return f"μ {number} (cone of β {' to '.join(angles)})"
-
-
-def _errors(model: GraspModel) -> Iterator[tuple[str, str]]:
-    """What is uncertain beside friction and the sensor's normals; nothing if nothing is."""
-    if model.normal_error:
-        yield "Normals", f"within a further {_degrees(model.normal_error)}"
-    if model.location_error:
-        yield "Contact locations", f"within {_length(model.location_error)}"
+    angles = [_degrees(math.atan(one)) for one in dict.fromkeys(model.friction_interval)]
+    return f"μ {friction_text(model)} (cone of β {' to '.join(angles)})"
 
 
 def _degrees(angle: float) -> str:
@@ -43,7 +34,8 @@ def _degrees(angle: float) -> str:
 def _model(model: GraspModel) -> Iterator[tuple[str, str]]:
     yield "Friction", _friction(model)
     yield "Sensor resolution", f"α {_degrees(model.sensor_resolution)}"
-    yield from _errors(model)
+    if model.location_error:
+        yield "Contact locations", f"within {_length(model.location_error)}"
     yield "Fingers", f"{model.fingers}{', soft' if model.torsion_radius else ''}"
     if model.method == "extremes":
         yield "Labels", f"from wrench hulls at {model.extreme_normals} extreme normals, sampled"

@@ -134,7 +134,7 @@ def write_report(output: Folder, rows: Collection[Row], settings: BatchSettings)
         counts=[(f"{counts[outcome]:,}", outcome) for outcome in Outcome],
         verdicts=any(row.verdict for row in rows),
         settings=describe_settings(settings),
-        certainty=SAFE_LABELS if settings.model.certainty == "safe" else "",
+        certainty=SAFE_LABELS if settings.model.location_error != 0.0 else "",
         colors={label.name: "#{:02x}{:02x}{:02x}".format(*rgb) for label, rgb in COLORS.items()},
         meshes=counted(len(rows), "meshes"),
         made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),

@@ -71,7 +71,7 @@ def write_acronym(path: Path, poses: GraspPoses) -> None:
             values[name] = getattr(poses, field)
     for name in OBJECT:
         stated = poses.settings.get(name)
-        # Densities of several bodies are a text.
+        # An interval of friction is a text.
         if stated is not None and not isinstance(stated, str):
             values[f"object/{name}"] = np.asarray(stated, dtype=np.float64)
     with atomic_write(path) as part, h5py.File(part, "w") as file:

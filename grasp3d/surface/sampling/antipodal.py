@@ -1,7 +1,7 @@
 """The best antipodal grasp through every vertex.
 
 Fingers that squeeze: branch and bound over the whole surface, exact on each face, or from the best
-of a few rays where fingers may expand too, openings are limited from below or margins decide.
+of a few rays where fingers may expand too or openings are limited from below.
 Fingers that expand: rays from a vertex find the surface points opposite to it, since what lies
 between is in the way. The critical friction angle of each pair of contacts is exact, so a search
 may miss a grasp, but every grasp that it returns is real. What rays began is then refined: by ever
@@ -39,7 +39,7 @@ from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import SurfaceRays
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.settings import GraspModel, Sampling
+from grasp3d.settings import Sampling
 from grasp3d.surface.sampling.reachable import ReachSearch
 from grasp3d.surface.sampling.vertices import contact_tree, neighbours, tangents
 from grasp3d.system.context import report_progress, thread_count
@@ -48,47 +48,17 @@ OPENING_SLACK = 1e-6
 """Tolerance of the limits of openings, in object sizes: larger than rounding errors of files."""
 
 
-@dataclass(frozen=True)
-class Ranking:
-    """Uncertainties of the contacts that the best of several grasps depends on.
-
-    Those that cost every grasp the same do not count.
-    """
-
-    location: float = 0.0
-    """Sum of the location errors of both contacts, in the mesh's unit."""
-
-    @classmethod
-    def of(cls, model: GraspModel) -> "Ranking":
-        """The uncertainties of a model for two fingers, with lengths in the mesh's unit."""
-        return cls(2.0 * model.location_error)
-
-
-ALIKE = Ranking()
-"""Contacts that are known exactly and equally well: the best grasp has the smallest angle."""
-
-
-def pair_limits(mesh: ObjectMesh, sampling: Sampling, cone: float, ranking: Ranking) -> PairLimits:
+def pair_limits(mesh: ObjectMesh, sampling: Sampling) -> PairLimits:
     """Limits of pairs of contacts in the normalised frame, openings with a tolerance for rounding.
 
     Args:
         mesh: The surface.
         sampling: Limits of openings.
-        cone: Largest critical angle that is searched for [rad].
-        ranking: Uncertainties of the contacts.
     """
-    location = ranking.location / mesh.size
     return PairLimits(
         max(sampling.min_opening / mesh.size - OPENING_SLACK, SMALLEST_OPENING),
         sampling.max_opening / mesh.size + OPENING_SLACK,
-        location,
-        math.cos(cone) if location > 0.0 else -2.0,
     )
-
-
-def largest_cost(cone: float, ranking: Ranking) -> float:
-    """Largest cost of a grasp whose critical angle is within the search cone [rad]."""
-    return cone if ranking.location == 0.0 else min(cone + math.pi / 2.0, math.pi)
 
 
 CHUNK = 100_000
@@ -151,11 +121,9 @@ class AntipodalGrasps:
     """The best antipodal grasp found at each vertex, in the mesh's frame and unit."""
 
     worst: Floats
-    """Cost over the contacts' worst normals [rad], inf: none found. (V,)
-
-    The critical friction angle, plus what `Ranking` adds to it."""
+    """Critical friction angle over the contacts' worst normals [rad], inf: none found. (V,)"""
     best: Floats
-    """Smallest cost over the contacts' best normals, possibly of another grasp. (V,)"""
+    """The smallest over the contacts' best normals, possibly of another grasp. (V,)"""
     partner: Floats
     """Second contact of the grasp of `worst`, nan where there is none. (V, 3)"""
     partner_points: SurfacePoints
@@ -179,33 +147,20 @@ def best_pairs(
     cone: float,
     *,
     scene: Scene | None = None,
-    ranking: Ranking = ALIKE,
 ) -> AntipodalGrasps:
     """Search for the best antipodal grasp through every vertex of the surface.
 
-    The best grasp has the largest margin: with the smallest critical friction angle plus the
-    angle by which the line between the contacts may turn. The result does not depend on the number
-    of threads.
+    The best grasp has the smallest critical friction angle. The result does not depend on the
+    number of threads.
 
     Args:
         mesh: The surface.
         sampling: Rays, grip, opening limits and tolerance.
         cone: Half-angle of the cone of directions about the inward normals [rad].
         scene: The gripper that must reach the grasps; None: ideal points.
-        ranking: Which uncertainties of the contacts the best grasp depends on.
     """
     with ThreadPoolExecutor(thread_count()) as executor:
-        return _Search(mesh, sampling, cone, executor, scene, ranking).run()
-
-
-def farthest(points: Floats, others: Floats) -> Floats:
-    """Upper bound of the distance from each point (n, 3) to the farthest of others (m, 3)."""
-    corners = np.stack([others.min(axis=0), others.max(axis=0)])
-    centre = corners.mean(axis=0)
-    radius = float(np.linalg.norm(others - centre, axis=1).max())
-    in_box = np.linalg.norm(np.abs(corners[:, None] - points).max(axis=0), axis=1)
-    in_ball = np.linalg.norm(points - centre, axis=1) + radius
-    return np.asarray(np.minimum(in_box, in_ball))
+        return _Search(mesh, sampling, cone, executor, scene).run()
 
 
 @dataclass(eq=False)
@@ -217,7 +172,6 @@ class _Search:
     cone: float
     executor: ThreadPoolExecutor
     scene: Scene | None = None
-    ranking: Ranking = ALIKE
     traced: int = field(default=0, init=False)
     evaluated: int = field(default=0, init=False)
     reach: Reach | None = field(default=None, init=False)
@@ -226,16 +180,14 @@ class _Search:
         mesh, sets = self.mesh, self.mesh.normal_sets
         self.spacing = math.sqrt(2.0 * math.pi * (1.0 - math.cos(self.cone)) / self.sampling.rays)
         self.vertices = mesh.contact_vertices.copy()  # kernels are compiled for such arrays
-        self.limits = pair_limits(mesh, self.sampling, self.cone, self.ranking)
+        self.limits = pair_limits(mesh, self.sampling)
         self.sets = mesh.contact_normals
         self.surface = mesh.contact_surface
         self.origins = Origins(
             self.surface.points, self.sets, sets.centres, tangents(mesh), sets.radii,
             neighbours(mesh), self.cone,
         )  # fmt: skip
-        self.grasps = no_pairs(
-            len(mesh.vertices), STARTS, math.cos(self.spacing), location=self.limits.location,
-        )  # fmt: skip
+        self.grasps = no_pairs(len(mesh.vertices), STARTS, math.cos(self.spacing))
 
     @cached_property
     def tracer(self) -> SurfaceRays:
@@ -278,13 +230,9 @@ class _Search:
     def _is_exact(self) -> bool:
         """Whether the best contacts are found on the faces themselves, without rays.
 
-        For fingers that squeeze, where costs are critical angles and no opening is too small.
+        For fingers that squeeze, where no opening is too small.
         """
-        return (
-            self.sampling.grip == "squeeze"
-            and self.ranking == ALIKE
-            and self.limits.smallest == SMALLEST_OPENING
-        )
+        return self.sampling.grip == "squeeze" and self.limits.smallest == SMALLEST_OPENING
 
     def _run_exactly(self) -> AntipodalGrasps:
         """Find the contact with the smallest critical angle of every vertex, or why it has none."""
@@ -334,27 +282,16 @@ class _Search:
         """With a gripper: replace the grasps by the best ones that it reaches."""
         if self.scene is None:
             return
-        reach = ReachSearch(
-            self.mesh, self.scene, self.cone, self.limits, self.executor,
-            largest_cost(self.cone, self.ranking),
-        )  # fmt: skip
+        reach = ReachSearch(self.mesh, self.scene, self.cone, self.limits, self.executor)
         ideal = self.grasps
         self.grasps = reach.run(ideal, self.tracer, self.origins, squeeze=squeeze)
         self.reach = reach.reach_of(ideal, self.grasps, self.tracer)
 
     def _descend(self) -> None:
-        """Search the whole surface by branch and bound; at creases for the best normals too.
-
-        Over the best normals grasps are known from a search without a ranking.
-        """
-        vertices = self._unfinished(anywhere=True)
+        """Search the whole surface by branch and bound; at creases for the best normals too."""
+        vertices = self._unfinished()
         creases = vertices[self.sets.counts[vertices] != 1]
-        if self.ranking != ALIKE:
-            creases = creases[:0]
-        search = partial(
-            descend, cone=largest_cost(self.cone, self.ranking), domain=self.domain,
-            grasps=self.grasps,
-        )  # fmt: skip
+        search = partial(descend, cone=self.cone, domain=self.domain, grasps=self.grasps)
         for_worst = partial(search, worst=True, gain=GAIN)
         self._in_chunks(for_worst, vertices, self._even(vertices, DESCENDING), (0.45, 0.65))
         for_best = partial(search, worst=False, gain=GAIN_BEST)
@@ -416,28 +353,10 @@ class _Search:
         )
         self._trace(self._unfinished(), neighbour_rays, grasps=before)
 
-    def _unfinished(self, *, anywhere: bool = False) -> Ints:
-        """Vertices whose critical angle is not within the tolerance of 0, its minimum.
-
-        There the opening does not change to first order either, so that the cost is a minimum too:
-        a better grasp can only be elsewhere, with a larger opening.
-
-        Args:
-            anywhere: Whether better grasps elsewhere count.
-        """
+    def _unfinished(self) -> Ints:
+        """Vertices whose critical angle is not within the tolerance of 0, its minimum."""
         smooth = self.mesh.normal_sets.counts[self.vertices] == 1
-        angles = self.grasps.worst[self.vertices]
-        if self.limits.location > 0.0:
-            points = self.surface.points[self.vertices]
-            if anywhere:
-                openings = farthest(points, self.surface.points)
-            else:
-                openings = np.linalg.norm(self.grasps.partner[self.vertices] - points, axis=1)
-            openings = np.minimum(openings, self.limits.largest)
-            with np.errstate(invalid="ignore"):
-                sines = np.nan_to_num(self.limits.location / openings)
-            angles = angles - np.arcsin(np.minimum(sines, 1.0))
-        bound = np.where(smooth, angles, math.inf)
+        bound = np.where(smooth, self.grasps.worst[self.vertices], math.inf)
         return self.vertices[bound > self.sampling.tolerance]
 
     def _trace(

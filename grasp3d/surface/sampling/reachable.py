@@ -45,7 +45,7 @@ ALIKE_GAINS, WAVES, MORE_FAILED = 1e-6, 6, 24
 vertices and then beside those where it found a better grasp; and as `MOST_FAILED`."""
 
 STEP = math.radians(1.0)
-"""Difference of costs that is worth another search, and from which it tests contacts near one that
+"""Difference of angles that is worth another search, and from which it tests contacts near one that
 is not reached [rad]."""
 
 SPACING, LARGEST_SPACING = 0.5, 1.0 / 16.0
@@ -56,9 +56,7 @@ sizes."""
 OF_WORST = ("worst", "closing", "partner", "partner_normal", "signs", "reason")
 OF_BEST = ("best", "closing_best", "signs_best")
 CACHED = ("starts", "start_angles", "start_signs")
-UNCERTAINTIES = ("location", "first_extra", "second_extra")
-"""Fields of `BestPairs` of the grasp of `worst`, of that of `best`, of the cache, and of what is
-not known about the contacts."""
+"""Fields of `BestPairs` of the grasp of `worst`, of that of `best`, and of the cache."""
 
 
 class Pairs(NamedTuple):
@@ -81,12 +79,10 @@ class ReachSearch:
     mesh: ObjectMesh
     scene: Scene
     cone: float
-    """Largest critical angle [rad]."""
+    """Largest critical angle that is searched for [rad]."""
     limits: PairLimits
-    """Openings and location error."""
+    """Openings."""
     executor: ThreadPoolExecutor
-    most: float
-    """Largest cost that is searched for [rad]."""
 
     def __post_init__(self) -> None:
         mesh, scene = self.mesh, self.scene
@@ -202,10 +198,10 @@ class ReachSearch:
         and then beside each vertex where a better grasp is found. It is kept beside what is known:
         no grasp becomes worse.
         """
-        count, costs = len(reached.worst), np.minimum(reached.worst, self.most)
+        count, bounds = len(reached.worst), np.minimum(reached.worst, self.cone)
         gains, around = np.zeros((2, count))
         chance = np.random.default_rng(0).random(len(missing))
-        gains[missing] = (costs - ideal.worst)[missing] + ALIKE_GAINS * chance
+        gains[missing] = (bounds - ideal.worst)[missing] + ALIKE_GAINS * chance
         owners, others = np.repeat(np.arange(count), np.diff(neighbours[0])), neighbours[1]
         np.maximum.at(around, owners, gains[others])
         waits = gains > STEP
@@ -213,7 +209,7 @@ class ReachSearch:
         for _ in range(WAVES):
             found = np.zeros(count, dtype=bool)
             found[wave] = self._keep_partners(
-                np.flatnonzero(wave), reached, MORE_FAILED, costs=costs[wave], step=STEP
+                np.flatnonzero(wave), reached, MORE_FAILED, bounds=bounds[wave], step=STEP
             )
             waits &= ~wave
             wave = waits & np.isin(np.arange(count), owners[found[others]])
@@ -225,7 +221,7 @@ class ReachSearch:
         most_failed: int,
         *,
         worst: bool = True,
-        costs: Floats | None = None,
+        bounds: Floats | None = None,
         step: float = math.inf,
     ) -> Bools:
         """Search for the best opposing contacts that are reached, and keep those that are better.
@@ -237,26 +233,27 @@ class ReachSearch:
             reached: Grasps that are reached; written.
             most_failed: Contacts of a vertex that are tested and not reached, before it ends.
             worst: Whether the best are those over the worst normals of the vertex.
-            costs: Costs that are to be improved [rad] (n,), None: all that are searched for.
-            step: Difference of costs from which contacts near one that is not reached are tested.
+            bounds: Critical angles that are to be improved [rad] (n,), None: all that are
+                searched for.
+            step: Difference of angles from which contacts near one that is not reached are tested.
 
         Returns:
             Whether a contact is found (n,).
         """
-        faces = np.full((len(vertices), 1), -1, dtype=np.int64)
-        weights = np.zeros((len(vertices), 1, 3))
-        limit = np.full(len(vertices), self.most) if costs is None else costs
+        faces = np.full(len(vertices), -1, dtype=np.int64)
+        weights = np.zeros((len(vertices), 3))
+        limit = np.full(len(vertices), self.cone) if bounds is None else bounds
 
         def work(rows: slice, beside: Any) -> None:
             faces[rows], weights[rows] = search_reachable(
-                vertices[rows], worst, limit[rows], step, self.spacing, 1, most_failed,
-                self.domain, beside,
+                vertices[rows], worst, limit[rows], step, self.spacing, most_failed, self.domain,
+                beside,
             )  # fmt: skip
 
         self._in_chunks(work, len(vertices))
         signs = np.ones(len(vertices), dtype=np.int8)
-        self._keep(Pairs(vertices, signs, faces[:, 0], weights[:, 0]), reached)
-        return faces[:, 0] >= 0
+        self._keep(Pairs(vertices, signs, faces, weights), reached)
+        return faces >= 0
 
     def _keep(self, pairs: Pairs, reached: BestPairs, results: ReachResults | None = None) -> None:
         """Keep those of some grasps that are reached and better than the known ones.
@@ -327,8 +324,7 @@ def _copy(source: BestPairs, target: BestPairs, mask: Bools, names: tuple[str, .
 
 def _nothing_found(grasps: BestPairs) -> BestPairs:
     """Grasps of as many vertices, none found yet; the reasons are those known."""
-    uncertainties = {name: getattr(grasps, name) for name in UNCERTAINTIES}
-    nothing = no_pairs(len(grasps.worst), 1, grasps.distinct_cosine, **uncertainties)
+    nothing = no_pairs(len(grasps.worst), 1, grasps.distinct_cosine)
     unreached = np.where(grasps.reason == FOUND, NOT_REACHED, grasps.reason)
     return nothing._replace(reason=unreached.astype(np.uint8))
 

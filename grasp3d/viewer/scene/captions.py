@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from grasp3d.arrays import Bytes
 from grasp3d.grasps.explanations import UNSEARCHED, finger_words
 from grasp3d.settings import sampling_kind
-from grasp3d.settings.model_text import error_texts
+from grasp3d.settings.model_text import friction_text, location_texts
 from grasp3d.stability.label import MEANING, Label, Mode
 from grasp3d.viewer.scene.overlays import (
     INK,
@@ -128,11 +128,8 @@ def _placeholder(session: Session) -> str:
 def _caption(session: Session, subject: Subject) -> tuple[str, ...]:
     model = session.model
     resolution = f"α {round(math.degrees(model.sensor_resolution), 2):g}°"
-    friction = f"μ {round(model.friction, 4):g}"
-    if model.friction_error > 0.0:
-        friction += f" ± {round(model.friction_error, 4):g}"
     unit, limit, scene = subject.mesh.unit, session.state.max_opening, session.scene
-    parts = [resolution, friction, *error_texts(model, unit)]
+    parts = [resolution, f"μ {friction_text(model)}", *location_texts(model, unit)]
     if subject.hand_grasps is not None:
         return (*parts, f"hand {subject.hand_grasps.hand.name}")
     parts.append(finger_words(model.fingers))

@@ -140,15 +140,6 @@ def _chosen(name: str, kind: Callable[[Any], Any], **options: Any) -> Control:
     return Control(read, lambda session, value: session.change(**{name: kind(value)}), **options)
 
 
-def _angle(name: str, below: float, **options: Any) -> Control:
-    """Control of an angle of the model."""
-    return Control(
-        lambda session: _degrees(getattr(session.state.model, name)),
-        lambda session, value: session.change(**{name: _number(value, below=below) * DEGREE}),
-        **options,
-    )
-
-
 def _of_section(name: str, kind: Callable[[Any], Any], **options: Any) -> Control:
     """Control of a field of the section, if there is one."""
 
@@ -191,8 +182,6 @@ def _degrees(angle: float) -> float:
     return round(math.degrees(angle), 9)
 
 
-_shows_errors = attrgetter("state.show_errors")
-
 AXES = ("off", *get_args(Axis))
 
 PAINTS: dict[Paint, str] = {
@@ -209,8 +198,11 @@ PAINTS: dict[Paint, str] = {
 """Quantities that colours can show, as they are listed."""
 
 CONTROLS: dict[str, Control] = {
-    "friction": _chosen(
-        "friction", lambda value: _number(value, above=0.0, below=MAX_FRICTION),
+    "friction": Control(
+        attrgetter("state.model.nominal_friction"),
+        lambda session, value: session.change(
+            friction=_number(value, above=0.0, below=MAX_FRICTION)
+        ),
         valid=f"friction must be a number above 0 and below {MAX_FRICTION:,.0f}",
         keys={
             "Left": lambda now: max(FRICTION_STEP, round(now - FRICTION_STEP, 10)),
@@ -219,11 +211,14 @@ CONTROLS: dict[str, Control] = {
         of_keys="friction μ",
         page=Field(
             "friction μ", "Friction coefficient μ", 1.5,
-            limits=lambda session: (session.state.model.friction_error + LEAST_FRICTION, None),
+            limits=lambda _: (LEAST_FRICTION, None),
         ),
     ),
-    "resolution": _angle(
-        "sensor_resolution", 180.0,
+    "resolution": Control(
+        lambda session: _degrees(session.state.model.sensor_resolution),
+        lambda session, value: session.change(
+            sensor_resolution=_number(value, below=180.0) * DEGREE
+        ),
         valid="sensor resolution must be from 0 to below 180 degrees",
         keys={
             "Down": lambda now: max(0.0, now - RESOLUTION_STEP),
@@ -240,29 +235,11 @@ CONTROLS: dict[str, Control] = {
         },
         of_keys="colours: S M U, β*, α*, ε, ε_min, approach, grip force, payload, margin",
     ),
-    "show_errors": _chosen(
-        "show_errors", bool,
-        keys={"e": not_}, of_keys="choose errors of friction, normals and locations",
-        page=Field("errors of friction, normals and locations"),
-    ),
-    "friction_error": _chosen(
-        "friction_error", _number,
-        valid="friction error must be a number of at least 0 and below the friction",
-        page=Field(
-            "friction error ±", "Friction error", 0.5, shown=_shows_errors,
-            limits=lambda session: (0.0, session.state.model.friction - LEAST_FRICTION),
-        ),
-    ),
-    "normal_error": _angle(
-        "normal_error", 90.0,
-        valid="normal error must be from 0 to below 90 degrees",
-        page=Field("normal error", "Normal error in degrees", 20.0, 0.1, "°", shown=_shows_errors),
-    ),
     "location_error": _chosen(
         "location_error", _number,
         valid="location error must be a number of at least 0",
         page=Field(
-            "location error", "Location error", 0.05, 0.001, of_size=True, shown=_shows_errors,
+            "location error", "Location error", 0.05, 0.001, of_size=True,
             problem=lambda session: session.location_problem,
         ),
     ),

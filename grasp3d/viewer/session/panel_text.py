@@ -16,7 +16,6 @@ from grasp3d.viewer.session.painting import (
     labels_at,
     ramp_of,
 )
-from grasp3d.viewer.session.planning import ranked_otherwise
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.subjects.subject import Subject
 
@@ -130,12 +129,7 @@ def _notes(session: Session) -> Iterator[str]:
     if state.fixed and missing > 0:
         more = f"{missing} more {noun(missing, 'fingers')}"
         yield f"fix {more}: these are labels for {len(state.fixed) + 1} fingers"
-    if not state.fixed and ranked_otherwise(subject, state):
-        yield (
-            "these are the best grasps for another location error, until a search has found those "
-            "for this one"
-        )
-    if session.model.certainty == "safe":
+    if session.model.location_error != 0.0:
         yield f"labels are safe: {SAFE_LABELS}"
     if subject.hand_grasps is None and not subject.covers(session.model):
         yield (

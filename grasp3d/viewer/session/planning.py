@@ -20,7 +20,7 @@ from grasp3d.viewer.session.computations import (
 )
 from grasp3d.viewer.session.painting import FORCE_PAINTS, same_settings
 from grasp3d.viewer.session.state import FixedPoints, ViewState
-from grasp3d.viewer.subjects.subject import PAIR, Subject
+from grasp3d.viewer.subjects.subject import Subject
 
 if TYPE_CHECKING:
     from grasp3d.viewer.session.collection import Item
@@ -64,7 +64,7 @@ def next_job(
 ) -> SubjectJob | None:
     """The next job; None: everything is computed.
 
-    The first word of a job's key is its kind: open, save, scan, search, wider, alternatives,
+    The first word of a job's key is its kind: open, save, scan, search, wider,
     located, epsilon or forces; the rest is all that its result depends on.
 
     Args:
@@ -176,7 +176,7 @@ def limited_sampling(sampling: AnySampling, state: ViewState) -> AnySampling:
 def _search_job(
     subject: Subject, state: ViewState, sampling: AnySampling, number: int
 ) -> SubjectJob | None:
-    """Search for other fingers or limits, a wider cone, or another location error."""
+    """Search for other fingers or limits, or a wider cone."""
     search = limited_sampling(sampling, state)
     wide = not subject.covers(state.model)
     if needs_search(subject, state, sampling):
@@ -186,22 +186,7 @@ def _search_job(
     if wide:
         run = partial(search_wider, subject, state.model, search)
         return Job(("wider", number, search), "searching grasps", run, DELAY)
-    if ranked_otherwise(subject, state):
-        run = partial(search_grasps, subject, state.model, search)
-        errors = ("search", number, state.model.fingers, search, state.model.location_error)
-        return Job(errors, "searching grasps for this location error", run, DELAY)
     return None
-
-
-def ranked_otherwise(subject: Subject, state: ViewState) -> bool:
-    """Whether the grasps are the best grasps for another location error than is chosen.
-
-    A location error affects wide grasps of two fingers less, so that others may be the best.
-    Meanwhile the labels are those of the known grasps.
-    """
-    if subject.labels.mode == "scan" or subject.labels.model.fingers != PAIR:
-        return False
-    return subject.labels.model.location_error != state.model.location_error
 
 
 def _located_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:

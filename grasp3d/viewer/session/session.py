@@ -28,7 +28,7 @@ from grasp3d.viewer.session.planning import (
     needs_search,
     next_job,
 )
-from grasp3d.viewer.session.state import ViewState, changed_state, has_errors
+from grasp3d.viewer.session.state import ViewState, changed_state
 from grasp3d.viewer.subjects.subject import NO_LABELS, Subject
 from grasp3d.viewer.view_settings import Paint, ViewSettings
 
@@ -78,7 +78,6 @@ class Session:
             max_opening=collection.sampling.max_opening,
             paint=settings.paint,
             vertex=settings.vertex,
-            show_errors=has_errors(collection.model),
         )
         self.revision = 0
         self.steps = 0

@@ -14,8 +14,7 @@ from grasp3d.viewer.view_settings import Paint
 Axis = Literal["x", "y", "z"]
 Click = Literal["inspect", "fix"]
 OF_MODEL: dict[str, type] = {
-    "friction": float, "sensor_resolution": float, "fingers": int, "friction_error": float,
-    "normal_error": float, "location_error": float,
+    "friction": float, "sensor_resolution": float, "fingers": int, "location_error": float,
 }  # fmt: skip
 """Fields of the model that a user changes one by one, and their types."""
 FixedPoints = tuple[tuple[float, float, float], ...]
@@ -70,8 +69,6 @@ class ViewState:
     """Whether the gripper is drawn at the inspected grasp, if there is one."""
     show_table: bool = True
     """Whether the table is drawn, if there is one."""
-    show_errors: bool = False
-    """Whether the errors of friction, normals and locations are chosen, besides the resolution."""
     fixed: FixedPoints = ()
     """Contact points of the fixed fingers; none: every vertex has its best grasp."""
 
@@ -83,11 +80,6 @@ class ViewState:
         points = np.asarray(self.fixed or np.zeros((1, 3)), dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
             raise SettingError("fixed fingers must be points of three finite coordinates each")
-
-
-def has_errors(model: GraspModel) -> bool:
-    """Whether a model has other errors than the sensor resolution."""
-    return model.location_error != 0.0 or max(model.friction_error, model.normal_error) > 0.0
 
 
 def changed_state(state: ViewState, changes: Mapping[str, Any]) -> ViewState:

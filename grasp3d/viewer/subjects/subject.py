@@ -15,7 +15,7 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import FaceRays
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.settings import GraspModel, search_cone
-from grasp3d.stability.located_angles import ContactLimits, located_contacts
+from grasp3d.stability.locations import line_turns
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import vertex_weights
@@ -134,10 +134,15 @@ class Subject:
             Rows of the mesh's corner normals, and their angles, shape (k,) each [rad].
         """
         rows, grasps, critical = self._creased
-        limits, vertices = ContactLimits.of(model), self.mesh.corner_normals.vertices
+        vertices = self.mesh.corner_normals.vertices
         worst, best = (angles[vertices[rows]] for angles in self.angles(model))
-        own = located_contacts(grasps, critical, limits)
-        return rows, np.clip(own[0], best, worst), np.clip(own[1], best, worst)
+        if model.location_error == 0.0:
+            own = np.clip(critical, best, worst)
+            return rows, own, own
+        if grasps.count != PAIR:  # those of single normals are not known
+            return rows, worst, best
+        turn = line_turns(grasps.points, 2.0 * model.location_error)
+        return rows, np.clip(critical + turn, best, worst), np.clip(critical - turn, best, worst)
 
     @cached_property
     def _creased(self) -> tuple[Ints, Contacts, Floats]:

@@ -98,7 +98,8 @@ def _controls(session: Session) -> list[dict[str, Any]]:
 def _name(session: Session, name: str, text: str) -> str:
     """Name of a control, with all friction that may be true if it is uncertain."""
     model = session.state.model
-    uncertain = name == "friction" and model.friction_error > 0.0
+    smallest, largest = model.friction_interval
+    uncertain = name == "friction" and smallest < largest
     return f"{text}, {interval_text(model)}" if uncertain else text
 
 
