@@ -30,10 +30,8 @@ from grasp3d.hand.frames import AUTO
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
-from grasp3d.quality.loads import Load
 from grasp3d.quality.measures import metric_names
 from grasp3d.settings import GraspModel, with_fingers
-from grasp3d.surface.load_case import loaded_mesh
 from grasp3d.system.names import safe_stem
 
 PICTURED = 12
@@ -107,7 +105,7 @@ def _evaluate_poses(command: Evaluate, output: Path) -> Mapping[str, Floats] | N
         command.contacts, command.file, command.mesh, hand=command.reach.hand, **_of_poses(command)
     )
     model = command.reach.touching(command.model)
-    mesh, load = _loaded(command, mesh, model)
+    _refuse_lengths(command, mesh, model)
     scene = Scene.of(command.reach, mesh)
     assert scene is not None
     with progress_bars.progress(f"evaluating {command.contacts.name}", quiet=command.quiet):
@@ -115,7 +113,9 @@ def _evaluate_poses(command: Evaluate, output: Path) -> Mapping[str, Floats] | N
             poses = explained(mesh, poses, scene.hand, table=scene.table)
         chosen = ("object_motion", "contact_rule", "contact_distance")
         options: dict[str, Any] = {name: getattr(command, name) for name in chosen}
-        results: Any = evaluate_grasps(mesh, poses, model, load=load, scene=scene, **options)
+        results: Any = evaluate_grasps(
+            mesh, poses, model, load=command.load.chosen, scene=scene, **options
+        )
     metrics = None if command.metrics is None else results.metrics(command.metrics)
     progress_bars.measure(lambda: results.epsilon, "measuring epsilon", quiet=command.quiet)
     write_grasps(output, results, metrics=metrics)
@@ -160,7 +160,8 @@ def _evaluate_contacts(command: Evaluate, output: Path) -> Mapping[str, Floats] 
         parts = iter([(1.0, read_contacts(command.contacts))])
     first = next(parts)
     model = with_fingers(command.model, first[1].shape[1])
-    mesh, load = _loaded(command, load_mesh(command.file, command.mesh), model)
+    mesh, load = load_mesh(command.file, command.mesh), command.load.chosen
+    _refuse_lengths(command, mesh, model)
     evaluated = EvaluatedParts(mesh, model, max_distance=command.max_distance, load=load)
     with progress_bars.progress(f"evaluating {command.contacts.name}", quiet=command.quiet):
         tables = evaluated.evaluate(chain([first], parts))
@@ -173,11 +174,6 @@ def _evaluate_contacts(command: Evaluate, output: Path) -> Mapping[str, Floats] 
     return metrics
 
 
-def _loaded(
-    command: Evaluate, mesh: ObjectMesh, model: GraspModel
-) -> tuple[ObjectMesh, Load | None]:
-    """The mesh and the load, with plausible lengths."""
-    mesh, load = loaded_mesh(mesh, command.load.chosen)
+def _refuse_lengths(command: Evaluate, mesh: ObjectMesh, model: GraspModel) -> None:
     if not command.force:
-        refuse_lengths(mesh, model, load, max_distance=command.max_distance)
-    return mesh, load
+        refuse_lengths(mesh, model, max_distance=command.max_distance)

@@ -13,7 +13,6 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.quality.force_ranges import Certainty
-from grasp3d.quality.task_texts import TaskText
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import Measure, Unit, small_length
 from grasp3d.settings.model_text import SAFE_LABELS, friction_text
@@ -331,8 +330,7 @@ def print_load(report: Report, holding: Holding | None, areas: Floats | None = N
     if holding is None:
         return
     mass = "mass not given" if holding.mass is None else f"{short_number(holding.mass)} kg"
-    task = holding.case.load.task
-    text = escaped(str(task)) if isinstance(task, TaskText) else "a given task"
+    text = escaped(str(holding.case.load.task))
     force = holding.case.at_hand
     per_finger = f"{force} per finger" if force else "none given"
     report.line(f"[bold]load[/]: {mass}, {text}; force at hand: {per_finger}")

@@ -18,7 +18,6 @@ from grasp3d.export.vtp import read_vtp
 from grasp3d.hand.reach import Reach
 from grasp3d.mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.normals import CornerNormals
-from grasp3d.mesh.repair.bodies import Solids
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.force_ranges import Certainty
@@ -200,18 +199,9 @@ def _read_mesh(stored: Stored, settings: FileSettings, unit: Unit | None) -> Obj
         stored.reject(f"its mesh is damaged ({' '.join(str(error).split())[:200]})")
     if mesh.unit is None and unit is not None:
         mesh = replace(mesh, report=replace(mesh.report, unit=unit))
-    if settings.has_load and settings.load is None:
-        warnings = (*mesh.report.warnings, UNREADABLE_TASK)
-        mesh = replace(mesh, report=replace(mesh.report, warnings=warnings))
     if mesh.options.region is not None:
         mesh = replace(mesh, region=locked(stored.field("reason") != Reason.EXCLUDED))
     return mesh
-
-
-UNREADABLE_TASK = (
-    "its load has a task that was made in Python and cannot be read again, so that its grip forces "
-    "are left out"
-)
 
 
 def _complete_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
@@ -242,7 +232,6 @@ def _complete_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
         volume=float(surface["volume"]),
         options=settings.options,
         report=MeshReport(**{**report, "repairs": steps, "warnings": tuple(report["warnings"])}),
-        solids=_solids(surface),
     )
     if mesh.unit != settings.unit:
         raise ValueError(f"its unit is {mesh.unit} and {settings.unit}")
@@ -256,11 +245,3 @@ def _numbers(values: Any, shape: tuple[int, ...]) -> Floats:
     if numbers.shape != shape or not np.isfinite(numbers).all():
         raise ValueError(f"{str(values)[:60]} are not {math.prod(shape)} finite numbers")
     return numbers
-
-
-def _solids(surface: dict[str, Any]) -> Solids | None:
-    volumes, centers = surface["solid_volumes"], surface["solid_centers"]
-    if volumes is None:
-        return None
-    count = len(volumes)
-    return Solids(locked(_numbers(volumes, (count,))), locked(_numbers(centers, (count, 3))))

@@ -66,9 +66,7 @@ class FileSettings:
     scene: Scene | None = None
     """The gripper that must reach each grasp, and the table; None: ideal points."""
     load: Load | None = None
-    """What each grasp must hold; None: nothing, or its task cannot be read again."""
-    has_load: bool = False
-    """Whether there is a load, be its task known or not."""
+    """What each grasp must hold; None: nothing."""
 
 
 def settings_from(texts: Mapping[str, str]) -> FileSettings:
@@ -103,7 +101,6 @@ def settings_from(texts: Mapping[str, str]) -> FileSettings:
             file_vertices=int(values["file_vertices"]),
             scene=_scene(values),
             load=load_from(values),
-            has_load="object_mass" in values,
         )
     except KeyError as error:
         raise ValueError(f"there is no comment {error.args[0]!r}") from error
@@ -302,7 +299,7 @@ def check_stored(stored: Stored, settings: FileSettings) -> None:
         "always": True,
         "errors": settings.model.location_error != 0.0,
         "gripper": settings.scene is not None,
-        "load": settings.has_load,
+        "load": settings.load is not None,
     }
     for field in FIELDS.values():
         if present[field.when] and field.name not in OPTIONAL:

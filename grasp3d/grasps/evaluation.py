@@ -43,7 +43,7 @@ from grasp3d.surface.contacts import JawContacts, SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelled_grasps import LabelledGrasps
-from grasp3d.surface.load_case import LoadCase, loaded_mesh
+from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.rows import rows_where
 from grasp3d.system.context import refuse_warnings, report_progress, within
 
@@ -249,7 +249,6 @@ def evaluate_contacts(
     `first` is the number of grasps before these in their file, for messages.
     """
     mesh, positions = load_mesh(mesh), _checked(points)
-    mesh, load = loaded_mesh(mesh, load)
     (own_model,) = mesh.in_own_unit(model or GraspModel())
     own_model = with_fingers(own_model, positions.shape[1])
     given_limit = OFF_SURFACE * mesh.size if max_distance is None else max_distance
@@ -382,7 +381,6 @@ def evaluate_poses(
     hand = scene.hand
     mesh = in_stated_scale(load_mesh(mesh), poses)
     reach = hand.size / metres_per_unit(mesh)
-    mesh, load = loaded_mesh(mesh, load)
     assert mesh.unit is not None
     start = poses.scaled(1.0, mesh.unit) if poses.unit is None else poses.in_unit(mesh.unit)
     _check_external(start)

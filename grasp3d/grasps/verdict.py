@@ -23,7 +23,6 @@ from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.loads import Load
-from grasp3d.quality.task_texts import TaskText
 from grasp3d.settings import Sampling
 from grasp3d.stability.label import Label
 from grasp3d.surface.closed_grasps import UNKNOWN, ClosedGrasps
@@ -112,9 +111,8 @@ class HoldingVerdict:
             payload = float(np.nanmax(holding.payload, initial=0.0))
         enough = None if holding.available is None else needed <= holding.available
         task, pure = holding.case.load.task, not holding.case.by_mass
-        text = str(task) if isinstance(task, TaskText) else "the given task"
         mass = None if pure else holding.mass
-        around = "in any orientation" if task == Load().task else f"against {text}"
+        around = "in any orientation" if task == Load().task else f"against {task}"
         kilograms = "each kilogram" if mass is None else f"{short_number(mass)} kg"
         reason = ""
         turned = holding.resistance == Resistance.NO_SUCH_WRENCH  # none: False
@@ -129,7 +127,7 @@ class HoldingVerdict:
             available=holding.available,
             needed=needed,
             payload=payload,
-            what=f"resist {text}" if pure else f"hold {kilograms} {around}",
+            what=f"resist {task}" if pure else f"hold {kilograms} {around}",
             reason=reason,
         )
 

@@ -65,21 +65,6 @@ def surface_extent(vertices: Floats, faces: Ints) -> tuple[Floats, float]:
     return middle + offset, float(2.0 * radius)
 
 
-def mass_center(vertices: Floats, faces: Ints) -> tuple[float, Floats]:
-    """Volume of a closed surface, and its centre of mass at uniform density, shape (3,).
-
-    Args:
-        vertices: Positions (V, 3).
-        faces: Faces (F, 3), closed, of a volume other than 0.
-    """
-    middle = vertices[faces].mean(axis=(0, 1))
-    centred = vertices - middle
-    pieces = Triangles(centred, faces).volumes
-    volume = float(pieces.sum())
-    corners = centred[faces].sum(axis=1) / 4.0
-    return volume, middle + (pieces[:, None] * corners).sum(axis=0) / volume
-
-
 def edges_of(faces: Ints) -> Edges:
     """Find the undirected edges of faces (F, 3)."""
     start, end = faces, np.roll(faces, -1, axis=1)

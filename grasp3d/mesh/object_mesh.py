@@ -12,7 +12,6 @@ from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows, used_indices
 from grasp3d.mesh.measures import face_areas, paired_edges
 from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins, normal_sets
-from grasp3d.mesh.repair.bodies import Solids
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.touched_surface import touched_surface
 from grasp3d.settings import MeshOptions
@@ -50,7 +49,7 @@ class MeshReport:
     closed: bool
     """Whether the faces bound a volume: equally many run along every edge in both directions."""
     center_mass_from: str
-    """'volume' (uniform density) or, if the mesh is open, 'surface'; 'given', or 'densities'."""
+    """'volume' (uniform density) or, if the mesh is open, 'surface'; or 'given'."""
     repairs: tuple[RepairStep, ...]
     """What was changed; one sentence each as text."""
     warnings: tuple[str, ...]
@@ -93,9 +92,6 @@ class ObjectMesh:
     options: MeshOptions
     """How the mesh was read and prepared."""
     report: MeshReport
-    solids: Solids | None = None
-    """The file's closed bodies in the normalised frame, before those that touch are united; None:
-    there are too many to give each a density."""
     region: Bools | None = None
     """Mask of the vertices in the part of the surface where contacts may be, by the option
     `region`, shape (V,); None: all of it."""

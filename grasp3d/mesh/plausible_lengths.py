@@ -217,7 +217,6 @@ RANGES = {
     "min_separation": PART,
     "torsion_radius": PART,
     "location_error": PlausibleRange(0.0, 0.0, 1.0, usual=0.02, example="2mm"),
-    "center_of_mass_radius": PlausibleRange(0.0, 0.0, 1.0, usual=0.05, example="5mm"),
     "max_distance": PlausibleRange(0.0, 0.0, 1.0, usual=0.02, example="2mm"),
 }
 """Ranges by the name of the setting; others may have any length."""

@@ -16,7 +16,6 @@ from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.plausible_lengths import impossible_size, unit_warning
 from grasp3d.mesh.refinement import check_refinement, longest_edge, refine
 from grasp3d.mesh.region import restricted
-from grasp3d.mesh.repair.bodies import Solids
 from grasp3d.mesh.repair.work import MOST_ROUNDING, RepairedSurface, repair_surface
 from grasp3d.mesh.work_bounds import bounds_of
 from grasp3d.reading.sources import RawMesh
@@ -196,7 +195,6 @@ def refined_mesh(source: RawMesh, repaired: RepairedSurface, options: MeshOption
             repairs=repaired.steps,
             warnings=(*warnings, *repaired.warnings),
         ),
-        solids=_normalized(repaired.solids, center, size),
     )
     return restricted(mesh, options)
 
@@ -286,10 +284,3 @@ def _center_warnings(surface: Triangles, center_mass: Floats, *, given: bool) ->
             f"the centre of mass is outside the object's bounding box by {beyond:.3g} of its "
             f"size: {reason}"
         )
-
-
-def _normalized(solids: Solids | None, center: Floats, size: float) -> Solids | None:
-    """Solids in the normalised frame."""
-    if solids is None:
-        return None
-    return Solids(locked(solids.volumes / size**3), locked((solids.centers - center) / size))

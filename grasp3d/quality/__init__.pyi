@@ -21,7 +21,6 @@ from .measures import metric_names as metric_names
 from .measures import metrics as metrics
 from .task_texts import parse_task as parse_task
 from .tasks import Acceleration as Acceleration
-from .tasks import Ellipsoid as Ellipsoid
 from .tasks import Task as Task
 from .tasks import Weight as Weight
 from .tasks import Wrenches as Wrenches

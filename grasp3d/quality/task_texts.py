@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from grasp3d.errors import SettingError
 from grasp3d.settings.checks import parse_angle
 from grasp3d.settings.parsing import ParsedField, TextValue
+from grasp3d.system.documents import problem_of_file
 from grasp3d.system.names import printable
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ AXES = {
 
 KNOWN = (
     "weight, weight within DEGREES of AXIS, acceleration NUMBER, wrench FX,FY,FZ,TX,TY,TZ, "
-    "FILE.csv, ellipsoid FILE.csv, and several joined by ' + '"
+    "FILE.csv, and several joined by ' + '"
 )
 
 _JOINED = re.compile(r"\s\+\s")
@@ -66,6 +67,8 @@ def read_wrenches(path: Path) -> tuple[Row, ...]:
     """
     name = printable(str(path))
     try:
+        if problem := problem_of_file(path):
+            raise SettingError(f"{name}: {problem}")
         if path.stat().st_size > LARGEST_FILE:
             raise SettingError(f"{name}: is too large for a file of {MAX_WRENCHES} wrenches")
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -114,9 +117,9 @@ class _Part:
 
     text: str
     kind: str
-    """weight, acceleration, wrench or ellipsoid."""
+    """weight, acceleration or wrench."""
     rows: tuple[Row, ...] = ()
-    """Weight: the direction of gravity; acceleration: its size; others: rows of six numbers."""
+    """Weight: the direction of gravity; acceleration: its size; wrench: rows of six numbers."""
     within: float = 0.0
     """Weight: the angle from the direction [rad]."""
     file: str = ""
@@ -137,8 +140,8 @@ class TaskText(TextValue):
         >>> from grasp3d.quality.task_texts import TaskText
         >>> TaskText.of(" weight + wrench 0,0,-5,0,0,0 ")
         'weight + wrench 0,0,-5,0,0,0'
-        >>> [path.name for path in TaskText.of("weight + pushes.csv + ellipsoid noise.csv").files]
-        ['pushes.csv', 'noise.csv']
+        >>> [path.name for path in TaskText.of("weight + pushes.csv").files]
+        ['pushes.csv']
         >>> TaskText.of("wrench 0,0,-5")
         Traceback (most recent call last):
             ...
@@ -168,7 +171,7 @@ finite numbers; got '0,0,-5'
 
     def checked(self) -> "TaskText":
         """The same; raises SettingError if it is empty, or has too many wrenches."""
-        rows = (part.rows for part in self.parts if part.kind in {"wrench", "ellipsoid"})
+        rows = (part.rows for part in self.parts if part.kind == "wrench")
         count = sum(map(len, rows))
         if count > MAX_WRENCHES:
             raise SettingError(f"a task may have at most {MAX_WRENCHES} wrenches; got {count}")
@@ -204,62 +207,51 @@ finite numbers; got '0,0,-5'
         self,
         *,
         mass: float = 1.0,
-        center_radius: float = 0.0,
         metres_per_unit: float | None = None,
         source: str = "the mesh",
     ) -> "Task":
         """The task that it describes; see `parse_task`."""
-        from grasp3d.quality.tasks import Acceleration, Ellipsoid, Weight, Wrenches
+        from grasp3d.quality.tasks import Acceleration, Weight, Wrenches
 
         def build(part: _Part) -> "Task":
             if part.kind == "weight":
                 axis = part.rows[0] if part.rows else None
-                return Weight(mass, center_radius, axis, part.within)  # type: ignore[arg-type]
+                return Weight(mass, axis, part.within)  # type: ignore[arg-type]
             if part.kind == "acceleration":
-                return Acceleration(mass, center_radius, part.rows[0][0])
-            kind = Wrenches if part.kind == "wrench" else Ellipsoid
+                return Acceleration(mass, part.rows[0][0])
             rows = ((*row[:3], *_torque(row[3:], metres_per_unit, source)) for row in part.rows)
-            return kind(list(rows))
+            return Wrenches(list(rows))
 
         return reduce(add, map(build, self.with_files_read().parts))
 
 
-class TaskField(ParsedField["TaskText | Task", "str | TaskText | Task"]):
-    """A field of settings that holds a task, as a text (see `parse_task`) or a `Task`."""
+class TaskField(ParsedField["TaskText", "str | TaskText"]):
+    """A field of settings that holds a task, given as a text; see `parse_task`."""
 
-    def parse(self, _name: str, value: Any) -> "TaskText | Task":
+    def parse(self, _name: str, value: Any) -> "TaskText":
         """See `ParsedField.parse`."""
         if isinstance(value, TaskText):
             return value
-        if isinstance(value, str):
-            return TaskText.of(value)
-        from grasp3d.quality.tasks import Task
-
-        if not isinstance(value, Task):
-            raise SettingError(f"task must be a text, such as 'weight', or a Task; got {value!r}")
-        return value
+        if not isinstance(value, str):
+            raise SettingError(f"task must be a text, such as 'weight'; got {value!r}")
+        return TaskText.of(value)
 
 
 def parse_task(
     text: str,
     *,
     mass: float = 1.0,
-    center_radius: float = 0.0,
     metres_per_unit: float | None = None,
     source: str = "the mesh",
 ) -> "Task":
     """Make the task that a text describes.
 
-    Weight and acceleration act at centres of mass that are uncertain each by itself, which is safe.
-
     Args:
         text: weight; weight within DEGREES of AXIS; acceleration NUMBER [m/s^2]; wrench
-            FX,FY,FZ,TX,TY,TZ [N, N m], several separated by semicolons; a file of wrenches;
-            ellipsoid FILE, whose rows are semi-axes; or several joined by ' + '. An axis is x, y,
-            z, -x, -y or -z of the contacts' frame, or three numbers with commas.
+            FX,FY,FZ,TX,TY,TZ [N, N m], several separated by semicolons; a file of wrenches; or
+            several joined by ' + '. An axis is x, y, z, -x, -y or -z of the contacts' frame, or
+            three numbers with commas.
         mass: Mass of the object [kg].
-        center_radius: Radius of the ball in which the centre of mass lies [unit of the contacts'
-            points].
         metres_per_unit: Unit of the contacts' points [m]; None: it is not known.
         source: Name of the mesh, for the error.
 
@@ -274,9 +266,7 @@ def parse_task(
         >>> print(f"{task.support([0, 0, 0, 0, 0, 1]):.0f} N mm")
         100 N mm
     """
-    return TaskText.of(text).task(
-        mass=mass, center_radius=center_radius, metres_per_unit=metres_per_unit, source=source
-    )
+    return TaskText.of(text).task(mass=mass, metres_per_unit=metres_per_unit, source=source)
 
 
 def _torque(torque: Row, metres: float | None, source: str) -> Row:
@@ -294,8 +284,8 @@ def _torque(torque: Row, metres: float | None, source: str) -> Row:
 def _with_rows(part: _Part) -> _Part:
     """A part with the rows of its file, and as text that needs no file."""
     rows = read_wrenches(Path(part.file))
-    text = f"{part.kind} {'; '.join(','.join(map(_shortest, row)) for row in rows)}"
-    return _Part(text, part.kind, rows)
+    text = f"wrench {'; '.join(','.join(map(_shortest, row)) for row in rows)}"
+    return _Part(text, "wrench", rows)
 
 
 def _parse(text: str) -> _Part:
@@ -340,17 +330,10 @@ def _wrench(text: str, rest: str) -> _Part:
     return _Part(text, "wrench", rows)
 
 
-def _ellipsoid(text: str, rest: str) -> _Part:
-    if rest.lower().endswith(".csv"):
-        return _Part(text, "ellipsoid", file=rest)
-    return _Part(text, "ellipsoid", _wrench(text, rest).rows)
-
-
 _PARSERS: dict[str, Callable[[str, str], _Part]] = {
     "weight": _weight,
     "acceleration": _acceleration,
     "wrench": _wrench,
-    "ellipsoid": _ellipsoid,
 }
 
 

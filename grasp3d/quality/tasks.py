@@ -1,8 +1,8 @@
 """Tasks: the wrenches that a grasp must resist.
 
 A task is a convex set of wrenches, given by its support function: how far it reaches in a
-direction. A wrench is (force [N], torque about the nominal centre of mass [N x the contacts' unit
-of length]), as it acts on the object. Sums of tasks act together: any wrench of the first with
+direction. A wrench is (force [N], torque about the centre of mass [N x the contacts' unit of
+length]), as it acts on the object. Sums of tasks act together: any wrench of the first with
 any of the second.
 """
 
@@ -26,9 +26,6 @@ LARGEST = 1e12
 
 MOST_CORNERS = 64
 """Corners of a task up to which the force is computed for each of them."""
-
-PARALLEL = 1e-12
-"""Sine of the angle between a force and the axis of a turn that is a rounding error."""
 
 Numbers3 = tuple[float, float, float]
 Numbers6 = tuple[float, float, float, float, float, float]
@@ -158,13 +155,9 @@ class ForceAtCenter(Term):
 
     mass: float = 1.0
     """[kg]."""
-    center_radius: float = 0.0
-    """Radius of the ball about the nominal centre of mass in which it lies [unit of the contacts'
-    points]."""
 
     def __post_init__(self) -> None:
         _check("mass", self.mass, "kg", above=True)
-        _check("the radius of the centre of mass", self.center_radius, "length")
 
     @property
     @abstractmethod
@@ -178,25 +171,13 @@ class ForceAtCenter(Term):
     def row(self) -> tuple[Floats, Floats]:
         """As in `Term`."""
         row = np.zeros(kernels.TERM)
-        row[0], row[3], row[9] = kernels.ANY_DIRECTION, self.force, self.center_radius
+        row[0], row[3] = kernels.ANY_DIRECTION, self.force
         return row, np.zeros((0, 6))
 
     def farthest(self, directions: ArrayLike) -> Floats:
         """As in `Task`."""
-        u = _directions(directions)
-        along_force, along_torque = u[..., :3], u[..., 3:]
-        turning = np.linalg.norm(along_torque, axis=-1, keepdims=True)
-        axis = along_torque / np.where(turning > 0.0, turning, 1.0)
-        parallel = (along_force * axis).sum(axis=-1, keepdims=True) * axis
-        across = along_force - parallel
-        # The centre moves the force's direction, u_f + u_tau x c, outward over a disc.
-        size = np.linalg.norm(across, axis=-1, keepdims=True)
-        clear = size > PARALLEL * np.linalg.norm(along_force, axis=-1, keepdims=True)
-        outward = np.where(clear, across / np.where(clear, size, 1.0), _across(axis))
-        center = self.center_radius * np.cross(outward, axis)
-        center = np.where(turning > 0.0, center, 0.0)
-        force = self.force * _unit(along_force + np.cross(along_torque, center))
-        return np.concatenate([force, np.cross(center, force)], axis=-1)
+        force = self.force * _unit(_directions(directions)[..., :3])
+        return np.concatenate([force, np.zeros_like(force)], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -219,9 +200,7 @@ class Weight(ForceAtCenter):
     direction: Numbers3 | None = None
     """Direction of gravity in the contacts' frame, of any length; None: any direction."""
     within: float = 0.0
-    """Angle from that direction within which gravity may act [rad], at most pi / 2. With a
-    `center_radius` above 0 as well the support is an upper bound: the centre is taken at its worst
-    for another direction, so that forces are too large rather than too small."""
+    """Angle from that direction within which gravity may act [rad], at most pi / 2."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -247,7 +226,7 @@ class Weight(ForceAtCenter):
 
     def corners(self) -> Floats | None:
         """As in `Term`: the weight in one direction is a point."""
-        if self.direction is None or self.within or self.center_radius:
+        if self.direction is None or self.within:
             return None
         return np.array([[*(self.force * np.array(self.direction)), 0.0, 0.0, 0.0]])
 
@@ -259,20 +238,8 @@ class Weight(ForceAtCenter):
             row[7:9] = math.cos(self.within), math.sin(self.within)
         return row, points
 
-    def support(self, directions: ArrayLike) -> Floats:
-        """As in `Task`."""
-        if self.direction is None:
-            return super().support(directions)
-        u = _directions(directions)
-        rows, points = self.arrays()
-        flat = [kernels.reach(rows, points, *direction) for direction in u.reshape(-1, 6)]
-        return np.reshape(flat, u.shape[:-1])[()]
-
     def farthest(self, directions: ArrayLike) -> Floats:
-        """As in `Task`; with an angle and a radius above 0 a wrench of the task, not the farthest.
-
-        The centre is then the worst for the force that reaches farthest.
-        """
+        """As in `Task`."""
         if self.direction is None:
             return super().farthest(directions)
         u = _directions(directions)
@@ -283,9 +250,7 @@ class Weight(ForceAtCenter):
         angle = np.minimum(np.arctan2(length, along), self.within)[..., None]
         sideways = np.where(length[..., None] > 0.0, _unit(across), 0.0)
         force = self.force * (np.cos(angle) * axis + np.sin(angle) * sideways)
-        # (c x f) . u_tau = c . (f x u_tau)
-        center = self.center_radius * _unit(np.cross(force, u[..., 3:]))
-        return np.concatenate([force, np.cross(center, force)], axis=-1)
+        return np.concatenate([force, np.zeros_like(force)], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -349,37 +314,6 @@ class Wrenches(Term):
 
 
 @dataclass(frozen=True)
-class Ellipsoid(Term):
-    """An ellipsoid of wrenches about 0: the sums of given wrenches whose weights' squares sum to 1.
-
-    Example:
-        Forces of up to 2 N in the plane of x and y:
-
-        >>> from grasp3d.quality import Ellipsoid
-        >>> pushes = Ellipsoid([[2, 0, 0, 0, 0, 0], [0, 2, 0, 0, 0, 0]])
-        >>> print(f"{pushes.support([1, 1, 0, 0, 0, 0]):.3f}")
-        2.828
-    """
-
-    semi_axes: tuple[Numbers6, ...]
-    """Its semi-axes as wrenches, shape (k, 6)."""
-
-    def __init__(self, semi_axes: ArrayLike | Sequence[Sequence[float]]) -> None:
-        object.__setattr__(self, "semi_axes", _table("semi-axes", semi_axes))
-
-    def row(self) -> tuple[Floats, Floats]:
-        """As in `Term`."""
-        row = np.zeros(kernels.TERM)
-        row[0] = kernels.ELLIPSOID
-        return row, np.array(self.semi_axes)
-
-    def farthest(self, directions: ArrayLike) -> Floats:
-        """As in `Task`."""
-        rows = np.array(self.semi_axes)
-        return np.asarray(_unit(_directions(directions) @ rows.T) @ rows)
-
-
-@dataclass(frozen=True)
 class Sum(Task):
     """Tasks that act together, as `+` makes it."""
 
@@ -403,12 +337,6 @@ def _unit(vectors: Floats) -> Floats:
     first = np.zeros(vectors.shape[-1])
     first[0] = 1.0
     return np.where(lengths > 0.0, vectors / np.where(lengths > 0.0, lengths, 1.0), first)
-
-
-def _across(axes: Floats) -> Floats:
-    """Unit vectors across unit vectors, (..., 3)."""
-    least = np.abs(axes).argmin(axis=-1)
-    return _unit(np.cross(axes, np.eye(3)[least]))
 
 
 def _check(name: str, value: float, unit: str, *, above: bool = False) -> None:

@@ -1,8 +1,8 @@
 """Epsilon over all normals that a sensor cannot distinguish from the perceived ones.
 
 The true normal of each contact lies anywhere within the tilt a = alpha/2 of the perceived one
-(Wan & Howe 2018, Sec. III, who sample extreme normals). Friction and the centre of mass may be
-uncertain too. Contacts are at their perceived locations.
+(Wan & Howe 2018, Sec. III, who sample extreme normals). Friction may be uncertain too.
+Contacts are at their perceived locations.
 """
 
 from collections.abc import Callable, Iterator
@@ -131,51 +131,34 @@ def _torsion(contacts: Contacts, options: EpsilonOptions) -> Floats:
     return np.asarray(moments.max(axis=1) if options.actuation == "total" else moments.sum(axis=1))
 
 
-def _largest_force(contacts: Contacts, options: EpsilonOptions) -> float:
-    """Size of the forces of a grasp wrench space, which no epsilon exceeds."""
-    return 1.0 if options.actuation == "total" else float(contacts.count)
-
-
 def uncertain_epsilon_range(
     contacts: Contacts,
     tilt: float,
     friction: tuple[float, float],
     options: EpsilonOptions,
     *,
-    center_radius: float = 0.0,
     bound_rtol: float | None = None,
 ) -> EpsilonRange:
-    """As `epsilon_range`, over friction and the centre of mass as well.
+    """As `epsilon_range`, over friction as well.
 
-    The minimum is at the smallest friction, the bound on the maximum at the largest. A centre of
-    mass c away from the nominal one changes epsilon by at most the factor
-    s = (k + sqrt(k^2 + 4)) / 2, k = c / rho: the largest singular value of the change of reference
-    point.
+    The minimum is at the smallest friction, the bound on the maximum at the largest.
 
     Args:
         contacts: The contacts (b, n) at their nominal friction.
         tilt: As in `epsilon_range`.
         friction: Smallest and largest coefficient of friction.
         options: Cones, actuation, torque scale and accuracy.
-        center_radius: Radius of the ball in which the centre of mass lies, in the unit of the
-            points.
         bound_rtol: As in `epsilon_range`.
     """
+    if friction[0] == friction[1]:
+        return epsilon_range(contacts, tilt, options, bound_rtol=bound_rtol)
 
     def epsilons(contacts: Contacts, tilt: float) -> EpsilonRange:
         return epsilon_range(contacts, tilt, options, bound_rtol=bound_rtol)
 
-    if friction[0] == friction[1]:
-        nominal = low = high = epsilons(contacts, tilt)
-    else:
-        cases = FrictionCases(contacts, *map(contacts.with_friction, friction))
-        nominal, low, high = over_friction(epsilons, cases, tilt)
-    minimum, maximum = low.minimum, high.maximum
-    if center_radius > 0.0:
-        k = center_radius / np.asarray(options.torque_scale)
-        factor = 0.5 * (k + np.sqrt(k * k + 4.0))
-        minimum, maximum = minimum / factor, maximum * factor
-    return EpsilonRange(nominal.nominal, locked(minimum), locked(maximum))
+    cases = FrictionCases(contacts, *map(contacts.with_friction, friction))
+    nominal, low, high = over_friction(epsilons, cases, tilt)
+    return EpsilonRange(nominal.nominal, low.minimum, high.maximum)
 
 
 class FrictionCases(NamedTuple):

@@ -22,36 +22,23 @@ LARGEST = 1e9
 """Largest quantity in its SI unit: larger ones are mistakes, and overflow where they are squared.
 """
 
-QuantityT = TypeVar("QuantityT", bound="float | tuple[float, ...] | None")
+QuantityT = TypeVar("QuantityT", bound="float | None")
 
 
 class Quantity(ParsedField[QuantityT, QuantityT | str], Generic[QuantityT]):
     """A field of settings that holds a positive number with a physical unit, or none.
 
     It takes a number in the SI unit, or a text with a unit, such as '500 g' or '40N', and holds the
-    number in the SI unit. With `several` it also takes several of them, as a tuple or a text with
-    commas, and holds a tuple.
+    number in the SI unit.
     """
 
-    def __init__(
-        self, default: QuantityT, units: Mapping[str, float], *, several: bool = False
-    ) -> None:
+    def __init__(self, default: QuantityT, units: Mapping[str, float]) -> None:
         super().__init__(default)
         self._units = units
-        self._several = several
 
     def parse(self, name: str, value: Any) -> Any:
         """See `ParsedField.parse`."""
-        if value is None:
-            return None
-        if self._several and isinstance(value, str) and "," in value:
-            value = value.split(",")
-        if self._several and isinstance(value, tuple | list):
-            numbers = tuple(parse_quantity(name, one, self._units) for one in value)
-            if not numbers:
-                raise _no_quantity(name, value, self._units)
-            return numbers if len(numbers) > 1 else numbers[0]
-        return parse_quantity(name, value, self._units)
+        return None if value is None else parse_quantity(name, value, self._units)
 
 
 def parse_quantity(name: str, value: object, units: Mapping[str, float]) -> float:

@@ -5,7 +5,6 @@ from .labelling import label_surface as label_surface
 from .labels import SurfaceLabels as SurfaceLabels
 from .load_case import LoadCase as LoadCase
 from .load_case import mass_of as mass_of
-from .load_case import with_load as with_load
 from .scanning import scan_surface as scan_surface
 from .vertex_grasps import Reason as Reason
 from .vertex_grasps import SearchReport as SearchReport

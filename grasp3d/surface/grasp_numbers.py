@@ -215,9 +215,7 @@ def located_angles_of(
     return locked(bounds[0]), locked(bounds[1])
 
 
-def surface_epsilons(
-    grasps: GraspContacts, model: GraspModel, *, center_radius: float = 0.0
-) -> EpsilonRange:
+def surface_epsilons(grasps: GraspContacts, model: GraspModel) -> EpsilonRange:
     """Epsilon of grasps about the mesh's centre of mass, torques divided by its torque scale.
 
     Args:
@@ -225,7 +223,6 @@ def surface_epsilons(
         model: Friction, resolution, edges, actuation and torsion. With method extremes the minimum
             and the maximum are those over the combinations of extreme normals, at the smallest and
             at the largest friction.
-        center_radius: Radius of the ball in which the centre of mass lies, in the mesh's unit.
 
     Returns:
         Shape (b,) each; nan where the normals at a contact cancel out.
@@ -247,9 +244,8 @@ def surface_epsilons(
         values[1:, rows] = hull_epsilons(chosen_grasps, model, options)
     else:
         epsilon = uncertain_epsilon_range(
-            contacts, model.tilt, model.friction_interval, options,
-            center_radius=center_radius, bound_rtol=BOUND_RTOL,
-        )  # fmt: skip
+            contacts, model.tilt, model.friction_interval, options, bound_rtol=BOUND_RTOL
+        )
         values[:, rows] = epsilon.nominal, epsilon.minimum, epsilon.maximum
     return EpsilonRange(*map(locked, values))
 

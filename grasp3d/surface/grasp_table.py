@@ -216,8 +216,7 @@ class GraspTable(LabelledGrasps):
 
         Of the grasps over the worst normals.
         """
-        radius = 0.0 if self.load_case is None else self.load_case.center_radius
-        return surface_epsilons(self.contacts, self.model, center_radius=radius)
+        return surface_epsilons(self.contacts, self.model)
 
     @Deferred
     def holding(self) -> Holding | None:

@@ -49,14 +49,12 @@ def settings_of(labels: VertexGrasps) -> Values:
 def complete_settings(labels: VertexGrasps) -> Values:
     """The same with what a prepared mesh has beside its arrays, and the extent of the search."""
     mesh, sampling = labels.mesh, labels.sampling
-    solids, angle = mesh.solids, None if sampling is None else sampling.search_angle
+    angle = None if sampling is None else sampling.search_angle
     surface: dict[str, Any] = {
         "center": mesh.center.tolist(),
         "size": mesh.size,
         "center_mass": mesh.center_mass.tolist(),
         "volume": mesh.volume,
-        "solid_volumes": None if solids is None else solids.volumes.tolist(),
-        "solid_centers": None if solids is None else solids.centers.tolist(),
         "report": asdict(mesh.report),
     }
     return {

@@ -30,7 +30,7 @@ from grasp3d.settings.pose_error import PoseError
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_numbers import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.load_case import LoadCase, input_warnings, loaded_mesh
+from grasp3d.surface.load_case import LoadCase, input_warnings
 from grasp3d.surface.sampling.antipodal import best_pairs
 from grasp3d.surface.sampling.multifinger import search
 from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at, grasps_differ
@@ -112,11 +112,11 @@ class Labelling:
         """Settings as they are given, checked.
 
         Args:
-            mesh: The object under the load; see `loaded_mesh`.
+            mesh: The object.
             model: As in `label_surface`.
             sampling: As in `label_surface`.
             scene: As in `label_surface`.
-            load: The load with lengths in the mesh's unit; None: nothing.
+            load: What each grasp must hold; None: nothing.
 
         Raises:
             SettingError: As in `label_surface`.
@@ -164,9 +164,9 @@ class Labelling:
             SettingError: As in `label_surface`, or a length cannot be meant.
             MeshError: The mesh cannot be read, or is too large.
         """
-        mesh, load = loaded_mesh(load_mesh(source, options), load)
+        mesh = load_mesh(source, options)
         if not force:
-            refuse_lengths(mesh, model, sampling, load)
+            refuse_lengths(mesh, model, sampling)
         return cls.of(mesh, model, sampling, Scene.of(reach, mesh), load)
 
     def labels(self) -> SurfaceLabels:
@@ -272,8 +272,7 @@ def label_surface(
         70 N hold 3.3 kg
     """
     scene = scene or Scene.given(hand, table, approach, pose_error)
-    loaded, load = loaded_mesh(load_mesh(mesh), load)
-    task = Labelling.of(loaded, model or GraspModel(), sampling, scene, load)
+    task = Labelling.of(load_mesh(mesh), model or GraspModel(), sampling, scene, load)
     return task.labels()
 
 

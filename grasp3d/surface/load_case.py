@@ -1,11 +1,11 @@
 """A load on one object: its mass, the task, the force at hand and the fingers' torsion."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Floats, locked
+from grasp3d.arrays import ArrayLike
 from grasp3d.contact.contacts import Contacts
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand import Hand
@@ -18,78 +18,6 @@ from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES, LengthSettings, known_unit
 from grasp3d.system.counts import short_number
 
-OVERLAP = 0.01
-"""Fraction by which volumes of bodies may add to more than that of the object: they overlap."""
-
-LISTED = 8
-"""Most volumes of bodies that an error lists."""
-
-
-def with_load(mesh: ObjectMesh, load: Load) -> ObjectMesh:
-    """The mesh for a load: with a density for each body the centre of mass follows from them.
-
-    A centre of mass that was given (`MeshOptions.center_of_mass`) stays.
-
-    Args:
-        mesh: The object.
-        load: The load.
-
-    Raises:
-        SettingError: The centre of mass is not known, as the mesh is open; or a density needs the
-            mesh's unit, or a volume, or as many densities as there are bodies.
-
-    Example:
-        A head of steel and a handle of wood:
-
-        >>> import trimesh
-        >>> import grasp3d
-        >>> from grasp3d.surface import mass_of, with_load
-        >>> head = trimesh.creation.box([120, 30, 30])
-        >>> handle = trimesh.creation.box([20, 20, 250]).apply_translation([0, 0, -140])
-        >>> both = trimesh.util.concatenate([head, handle])
-        >>> mesh = grasp3d.load_mesh(both, unit="mm", max_edge=100.0)
-        >>> load = grasp3d.Load(density=(7850, 700))
-        >>> hammer = with_load(mesh, load)
-        >>> heights = f"from {mesh.center_mass[2]:.0f} to {hammer.center_mass[2]:.0f} mm"
-        >>> print(f"{mass_of(hammer, load):.2f} kg; the centre of mass moves {heights}")
-        0.92 kg; the centre of mass moves from -67 to -11 mm
-    """
-    source = mesh.report.source
-    mass_of(mesh, load)  # checks the density
-    if math.isnan(mesh.volume) and mesh.report.center_mass_from == "surface":
-        raise SettingError(
-            f"{source}: {_without_volume(mesh)}, so its centre of mass is not known, which a load "
-            "needs: give it (--center-of-mass, in Python center_of_mass=...), or close the mesh "
-            "(--repair full)"
-        )
-    if not isinstance(load.density, tuple) or mesh.report.center_mass_from == "given":
-        return mesh
-    assert mesh.solids is not None  # their volumes give the mass
-    masses = np.array(load.density) * mesh.solids.volumes
-    center = locked(mesh.from_normalized(masses @ mesh.solids.centers / masses.sum()))
-    x, y, z = center.tolist()
-    return replace(
-        mesh,
-        center_mass=center,
-        options=replace(mesh.options, center_of_mass=(x, y, z)),
-        report=replace(mesh.report, center_mass_from="densities"),
-    )
-
-
-def loaded_mesh(mesh: ObjectMesh, load: Load | None) -> tuple[ObjectMesh, Load | None]:
-    """The mesh for a load, and the load with lengths in the mesh's unit; see `with_load`.
-
-    Args:
-        mesh: The object.
-        load: The load; None: none, the mesh stays as it is.
-
-    Raises:
-        SettingError: As in `with_load`; or a length has a unit, but that of the mesh is not known.
-    """
-    if load is None:
-        return mesh, None
-    return with_load(mesh, load), *mesh.in_own_unit(load)
-
 
 def mass_of(mesh: ObjectMesh, load: Load) -> float | None:
     """Mass of an object [kg]: as given, or from the density; None: neither is given.
@@ -99,8 +27,7 @@ def mass_of(mesh: ObjectMesh, load: Load) -> float | None:
         load: The load.
 
     Raises:
-        SettingError: A density needs the mesh's unit, or a volume, or as many densities as there
-            are bodies.
+        SettingError: A density needs the mesh's unit, or a volume.
     """
     if load.density is None:
         return load.mass
@@ -112,32 +39,7 @@ def mass_of(mesh: ObjectMesh, load: Load) -> float | None:
             "(--repair full)"
         )
     cubic_metres = METRES[known_unit(mesh.unit, "density is in kg/m^3", source)] ** 3
-    if not isinstance(load.density, tuple):
-        return load.density * mesh.volume * cubic_metres
-    return float(np.dot(load.density, _volumes(mesh, len(load.density)))) * cubic_metres
-
-
-def _volumes(mesh: ObjectMesh, count: int) -> Floats:
-    """Volumes of the bodies, shape (count,); raises SettingError if there are not so many."""
-    solids, source = mesh.solids, mesh.report.source
-    if solids is None or len(solids.volumes) != count:
-        bodies = "too many" if solids is None else len(solids.volumes)
-        listed = ""
-        if solids is not None and 1 < len(solids.volumes) <= LISTED:
-            volumes = ", ".join(f"{one * mesh.size**3:.4g}" for one in solids.volumes)
-            listed = f" (volumes {volumes} {mesh.unit}^3)"
-        raise SettingError(
-            f"density has {count} values, one for each closed body, but {source} has "
-            f"{bodies}{listed}: give one density, or one for each in the order of the file"
-        )
-    ratio = float(solids.volumes.sum()) * mesh.size**3 / mesh.volume
-    if ratio > 1.0 + OVERLAP:
-        raise SettingError(
-            f"{source}: its bodies overlap (their volumes add to {ratio:.3g} times that of the "
-            "object), so densities of each give no mass: give the mass (--mass) and the centre of "
-            "mass (--center-of-mass) instead"
-        )
-    return solids.volumes * mesh.size**3
+    return load.density * mesh.volume * cubic_metres
 
 
 def _without_volume(mesh: ObjectMesh) -> str:
@@ -153,10 +55,10 @@ def input_warnings(
         mesh: The object.
         scene: The gripper; None: none.
         load: Its mass; None: not known.
-        settings: Settings whose lengths are in the mesh's unit, besides those of mesh and load.
+        settings: Settings whose lengths are in the mesh's unit, besides those of the mesh.
     """
     hand, lengths = None if scene is None else scene.hand, mesh.options.lengths()
-    for one in filter(None, (*settings, load)):
+    for one in filter(None, settings):
         lengths |= one.lengths()
     purpose = Purpose(
         None if load is None else mass_of(mesh, load),
@@ -196,8 +98,6 @@ class LoadCase:
     torsion_radius: float
     """Torsion radius of the contacts at nominal friction [mesh unit]: that given, or that of the
     gripper's pads; 0: hard fingers."""
-    center_radius: float = 0.0
-    """Radius of the ball in which the centre of mass lies [mesh unit]."""
     pad_torsion: float | None = None
     """Torsion radius of the gripper's pads per friction, to which it is proportional [mesh unit];
     None: there are no pads, or a torsion radius is given, which is that at any friction."""
@@ -209,8 +109,8 @@ class LoadCase:
         """The load on an object.
 
         Args:
-            load: Mass or density, task, and force at hand, with lengths in the mesh's unit.
-            mesh: The object; for several densities that of `mesh.masses.with_load`.
+            load: Mass or density, task, and force at hand.
+            mesh: The object.
             model: The fingers; without a torsion radius they have that of the gripper's pads.
             hand: Its greatest force is at hand unless the load states another one.
 
@@ -221,11 +121,14 @@ class LoadCase:
         if load.torque_limits is not None and (hand is None or hand.fingers):
             raise SettingError("torque_limits are those of the motors of a hand with joints")
         source = mesh.report.source
-        with_load(mesh, load)  # refuses an object whose centre of mass is not known
         mass = mass_of(mesh, load)
+        if math.isnan(mesh.volume) and mesh.report.center_mass_from == "surface":
+            raise SettingError(
+                f"{source}: {_without_volume(mesh)}, so its centre of mass is not known, which a "
+                "load needs: give it (--center-of-mass, in Python center_of_mass=...), or close "
+                "the mesh (--repair full)"
+            )
         task = load.task_for(mass, mesh.unit, source=source)
-        if mass is None and isinstance(load.task, Task):
-            mass = task.mass
         force = load.grip_force
         if force is None and hand is not None:
             force = hand.max_force
@@ -233,7 +136,7 @@ class LoadCase:
         if torsion == 0.0 and hand is not None and mesh.unit is not None:
             pads = hand.torsion_radius(1.0) / METRES[mesh.unit]
             torsion = pads * model.nominal_friction
-        return cls(load, mass, task, force, torsion, load.center_of_mass_radius, pads)
+        return cls(load, mass, task, force, torsion, pads)
 
     def __str__(self) -> str:
         return f"{self.to_hold}, {self.at_hand} at hand" if self.at_hand else self.to_hold

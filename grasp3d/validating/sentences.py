@@ -157,7 +157,6 @@ def _origin(origin: str) -> str:
         "given": "as given",
         "file": "as the file states",
         "volume": "of the volume, at uniform density",
-        "densities": "of the densities",
         "surface": "not known, as the mesh is open: the middle of the surface",
     }.get(origin, origin)
 

@@ -22,7 +22,7 @@ from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.quality.loads import Load
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.quantities import MASSES, parse_quantity
-from grasp3d.surface.load_case import loaded_mesh, mass_of
+from grasp3d.surface.load_case import mass_of
 from grasp3d.system.documents import is_file, is_folder
 
 ACRONYM = (".h5", ".hdf5")
@@ -363,7 +363,6 @@ def stated_object(
     if center_from == "surface" and origin:
         warnings = (f"{mesh.report.source}: {OPEN} (--center-of-mass)",)
         mesh = _centered(mesh, mesh.center_mass)
-    mesh, load = loaded_mesh(mesh, load)
     if load is not None and (known := mass_of(mesh, load)) is not None:
         masses = np.full(poses.count, known)
     return StatedObject(mesh, load, locked(masses), origin, center_from, warnings)

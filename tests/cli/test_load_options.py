@@ -16,10 +16,7 @@ from tests.helpers import shapes
 from tests.helpers.commands import printed, run_here
 
 COMMANDS = ("label", "evaluate", "batch", "view")
-OPTIONS = (
-    "--mass", "--density", "--grip-force", "--task", "--center-of-mass",
-    "--center-of-mass-radius",
-)  # fmt: skip
+OPTIONS = ("--mass", "--density", "--grip-force", "--task", "--center-of-mass")
 COARSE = ("--max-edge", "20")
 
 
@@ -60,7 +57,7 @@ def test_files_hold_the_load_and_only_the_same_one_replaces_them(folder: Path, s
     output = f"held.{suffix}"
     words = ("--unit", "mm", "--task", "weight + pushes.csv", "--center-of-mass", "1,0,0mm")
     label = ("label", "box.stl", *COARSE, *words, "-q", "-o", output)
-    load = ("--mass", "300g", "--grip-force", "40N", "--center-of-mass-radius", "0.2cm")
+    load = ("--mass", "300g", "--grip-force", "40N")
     for _ in range(2):
         printed(*label, *load, cwd=folder)
     stored = stored_settings(folder / output)
@@ -73,7 +70,7 @@ def test_files_hold_the_load_and_only_the_same_one_replaces_them(folder: Path, s
         assert name in refused.stderr
     if suffix == "ply":
         assert read_labels(folder / output).load == Load(
-            mass=0.3, grip_force=40.0, task=stored["task"], center_of_mass_radius=2.0
+            mass=0.3, grip_force=40.0, task=stored["task"]
         )
     (folder / output).unlink()
 
@@ -85,11 +82,8 @@ def test_the_wrenches_of_files_are_part_of_a_batch(folder: Path) -> None:
         Load(mass=1.0),
         Load(mass=2.0),
         Load(density=1.0),
-        Load(density=(1.0, 2.0)),
         Load(task="wrench 1,0,0,0,0,0"),
-        Load(task="ellipsoid 1,0,0,0,0,0"),
         Load(grip_force=1.0),
-        Load(center_of_mass_radius=1.0),
     ]
     keys = [settings_key(BatchSettings(load=load)) for load in loads]
     assert len(set(keys)) == len(keys)

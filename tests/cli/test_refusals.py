@@ -54,10 +54,10 @@ label box.stl --unit mm --hand franka --min-opening 100 --force | contradicts
 label box.stl --mass -0.5kg | mass must be finite and above 0 [kg]; got -0.5kg
 label box.stl --mass 1e300 | mass must be at most 1e+09 [kg]; got 1e300
 label box.stl --mass 1 --density 9 | mass and density exclude each other
-label box.stl --unit mm --density 1,2 | density has 2 values
+label box.stl --unit mm --density 1,2 | density must be a number
 label box.stl --density 1000 | density is in kg/m^3, but the unit of box.stl
 label box.stl --task five.csv | five.csv: line 1 has 5 columns; a wrench has six
-label box.stl --task missing.csv | missing.csv: cannot be read (No such file or directory)
+label box.stl --task missing.csv | missing.csv: there is no such file
 label box.stl --task 'acceleration 0' | 'acceleration 0': a task needs a force or a torque
 label box.stl --task wieght | no task is called 'wieght'; known: weight
 label box.stl --task pushes.csv | torques of the task are in N m, but the unit of box
@@ -143,7 +143,7 @@ evaluate box.stl poses.csv --unit mm --hand franka -o poses.csv | is the file of
 evaluate box.stl poses.csv --unit mm --hand franka --max-distance 1 | max_distance applies to
 evaluate box.stl pair.json -o task.csv --task task.csv --overwrite | is the file of the task; name
 evaluate box.stl pair.json -o task.csv --task task.csv --mass 0.5 --overwrite | is the file of the
-evaluate box.stl pair.json -o task.csv --task 'weight + ellipsoid task.csv' --overwrite | of the
+evaluate box.stl pair.json -o task.csv --task 'weight + task.csv' --overwrite | of the
 evaluate box.stl pair.json -o task.csv --task 'pushes.csv + ./task.csv' --overwrite | of the task
 evaluate box.stl pair.json -o task_link.csv --task task.csv --overwrite | is the file of the task
 evaluate box.stl pair.json --unit mm --object-pose 1,0,0,0 | object_pose applies to poses, not to

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp3d import ParallelGripper, Sampling, label_surface, load_mesh
+from grasp3d import ParallelGripper, load_mesh
 from grasp3d.errors import SettingError
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh.plausible_lengths import (
@@ -15,7 +15,6 @@ from grasp3d.mesh.plausible_lengths import (
     check_lengths,
     length_warnings,
     object_warnings,
-    refuse_lengths,
 )
 from grasp3d.quality.loads import Load
 from grasp3d.settings.lengths import METRES, length_in_unit, parse_length
@@ -28,12 +27,6 @@ REFUSED: dict[str, tuple[dict[str, float | str], float, Any, str]] = {
     "radius": ({"torsion_radius": 3.0}, 0.144, "m", "if it is in mm, give --torsion-radius 3mm"),
     "no unit": ({"max_opening": 80.0}, 0.144, None, "give --unit m and --max-opening 80mm"),
     "distance": ({"max_distance": 5.0}, 0.144, "m", "if it is in mm, give --max-distance 5mm"),
-    "ball": (
-        {"center_of_mass_radius": 5.0},
-        0.144,
-        "m",
-        "if it is in mm, give --center-of-mass-radius 5mm",
-    ),
     "unit of the mesh": ({"location_error": "2 mm"}, 0.144, "mm", "in m, not in mm, give --unit m"),
     "both": ({"location_error": 2.0}, 0.144, "mm", "give --unit m and --location-error 2mm"),
     "small mesh": ({"max_opening": "80 mm"}, 144.0, "m", "in mm, not in m, give --unit mm"),
@@ -65,24 +58,12 @@ def test_a_length_that_cannot_be_meant_is_refused_with_the_likely_unit(name: str
     [
         {"max_opening": 0.001}, {"max_opening": 5.0}, {"max_opening": math.inf},
         {"torsion_radius": 1e-5}, {"min_separation": 1e-6}, {"min_opening": 0.0},
-        {"min_separation": None}, {"max_edge": 1e9}, {"center_of_mass_radius": 1e-9},
+        {"min_separation": None}, {"max_edge": 1e9},
         {"max_distance": 1e-9},
     ],
 )  # fmt: skip
 def test_lengths_that_somebody_may_mean_are_accepted(lengths: dict[str, float | None]) -> None:
     check_lengths(lengths, 0.144, "m", "mug.glb")
-
-
-def test_the_radius_of_the_centre_of_mass_is_checked_with_the_mesh() -> None:
-    mesh = load_mesh(shapes.box((40.0, 30.0, 20.0)), unit="mm", max_edge=50.0)
-    refuse_lengths(mesh, Load(center_of_mass_radius=5.0))
-    with pytest.raises(SettingError, match="center_of_mass_radius is 500 mm, "):
-        refuse_lengths(mesh, Load(center_of_mass_radius=500.0))
-    labels = label_surface(mesh, sampling=Sampling(rays=8))
-    for radius, count in ((5.0, 0), (500.0, 1)):
-        load = Load(center_of_mass_radius=radius)
-        warnings = labels.using(load=load).warnings
-        assert sum("center_of_mass_radius is 500 mm" in one for one in warnings) == count
 
 
 def test_a_length_that_is_refused_has_a_warning_as_well() -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import grasp3d
 from grasp3d.errors import SettingError
-from grasp3d.quality import Acceleration, Weight, Wrenches
+from grasp3d.quality import Weight
 from grasp3d.quality.loads import Load, load_from, load_settings
 from grasp3d.settings.quantities import DENSITIES, FORCES, MASSES, parse_quantity
 
@@ -27,8 +27,7 @@ POSITIVE = st.floats(1e-6, 1e6)
         ("mass", "1lb", 0.45359237), ("mass", "16 oz", 0.45359237), ("mass", np.float32(0.5), 0.5),
         ("grip_force", "40N", 40.0), ("grip_force", "0.04 kN", 40.0), ("grip_force", 40, 40.0),
         ("grip_force", "10lbf", 44.482216152605), ("density", "7.85 g/cm^3", 7850.0),
-        ("density", "7.85g/cm3", 7850.0), ("density", "1e3", 1000.0), ("density", (700,), 700.0),
-        ("density", "1000,7.85 g/cm^3", (1000.0, 7850.0)), ("density", [700, 2], (700.0, 2.0)),
+        ("density", "7.85g/cm3", 7850.0), ("density", "1e3", 1000.0),
         ("density", "0.1 lb/in^3", 2767.99047102),
     ],
 )  # fmt: skip
@@ -61,27 +60,21 @@ def test_units_are_multiples(number: float, unit: str) -> None:
         ({"mass": "1e300"}, r"mass must be at most 1e\+09 \[kg\]; got 1e300"),
         ({"mass": "1e300 g"}, r"mass must be at most 1e\+09 \[kg\]; got 1e300 g"),
         ({"grip_force": 2e9}, r"grip_force must be at most 1e\+09 \[N\]; got 2000000000"),
-        ({"density": (1000, 1e10)}, r"density must be at most 1e\+09 \[kg/m\^3\]"),
+        ({"density": 1e10}, r"density must be at most 1e\+09 \[kg/m\^3\]"),
         ({"mass": "5N"}, r"mass must be a number \[kg\], or .* \(kg, g, lb, oz\); got '5N'"),
         ({"mass": "0,5kg"}, "mass must be a number"),
         ({"mass": ""}, "mass must be a number"),
         ({"mass": True}, "mass must be a number"),
         ({"mass": (1, 2)}, "mass must be a number"),
         ({"mass": np.array([1.0, 2.0])}, "mass must be a number"),
-        ({"density": (1000, -1)}, "density must be finite and above 0"),
-        ({"density": ()}, "density must be a number"),
-        ({"density": "1000,"}, "density must be a number .*; got ''"),
+        ({"density": -1}, "density must be finite and above 0"),
+        ({"density": (1000, 700)}, "density must be a number"),
+        ({"density": "1000,700"}, "density must be a number .*; got '1000,700'"),
         ({"grip_force": "40kg"}, "grip_force must be a number .* \\(N, kN, lbf\\); got '40kg'"),
         ({"mass": 1.0, "density": 1.0}, "mass and density exclude each other"),
-        ({"center_of_mass_radius": -1.0}, "center_of_mass_radius must be a finite length"),
-        ({"center_of_mass_radius": "-1mm"}, "center_of_mass_radius must be .* got -1 mm"),
-        ({"center_of_mass_radius": math.inf}, "center_of_mass_radius must be a finite length"),
         ({"task": "wieght"}, "no task is called 'wieght'; known: weight, "),
-        ({"task": 5}, "task must be a text, such as 'weight', or a Task; got 5"),
-        (
-            {"task": Weight(), "center_of_mass_radius": 1.0},
-            "center_of_mass_radius is for tasks as text; a Task has a center_radius",
-        ),
+        ({"task": 5}, "task must be a text, such as 'weight'; got 5"),
+        ({"task": Weight()}, r"task must be a text, such as 'weight'; got Weight\("),
     ],
 )
 def test_bad_loads_are_refused_in_one_sentence(settings: dict[str, Any], message: str) -> None:
@@ -91,8 +84,8 @@ def test_bad_loads_are_refused_in_one_sentence(settings: dict[str, Any], message
 
 
 def test_a_load_is_a_value() -> None:
-    load = Load(mass="500g", task="weight + acceleration 5", center_of_mass_radius="2mm")
-    same = Load(mass=0.5, task=" weight + acceleration 5 ", center_of_mass_radius="2 mm")
+    load = Load(mass="500g", task="weight + acceleration 5")
+    same = Load(mass=0.5, task=" weight + acceleration 5 ")
     assert load == same
     assert hash(load) == hash(same)
     assert pickle.loads(pickle.dumps(load)) == load  # noqa: S301 - our own
@@ -107,36 +100,21 @@ def test_only_what_differs_from_the_defaults_is_chosen() -> None:
 
 
 def test_the_task_is_for_the_mass_in_the_unit_of_the_mesh() -> None:
-    load = Load(task="weight + wrench 0,0,0,0,0,0.1", center_of_mass_radius="2mm")
+    load = Load(task="weight + wrench 0,0,0,0,0,0.1")
     for unit, lengths in (("m", 1.0), ("mm", 1000.0), ("in", 1.0 / 0.0254)):
         task = load.task_for(0.5, unit)  # type: ignore[arg-type]
         weight, wrench = task.terms()
-        assert isinstance(weight, Weight)
-        assert weight.mass == 0.5
-        assert weight.center_radius == pytest.approx(0.002 * lengths)
+        assert weight == Weight(0.5)
         assert wrench.support([0, 0, 0, 0, 0, 1]) == pytest.approx(0.1 * lengths)
     assert load.task_for(None, "m").mass == 1.0
 
 
-def test_tasks_of_python_keep_their_mass_unless_another_is_known() -> None:
-    task = Weight(2.0) + Acceleration(2.0, acceleration=3.0)
-    load = Load(task=task)
-    assert load.task_for(None, None) == task
-    assert load.task_for(0.5, None) == Weight(0.5) + Acceleration(0.5, acceleration=3.0)
-    pushes = Wrenches([[1, 0, 0, 0, 0, 0]])
-    assert Load(task=pushes).task_for(0.5, "mm") == pushes
-
-
 def test_what_needs_the_unit_says_so() -> None:
     assert Load(mass=1.0).task_for(1.0, None) == Weight(1.0)  # a weight needs none
-    for load, words in (
-        (Load(task="wrench 0,0,0,0,0,1"), "torques of the task are in N m"),
-        (Load(center_of_mass_radius="2mm"), "center_of_mass_radius is 2 mm"),
-    ):
-        with pytest.raises(SettingError, match=words) as error:
-            load.task_for(1.0, None, source="mug.stl")
-        assert "mug.stl" in str(error.value)
-        assert "--unit" in str(error.value)
+    with pytest.raises(SettingError, match="torques of the task are in N m") as error:
+        Load(task="wrench 0,0,0,0,0,1").task_for(1.0, None, source="mug.stl")
+    assert "mug.stl" in str(error.value)
+    assert "--unit" in str(error.value)
 
 
 def test_files_are_read_into_the_text(tmp_path: Path) -> None:
@@ -152,19 +130,16 @@ def test_files_are_read_into_the_text(tmp_path: Path) -> None:
     with pytest.raises(SettingError, match=r"pushes\.csv"):
         load.task_for(1.0, None)
     assert alone.with_files_read() is alone
-    own = Load(task=Weight())
-    assert own.with_files_read() is own
-    assert own.task_files == ()
+    assert Load().task_files == ()
 
 
 @given(
-    density=st.one_of(st.none(), POSITIVE, st.lists(POSITIVE, min_size=2, max_size=4)),
+    density=st.one_of(st.none(), POSITIVE),
     force=st.one_of(st.none(), POSITIVE),
-    radius=st.floats(0.0, 10.0),
     task=st.sampled_from(["weight", "weight within 30 of -z", "wrench 1,2,3,0,0,0.5 + weight"]),
 )
-def test_stored_loads_are_read_back(density: Any, force: Any, radius: float, task: str) -> None:
-    load = Load(density=density, grip_force=force, task=task, center_of_mass_radius=radius)
+def test_stored_loads_are_read_back(density: Any, force: Any, task: str) -> None:
+    load = Load(density=density, grip_force=force, task=task)
     stored = {name: str(value) for name, value in load_settings(load).items()}
     assert load_from(stored) == load
     assert not any("\n" in value for value in stored.values())
@@ -175,9 +150,5 @@ def test_files_without_a_load_have_none() -> None:
     assert list(load_settings(None)) == list(asdict(Load()))
     assert load_from({name: str(value) for name, value in load_settings(None).items()}) is None
     assert load_from({"friction": "0.5"}) is None
-    of_python = {name: str(value) for name, value in load_settings(Load(task=Weight())).items()}
-    assert load_from(of_python) == Load(task=Weight())
-    for unknown in ("given: <mine.Push object>", "given: Push(1.0)", "given: Weight(mass=-1.0)"):
-        assert load_from(of_python | {"task": unknown}) is None
     with pytest.raises(SettingError, match="mass must be"):
         load_from({"task": "weight", "mass": "-1"})

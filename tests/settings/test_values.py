@@ -116,10 +116,10 @@ def test_settings_are_read_from_their_texts(radius: Any, ends: Any, edges: int |
 
 
 def test_values_of_files_are_plain() -> None:
-    load = Load(task="weight + wrench 1,0,0,0,0,0", center_of_mass_radius="2mm", mass="500 g")
+    load = Load(task="weight + wrench 1,0,0,0,0,0", mass="500 g")
     values = plain_values(load)
     assert values["task"] == "weight + wrench 1,0,0,0,0,0"
-    assert (values["center_of_mass_radius"], values["mass"]) == ("2 mm", 0.5)
+    assert values["mass"] == 0.5
     assert load.task == TaskText.of(values["task"])
     options = plain_values(MeshOptions(center_of_mass="10mm,0,1"))
     assert options["center_of_mass"] == ("10 mm", 0.0, 1.0)

@@ -13,7 +13,6 @@ from grasp3d import (
     Contacts,
     GraspModel,
     Label,
-    Load,
     MultifingerSampling,
     Sampling,
     SurfaceLabels,
@@ -198,15 +197,6 @@ def test_three_fingers_are_safe() -> None:
     shift *= 0.02 * mesh.size / np.linalg.norm(shift, axis=2, keepdims=True)
     moved = Contacts(contacts.points + shift, contacts.normals, contacts.friction)
     assert (classify(moved, unsure.model.sensor_resolution).label == Label.S).all()
-
-
-def test_the_centre_of_mass_changes_the_bounds_of_epsilon(labels: SurfaceLabels) -> None:
-    known = labels.using(load=Load(mass=1.0))
-    unsure = labels.using(load=Load(mass=1.0, center_of_mass_radius=0.1 * labels.mesh.size))
-    chosen = np.flatnonzero(known.epsilon_min > 0.0)
-    assert (unsure.epsilon_min[chosen] < known.epsilon_min[chosen]).all()
-    assert (unsure.epsilon_max[chosen] > known.epsilon_max[chosen]).all()
-    assert unsure.label.tolist() == known.label.tolist()
 
 
 class TestErrors:

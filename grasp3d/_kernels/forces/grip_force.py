@@ -10,7 +10,6 @@ from grasp3d._kernels.compiling.decorators import merged, scratch_kernel
 from grasp3d._kernels.forces.force_slice import ForceSlice
 from grasp3d._kernels.forces.tasks import (
     ANY_DIRECTION,
-    RADIUS,
     SIZE,
     TERM,
     TaskInSpan,
@@ -190,7 +189,7 @@ def _force_in_all_directions(terms):
     """Size of a task that is a force in any direction at the centre of mass; 0: it is another."""
     size = 0.0
     for i in range(terms.shape[0]):
-        if terms[i, 0] != ANY_DIRECTION or terms[i, RADIUS] != 0.0:
+        if terms[i, 0] != ANY_DIRECTION:
             return 0.0
         size += terms[i, SIZE]
     return size

@@ -1,9 +1,8 @@
 """Support functions of tasks: how far the wrenches that a grasp must resist reach.
 
 A task is a sum of convex sets, its terms, each a row of numbers: kind, first and last row of its
-points, size, direction (3), cosine and sine of an angle, and the radius of the ball in which the
-centre of mass lies. Forces are in one unit; torques are about the nominal centre of mass, in that
-unit times the contacts' unit of length.
+points, size, direction (3), cosine and sine of an angle. Forces are in one unit; torques are about
+the centre of mass, in that unit times the contacts' unit of length.
 """
 
 import math
@@ -14,12 +13,12 @@ import numpy.typing as npt
 
 from grasp3d._kernels.compiling.decorators import merged, part, scratch_kernel
 
-ANY_DIRECTION, WITHIN, POINTS, ELLIPSOID = 0, 1, 2, 3
+ANY_DIRECTION, WITHIN, POINTS = 0, 1, 2
 """Kinds of terms: a force in any direction, or within an angle of a direction, at the centre of
-mass; the convex hull of given wrenches; an ellipsoid, the image of the unit ball under the rows."""
+mass; the convex hull of given wrenches."""
 
-TERM, SIZE, RADIUS = 10, 3, 9
-"""Numbers of a term, and which are the size of a force and the radius of its centre's ball."""
+TERM, SIZE = 9, 3
+"""Numbers of a term, and which is the size of a force."""
 
 NEGLIGIBLE = 1e-12
 """Reach relative to the task's extent along the coordinates below which it is a rounding error."""
@@ -41,42 +40,15 @@ class TaskInSpan(NamedTuple):
 
 
 @merged
-def _force_in_any_direction(term, fx, fy, fz, tx, ty, tz):
-    """Sup of f . u_f + (c x f) . u_tau over forces of one size and centres c in a ball."""
-    square, radius = (fx * fx + fy * fy) + fz * fz, term[RADIUS]
-    turning = (tx * tx + ty * ty) + tz * tz
-    if radius == 0.0 or turning == 0.0:
-        return term[SIZE] * math.sqrt(square)
-    # The centre moves u_f + u_tau x c over a disc across u_tau.
-    along = (fx * tx + fy * ty) + fz * tz
-    along *= along / turning
-    across = math.sqrt(max(square - along, 0.0)) + radius * math.sqrt(turning)
-    return term[SIZE] * math.sqrt(along + across * across)
-
-
-@merged
-def _force_within(term, fx, fy, fz, tx, ty, tz):
-    """The same for forces within an angle of a direction.
-
-    With an angle and a radius both above 0 the centre is taken at its worst for another of the
-    forces, so the value may be too large, never too small.
-    """
-    gx, gy, gz, cosine, sine, radius = term[4], term[5], term[6], term[7], term[8], term[RADIUS]
+def _force_within(term, fx, fy, fz):
+    """Sup of f . u_f over forces of one size within an angle of a direction."""
+    gx, gy, gz, cosine, sine = term[4], term[5], term[6], term[7], term[8]
     length = math.sqrt((fx * fx + fy * fy) + fz * fz)
     along = (fx * gx + fy * gy) + fz * gz
     if along >= length * cosine:
         reach = length
     else:
         reach = along * cosine + math.sqrt(max(length * length - along * along, 0.0)) * sine
-    if radius > 0.0:
-        turning = math.sqrt((tx * tx + ty * ty) + tz * tz)
-        along = abs((tx * gx + ty * gy) + tz * gz)
-        across = math.sqrt(max(turning * turning - along * along, 0.0))
-        # Largest |f x u_tau| over the cone: all of it where some force is across u_tau.
-        if along * cosine <= across * sine:
-            reach += radius * turning
-        else:
-            reach += radius * (across * cosine + along * sine)
     return term[SIZE] * reach
 
 
@@ -95,20 +67,14 @@ def reach(terms, points, fx, fy, fz, tx, ty, tz):
         term = terms[i]
         kind, first, last = int(term[0]), int(term[1]), int(term[2])
         if kind == ANY_DIRECTION:
-            total += _force_in_any_direction(term, fx, fy, fz, tx, ty, tz)
+            total += term[SIZE] * math.sqrt((fx * fx + fy * fy) + fz * fz)
         elif kind == WITHIN:
-            total += _force_within(term, fx, fy, fz, tx, ty, tz)
-        elif kind == POINTS:
+            total += _force_within(term, fx, fy, fz)
+        else:
             farthest = -math.inf
             for j in range(first, last):
                 farthest = max(farthest, _row_product(points, j, fx, fy, fz, tx, ty, tz))
             total += farthest
-        else:
-            square = 0.0
-            for j in range(first, last):
-                value = _row_product(points, j, fx, fy, fz, tx, ty, tz)
-                square += value * value
-            total += math.sqrt(square)
     return total
 
 

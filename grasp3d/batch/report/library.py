@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.quality.loads import Load
-from grasp3d.quality.task_texts import TaskText
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.settings.lengths import Measure, describe_length
 from grasp3d.settings.model_text import friction_text
@@ -81,13 +80,10 @@ def _load(load: Load | None) -> Iterator[tuple[str, str]]:
     if load.mass is not None:
         parts.append(f"{load.mass:.4g} kg")
     if load.density is not None:
-        several = load.density if isinstance(load.density, tuple) else (load.density,)
-        parts.append(f"{', '.join(f'{one:.4g}' for one in several)} kg/m³")
-    parts.append(str(load.task) if isinstance(load.task, TaskText) else "a given task")
+        parts.append(f"{load.density:.4g} kg/m³")
+    parts.append(str(load.task))
     if load.grip_force is not None:
         parts.append(f"{load.grip_force:.4g} N per finger")
-    if load.center_of_mass_radius:
-        parts.append(f"centre of mass within {_length(load.center_of_mass_radius)}")
     yield "Load", ", ".join(parts)
 
 

@@ -2,14 +2,13 @@
 
 import math
 from collections import Counter
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
-from grasp3d.arrays import Bools, Floats, Ints, short_repr, unit_rows
-from grasp3d.mesh.measures import edges_of, face_areas, mass_center, part_volumes, parts_of
+from grasp3d.arrays import Bools, Floats, Ints, unit_rows
+from grasp3d.mesh.measures import edges_of, face_areas, part_volumes, parts_of
 from grasp3d.mesh.repair.cleaning import PAIR, sheets_of
 from grasp3d.mesh.repair.solids import boxes_of, nested
 from grasp3d.mesh.work_bounds import BODY_COPIES, INNER_WALLS, MATCHED_WALLS, pairs_in_cells
@@ -42,21 +41,6 @@ TOUCH = 1e-10
 
 HALF = 0.5
 """Threshold between the winding numbers outside, 0, and inside, 1."""
-
-
-@dataclass(frozen=True, eq=False)
-class Solids:
-    """The closed bodies of a surface before those that overlap or touch are united.
-
-    In the order of their first vertices. Cavities are parts of the bodies around them.
-    """
-
-    volumes: Floats
-    """Shape (k,)."""
-    centers: Floats
-    """Centre of mass of each at uniform density, shape (k, 3)."""
-
-    __repr__ = short_repr
 
 
 def body_of_face(points: Floats, faces: Ints) -> Ints:
@@ -167,24 +151,6 @@ class Bodies:
         smallest_last = np.argsort(-self.volumes[outer], kind="stable")
         owner[inner[smallest_last]] = outer[smallest_last]
         return owner
-
-    def solids(self) -> Solids | None:
-        """Volumes and centres of the closed bodies, with their cavities, by first vertex.
-
-        None: a body's cavities are larger than the body.
-        """
-        owner = self.owners()
-        first = np.full(self.count, int(self.faces.max()) + 1)
-        np.minimum.at(first, self.body, self.faces.min(axis=1))
-        numbers = np.unique(owner[owner >= 0])
-        numbers = numbers[np.argsort(first[numbers], kind="stable")]
-        volumes, centers = np.zeros(len(numbers)), np.zeros((len(numbers), 3))
-        for row, solid in enumerate(numbers.tolist()):
-            if not self.volumes[owner == solid].sum() > 0.0:
-                return None
-            faces = self.faces[owner[self.body] == solid]
-            volumes[row], centers[row] = mass_center(self.points, faces)
-        return Solids(volumes, centers)
 
     def copies(self, distance: float) -> dict[int, tuple[Ints, Ints]]:
         """Find copies of earlier bodies, vertex by vertex within a distance, in either winding.

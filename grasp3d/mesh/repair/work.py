@@ -7,7 +7,7 @@ import numpy as np
 from grasp3d.arrays import Bools, Floats, Ints, first_at_position, short_repr
 from grasp3d.errors import MeshError
 from grasp3d.mesh.measures import edges_of, face_areas, has_area, is_closed, parts_of, rounding_of
-from grasp3d.mesh.repair.bodies import TOUCH, Bodies, Solids, without_inner_walls
+from grasp3d.mesh.repair.bodies import TOUCH, Bodies, without_inner_walls
 from grasp3d.mesh.repair.cleaning import (
     disagreeing,
     first_of_body,
@@ -30,9 +30,6 @@ SMALL_HOLES = 0.01
 """Small holes are closed if the faces that close them add at most this fraction to the area."""
 
 FLAT = "left out: no area"
-
-MOST_SOLIDS = 64
-"""Most bodies of an object of which volumes and centres are recorded, to give each a density."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +66,6 @@ class RepairedSurface:
     """What was changed."""
     warnings: tuple[str, ...]
     """What could not be repaired, one sentence each."""
-    solids: Solids | None = None
-    """The bodies of which it was united; None: too many for densities of their own."""
 
     __repr__ = short_repr
 
@@ -94,7 +89,6 @@ class Work:
         self.points = (vertices - self.center) / self.size
         self.rounding = min(rounding_of(vertices) / self.size, MOST_ROUNDING)
         self._cached_bodies: Bodies | None = None
-        self.solids: Solids | None = None
 
     def _bodies(self) -> Bodies:
         """Bodies of the current faces."""
@@ -214,19 +208,6 @@ class Work:
             self.faces = self.faces[~cavity[bodies.body]]
         self._note("solid", int(cavity.sum()), "sealed cavities", "filled")
 
-    def note_solids(self) -> None:
-        """Record the volumes and centres of the closed bodies, before they are united."""
-        bodies = self._bodies()
-        if bodies.count > MOST_SOLIDS:
-            return
-        try:
-            solids = bodies.solids()
-        except WorkBoundError:  # a mesh without densities is not refused for it
-            return
-        if solids is not None:
-            volumes, centers = solids.volumes * self.size**3, solids.centers * self.size
-            self.solids = Solids(volumes, centers + self.center)
-
     def unite(self) -> None:
         """Unite the bodies that overlap or touch."""
         walls = without_inner_walls(self.points, self.faces, self.rounding)
@@ -268,7 +249,6 @@ class Work:
             bodies=int(parts_of(canonical[self.faces]).max()) + 1,
             steps=tuple(self.steps),
             warnings=tuple(self.warnings),
-            solids=self.solids,
         )
 
 
@@ -288,7 +268,6 @@ def repair_surface(vertices: Floats, faces: Ints, level: Repair, where: str) -> 
     work = Work(vertices, faces, where, apart=level != "none")
     if level == "none":
         work.leave_out_flat()
-        work.note_solids()
         texts = {str(step) for step in work.steps}
         try:
             safe = repair_surface(vertices, faces, "safe", where)
@@ -312,7 +291,6 @@ def repair_surface(vertices: Floats, faces: Ints, level: Repair, where: str) -> 
     work.turn_outward()
     if level == "full":
         work.fill_cavities()
-    work.note_solids()
     work.unite()
     work.leave_out_flat()
     return work.result()

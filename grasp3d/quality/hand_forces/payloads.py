@@ -499,7 +499,5 @@ class _Polytope:
 
 def _generators(term: Term) -> Floats:
     """Wrenches that span a term of a task, (g, 6)."""
-    row, points = term.row()
-    if len(points):
-        return points
-    return np.eye(6) if row[9] > 0.0 else np.eye(6)[:3]
+    _, points = term.row()
+    return points if len(points) else np.eye(6)[:3]

@@ -165,7 +165,6 @@ def test_strong_motors_hold_what_the_largest_forces_hold(motors: int) -> None:
 
 TASKS = [
     Weight(),
-    Weight(center_radius=0.004),
     Weight(direction=(0.0, 0.3, -1.0), within=0.4),
     Weight(direction=(0.0, 0.3, -1.0)),
     Weight() + Acceleration(acceleration=3.0),
