@@ -139,9 +139,8 @@ def main() -> int:
             example = path.read_bytes()
             for number in range(options.count):
                 started = time.monotonic()
-                outcome = outcome_of(name, path, [options.seed, number], example)
+                outcomes[outcome_of(name, path, [options.seed, number], example)] += 1
                 longest = max(longest, time.monotonic() - started)
-                outcomes[outcome] += 1
         failed += sum(outcome.startswith("FAILED") for outcome in outcomes)
         print(f"{name:16} longest {longest:.1f} s, {dict(outcomes)}", flush=True)
     return int(failed > 0)
