@@ -12,26 +12,14 @@ from tests.helpers.grippers import HAND
 
 REFUSED = """
 paper -o x --object missing.stl | missing.stl: there is no such file
-label nothing.stl | there is no such file
 label . | is a folder
 label empty.stl | the file is empty
 label prose.stl | holds no triangles
-label points.ply | holds no triangles
 label nan.off | not a finite number
-label inf.obj | not a finite number
 label ball.ply --friction 0 | friction must be a finite number above 0
-label ball.ply --friction -0.5 | friction must be
 label ball.ply --friction 0.6..0.4 | the smallest first
-label ball.ply --friction slippery | an interval of two, the smallest first
-label ball.ply --friction 0.4.. | an interval of two, the smallest first
-label ball.ply --friction 0.4..0.5..0.6 | an interval of two
 label ball.ply --friction 0.6..0.4 | an interval of two, the smallest first
-label ball.ply --sensor-resolution -1 | below 180 degrees
 label ball.ply --sensor-resolution 180 | below 180 degrees
-label x --sensor-resolution steep | --sensor-resolution must be an angle | rad); got 'steep'
-label ball.ply --sensor-resolution none | --sensor-resolution must be an angle (a number of degrees
-label ball.ply --torsion-radius -1 | torsion radius must be
-label ball.ply --location-error -1mm | finite length of at least 0
 label ball.ply --location-error '1 furlong' | --location-error must be a length: a number
 label ball.ply --max-opening 70km | --max-opening must be a length: a number | (m, cm, mm, in)
 label ball.ply -o x.docx | unsupported format .docx: supported are .ply
@@ -39,349 +27,142 @@ label ball.ply -o no/where.ply | cannot be written
 label ball.ply -o ball.ply | is the mesh itself
 label ball.ply --at 0,0 | at must be three finite lengths, x,y,z | got '0,0'
 label box.stl --unit mm --at 0,0,90mm | at 0.0,0.0,90 mm is | mm from the surface of box.stl, more
-label box.stl --at 0,0,1mm | is 1 mm, but the unit of box.stl is not known
 label ball.ply --best 0 | best must be at least 1
-label ball.ply --best -2 | best must be at least 1
-label box.stl --unit mm --location-error 2m | location_error is 2 m, 18.6 times the size of box.stl
 label box.stl --max-opening 70mm | is 70 mm, but the unit of box.stl is not known: give the unit
 label box.stl --unit mm --max-opening 70000 | is 7e+04 mm, 650 times the size of box.stl, 107.7 mm
 label box.stl --hand franka | give the unit
 label box.stl --unit mm --hand franka --table stable --up y | up does not
 label box.stl --unit mm --table as-is | applies to grippers only
-label box.stl --unit mm --hand franka --approach-within 0 | must be above 0 and at most 180
 label box.stl --unit mm --hand franka --fingers 3 | flat pads
 label box.stl --unit mm --hand franka --min-opening 100 --force | contradicts
-label box.stl --mass -0.5kg | mass must be finite and above 0 [kg]; got -0.5kg
 label box.stl --mass 1e300 | mass must be at most 1e+09 [kg]; got 1e300
 label box.stl --mass 1 --density 9 | mass and density exclude each other
-label box.stl --unit mm --density 1,2 | density must be a number
-label box.stl --density 1000 | density is in kg/m^3, but the unit of box.stl
 label box.stl --task five.csv | five.csv: line 1 has 5 columns; a wrench has six
 label box.stl --task missing.csv | missing.csv: there is no such file
-label box.stl --task 'acceleration 0' | 'acceleration 0': a task needs a force or a torque
 label box.stl --task wieght | no task is called 'wieght'; known: weight
 label box.stl --task pushes.csv | torques of the task are in N m, but the unit of box
 label ball.ply --region box:1,2,3 | region must be box:X0,Y0,Z0,X1,Y1,Z1, or a PLY painted
-label ball.ply --region ball.stl | region must be box: | got 'ball.stl'
-label ball.ply --region box:0,0,1,1,1,0 | along z it is from 1 to 0
-label ball.ply --region box:0,0,x,1,1,1 | must be a length
-label ball.ply --region box:0,0,1mm,1,1,1 | the unit of ball.ply is not known
 label ball.ply --region box:9,9,9,10,10,10 | has 0 of its 10,242 vertices | the object lies
-label ball.ply --region box:0.999999,-1,-1,1,1,1 | has 1 of its 10,242 vertices, and no face
-label ball.ply --region none.ply | none.ply: there is no such file
 label ball.ply --region ball.ply | ball.ply: no vertex is painted
 label ball.ply --region ball.ply:grip | ball.ply: its vertices have no 'grip'; they have x, y, z
 label ball.ply --region mask.ply | mask.ply: is no mask of ball.ply: one of its vertices is
 batch ball.ply -o out --region mask.ply | mask.ply is of one mesh; a library takes a box
-label box.stl --center-of-mass 1,2 | center_of_mass must be three finite lengths
 label box.stl -o notes.ply | notes.ply: exists; name another file
 label box.stl --best 2 --grasps task.csv --task task.csv --overwrite | is the file of the task
 label box.stl --unit mm --hand franka --best 2 --frame tool0 | unknown gripper frame
-label box.stl --unit mm --hand franka --best 2 --frame auto | --frame: 'auto' is no frame of its
-label box.stl --unit mm --hand franka --best 2 --frame '' | --frame: '' is no frame of its own
-label box.stl --unit mm --hand franka --best 2 --frame gone.txt | gone.txt: there is no such file
 label box.stl --unit mm --hand franka --best 2 --frame mirror.txt | mirror.txt: the matrix of a
-label box.stl --unit mm --hand franka --best 2 --frame millimetres.txt | must be at most 1 m from
-label box.stl --unit mm --hand franka --frame graspgen | frame is for the best grasps; give
 label box.stl --unit mm --best 2 --frame graspgen | frame is for poses of a gripper of two
 evaluate box.stl contacts.csv --frame graspgen | contains no poses; frame applies to poses
-evaluate box.stl contacts.csv --frame auto | contains no poses; frame applies to poses
-simulate box.stl --unit mm --frame graspgen | frame is that of given poses; name their file
 label box.stl --unit mm --hand franka --best 2 --object-pose 0.4,0,0.1 | must be x,y,z,yaw (metres
-label box.stl --unit mm --hand franka --best 2 --object-pose 0.4m,0,0,0 | must be x,y,z,yaw (metres
-label box.stl --unit mm --hand franka --best 2 --object-pose nan,0,0,0 | must be x,y,z,yaw (metres
-label box.stl --unit mm --hand franka --best 2 --object-pose 0,0,0,0.5,0,0,0.5 | length 1; got 0.70
 label box.stl --unit mm --hand franka --best 2 --object-pose 400,0,0,0 | 400 m away from the robot
-label box.stl --unit mm --hand franka --best 2 --object-pose 1,0,0,0,a! | must be one word
-label box.stl --unit mm --hand franka --best 2 --object-pose gone.txt | gone.txt: there is no such
-label box.stl --unit mm --hand franka --best 2 --object-pose gone.tex | must be x,y,z,yaw (metres
-label box.stl --unit mm --hand franka --best 2 --object-pose '' | must be x,y,z,yaw (metres
 label box.stl --unit mm --hand franka --best 2 --object-pose prose.txt | prose.txt: the object
-label box.stl --unit mm --hand franka --best 2 --object-pose short.txt | shape (k, 4, 4); got (2, 4)
-label box.stl --unit mm --hand franka --best 2 --object-pose double.txt | have the lengths (2, 2, 2)
-label box.stl --unit mm --hand franka --best 2 --object-pose mirror.txt | is left-handed
-label box.stl --unit mm --hand franka --best 2 --object-pose millimetres.txt | 400 m away from the
 label box.stl --unit mm --hand franka --best 2 --object-pose turned.json | the key x is missing
-label box.stl --unit mm --hand franka --best 2 --object-pose list.json | orientation must be an
-label box.stl --unit mm --hand franka --object-pose 1,0,0,0 | give their number with --best
-label box.stl --unit mm --best 2 --object-pose 1,0,0,0 | of a gripper of two fingers; give one
 label box.stl --unit mm --hand franka --best 2 --object-pose 1,0,0,0 --grasps a.h5 | acronym files
-label box.stl --unit mm --hand franka --best 2 --object-pose 1,0,0,0 --grasps a.npy | graspnet files
 label box.stl --unit mm --mass 2000 --strict | 10,000,000 kg/m^3, more than any material: if its
-label box.stl --unit mm --mass 2000 --strict | if its mass is 2000 g, give --mass 20
-label box.stl --unit cm --mass 0.5 --hand franka --strict | strokes of the gripper, 8 cm each
-label box.stl --unit m --mass 0.5 --strict | 110 m large: with 0.5 kg it has 2.6e-06 kg/m^3 and
 label open.stl --strict | the surface is open: inside and outside
-evaluate box.stl pair.json --unit mm --mass 2000 --strict | more than any material
-evaluate box.stl poses.csv --unit mm --mass 2000 --hand franka --strict | more than any
-view box.stl --unit mm --mass 2000 --screenshot x.png --strict | more than any material
-sweep open.stl --strict | the surface is open
-validate poses.csv --mesh box.stl --unit mm --mass 2000 --hand franka --strict | more than any
 label open.stl --mass 0.5kg | is open, so its centre of mass is not known
-label open.stl --unit mm --density 1000 | is open, so a density gives no mass
-evaluate box.stl pair.json --outcome held | pair.json: contains no poses; outcome applies to poses
 evaluate box.stl poses.csv --hand franka --outcome held | no outcome is called 'held': its grasps
-evaluate box.stl no.csv | no.csv: there is no such file
-evaluate no.stl pair.json | there is no such file
 evaluate box.stl box.stl | unsupported contacts format .stl: supported are .csv
 evaluate box.stl bad.csv | found a b c
-evaluate box.stl pair.json -o x.xlsx | unsupported table format .xlsx
-evaluate box.stl pair.json -o no/x.csv | cannot be written
 evaluate box.stl pair.json -o pair.json | pair.json: is the file of contacts; name another file
 evaluate box.stl far.json | grasp 1, contact 2 at (-5000, 0, 0)
 evaluate box.stl three.json --fingers 4 | have 3 fingers
-evaluate box.stl pair.json --max-distance -1 | max_distance must be
-evaluate box.stl pair.json --max-distance 70mm | is 70 mm, but the unit of box.stl is not known
-evaluate box.stl pair.json --unit mm --max-distance 70000 | is 7e+04 mm, 650 times the size of box
-evaluate box.stl pair.json --friction 0 | friction must be
 evaluate box.stl pair.json --metrics min_weight,beauty | 'beauty'; known: all, epsilon_l1
-evaluate box.stl pair.json --metrics '' | no metric is named
-evaluate box.stl pair.json --unit mm --hand franka | contains no poses
 evaluate box.stl poses.csv --unit mm | give their gripper with --hand NAME
-evaluate box.stl poses.csv --hand franka | but the unit of box.stl is not known: give the unit
-evaluate box.stl poses.csv --unit mm --hand franka -o poses.csv | is the file of poses; name another
 evaluate box.stl poses.csv --unit mm --hand franka --max-distance 1 | max_distance applies to
-evaluate box.stl pair.json -o task.csv --task task.csv --overwrite | is the file of the task; name
-evaluate box.stl pair.json -o task.csv --task task.csv --mass 0.5 --overwrite | is the file of the
 evaluate box.stl pair.json -o task.csv --task 'weight + task.csv' --overwrite | of the
 evaluate box.stl pair.json -o task.csv --task 'pushes.csv + ./task.csv' --overwrite | of the task
 evaluate box.stl pair.json -o task_link.csv --task task.csv --overwrite | is the file of the task
-evaluate box.stl pair.json --unit mm --object-pose 1,0,0,0 | object_pose applies to poses, not to
 evaluate box.stl robot.csv --unit mm --hand franka --object-pose 1,0,0,0 | it states the object
-evaluate box.stl robots.csv --unit mm --hand franka | all grasps must have the same object_pose
 evaluate box.stl short.csv --unit mm --hand franka | Expected 7 columns, got 3
-evaluate box.stl wide.csv --unit mm --hand franka | it is no text in UTF-8
 evaluate box.stl twice.csv --unit mm --hand franka | two columns are called 'px'
 evaluate box.stl bad.csv --unit mm --hand franka | column px is missing of px py pz qx qy qz qw
-evaluate box.stl unitless.csv --unit mm --hand franka --object-pose 1,0,0,0 | the unit of the poses
-simulate box.stl --unit mm --object-pose 1,0,0,0 | that of given poses; name their file
 evaluate box.stl zero.csv | zero.csv: the file is empty
 evaluate box.stl head.csv | there are no grasps in it, only column names
 evaluate box.stl numbers.csv | its first line must be names of columns; found 20 0 0 -20 0 0
-evaluate box.stl camera.csv | its contacts are in the frame 'camera'; known: 'object'
 evaluate box.stl commas.csv | grasp 1: x2 is no finite number: '-20,5'
 evaluate box.stl metres.csv --unit mm --hand franka | far from the object, 4,6 | in mm, not in m
 evaluate box.stl posed.csv --unit mm --hand franka | in the frame 'base_link', not in that of the
-evaluate box.stl framed.json --unit mm --hand franka | in the frame 'camera', not in that of the
 evaluate box.stl inward.json --unit mm --hand franka | normals must be outward; got 'inward'
-evaluate box.stl scaled.json --unit cm --hand franka | box.stl is cm: give --unit mm
 validate scaled.json --mesh box.stl --unit cm --hand franka | box.stl is cm: give --unit mm
-simulate box.stl --unit cm --grasps scaled.json --hand franka | box.stl is cm: give --unit mm
-validate zero.csv --mesh box.stl --hand franka | zero.csv: the file is empty
 validate untried.csv --mesh box.stl --hand franka | no outcome is known of any grasp; a table needs
 validate perhaps.csv --mesh box.stl --hand franka | grasp 2: outcome must be 1 or true
-validate grasps.csv --mesh box.stl --hand franka -o . --overwrite | grasps.csv: is a file of grasps
-validate poses.csv --mesh box.stl --hand franka --frictions 0 | must be a finite number above 0
-validate poses.csv --mesh box.stl --hand franka --sensor-resolutions x | must be an angle (a number
-validate poses.csv --mesh box.stl --hand franka --frictions | need at least one value each
 validate poses.csv --mesh box.stl --hand franka --worst 51 | worst must be from 0 to 50
-validate poses.csv --mesh box.stl --hand franka --resamples 10 | resamples must be a whole number of
-validate poses.csv --mesh box.stl --hand franka --seed -1 | seed must be a whole number of at least
-validate poses.csv --mesh box.stl --hand franka --target 1 | target must be above 0 and below 1
-validate poses.csv --mesh box.stl --hand franka --sensor-resolutions 230 | sensor resolution must be
-validate poses.csv --mesh box.stl --hand franka --bins 1 | bins must be from 2 to 50
 validate poses.csv --mesh box.stl --hand franka -o poses.csv | poses.csv: is a file; name a folder
-validate poses.csv --mesh box.stl --hand franka -o missing/out | missing/out: cannot be written
 validate poses.csv --hand franka --meshes nowhere | nowhere: there is no such folder
-simulate box.stl --unit mm --grasps poses.csv | contains poses; give their gripper with
 simulate box.stl --unit mm --hand franka | gripper 'franka' has flat pads, which touch more than two
-simulate box.stl --unit mm -o out.ply | out.ply: unsupported table format .ply
-simulate box.stl --unit mm -o mine.csv | exists; name another file
 simulate box.stl --unit mm --count 2 | count must be from 3 to 100000; got 2
-simulate box.stl --unit mm --tip-radius 4m | must be below the size of the object, 107.7
-simulate box.stl --unit mm -o box.stl | box.stl: unsupported table format .stl
 simulate ball.ply --unit mm -o link.csv | link.csv: is the mesh itself
-simulate box.stl --unit mm --grasps poses.csv --hand franka -o poses.csv | is the file of poses
 sweep | nothing to sweep
-sweep nothing.stl | there is no such file
 sweep void | no mesh in it
-sweep prose.stl | holds no triangles
-sweep circle -o x.xlsx | unsupported table format .xlsx
 sweep circle --figure x.docx | unsupported figure format .docx
-sweep circle -o no/where.csv | cannot be written
-sweep circle --figure no/where.svg | cannot be written
 sweep circle -o notes.csv | notes.csv: exists; name another file
-sweep ball.ply -o link.csv | is the mesh itself
-sweep circle --friction 0.5 0 | friction must be
-sweep circle --friction | at least one friction
 sweep sphere --friction 0.4..0.6 | --friction must be a number, or a range FROM:TO:STEP
-sweep circle --sensor-resolution 180 | below 180 degrees
-sweep circle --sensor-resolution fine | deg, rad), or a range FROM:TO:STEP
-sweep circle --sensor-resolution 0:60:0 | STEP above 0
-sweep box.stl --max-opening 70mm | is 70 mm, but the unit of box.stl is not known: give the unit
-sweep box.stl --unit mm --max-opening 70000 | is 7e+04 mm, 650 times the size of box.stl, 107.7 mm
-sweep circle --fraction 50 | each fraction must be
-sweep circle --workers -1 | workers must be
 sweep circle --fingers 3 | closed form for two fingers only; got 3
-sweep ball.ply --fingers 6 | fingers must be from 2 to 5; got 6
-check nothing.stl | there is no such file or folder
 check void | no mesh in it
-check ball.ply -o report.txt | unsupported report format .txt
-check ball.ply -o missing/report.json | cannot be written
-check ball.ply -o notes.json | notes.json: exists; name another file
-check ball.ply -o link.json | is the mesh itself
-check ball.ply --workers -1 | workers must be at least 0
 check ball.ply --max-memory 0.1 | max memory must be at least 0.5 GB
-check | no input
 hand --picture a.png | --picture needs a gripper
 hand nope | 'nope'; known: franka (panda), robotiq_2f85, robotiq_2f140, wsg50, tactile
-hand other.json | other.json: is no gripper
-hand gone.json | no such file
 hand franka --fingers a b | is no file
-hand franka -o g.txt | supported are .json
-hand franka --picture g.txt | supported are .svg
-hand franka -o other.json | exists; name another file
-batch -o out | no input
 batch void -o out | no mesh in it
-batch void/*.obj -o out | no mesh in it
-batch nowhere -o out | no such file or folder
 batch list.txt -o out | list.txt, line 2: nowhere.stl: there is no such file or folder
 batch nothing://lib -o out | no file system is called nothing://
 batch 'void/**x/[a' -o out | is not a valid file name pattern
 batch ball.ply -o ball.ply | its folder is a file
-batch ball.ply -o '' | no folder for the results
-batch box.stl -o task.csv --task task.csv --overwrite | is the file of the task
 batch box.stl -o out --log task.csv --task task.csv --overwrite | is the file of the task
-batch ball.ply -o out --workers -1 | workers must be
-batch ball.ply -o out --worker-memory 0.01 | worker memory must be
-batch ball.ply -o out --timeout 0 | timeout must be
-batch ball.ply -o out --best -1 | best grasps must be
-batch ball.ply -o out --log no/where.txt | cannot be written
-view none.stl --screenshot a.png | none.stl: there is no such file or folder
 view . --screenshot a.png | was not written by grasp3d batch
 view bad.ply --screenshot a.png | have a property 'label' but no 'critical_angle'
-view prose.stl --screenshot a.png | prose.stl: cannot be read as STL: it holds no triangles
-view ball.ply --screenshot a.jpg | a.jpg: unsupported picture format .jpg: supported are .png
-view ball.ply --screenshot none/a.png | none/a.png: cannot be written
-view ball.ply --screenshot ball.ply | ball.ply: unsupported picture format .ply
-view ball.ply --screenshot notes.png | notes.png: exists; name another file
 view ball.ply --screenshot a.png --fingers 9 | fingers must be from 2 to 5
 view ball.ply --web --port 70000 | port must be from 0 to 65535
-view box.stl --max-opening 70mm --screenshot a.png | is 70 mm, but the unit of box.stl is not known
-view box.stl --unit mm --max-opening 70000 --screenshot a.png | is 7e+04 mm, 650 times the size of b
 design --receptive-field 4 --sensor-resolution 20 | each define the sensor
-design --receptive-field 0 | receptive field must be a finite length above 0
 design --receptive-field 32 | pi x 10 = 31.42; got 32
-design --fingertip-radius -1 | fingertip radius must be above 0
-design --fingertip-radius nan | fingertip radius must be above 0
-design --sensor-resolution 180 | below 180 degrees
-design --sensor-resolution 0 | above 0
-design --friction 0.5 0 | friction must be a finite number above 0
-design --friction high | --friction must be a number
-design --receptive-field 5lightyears | --receptive-field must be a length
-design --sensor-resolution steep | --sensor-resolution must be an angle (a number of degrees
 design --joints 2 --friction 0.5 | --joints needs --friction and a sensor
-design --joints 0 --friction 0.5 --receptive-field 4 | at least one joint; got 0
-design --fingertip-radius inf | a flat fingertip has the same normal everywhere
-design --receptive-field 4 --friction -1 | friction must be
-label ball.ply --hand gripe | --hand: no gripper is called | franka
-label ball.ply --hand none.json | none.json: there is no such file
-label box.stl --hand max_opening.json | max_opening must be above 0
-label box.stl --hand min_opening.json | the stroke of
 label box.stl --hand pad_width.json | pad_width (0.03) must be at most finger_width
-label box.stl --hand pad_height.json | pad_height (0.05) must be at most finger_length
-label box.stl --hand palm_thickness.json | (0.08) must be at most palm_thickness
 sweep box.stl --hand finger_length.json | millimetres
-view box.stl --hand finger_length.json | millimetres
-validate poses.csv --mesh box.stl --hand nope | no gripper is called 'nope'
 """
 """Words of a command line, and what its error contains."""
 
 USAGE = """
 '' | give a command; known: label, check
-bake | no command is called 'bake'; known: label, check
 lable ball.ply | no command is called 'lable'; did you mean label?
 --quiet label | no command is called '--quiet'
 label | grasp3d label needs FILE; see grasp3d label --help
-evaluate box.stl | grasp3d evaluate needs CONTACTS
-batch . | grasp3d batch needs -o
-paper | grasp3d paper needs -o
-validate | no input: name files of poses
 label x y | 'y' is one too many: grasp3d label takes FILE
 label x --max-opening 80 mm | 'mm' is one too many | its unit without a space, as in 80mm
-label x -z | '-z' is one too many
 design mug.stl | 'mug.stl' is one too many: grasp3d design takes options only
 label x --frict 1 | grasp3d label has no option --frict; did you mean --friction?
-label x --frict=1 | no option --frict; did you mean --friction?
-label x --frictoin 1 | did you mean --friction?
 label x --resolution 3 | did you mean --sensor-resolution?
 label x --colour red | no option --colour; all options: grasp3d label --help-all
-label x --no-mass | --no-mass
-design --fraction 1 | did you mean --friction?
-design --mass 1 | design has no option --mass
-label x --fingers | --fingers needs a value: INT
 label x --at | --at needs a value: X,Y,Z
-label x --region | --region needs a value: BOX|FILE|none
-label x --no-quiet | '--no-quiet' is one too many
 label x --quiet=1 | --quiet takes no value
-label x --hand | --hand needs a value: NAME|FILE|none
-label x --mass --best 3 | --mass needs a value: MASS|none
 paper -o x --fixed 1 2 | --fixed needs 3 values: X Y Z
-paper -o x --fixed 1 2 x | --fixed must be a number; got 'x'
-label ball.ply --best all | --best must be a whole number, or none; got 'all'
 label x --fingers 2.5 | --fingers must be a whole number; got '2.5'
 check ball.ply --repair all | --repair must be one of none, safe, full; got 'all'
-view ball.ply --paint red | --paint must be one of label, critical_angle
-label x --grasps-format urdf | --grasps-format must be one of json, csv
-sweep circle --fraction some | --fraction must be a number; got 'some'
 """
 """The same of words that are no command, option, value or choice."""
 
 TRIED = """
 label ball.ply --hand frank | --hand: no gripper is called 'frank' (did you mean franka?)
 label ball.ply --hand missing.json | --hand: missing.json: there is no such file
-label ball.ply --hand '' | --hand: no gripper is called ''; known: franka
 label ball.ply --hand leap | --hand: leap is a hand with joints, known without its links
 label ball.ply --hand void/ | --hand: void: is a folder; name a file
-label ball.ply --hand folder.json | folder.json: is a folder
 label ball.ply --hand damaged.json | damaged.json: is no JSON
-label ball.ply --hand rows.json | rows.json: is no gripper
-label ball.ply --hand other.json | other.json: is no gripper
 label ball.ply --hand notes.csv | unsupported gripper format .csv
-label ball.ply --hand hand.urdf | there is no such file
 label ball.ply --unit feet | --unit must be one of m, cm, mm, in, or none; got 'feet'
-label ball.ply --table wood | --table must be one of none, as-is, stable
-label ball.ply --up w | --up must be one of x, y, z, -x, -y, -z
-label ball.ply --grip hard | --grip must be one of squeeze, expand, both
 label ball.ply --mass heavy | mass must be
-label ball.ply --mass 5stone | mass must be
 label ball.ply --density 1000 --mass 1 | mass and density exclude each other
-label ball.ply --grip-force -40 | grip_force must be
-label ball.ply --grasps x.json | give their number with --best
 label ball.ply --grasps-format acronym | give their number with --best
-label ball.ply --best 3 --grasps-format acronym | give one with --hand
-label ball.ply --best 3 --grasps-format graspgen | choose another grasps_format
-label ball.ply --best 3 --grasps x.yaml | unsupported table format .yaml
-label ball.ply --best 3 --grasps x.txt --hand franka | unsupported table format .txt
 label ball.ply --best 3 --grasps x.json --grasps-format csv --hand franka | .csv
-label ball.ply --best 3 -o x.parquet --grasps x.parquet | is the labelled file and that of the best
-label ball.ply --approach-within 30 | applies to grippers only
-label ball.ply -o x | x: has no suffix: supported are .ply
 label ball.ply -o x.PLYS | unsupported format .PLYS
-label ball.ply -o void | void: has no suffix
-evaluate ball.ply pair.json --object-motion glued | --object-motion must be one of
-evaluate ball.ply pair.json --max-distance far | must be a length
 evaluate ball.ply void | void: has no suffix: supported are .csv
 evaluate ball.ply pair.json -o x.ply | unsupported table format .ply
 validate poses.csv --mesh box.stl -o notes.csv | notes.csv: is a file; name a folder
-simulate box.stl --grasps poses.csv --hand franka -o x.txt | unsupported pose format .txt
 simulate box.stl --grasps poses.csv --hand franka -o x.ply | unsupported pose format .ply
-simulate box.stl --count many | --count must be a whole number
 sweep circle --figure x.csv | unsupported figure format .csv
-sweep circle --fraction 1.5 | each fraction must be
-check ball.ply -o x.ply | unsupported report format .ply
-hand frank | no gripper is called 'frank' (did you mean franka?)
 hand franka --tcp 5 | for URDF and MuJoCo files
-batch ball.ply -o out --best few | --best must be a whole number
 batch ball.ply -o out --workers 2 --scheduler tcp://x:1 | workers and scheduler exclude each other
-batch ball.ply -o notes.csv/out | its folder is a file; name another folder
-view ball.ply --screenshot x.gif | unsupported picture format .gif
 view ball.ply --width 10 --screenshot x.png | width must be from 320
-view ball.ply --port high | --port must be a whole number
-paper -o notes.csv | notes.csv
-paper -o x --friction 0 | friction must be
 paper -o x --fixed 1 2 3 | needs an object: give its mesh
-paper -o x --sensor-resolution 1 2 3 | one or two sensor resolutions; got 3
 """
 """Wrong inputs that need no mesh: they are refused before one is read."""
 
@@ -411,15 +192,11 @@ paper --object ball.ply -o @.csv/paper
 PLACES = ("missing/result", "notes.csv/result", "taken")
 """A folder that is missing, a file as a folder, a folder as a file."""
 
-BAD_LENGTHS = {
-    "max_opening": 0.0, "min_opening": 0.079, "pad_width": 0.03, "pad_height": 0.05,
-    "palm_thickness": 0.05, "finger_length": 45.0,
-}  # fmt: skip
+BAD_LENGTHS = {"pad_width": 0.03, "finger_length": 45.0}
 """What is wrong with the gripper in the file of that name [m]."""
 
 POSED = [{"pose": [[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 40], [0, 0, 0, 1]], "success": 1}]
 STATED = {
-    "framed": {"grasp3d": {"unit": "mm", "frame": "camera"}, "grasps": POSED},
     "inward": {"grasp3d": {"unit": "mm", "normals": "inward"}, "grasps": POSED},
     "scaled": {
         "grasp3d": {"unit": "mm", "object_file": "a/box.stl", "object_scale": 0.001},
@@ -428,10 +205,10 @@ STATED = {
 }
 """Files of poses that state what cannot be taken, by their name."""
 
-TAKEN = ("ply", "npz", "csv", "svg", "json", "png", "gif", "parquet")
+TAKEN = ("ply", "npz", "csv", "svg", "json", "png", "parquet")
 """Suffixes of folders."""
 
-NOTES = ("ply", "npz", "csv", "svg", "json", "png")
+NOTES = ("ply", "csv")
 """Suffixes of files of other programs."""
 
 
@@ -443,10 +220,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     vertices, faces = shapes.box((40.0, 60.0, 80.0))
     export(folder / "box.stl", (vertices, faces))
     export(folder / "open.stl", (vertices, faces[:-2]))
-    for name in ("void", "leap", "folder.json", *(f"taken.{suffix}" for suffix in TAKEN)):
+    for name in ("void", "leap", *(f"taken.{suffix}" for suffix in TAKEN)):
         (folder / name).mkdir()
-    for name in ("link.csv", "link.json"):
-        (folder / name).symlink_to(ball)
+    (folder / "link.csv").symlink_to(ball)
     pair = [[20, 0, 0], [-20, 0, 0]]
     header = "ply\nformat ascii 1.0\nelement vertex {}\n" + "".join(
         f"property float {axis}\n" for axis in "xyz"
@@ -461,39 +237,27 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "property float z\nproperty float grip\nelement face 1\n"
         "property list uchar int vertex_indices\nend_header\n"
         "0 0 0 1\n1 0 0 1\n0 1 0 0\n3 0 1 2\n",
-        "points.ply": f"{header.format(1)}end_header\n0 0 0\n",
         "bad.ply": header.format(3) + "property uchar label\nelement face 1\n"
         "property list uchar int vertex_indices\nend_header\n"
         "0 0 0 1\n1 0 0 2\n0 1 0 7\n3 0 1 2\n",
         "nan.off": "OFF\n3 1 0\n0 0 0\n1 0 0\n0 nan 0\n3 0 1 2\n",
-        "inf.obj": "v 0 0 0\nv 1 0 0\nv 0 inf 0\nf 1 2 3\n",
         "bad.csv": "a,b,c\n1,2,3\n",
-        "mine.csv": "a,b\n1,2\n",
-        "other.json": json.dumps({"mine": 1}),
         "list.txt": "ball.ply\nnowhere.stl\n",
         "pair.json": json.dumps([pair]),
         "far.json": json.dumps([[pair[0], [-5000, 0, 0]]]),
         "three.json": json.dumps([[*pair, [0, 30, 0]]]),
-        **dict.fromkeys(("poses.csv", "grasps.csv"), f"{columns}0,0,40,1,0,0,0,mm,1\n"),
+        "poses.csv": f"{columns}0,0,40,1,0,0,0,mm,1\n",
         "untried.csv": f"{columns}0,0,40,1,0,0,0,mm,\n",
         "perhaps.csv": f"{columns}0,0,40,1,0,0,0,mm,false\n0,0,40,1,0,0,0,mm,perhaps\n",
         "robot.csv": f'{framed}"1,0,0,0"\n',
-        "robots.csv": f'{framed}"1,0,0,0"\n0,0,40,1,0,0,0,mm,"2,0,0,0"\n',
         "short.csv": f"{','.join(columns.split(',')[:7])}\n0,0,40,1,0,0,0\n0,0,40\n",
-        "wide.csv": f"{columns}\n0,0,40,1,0,0,0,mm\n".encode("utf-16").decode("latin-1"),
         "twice.csv": f"px,{columns}0,0,0,40,1,0,0,0,mm,1\n",
-        "unitless.csv": f"{','.join(columns.split(',')[:7])}\n0,0,40,1,0,0,0\n",
         "prose.txt": "Over there.\n",
-        "short.txt": "1 0 0 0\n0 1 0 0\n",
-        "double.txt": "2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n",
         "mirror.txt": "-1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n",
-        "millimetres.txt": "1, 0, 0, 400\n0, 1, 0, 0\n0, 0, 1, 0\n0, 0, 0, 1\n",
         "turned.json": json.dumps({"position": {}, "orientation": {"x": 0, "y": 0, "z": 1}}),
-        "list.json": json.dumps({"position": {}, "orientation": [0, 0, 0, 1]}),
         "zero.csv": "",
         "head.csv": "x1;y1;z1;x2;y2;z2\n",
         "numbers.csv": "20,0,0,-20,0,0\n",
-        "camera.csv": "x1,y1,z1,x2,y2,z2,frame\n20,0,0,-20,0,0,camera\n",
         "commas.csv": "x1;y1;z1;x2;y2;z2\n20.5;0;0;-20,5;0;0\n",
         "metres.csv": f"{columns}0,0,500,1,0,0,0,m,1\n",
         "posed.csv": "px,py,pz,qx,qy,qz,qw,frame\n0,0,40,1,0,0,0,base_link\n",
@@ -503,7 +267,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "pushes.csv": "fx,fy,fz,tx,ty,tz\n5,0,0,0,0,0.1\n",
         "five.csv": "5,0,0,0,0\n",
         "damaged.json": '{"format": ',
-        "rows.json": "[1, 2]",
     }
     write_hand(folder / "hand.json", HAND)
     hand = json.loads((folder / "hand.json").read_text(encoding="utf-8"))

@@ -1,5 +1,4 @@
 import math
-import os
 import shutil
 import threading
 from collections.abc import Callable
@@ -44,7 +43,7 @@ from grasp3d.viewer.session.collection import (
     collection_of,
     open_collection,
 )
-from grasp3d.viewer.session.inspection import best_vertices, inspect
+from grasp3d.viewer.session.inspection import best_vertices
 from grasp3d.viewer.session.painting import labels_at
 from grasp3d.viewer.subjects.subject import Subject, subject_of
 from tests.helpers import shapes, viewing
@@ -89,14 +88,6 @@ def test_a_mesh_is_labelled_when_it_is_opened(tmp_path: Path) -> None:
         assert collection.items[0].open() is subject
 
 
-def test_an_unreadable_file_raises_an_error_when_it_is_opened(tmp_path: Path) -> None:
-    (tmp_path / "not.stl").write_text("hello")
-    with pytest.raises(MeshError, match=r"not\.stl"):
-        open_collection(tmp_path / "not.stl").items[0].open()
-    with pytest.raises(MeshError, match="no such file or folder"):
-        open_collection(tmp_path / "none.ply")
-
-
 def test_a_collection_of_labels_is_ready_at_once() -> None:
     collection = collection_of(viewing.labels())
     subject = collection.items[0].open()
@@ -106,12 +97,6 @@ def test_a_collection_of_labels_is_ready_at_once() -> None:
     assert collection_of(viewing.scan()).sampling == Sampling()
     with pytest.raises(SettingError, match="no object to view"):
         Collection((), GraspModel(), Sampling())
-
-
-@pytest.mark.parametrize("address", ["s3://bucket/out", "https://host/mesh.ply"])
-def test_addresses_are_refused(address: str) -> None:
-    with pytest.raises(MeshError, match="is an address"):
-        open_collection(Path(address))
 
 
 # A labelled PLY
@@ -244,35 +229,9 @@ def test_a_ply_of_another_program_is_a_mesh(tmp_path: Path, properties: str, row
     assert len(subject.mesh.vertices) == len(VERTICES)
 
 
-@pytest.mark.parametrize(
-    ("properties", "row", "message"),
-    [
-        ("property uchar label\n", "1", "'label' but no 'critical_angle'"),
-        ("property float critical_angle\n", "1", "'critical_angle' but no 'label'"),
-        ("property float epsilon\n", "1", "'epsilon' but no 'label'"),
-    ],
-)
-def test_files_with_only_some_label_properties_are_refused(
-    tmp_path: Path, properties: str, row: str, message: str
-) -> None:
-    path = tmp_path / "foreign.ply"
-    path.write_bytes(_ply(properties, row))
-    with pytest.raises(MeshError, match=message) as caught:
-        open_collection(path)
-    assert "without its labels" in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
 def test_missing_settings_have_their_defaults(file: Path) -> None:
     viewing.rewritten(file, (b"comment grasp3d rays 64\n", b""))
     assert read_subject(file).labels.sampling == viewing.labels().sampling
-
-
-def test_declared_sizes_are_checked_before_memory_is_allocated(file: Path) -> None:
-    count = len(viewing.labels().label)
-    change = f"element vertex {count}\n".encode(), b"element vertex 999999999999\n"
-    with pytest.raises(MeshError, match="declares 999,999,999,999 vertices"):
-        read_subject(viewing.rewritten(file, change))
 
 
 # The results of a batch
@@ -324,16 +283,6 @@ def test_a_batch_contains_its_labelled_meshes_in_order(stored: Path) -> None:
     )  # as in the file
 
 
-def test_a_batch_contains_the_grasps_that_were_found(stored: Path) -> None:
-    subject = open_collection(stored).items[0].open()
-    vertex = int(np.flatnonzero(subject.labels.critical_angle < 1e-3)[0])
-    seen = inspect(subject, vertex, subject.labels.model)
-    assert seen.points.shape == (2, 3)
-    line = seen.points[1] - seen.points[0]
-    assert seen.normals[0] @ line == pytest.approx(np.linalg.norm(line))
-    assert seen.normals[1] @ line == pytest.approx(-np.linalg.norm(line))
-
-
 @pytest.fixture
 def copied(stored: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(stored, tmp_path / "out"))
@@ -359,16 +308,6 @@ def test_folders_without_results_are_refused(tmp_path: Path, copied: Path) -> No
         open_collection(copied)
 
 
-def test_a_batch_without_labelled_meshes_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "broken.stl").write_text("solid nothing")
-    label_library(
-        [tmp_path / "broken.stl"], tmp_path / "out", cluster=ClusterSettings(workers=0),
-        report=False,
-    )  # fmt: skip
-    with pytest.raises(MeshError, match="none of its 1 meshes was labelled"):
-        open_collection(tmp_path / "out")
-
-
 # The object that was opened last
 
 
@@ -390,13 +329,6 @@ def test_the_object_that_was_opened_last_is_kept() -> None:
     for one in (a, a, b, b, a):
         one()
     assert "".join(opened) == "aba"
-
-
-def test_names_that_are_not_unicode_are_escaped(tmp_path: Path) -> None:
-    path = tmp_path / os.fsdecode(b"\xffbox.stl")
-    path.write_bytes(b"solid")
-    (item,) = open_collection(path).items
-    assert item.name == "\\xffbox.stl"
 
 
 def test_cancelled_and_failed_openings_are_not_kept() -> None:

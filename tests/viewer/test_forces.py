@@ -11,10 +11,10 @@ import pytest
 import trimesh
 
 from grasp3d import GraspModel, Label, SurfaceLabels, label_surface, load_mesh, write_ply
-from grasp3d.errors import MeshError, SettingError
+from grasp3d.errors import SettingError
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.loads import Load
-from grasp3d.quality.tasks import Weight, Wrenches
+from grasp3d.quality.tasks import Weight
 from grasp3d.surface import Reason
 from grasp3d.surface.holding import Holding
 from grasp3d.viewer.session import planning
@@ -24,11 +24,10 @@ from grasp3d.viewer.session.inspection import HeldGrasp
 from grasp3d.viewer.session.painting import MOST, ramp_of, texture_coordinates, texture_image
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.subjects.subject import subject_of
 from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web.page_state import page_state
 from tests.helpers import viewing
-from tests.helpers.viewing import read_subject, ready_session, rewritten, wait_until_idle
+from tests.helpers.viewing import read_subject, ready_session, wait_until_idle
 
 SOFT = GraspModel(friction=0.5, torsion_radius=0.3)
 LOAD = Load(mass=0.5, grip_force=20.0)
@@ -300,21 +299,6 @@ def test_a_task_of_wrenches_mentions_no_mass(tmp_path: Path, force: float | None
         assert force is None or "With 20 N the load is" in shown or "No force holds it" in shown
 
 
-@pytest.mark.slow
-def test_a_task_of_wrenches_made_in_python_can_be_opened(tmp_path: Path) -> None:
-    path = tmp_path / "pulled.ply"
-    write_ply(path, pulled(Wrenches([[0.0, 0.0, -5.0, 0.0, 0.0, 0.0]])))
-    assert str(read_subject(path).labels.load_case) == "given wrenches, 20 N at hand"
-
-
-def test_a_file_without_the_payload_of_its_mass_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "held.ply"
-    write_ply(path, held())
-    rewritten(path, (b"property double payload", b"property double pay_load"))
-    with pytest.raises(MeshError, match="it has no payload"):
-        read_subject(path)
-
-
 class Own(Weight):
     """A task that a file cannot name."""
 
@@ -327,38 +311,3 @@ def test_a_task_of_an_own_class_leaves_a_note(tmp_path: Path) -> None:
     session = ready_session(open_collection(path))
     assert any("grip forces are left out" in note for note in panel_text(session).notes)
     assert not session.offers("payload")
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "reason"),
-    [
-        (
-            b"property double grip_force_least",
-            b"property double grip_force_waste",
-            "grip_force_lea",
-        ),
-        (b"comment grasp3d mass 0.5", b"comment grasp3d mass -.5", "mass"),
-    ],
-)
-def test_damaged_files_are_refused(tmp_path: Path, old: bytes, new: bytes, reason: str) -> None:
-    path = tmp_path / "held.ply"
-    write_ply(path, held())
-    rewritten(path, (old, new))
-    with pytest.raises(MeshError, match=reason):
-        read_subject(path)
-
-
-@pytest.mark.slow
-def test_the_subject_of_labels_has_what_is_computed() -> None:
-    labels = held().using()
-    assert subject_of(labels).forces is None
-    assert labels.holding is not None
-    known = subject_of(labels).forces
-    assert known is not None
-    assert known.holding is labels.holding
-    session = Session(collection_of(labels))
-    wait_until_idle(session)
-    assert session.working is None
-    assert labels.load_case is not None
-    unknown = replace(labels.load_case, mass=None, available=None)
-    assert str(unknown) == "1 kg (no mass is given)"

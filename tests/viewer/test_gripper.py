@@ -1,6 +1,5 @@
 """A gripper in the viewer: panel, colours, files, new searches, and the scene."""
 
-import json
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,33 +13,31 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from grasp3d import SurfaceLabels, best_grasps, write_fields, write_ply
-from grasp3d.batch.row import Row
-from grasp3d.errors import MeshError, SettingError
+from grasp3d import SurfaceLabels, best_grasps, write_ply
+from grasp3d.errors import SettingError
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene as HandScene
 from grasp3d.hand.scene import scene_settings
-from grasp3d.mesh.measures import is_closed
 from grasp3d.rendering.opengl import View, view_axes
 from grasp3d.settings import Sampling
 from grasp3d.viewer.scene.framing import MOST_BESIDE, extents, frame_of, middle_of
 from grasp3d.viewer.scene.pictures import open_renderer
 from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session import collection, computations, planning
-from grasp3d.viewer.session.collection import collection_of, open_collection, read_result
+from grasp3d.viewer.session.collection import collection_of, open_collection
 from grasp3d.viewer.session.computations import search_grasps
-from grasp3d.viewer.session.controls import CONTROLS, handle_key
+from grasp3d.viewer.session.controls import handle_key
 from grasp3d.viewer.session.inspection import best_vertices
 from grasp3d.viewer.session.painting import ramp_of, texture_coordinates
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import BEST, Session
-from grasp3d.viewer.subjects.subject import Subject, subject_of
+from grasp3d.viewer.subjects.subject import subject_of
 from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web.page_state import page_state
 from tests.helpers import viewing
 from tests.helpers.held_grasps import JAWS, held_box, not_reached, reached
-from tests.helpers.viewing import read_subject, ready_session, rewritten, wait_until_idle
+from tests.helpers.viewing import read_subject, ready_session, wait_until_idle
 from tests.rendering.test_opengl import needs_opengl
 
 AXES = np.eye(3)
@@ -108,24 +105,6 @@ def test_without_a_gripper_nothing_is_added() -> None:
         assert session.state == state
 
 
-def test_a_table_is_needed_to_hide_it() -> None:
-    labels = held_box()
-    assert labels.scene is not None
-    session = ready_session(with_scene(labels, replace(labels.scene, table=None)))
-    handle_key(session, "t")
-    assert "there is no table" in session.message
-    assert panel_text(session).facts.endswith("gripper jaws")
-
-
-def test_the_page_has_switches(session: Session) -> None:
-    CONTROLS["show_gripper"].change(session, False)  # noqa: FBT003
-    CONTROLS["show_table"].change(session, False)  # noqa: FBT003
-    state = page_state(session)
-    assert (state["show_gripper"], state["show_table"]) == (False, False)
-    assert (state["gripper"], state["table"]) == ("jaws", True)
-    assert any(item["name"] == "approach_margin" for item in state["paints"])
-
-
 # Colours
 
 
@@ -141,13 +120,6 @@ def test_colours_of_approach_margins(session: Session) -> None:
     known = np.isfinite(margins)
     assert np.allclose(u[known], margins[known] / np.nanmax(margins))
     assert np.array_equal(v < 0.5, known)
-
-
-def test_colours_of_approach_margins_need_a_gripper() -> None:
-    session = ready_session(viewing.labels())
-    with pytest.raises(SettingError, match="no gripper"):
-        session.change(paint="approach_margin")
-    assert session.state.paint == "label"
 
 
 # New searches
@@ -236,42 +208,6 @@ def test_a_labelled_file_brings_its_gripper_and_margins(tmp_path: Path) -> None:
     assert np.array_equal(best_vertices(subject, 1), best_vertices(subject_of(labels), 1))
 
 
-@pytest.mark.parametrize(
-    ("before", "after", "problem"),
-    [
-        (b'"max_opening": 0.08', b'"max_opening": -.08', "is not valid|are not valid"),
-        (b"comment grasp3d gripper {", b"comment grasp3d gripper [", "are not valid"),
-        (b"comment grasp3d table 0.0", b"comment grasp3d table 0 0", "instead of 4"),
-        (b"comment grasp3d approach_within ", b"comment grasp3d approach_witnin ", "no comment"),
-        (b"property double approach_margin", b"property double approach_mangin", "approach_margin"),
-    ],
-)
-def test_files_with_damaged_grippers_are_refused(
-    tmp_path: Path, before: bytes, after: bytes, problem: str
-) -> None:
-    path = tmp_path / "box.ply"
-    write_ply(path, held_box())
-    with pytest.raises(MeshError, match=problem):
-        read_subject(rewritten(path, (before, after)))
-
-
-def stored_result(folder: Path) -> Subject:
-    write_ply(folder / "box.ply", held_box())
-    write_fields(folder / "box.parquet", held_box())
-    return read_result(folder, Row("box.stl", labels="box.ply", fields="box.parquet"))
-
-
-def test_results_of_a_batch_have_poses(tmp_path: Path) -> None:
-    labels, subject = held_box(), stored_result(tmp_path)
-    assert subject.labels.reach is not None
-    assert labels.reach is not None
-    for name in ("poses", "approach_margin", "opening", "pregrasp_opening", "depth"):
-        stored, made = getattr(subject.labels.reach, name), getattr(labels.reach, name)
-        assert np.allclose(stored, made, atol=1e-6, equal_nan=True), name
-    assert np.array_equal(subject.labels.reach.reached, labels.reach.reached)
-    assert is_closed(subject.mesh.faces)
-
-
 def test_another_gripper_than_in_the_file_starts_a_search(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -292,11 +228,6 @@ def test_another_gripper_than_in_the_file_starts_a_search(
     assert any("searched again for gripper wide jaws" in note for note in found.notes)
 
 
-def test_settings_of_the_gripper_are_one_json_line() -> None:
-    settings = scene_settings(held_box().scene)
-    assert json.loads(str(settings["gripper"]))["name"] == "jaws"
-
-
 # Pictures
 
 
@@ -310,20 +241,6 @@ def test_a_picture_shows_the_best_grasp_that_is_reached() -> None:
     chosen = ViewSettings(vertex=held_vertex())
     with open_renderer(collection_of(held_box()), chosen) as renderer:
         assert renderer.session.state.vertex == held_vertex()
-
-
-@needs_opengl
-@pytest.mark.parametrize(
-    ("settings", "problem"),
-    [
-        (ViewSettings(vertex=10**6), "there is no vertex 1000000"),
-        (ViewSettings(paint="approach_margin"), "there is no gripper"),
-    ],
-)
-def test_pictures_of_what_does_not_exist_are_refused(settings: ViewSettings, problem: str) -> None:
-    with pytest.raises(SettingError, match=problem):  # noqa: SIM117
-        with open_renderer(collection_of(viewing.labels()), settings):
-            pass
 
 
 @pytest.mark.parametrize("labels", [held_box, viewing.labels, viewing.three_fingers, viewing.scan])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import grasp3d
 from grasp3d import GraspModel, Label, Load
 from grasp3d.errors import SettingError
-from grasp3d.grasps import EvaluatedHandGrasps, GraspPoses, write_grasps
+from grasp3d.grasps import EvaluatedHandGrasps, GraspPoses
 from grasp3d.hand.triangles import COLORS, Part
 from grasp3d.plots.figures import save_as
 from grasp3d.plots.grasps import hand_grasp_figure
@@ -21,11 +21,7 @@ from grasp3d.rendering.opengl import view_axes
 from grasp3d.viewer.scene.sheets import draw_hand_grasps
 from grasp3d.viewer.session.collection import collection_of_grasps
 from grasp3d.viewer.session.hand_inspection import held_by
-from grasp3d.viewer.session.panel_text import panel_text
-from grasp3d.viewer.web.page_state import page_state
 from tests.helpers import shapes, slider_hand
-from tests.helpers.commands import export
-from tests.helpers.commands import run_here as run
 from tests.helpers.figures import check_texts, drawn_texts
 from tests.helpers.slider_hand import BOX, TOUCHING
 from tests.helpers.viewing import ready_session, wait_until_idle
@@ -161,18 +157,6 @@ def test_session_evaluates_at_another_resolution(tmp_path: Path) -> None:
     session.close()
 
 
-def test_texts_are_those_of_a_hand(tmp_path: Path) -> None:
-    session = ready_session(collection_of_grasps(grasps(tmp_path, TOUCHING)))
-    text, page = panel_text(session), page_state(session)
-    assert (text.fractions, text.rule, text.notes) == ((), "", ())
-    assert text.facts.endswith("hand sliders")
-    assert text.ramp is not None
-    assert text.ramp.grey == "does not touch"
-    assert page["labelled"] is False
-    assert "margins of their contacts" in page["hint"]
-    session.close()
-
-
 @pytest.mark.parametrize(
     "action",
     [
@@ -189,48 +173,3 @@ def test_what_needs_labels_is_refused(action: object, tmp_path: Path) -> None:
         action(session)  # type: ignore[operator]
     assert session.state == state
     session.close()
-
-
-def write(folder: Path) -> None:
-    """The box, the hand, and poses."""
-    export(folder / "box.stl", shapes.box(BOX))
-    slider_hand.write(folder)
-    joints = tuple(f"slide_{number}" for number in range(4))
-    given = GraspPoses(
-        poses=np.tile(np.eye(4), (2, 1, 1)), posture=np.array([np.zeros(4), np.full(4, TOUCHING)]),
-        joint_names=joints, unit="m",
-    )  # fmt: skip
-    write_grasps(folder / "poses.csv", given)
-
-
-HAND = ("--hand", "sliders.json", "--unit", "m", "-q")
-
-
-@pytest.mark.slow
-@needs_opengl
-def test_commands_draw_poses(tmp_path: Path) -> None:
-    write(tmp_path)
-    for words in (
-        ("evaluate", "box.stl", "poses.csv", *HAND, "--picture", "sheet.png"),
-        ("view", "box.stl", "--grasps", "poses.csv", *HAND, "--screenshot", "view.png"),
-    ):
-        done = run(*words, cwd=tmp_path)
-        assert (done.returncode, done.stderr) == (0, "")
-    assert (tmp_path / "sheet.png").stat().st_size > 10_000
-    assert (tmp_path / "view.png").stat().st_size > 5_000
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("evaluate box.stl poses.csv --hand franka --picture x.png", "picture applies to poses"),
-        ("view box.stl --grasps poses.csv --hand franka", "a hand with joints: give it with --ha"),
-        ("view box.stl --contact-rule closed --screenshot x.png", "give --grasps"),
-    ],
-)
-def test_other_grippers_are_refused(words: str, message: str, tmp_path: Path) -> None:
-    write(tmp_path)
-    done = run(*words.split(), "--unit", "m", cwd=tmp_path)
-    assert done.returncode == 2
-    assert message in done.stderr
-    assert "Traceback" not in done.stderr

@@ -83,17 +83,6 @@ def test_epsilon_of_one_grasp_agrees_with_evaluate_grasps(fingers: int) -> None:
         assert float(numbers[key]) == pytest.approx(getattr(grasp, name)[0], rel=0.02), name
 
 
-def test_epsilon_is_the_known_value_or_missing() -> None:
-    labels = viewing.box()
-    subject, model = subject_of(labels), labels.model
-    known = viewing.with_epsilon(subject, 0.125, model)
-    vertex = int(np.flatnonzero(labels.reason == Reason.FOUND)[0])
-    numbers = dict(inspect(known, vertex, model).numbers)
-    assert (numbers["ε"], numbers["ε_min"], numbers["ε_max"]) == ("0.125", "0.125", "–")
-    other = dict(inspect(known, vertex, replace(model, friction=0.9)).numbers)
-    assert not {other[name] for name in ("ε", "ε_min", "ε_max")} & {"–", "0.125"}
-
-
 def test_tilts_of_three_fingers_are_not_sampled() -> None:
     labels = viewing.three_fingers()
     vertex = int(np.flatnonzero(labels.critical_angle < 0.3)[0])
@@ -115,15 +104,6 @@ def test_a_vertex_without_a_grasp_has_one_contact() -> None:
     assert seen.reason == (
         "U: the object is too wide or too narrow for the limits of the search here."
     )
-
-
-def test_the_label_agrees_with_labels_at() -> None:
-    subject = subject_of(viewing.labels())
-    for friction in (0.3, 0.75, 3.0):
-        model = replace(subject.labels.model, friction=friction)
-        codes = labels_at(subject, model)
-        for vertex in range(0, len(codes), 17):
-            assert inspect(subject, vertex, model).code == codes[vertex]
 
 
 def test_angles_of_an_internal_grasp_are_to_the_outward_directions() -> None:
@@ -226,14 +206,6 @@ def test_the_fingers_in_the_explanation_are_on_sharp_edges() -> None:
             assert seen.reason.startswith(f"M: {start}"), vertex
             named.add(start)
     assert named >= {"both fingers are", "the first finger is"}
-
-
-def test_explanation_of_m_where_no_grasp_is_stable() -> None:
-    blunt = GraspModel(sensor_resolution=math.radians(60.0))
-    assert (
-        "no grasp is surely stable at this resolution, as 26.6° − 30.0° = −3.4° is not above 0°"
-        in _case(model=blunt)
-    )
 
 
 def test_explanation_of_s_on_smooth_parts_sharp_edges_and_for_a_perfect_sensor() -> None:

@@ -1,6 +1,5 @@
 """The viewer's page in a real browser, and access to its server."""
 
-import asyncio
 import http.client
 import io
 import os
@@ -11,16 +10,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-from aiohttp.test_utils import TestClient, TestServer
 from numpy.typing import NDArray
 from PIL import Image
 from plyfile import PlyData
@@ -33,7 +29,7 @@ from grasp3d.stability.label import COLORS, Label
 from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.web import page as served_page
-from grasp3d.viewer.web.page import address_of, background_server, create_server, listen, open_page
+from grasp3d.viewer.web.page import address_of, background_server, listen, open_page
 from tests.helpers.shapes import LIBRARY
 
 CI = os.environ.get("CI") == "true"
@@ -353,12 +349,6 @@ def test_invalid_ports_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
             listen(port)
 
 
-def test_missing_requirements_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("grasp3d.rendering.opengl.can_render", lambda: False)
-    with pytest.raises(OutputError, match="OpenGL"):
-        create_server()
-
-
 def test_a_page_is_opened_with_the_choices_of_a_session(
     labels: SurfaceLabels, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -381,38 +371,3 @@ def test_a_page_is_opened_with_the_choices_of_a_session(
         open_page(session)
     for one in (session, *started):
         one.close()
-
-
-def test_a_view_is_closed_when_another_one_is_opened(labels: SurfaceLabels) -> None:
-    os.environ["TRAME_ARGS"] = ""
-
-    async def run() -> None:
-        server = create_server()
-        paths = [server.add(partial(Session, collection_of(labels))) for _ in range(2)]
-        async with TestClient(TestServer(server.app)) as client:
-            headers = {"Origin": str(client.make_url("/")).rstrip("/")}
-
-            async def status(path: str) -> int:
-                return (await client.get(f"/{path}picture.png")).status
-
-            async with client.ws_connect(f"/{paths[0]}ws", headers=headers):
-                async with asyncio.timeout(60):
-                    while await status(paths[0]) == 404:
-                        pass
-                async with client.ws_connect(f"/{paths[1]}ws", headers=headers):
-                    async with asyncio.timeout(60):
-                        while await status(paths[1]) == 404:
-                            pass
-                    assert await status(paths[0]) != 404  # a browser shows it
-            async with client.ws_connect(
-                f"/{server.add(partial(Session, collection_of(labels)))}ws", headers=headers
-            ):
-                async with asyncio.timeout(60):
-                    while 404 not in [await status(path) for path in paths]:
-                        pass
-            server.local_only = False
-            answer = await client.get("/a/none/", headers={"Host": "elsewhere.example:80"})
-            assert answer.status == 404
-
-    with ThreadPoolExecutor(1) as executor:  # Playwright has an event loop in this thread
-        executor.submit(asyncio.run, run()).result()

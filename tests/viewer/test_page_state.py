@@ -24,15 +24,9 @@ def labels() -> SurfaceLabels:
     ("name", "value"),
     [
         ("friction", "much"),
-        ("friction", None),
-        ("friction", float("nan")),
         ("resolution", 180.0),
         ("paint", "glitter"),
-        ("axis", "w"),
         ("position", 2.0),
-        ("fingers", "many"),
-        ("opening", 0.0),
-        ("click", "drop"),
         ("number", "last"),
     ],
 )

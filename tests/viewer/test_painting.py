@@ -12,13 +12,10 @@ from grasp3d.errors import SearchCoverageError
 from grasp3d.surface.vertex_grasps import SearchReport
 from grasp3d.viewer.session.painting import (
     BOTH_SIDES,
-    GREY,
     PALETTE,
     RAMP,
     UNSEARCHED,
     WIDE,
-    area_fractions,
-    faded,
     labels_at,
     ramp_of,
     texture_coordinates,
@@ -148,14 +145,6 @@ def test_a_vertex_without_a_grasp_is_u_even_where_no_grasp_is_surely_unstable() 
     assert (_texture(subject, model)[:3] == PALETTE[Label.U]).all()
 
 
-def test_area_fractions_agree_with_the_labels() -> None:
-    labels = viewing.labels()
-    found = area_fractions(subject_of(labels), labels.label)
-    assert found.sum() == pytest.approx(1.0)
-    for name, fraction in labels.fractions().items():
-        assert found[Label[name]] == pytest.approx(fraction)
-
-
 def _ramp_color(subject: Subject, paint: str, model: GraspModel) -> NDArray[np.uint8]:
     image = texture_image(subject, paint, model)  # type: ignore[arg-type]
     across, up = texture_coordinates(subject, paint, model).T.astype(float)  # type: ignore[arg-type]
@@ -239,19 +228,6 @@ def test_grey_is_explained_where_it_occurs(paint: Paint) -> None:
         some = bool(np.isinf(labels.critical_angle[labels.mesh.on_surface]).any())
         assert ramp.grey == ("no grasp found" if some else "")
     assert not some  # every vertex of the box has a grasp
-
-
-def test_no_colour_of_a_ramp_is_grey() -> None:
-    colours = RAMP.astype(int)
-    assert np.ptp(colours, axis=1).min() > 60
-    assert (np.abs(colours - GREY).max(axis=1) > 40).all()
-
-
-def test_pale_colours_are_still_distinct() -> None:
-    pale = faded(PALETTE[None])[0].astype(int)
-    assert np.ptp(pale, axis=1) == pytest.approx(0.3 * np.ptp(PALETTE.astype(int), axis=1), abs=8)
-    assert pale.min() > 140
-    assert len({tuple(one) for one in pale}) == len(PALETTE)
 
 
 def test_a_subject_with_labels_of_extreme_normals_has_a_note() -> None:

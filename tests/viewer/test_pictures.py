@@ -25,7 +25,6 @@ from grasp3d.viewer.scene.pictures import (
     save_picture,
 )
 from grasp3d.viewer.session.collection import Collection, Item, collection_of
-from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import ViewSettings
 
@@ -75,34 +74,6 @@ def test_epsilon_is_computed_before_it_is_drawn(tmp_path: Path) -> None:
     assert (
         middle[..., 0].min() > middle[..., 2].max() + 40
     )  # bright, as epsilon is the same everywhere
-
-
-@pytest.mark.slow
-@needs_opengl
-def test_messages_do_not_prevent_a_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[str] = []
-
-    class Noting(Session):
-        def _show(self, subject: Subject) -> None:
-            super()._show(subject)
-            self.show_message("a note")
-            told.append(self.message)
-
-    monkeypatch.setattr(pictures, "Session", Noting)
-    collection = collection_of(label_surface(box_mesh((1.0, 2.0, 3.0), max_edge=0.5)))
-    save_picture(collection, ViewSettings("epsilon", width=320, height=240), tmp_path / "box.png")
-    assert read(tmp_path / "box.png").shape == (240, 320, 3)
-    assert told == ["a note"]
-
-
-def test_the_error_for_other_suffixes_lists_the_known_ones(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"unsupported picture format \.jpg: supported are \."):
-        save_picture(collection_of(held_box()), SMALL, tmp_path / "box.jpg")
-
-
-def test_a_missing_folder_is_reported_before_the_work(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="cannot be written"):
-        save_picture(collection_of(held_box()), SMALL, tmp_path / "missing" / "box.png")
 
 
 def test_without_opengl_the_old_file_is_kept(

@@ -13,23 +13,20 @@ import pyvista
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from vtkmodules.vtkRenderingCore import vtkCellPicker
 
 from grasp3d import GraspModel, Label, Sampling, SurfaceLabels, label_surface, scan_surface
 from grasp3d.mesh import load_mesh
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.rendering.opengl import can_render, choose_window
 from grasp3d.stability.label import COLORS
-from grasp3d.surface import Reason
 from grasp3d.viewer.scene.captions import Captions, round_length
 from grasp3d.viewer.scene.framing import axes_of
-from grasp3d.viewer.scene.marks import Marks, cone_surfaces, cones, cylinders, spheres
+from grasp3d.viewer.scene.marks import Marks, cones, cylinders, spheres
 from grasp3d.viewer.scene.overlays import (
     Rectangle,
     TextArea,
     TextLine,
     contact_numbers,
-    display_positions,
     shortened,
     text_size,
     text_width,
@@ -150,19 +147,6 @@ def test_every_pixel_has_the_label_of_its_point_after_every_change() -> None:
 
 
 @needs_opengl
-def test_vertices_without_a_grasp_are_grey() -> None:
-    labels = scanned()
-    none = np.full(len(labels.critical_angle), math.inf)
-    collection = collection_of(with_critical_angles(labels, none))
-    with viewed(collection) as (session, scene):
-        image = scene.screenshot()
-        assert set(nearest_label(image[coloured(image)])) == {Label.U}
-        grey = after(session, scene, paint="critical_angle")
-        assert not coloured(grey).any()
-        assert (grey < 200).all(axis=2).sum() > 0.8 * coloured(image).sum()
-
-
-@needs_opengl
 def test_a_stale_surface_is_pale_and_has_no_grasp() -> None:
     with viewed(collection_of(held_box())) as (session, scene):
         session.click(3)
@@ -178,30 +162,6 @@ def test_a_stale_surface_is_pale_and_has_no_grasp() -> None:
         session.change(fingers=2)
         scene.update(session)
         assert (scene.screenshot() == bright).all()
-
-
-@needs_opengl
-def test_the_ramp_goes_from_dark_to_bright_with_the_angle() -> None:
-    with viewed(collection_of(scanned()), paint="critical_angle") as (session, scene):
-        image = scene.screenshot().astype(float)
-        column = image[:, WIDE // 2, 1] - image[:, WIDE // 2, 2]  # from blue to yellow
-        filled = np.nonzero(np.abs(column) > 15.0)[0]
-        values = column[filled[5:-5]]
-        assert values[0] < -30.0 < 30.0 < values[-1]
-        smooth = np.convolve(values, np.ones(15) / 15.0, mode="valid")
-        assert (np.diff(smooth) > -1.0).all()
-        finest = after(session, scene, paint="max_resolution").astype(float)
-        assert finest[filled[8], WIDE // 2, 1] > finest[filled[-8], WIDE // 2, 1] + 50.0
-
-
-@needs_opengl
-def test_normals_differ_across_sharp_edges() -> None:
-    with viewed(collection_of(held_box()), azimuth=0.6, elevation=0.5) as (_, scene):
-        image = scene.screenshot()
-        brightness = image.max(axis=2)[(image.min(axis=2) < 250)]
-        shades = np.unique(brightness[brightness > 60], return_counts=True)
-        flat = [shade for shade, count in zip(*shades, strict=True) if count > 1000]
-        assert 3 <= len(flat) <= 12  # three faces, each of one brightness per colour
 
 
 def pixel_of(scene: Scene, point: Floats) -> tuple[int, int]:
@@ -245,29 +205,6 @@ def test_a_grasp_is_marked_and_its_hidden_part_is_faint() -> None:
         assert (scene.screenshot() == plain).all()
 
 
-@pytest.mark.slow
-@needs_opengl
-def test_contact_numbers_are_at_the_displayed_contacts() -> None:
-    with viewed(collection_of(held_box()), azimuth=0.6, elevation=0.5) as (session, scene):
-        subject = session.subject
-        assert subject is not None
-        vertex = int(np.flatnonzero(subject.labels.reason == Reason.FOUND)[0])
-        session.click(vertex)
-        scene.update(session)
-        scene.camera.azimuth = 25.0
-        image = scene.screenshot()
-        seen = session.inspection
-        assert seen is not None
-        positions = display_positions(scene.plotter.renderers[0], seen.points)
-        for point, (x, y) in zip(seen.points, positions, strict=True):
-            row, column = pixel_of(scene, point)
-            assert (x, HIGH - y) == pytest.approx((column, row), abs=2.0)
-        session.click(None)
-        scene.update(session)
-        plain = scene.screenshot()
-        assert (image != plain).any()
-
-
 def test_contact_numbers_do_not_overlap_and_are_beside_their_contacts() -> None:
     area = TextArea(400.0, 300.0, 12)
     random = np.random.default_rng(3)
@@ -300,50 +237,6 @@ def test_captions_contain_the_largest_opening_if_it_is_limited() -> None:
         session = ready_session(labels)
         assert list(Captions.of(session, legend=True).caption) == caption
         session.close()
-
-
-@needs_opengl
-def test_the_safe_cone_is_shown_if_there_is_one() -> None:
-    with viewed(collection_of(scanned())) as (session, scene):
-        subject = session.subject
-        assert subject is not None
-        marks = Marks(scene.plotter.renderers[0])
-        sides = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
-        grasp = replace(inspect(subject, 0, session.model), points=sides, normals=-sides)
-        counts = []
-        for degrees in (0.0, 30.0, 91.0):
-            model = replace(session.model, sensor_resolution=math.radians(degrees))
-            marks.show(subject, replace(grasp, model=model), np.empty((0, 3)))
-            image = scene.screenshot()
-            row, column = pixel_of(scene, np.array([0.0, 1.15, 0.0]))
-            beside = image[row - 40 : row + 40, column - 25 : column + 40].astype(int)
-            counts.append(int((beside[..., 2] - beside[..., 0] > 40).sum()))
-        assert counts[0] > 1.2 * counts[1] > 50
-        assert counts[2] == 0
-
-
-@needs_opengl
-def test_fixed_fingers_are_black_and_replace_the_markers_of_their_contacts() -> None:
-    with viewed(collection_of(scanned())) as (session, scene):
-        other, front = np.array([0.0, -0.6, 0.8]), np.array([0.6, 0.8, 0.0])
-        subject = session.subject
-        assert subject is not None
-        nearest = subject.mesh.vertices[
-            np.argmin(np.linalg.norm(subject.mesh.vertices - front, axis=1))
-        ]
-        plain = scene.screenshot()
-        marks = Marks(scene.plotter.renderers[0])
-        marks.show(subject, None, nearest[None])
-        image = scene.screenshot()
-        assert image[pixel_of(scene, nearest)].max() < 60 < plain.max()
-        grasp = inspect(subject, 0, session.model)
-        both = replace(
-            grasp, points=np.array([other, nearest]), normals=-np.array([other, nearest])
-        )
-        marks.show(subject, both, nearest[None])
-        image = scene.screenshot()
-        assert image[pixel_of(scene, nearest)].max() < 60
-        assert image[pixel_of(scene, other)].min() > 240
 
 
 @needs_opengl
@@ -391,27 +284,6 @@ def test_a_section_is_relative_to_the_faces_and_not_to_unused_vertices() -> None
         assert 0.3 * whole < half < 0.95 * whole
 
 
-def bar_pixels(image: Image) -> int:
-    """Length of the scale bar: the longest dark run in the lowest rows."""
-    rows = (image[-25:] < 80).all(axis=2)
-    return max(
-        len(run) for row in rows for run in "".join("#" if dark else " " for dark in row).split()
-    )
-
-
-@needs_opengl
-@pytest.mark.parametrize("legend", [False, True])
-def test_the_scale_bar_has_a_round_length_at_every_zoom(legend: bool) -> None:
-    with viewed(collection_of(scanned()), legend=legend, width=640, height=480) as (_, scene):
-        for zoom in (1.0, 1.7, 0.31, 0.9):
-            scene.camera.parallel_scale *= zoom
-            image = scene.screenshot()
-            length = bar_pixels(image) * 2.0 * scene.camera.parallel_scale / 480
-            round_one = round_length(1.02 * length)
-            assert length == pytest.approx(round_one, rel=0.03)
-            assert 25 <= bar_pixels(image) <= 80
-
-
 @pytest.mark.slow
 @needs_opengl
 @pytest.mark.parametrize("size", [(320, 240), (640, 400), (500, 700)])
@@ -439,23 +311,6 @@ def test_the_object_fills_its_pane_without_overlapping_texts(size: tuple[int, in
         box[top : bottom + 1, left : right + 1] = True
         rows = np.nonzero((image < 250).any(axis=2).any(axis=1))[0]
         assert not {top - 2, bottom + 2} & set(rows)  # between the texts and the object
-
-
-@needs_opengl
-def test_the_zoom_is_kept_when_the_window_is_resized() -> None:
-    with viewed(collection_of(held_box()), width=600, height=500) as (session, scene):
-        scene.screenshot()
-        scene.plotter.window_size = [400, 500]
-        scene.plotter.render()
-        scale = scene.camera.parallel_scale
-        scene.look(session)
-        assert scale == pytest.approx(scene.camera.parallel_scale)
-        scene.camera.parallel_scale *= 0.5
-        scene.plotter.window_size = [600, 500]
-        scene.plotter.render()
-        zoomed = scene.camera.parallel_scale
-        scene.look(session)
-        assert zoomed == pytest.approx(0.5 * scene.camera.parallel_scale)
 
 
 def make_item(labels: SurfaceLabels, name: str, gate: threading.Event | None = None) -> Item:
@@ -573,16 +428,6 @@ def test_solids_are_closed_and_have_their_volume(
     assert sum(one.triangulate().volume for one in solid) == pytest.approx(volume, rel=0.05)
 
 
-def test_sides_of_cones_have_their_angle_to_the_axis() -> None:
-    axis = np.array([0.6, 0.0, 0.8])
-    (cone,) = cone_surfaces(np.array([[1.0, 1.0, 1.0]]), axis[None], 0.4, 2.0)
-    sides = cone.points - 1.0
-    lengths = np.linalg.norm(sides, axis=1)
-    far = lengths > 1e-6
-    assert lengths[far] == pytest.approx(2.0)
-    assert sides[far] @ axis / 2.0 == pytest.approx(math.cos(0.4))
-
-
 def hit_vertex(
     subject: Subject, origin: Floats, way: Floats, section: Section | None
 ) -> int | None:
@@ -656,32 +501,3 @@ def test_a_ray_outside_the_visible_side_of_a_section_hits_nothing() -> None:
     assert subject.mesh.vertices[first][0] > 0.9
     within = np.array([0.5, 0.01, 0.02])  # the plane is before the far side, which is cut away
     assert vertex_at(subject, within, np.array([-1.0, 0.0, 0.0]), section) is None
-
-
-@pytest.mark.slow
-@needs_opengl
-@pytest.mark.parametrize("section", [None, Section("x", 0.6, flipped=True)])
-def test_clicks_hit_the_same_vertices_as_vtk(section: Section | None) -> None:
-    with viewed(collection_of(held_box()), azimuth=0.3, elevation=0.5) as (session, scene):
-        after(session, scene, section=section)
-        subject = session.subject
-        assert subject is not None
-        picker = vtkCellPicker()
-        picker.SetTolerance(0.0)
-        random = np.random.default_rng(2)
-        agreed = found = 0
-        for x, y in random.uniform((0.0, 0.0), (WIDE - 1.0, HIGH - 1.0), (150, 2)):
-            hit = picker.Pick(x, y, 0.0, scene.plotter.renderers[0])
-            expected = None
-            if hit:
-                corners = subject.mesh.faces[picker.GetCellId()]
-                gaps = np.linalg.norm(
-                    subject.mesh.vertices[corners] - picker.GetPickPosition(), axis=1
-                )
-                expected = int(corners[np.argmin(gaps)])
-            found += expected is not None
-            agreed += scene.pick(session, x, y) == expected
-        assert found > 15
-        assert agreed >= 147
-        assert scene.pick(session, -5.0, 10.0) is None
-        assert scene.pick(session, WIDE + 3.0, 10.0) is None

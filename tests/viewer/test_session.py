@@ -3,7 +3,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -21,23 +20,19 @@ from grasp3d import (
     write_ply,
 )
 from grasp3d.errors import MeshError, OutputError, SettingError
-from grasp3d.settings import MeshOptions
 from grasp3d.surface import Reason
 from grasp3d.surface.vertex_grasps import SearchReport
-from grasp3d.system.context import report_progress, running
-from grasp3d.viewer.scene.captions import Captions
-from grasp3d.viewer.scene.overlays import TextArea, TextLine
+from grasp3d.system.context import report_progress
 from grasp3d.viewer.session import planning
-from grasp3d.viewer.session.background import Cancelled, Job, Worker
+from grasp3d.viewer.session.background import Job, Worker
 from grasp3d.viewer.session.collection import Collection, Item, collection_of, open_collection
 from grasp3d.viewer.session.computations import (
     compute_epsilon,
-    write_labels,
 )
 from grasp3d.viewer.session.painting import UNSEARCHED
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.session.state import Section, ViewState
+from grasp3d.viewer.session.state import Section
 from grasp3d.viewer.subjects.subject import Subject, subject_of
 from grasp3d.viewer.view_settings import ViewSettings
 from tests.helpers import viewing
@@ -92,15 +87,10 @@ def test_sliders_change_the_labels_without_a_search() -> None:
     ("choice", "message"),
     [
         ({"friction": -1.0}, "friction must be"),
-        ({"friction": "much"}, "wrong type"),
         ({"sensor_resolution": 4.0}, "below 180 degrees"),
-        ({"fingers": 1}, "fingers must be from 2 to 5"),
         ({"fingers": 6}, "fingers must be from 2 to 5"),
         ({"paint": "red"}, "no paint is called 'red'"),
-        ({"click": "hit"}, "no click action is called 'hit'"),
         ({"max_opening": 0.0}, "opening must be above 0"),
-        ({"max_opening": math.nan}, "opening must be above 0"),
-        ({"fixed": ((0.0, 0.0),)}, "three finite coordinates"),
         ({"fixed": ((0.0, 0.0, math.nan),)}, "three finite coordinates"),
         ({"fixed": ((0.0, 0.0, 0.0),) * 2}, "of 2 fingers at most 1 can be fixed; got 2"),
         ({"colour": 1}, "has no setting 'colour'"),
@@ -203,18 +193,6 @@ def test_another_opening_is_searched_once() -> None:
     assert session.working is None
 
 
-def test_the_searched_cone_is_kept_for_another_opening() -> None:
-    session = ready_session(viewing.box())
-    session.change(friction=3.0)
-    wait_until_idle(session)
-    session.change(friction=0.5, max_opening=3.0)
-    wait_until_idle(session)
-    assert session.subject is not None
-    assert session.subject.cone == math.pi / 2
-    session.change(friction=3.0)
-    assert session.working is None
-
-
 def test_other_fingers_are_searched_without_the_limits_of_two() -> None:
     session = ready_session(viewing.box())
     session.change(fingers=3)
@@ -273,22 +251,6 @@ def test_a_failed_job_is_reported_and_not_repeated() -> None:
     assert len(tries) == 2
 
 
-def test_a_search_that_needs_too_much_memory_is_refused(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("grasp3d.settings.costs.PER_VERTEX", (0.0, 1.0))
-    session = ready_session(viewing.box())
-    session.change(fingers=3)
-    wait_until_idle(session)
-    assert "max_memory" in session.message
-    assert session.model.fingers == 2
-    session.change(friction=0.4)
-    assert session.working is None
-    assert "max_memory" in session.message
-    session.change(fingers=2)
-    assert session.message == ""
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("choice", "missing"),
@@ -323,15 +285,6 @@ def test_old_grasps_are_not_shown_while_new_ones_are_searched(
     session.save(tmp_path / "a.ply")
     wait_until_idle(session)
     assert read_subject(tmp_path / "a.ply").labels.model.fingers == session.state.model.fingers
-
-
-def test_known_labels_are_shown_during_a_wider_search() -> None:
-    session = ready_session(viewing.labels())
-    session.change(friction=2.0)
-    assert session.working is not None
-    assert not session.stale
-    assert panel_text(session).fractions
-    session.close()
 
 
 def test_the_surface_stays_stale_if_the_search_fails(
@@ -480,44 +433,7 @@ def test_epsilon_is_computed_when_it_is_shown() -> None:
     assert np.array_equal(subject.labels.critical_angle, labels.critical_angle)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "model", [GraspModel(edges=6), GraspModel(actuation="per_finger", torsion_radius=0.05)]
-)
-def test_epsilon_depends_on_edges_actuation_and_torsion(model: GraspModel) -> None:
-    labels = viewing.box().using(model=model)
-    session = ready_session(labels)
-    session.change(paint="epsilon", friction=0.45)
-    wait_until_idle(session)
-    assert session.subject is not None
-    assert session.subject.epsilons is not None
-    expected = labels.relabel(friction=0.45)
-    assert session.subject.epsilons.epsilon == pytest.approx(expected.epsilon, nan_ok=True)
-    assert session.subject.epsilons.epsilon_min == pytest.approx(expected.epsilon_min, nan_ok=True)
-
-
 # Files
-
-
-def test_a_given_unit_is_shown_for_a_file_without_one(tmp_path: Path) -> None:
-    write_ply(tmp_path / "box.ply", viewing.box())
-    for unit in (None, "mm"):
-        collection = open_collection(tmp_path / "box.ply", options=MeshOptions(unit=unit))
-        session = ready_session(collection)
-        assert session.subject is not None
-        assert session.subject.mesh.unit == unit
-        texts = [
-            one.text
-            for one in Captions.of(session, legend=True).items(TextArea(600, 400, 12), 0.01)
-            if isinstance(one, TextLine)
-        ]
-        assert ("0.5 mm" in texts) == (unit is not None)
-        assert ("0.5" in texts) == (unit is None)
-
-
-def test_arrows_are_described_as_the_direction_of_the_push() -> None:
-    meaning = "<dt>arrow</dt><dd>inward contact normal, along which the finger pushes</dd>"
-    assert meaning in (files("grasp3d.viewer.web") / "static" / "help.html").read_text("utf-8")
 
 
 @pytest.fixture
@@ -605,35 +521,12 @@ def test_files_are_saved_in_the_background(tmp_path: Path, file: Path) -> None:
         session.save(tmp_path / "a.txt")
 
 
-def test_scans_are_saved_with_their_fixed_finger(tmp_path: Path) -> None:
-    session = ready_session(viewing.labels())
-    session.change(fixed=(tuple(map(float, viewing.labels().mesh.vertices[30])),))
-    wait_until_idle(session)
-    session.save(tmp_path / "scan.ply")
-    wait_until_idle(session)
-    assert read_subject(tmp_path / "scan.ply").labels.mode == "scan"
-    assert session.subject is not None
-    assert session.subject.labels.mode == "scan"
-
-
 def test_labels_beyond_the_search_cannot_be_saved(tmp_path: Path) -> None:
     session = ready_session(viewing.labels())
     session.change(friction=3.0)
     with pytest.raises(GraspError, match="are not searched yet"):
         session.save(tmp_path / "a.ply")
     session.close()
-
-
-def test_a_batch_is_saved_with_its_partners(tmp_path: Path, batched: Subject) -> None:
-    subject, reported = batched, list[float]()
-    assert subject.labels.partners is not None
-    with running(progress=reported.append):
-        found = write_labels(subject, subject.labels.model, tmp_path / "a.npz")
-    assert found.epsilons is not None
-    assert sorted(reported) == reported
-    with np.load(tmp_path / "a.npz") as data:
-        assert np.array_equal(data["partners"], subject.labels.partners, equal_nan=True)
-        assert np.array_equal(data["grip"], viewing.labels().grip)
 
 
 # Several objects
@@ -711,20 +604,6 @@ def test_texts_of_an_object() -> None:
     other = panel_text(ready_session(labels))
     assert "(unit not stated)" in other.facts
     assert other.notes == ("mind the gap",)
-
-
-def test_notes_of_the_collection_are_shown() -> None:
-    collection = collection_of(viewing.box())
-    assert (
-        "2 left out" in panel_text(ready_session(replace(collection, notes=("2 left out",)))).notes
-    )
-
-
-def test_initial_states_are_checked() -> None:
-    with pytest.raises(SettingError):
-        ViewState(GraspModel(), 1.0, paint="none")  # type: ignore[arg-type]
-    with pytest.raises(SettingError, match="no axis of a section is called 'w'"):
-        Section("w")  # type: ignore[arg-type]
 
 
 # The worker
@@ -841,10 +720,6 @@ def test_errors_are_reported(worker: Worker[int], error: Exception, message: str
 
     worker.request(Job("a", "working", fail))
     assert _taken(worker) == (None, message)
-
-
-def test_cancelled_is_not_caught_as_an_exception() -> None:
-    assert not issubclass(Cancelled, Exception)
 
 
 def test_the_unsearched_part_has_an_area_fraction() -> None:

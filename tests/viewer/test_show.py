@@ -76,16 +76,6 @@ def test_outside_notebooks_a_window_opens(
     opened[0].close()
 
 
-def test_terminal_of_ipython_is_no_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
-    shell = SimpleNamespace()
-    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
-    assert not show.in_notebook()
-    shell.kernel = object()
-    assert show.in_notebook()
-    monkeypatch.delitem(sys.modules, "IPython")
-    assert not show.in_notebook()
-
-
 def test_addresses_behind_a_proxy(labels: SurfaceLabels, monkeypatch: pytest.MonkeyPatch) -> None:
     names: list[str] = []
     served = SimpleNamespace(

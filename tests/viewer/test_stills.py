@@ -70,15 +70,6 @@ def test_light_changes_only_the_brightness_up_to_the_exact_colour() -> None:
 
 @pytest.mark.slow
 @needs_opengl
-def test_the_same_picture_every_time() -> None:
-    scanned = scan_surface(box_mesh(max_edge=0.5), GraspModel(friction=1.0), fixed=(0, 0, -1))
-    below = np.array([[0.0, 0.0, -1.0]])
-    first, second = (draw_labels(scanned, size=(SIZE, SIZE), fixed=below) for _ in range(2))
-    assert (first == second).all()
-
-
-@pytest.mark.slow
-@needs_opengl
 def test_contacts_are_visible_and_their_hidden_parts_are_faint() -> None:
     mesh, white = box_mesh((2.0, 2.0, 2.0)), np.full(3, 255)
     behind = MarkedContacts(np.array([[-1.0, 0.0, 0.0]]), np.array([[1.0, 0.0, 0.0]]))
