@@ -107,16 +107,6 @@ def test_a_table_has_a_row_for_each_mesh(folder: Path, suffix: str) -> None:
     assert broken["faces_after"] is None
 
 
-@pytest.mark.slow
-def test_meshes_of_one_file_name_have_different_names(folder: Path) -> None:
-    for below in ("a", "b"):
-        (folder / below).mkdir()
-        export(folder / below / "box.stl", shapes.box((0.04, 0.06, 0.08)))
-    run = grasp3d("check", "a/box.stl", "b", "--json", "--workers", "1", cwd=folder)
-    names = [mesh["mesh"] for mesh in json.loads(run.stdout)["meshes"]]
-    assert names == ["a/box.stl", "b/box.stl"]
-
-
 def test_a_surface_of_inconsistent_orientation_is_not_watertight(folder: Path) -> None:
     vertices, faces = shapes.box((0.04, 0.06, 0.08))
     faces[0] = faces[0, ::-1]
@@ -138,29 +128,3 @@ def test_strict_accepts_no_warnings(folder: Path) -> None:
     assert grasp3d("check", "box.stl", "--strict", cwd=folder).returncode == 0
     assert grasp3d("check", "pierced.ply", cwd=folder).returncode == 0
     assert grasp3d("check", "pierced.ply", "--strict", cwd=folder).returncode == 1
-
-
-def test_quiet_prints_nothing(folder: Path) -> None:
-    assert printed("check", "box.stl", "-q", cwd=folder) == ""
-
-
-@pytest.mark.slow
-def test_lengths_that_cannot_be_meant_are_accepted_with_force(folder: Path) -> None:
-    run = grasp3d("check", "box.stl", "--max-opening", "80", cwd=folder)
-    assert (run.returncode, "labels can be trusted: no" in run.stdout) == (1, True)
-    run = grasp3d("check", "box.stl", "--max-opening", "80", "--force", cwd=folder)
-    assert (run.returncode, "labels can be trusted: with care" in run.stdout) == (0, True)
-    assert re.search(r"max_opening is 80, [\d.,]+ times the object's size", run.stdout)
-
-
-def test_the_table_of_meshes_fits_80_columns(folder: Path) -> None:
-    long_name = "a name of a mesh that is much longer than a table is wide, as in some libraries"
-    (folder / "lib").mkdir()
-    export(folder / "lib" / f"{long_name}.stl", shapes.box((0.04, 0.06, 0.08)))
-    export(folder / "lib" / "box.stl", shapes.box((0.04, 0.06, 0.08)))
-    done = grasp3d("check", "lib", "--unit", "m", "--workers", "0", cwd=folder, columns=80)
-    heading, *lines = done.stdout.partition("labels: whether")[0].splitlines()
-    assert heading.split()[:4] == ["mesh", "labels", "faces", "size"]
-    assert max(map(len, [heading, *lines])) <= 80
-    assert [line.split()[-1] for line in lines if line.endswith("°")] == ["0.0°", "0.0°"]
-    assert "…" not in done.stdout

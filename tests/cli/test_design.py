@@ -9,15 +9,11 @@ import pytest
 
 from grasp3d.contact.friction_cones import effective_friction
 from grasp3d.contact.sensor import Sensor, required_counts
-from tests.helpers.commands import run_here, run_process
+from tests.helpers.commands import run_here
 
 
 def design(*arguments: object, columns: int = 80) -> subprocess.CompletedProcess[str]:
     return run_here("design", *map(str, arguments), cwd=Path(), columns=columns)
-
-
-def real_design(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return run_process("design", *map(str, arguments), cwd=Path(), columns=80)
 
 
 def printed(*arguments: object, columns: int = 80) -> str:
@@ -35,15 +31,6 @@ def facts(text: str) -> dict[str, str]:
     """Values of the table of a sensor, by the words in its left column."""
     pairs = (re.split(r"  +", line.strip(), maxsplit=1) for line in text.splitlines())
     return {pair[0]: pair[1].strip() for pair in pairs if len(pair) == 2}
-
-
-@pytest.mark.slow
-def test_the_command_prints_the_same_in_its_own_process() -> None:
-    for words in ((), ("--friction", "0")):
-        real, here = real_design(*words), design(*words)
-        assert (real.returncode, real.stdout) == (here.returncode, here.stdout)
-        assert real.stderr == here.stderr
-    assert "--receptive-field" in real_design("--help").stdout
 
 
 def test_without_options_it_prints_the_numbers_of_the_paper() -> None:
@@ -121,26 +108,3 @@ def test_lengths_have_units_of_their_own() -> None:
         error.replace("│", " ").split()
     )
     assert "mesh" not in error
-
-
-def test_receptive_fields_too_small_to_count_are_printed_as_infinite() -> None:
-    text = printed("--receptive-field", 1e-200)
-    assert facts(text)["sensors on the hemisphere"] == "at least inf (discs), inf (caps)"
-
-
-CASES: list[tuple[object, ...]] = [
-    (),
-    ("--receptive-field", 4, "--friction", 0.2, 0.5, "--joints", 2),
-]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("columns", [80, 60, 40])
-@pytest.mark.parametrize("arguments", CASES, ids=str)
-def test_nothing_is_truncated_in_a_narrow_terminal(
-    arguments: tuple[object, ...], columns: int
-) -> None:
-    narrow, wide = printed(*arguments, columns=columns), printed(*arguments, columns=200)
-    assert max(map(len, narrow.splitlines())) <= columns
-    assert "…" not in narrow
-    assert sorted("".join(narrow.split())) == sorted("".join(wide.split()))

@@ -9,15 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.csv as pc
 import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
-from grasp3d.errors import ContactError
 from grasp3d.grasps import evaluated_parts, evaluation, grasp_files
-from grasp3d.quality import metric_names
 from grasp3d.rendering import opengl
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system import tables
@@ -99,16 +96,6 @@ def test_metrics_are_printed_and_written(folder: Path, name: str) -> None:
     assert "grasp_isotropy" not in row
 
 
-def test_all_metrics_of_three_fingers_are_written(folder: Path) -> None:
-    arguments = ("my box.stl", "three.json", "-o", "out.parquet", "--metrics", "all", "-q")
-    assert printed("evaluate", *arguments, cwd=folder) == ""
-    first, beside, coincident = pq.read_table(folder / "out.parquet").to_pylist()
-    assert set(metric_names("all")) < set(first)
-    assert first["min_weight"] > 0.0
-    assert beside["min_weight"] is None
-    assert coincident["grasp_isotropy"] is None
-
-
 def random_pairs(count: int) -> np.ndarray:
     """Contacts on sides of a box of 1 x 2 x 3, most of them opposite, shape (count, 2, 3)."""
     random, size, every = np.random.default_rng(0), np.array([0.5, 1.0, 1.5]), np.arange(count)
@@ -159,9 +146,7 @@ def in_parts(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
                 "0.01",
             ),
         ),
-        ("json", ("--fingers", "2", "--torsion-radius", "3mm", "--mass", "0.5kg")),
         ("parquet", ("--mass", "0.5kg", "--grip-force", "2", "--torsion-radius", "2cm")),
-        ("csv", ("--friction", "0.05", "--sensor-resolution", "40")),
     ],
 )
 def test_many_grasps_are_evaluated_in_parts_as_a_whole(
@@ -207,18 +192,6 @@ def test_errors_in_a_later_part_name_the_grasp_and_leave_no_file(
         assert {path.name for path in tmp_path.iterdir()} == {"box.stl", given.name}
 
 
-def test_a_text_in_a_later_part_is_named_with_its_row(
-    tmp_path: Path, in_parts: Callable[[], None]
-) -> None:
-    write_contacts(tmp_path / "grasps.csv", random_pairs(100))
-    lines = (tmp_path / "grasps.csv").read_text(encoding="utf-8").splitlines()
-    lines[96] = lines[96].rpartition(",")[0] + ",oops"
-    (tmp_path / "grasps.csv").write_text("\n".join(lines), encoding="utf-8")
-    in_parts()
-    with pytest.raises(ContactError, match="grasp 96: z2 is no finite number: 'oops'"):
-        grasp_files.read_contacts(tmp_path / "grasps.csv")
-
-
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "json"])
 def test_an_interruption_between_parts_leaves_no_file(
     tmp_path: Path, suffix: str, in_parts: Callable[[], None], monkeypatch: pytest.MonkeyPatch
@@ -240,20 +213,6 @@ def test_an_interruption_between_parts_leaves_no_file(
     assert len(written) == 3
     assert written[1] > 0
     assert {path.name for path in tmp_path.iterdir()} == {"box.stl", "grasps.csv"}
-
-
-def test_columns_of_large_tables_are_read_in_parts_and_lists_are_not(
-    tmp_path: Path, in_parts: Callable[[], None]
-) -> None:
-    path, numbers = tmp_path / "lists.parquet", np.arange(100.0)
-    names = ["y1", "z1", "x2", "y2", "z2"]
-    pq.write_table(pa.table({"x1": [[1.0]] * 100, **dict.fromkeys(names, numbers)}), path)
-    in_parts()
-    with pytest.raises(ContactError, match=r"grasp 1: x1 is no finite number: 'list<"):
-        grasp_files.read_contacts(path)
-    first = next(tables.column_parts(path, lambda found: found[1:3]))
-    assert first[0] == pytest.approx(0.3)
-    assert {name: len(values) for name, values in first[1].items()} == {"y1": 30, "z1": 30}
 
 
 def test_of_many_grasps_only_the_first_are_printed(folder: Path) -> None:
@@ -304,32 +263,6 @@ def test_poses_of_a_gripper_are_evaluated(posed: Path) -> None:
     assert (again.returncode, again.stdout) == (0, "")
     rows_again = pc.read_csv(posed / "small_grasps.csv").to_pylist()
     assert [row["label"] for row in rows_again] == ["S", "S", "U"]
-
-
-def test_metrics_of_poses_are_written_and_replaced(posed: Path) -> None:
-    arguments = ("poses.csv", "--unit", "mm", "--hand", "franka")
-    text = printed(
-        "evaluate", "small.stl", *arguments, "-o", "out.csv", "--metrics", "all", cwd=posed
-    )
-    assert re.search(r"^min_weight .* 1$", text, re.MULTILINE)
-    rows = pc.read_csv(posed / "out.csv").to_pylist()
-    assert rows[0]["min_weight"] == pytest.approx(1.0 / 16.0)
-    assert rows[2]["min_weight"] is None
-    again = grasp3d(
-        "evaluate", "small.stl", "out.csv", *arguments[1:], "-o", "again.csv", "-q", cwd=posed
-    )
-    assert (again.returncode, again.stderr) == (0, "")
-    names = pc.read_csv(posed / "again.csv").column_names
-    assert not {*metric_names()} & set(names)
-
-
-def test_poses_on_a_table_collide_from_below(posed: Path) -> None:
-    below = POSES.replace(",10,1,0,0,0", ",-10,0,0,0,1")
-    (posed / "poses.csv").write_text(below, encoding="utf-8")
-    arguments = ("small.stl", "poses.csv", "--unit", "mm", "--hand", "franka")
-    text = printed("evaluate", *arguments, "--table", "as-is", cwd=posed)
-    assert re.search("closed, but the gripper collides +2", text)
-    assert re.search("closed and reachable +0", text)
 
 
 def printed_rows(text: str) -> list[list[str]]:

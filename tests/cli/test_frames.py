@@ -1,9 +1,7 @@
 """`--frame`: files with poses in the frames of other programs, written, read and doubted."""
 
 import json
-import re
 from dataclasses import replace
-from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +11,7 @@ import pytest
 
 from grasp3d import read_grasps, read_hand, write_grasps
 from tests.helpers import shapes
-from tests.helpers.commands import export, printed, refusal
+from tests.helpers.commands import export, printed
 
 GRASPS = ("box.stl", "--unit", "mm", "--hand", "franka")
 WARNING = "as stated ('hand') the jaws close on the object where it is"
@@ -59,40 +57,6 @@ def test_a_file_in_another_frame_is_doubted_and_read_in_it(folder: Path) -> None
 
 
 @pytest.mark.slow
-def test_outcomes_are_compared_in_the_stated_frame(folder: Path) -> None:
-    text = (folder / "g.yaml").read_text(encoding="utf-8")
-    outcomes = (f"confidence: {float(k % 3 > 0)}" for k in count())
-    tried = re.sub(r"confidence: [\d.e-]+", lambda _: next(outcomes), text)
-    assert tried.count("confidence: 0.0") == 6
-    (folder / "tried.yaml").write_text(tried, encoding="utf-8")
-    validate = ("validate", "tried.yaml", "--mesh", "box.stl", "--unit", "mm", "--hand", "franka",
-                "--outcome", "confidence")  # fmt: skip
-    assert WARNING in " ".join(printed(*validate, cwd=folder).split())
-    named, auto = (
-        " ".join(printed(*validate, "--frame", frame, cwd=folder).split())
-        for frame in ("graspgen", "auto")
-    )
-    assert WARNING not in named
-    assert "tried.yaml: --frame auto: as stated ('hand')" in auto
-    assert auto.split()[-60:] == named.split()[-60:]
-
-
-@pytest.mark.slow
-def test_simulated_poses_are_doubted_too(folder: Path) -> None:
-    simulate = ("simulate", "box.stl", "--unit", "mm", "--grasps", "g.yaml", "--hand", "franka",
-                "--pull-time", "0.2", "-o", "simulated.csv", "--overwrite")  # fmt: skip
-    stated, auto = (
-        " ".join(printed(*simulate, *options, cwd=folder).split())
-        for options in ((), ("--frame", "auto"))
-    )
-    assert f"warning: {WARNING}" in stated
-    assert f"--frame auto: {WARNING}" in auto
-    assert "warning" not in auto
-    held = [float(text.partition("surely stable")[2].split()[0]) for text in (stated, auto)]
-    assert held[1] > held[0]
-
-
-@pytest.mark.slow
 def test_poses_without_a_unit_are_in_that_of_the_mesh_in_every_frame(folder: Path) -> None:
     poses = read_grasps(folder / "g.yaml", hand=read_hand("franka"), frame="graspgen").in_unit("mm")
     write_grasps(folder / "unit.csv", replace(poses, columns={}), frame="gpd")
@@ -102,13 +66,6 @@ def test_poses_without_a_unit_are_in_that_of_the_mesh_in_every_frame(folder: Pat
         text = printed("evaluate", "box.stl", "silent.csv", "--unit", "mm", "--hand", "franka",
                        "--overwrite", "--frame", frame, cwd=folder)  # fmt: skip
         assert lines in text
-
-
-def test_a_frame_that_is_none_is_refused_before_anything_is_written(folder: Path) -> None:
-    for frame, words in {"base": "unknown gripper frame 'base'", "tcp=0": "or a file with"}.items():
-        command = f"evaluate box.stl g.yaml --unit mm --hand franka -o no.csv --frame {frame}"
-        assert words in refusal(command, folder)
-    assert not (folder / "no.csv").exists()
 
 
 def test_frames_are_drawn(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """`--hand`, `--table` and approach limits of label, batch, sweep and view."""
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +9,9 @@ import trimesh
 
 from grasp3d import Sampling, Table, label_surface, load_mesh
 from grasp3d.grasps.pose_files import holds_poses, read_poses
-from grasp3d.hand.hand_files import write_hand
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.rendering.opengl import can_render
 from tests.helpers import shapes
 from tests.helpers.commands import printed, run_here
-from tests.helpers.grippers import HAND
 
 OPTIONS = ("--unit", "mm", "--max-edge", "10")
 FRANKA = ("--hand", "franka", "--table", "as-is")
@@ -64,30 +60,6 @@ def test_label_prints_the_verdict_and_writes_poses(
 
 
 @pytest.mark.slow
-def test_own_grippers_on_a_table_that_the_object_rests_on(
-    box: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(
-        "grasp3d.rendering.opengl.can_render", lambda: False
-    )  # pictures take seconds
-    write_hand(box / "mine.json", HAND)
-    printed(
-        "label", "box.stl", *OPTIONS, "--hand", "mine.json", "--table", "stable",
-        "--approach-within", "40", "--best", "2",
-        cwd=box,
-    )  # fmt: skip
-    poses = read_poses(box / "box_grasps.json")
-    table = Table.resting(load_mesh(box / "box.stl", unit="mm", max_edge=90.0))
-    downward = -(poses.poses[:, :3, 2] @ table.normal)
-    assert (downward >= np.cos(np.radians(40.0)) - 1e-9).all()
-    printed(
-        "label", "box.stl", *OPTIONS, *FRANKA, "--up", "y", "-o", "up.ply", "--best", "2", cwd=box
-    )
-    upright = read_poses(box / "up_grasps.json").poses
-    assert (upright[:, 1, 2] < -0.7).all()
-
-
-@pytest.mark.slow
 def test_nothing_reached_is_a_verdict_and_no_error(tmp_path: Path) -> None:
     plate = trimesh.Trimesh(*shapes.box((120.0, 80.0, 3.0)), process=False)
     plate.export(tmp_path / "plate.stl")
@@ -130,39 +102,6 @@ def test_batches_have_verdicts_and_poses_and_resume(box: Path) -> None:
     assert other.returncode == 0
     assert {row["gripper"] for row in rows().values()} == {"wsg50"}
     assert all(rows()[name]["key"] != before[name]["key"] for name in before)
-
-
-@pytest.mark.slow
-def test_a_sweep_with_a_gripper_is_below_that_without(box: Path) -> None:
-    fractions = {}
-    for name, options in (("ideal", ()), ("held", FRANKA)):
-        printed(
-            "sweep", "box.stl", *OPTIONS, *options, "--friction", "0.4",
-            "--sensor-resolution", "0:40:20", "-o", f"{name}.csv", cwd=box,
-        )  # fmt: skip
-        with (box / f"{name}.csv").open(encoding="utf-8") as stream:
-            fractions[name] = list(csv.DictReader(stream))
-    ideal, held = fractions["ideal"], fractions["held"]
-    assert len(ideal) == len(held) == 3
-    for one, other in zip(ideal, held, strict=True):
-        assert float(other["stable"]) <= float(one["stable"])
-        assert float(other["unstable"]) >= float(one["unstable"])
-    assert float(held[0]["stable"]) < float(ideal[0]["stable"])
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not can_render(), reason="needs OpenGL")
-def test_a_picture_has_the_gripper(box: Path) -> None:
-    from PIL import Image
-
-    size = ("--width", "320", "--height", "240")
-    for name, options in (("ideal", ()), ("held", FRANKA)):
-        printed(
-            "view", "box.stl", *OPTIONS, *options, "--screenshot", f"{name}.png", *size, cwd=box
-        )
-    pictures = [np.array(Image.open(box / f"{name}.png")) for name in ("ideal", "held")]
-    assert pictures[0].shape == pictures[1].shape
-    assert (pictures[0] != pictures[1]).any()
 
 
 def test_a_batch_without_units_has_a_row_with_the_reason(box: Path) -> None:

@@ -52,21 +52,11 @@ def test_report(folder: Path) -> None:
         assert line in text
 
 
-def test_contact_distance(folder: Path) -> None:
-    write(folder, TOUCHING - 0.002)
-    text = printed("evaluate", *POSES, "--contact-distance", "1mm", cwd=folder)
-    assert "1 of 1: no link within 1 mm of the object" in text
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         ("--method extremes", "sliders is a hand with joints, and takes no method extremes"),
-        ("--pose-error 5mm", "sliders is a hand with joints, and takes no pose_error"),
-        ("--grip-force 5", "sliders is a hand with joints, and takes no grip_force"),
-        ("--metrics all", "sliders is a hand with joints, and takes no metrics"),
         ("--max-distance 1mm", "max_distance applies to contacts"),
-        ("--contact-rule touching", "given"),
         ("--contact-distance -1mm", "contact_distance"),
     ],
 )
@@ -76,16 +66,6 @@ def test_options_that_do_not_apply(folder: Path, words: str, message: str) -> No
     assert message in run.stderr
     assert "Traceback" not in run.stderr
     assert not (folder / "box_grasps.csv").exists()
-
-
-def test_options_of_hands_do_not_apply_to_others(folder: Path) -> None:
-    (folder / "pair.json").write_text("[[[0.03, 0, 0], [-0.03, 0, 0]]]", encoding="utf-8")
-    for words in (("--contact-rule", "given"), ("--contact-distance", "1mm")):
-        run = grasp3d("evaluate", "box.stl", "pair.json", "--unit", "m", *words, cwd=folder)
-        assert run.returncode == 2
-        assert "applies to poses of a" in run.stderr
-        run = grasp3d("evaluate", "box.stl", "poses.csv", "--hand", "franka", *words, cwd=folder)
-        assert run.returncode == 2
 
 
 def test_more_friction_and_finer_sensors_hold_more(folder: Path) -> None:
@@ -118,20 +98,6 @@ def test_results_are_written_with_joints_by_name(folder: Path, name: str) -> Non
     )
     again = pc.read_csv(folder / "again.csv").to_pydict()
     assert again["label"] == ["S", "U", "S"]
-
-
-def test_wrong_postures_are_refused(folder: Path) -> None:
-    text = (folder / "poses.csv").read_text(encoding="utf-8")
-    (folder / "fewer.csv").write_text(text.replace("slide_3", "thumb"), encoding="utf-8")
-    (folder / "nan.csv").write_text(text.replace(str(TOUCHING), "nan", 1), encoding="utf-8")
-    for name, message in (
-        ("fewer.csv", "thumb is no joint of sliders, and slide_3 of sliders is missing"),
-        ("nan.csv", "nan"),
-    ):
-        run = grasp3d("evaluate", "box.stl", name, *HAND, cwd=folder)
-        assert run.returncode == 2, name
-        assert message in run.stderr
-        assert run.stderr.count("\n") == 1
 
 
 def test_grasps_are_of_one_object(folder: Path) -> None:
@@ -197,11 +163,6 @@ def test_the_verdict_on_the_object_is_in_the_file(folder: Path) -> None:
     printed("evaluate", "box.stl", "held.json", *HAND, "-o", "free.json", cwd=folder)
     again = json.loads((folder / "free.json").read_text(encoding="utf-8"))["grasp3d"]
     assert again["verdict"] is None
-
-
-def test_torque_limits_are_for_hands_with_joints(folder: Path) -> None:
-    run = grasp3d("label", "box.stl", "--unit", "m", "--torque-limits", "1", cwd=folder)
-    assert "torque_limits are those of the motors of a hand with joints" in run.stderr
 
 
 def test_poses_without_a_grasp_have_no_load(folder: Path) -> None:

@@ -25,17 +25,6 @@ EXAMPLES = [
 ]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("command", KINDS)
-def test_every_command_has_at_least_two_examples(command: str) -> None:
-    text = printed(command, "--help", cwd=Path(), columns=80)
-    lines = text[text.index("\nexamples:\n") :].split("\n\n")[0].strip().split("\n")[1:]
-    assert len(lines) >= 4
-    assert [line[:4] for line in lines] == ["  # ", "  gr"] * (len(lines) // 2)
-    assert all(f"{line} ".startswith(f"  grasp3d {command} ") for line in lines[1::2])
-    assert max(map(len, lines)) <= 100
-
-
 def test_the_version_is_listed() -> None:
     run = grasp3d("--help", cwd=Path(), columns=80)
     assert re.search(r"--version +Print the version\.", run.stdout)
@@ -61,18 +50,6 @@ def test_help_is_one_screen_of_what_matters_and_help_all_has_every_option(comman
     assert max(len(line) for line in lines if line[:4] not in {"  gr", "  # "}) <= 80
     shown = [line for line in lines if line.lstrip().startswith("-")]
     assert 8 <= len(shown) == sum(bool(one.brief and one.names) for one in options) <= 14
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("command", KINDS)
-def test_placeholders_are_the_same_everywhere(command: str) -> None:
-    text = grasp3d(command, "--help-all", cwd=Path(), columns=80).stdout
-    for word in ("{None", "STR", "(default: )", "(default: None)", "default: False"):
-        assert word not in text
-    for name in re.findall(r"--(?:\w+-opening|max-opening|max-distance)", text):
-        assert f"{name} LENGTH" in text
-    if "--unit" in text:
-        assert "Unit of the mesh's coordinates" in " ".join(text.split())
 
 
 @pytest.mark.slow

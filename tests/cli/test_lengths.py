@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.helpers import shapes
-from tests.helpers.commands import export, printed
+from tests.helpers.commands import export
 from tests.helpers.commands import run_here as grasp3d
 
 COARSE = ("--max-edge", "inf")
@@ -37,18 +37,6 @@ def test_a_length_with_a_unit_is_written_as_a_number_in_the_unit_of_the_mesh(fol
     text, number = (settings_in(folder / f"{name}.npz") for name in ("text", "number"))
     assert text == number
     assert (text["setting_max_opening"], text["setting_unit"]) == ("70.0", "mm")
-
-
-@pytest.mark.slow
-def test_it_is_accepted_with_force(folder: Path) -> None:
-    for command, *words in (
-        ("label", "box.stl", "--max-opening", "70000", *COARSE),
-        ("sweep", "box.stl", "--max-opening", "70000", *COARSE),
-        ("evaluate", "box.stl", "pair.json", "--max-distance", "70000"),
-    ):
-        text = printed(command, *words, "--unit", "mm", "--force", cwd=folder)
-        if command != "evaluate":
-            assert "is 7e+04 mm, 650 times the object's size" in text
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@ import json
 import re
 from pathlib import Path
 
-import numpy as np
 import pyarrow.csv as pc
 import pytest
 
@@ -42,18 +41,6 @@ def test_the_remedy_for_hard_fingers_is_printed(tmp_path: Path) -> None:
     assert HARD_FINGERS in text
     assert "force at hand: none given" in text
     assert "of which need at most" in text
-
-
-@pytest.mark.slow
-def test_label_writes_a_table_with_a_gripper(tmp_path: Path) -> None:
-    export(tmp_path / "block.ply", BLOCK)
-    density = ("--density", "1g/cm^3", "--hand", "franka")
-    text = printed("label", "block.ply", *SOFT[:4], *density, "-o", "out.npz", cwd=tmp_path)
-    assert "load: 0.12 kg, weight; force at hand: 70 N per finger" in text
-    with np.load(tmp_path / "out.npz") as arrays:
-        assert np.nanmax(arrays["payload"]) > 1.0
-        assert set(arrays["label_with_force"]) <= {0, 1, 2}
-        assert float(str(arrays["setting_force_at_hand"])) == 70.0
 
 
 def test_evaluate_contacts(tmp_path: Path) -> None:

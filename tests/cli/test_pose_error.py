@@ -11,7 +11,7 @@ from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand_files import write_hand
 from tests.helpers import shapes
-from tests.helpers.commands import export, printed, refusal
+from tests.helpers.commands import export, printed
 from tests.helpers.grippers import HAND
 
 BOX = (0.04, 0.06, 0.03)
@@ -73,31 +73,3 @@ def test_the_best_grasps_say_it_too(folder: Path, monkeypatch: pytest.MonkeyPatc
     count = re.search(r"worst label of (\d+) poses that are wrong by at most 2 mm, ", text)
     assert count
     assert all(f"■ S of {count[1]} " in row for row in rows_of(text))
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (
-            "evaluate box.stl poses.csv --unit m --hand hand.json --pose-error abc",
-            (
-                "a pose error must be a length with its unit ('5mm'), an angle ('3deg'), or both "
-                "('5mm,3deg'); got 'abc'"
-            ),
-        ),
-        (
-            "evaluate box.stl poses.csv --unit m --hand hand.json --pose-error -5mm",
-            "position of a pose error must be",
-        ),
-        (
-            "label box.stl --unit m --best 2 --pose-error 5mm",
-            "pose_error applies to grippers only; give a gripper as well",
-        ),
-        (
-            "label box.stl --unit m --hand hand.json --pose-error 5mm",
-            "--pose-error tries wrong poses of the best grasps: give --best as well",
-        ),
-    ],
-)
-def test_wrong_errors_are_refused_in_a_sentence(folder: Path, words: str, message: str) -> None:
-    assert message in refusal(words, folder)

@@ -2,9 +2,6 @@
 
 import json
 import math
-import os
-import re
-import signal
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -15,30 +12,20 @@ import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
-from grasp3d import GraspModel, MeshOptions, Sampling, label_surface, load_mesh
-from grasp3d.batch.batch_settings import ClusterSettings
+from grasp3d import GraspModel, Sampling, label_surface, load_mesh
 from grasp3d.batch.inputs import MeshFile
-from grasp3d.batch.run import run
 from grasp3d.batch.sweeping import (
     SweepSettings,
-    SweptMesh,
     find_targets,
-    lost_mesh,
     sweep_mesh,
 )
 from grasp3d.cli.ranges import parse_angles
 from grasp3d.errors import MeshError, SettingError
-from grasp3d.stability.angle_distributions import SphereAngles
-from grasp3d.surface.sweeps import sweep
 from tests.helpers import shapes
 from tests.helpers.commands import export, printed
-from tests.helpers.commands import run_here as grasp3d
 from tests.helpers.commands import run_process as real_grasp3d
 
 QUICK = ("--max-edge", "9")
-SETTINGS = SweepSettings(
-    (0.2, 1.0), tuple(np.radians([0.0, 30.0])), Sampling(rays=16), MeshOptions(max_edge=9.0)
-)
 
 
 def rows_of(path: Path) -> list[dict[str, Any]]:
@@ -122,18 +109,6 @@ def test_a_note_about_creases_that_decide_the_required_resolution(tmp_path: Path
 
 
 @pytest.mark.slow
-def test_a_folder_without_valid_meshes_has_a_table_of_errors(tmp_path: Path) -> None:
-    (tmp_path / "in").mkdir()
-    for name in ("bad.obj", "worse.obj"):
-        (tmp_path / "in" / name).write_text("nonsense", encoding="ascii")
-    done = grasp3d("sweep", "in", "--workers", "0", cwd=tmp_path)
-    assert done.returncode == 1
-    assert "0 swept, 2 failed" in done.stdout
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "sweep.csv"]
-    assert all("holds no triangles" in row["error"] for row in rows_of(tmp_path / "sweep.csv"))
-
-
-@pytest.mark.slow
 def test_shapes_have_fractions_in_closed_form(tmp_path: Path) -> None:
     text = printed("sweep", "circle", "square", "sphere", "--fraction", "0.1", cwd=tmp_path)
     assert "U surely unstable" in text
@@ -151,29 +126,6 @@ def test_shapes_have_fractions_in_closed_form(tmp_path: Path) -> None:
             continue
         assert row["stable"] == pytest.approx(stable, abs=1e-12)
     assert (tmp_path / "sweep.svg").stat().st_size > 10_000
-
-
-@pytest.mark.slow
-def test_a_shape_and_a_folder_of_the_same_name(tmp_path: Path) -> None:
-    export(tmp_path / "circle" / "ball.ply", shapes.sphere(2))
-    text = printed("sweep", "circle", "-o", "shape.csv", cwd=tmp_path)
-    assert "for the file or folder of that name write ./circle" in text
-    assert {row["mode"] for row in rows_of(tmp_path / "shape.csv")} == {"scan"}
-    assert printed("sweep", "./circle/ball.ply", "-q", *QUICK, cwd=tmp_path) == ""
-    assert {row["mode"] for row in rows_of(tmp_path / "ball_sweep.csv")} == {"label"}
-
-
-@pytest.mark.slow
-def test_for_mesh_and_shape_together_the_meaning_of_u_is_printed_for_each(tmp_path: Path) -> None:
-    export(tmp_path / "ball.ply", shapes.sphere(2))
-    text = printed("sweep", "ball.ply", "sphere", *QUICK, cwd=tmp_path)
-    assert "U no grasp found (on sphere: surely unstable)" in text
-
-
-def test_help_names_the_shapes_and_the_format_of_ranges(tmp_path: Path) -> None:
-    done = grasp3d("sweep", "--help-all", cwd=tmp_path)
-    for text in ("circle|square|sphere", "DEGREES|FROM:TO:STEP", "0:60:1 22.6", "--fraction"):
-        assert text in done.stdout
 
 
 def test_resolutions_are_numbers_and_ranges_with_both_ends() -> None:
@@ -218,44 +170,3 @@ def test_the_search_cone_covers_the_sweep(tmp_path: Path) -> None:
     swept = sweep_mesh(MeshFile("ball", str(ball)), wide).sweep
     assert swept is not None
     assert swept.distribution.limit == math.pi / 2.0
-
-
-def killed(mesh: MeshFile, settings: SweepSettings) -> SweptMesh:
-    """A sweep whose process is killed on one mesh."""
-    if "deadly" in mesh.name:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return sweep_mesh(mesh, settings)
-
-
-@pytest.mark.slow
-def test_a_mesh_whose_process_is_killed_does_not_affect_other_meshes(tmp_path: Path) -> None:
-    files = [
-        MeshFile(name, str(export(tmp_path / name, shapes.sphere(1))))
-        for name in ("1.ply", "2_deadly.ply", "3.ply")
-    ]
-    rows = {
-        row.name: row
-        for row in run(killed, files, SETTINGS, lost=lost_mesh, cluster=ClusterSettings(1))
-    }
-    assert sorted(rows) == [mesh.name for mesh in files]
-    assert "killed from outside" in rows["2_deadly.ply"].error
-    alone = sweep_mesh(files[0], SETTINGS)
-    assert alone.sweep is not None
-    for name in ("1.ply", "3.ply"):
-        swept = rows[name].sweep
-        assert swept is not None
-        assert np.array_equal(swept.stable, alone.sweep.stable)
-        assert swept.required_resolution(0.5) == pytest.approx(alone.sweep.required_resolution(0.5))
-
-
-@pytest.mark.slow
-def test_the_printed_fractions_are_those_of_the_shape(tmp_path: Path) -> None:
-    done = grasp3d("sweep", "sphere", "--friction", "1", cwd=tmp_path)
-    (line,) = re.findall(r"^sphere +1 +(.*)$", done.stdout.split("required")[0], re.MULTILINE)
-    swept = sweep(
-        SphereAngles(), friction=1.0, sensor_resolution=np.radians([0.0, 15.0, 22.6, 45.0, 60.0])
-    )
-    printed = [[int(number) for number in cell.split("/")] for cell in line.split()]
-    assert [sum(cell) for cell in printed] == [100] * 5
-    exact = 100.0 * np.stack([swept.stable[0], swept.ambiguous[0], swept.unstable[0]], axis=1)
-    assert np.abs(np.array(printed) - exact).max() <= 1.0

@@ -99,23 +99,6 @@ def test_the_report_is_written_again_but_replaces_no_other_file(folder: Path) ->
         (folder / "out" / name).unlink()
 
 
-def test_the_mesh_is_looked_up_in_the_scale_that_is_stated(folder: Path) -> None:
-    in_mm = trimesh.load_mesh(folder / "body.ply", process=False).apply_scale(1000.0)
-    (folder / "meshes" / "deep").mkdir(parents=True)
-    in_mm.export(folder / "meshes" / "deep" / "body.ply")
-    (folder / "body.ply").unlink()
-    stated = replace(tried(poses()[1] > HELD_FROM), object_file="any/body.ply", object_scale=0.001)
-    write_poses(folder / "log.json", stated)
-    given = ("validate", "log.json", "--resamples", "100", "--max-edge", "20")
-    text = printed(*given, "--meshes", "meshes", cwd=folder)
-    assert "gripper franka, as the file states (panda)" in text
-    assert re.search(r"margin +larger +1\.000 ", text)
-    done = grasp3d(*given, cwd=folder)
-    assert done.returncode == 2
-    assert "log.json: names the mesh 'any/body.ply', which is not beside it in" in done.stderr
-    assert "--meshes FOLDER" in done.stderr
-
-
 @pytest.mark.slow
 def test_acronym_needs_no_options(tmp_path: Path) -> None:
     import h5py
@@ -157,29 +140,6 @@ def test_outcomes_are_those_that_are_named(folder: Path) -> None:
     np.testing.assert_array_equal(read_columns(folder / "out.csv")["outcome"], ~held)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (
-            None,
-            "other.csv: no outcome is known of any grasp; a table needs .* named with --outcome",
-        ),
-        ("held", "other.csv: no outcome is called 'held': its grasps have .*, fate, fall_time\n"),
-        ("fate", r"other.csv: grasp 1: fate must be 1 or true \(it held\), .* got 'fell'"),
-        ("fall_time<1", "other.csv: no outcome is called 'fall_time<1'"),
-    ],
-)
-def test_outcomes_that_are_none_are_refused(folder: Path, text: str | None, message: str) -> None:
-    with_columns(folder, fate=np.full(COUNT, "fell"), fall_time=np.zeros(COUNT))
-    before = set(folder.iterdir())
-    given = ("validate", "other.csv", *GIVEN[2:], "-o", "out")
-    done = grasp3d(*given, *(() if text is None else ("--outcome", text)), cwd=folder)
-    assert done.returncode == 2
-    assert re.search(message, done.stderr)
-    assert done.stderr.strip().count("\n") == 0
-    assert set(folder.iterdir()) == before
-
-
 def test_values_that_are_all_the_same_are_no_outcomes(folder: Path) -> None:
     """A file's own outcomes may be: then there is a warning."""
     path = with_columns(folder, fell=np.zeros(COUNT), stayed=np.ones(COUNT))
@@ -195,78 +155,3 @@ def test_values_that_are_all_the_same_are_no_outcomes(folder: Path) -> None:
     assert "other.csv: all 120 grasps failed, so no score can be ranked" in " ".join(
         (done.stdout + done.stderr).split()
     )
-
-
-@pytest.mark.slow
-def test_light_and_heavy_grasps_are_one_run(folder: Path) -> None:
-    held, masses = poses()[1] > HELD_FROM, np.where(np.arange(COUNT) % 2, "30 g", "1.2kg")
-    write_poses(folder / "both.csv", replace(tried(held), columns={"object_mass": masses}))
-    given = ("validate", "both.csv", *GIVEN[2:], "--worst", "1")
-    text = printed(*given, "-o", "out", cwd=folder)
-    assert "mass 30 g to 1.2 kg, by the column object_mass;" in text
-    assert re.search(r"^label with force +larger ", text, re.MULTILINE)
-    table = read_columns(folder / "out" / "grasps.csv")
-    assert set(table["mass"].tolist()) == {0.03, 1.2}
-    assert "mass 50 g, as given;" in printed(*given, "--mass", "50g", cwd=folder)
-    masses[[2, 5]] = ["", "-3 g"]
-    for problem in ("grasp_3 has no object_mass, which", "object_mass of grasp_6 must be finite"):
-        write_poses(folder / "both.csv", replace(tried(held), columns={"object_mass": masses}))
-        done = grasp3d(*given, "-o", "new", cwd=folder)
-        assert done.returncode == 2
-        assert f"both.csv: {problem}" in done.stderr
-        assert done.stderr.strip().count("\n") == 0
-        masses[2] = "1 kg"
-    assert not (folder / "new").exists()
-
-
-@pytest.mark.slow
-def test_scores_are_compared_and_reasons_are_a_line_each(folder: Path) -> None:
-    text = printed(*GIVEN, "--friction", "0.2", "--sensor-resolution", "0", cwd=folder)
-    table = r"^robust score less +ROC-AUC, 95 %, paired +p\n((?:.*\n)*?)μ "
-    heads = re.search(table, text, re.MULTILINE)
-    assert heads is not None
-    rows = [re.split(r"  +", line) for line in heads[1].splitlines()]
-    assert [row[0] for row in rows[:3]] == ["patch payload", "pad margin", "success probability"]
-    assert {len(row) for row in rows} == {3}
-    assert all(re.fullmatch(r"[-+]0\.\d{3} [-+]0\.\d{3} to [-+]0\.\d{3}", row[1]) for row in rows)
-    ((count, listed),) = re.findall(
-        r"^held, though U: (\d+) grasps\n((?:  .*\n)+)", text, re.MULTILINE
-    )
-    held = poses()[1] > HELD_FROM
-    assert 0 < int(count) < held.sum()
-    reasons = re.findall(r"^  ([\d,]+) ([^:]+): .*; grasps? \d+", listed, re.MULTILINE)
-    assert len(reasons) == listed.count("\n") == len({name for _, name in reasons})
-
-
-@pytest.mark.slow
-def test_warnings_that_files_share_are_one_line(folder: Path) -> None:
-    body = trimesh.load_mesh(folder / "body.ply", process=False)
-    body.update_faces(np.arange(len(body.faces)) >= 200)
-    for number in range(7):
-        body.export(folder / f"{number}.ply")
-        part = tried(poses()[1] > HELD_FROM).take(np.arange(15 * number, 15 * number + 15))
-        stated = replace(part, object_file=f"{number}.ply", settings={"mass": 0.1}, hand="panda")
-        write_poses(folder / f"{number}.json", stated)
-    files = [f"{number}.json" for number in range(7)]
-    text = printed("validate", *files, *QUICK, "--mass", "100g", "-o", "out", cwd=folder)
-    assert text.count("is open, and no centre of mass is stated") == 1
-    named = "(and the like in 7 files: 0.json, 1.json, 2.json, 3.json, 4.json, ...)"
-    assert named in " ".join(text.split())
-    assert "mass 100 g, as given; centre of mass not known, as the mesh is open: the middle" in text
-    assert re.search(
-        r"ROC-AUC of the robust score by object: \d\.\d+ \(\d\.ply\) to \d\.\d+ ", text
-    )
-    assert re.search(r"precision, 95 % +by object$", text, re.MULTILINE)
-    assert len(read_columns(folder / "out" / "objects.csv")["mesh"]) == 7
-
-
-def test_a_missing_library_is_named_with_its_extra(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for module in ("acronym", "documents"):
-        monkeypatch.setattr(f"grasp3d.grasps.pose_files.{module}.find_spec", lambda _: None)
-    for name, library in (("a.h5", "h5py"), ("a.yaml", "PyYAML")):
-        (folder / name).write_bytes(b"\x89HDF\r\n\x1a\n")
-        done = grasp3d("validate", name, *GIVEN[2:], cwd=folder)
-        assert done.returncode == 2
-        assert f"needs {library}: pip install 'grasp3d[datasets]'" in done.stderr
