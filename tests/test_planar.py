@@ -3,7 +3,6 @@
 import itertools
 import json
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -417,25 +416,3 @@ def test_labels_agree_with_those_of_contacts_in_space(outline: Outline) -> None:
     )
     space = classify(Contacts(points, normals, 0.7), found.model.sensor_resolution).label
     np.testing.assert_array_equal(found.label[rows], space)
-
-
-# Refused settings
-
-
-def test_settings_out_of_range() -> None:
-    wrong: Any
-    for wrong in (7, 100.5, None):
-        with pytest.raises(SettingError, match="points must be a whole number of at least 8"):
-            scan(Circle(), points=wrong)
-    for wrong in (1, 2.5):
-        with pytest.raises(SettingError, match="edges of a planar cone must be a whole number"):
-            scan(Circle(), edges=wrong)
-    wrong = "best"
-    with pytest.raises(SettingError, match="called 'best'; known: exact, extremes, four"):
-        scan(Circle(), points=8).fractions(of=wrong)
-
-
-@pytest.mark.parametrize("more", [{"location_error": 0.1}, {"fingers": 3}, {"edges": 8}])
-def test_models_of_more_than_friction_and_resolution_are_refused(more: dict[str, Any]) -> None:
-    with pytest.raises(SettingError, match="a friction and a sensor resolution, nothing else"):
-        scan(Circle(), GraspModel(**more))

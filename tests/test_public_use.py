@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import grasp3d
-from grasp3d.errors import SettingError
 from grasp3d.quality import Weight
 from tests.helpers import shapes
 
@@ -101,18 +100,3 @@ def test_contacts_go_to_a_file_and_back(tmp_path: Path) -> None:
         points = grasp3d.read_grasps(tmp_path / name)
         assert points == pytest.approx(grasps.contacts.points)
     np.testing.assert_array_equal(grasp3d.evaluate_grasps(mesh, points).label, grasps.label)
-
-
-def test_settings_of_the_other_kind_of_grasps_are_refused() -> None:
-    mesh = grasp3d.load_mesh(shapes.box((0.06, 0.04, 0.08)), unit="m", max_edge=0.02)
-    franka = grasp3d.ParallelGripper.preset("franka")
-    sides = [[-0.03, 0.0, 0.0], [0.03, 0.0, 0.0]]
-    poses = grasp3d.grasps.GraspPoses(poses=np.eye(4))
-    with pytest.raises(SettingError, match="a gripper applies to poses"):
-        grasp3d.evaluate_grasps(mesh, sides, hand=franka)
-    with pytest.raises(SettingError, match="a gripper applies to poses"):
-        grasp3d.evaluate_grasps(mesh, sides, object_motion="fixed")
-    with pytest.raises(SettingError, match="max_distance applies to contacts"):
-        grasp3d.evaluate_grasps(mesh, poses, hand=franka, max_distance=0.1)
-    with pytest.raises(SettingError, match="give it"):
-        grasp3d.evaluate_grasps(mesh, poses)

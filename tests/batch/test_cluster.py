@@ -2,7 +2,6 @@ import logging
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -126,31 +125,6 @@ def test_a_cluster_without_workers_is_waited_for_but_a_dead_scheduler_is_an_erro
         assert not thread.is_alive()
     assert "the Dask scheduler is gone" in str(errors[0])
     assert "\n" not in str(errors[0])
-
-
-@pytest.mark.slow
-def test_a_wrong_address_is_an_error_within_seconds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(cluster, "CONNECT_TIMEOUT", 0.5)
-    (tmp_path / "other.json").write_text("[]", encoding="ascii")
-    with socket.socket() as silent:
-        silent.bind(("127.0.0.1", 0))
-        silent.listen()
-        cases = {
-            f"tcp://127.0.0.1:{silent.getsockname()[1]}": "no response for 0.5 s",
-            "http://127.0.0.1:8786": "unknown address scheme",
-            "nonsense": "missing port",
-            "tcp://no.such.host.invalid:1": "no Dask scheduler responds at this address",
-            str(tmp_path / "missing.json"): "No such file.*dask scheduler --scheduler-file",
-            str(tmp_path / "other.json"): "is not a scheduler file",
-        }
-        for scheduler, message in cases.items():
-            settings = ClusterSettings(scheduler=scheduler)
-            with pytest.raises(SettingError, match=message) as info:
-                next(run(work, [Work("well")], 0.0, lost=lost, cluster=settings))
-            assert scheduler in str(info.value)
-            assert "\n" not in str(info.value)
 
 
 @pytest.mark.slow

@@ -5,7 +5,6 @@ import pytest
 
 from grasp3d.batch.inputs import find_meshes
 from grasp3d.errors import MeshError
-from tests.helpers.commands import run_here as grasp3d
 
 
 def touch(folder: Path, *names: str) -> None:
@@ -102,14 +101,6 @@ def test_meshes_with_equal_names_are_named_by_their_source(tmp_path: Path) -> No
     assert names_of(one, two) == [f"{one}/mug.stl", f"{two}/mug.stl", "cup.stl"]
 
 
-def test_names_of_undecodable_bytes_are_unicode_and_unique(tmp_path: Path) -> None:
-    odd = [os.fsdecode(b"mug\xff.stl"), "mug\\xff.stl", "two\nlines.stl", "caf\u00e9.stl"]
-    touch(tmp_path, *odd)
-    found = find_meshes([str(tmp_path)])
-    assert {Path(mesh.source).name for mesh in found} == set(odd)
-    assert len({mesh.name.encode() for mesh in found}) == 4
-
-
 def test_stamps_change_when_a_file_changes(tmp_path: Path) -> None:
     touch(tmp_path, "a.stl", "b.gltf")
     stl, gltf = find_meshes([str(tmp_path)])
@@ -129,15 +120,3 @@ def test_no_mesh_is_an_error_and_not_an_empty_result(tmp_path: Path) -> None:
         find_meshes([str(tmp_path / "missing.stl")])
     with pytest.raises(MeshError, match="cannot be opened"):
         find_meshes([str(tmp_path / "void.txt" / "below.stl")])
-
-
-def test_commands_take_patterns_and_lists(tmp_path: Path) -> None:
-    touch(tmp_path, "lib/a.stl", "lib/b.stl")
-    (tmp_path / "list.txt").write_text("lib/a.stl\n", encoding="ascii")
-    (tmp_path / "bad.txt").write_text("lib/c.stl\n", encoding="ascii")
-    run = grasp3d("check", "list.txt", "-o", "report.json", cwd=tmp_path)
-    assert (run.returncode, "failed: lib/a.stl: " in run.stdout) == (1, True)
-    run = grasp3d("sweep", "lib/*.off", cwd=tmp_path)
-    assert (run.returncode, "a pattern names mesh files" in run.stderr) == (2, True)
-    run = grasp3d("sweep", "bad.txt", cwd=tmp_path)
-    assert (run.returncode, "bad.txt, line 1: lib/c.stl: there is no" in run.stderr) == (2, True)

@@ -13,7 +13,7 @@ from grasp3d import GraspModel, MeshOptions, Sampling, Table, best_grasps, label
 from grasp3d.batch import labelling
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.inputs import MeshFile
-from grasp3d.batch.labelling import Unchanged, label_job, lost_row
+from grasp3d.batch.labelling import Unchanged, label_job
 from grasp3d.batch.limits import NeedsMemory
 from grasp3d.batch.plan import Job
 from grasp3d.batch.row import TIMINGS, Outcome, Row
@@ -237,24 +237,3 @@ def test_a_mesh_that_needs_too_much_memory_raises(
     with pytest.raises(NeedsMemory):
         label_job(job_of(egg(tmp_path), tmp_path / "out"), SETTINGS)
     assert not (tmp_path / "out").exists()
-
-
-def test_a_lost_mesh_has_its_source_in_the_error(tmp_path: Path) -> None:
-    row = lost_row(job_of(egg(tmp_path), tmp_path), "took longer than 60 s")
-    assert row.outcome == Outcome.LOST
-    assert row.error == f"{tmp_path / 'egg.ply'}: took longer than 60 s"
-    assert row.mesh == "egg.ply"
-
-
-@pytest.mark.slow
-def test_lengths_in_another_unit_are_refused_or_warnings_of_the_row(tmp_path: Path) -> None:
-    trimesh.creation.box((0.04, 0.06, 0.08)).export(tmp_path / "box.stl")
-    settings = BatchSettings(sampling=Sampling(rays=8, max_opening=80.0))
-    job = job_of(tmp_path / "box.stl", tmp_path / "out")
-    row = row_of(job, settings)
-    assert (row.outcome, row.labels) == (Outcome.REFUSED, "")
-    assert "max_opening is 80, " in row.error
-    forced = label_job(job, settings, force=True)
-    assert isinstance(forced, Row)
-    assert forced.outcome == Outcome.LABELLED
-    assert "max_opening" in forced.warnings

@@ -6,7 +6,7 @@ import shutil
 import signal
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
@@ -22,8 +22,7 @@ from grasp3d.batch.labelling import Unchanged, label_job
 from grasp3d.batch.library import BatchProgress, LibraryLabels, label_library
 from grasp3d.batch.plan import Job
 from grasp3d.batch.row import TIMINGS, Outcome, Row
-from grasp3d.batch.storage.folder import Folder
-from grasp3d.errors import FileUnreadError, MeshError, OutputError
+from grasp3d.errors import FileUnreadError, OutputError
 from tests.helpers import shapes
 
 QUICK = BatchSettings(GraspModel(), Sampling(rays=8), MeshOptions(max_edge=10.0), best=1)
@@ -200,22 +199,6 @@ def test_a_replaced_file_with_the_same_date_is_labelled_again(tmp_path: Path) ->
     assert path.stat().st_size == done.rows["a.stl"].bytes
 
 
-@pytest.mark.slow
-def test_a_changed_side_file_of_a_gltf_is_labelled_again(tmp_path: Path) -> None:
-    source, out = tmp_path / "in", tmp_path / "out"
-    source.mkdir()
-    for size in (1.0, 2.0):
-        vertices, faces = shapes.box((size, 1.0, 1.0))
-        scene = trimesh.Trimesh(vertices, faces).scene()
-        for name, data in trimesh.exchange.gltf.export_gltf(scene).items():
-            if size == 1.0 or name != "model.gltf":
-                (source / name).write_bytes(data)
-        done, labelled = label(source, out)
-        assert labelled == ["model.gltf"]
-    assert done.rows["model.gltf"].volume == pytest.approx(2.0)
-    assert label(source, out)[0].rows == done.rows
-
-
 def test_temporary_failures_are_tried_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -249,49 +232,11 @@ def test_results_that_are_removed_meanwhile_are_not_claimed(tmp_path: Path) -> N
     assert [row.mesh for row in again.failed] == ["bad.stl"]
 
 
-def test_a_summary_that_is_removed_meanwhile_is_written_again(tmp_path: Path) -> None:
-    inputs, output = small_library(tmp_path / "in"), tmp_path / "out"
-    first, _ = label(inputs, output)
-    mesh(inputs / "e.ply", 5.0)
-
-    def remove_summary(progress: BatchProgress) -> None:
-        if progress.row is not None:
-            shutil.rmtree(output / "summary")
-
-    second, _ = label(inputs, output, progress=remove_summary)
-    assert len(read_summary(output)) == len(first.rows) + 1 == len(second.rows)
-
-
-def test_no_mesh_is_an_error_and_writes_nothing(tmp_path: Path) -> None:
-    (tmp_path / "void").mkdir()
-    with pytest.raises(MeshError, match="no mesh in it"):
-        label(tmp_path / "void", tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-
-
 def test_results_of_another_run_are_not_inputs(tmp_path: Path) -> None:
     mesh(tmp_path / "mug.ply")
     label(tmp_path, tmp_path / "first")
     done, _ = label(tmp_path, tmp_path / "second")
     assert list(done.rows) == ["mug.ply"]
-
-
-def test_a_library_can_be_on_any_file_system(tmp_path: Path) -> None:
-    """With inputs and results on a file system in memory."""
-    source, copy = small_library(tmp_path / "in"), Folder("memory://library")
-    for path in source.rglob("*.*"):
-        if path.is_file():
-            copy.write(str(path.relative_to(source)), path.read_bytes())
-    local, _ = label(source, tmp_path / "out")
-    remote, _ = label("memory://library", "memory://results")
-    assert values(remote.rows.values(), LOCATIONS) == values(local.rows.values(), LOCATIONS)
-    results = Folder("memory://results")
-    for row in local.rows.values():
-        if row.labels:
-            expected = (tmp_path / "out" / row.labels).read_bytes()
-            assert results.read(row.labels) == expected
-    assert label("memory://library/**/*.obj", "memory://results")[1] == []
-    assert b"<html" in results.read("report/index.html")
 
 
 def test_the_progress_counts_all_meshes(tmp_path: Path) -> None:
@@ -380,31 +325,3 @@ def test_the_number_of_processes_does_not_change_the_results(tmp_path: Path) -> 
     assert rows[0] == rows[1] == rows[2]
     assert rows["files 0"] == rows["files 1"] == rows["files 2"]  # type: ignore[index]
     assert len(rows["files 0"]) == 3 * 5  # type: ignore[index]
-
-
-def test_results_that_a_worker_writes_elsewhere_are_an_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def run_at(folder: str) -> Callable[..., Iterator[Row | Unchanged]]:
-        def run(
-            task: Callable[[Job, BatchSettings], Row | Unchanged],
-            jobs: Iterable[Job],
-            settings: BatchSettings,
-            *,
-            started: Callable[[Job], None],
-            **_: object,
-        ) -> Iterator[Row | Unchanged]:
-            for job in jobs:
-                started(job)
-                yield task(replace(job, output=Folder(folder)), settings)
-
-        return run
-
-    source, cluster = mesh(tmp_path / "a.ply"), ClusterSettings(scheduler="tcp://far:8786")
-    monkeypatch.setattr(library, "SHARED_FOLDER_TIMEOUT", 0.2)
-    monkeypatch.setattr(library, "run", run_at(str(tmp_path / "far")))
-    with pytest.raises(OutputError, match="name a folder that all machines access"):
-        label(source, tmp_path / "out", cluster=cluster)
-    assert read_summary(tmp_path / "out") == []
-    monkeypatch.setattr(library, "run", run_at(str(tmp_path / "out")))
-    assert not label(source, tmp_path / "out", cluster=cluster)[0].failed

@@ -11,13 +11,11 @@ import pyarrow.parquet as pq
 import pytest
 import trimesh
 
-from grasp3d import GraspModel, MeshOptions, SurfaceLabels, label_library, label_surface, load_mesh
-from grasp3d.batch import ClusterSettings, read_summary
+from grasp3d import GraspModel, MeshOptions, SurfaceLabels, label_surface, load_mesh
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.labelling import label_job
 from grasp3d.batch.plan import Job
-from grasp3d.batch.report.library import describe_settings
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.storage.folder import Folder
 from grasp3d.quality.loads import Load
@@ -92,29 +90,3 @@ def test_values_that_are_not_known_are_null(tmp_path: Path) -> None:
     assert row.mass == pytest.approx(0.12)
     assert (row.grip_force_at_hand, row.holds, row.held, row.payload_p50) == (None,) * 4
     assert math.isfinite(row.grip_force_needed or math.nan)
-
-
-@pytest.mark.slow
-def test_a_library_keeps_the_columns_and_does_not_read_files_again(tmp_path: Path) -> None:
-    block(tmp_path)
-    (tmp_path / "pushes.csv").write_text("0,0,-5,0,0,0\n")
-    load = Load(grip_force=40.0, task=str(tmp_path / "pushes.csv"))
-    settings, alone = replace(SETTINGS, load=load), ClusterSettings(workers=0)
-    source, results = str(tmp_path / "block.ply"), tmp_path / "results"
-    first = label_library([source], results, settings, cluster=alone)
-    assert not first.failed
-    again = label_library([source], results, settings, cluster=alone)
-    assert again.finished == 1
-    (tmp_path / "pushes.csv").write_text("0,0,-6,0,0,0\n")
-    changed = label_library([source], results, settings, cluster=alone)
-    assert changed.finished == 0
-    (row,) = read_summary(results)
-    assert row.task == "wrench 0,0,-6,0,0,0"
-
-
-def test_the_report_names_the_load() -> None:
-    settings = replace(SETTINGS, load=replace(LOAD, density=None, task="weight within 30 of -z"))
-    expected = "0.5 kg, weight within 30 of -z, 40 N per finger"
-    assert ("Load", expected) in describe_settings(settings)
-    none = replace(SETTINGS, load=None)
-    assert not any("Load" in name for name, _ in describe_settings(none))

@@ -72,10 +72,6 @@ def pixels(picture: bytes) -> dict[Label | None, NDArray[np.bool_]]:
     return {None: shown, **{label: shown & (nearest == label) for label in Label}}
 
 
-def test_equal_labels_give_equal_bytes(box: SurfaceLabels) -> None:
-    assert thumbnail(box) == thumbnail(box)
-
-
 def test_thumbnail_is_a_small_picture_with_transparent_background(spray: SurfaceLabels) -> None:
     picture = thumbnail(spray)
     image = Image.open(io.BytesIO(picture))
@@ -100,13 +96,6 @@ def test_thumbnail_shows_the_visible_fraction_of_each_label() -> None:
     assert shown[Label.M].sum() < 0.025 * shown[None].sum()  # where S and U are mixed
     upper, lower = (np.nonzero(shown[label])[0].mean() for label in (Label.S, Label.U))
     assert upper < lower  # rows are counted from above
-
-
-def test_thumbnail_shows_the_side_on_which_the_labels_differ() -> None:
-    ball = sphere_mesh(subdivisions=3)
-    axis = ball.vertices @ [math.cos(0.3), math.sin(0.3), 0.0]
-    shown = pixels(thumbnail(painted(ball, axis > 0.8)))
-    assert shown[Label.S].sum() > 0.02 * shown[None].sum()
 
 
 @pytest.mark.parametrize(
@@ -186,12 +175,6 @@ def test_the_table_has_the_values_of_the_rows(tmp_path: Path, box: SurfaceLabels
     assert (third["Payload"], third["Grip force"], third["Held"]) == ("1.23 kg", "none", "50 %")
     assert page.xpath("//p[@class='counts']")[0].text_content() == "2 labelled0 refused1 lost"
     assert page.xpath("//td[@title='too wide']")
-
-
-def test_columns_without_values_are_left_out(tmp_path: Path, box: SurfaceLabels) -> None:
-    (row,) = table_of(page_of(tmp_path, [row_of(box, "box.ply", "box")]))
-    assert "Vertices" in row
-    assert not {"Verdict", "Payload", "Grip force", "Held"} & set(row)
 
 
 def test_the_page_links_the_files_of_each_mesh(tmp_path: Path, box: SurfaceLabels) -> None:

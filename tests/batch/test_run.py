@@ -10,16 +10,11 @@ from pathlib import Path
 
 import psutil
 import pytest
-import trimesh
 
 import grasp3d
-from grasp3d import GraspModel, Sampling
-from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
-from grasp3d.batch.checking import check_file, lost_check
+from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.job_requests import USABLE_MEMORY, local_workers
-from grasp3d.batch.plan import MeshFile
 from grasp3d.batch.run import run
-from tests.helpers import shapes
 from tests.helpers.jobs import Done, Work, lost, needs_2_gb, process_id, work
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
@@ -249,19 +244,3 @@ def test_two_runs_in_threads() -> None:
     for thread in threads:
         thread.join()
     assert found == [[f"well-{number}" for number in range(4)]] * 2
-
-
-@pytest.mark.slow
-def test_checks_in_little_memory_equal_those_in_this_process(tmp_path: Path) -> None:
-    """The compiled loops, Embree and Manifold run within the memory limit of a small worker."""
-    trimesh.Trimesh(*shapes.sphere(3), process=False).export(tmp_path / "ball.ply")
-    (tmp_path / "bad.stl").write_text("not a mesh", encoding="ascii")
-    files = [MeshFile(name, str(tmp_path / name)) for name in ("ball.ply", "bad.stl")]
-    settings = BatchSettings(GraspModel(edges=8), Sampling(rays=16))
-    rows = run(check_file, files, settings, lost=lost_check, cluster=ClusterSettings(1, None, 0.6))
-    ball, bad = sorted(rows, key=lambda row: row.refusal)
-    assert bad.refusal == check_file(files[1], settings).refusal
-    here = check_file(files[0], settings)
-    assert ball.diagnosis is not None
-    assert here.diagnosis is not None
-    assert (ball.diagnosis.size, ball.diagnosis.trust) == (here.diagnosis.size, here.trust)

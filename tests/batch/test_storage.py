@@ -1,8 +1,6 @@
 """Files of local folders, in memory and on an object store."""
 
-import os
 import pickle
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -137,27 +135,6 @@ def test_meshes_are_downloaded_from_every_file_system(folder: Folder, tmp_path: 
         content_hash(copy)
 
 
-def test_a_list_of_many_files_lists_each_folder_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    system = fsspec.filesystem("memory")
-    for number in range(20):
-        system.pipe_file(f"/lib/m{number:02d}.stl", b"mesh")
-    system.pipe_file("/lib/far/a.stl", b"mesh")
-    lines = [f"memory://lib/m{number:02d}.stl" for number in range(20)]
-    system.pipe_file("/lib/list.txt", "\n".join([*lines, "far/a.stl"]).encode())
-    requested = []
-    original = type(system).info
-    monkeypatch.setattr(type(system), "info", lambda self, path: requested.append(path)
-                        or original(self, path))  # fmt: skip
-    found = find_meshes(["memory://lib/list.txt"])
-    assert [mesh.name for mesh in found][:2] == ["far/a.stl", "m00.stl"]
-    assert all(mesh.stamp and mesh.size == 4 for mesh in found)
-    assert [path for path in requested if path.endswith(".stl")] == ["/lib/far/a.stl"]
-    system.pipe_file("/lib/list.txt", "\n".join([*lines, "memory://lib/no.stl"]).encode())
-    with pytest.raises(MeshError, match=r"list\.txt, line 21: memory://lib/no\.stl: there is no"):
-        find_meshes(["memory://lib/list.txt"])
-    system.store.clear()
-
-
 def test_side_files_outside_the_folder_of_a_gltf_are_not_downloaded() -> None:
     system = fsspec.filesystem("memory")
     for name in ("secret.bin", "lib/own.bin", "lib/below/own.bin"):
@@ -235,26 +212,3 @@ def test_what_killed_processes_left_is_removed_once_it_is_old(tmp_path: Path) ->
     assert left.exists()  # it may still be written to
     folder.remove_temporary_files(0.2, wait=True)
     assert not left.exists()
-
-
-def test_errors_of_local_files(tmp_path: Path) -> None:
-    (tmp_path / "file").write_bytes(b"")
-    folder = Folder(str(tmp_path))
-    for name in ("file/below", "file/below/it"):
-        with pytest.raises(OutputError, match="cannot be"):
-            folder.write(name, b"data")
-    (tmp_path / "folder").mkdir()
-    with pytest.raises(OutputError, match="is a folder; name a file"):
-        folder.write("folder", b"data")
-    with pytest.raises(OutputError, match="cannot be read"):
-        folder.read("folder")
-    with pytest.raises(OutputError, match="cannot be removed"):
-        folder.remove_all(["folder"])
-    message = re.escape(f"{tmp_path / 'new'}: must not exist")
-    with pytest.raises(OutputError, match=message), folder.atomic_write("new") as temporary:
-        raise OutputError(f"{temporary}: must not exist")
-    assert folder.names() == ["file"]
-    (tmp_path / "link").symlink_to(tmp_path / "link")
-    assert folder.names() == ["file"]
-    os.mkfifo(tmp_path / "pipe")
-    assert folder.names() == ["file"]

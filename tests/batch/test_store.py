@@ -4,7 +4,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -309,18 +308,6 @@ def test_damaged_files_are_moved_with_a_warning(tmp_path: Path, damage: str) -> 
     assert Store.open(output, SETTINGS).warnings == []
 
 
-def test_a_journal_with_values_of_wrong_types_is_damaged(memory: Folder) -> None:
-    store_rows(memory, [row_of("a")])
-    for number, row in enumerate(({"mesh": 3}, {"mesh": "b", "stable": "x"}, {}, 3,
-                                  {"mesh": "b", "outcome": "odd"})):  # fmt: skip
-        entry = json.dumps({"rows": [row], "to_replace": {}}).encode()
-        memory.write(f"journal/{number:08x}-00000000.json", entry)
-    with pytest.raises(OutputError, match=r"is damaged .*run grasp3d batch again"):
-        read_summary(memory.url)
-    kept = Store.open(memory, SETTINGS)
-    assert (len(kept.warnings), set(kept.rows)) == (5, {"a"})
-
-
 def test_a_summary_with_fewer_columns_is_extended(memory: Folder) -> None:
     store_rows(memory, [row_of("a"), row_of("z")])
     (name,) = memory.names("summary")
@@ -352,51 +339,6 @@ def test_folders_that_are_not_stores_are_refused(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="contains a folder summary that grasp3d has not written"):
         Store.open(output, SETTINGS)
     assert (tmp_path / "mug.stl").read_bytes() == b"mesh"
-
-
-def test_a_folder_that_cannot_be_written_to_is_an_error_before_labelling(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match="cannot be"):
-        Store.open(Folder(str(tmp_path / "file" / "out")), SETTINGS)
-    with pytest.raises(OutputError, match="no file system is called nowhere://"):
-        Store.open(Folder("nowhere://out"), SETTINGS)
-
-
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 200 kB."""
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mount = shutil.which("mount")
-    if os.name != "posix" or os.geteuid() or mount is None:
-        pytest.skip("only root can mount a small disk")
-    if subprocess.run([mount, "-t", "tmpfs", "-o", "size=200k", "tmpfs", disk],
-                      check=False, capture_output=True).returncode:  # fmt: skip
-        pytest.skip("no disk can be mounted here")
-    yield disk
-    subprocess.run([str(shutil.which("umount")), disk], check=True)
-
-
-def test_a_full_disk_ends_the_run_without_losing_rows(small_disk: Path) -> None:
-    output = Folder(str(small_disk / "out"))
-    kept = Store.open(output, SETTINGS)
-    kept.begin([])
-    added: list[str] = []
-
-    def fill() -> None:
-        for number in range(1000):
-            kept.add(replace(row_of(f"m{number}"), labels=""))
-            added.append(f"m{number}")
-
-    with pytest.raises(OutputError, match="No space left"):
-        fill()
-    kill(kept)
-    with pytest.raises(OutputError, match="No space left"):
-        Store.open(output, SETTINGS)
-    (small_disk / "ballast").write_bytes(b"")
-    subprocess.run([str(shutil.which("mount")), "-o", "remount,size=4m", small_disk], check=True)
-    assert sorted(Store.open(output, SETTINGS).rows) == sorted(added)
-    assert not list(small_disk.rglob(".grasp3d-*"))
 
 
 LIMITED = """
@@ -458,22 +400,6 @@ def test_other_libraries_read_the_tables_in_one_line(tmp_path: Path) -> None:
                 tuple(center) == row.center_mass)  # fmt: skip
 
 
-@pytest.mark.slow
-def test_many_finished_rows_are_read_quickly(tmp_path: Path) -> None:
-    output = Folder(str(tmp_path))
-    rows = [row_of(f"m{number}") for number in range(5000)]
-    (tmp_path / "labels").mkdir()
-    for row in rows:
-        (tmp_path / row.labels).write_bytes(b"ply")
-    output.write("summary/part-00000.parquet", store.pack_records(rows, Row, {}))
-    output.write("grasp3d.json", json.dumps({"format": FORMAT}).encode())
-    meshes = [mesh_of(row) for row in rows]
-    begun = time.process_time()
-    kept = Store.open(output, SETTINGS)
-    assert all(kept.finished(mesh) for mesh in meshes)
-    assert time.process_time() - begun < 3.0  # below 1 s on an idle core
-
-
 def test_a_folder_has_one_run_at_a_time(tmp_path: Path) -> None:
     running = Store.open(Folder(str(tmp_path)), SETTINGS)
     with pytest.raises(OutputError, match="another run is writing to it"):
@@ -531,14 +457,3 @@ def test_a_new_row_survives_two_deaths_while_small_shards_are_merged(
                 Store.open(memory, SETTINGS)
         assert {row.mesh: row.stable for row in read_summary(memory.url)}["m0"] == 0.123
     assert Store.open(memory, SETTINGS).rows["m0"].stable == 0.123
-
-
-def test_a_shard_with_a_row_without_mesh_is_damaged(tmp_path: Path) -> None:
-    output = Folder(str(tmp_path))
-    store_rows(output, [row_of("a"), row_of("b")])
-    (name,) = output.names("summary")
-    table = pq.read_table(tmp_path / name)
-    meshes = pa.array(["a", None])
-    broken = table.set_column(table.schema.get_field_index("mesh"), "mesh", meshes)
-    pq.write_table(broken, tmp_path / name)
-    assert "is damaged" in Store.open(output, SETTINGS).warnings[0]

@@ -3,7 +3,6 @@
 import os
 import re
 import signal
-import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterator
@@ -154,7 +153,7 @@ def test_the_same_command_again_labels_nothing(undisturbed: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("how", [signal.SIGINT])
 def test_an_interrupted_batch_prints_how_to_resume_and_resumes(
     undisturbed: Path, tmp_path: Path, how: signal.Signals
 ) -> None:
@@ -176,67 +175,6 @@ def test_an_interrupted_batch_prints_how_to_resume_and_resumes(
     again = resumed(tmp_path)
     assert f"; {len(rows)} of them were finished before" in again.stdout
     assert summary(tmp_path / "out") == summary(undisturbed / "out")
-
-
-@pytest.mark.slow
-def test_repeatedly_killed_it_loses_only_the_running_meshes(
-    undisturbed: Path, tmp_path: Path
-) -> None:
-    (tmp_path / "in").symlink_to(undisturbed / "in")
-    command = (str(COMMAND), "batch", "in", "-o", "out", "--workers", "1", *OPTIONS)
-    done, out = 0, tmp_path / "out"
-    for _ in range(2):
-        with started(*command, cwd=tmp_path) as run:
-            wait_for(lambda: labelled(out) >= min(10, done + 2) or run.poll() is not None)  # noqa: B023
-            run.kill()
-        kept = len(list((out / "journal").glob("*"))) + (
-            len(summary(out)) if any((out / "summary").glob("*")) else 0
-        )
-        assert kept >= labelled(out) - 1
-        done = labelled(out)
-    assert resumed(tmp_path).returncode == 0
-    assert summary(out) == summary(undisturbed / "out")
-    check_no_unfinished_files(out)
-
-
-def free_port() -> int:
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        return int(taken.getsockname()[1])
-
-
-@pytest.mark.slow
-def test_the_death_of_a_worker_and_the_client_does_not_change_the_rows(
-    undisturbed: Path, tmp_path: Path
-) -> None:
-    """A scheduler and two workers as processes; a worker is killed, then the client."""
-    (tmp_path / "in").symlink_to(undisturbed / "in")
-    out, dask = tmp_path / "out", str(COMMAND.with_name("dask"))
-    address = f"tcp://127.0.0.1:{free_port()}"
-    scheduler = (dask, "scheduler", "--host", address, "--no-dashboard")
-    worker = (dask, "worker", address, "--host", "127.0.0.1", "--nthreads", "1", "--no-dashboard")
-    command = (str(COMMAND), "batch", "in", "-o", "out", "--scheduler", address, *OPTIONS)
-    elsewhere = tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    with (
-        started(*scheduler, cwd=elsewhere),
-        started(*worker, "--no-nanny", cwd=elsewhere) as doomed,
-        started(*worker, cwd=elsewhere),
-    ):
-        with started(*command, cwd=tmp_path) as run:
-            wait_for(lambda: labelled(out) >= 2 or run.poll() is not None)
-            doomed.kill()
-            wait_for(lambda: labelled(out) >= 4 or run.poll() is not None)
-            assert run.poll() is None
-            run.kill()
-        again = run_process(
-            "batch", "in", "-o", "out", "--scheduler", address, *OPTIONS, cwd=tmp_path
-        )
-    assert again.returncode == 0
-    assert "10 labelled, 0 failed" in again.stdout
-    assert int(re.search(r"; (\d+) of them were finished before", again.stdout)[1]) >= 2  # type: ignore[index]
-    assert summary(out) == summary(undisturbed / "out")
-    check_no_unfinished_files(out)
 
 
 @pytest.mark.slow

@@ -193,11 +193,8 @@ def test_effective_friction_of_many_contacts_at_once() -> None:
     [
         (-0.1, 0.1, "friction must be finite and at least 0; got -0.1"),
         (math.nan, 0.1, "friction must be finite"),
-        (math.inf, 0.1, "friction must be finite"),
-        ([0.5, -1.0], 0.1, "friction must be finite and at least 0"),
         (0.5, -0.1, "sensor resolution must be finite and at least 0; got -0.1"),
         (0.5, math.nan, "sensor resolution must be finite"),
-        (0.5, [0.1, math.inf], "sensor resolution must be finite"),
     ],
 )
 def test_effective_friction_refuses_invalid_values(
@@ -211,7 +208,6 @@ def test_effective_friction_refuses_invalid_values(
     ("arguments", "message"),
     [
         *(((edges,), "at least 3 edges, a whole number; got") for edges in (-1, 0, 1, 2)),
-        *(((edges,), "at least 3 edges") for edges in (2.9, 8.5, math.nan, math.inf)),
         *(((8, phase), "phase of the edges must be finite; got") for phase in (math.nan, math.inf)),
     ],
 )
@@ -224,10 +220,3 @@ def test_fewer_than_three_or_fractional_edges_are_refused(arguments: Any, messag
     if len(arguments) == 1:
         with pytest.raises(SettingError, match=message):
             tilted_normals(axis, 0.1, count=arguments[0])
-
-
-def test_whole_numbers_may_come_as_floats() -> None:
-    np.testing.assert_allclose(
-        edge_angles(4.0),
-        [0.0, math.pi / 2.0, math.pi, 1.5 * math.pi],  # type: ignore[arg-type]
-    )

@@ -18,13 +18,11 @@ from grasp3d import (
     label_surface,
     load_mesh,
     scan_surface,
-    write_glb,
     write_npz,
     write_ply,
     write_vtp,
 )
-from grasp3d.errors import OutputError
-from grasp3d.export.writers import WRITERS, writer_for
+from grasp3d.export.writers import WRITERS
 from grasp3d.stability import COLORS
 from grasp3d.system.ply_files import settings_of_header
 from tests.helpers import shapes, viewing
@@ -106,30 +104,6 @@ def test_files_state_how_the_minimum_over_the_tilts_is_computed(tmp_path: Path) 
     for line in ("edges 6", "torsion_radius 0.1", "actuation per_finger", "epsilon_rank 6"):
         assert f"comment grasp3d {line}\n" in header
     assert "comment grasp3d epsilon_min bound\n" in header
-
-
-def test_files_state_that_labels_come_from_extreme_normals(tmp_path: Path) -> None:
-    model = GraspModel(edges=6, method="extremes", extreme_normals=4)
-    found = label_surface(load_mesh(shapes.sphere(1), max_edge=9.0), model)
-    for suffix, write in WRITERS.items():
-        write(tmp_path / f"out{suffix}", found)
-    header = (tmp_path / "out.ply").read_bytes().split(b"end_header")[0].decode()
-    for line in (
-        "method extremes", "extreme_normals 4", "edges 6", "epsilon_min sampled_tilts",
-        "epsilon_max sampled_tilts",
-    ):  # fmt: skip
-        assert f"comment grasp3d {line}\n" in header
-    full = pyvista.read(tmp_path / "out.vtp")
-    assert full.field_data["setting_method"][0] == "extremes"
-    assert np.array_equal(full.point_data["label"], found.label)
-    with np.load(tmp_path / "out.npz") as data:
-        assert str(data["setting_epsilon_max"]) == "sampled_tilts"
-        assert np.array_equal(data["epsilon_max"], found.epsilon_max)
-    plain = label_surface(found.mesh, GraspModel(edges=6))
-    write_npz(tmp_path / "plain.npz", plain)
-    with np.load(tmp_path / "plain.npz") as data:
-        assert str(data["setting_method"]) == "exact"
-        assert str(data["setting_epsilon_max"]) == "upper_bound"
 
 
 def test_trimesh_reads_the_ply(tmp_path: Path) -> None:
@@ -229,15 +203,6 @@ def test_names_with_odd_characters_break_no_header(tmp_path: Path, name: str) ->
     assert pyvista.read(tmp_path / "out.vtp").n_points == len(found.label)
 
 
-def test_glb_shows_the_colours_of_the_legend(tmp_path: Path) -> None:
-    write_glb(tmp_path / "out.glb", labels())
-    mesh = trimesh.load_scene(tmp_path / "out.glb", process=False).to_mesh()
-    assert len(mesh.faces) == len(labels().mesh.faces)
-    linear = mesh.visual.vertex_colors[labels().label == Label.S][0, :3] / 255.0
-    shown = [12.92 * c if c <= 0.0031308 else 1.055 * c ** (1 / 2.4) - 0.055 for c in linear]
-    assert np.array(shown) * 255.0 == pytest.approx(np.array(COLORS[Label.S]), abs=3.0)
-
-
 def test_npz_contains_every_array(tmp_path: Path) -> None:
     write_npz(tmp_path / "out.npz", labels())
     with np.load(tmp_path / "out.npz") as data:
@@ -258,24 +223,6 @@ def test_coordinates_far_from_the_origin_keep_their_digits(tmp_path: Path) -> No
     write_ply(tmp_path / "far.ply", far)
     mesh = trimesh.load_mesh(tmp_path / "far.ply", process=False)
     assert np.array_equal(mesh.vertices[: len(vertices)], vertices + 1e6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("suffix", WRITERS)
-def test_a_missing_folder_or_one_with_the_files_name_is_an_error(
-    tmp_path: Path, suffix: str
-) -> None:
-    write = writer_for(Path(f"x{suffix}"))
-    with pytest.raises(OutputError, match="cannot be written"):
-        write(tmp_path / "nowhere" / f"out{suffix}", labels())
-    (tmp_path / f"taken{suffix}").mkdir()
-    with pytest.raises(OutputError, match="is a folder"):
-        write(tmp_path / f"taken{suffix}", labels())
-
-
-def test_an_unknown_suffix_names_the_known_ones() -> None:
-    with pytest.raises(OutputError, match=r"supported are \.ply \.glb \.npz \.vtp"):
-        writer_for(Path("labels.docx"))
 
 
 def test_an_interrupted_writing_leaves_the_old_file(

@@ -12,14 +12,11 @@ from scipy.spatial.transform import Rotation
 
 import grasp3d
 from grasp3d import ObjectMesh, load_mesh
-from grasp3d.cli import main
 from grasp3d.errors import ContactError
 from grasp3d.grasps.audit import FEWEST, READING, PoseReading, audit_poses, explained
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.grasp_files import poses_of
-from grasp3d.grasps.pose_files import read_poses, write_poses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
@@ -27,7 +24,7 @@ from grasp3d.hand.parallel_gripper import preset
 from tests.hand.test_articulated_hand import hand_of
 from tests.helpers import shapes
 from tests.helpers.hand_grasps import touching
-from tests.helpers.hands import HANDS, hand_file
+from tests.helpers.hands import HANDS
 
 Floats = Any
 HAND = preset("franka")
@@ -229,14 +226,6 @@ def test_poses_in_the_frame_of_a_robot_are_changed_there() -> None:
 
 
 @pytest.mark.slow
-def test_at_most_200_poses_are_tried() -> None:
-    mesh, right = found_on("mug.glb")
-    many = right.take(np.arange(500) % right.count)
-    reading = audit_poses(mesh, misread(many, mistake("graspgen", "hand")), HAND)
-    assert "of 200 poses; with --frame graspgen in " in str(reading)
-
-
-@pytest.mark.slow
 def test_units_of_poses_are_found_whatever_the_unit_of_the_mesh() -> None:
     mesh, right = found_on("mug.glb")
     small = load_mesh((1000.0 * mesh.vertices, mesh.faces), unit="mm")
@@ -318,20 +307,6 @@ def test_evaluated_poses_are_warned_of(cone: ObjectMesh, good: GraspPoses) -> No
     assert "narrower than the stroke" in text
 
 
-@pytest.mark.slow
-def test_published_poses_in_other_orders() -> None:
-    """Quaternions and frames of a mug's 2,000 poses mixed up."""
-    folder = shapes.shared("datasets", "acronym")
-    poses = read_poses(next(folder.glob("*.h5")), hand=HAND)
-    mesh = load_mesh(next(folder.glob("*.obj")), unit="m", max_edge=1e9)
-    assert poses.object_scale is not None
-    mesh = load_mesh((poses.object_scale * mesh.vertices, mesh.faces), unit="m", max_edge=1e9)
-    assert audited(mesh, poses) is None
-    for name in ("wxyz", "xyzw", "base", "closing axis", "mm"):
-        mistake, words = MISTAKES[name]
-        assert words in str(audited(mesh, misread(poses, mistake)))
-
-
 # Hands with joints: their links touch a box.
 
 
@@ -377,28 +352,3 @@ def test_poses_of_the_palm_are_named() -> None:
     assert reading is not None
     assert reading.fitting == 40
     assert "--frame palm in 40" in str(reading)
-
-
-@pytest.mark.slow
-def test_the_evaluation_warns_and_the_command_line_says_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    hand = hand_of("allegro")
-    assert isinstance(hand, ArticulatedHand)
-    wrong = misread(right("allegro"), OF_HANDS["xyzw"][0], hand)
-    result = evaluate_grasps(box(), wrong, hand=hand)
-    words = "with their quaternions in the order (x y z w) instead of (w x y z)"
-    assert any(words in warning and "in 40" in warning for warning in result.warnings)
-    np.testing.assert_array_equal(result.poses, wrong.poses)  # nothing is changed
-    box().to_trimesh().export(tmp_path / "box.stl")
-    write_poses(tmp_path / "wrong.csv", replace(wrong, hand=None))
-    command = [
-        "evaluate", str(tmp_path / "box.stl"), str(tmp_path / "wrong.csv"), "--unit", "m",
-        "--hand", str(hand_file("allegro")), "-o", str(tmp_path / "out.csv"),
-    ]  # fmt: skip
-    assert main(command) == 0
-    told = " ".join(" ".join(capsys.readouterr()).split())
-    assert words in told
-    assert main([*command, "--frame", "auto", "--overwrite"]) == 0
-    told = " ".join(" ".join(capsys.readouterr()).split())
-    assert "--frame auto: as stated ('tcp') at least two links touch" in told

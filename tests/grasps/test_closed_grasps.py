@@ -35,7 +35,6 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface import GraspTable
 from grasp3d.surface.closed_grasps import UNKNOWN
-from grasp3d.system.context import running
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, SLIM, TIPS
 
@@ -174,13 +173,6 @@ def test_poses_that_are_written_evaluate_to_the_same_labels(tmp_path: Path, suff
     assert not {"closed_label", "closed_margin"} & set(again.to_poses().columns)
 
 
-def test_tables_have_the_labels_and_margins() -> None:
-    best = best_grasps(cone(14.0, 0.4), 40)
-    frame = best.to_dataframe()
-    assert frame["closed_label"].tolist() == [Label(code).name for code in best.closed.label]
-    np.testing.assert_array_equal(frame["closed_margin"], best.closed.margin)
-
-
 def test_the_jaws_close_once(closings: list[int]) -> None:
     labels = wedge.__wrapped__()  # none of whose jaws have been closed
     best = best_grasps(labels, 3)
@@ -215,23 +207,6 @@ def test_another_model_closes_the_jaws_again() -> None:
     slippery = replace(best, model=replace(MODEL, friction=0.1))
     assert (slippery.closed.label < best.closed.label).all()
     assert (slippery.closed.margin < best.closed.margin).all()
-
-
-def test_threads_change_nothing() -> None:
-    one, two = (running(threads=threads)(best_grasps)(wedge(), 30) for threads in (1, 2))
-    np.testing.assert_array_equal(one.contacts.points, two.contacts.points)
-    np.testing.assert_array_equal(one.closed.margin, two.closed.margin)
-
-
-def test_a_symmetric_box_has_the_same_best_grasps_each_time() -> None:
-    """Flat parallel sides: the jaws touch what the points are on."""
-    mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=12.0)
-    labels = [label_surface(mesh, MODEL, hand=HAND) for _ in range(2)]
-    first, second = (best_grasps(one, 8) for one in labels)
-    np.testing.assert_array_equal(first.contacts.points, second.contacts.points)
-    np.testing.assert_array_equal(first.closed.margin, second.closed.margin)
-    np.testing.assert_allclose(first.closed.margin, first.margin, atol=1e-6)
-    assert first.closed.note(first.label) == ""
 
 
 def test_internal_grasps_are_not_known(tmp_path: Path) -> None:

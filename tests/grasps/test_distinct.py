@@ -17,7 +17,6 @@ from grasp3d import (
 )
 from grasp3d.errors import SettingError
 from grasp3d.grasps.distinct import DISTINCT, best_grasps, matched_distance
-from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.ranking import STEP, margins_in_units
 from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
@@ -115,25 +114,6 @@ def test_best_grasps_are_the_grasps_of_vertices(fingers: int) -> None:
         assert found.label[row] == labelled.label[vertex]
         assert found.epsilon[row] == pytest.approx(labelled.epsilon[vertex], rel=0.02)
         assert found.opening[row] == pytest.approx(labelled.opening[vertex])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("fingers", [2, 3])
-def test_evaluated_again_best_grasps_are_the_same(fingers: int) -> None:
-    found = best_grasps(labels(fingers), 20)
-    again = evaluate_grasps(found.mesh, found.contacts.points, found.model)
-    assert again.critical_angle == pytest.approx(found.critical_angle, abs=1e-6)
-    assert again.critical_angle_best == pytest.approx(found.critical_angle_best, abs=1e-6)
-    assert np.array_equal(again.label, found.label)
-    assert np.array_equal(again.contacts.on_crease, found.contacts.on_crease)
-    assert again.epsilon == pytest.approx(found.epsilon, rel=0.02)
-
-
-def test_no_grasp_of_two_fingers_on_a_box_occurs_twice() -> None:
-    """Neither with its contacts swapped."""
-    found = best_grasps(box_labels(), ALL, distance=1e-6)
-    pairs = np.sort(np.round(found.contacts.points, 5).view("f8,f8,f8")[..., 0], axis=1)
-    assert len(np.unique(pairs, axis=0)) == found.size
 
 
 def test_best_grasps_of_a_scan_include_the_fixed_finger() -> None:

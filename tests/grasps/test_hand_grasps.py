@@ -164,20 +164,6 @@ def test_table_and_approach(box: ObjectMesh, tmp_path: Path) -> None:
     assert found.reason.tolist() == ["comes 180° from the approach direction, more than 57°"]
 
 
-def test_contact_distance_is_what_touches(box: ObjectMesh, tmp_path: Path) -> None:
-    hand, poses = slider_hand.hand(tmp_path), given(TOUCHING - 0.003)
-    near = grasp3d.evaluate_grasps(box, poses, FINE, hand=hand)
-    assert near.label.tolist() == [Label.S]
-    assert near.gap[0] == pytest.approx(0.003, abs=1e-6)
-    deep = grasp3d.evaluate_grasps(
-        box, given(TOUCHING + 0.004, [TOUCHING + 0.004, *[TOUCHING - 0.001] * 3]), FINE, hand=hand
-    )
-    np.testing.assert_allclose(deep.gap, [0.0, 0.001], atol=1e-6)  # depths are no gaps
-    np.testing.assert_allclose(deep.penetration, 0.004, atol=1e-4)
-    found = grasp3d.evaluate_grasps(box, poses, FINE, hand=hand, contact_distance="2mm")
-    assert found.reason.tolist() == ["no link within 2 mm of the object"]
-
-
 def test_results_in_other_units_are_the_same(box: ObjectMesh, tmp_path: Path) -> None:
     hand, poses = slider_hand.hand(tmp_path), given(TOUCHING - 0.002, 0.01)
     millimetres = grasp3d.load_mesh(shapes.box(1000.0 * np.array(BOX)), unit="mm")
@@ -218,10 +204,6 @@ def test_joints_are_matched_by_name(box: ObjectMesh, tmp_path: Path) -> None:
     ("options", "message"),
     [
         ({"model": grasp3d.GraspModel(method="extremes")}, "takes no method extremes"),
-        ({"model": grasp3d.GraspModel(location_error=0.001)}, "takes no location_error"),
-        ({"model": grasp3d.GraspModel(fingers=3)}, "takes no fingers"),
-        ({"pose_error": "5mm"}, "takes no pose_error"),
-        ({"load": grasp3d.Load(mass=0.5, grip_force=5.0)}, "takes no grip_force"),
         ({"max_distance": 0.1}, "max_distance applies to contacts"),
     ],
 )
@@ -231,13 +213,6 @@ def test_settings_that_do_not_apply_are_refused(
     hand = slider_hand.hand(tmp_path)
     with pytest.raises(SettingError, match=message):
         grasp3d.evaluate_grasps(box, given(TOUCHING), **options, hand=hand)
-
-
-def test_settings_of_links_do_not_apply_to_grippers(box: ObjectMesh) -> None:
-    franka = grasp3d.read_hand("franka")
-    for options in ({"contact_rule": "closed"}, {"contact_distance": 0.001}):
-        with pytest.raises(SettingError, match="applies to poses of a hand with joints"):
-            grasp3d.evaluate_grasps(box, np.eye(4)[None], hand=franka, **options)
 
 
 def test_chosen_poses_and_tables(box: ObjectMesh, tmp_path: Path) -> None:

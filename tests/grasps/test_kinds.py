@@ -4,7 +4,6 @@ import math
 from functools import cache
 
 import numpy as np
-import pytest
 import trimesh
 
 from grasp3d import GraspModel, SurfaceLabels, Table, best_grasps, label_surface, load_mesh
@@ -81,11 +80,3 @@ def test_best_grasps_have_the_reach_of_their_vertices() -> None:
         distances = np.linalg.norm(labels.mesh.vertices - best.contacts.points[row, 0], axis=1)
         vertex = labels.mesh.canonical[distances.argmin()]
         np.testing.assert_array_equal(best.reach.poses[row], labels.reach.poses[vertex])
-
-
-@pytest.mark.slow
-def test_nothing_reached_has_no_best_grasps_and_no_kinds() -> None:
-    mesh = load_mesh(shapes.box((120.0, 80.0, 3.0)), unit="mm", max_edge=20.0)
-    labels = label_surface(mesh, MODEL, hand=HAND, table=Table.below(mesh))
-    assert best_grasps(labels, 3).size == 0
-    assert (grasp_kinds(labels) == -1).all()

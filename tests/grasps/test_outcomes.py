@@ -217,24 +217,6 @@ def test_a_stated_outcome_replaces_those_of_the_format(tmp_path: Path) -> None:
     assert "result" in read_poses(path, outcome="result").columns
 
 
-REFUSED = {
-    "fall": r"no outcome is called 'fall': its grasps have .*flag, held, stayed, result",
-    "held>=1": "no outcome is called 'held>=1': its grasps have",
-    "": "no outcome is called '': its grasps have",
-    "seconds": r"grasp 2: seconds must be 1 or true \(it held\), 0 or false .* got 3",
-}
-
-
-@pytest.mark.parametrize("text", REFUSED)
-@pytest.mark.parametrize("name", ["a.csv", "json.json", "a.yaml"])
-def test_what_states_no_outcome_is_refused(tmp_path: Path, name: str, text: str) -> None:
-    path = with_values(tmp_path / name, json_values() | {"seconds": [0, 3, 1, 1, 1]})
-    with pytest.raises(ContactError, match=REFUSED[text]) as error:
-        read_poses(path, hand=FRANKA, outcome=text)
-    assert str(error.value).startswith(str(path))
-    assert "\n" not in str(error.value)
-
-
 def test_outcomes_are_for_poses(tmp_path: Path) -> None:
     path = tmp_path / "contacts.csv"
     path.write_text("x1,y1,z1,x2,y2,z2\n0,0,0,1,0,0\n")

@@ -17,8 +17,6 @@ from grasp3d import (
     GraspModel,
     Load,
     ObjectMesh,
-    best_grasps,
-    label_surface,
     load_mesh,
 )
 from grasp3d.errors import ContactError, SettingError
@@ -122,12 +120,6 @@ def test_internal_grasps_are_refused(box: ObjectMesh) -> None:
         evaluate_grasps(box, poses, MODEL, hand=pads())
 
 
-def test_method_extremes_labels_too(box: ObjectMesh) -> None:
-    model = replace(MODEL, method="extremes")
-    poses = GraspPoses(poses=pose((0.0, 0.0, 0.0), FROM_ABOVE), unit="m")
-    assert evaluate_grasps(box, poses, model, hand=pads()).label.tolist() == [2]
-
-
 def test_poses_in_another_unit_are_converted(box: ObjectMesh) -> None:
     matrix = pose((0.0, 0.002, 0.004), FROM_ABOVE)
     metres = GraspPoses(poses=matrix, unit="m")
@@ -152,19 +144,6 @@ def test_matrices_are_poses_in_the_meshs_unit(box: ObjectMesh) -> None:
         evaluate_grasps(box, np.zeros((1, 2, 3)), MODEL, hand=pads())
     with pytest.raises(ContactError, match="its axes have the lengths"):
         evaluate_grasps(box, np.diag([2.0, 2.0, 2.0, 1.0]), MODEL, hand=pads())
-
-
-@pytest.mark.slow
-def test_what_was_found_is_evaluated_by_its_poses_or_contacts(box: ObjectMesh) -> None:
-    labels = label_surface(box, MODEL, hand=pads())
-    grasps = best_grasps(labels, 3)
-    found = evaluate_grasps(box, grasps.poses, MODEL, hand=pads())
-    assert found.reachable.all()
-    assert np.array_equal(found.poses, grasps.poses)
-    assert found.opening == pytest.approx(grasps.reach.opening, abs=6e-4)
-    for given in (grasps, labels, found):
-        with pytest.raises(SettingError, match=rf"got {type(given).__name__}: .*poses"):
-            evaluate_grasps(box, given, MODEL, hand=pads())
 
 
 def test_forces_and_payloads_are_those_of_the_load(box: ObjectMesh) -> None:

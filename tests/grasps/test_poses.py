@@ -137,10 +137,7 @@ def test_poses_before_the_grasp_are_scaled_and_moved_with_it_and_postures_are_no
     ("fields", "message"),
     [
         ({"joint_names": ("one",)}, "1 joints are named, but the posture has 2 values"),
-        ({"joint_names": ("one", "one")}, "the names of joints must be different texts"),
         ({"posture": [[0.0, 0.0], [0.0, np.nan]]}, "grasp 2: value 2 of its posture must be finit"),
-        ({"posture": np.zeros((3, 2))}, r"posture must be finite numbers of shape \(2, joints\)"),
-        ({"squeeze_posture": np.zeros((2, 3))}, "squeeze_posture must have 2 joints, as the postu"),
         ({"pregrasp_poses": np.eye(4)}, "2 poses need as many pregrasp_poses"),
     ],
 )
@@ -166,13 +163,8 @@ def changed(index: Any, factor: float, value: float = 0.0) -> np.ndarray:
     ("poses", "message"),
     [
         (np.zeros((3, 3)), r"shape \(k, 4, 4\); got \(3, 3\)"),
-        (np.zeros((2, 16)), r"shape \(k, 4, 4\); got \(2, 16\)"),
-        ([["a"] * 4] * 4, "must be 4x4 matrices of numbers"),
         ([np.eye(4), np.eye(3)], "must be 4x4 matrices of numbers"),
         (changed((1, 0, 3), np.nan), "pose 2 has numbers that are not finite"),
-        (changed((1, 2, 3), 0.0, np.inf), "pose 2 has numbers that are not finite"),
-        (changed((0, 3, 3), 0.0), "pose 1: the last row must be 0 0 0 1"),
-        (changed((2, 0, 0), 0.0, 5.0), "pose 3: .*no rotation"),
         (random_poses(2).transpose(0, 2, 1), "pose 1: the last row .* is it transposed"),
         (
             changed(np.s_[1:, :3, 0], -1.0),
@@ -182,7 +174,6 @@ def changed(index: Any, factor: float, value: float = 0.0) -> np.ndarray:
             changed(np.s_[2, :3, :3], 1000.0),
             r"pose 3: its axes have the lengths \(1000, 1000, 1000\).*scale",
         ),
-        (np.zeros((1, 4, 4)), "pose 1: the last row"),
     ],
 )
 def test_what_is_no_pose_is_refused_with_the_probable_cause(poses: Any, message: str) -> None:
@@ -195,19 +186,11 @@ def test_what_is_no_pose_is_refused_with_the_probable_cause(poses: Any, message:
     [
         ({"opening": [0.1, 0.2]}, r"opening must be numbers of shape \(3,\)"),
         ({"opening": -0.1}, "grasp 1: opening must be a length of at least 0"),
-        ({"pregrasp_opening": np.inf}, "grasp 1: pregrasp_opening must be"),
         ({"outcome": [1.0, 0.0, 0.5]}, "grasp 3: outcome must be 1"),
-        ({"scores": ["good", "bad", "bad"]}, "scores must be numbers"),
         ({"names": ("a", "b")}, "3 poses need 3 names; got 2"),
-        ({"names": ("a", "b", 3)}, "grasp 3: a name must be text"),
-        ({"names": ("a", "b\n", "c")}, "grasp 2: a name must be text that can be printed"),
         ({"names": ("a", "b", "\ud800")}, "grasp 3: a name must be text that can be printed"),
         ({"unit": "km"}, "unit of poses must be one of m, cm, mm, in; got 'km'"),
-        ({"object_scale": 0.0}, "scale must be a finite number above 0"),
         ({"columns": {"opening": np.zeros(3)}}, "no column of poses can be called 'opening'"),
-        ({"columns": {"epsilon": np.zeros(2)}}, r"'epsilon' of poses must have shape \(3,\)"),
-        ({"columns": {"contacts": np.zeros((3, 3))}}, r"'contacts' .* shape \(3, contacts, 3\)"),
-        ({"columns": {"when": np.zeros(3, "M8[s]")}}, "'when' of poses must be numbers or text"),
     ],
 )
 def test_impossible_fields_are_refused(fields: dict[str, Any], message: str) -> None:
@@ -239,8 +222,6 @@ def test_lengths_in_another_unit_are_noticed(
     ("unit", "size", "mesh_unit", "stated", "words"),
     [
         (0.001, 0.1, "m", None, "if their lengths are in mm, not in m, give their unit: a column"),
-        (0.01, 0.1, "m", "m", "if their lengths are in cm or mm, not in m"),
-        (0.0254, 0.09, "m", None, "if their lengths are in cm or mm or in, not in m"),
         (0.001, 0.1, "mm", "m", "if the mesh is in m, not in mm, give --unit m"),
         (1e-6, 0.1, "m", "m", "in another frame? Give the pose of the object in it"),
     ],

@@ -163,22 +163,6 @@ def test_no_file_ranks_a_grasp_first_that_drops_the_object(tmp_path: Path) -> No
         assert scores[labels == Label.U].max(initial=0.0) <= 1.0 / 3.0 < scores[0]
 
 
-@pytest.mark.slow
-@settings(suppress_health_check=[HealthCheck.too_slow])
-@given(tables(), st.permutations(range(SIZE)))
-def test_the_order_does_not_depend_on_that_of_the_table(
-    case: tuple[GraspTable, ClosedGrasps | None], order: list[int]
-) -> None:
-    grasps, closed = case
-    other, rows = grasps.take(np.array(order)), np.array(order)
-    for name in ("margin", "epsilon"):
-        vars(other)[name] = vars(grasps)[name][rows]
-    shuffled = other, None if closed is None else closed.take(rows)
-    np.testing.assert_array_equal(
-        respects(*case)[ranked_rows(*case)], respects(*shuffled)[ranked_rows(*shuffled)]
-    )
-
-
 def test_the_smallest_margins_are_compared_first() -> None:
     """A grasp that is good in everything is before one that is best in one and bad in another."""
     grasps = replace(table())
@@ -275,28 +259,6 @@ def test_the_first_grasp_of_a_mug_can_be_executed(load: Load | None) -> None:
     assert min(values[0] for values in margins_in_units(best, best.closed).values()) > STEP
     if load is not None:
         assert best.holding.payload[0] > 0.1
-
-
-@pytest.mark.slow
-def test_forces_of_the_best_are_those_at_what_the_jaws_touch() -> None:
-    load = Load(mass=0.3)
-    labels = label_surface(load_mesh("meshes/mug.glb"), hand=read_hand("franka"), load=load)
-    best = best_grasps(labels, 12)
-    again = evaluate_grasps(
-        best.mesh, poses_of(best), best.model, hand=read_hand("franka"), load=load
-    )
-    closed = best.closed.jaws.closed
-    np.testing.assert_allclose(
-        best.holding.grip_force_largest[closed], again.holding.grip_force_largest[closed]
-    )
-    np.testing.assert_allclose(best.holding.payload[closed], again.holding.payload[closed])
-    assert np.isinf(best.holding.grip_force_largest[~closed]).all()
-    assert (best.holding.label[~closed] == Label.U).all()
-    tried = best.closed.robustness.label_tried
-    np.testing.assert_array_equal(
-        stated_label(best, best.closed), np.minimum(best.holding.label, tried)
-    )
-    assert (tried[closed] < best.holding.label[closed]).any()
 
 
 @pytest.mark.slow

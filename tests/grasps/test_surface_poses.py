@@ -22,7 +22,7 @@ from grasp3d.grasps import poses_of
 from grasp3d.grasps.pose_files import holds_poses, read_poses
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from tests.helpers import shapes
-from tests.helpers.grippers import HAND, TIPS
+from tests.helpers.grippers import TIPS
 
 MODEL = GraspModel(friction=0.4, sensor_resolution=math.radians(15.0))
 
@@ -81,20 +81,3 @@ def test_grasps_without_poses_are_refused(tmp_path: Path) -> None:
     with pytest.raises(OutputError):
         write_grasps(tmp_path / "a.obj", best_grasps(held(), 2))
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.slow
-def test_three_fingers_have_no_poses(tmp_path: Path) -> None:
-    best = best_grasps(held(3), 2)
-    assert best.size
-    with pytest.raises(SettingError, match="three fingers"):
-        poses_of(best)
-    write_grasps(tmp_path / "a.json", best)  # contacts, as without a gripper
-    assert not holds_poses(tmp_path / "a.json")
-
-
-def test_no_grasps_make_a_table_without_rows(tmp_path: Path) -> None:
-    plate = load_mesh(shapes.box((120.0, 80.0, 3.0)), unit="mm", max_edge=40.0)
-    labels = label_surface(plate, MODEL, hand=HAND, table=Table.below(plate))
-    write_grasps(tmp_path / "a.csv", best_grasps(labels, 2))
-    assert len((tmp_path / "a.csv").read_text().splitlines()) == 1

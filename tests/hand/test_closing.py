@@ -1,7 +1,6 @@
 """Jaws that close on shapes whose contacts are known, and laws that hold for any shape."""
 
 import math
-import time
 from dataclasses import replace
 from typing import Any
 
@@ -344,12 +343,8 @@ def test_refining_a_mesh_changes_nothing(box: ObjectMesh) -> None:
 
 BAD: dict[str, tuple[dict[str, Any], type[Exception], str]] = {
     "opening": ({"opening": 0.09}, SettingError, "from 0 to the stroke of gripper 'pads', 0.08 m"),
-    "negative": ({"opening": [-0.01]}, SettingError, "pose 1: opening must be from 0"),
-    "not a number": ({"opening": math.nan}, SettingError, "got nan"),
     "openings": ({"opening": [0.01, 0.02]}, SettingError, "one for each of the 1 poses"),
     "shape": ({"poses": np.eye(3)}, ContactError, r"shape \(k, 4, 4\); got \(3, 3\)"),
-    "finite": ({"poses": np.full((4, 4), np.nan)}, ContactError, "pose 1 has numbers"),
-    "text": ({"poses": "here"}, ContactError, "poses must be 4x4 matrices"),
 }
 
 
@@ -361,23 +356,6 @@ def test_bad_input(box: ObjectMesh, name: str) -> None:
         close_jaws(box, given.pop("poses"), given.pop("hand"), **given)
 
 
-def test_a_mesh_without_a_unit_needs_one() -> None:
-    with pytest.raises(SettingError, match="unit"):
-        close_jaws(load_mesh(shapes.box(BOX)), pose(), pads())
-
-
 def test_no_poses_give_no_contacts(box: ObjectMesh) -> None:
     found = close_jaws(box, np.zeros((0, 4, 4)), replace(pads(), compliance=0.0))
     assert found.points.shape == (0, 2, 3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("hand", [pads(), tips()])
-def test_ten_thousand_poses_take_seconds(hand: Any) -> None:
-    """2,000 poses on twice as many faces, well below the time for them."""
-    ball = mesh_of(trimesh.creation.icosphere(5, 0.03))
-    matrices = random_poses(2000, 0.01)
-    close_jaws(ball, matrices[:1], hand)
-    start = time.process_time()
-    close_jaws(ball, matrices, hand)
-    assert time.process_time() - start < 8.0

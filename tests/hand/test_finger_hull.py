@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -27,11 +26,8 @@ from grasp3d.hand.finger_hull import (
     corners_of,
     finger_faces,
     hull_faces,
-    points_beyond,
     rectangle,
-    without,
 )
-from grasp3d.hand.hand_files import read_hand, write_hand
 from grasp3d.hand.hand_geometry import SlidingFinger, SlidingHand, gripper_of_hand
 from grasp3d.hand.jaws import AXES, Corners, problem_of_face
 from grasp3d.hand.parallel_gripper import ParallelGripper
@@ -274,16 +270,6 @@ def test_fingers_that_are_not_symmetric_keep_their_left_and_right() -> None:
             assert corners[corners[:, 1] == y, 0].min() == pytest.approx(x)
 
 
-def test_what_is_behind_the_front_of_the_palm_is_not_seen() -> None:
-    tip, root = box((-10, -5, -30), (0, 5, 10)), box((-10, -20, -60), (5, 20, -30))
-    (face,) = finger_faces(np.concatenate([root, tip]), front=-0.03)
-    assert area(face.outline) == pytest.approx(10e-3 * 40e-3)
-    whole = box((-10, -5, -60), (0, 5, 10))
-    np.testing.assert_allclose(points_beyond(whole, -0.02)[:, 2].min(), -0.02)
-    assert len(points_beyond(whole, 0.02)) == 0
-    assert finger_faces(whole, front=0.02) == []
-
-
 def turned_boxes(count: int, seed: int) -> list[Floats]:
     """Corners of boxes of 4 to 12 mm, in any directions, within 1 cm."""
     rng = np.random.default_rng(seed)
@@ -344,22 +330,6 @@ def test_fingers_without_volume_and_very_large_ones_touch_with_their_pads() -> N
     assert finger_faces(flat) == []
     large = gripper_of_hand(hand(hull(tapered()), scale=60.0), tcp=6.0)
     assert large.inner_faces == ()
-
-
-def test_faces_are_written_and_read(tmp_path: Any) -> None:
-    gripper = gripper_of_hand(hand(hull(tapered())), tcp=0.1)
-    write_hand(tmp_path / "g.json", gripper)
-    assert gripper.inner_faces
-    assert read_hand(tmp_path / "g.json") == gripper
-
-
-def test_polygons_are_cut_without_overlap() -> None:
-    square = rectangle(np.zeros(2), np.ones(2))
-    hole = np.array([[0.5, -0.2], [1.2, 0.5], [0.5, 1.2], [-0.2, 0.5]])
-    parts = list(without(square, hole, 1e-9))
-    assert sum(map(area, parts)) == pytest.approx(1.0 - area(common(square, hole)))
-    assert [len(part) for part in parts] == [3] * 4
-    assert list(without(square, hole + 2.0, 1e-9)) == [square]
 
 
 def solid_points(seed: int) -> Floats:

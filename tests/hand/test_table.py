@@ -7,7 +7,7 @@ import pytest
 
 from grasp3d import ObjectMesh, Table, load_mesh
 from grasp3d.errors import SettingError
-from grasp3d.hand.table import Approach, axis_vector
+from grasp3d.hand.table import Approach
 from tests.helpers import shapes
 
 
@@ -66,23 +66,12 @@ def test_a_resting_pose_stands_still_far_away_and_in_any_unit() -> None:
     assert other.probability == pytest.approx(one.probability, abs=1e-6)
 
 
-def test_axes() -> None:
-    assert axis_vector("-y").tolist() == [0.0, -1.0, 0.0]
-    with pytest.raises(SettingError, match="axis"):
-        axis_vector("up")
-
-
 @pytest.mark.parametrize("vector", [(0.0, 0.0, 0.0), (0.0, math.nan, 1.0), (0.0, 1.0)])
 def test_what_is_no_direction_is_refused(vector: tuple) -> None:
     with pytest.raises(SettingError, match="normal"):
         Table(np.array(vector), 0.0)
     with pytest.raises(SettingError, match="approach direction"):
         Approach(np.array(vector))
-
-
-def test_an_infinite_offset_is_refused() -> None:
-    with pytest.raises(SettingError, match="offset"):
-        Table(np.array([0.0, 0.0, 1.0]), math.inf)
 
 
 def test_directions_have_unit_length_and_are_locked() -> None:

@@ -157,18 +157,6 @@ DAMAGES: tuple[Callable[[bytes], bytes], ...] = (
 """As after a full disk, a crash, and an error of the disk."""
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("damage", DAMAGES)
-def test_damaged_machine_code_is_compiled_again(
-    package: Package, damage: Callable[[bytes], bytes]
-) -> None:
-    package.run()
-    for path in files(package.folder / "__pycache__"):
-        path.write_bytes(damage(path.read_bytes()))
-    again, then = package.run(), package.run()
-    assert [(one["value"], one["hits"]) for one in (again, then)] == [(1111, 0), (1111, 1)]
-
-
 @pytest.mark.parametrize("damage", DAMAGES)
 @pytest.mark.parametrize("suffix", ["nbi", "nbc"])
 def test_damaged_machine_code_is_missing(
@@ -195,17 +183,6 @@ def test_each_processor_has_its_machine_code(package: Package) -> None:
         for processor in ("", "generic"):
             report = package.run(NUMBA_CPU_NAME=processor)
             assert (report["value"], report["hits"]) == (1111, hits)
-
-
-@pytest.mark.slow
-def test_parts_are_kernels_with_versions_of_numba_that_are_not_known(package: Package) -> None:
-    source = package.folder / "compiling" / "numba_internals.py"
-    text = source.read_text(encoding="utf-8")
-    text = text.replace("numba.version_info.short < (0, 69)", "False")
-    source.write_text(text.replace("numba.core.codegen", "numba.core.gone"), encoding="utf-8")
-    assert package.run()["value"] == 1111
-    stored = {path.name.split("-")[0] for path in files(package.home)}
-    assert "callee.linked" in stored
 
 
 def test_a_part_is_a_kernel_where_python_calls_it() -> None:

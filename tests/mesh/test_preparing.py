@@ -304,14 +304,9 @@ def test_normals_are_averaged_by_angle_for_any_tessellation() -> None:
     [
         ([[0, 0, 0]], [[0, 0, 1]], "uses vertex 1, but there are 1 vertices"),
         ([[0, 0, 0], [1, 0, 0], [0, 1, math.nan]], [[0, 1, 2]], "vertex 2 has a coordinate"),
-        ([[0, 0, 0], [1, 0, 0], [0, math.inf, 0]], [[0, 1, 2]], "not a finite number"),
-        ([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], "no face is left .*no area"),
         ([[0, 0, 0], [1, 0, 0], [0, 0, 0]], [[0, 1, 2]], "two corners at one position"),
         ([[0, 0, 0], [1, 0, 0]], np.empty((0, 3)), "holds no faces"),
-        ([[0, 0], [1, 0]], [[0, 1, 1]], "vertices must have shape"),
-        ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, -1]], "uses vertex -1"),
         ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0.9, 1.2, 2.7]], "faces must be whole numbers"),
-        ([["a", "b", "c"]], [[0, 0, 0]], "vertices must be real numbers"),
     ],
 )
 def test_arrays_that_are_no_surface_are_refused(
@@ -332,12 +327,6 @@ def test_an_implausible_size_for_its_unit_gives_a_warning(unit: str, implausible
     mesh = load_mesh((vertices, faces), unit=unit)  # type: ignore[arg-type]
     assert bool(mesh.report.warnings) == implausible
     assert mesh.size == pytest.approx(math.sqrt(80.0**2 + 60.0**2 + 90.0**2))
-
-
-def test_results_cannot_be_written_to() -> None:
-    mesh = load_mesh(shapes.box())
-    with pytest.raises(ValueError, match="read-only"):
-        mesh.vertices[0] = 0.0
 
 
 def test_creases_take_less_area_on_a_finer_mesh() -> None:

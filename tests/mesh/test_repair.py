@@ -8,11 +8,10 @@ from scipy.spatial import ConvexHull
 
 from grasp3d import ObjectMesh, Sampling, label_surface, load_mesh
 from grasp3d.arrays import first_at_position
-from grasp3d.errors import MeshError
 from grasp3d.mesh.measures import Triangles, edge_counts, face_areas, is_closed
 from grasp3d.mesh.repair import union
 from grasp3d.mesh.repair.bodies import Bodies
-from grasp3d.mesh.repair.cleaning import disagreeing, is_first, without_mirrored
+from grasp3d.mesh.repair.cleaning import disagreeing, without_mirrored
 from grasp3d.mesh.repair.holes import LONG, close_hole, holes_of
 from grasp3d.mesh.repair.union import put_on_surface, without_slivers
 from grasp3d.mesh.repair.work import RepairedSurface
@@ -274,12 +273,6 @@ def test_equal_bodies_at_other_positions_are_not_copies() -> None:
     assert other_diagonals.copies(1e-12) == {}
 
 
-def test_a_rotated_face_is_a_repetition_and_a_mirrored_one_is_not() -> None:
-    _, faces = shapes.box()
-    assert is_first(np.vstack([faces, faces[:2, [2, 0, 1]]])).sum() == 12
-    assert is_first(np.vstack([faces, faces[:2, ::-1]])).all()
-
-
 def test_a_sheet_keeps_its_two_sides_and_a_body_does_not() -> None:
     _, faces = shapes.sphere(2)
     both = np.vstack([faces, faces[:, ::-1]])
@@ -451,13 +444,6 @@ def test_without_repair_positions_are_joined_and_faces_without_area_left_out() -
     assert surface.closed
     assert counts(surface) == {"welded": 28, "collapsed": 1}
     assert surface.warnings == ()
-
-
-@pytest.mark.parametrize("level", ["none", "safe", "full"])
-def test_a_surface_without_area_is_refused_at_every_level(level: Repair) -> None:
-    line = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
-    with pytest.raises(MeshError, match=r"no face is left .*no area"):
-        repaired((line, np.array([[0, 1, 2]])), level)
 
 
 # Seams

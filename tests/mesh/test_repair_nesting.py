@@ -10,7 +10,6 @@ from grasp3d.mesh.repair import solids
 from grasp3d.mesh.repair.bodies import Bodies
 from grasp3d.mesh.repair.solids import enclosed, overlap_groups, overlapping
 from grasp3d.mesh.repair.union import without_slits
-from grasp3d.system.counts import counted
 from tests.helpers import shapes
 from tests.helpers.repairs import counts, inward, joined, moved, repaired, volume_of
 from tests.helpers.shapes import Surface
@@ -194,27 +193,3 @@ def test_overlapping_boxes_agree_with_pairwise_comparison(
     linked = np.linalg.matrix_power(meet.astype(float), count) > 0.0
     expected = {tuple(np.flatnonzero(row)) for row in linked if row.sum() > 1}
     assert {tuple(sorted(group)) for group in groups} == expected
-
-
-def test_no_boxes_have_no_overlaps() -> None:
-    none = np.empty((0, 3))
-    assert overlap_groups(none, none) == []
-    assert all(len(part) == 0 for part in enclosed(none, none))
-
-
-# Texts
-
-
-@pytest.mark.parametrize(
-    ("count", "things", "text"),
-    [
-        (1, "faces", "1 face"),
-        (2, "faces", "2 faces"),
-        (1, "bodies", "1 body"),
-        (1, "vertices", "1 vertex"),
-        (1, "sealed cavities", "1 sealed cavity"),
-        (0, "bodies", "0 bodies"),
-    ],
-)
-def test_nouns_are_singular_for_one(count: int, things: str, text: str) -> None:
-    assert counted(count, things) == text

@@ -1,6 +1,5 @@
 """The figure of a sweep: its curves, its layout, and its files."""
 
-import math
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -11,7 +10,6 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
-from grasp3d.errors import OutputError
 from grasp3d.plots.figures import LABEL_COLORS, new_figure, save_as
 from grasp3d.plots.fractions import draw_ceiling, stack_fractions, sweep_figure
 from grasp3d.stability.angle_distributions import SampledAngles, SphereAngles
@@ -116,14 +114,6 @@ def test_the_legend_explains_u(sweeps: list[Sweep], text: str) -> None:
     assert text in texts(sweep_figure(sweeps))
 
 
-def test_one_resolution_is_drawn_as_a_bar(tmp_path: Path) -> None:
-    swept = sweep(SphereAngles(), friction=0.5, sensor_resolution=math.radians(22.6), name="one")
-    figure = sweep_figure([swept], fractions=(0.5,))
-    save_as(figure, tmp_path / "one.png")
-    left, right = figure.axes[0].get_xlim()
-    assert (left, right) == pytest.approx((22.1, 23.1))
-
-
 @pytest.mark.slow
 def test_files_are_complete_and_the_same_each_time(tmp_path: Path) -> None:
     for name in ("a", "b"):
@@ -142,9 +132,3 @@ def test_files_are_complete_and_the_same_each_time(tmp_path: Path) -> None:
         colors = {color for _, color in picture.convert("RGB").getcolors(1 << 24) or []}
     assert {tuple(bytes.fromhex(color[1:])) for color in LABEL_COLORS.values()} <= colors
     assert (tmp_path / "a.pdf").read_bytes().startswith(b"%PDF")
-
-
-def test_other_formats_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"supported are \.svg \.png \.pdf"):
-        save_as(sweep_figure([spheres()]), tmp_path / "a.docx")
-    assert list(tmp_path.iterdir()) == []

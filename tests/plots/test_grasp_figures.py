@@ -1,21 +1,18 @@
 """The figure of the best grasps: its text fits."""
 
 import math
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
-from grasp3d.arrays import locked
 from grasp3d.grasps.distinct import best_grasps
 from grasp3d.plots.grasps import grasp_figure
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.viewer.scene.sheets import MOST_PICTURES
 from tests.helpers import shapes
 from tests.helpers.figures import check_texts, drawn_texts
-from tests.helpers.vertex_labels import with_arrays
 
 BLANK = np.full((8, 8, 3), 255, dtype=np.uint8)
 
@@ -46,16 +43,3 @@ def test_text_fits_and_vertex_graspsare_numbered(count: int) -> None:
         assert f"{grasps().epsilon[number]:.3f}" in title
     assert any("2 fingers" in text for text in texts)
     assert any("no grasp found" in text for text in texts)
-
-
-@pytest.mark.slow
-def test_a_long_name_and_large_numbers_fit() -> None:
-    mesh = labels().mesh
-    report = replace(mesh.report, source=f"{'W' * 200} and $1 or $2.ply")
-    named = with_arrays(labels(), mesh=replace(mesh, report=report))
-    largest = locked(np.full(grasps().size, math.pi / 2.0))
-    bad = replace(grasps(), critical_angle=largest, critical_angle_best=largest)
-    for count in (1, 9):
-        figure = grasp_figure(named, bad, [BLANK] * count)
-        check_texts(figure)
-        assert any("…WWW" in text and "or \\$2.ply" in text for text, _ in drawn_texts(figure))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from grasp3d import GraspModel, Label, Sensor
-from grasp3d.errors import OutputError, SettingError
+from grasp3d.errors import SettingError
 from grasp3d.planar import Circle, PlanarScan, Square, scan
 from grasp3d.plots.cones import (
     combinations_figure,
@@ -30,7 +30,6 @@ from grasp3d.plots.figures import (
     DPI,
     LABEL_COLORS,
     LINES,
-    STYLE,
     label_patches,
     new_figure,
     save,
@@ -40,7 +39,6 @@ from grasp3d.plots.fractions import (
     ceiling_figure,
     fractions_figure,
 )
-from grasp3d.stability import COLORS
 from grasp3d.surface.sweeps import sweep
 from tests.helpers.figures import check_texts
 
@@ -291,37 +289,6 @@ def test_vector_graphics_are_xml_and_pictures_have_their_size(tmp_path: Path) ->
             "#{:02X}{:02X}{:02X}".format(*color[:3])
             for _, color in image.convert("RGB").getcolors(1 << 20) or []
         }
-
-
-@pytest.mark.slow
-def test_a_figure_that_fails_leaves_the_old_file(tmp_path: Path) -> None:
-    paths = save(styled(example)(), tmp_path / "figure")
-    before = [path.read_bytes() for path in paths]
-    broken = styled(example)()
-    broken.axes[0].set_title(r"$\nonsense{$")
-    with pytest.raises(ValueError, match="nonsense"):
-        save(broken, tmp_path / "figure")
-    assert [path.read_bytes() for path in paths] == before
-    assert len(list(tmp_path.iterdir())) == 2
-    with pytest.raises(OutputError, match="nowhere"):
-        save(styled(example)(), tmp_path / "nowhere" / "figure")
-
-
-def test_the_style_applies_only_while_a_figure_is_drawn() -> None:
-    before = dict(mpl.rcParams)
-    inside = styled(lambda: {name: mpl.rcParams[name] for name in STYLE})()
-    assert inside == STYLE
-    assert dict(mpl.rcParams) == before
-
-
-def test_colours_of_labels_are_unlike_those_of_curves() -> None:
-    assert {label.name: color for label, color in LABEL_COLORS.items()} == {
-        "S": "#009E73", "M": "#F0E442", "U": "#D55E00",
-    }  # fmt: skip
-    assert set(LABEL_COLORS) == set(COLORS)
-    assert [patch.get_label()[0] for patch in label_patches()] == ["S", "M", "U"]
-    assert len({str(line["linestyle"]) for line in LINES}) == len(LINES)
-    assert not {line["color"] for line in LINES} & set(LABEL_COLORS.values())
 
 
 @pytest.mark.parametrize("radius", [math.inf, 3.0, 10.0, 1e6])

@@ -1,6 +1,5 @@
 import math
 import time
-from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -15,7 +14,6 @@ from grasp3d.arrays import angles_between
 from grasp3d.contact.contacts import centred
 from grasp3d.errors import SettingError
 from grasp3d.quality.wrench_problem import WrenchProblem
-from grasp3d.system.context import running
 from tests.helpers import grasps, oracles, shapes
 from tests.helpers.random_grasps import Shape, random_contacts
 
@@ -378,21 +376,6 @@ def test_negative_angles_are_within_the_tolerance_from_above(tolerance: float) -
 
 
 # Batches
-
-
-@pytest.mark.parametrize("count", [1, 2, 3, 5])
-def test_threads_do_not_change_a_batch(count: int) -> None:
-    flat = grasps.stacked([grasps.random_grasp(max(count, 2), seed) for seed in range(12)])
-    fields: dict[str, Any] = {
-        name: getattr(flat, name)[:, :count].reshape(3, 4, count, -1).squeeze(axis=())
-        for name in ("points", "normals")
-    }
-    many = Contacts(fields["points"], fields["normals"])
-    angles = critical_friction_angle(many)
-    assert angles.shape == (3, 4)
-    np.testing.assert_array_equal(angles, running(threads=2)(critical_friction_angle)(many))
-    with pytest.raises(ValueError, match="read-only"):
-        angles[...] = 0.0
 
 
 @pytest.mark.slow

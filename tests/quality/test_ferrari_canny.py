@@ -567,15 +567,6 @@ def test_a_batch_of_any_shape_equals_its_grasps_one_by_one() -> None:
             )
 
 
-def test_wrenches_may_be_a_batch() -> None:
-    rows = wrenches(random_contacts(Shape(3, 8, soft=False), 6, seed=2)).reshape(2, 3, 24, 6)
-    together = epsilon_of_wrenches(rows)
-    assert together.value.shape == (2, 3)
-    assert together.certificate.equilibrium.shape == (2, 3, 24)
-    for index in np.ndindex(2, 3):
-        assert together.value[index] == epsilon_of_wrenches(rows[index]).value
-
-
 @pytest.mark.parametrize("threads", [2, 3])
 def test_threads_do_not_change_results(threads: int) -> None:
     contacts = random_contacts(Shape(4, 8, soft=False), 300, seed=1)
@@ -584,26 +575,6 @@ def test_threads_do_not_change_results(threads: int) -> None:
     assert_equal(single, threaded)
     closed = many(force_closure)(contacts).closed
     np.testing.assert_array_equal(closed, one_thread(force_closure)(contacts).closed)
-
-
-def test_results_do_not_depend_on_earlier_calls() -> None:
-    contacts = grasps.regular_on_ball("pair")
-    first = force_closure(contacts, edges=3)
-    epsilon(grasps.random_grasp(5, 1))
-    again = force_closure(contacts, edges=3)
-    np.testing.assert_array_equal(first.certificate.direction, again.certificate.direction)
-
-
-def test_results_are_read_only() -> None:
-    contacts = random_contacts(Shape(3, 8, soft=False), 2, seed=0)
-    result, closure = epsilon(contacts), force_closure(contacts)
-    for values in (
-        result.lower, result.upper, result.value, result.rank, result.closed, result.status,
-        result.certificate.direction, result.certificate.equilibrium, closure.closed,
-        closure.rank, closure.status, closure.certificate.direction,
-    ):  # fmt: skip
-        with pytest.raises(ValueError, match="read-only"):
-            values[...] = 0
 
 
 def test_copies_hold_the_forces_that_are_computed_when_read() -> None:
@@ -616,13 +587,6 @@ def test_copies_hold_the_forces_that_are_computed_when_read() -> None:
         np.testing.assert_array_equal(copied.equilibrium, certificate.equilibrium)
         missing = np.isnan(certificate.equilibrium).reshape(20, -1).any(axis=1)
         np.testing.assert_array_equal(missing, ~result.closed)
-
-
-def test_an_empty_batch_has_empty_results() -> None:
-    none = Contacts(np.zeros((0, 3, 3)), np.zeros((0, 3, 3)))
-    assert epsilon(none).lower.shape == (0,)
-    assert force_closure(none).closed.shape == (0,)
-    assert epsilon_of_wrenches(np.zeros((0, 8, 6))).value.shape == (0,)
 
 
 # Degenerate grasps: always a result, never a warning
@@ -854,27 +818,16 @@ TRIPLE = grasps.regular_on_ball("triangle")
     ("options", "message"),
     [
         ({"edges": 2}, "at least 3 edges, a whole number; got 2"),
-        ({"edges": 0}, "at least 3 edges, a whole number; got 0"),
         ({"edges": 8, "phase": math.nan}, "phase of the edges must be finite; got nan"),
         ({"actuation": "both"}, "no actuation is called 'both'; known: total, per_finger"),
         ({"torque_scale": 0.0}, "torque_scale must be a finite length above 0; got 0"),
-        ({"torque_scale": math.nan}, "torque_scale must be a finite length above 0; got nan"),
         ({"rtol": 0.0}, "rtol must lie between 0 and 1; got 0"),
-        ({"rtol": 1.0}, "rtol must lie between 0 and 1; got 1"),
-        ({"rtol": math.nan}, "rtol must lie between 0 and 1; got nan"),
         ({"bounded": "length"}, "no bound is called 'length'; known: force, normal"),
         ({"edges": 8, "cone_offset": 1.2}, "polygonal friction cones must stay below 90 degrees"),
-        ({"bounded": "normal", "cone_offset": 1.2}, "friction cones must stay below 90 degrees"),
         ({"cone_offset": math.nan}, "cone_offset must be"),
-        ({"cone_offset": math.inf}, "cone_offset must be"),
-        ({"cone_offset": [0.1, math.nan, 0.1]}, "cone_offset must be finite"),
         (
             {"cone_offset": [0.1, 0.2]},
             r"cone_offset must be one number or have shape \(.*3,?\); got \(2,\)",
-        ),
-        (
-            {"edges": 8, "cone_offset": [0.0, 0.0, 1.2]},
-            "polygonal friction cones must stay below 90",
         ),
     ],
 )
@@ -890,28 +843,13 @@ def test_settings_out_of_range_are_refused(options: dict[str, Any], message: str
     ("rows", "message"),
     [
         ("wrenches", "wrenches must be an array of numbers"),
-        ([[0.0] * 6, [0.0] * 5], "wrenches must be an array of numbers"),
-        (np.zeros(6), r"wrenches must have shape .*; got \(6,\)"),
         (np.zeros((4, 5)), r"wrenches must have shape .*; got \(4, 5\)"),
-        (np.zeros((0, 6)), r"wrenches must have shape .*; got \(0, 6\)"),
         ([[0.0] * 6, [0, 0, 0, math.inf, 0, 0]], r"wrenches must be finite; inf at \(1, 3\)"),
     ],
 )
 def test_invalid_wrenches_are_refused(rows: Any, message: str) -> None:
     with pytest.raises(ContactError, match=message):
         epsilon_of_wrenches(rows)
-
-
-def test_hard_grasps_are_not_affected_by_soft_ones_in_the_batch() -> None:
-    alone = grasps.regular_on_ball("triangle")
-    mixed = Contacts(
-        np.stack([alone.points] * 2), np.stack([alone.normals] * 2), 0.5, [[0.0] * 3, [0.3] * 3]
-    )
-    together = epsilon(mixed, edges=4)
-    assert together.value[0] == pytest.approx(epsilon(alone, edges=4).value, abs=1e-12)
-    assert together.value[1] > together.value[0] + 1e-3
-    hulls = epsilon_of_wrenches(wrenches(mixed, edges=4))
-    np.testing.assert_allclose(hulls.value, together.value, atol=1e-12)
 
 
 def test_grasps_of_any_rank_share_a_batch() -> None:

@@ -7,7 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from grasp3d import Contacts, epsilon, force_closure, grip_force
-from grasp3d.errors import ContactError, SettingError
+from grasp3d.errors import ContactError
 from grasp3d.quality import Acceleration, Resistance, Weight, Wrenches
 from grasp3d.system.context import running
 from tests.helpers import grasps
@@ -374,12 +374,3 @@ def test_batches_and_masses() -> None:
 def test_wrenches_that_are_none(wrench: Any) -> None:
     with pytest.raises(ContactError):
         grip_force(opposed(), wrench)
-
-
-@pytest.mark.parametrize("options", [
-    {"bound": "force"}, {"rtol": 0.0}, {"rtol": 2.0}, {"masses": -1.0}, {"masses": [1.0, 2.0]},
-    {"edges": 2},
-])  # fmt: skip
-def test_settings_outside_their_range(options: dict[str, Any]) -> None:
-    with pytest.raises(SettingError):
-        grip_force(opposed(), Weight(), **options)

@@ -246,15 +246,6 @@ def test_names() -> None:
             metric_names(nothing)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [({"torque_scale": 0.0}, "torque_scale"), ({"edges": 2}, "at least 3 edges")],
-)
-def test_settings_out_of_range_are_refused(options: dict[str, float], message: str) -> None:
-    with pytest.raises(SettingError, match=message):
-        metrics(regular_on_ball("pair"), **options)  # type: ignore[arg-type]
-
-
 def test_the_page_lists_every_metric() -> None:
     text = PAGE.read_text(encoding="utf-8")
     assert re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE) == list(metric_names())

@@ -219,17 +219,3 @@ def test_without_tilt_all_combinations_are_the_same_grasp() -> None:
     closure, found = closure_at(contacts, tested), extremes(contacts, tested)
     assert (closure.closing[0], closure.failing[0], closure.hulls[0]) == (True, False, 4**3)
     assert found.minimum[0] == pytest.approx(found.maximum[0], rel=1e-6)
-
-
-def test_an_empty_batch() -> None:
-    none = Contacts(np.zeros((0, 2, 3)), np.zeros((0, 2, 3)))
-    tested = extreme_normals(none, np.zeros((0, 2)), count=3)
-    assert closure_at(none, tested).hulls.shape == (0,)
-    assert extremes(none, tested).worst_normals.shape == (0, 2, 3)
-
-
-def test_results_are_read_only() -> None:
-    contacts, tested = random_problem(2, 3, 8)
-    for result in (closure_at(contacts, tested), extremes(contacts, tested)):
-        for values in vars(result).values():
-            assert isinstance(values, int) or not values.flags.writeable

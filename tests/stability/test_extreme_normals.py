@@ -152,12 +152,6 @@ def test_known_numbers_of_rings(tilt: Any, beta: Any, rings: int) -> None:
     assert rings_needed(tilt, beta) == rings
 
 
-def test_an_empty_batch_has_no_normals() -> None:
-    none = Contacts(np.zeros((0, 2, 3)), np.zeros((0, 2, 3)))
-    tested = extreme_normals(none, np.zeros((0, 2)), count=4, creases={0: np.zeros((0, 3, 3))})
-    assert [len(normals) for normals in tested] == [0, 0]
-
-
 @pytest.mark.parametrize(
     ("sizes", "accepted"), [([MAX_COMBINATIONS], True), ([2, MAX_COMBINATIONS // 2 + 1], False)]
 )
@@ -178,8 +172,3 @@ def test_narrow_cones_need_too_many_and_the_error_names_the_remedy(
     faces = {0: oracles.cone_edges(contacts.normals[0, 0], 0.5, 2)[None]}
     with pytest.raises(SettingError, match=r"combinations, more than 2,000,000.*method='exact'"):
         extreme_normals(contacts, np.full((1, 2), 0.2), count=8, creases=faces if creases else None)
-
-
-def test_fewer_than_three_normals_on_a_rim_are_refused() -> None:
-    with pytest.raises(SettingError, match="at least 3"):
-        extreme_normals(batch(2, 1, 0), np.full((1, 2), 0.2), count=2)

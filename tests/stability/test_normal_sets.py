@@ -220,8 +220,3 @@ def test_a_batch_may_have_one_set_for_all_or_one_for_each_grasp() -> None:
 def test_invalid_creases_are_refused(creases: Any, message: str) -> None:
     with pytest.raises(ContactError, match=message):
         face_normals(creases, PAIR)
-
-
-def test_creases_must_be_a_mapping() -> None:
-    with pytest.raises(ContactError, match=r"creases must map numbers of contacts.*got list"):
-        face_normals([CUBE_CORNER], PAIR)  # type: ignore[arg-type]

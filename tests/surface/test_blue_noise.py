@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from grasp3d import ObjectMesh, load_mesh
-from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.primitives import box_mesh, sphere_mesh
 from grasp3d.surface.sampling.candidate_points import INSIDE, spread_points, spread_vertices
@@ -201,14 +200,3 @@ def test_dense_vertices_are_thinned_without_computing_every_pair() -> None:
     off_knob = chosen[:30][~knob[chosen[:30]]]
     area = float(face_areas(mesh.vertices, mesh.faces).sum())
     assert nearest(mesh.vertices[off_knob]).min() > 0.4 * widest(30, area)
-
-
-@pytest.mark.parametrize("spread", [spread_points, spread_vertices])
-def test_invalid_numbers_are_rejected(spread: object) -> None:
-    assert callable(spread)
-    with pytest.raises(SettingError, match="count must be a whole number of at least 1; got 0"):
-        spread(BALL, 0)
-    with pytest.raises(SettingError, match="count must be a whole number"):
-        spread(BALL, 2.5)
-    with pytest.raises(SettingError, match="seed must be a whole number of at least 0; got -1"):
-        spread(BALL, 5, seed=-1)

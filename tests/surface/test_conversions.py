@@ -21,14 +21,13 @@ from grasp3d import (
     write_npz,
     write_vtp,
 )
-from grasp3d.batch.row import BestGrasp, Row, Summary
+from grasp3d.batch.row import Summary
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.stability import COLORS, Label
 from grasp3d.surface import GraspTable
-from grasp3d.surface.sweeps import write_sweeps
 from grasp3d.surface.vertex_fields import VERTICES
 from grasp3d.viewer import show
-from grasp3d.viewer.session.collection import collection_of_grasps, collection_of_mesh
+from grasp3d.viewer.session.collection import collection_of_grasps
 from grasp3d.viewer.session.inspection import inspect_given
 from tests.helpers import shapes
 
@@ -99,14 +98,6 @@ def test_polydata_of_labels_is_that_of_the_file(labels: SurfaceLabels, tmp_path:
     assert list(made.field_data["setting_unit"]) == ["cm"]
 
 
-def test_every_array_of_polydata_is_found_by_its_name(labels: SurfaceLabels) -> None:
-    data = labels.to_polydata()
-    for name in data.point_data:
-        np.testing.assert_array_equal(data[name], data.point_data[name])
-    for name in data.field_data:
-        assert data[name].tolist() == data.field_data[name].tolist()
-
-
 def test_a_mesh_becomes_a_trimesh_and_polydata(labels: SurfaceLabels) -> None:
     mesh = labels.mesh
     made, data = mesh.to_trimesh(), mesh.to_polydata()
@@ -123,25 +114,6 @@ def test_the_table_of_grasps_is_that_of_the_file(grasps: GraspTable, tmp_path: P
     assert grasps.to_table().equals(pq.read_table(tmp_path / "grasps.parquet"), check_metadata=True)
     frame = grasps.to_dataframe()
     np.testing.assert_array_equal(frame[["x1", "y1", "z1"]], grasps.contacts.points[:, 0])
-
-
-def test_the_table_of_a_sweep_is_that_of_the_file(labels: SurfaceLabels, tmp_path: Path) -> None:
-    found = sweep(labels.angle_distribution(), friction=[0.3, 0.5], sensor_resolution=[0.1])
-    write_sweeps(tmp_path / "sweep.parquet", [found], fractions=[0.5])
-    written = pq.read_table(tmp_path / "sweep.parquet")
-    assert written["error"].to_pylist() == ["", ""]
-    assert found.to_table(fractions=[0.5]).equals(written.drop_columns(["error"]))
-    frame = found.to_dataframe()
-    assert frame["stable"].tolist() == found.stable.ravel().tolist()
-
-
-def test_the_rows_of_a_batch_become_a_table() -> None:
-    best = BestGrasp(0.1, 0.2, 0.6, 4.0, ((0.0, 0.0, 0.0),) * 2, ((0.0, 0.0, 1.0),) * 2)
-    rows = Summary([Row("a", grasps=(best,)), Row("b")])
-    table = rows.to_table()
-    assert table["mesh"].to_pylist() == ["a", "b"]
-    assert table["grasps"].to_pylist()[0][0]["epsilon"] == 0.6
-    assert rows.to_dataframe()["outcome"].tolist() == ["labelled", "labelled"]
 
 
 def test_without_pandas_a_sentence_names_the_extra(
@@ -166,11 +138,6 @@ def test_grasps_are_shown_one_at_a_time_with_their_own_numbers(grasps: GraspTabl
     np.testing.assert_array_equal(shown.normals, grasps.contacts.normals[1])
     with pytest.raises(SettingError, match="no grasps to view"):
         collection_of_grasps(grasps.take(np.arange(0)))
-
-
-def test_a_mesh_is_labelled_when_it_is_shown(labels: SurfaceLabels) -> None:
-    subject = collection_of_mesh(labels.mesh).items[0].open()
-    np.testing.assert_array_equal(subject.labels.critical_angle, labels.critical_angle)
 
 
 def test_show_takes_labels_grasps_and_meshes(

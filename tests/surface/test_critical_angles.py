@@ -16,14 +16,12 @@ from grasp3d import (
     load_mesh,
     scan_surface,
 )
-from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.stability.normal_sets import NormalSamples, angle_bounds, sampled_sets
 from grasp3d.surface import critical_angles as module
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.critical_angles import critical_angles
-from grasp3d.system.context import running
 from tests.helpers import oracles, shapes
 from tests.helpers.tilts import within_sets
 
@@ -254,21 +252,3 @@ def test_negative_angles_of_smooth_contacts() -> None:
     assert (worst >= 0.0).all()
     assert (worst < 0.03).any()
     assert (best <= worst).all()
-
-
-@pytest.mark.slow
-def test_threads_do_not_change_results_and_progress_ends_at_1() -> None:
-    contacts = random_grasps(4, 20, 6, creased=1)
-    fractions: list[float] = []
-    one = running(threads=1, progress=fractions.append)(critical_angles)(contacts)
-    two = running(threads=2)(critical_angles)(contacts)
-    np.testing.assert_array_equal(one, two)
-    assert fractions == sorted(fractions)
-    assert fractions[-1] == 1.0
-    none = critical_angles(contacts.take(slice(0, 0)))
-    assert none[0].shape == none[1].shape == (0,)
-
-
-def test_a_tolerance_must_be_above_0() -> None:
-    with pytest.raises(SettingError, match="tolerance must be above 0"):
-        critical_angles(random_grasps(3, 1, 0, creased=0), tolerance=0.0)

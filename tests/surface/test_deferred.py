@@ -114,9 +114,3 @@ def test_results_are_pickled_with_what_was_computed() -> None:
     assert copy.computed("epsilon_range") is not None
     np.testing.assert_array_equal(copy.epsilon, found.epsilon)
     assert repr(copy) == repr(found)
-
-
-def test_results_are_printed_in_three_lines() -> None:
-    found = labels()
-    for result in (found, found.grasps, found.mesh, best_grasps(found, 3), found.epsilon_range):
-        assert repr(result).count("\n") < 3

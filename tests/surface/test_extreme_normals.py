@@ -1,10 +1,8 @@
 """Tests of labels from wrench hulls at extreme normals, compared with exact ones."""
 
 import math
-import re
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,7 +29,6 @@ from grasp3d.surface.grasp_numbers import hull_labels
 from grasp3d.surface.vertex_grasps import grasps_at
 from grasp3d.system.context import running
 from tests.helpers import shapes
-from tests.helpers.commands import run_here
 from tests.helpers.tilts import all_combinations
 
 degrees = math.radians
@@ -309,15 +306,6 @@ def test_relabelling_enumerates_when_the_label_is_read() -> None:
         _ = tiny.label
 
 
-@pytest.mark.slow
-def test_threads_do_not_change_results() -> None:
-    model = GraspModel(method="extremes", edges=6, extreme_normals=4)
-    one, two = (running(threads=n)(label_surface)(surface("box"), model) for n in (1, 2))
-    np.testing.assert_array_equal(one.label, two.label)
-    np.testing.assert_array_equal(one.epsilon_min, two.epsilon_min)
-    np.testing.assert_array_equal(one.epsilon_max, two.epsilon_max)
-
-
 @pytest.mark.parametrize("opening", [math.inf, 1e-3])
 def test_progress_ends_at_1_with_and_without_grasps(opening: float) -> None:
     model = GraspModel(method="extremes", edges=8, extreme_normals=4)
@@ -373,36 +361,3 @@ def test_a_ball_with_extreme_settings(friction: float, resolution: float, code: 
     model = GraspModel(friction=friction, sensor_resolution=resolution, method="extremes")
     labels = label_surface(load_mesh(shapes.sphere(2), max_edge=9.0), model)
     assert set(labels.label) == set(with_exact_labels(labels).label) == {code}
-
-
-# The command line
-
-
-@pytest.mark.slow
-def test_the_command_labels_by_enumeration(tmp_path: Path) -> None:
-    vertices, faces = shapes.box((0.06, 0.04, 0.1))
-    trimesh.Trimesh(vertices, faces, process=False).export(tmp_path / "box.stl")
-    words = (
-        "label", "box.stl", "-o", "out.npz", "--unit", "m", "--max-edge", "0.02",
-        "--method", "extremes",
-    )  # fmt: skip
-    run = run_here(*words, cwd=tmp_path)
-    assert (run.returncode, run.stderr) == (0, "")
-    assert "8 extreme normals per contact" in " ".join(run.stdout.split())
-    assert "smallest over sampled tilts" in run.stdout
-    mesh = load_mesh(tmp_path / "box.stl", unit="m", max_edge=0.02)
-    labels = label_surface(mesh, GraspModel(method="extremes"))
-    with np.load(tmp_path / "out.npz") as data:
-        np.testing.assert_array_equal(data["label"], labels.label)
-        np.testing.assert_array_equal(data["epsilon_min"], labels.epsilon_min)
-        for key, value in {
-            "method": "extremes", "extreme_normals": "8", "edges": "None",
-            "epsilon_min": "sampled_tilts", "epsilon_max": "sampled_tilts",
-        }.items():  # fmt: skip
-            assert str(data[f"setting_{key}"]) == value
-    percent = 100.0 * labels.fractions()["S"]
-    assert re.search(rf"S +surely stable +{percent:.1f} %", run.stdout)
-    refused = run_here(*words, "--friction", "1e-6", "--overwrite", cwd=tmp_path)
-    assert refused.returncode == 2
-    assert "use method='exact'" in " ".join(refused.stderr.split())
-    assert "Traceback" not in refused.stderr

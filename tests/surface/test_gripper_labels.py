@@ -20,7 +20,6 @@ from grasp3d import (
     label_surface,
     load_mesh,
 )
-from grasp3d.errors import SettingError
 from grasp3d.hand.jaw_reach import reach_grasps
 from grasp3d.hand.reach import Reachability
 from grasp3d.hand.scene import Scene
@@ -31,7 +30,7 @@ from grasp3d.surface.sampling import reachable
 from grasp3d.surface.vertex_grasps import Reason, grasps_at
 from grasp3d.system.context import running
 from tests.helpers import shapes
-from tests.helpers.grippers import HAND, SLIM, TIPS
+from tests.helpers.grippers import HAND, TIPS
 from tests.helpers.moving_gripper import MovingGripper
 
 MODEL = GraspModel(friction=0.4, sensor_resolution=math.radians(15.0))
@@ -212,20 +211,6 @@ def test_what_a_larger_gripper_reaches_a_smaller_one_reaches(name: str) -> None:
     assert reach.reached.all()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("grip", ["squeeze", "both"])
-def test_the_number_of_threads_does_not_matter(grip: Grip) -> None:
-    sampling = Sampling(grip=grip, rays=32)
-    one, three = (
-        running(threads=threads)(beside)(solid("tube"), SLIM, sampling=sampling)
-        for threads in (1, 3)
-    )
-    for array in ARRAYS:
-        np.testing.assert_array_equal(getattr(one, array), getattr(three, array), err_msg=array)
-    for array in ("state", "poses", "approach_margin", "opening", "depth", "free"):
-        np.testing.assert_array_equal(getattr(one.reach, array), getattr(three.reach, array))
-
-
 def assert_alike(one: SurfaceLabels, other: SurfaceLabels) -> None:
     """The labels of equivalent objects: the same, but for ties and rounding at few vertices."""
     assert (one.label == other.label).mean() > 0.98
@@ -235,16 +220,6 @@ def assert_alike(one: SurfaceLabels, other: SurfaceLabels) -> None:
     assert np.median(gaps) < 1e-9
     margins = np.abs(one.reach.approach_margin - other.reach.approach_margin)[both]
     assert (margins < 1e-6).mean() > 0.95
-
-
-@pytest.mark.slow
-def test_the_unit_of_the_mesh_does_not_matter() -> None:
-    small, large = held("blob"), beside(solid("blob", "m"), HAND)
-    assert_alike(small, large)
-    both = small.reach.reached & large.reach.reached
-    gaps = np.abs(small.reach.poses[both, :3, 3] - 1000.0 * large.reach.poses[both, :3, 3])
-    assert np.median(gaps) < 1e-9
-    assert small.reach.opening[both] == pytest.approx(1000.0 * large.reach.opening[both], rel=0.1)
 
 
 @pytest.mark.slow
@@ -289,21 +264,6 @@ def test_relabelling_keeps_the_poses() -> None:
     assert finer.reach is labels.reach
     assert finer.scene is labels.scene
     assert (finer.label >= labels.label).all()
-
-
-def test_contradicting_options_are_refused() -> None:
-    mesh = solid("box")
-    no_unit = load_mesh((mesh.vertices, mesh.faces), max_edge=100.0)
-    for options, text in (
-        ({"table": Table.below(mesh)}, "apply to grippers only"),
-        ({"approach": Approach()}, "apply to grippers only"),
-        ({"hand": HAND, "model": GraspModel(fingers=3)}, "two fingers with flat pads"),
-        ({"hand": HAND, "sampling": Sampling(min_opening=100.0)}, "contradicts the limits"),
-    ):
-        with pytest.raises(SettingError, match=text):
-            label_surface(mesh, **options)
-    with pytest.raises(SettingError, match="give the unit"):
-        label_surface(no_unit, hand=HAND)
 
 
 OBJECTS = {

@@ -15,16 +15,14 @@ from grasp3d import (
     Sampling,
     SurfaceLabels,
     Table,
-    best_grasps,
     label_surface,
     load_mesh,
 )
 from grasp3d.grasps import verdict_of
 from grasp3d.hand.reach import Reachability
-from grasp3d.hand.table import Approach
 from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
-from tests.helpers.grippers import HAND, SLIM, TIPS
+from tests.helpers.grippers import HAND, SLIM
 from tests.helpers.moving_gripper import MovingGripper
 
 MODEL = GraspModel(friction=0.4, sensor_resolution=math.radians(15.0))
@@ -98,12 +96,6 @@ def test_a_block_on_a_table_is_approached_from_above() -> None:
     assert (lowest[level] >= -1e-6).all()
     assert (tilts < 1e-6).sum() > 50
     assert_free(labels, np.flatnonzero(found)[::60])
-
-
-def test_best_grasps_of_a_block_are_one_across_each_pair_of_sides() -> None:
-    best = best_grasps(block(), 2)
-    assert sorted(best.reach.opening.round(6).tolist()) == [40.0, 60.0]
-    assert (best.label == 2).all()
 
 
 @cache
@@ -217,48 +209,3 @@ def test_a_ball_in_the_stroke_is_held_from_everywhere() -> None:
     assert (labels.label == 2).all()
     assert labels.reach.opening == pytest.approx(24.0, rel=0.01)
     assert labels.reach.approach_margin == pytest.approx(math.pi)
-
-
-def test_a_thin_wall_is_held_from_above() -> None:
-    wall = load_mesh(shapes.box((60.0, 1.0, 40.0)), unit="mm", max_edge=8.0)
-    labels = standing(wall)
-    z = wall.vertices[:, 2]
-    sides = _is(wall.vertices[:, 1], 0.5) & (wall.normal_sets.counts == 1) & (z > 5.0)
-    assert sides.sum() > 20
-    assert (labels.label[sides] == 2).all()
-    assert labels.reach.opening[sides] == pytest.approx(1.0)
-    assert_free(labels, np.flatnonzero(sides)[:3])
-
-
-@pytest.mark.slow
-def test_round_tips_do_not_fit_into_an_inner_corner() -> None:
-    """A wall nearer than the radius of 8 mm less the compliance is touched before the base."""
-    base, wall = trimesh.creation.box((100, 60, 10)), trimesh.creation.box((10, 60, 60))
-    wall.apply_translation((45.0, 0.0, 25.0))
-    mesh = mesh_of(trimesh.boolean.union([base, wall], engine="manifold"), 5.0)
-    labels = labelled(mesh, TIPS)
-    x, y, z = mesh.vertices.T
-    base_top = (np.abs(z - 5.0) < 1e-9) & (mesh.normal_sets.counts == 1) & (np.abs(y) < 20.0)
-    beside = 40.0 - x
-    corner, free = base_top & (beside < 6.0), base_top & (beside > 9.0) & (beside < 30.0)
-    assert corner.any()
-    assert free.sum() > 10
-    assert (labels.critical_angle[free] < 1e-6).all()
-    # The tip is beside the corner only where its contact is aslant, which costs friction.
-    assert (labels.label[corner] < 2).all()
-    assert Reachability.TIP in labels.reach.state[corner]
-
-
-@pytest.mark.slow
-def test_within_limits_a_bottle_is_held_from_the_allowed_side() -> None:
-    body = trimesh.creation.cylinder(15.0, 120.0, sections=32)
-    mesh = mesh_of(body, 12.0)
-    for direction in ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0)):
-        approach = Approach(np.array(direction), within=math.radians(30.0))
-        labels = standing(mesh, SLIM, approach=approach)
-        found = labels.reach.reached
-        assert found.sum() > 20
-        cosines = labels.reach.poses[found, :3, 2] @ direction
-        assert cosines.min() >= math.cos(math.radians(30.0)) - 1e-9
-    middle = np.abs(mesh.vertices[:, 2]) < 20.0
-    assert not found[middle].any()  # from above the fingers are too short

@@ -27,10 +27,9 @@ from grasp3d.quality.task_texts import TaskText
 from grasp3d.quality.tasks import STANDARD_GRAVITY
 from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.stability.label import Label
-from grasp3d.surface.area_statistics import held_fractions, payload_quantiles
 from grasp3d.surface.fields import FORCES, columns_of
 from grasp3d.surface.grasp_numbers import surface_holding
-from grasp3d.surface.holding import FORCE_RTOL, HARD_FINGERS, Holding
+from grasp3d.surface.holding import FORCE_RTOL, HARD_FINGERS
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
@@ -257,21 +256,6 @@ def test_labels_stay_the_same_and_relabelling_keeps_the_load() -> None:
     assert (other.grip_force[known] <= one.grip_force[known] * (1.0 + FORCE_RTOL)).all()
 
 
-def test_fractions_and_quantiles_are_weighted_by_area() -> None:
-    holding, areas = labels().holding, block().vertex_areas
-    assert holding is not None
-    fractions = held_fractions(labels())
-    assert fractions is not None
-    held = holding.grip_force_largest <= 40.0
-    assert fractions["S"] == pytest.approx(areas[held].sum() / areas.sum())
-    assert sum(fractions.values()) == pytest.approx(1.0)
-    payloads = payload_quantiles(labels(), [0.0, 1.0])
-    assert payloads is not None
-    assert payloads[1] == holding.payload.max()
-    with pytest.raises(SettingError, match="no load"):
-        held_fractions(label_surface(block()))
-
-
 def test_the_nominal_force_is_that_of_the_contacts() -> None:
     found, case = labels(), labels().load_case
     assert case is not None
@@ -304,12 +288,3 @@ def test_a_load_that_cannot_be_meant_is_refused_before_the_search() -> None:
     with pytest.raises(SettingError, match="unit"):
         label_surface(unitless, load=Load(task="wrench 0,0,0,0,0,1"))
     assert label_surface(unitless, load=Load(mass=MASS)).load is not None
-
-
-def test_rows_are_taken_and_placed() -> None:
-    holding = labels().holding
-    assert isinstance(holding, Holding)
-    placed = holding.take(np.array([3, 5])).placed(np.array([1, 0]), 3)
-    assert placed.grip_force[0] == holding.grip_force[5]
-    assert placed.payload[1] == holding.payload[3]
-    assert math.isnan(placed.grip_force[2])

@@ -20,7 +20,6 @@ from grasp3d import (
 )
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.surface import Reason
-from grasp3d.system.context import running
 from tests.helpers import oracles, shapes
 
 degrees = math.radians
@@ -234,13 +233,6 @@ def test_scans_from_a_corner_a_face_and_an_edge() -> None:
     assert edge.critical_angle_best[opposite] == pytest.approx(0.0, abs=0.05)
 
 
-@pytest.mark.parametrize("fixed", [(0.0, 0.0), [], [[[0, 0, 1]]], "ab", (math.nan, 0.0, 0.0)])
-def test_fixed_must_be_finite_points(fixed: object) -> None:
-    mesh = load_mesh(shapes.box())
-    with pytest.raises(SettingError, match="one point or more, each of three finite numbers"):
-        scan_surface(mesh, fixed=fixed)  # type: ignore[arg-type]
-
-
 @pytest.mark.slow
 def test_relabelling_equals_a_new_labelling() -> None:
     mesh = load_mesh(shapes.lopsided(3), max_edge=9.0)
@@ -326,20 +318,6 @@ def test_epsilon_of_a_ball_has_a_closed_form() -> None:
     assert labels.epsilon_max == pytest.approx(closed_form(beta + tilt), rel=0.03)
 
 
-@pytest.mark.slow
-def test_epsilon_does_not_depend_on_the_unit_nor_on_threads() -> None:
-    vertices, faces = shapes.lopsided()
-    own = label_surface(load_mesh((vertices, faces), max_edge=9.0))
-    inches = label_surface(load_mesh((vertices / 25.4, faces), max_edge=9.0))
-    same = np.isclose(own.critical_angle, inches.critical_angle, atol=1e-6)
-    assert same.mean() > 0.99
-    for name in ("epsilon", "epsilon_min", "epsilon_max"):
-        one, other = getattr(own, name)[same], getattr(inches, name)[same]
-        assert other == pytest.approx(one, rel=0.02, abs=1e-6)
-    one, two = (running(threads=n)(label_surface)(own.mesh) for n in (1, 2))
-    assert np.array_equal(one.epsilon, two.epsilon)
-
-
 def test_relabelling_gives_epsilon_of_the_new_model_at_the_same_grasps() -> None:
     labels = with_model(blob(), edges=8)
     before = labels.epsilon
@@ -369,26 +347,6 @@ def test_without_a_grasp_there_is_no_epsilon() -> None:
     scan = scan_surface(box, GraspModel(edges=8), fixed=box.vertices[0])
     assert np.isnan(scan.epsilon[0])
     assert np.isfinite(scan.epsilon[scan.reason == Reason.FOUND]).all()
-
-
-def test_epsilon_can_be_computed_early_with_progress() -> None:
-    labels = with_model(blob(), edges=8)
-    fractions: list[float] = []
-    with running(progress=fractions.append):
-        labels.compute("epsilon_range")
-        assert fractions[-1] == 1.0
-        assert labels.epsilon is labels.epsilon
-    assert fractions.count(1.0) == 1
-
-
-def test_quantiles_of_epsilon() -> None:
-    labels = with_model(blob(), edges=8)
-    low, high = labels.epsilon_quantiles([0.0, 1.0], of="minimum")
-    assert (low, high) == (labels.epsilon_min.min(), labels.epsilon_min.max())
-    middle = labels.epsilon_quantiles([0.5], weights="vertex")
-    assert middle == pytest.approx(np.quantile(labels.epsilon, 0.5, method="inverted_cdf"))
-    with pytest.raises(SettingError, match="known: nominal, minimum, maximum"):
-        labels.epsilon_quantiles([0.5], of="best")  # type: ignore[arg-type]
 
 
 def test_relabelling_beyond_the_search_names_the_needed_search_angle() -> None:
@@ -434,27 +392,3 @@ def test_duplicates_have_the_label_of_their_position_and_strays_are_off_the_surf
     assert labels.label[count + 5] == Label.U
     assert labels.fractions() == pytest.approx(plain.fractions())
     assert labels.fractions(weights="vertex") == pytest.approx(plain.fractions(weights="vertex"))
-
-
-@pytest.mark.slow
-def test_the_search_reports_its_extent() -> None:
-    mesh = load_mesh(shapes.lopsided())
-    search = label_surface(mesh, sampling=Sampling(grip="both")).search
-    assert search.rays > 64 * 2562
-    search = label_surface(mesh).search  # squeezing needs no rays where there are grasps
-    assert search.evaluated > 2562
-    assert search.rays == 0
-
-
-def test_labels_cannot_be_written_to() -> None:
-    labels = ball()
-    arrays = (
-        labels.critical_angle, labels.label, labels.max_resolution, labels.mesh.normals,
-        labels.mesh.vertex_areas, labels.mesh.normalized, labels.mesh.normal_sets.normals,
-        blob().epsilon, blob().epsilon_min, blob().epsilon_max,
-    )  # fmt: skip
-    for array in arrays:
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 0.0
-    with pytest.raises(AttributeError):
-        labels.model = GraspModel()  # type: ignore[misc]

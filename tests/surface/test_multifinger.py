@@ -14,13 +14,11 @@ from grasp3d import (
     Label,
     MultifingerSampling,
     ObjectMesh,
-    Sampling,
     SurfaceLabels,
     classify,
     label_surface,
     load_mesh,
 )
-from grasp3d.errors import SettingError
 from grasp3d.mesh.primitives import box_mesh, sphere_mesh
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.sampling.multifinger import search
@@ -149,14 +147,6 @@ def test_contacts_keep_the_limits_of_distances() -> None:
 
 
 @pytest.mark.slow
-def test_contacts_are_separated_by_default() -> None:
-    labels = labelled("tapered", 5)
-    contacts = contacts_of(labels, np.flatnonzero(np.isfinite(labels.critical_angle)))
-    distances = np.linalg.norm(contacts[:, :, None] - contacts[:, None], axis=-1)
-    assert distances[:, *np.triu_indices(5, 1)].min() >= 0.01 * labels.mesh.size - 1e-9
-
-
-@pytest.mark.slow
 def test_with_candidate_points_on_vertices_all_contacts_are_vertices() -> None:
     labels = labelled("tapered", 4, candidate_points="vertices")
     vertices = np.flatnonzero(np.isfinite(labels.critical_angle))
@@ -210,24 +200,6 @@ def _smooth_grasps(labels: SurfaceLabels) -> tuple[np.ndarray, np.ndarray, np.nd
     return points, normals, labels.critical_angle[vertices]
 
 
-def tetrahedron() -> ObjectMesh:
-    """A tetrahedron of four vertices."""
-    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
-    return load_mesh((corners, faces), max_edge=1e3)
-
-
-@pytest.mark.slow
-def test_more_fingers_than_vertices_are_rejected() -> None:
-    tetrahedron_mesh, model = tetrahedron(), GraspModel(fingers=5, friction=2.0)
-    with pytest.raises(SettingError, match="5 fingers need as many vertices"):
-        label_surface(
-            tetrahedron_mesh, model, sampling=MultifingerSampling(candidate_points="vertices")
-        )
-    found = label_surface(tetrahedron_mesh, model).critical_angle
-    assert np.isfinite(found).all()  # five contacts fit on its faces
-
-
 @pytest.mark.slow
 def test_idle_fingers_may_be_placed_on_corners() -> None:
     corners = load_mesh(shapes.box((2.0, 1.5, 1.0)), max_edge=1e3)
@@ -239,28 +211,3 @@ def test_idle_fingers_may_be_placed_on_corners() -> None:
     assert np.isfinite(angles[0]).all()
     assert np.isfinite(angles[1]).all()
     assert np.isfinite(angles[2]).all()
-
-
-@pytest.mark.slow
-def test_a_small_spread_reduces_the_default_separation() -> None:
-    """The default separation is at most a tenth of the largest spread."""
-    mesh = wedge()
-    labels = label_surface(
-        mesh,
-        GraspModel(fingers=3, friction=2.0),
-        sampling=MultifingerSampling(max_opening=0.05 * mesh.size),
-    )
-    assert np.isfinite(labels.critical_angle).any()
-    far = MultifingerSampling(min_separation=2.0 * mesh.size)
-    with pytest.raises(SettingError, match="no two points of the object"):
-        label_surface(mesh, GraspModel(fingers=3), sampling=far)
-
-
-def test_settings_of_another_number_of_fingers_are_rejected() -> None:
-    mesh = wedge()
-    with pytest.raises(SettingError, match=r"for 3 fingers must be Multifinger.*max_opening"):
-        label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(grip="both"))
-    with pytest.raises(SettingError, match=r"for 2 fingers must be Sampling\(.*; got Multif"):
-        label_surface(mesh, sampling=MultifingerSampling(max_opening=1.0))
-    with pytest.raises(SettingError, match="fingers must be from 2 to 5; got 6"):
-        label_surface(mesh, GraspModel(fingers=6))

@@ -2,7 +2,6 @@
 
 import math
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,6 @@ from grasp3d import (
     scan_surface,
 )
 from grasp3d.errors import SettingError
-from grasp3d.export import write_npz, write_ply, write_vtp
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.stability.thresholds import label_angles, unstable_from
@@ -30,7 +28,6 @@ from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.sampling.multifinger import MultifingerGrasps
 from grasp3d.surface.sweeps import mean_sweep, sweep
 from grasp3d.surface.vertex_grasps import grasps_at
-from grasp3d.system.context import running
 from grasp3d.viewer.session.painting import corner_coordinates
 from grasp3d.viewer.subjects.subject import subject_of
 from tests.helpers import shapes
@@ -126,22 +123,6 @@ def test_scans_consider_all_normals_at_creases() -> None:
     np.testing.assert_array_equal(scan.critical_angle_best[found], best)
     assert (best < worst - 0.1).mean() > 0.5
     assert scan.partner_normals[0, 1] == pytest.approx([math.sqrt(0.5), -math.sqrt(0.5), 0.0])
-
-
-def test_a_scan_reports_progress() -> None:
-    fractions: list[float] = []
-    with running(progress=fractions.append):
-        scan_surface(ball(), fixed=[on_equator(0.0), on_equator(100.0)])
-    assert fractions == sorted(fractions)
-    assert fractions[-1] == 1.0
-    fractions.clear()
-    model = GraspModel(method="extremes", edges=6, extreme_normals=3)
-    mesh = load_mesh(shapes.sphere(1), max_edge=9.0)
-    with running(progress=fractions.append):
-        scan_surface(mesh, model, fixed=[on_equator(0.0), on_equator(100.0)])
-    assert fractions == sorted(fractions)
-    assert fractions[-1] == 1.0
-    assert 0.0 < fractions[0] < 0.5
 
 
 @pytest.mark.slow
@@ -328,51 +309,3 @@ def test_epsilon_of_three_fingers_is_in_all_six_dimensions() -> None:
     assert (labels.epsilon > 0.0).all()
     assert (labels.epsilon_min <= labels.epsilon).all()
     assert (labels.epsilon <= labels.epsilon_max).all()
-
-
-def test_files_contain_every_finger(tmp_path: Path) -> None:
-    import pyvista
-
-    labels = searched(3)
-    write_npz(tmp_path / "out.npz", labels)
-    with np.load(tmp_path / "out.npz") as data:
-        np.testing.assert_array_equal(data["partners"], labels.partners)
-        np.testing.assert_array_equal(data["partner_normals"], -labels.partner_normals)
-        assert str(data["setting_fingers"]) == "3"
-        assert int(str(data["setting_candidates_evaluated"])) == labels.search.evaluated
-    write_vtp(tmp_path / "out.vtp", labels)
-    points = pyvista.read(tmp_path / "out.vtp").point_data
-    for finger in (2, 3):
-        np.testing.assert_array_equal(points[f"partner_{finger}"], labels.partners[:, finger - 2])
-        normals = points[f"partner_{finger}_normal"]
-        np.testing.assert_array_equal(normals, -labels.partner_normals[:, finger - 2])
-    write_ply(tmp_path / "out.ply", labels)
-    assert b"comment grasp3d fingers 3\n" in (tmp_path / "out.ply").read_bytes()
-
-
-def test_the_report_states_the_number_of_fingers(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    from grasp3d.cli.label import print_labels
-
-    print_labels(searched(3), tmp_path / "out.ply")
-    text = " ".join(capsys.readouterr().out.split())
-    assert "3 fingers" in text
-    assert f"{searched(3).search.evaluated:,} candidate grasps evaluated" in text
-    print_labels(scan_surface(ball(), fixed=(0.0, 0.0, 1.0)), tmp_path / "out.ply")
-    text = capsys.readouterr().out
-    assert "fingers" not in text.replace("other fingers", "")
-    assert "evaluated" not in text
-
-
-@pytest.mark.parametrize(
-    ("model", "message"),
-    [
-        ({"fingers": 6}, "fingers must be from 2 to 5"),
-        ({"fingers": 1}, "fingers must be from 2 to 5"),
-        ({"fingers": 5, "method": "extremes", "extreme_normals": 40}, "combinations"),
-    ],
-)
-def test_contradictory_settings_are_refused(model: dict[str, Any], message: str) -> None:
-    with pytest.raises(SettingError, match=message):
-        label_surface(ball(), GraspModel(**model))

@@ -14,10 +14,8 @@ from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.system.tables import read_columns
 from grasp3d.validating import Validation, ValidationSettings, sentences, write_validation
-from grasp3d.validating.validate import _resamples
 from tests.helpers import shapes
 from tests.helpers.tried_grasps import chances, expected_roc_auc, poses_on
 
@@ -248,12 +246,6 @@ def test_poses_in_another_unit_close_on_nothing() -> None:
         validate_grasps(given, mesh=mesh(), hand=FRANKA, settings=QUICK)
 
 
-def test_many_grasps_are_drawn_less_often() -> None:
-    assert _resamples(2000, 1000) == 1000
-    assert _resamples(400_000, 1000) == 250
-    assert _resamples(10**7, 1000) == 100
-
-
 @pytest.mark.slow
 def test_a_gripper_that_states_its_resolution_is_believed() -> None:
     held = margins() > 0.0
@@ -272,16 +264,6 @@ def test_models_without_margins_are_refused() -> None:
     held = margins() > 0.0
     with pytest.raises(SettingError, match="which method extremes has not"):
         validated(held, model=GraspModel(method="extremes"))
-
-
-@pytest.mark.slow
-def test_a_table_below_the_object_is_reached_by_fewer() -> None:
-    held = margins() > 0.0
-    free = validated(held).grasps.scores["reachable"]
-    beside = validated(held, reach=ReachSettings(hand=FRANKA, table="as-is"))
-    reached = beside.grasps.scores["reachable"]
-    assert (reached <= free).all()
-    assert reached.sum() < free.sum()
 
 
 def test_the_tables_have_what_was_found(tmp_path: Path) -> None:
