@@ -65,15 +65,6 @@ def test_patterns_name_files_but_existing_files_take_precedence(tmp_path: Path) 
         names_of(tmp_path / "gone" / "*.off")
 
 
-def test_patterns_are_relative_to_the_current_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    touch(tmp_path, "a.stl", "lib/b.stl")
-    monkeypatch.chdir(tmp_path)
-    assert names_of("*.stl") == names_of("./a.stl") == ["a.stl"]
-    assert names_of("**/*.stl") == names_of(".") == ["a.stl", "lib/b.stl"]
-
-
 def test_a_list_names_inputs_relative_to_its_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

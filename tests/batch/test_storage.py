@@ -14,10 +14,10 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.checking import check_file
 from grasp3d.batch.identity import content_hash
 from grasp3d.batch.inputs import find_meshes
-from grasp3d.batch.storage.files import find_entry, list_entries, local_copy
+from grasp3d.batch.storage.files import list_entries, local_copy
 from grasp3d.batch.storage.folder import Folder
 from grasp3d.batch.store import Store, read_summary
-from grasp3d.errors import MeshError, OutputError
+from grasp3d.errors import MeshError
 from grasp3d.system.files import TEMPORARY_PREFIX
 from tests.batch.test_store import kill, row_of, store_rows, summary_rows
 from tests.helpers import shapes
@@ -150,43 +150,6 @@ def test_side_files_outside_the_folder_of_a_gltf_are_not_downloaded() -> None:
         (copy.parent / "own.bin").write_bytes(b"changed")
         assert content_hash(copy) != first
     system.store.clear()
-
-
-@pytest.mark.slow
-def test_errors_of_file_systems_become_one_sentence(
-    s3: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with pytest.raises(OutputError, match=r"s3://none/out/a: cannot be written \(there is no such"):
-        Folder("s3://none/out").write("a", b"")
-    with pytest.raises(MeshError, match="there is no such file or folder"):
-        find_meshes(["s3://none/lib"])
-    with pytest.raises(MeshError, match="no file system is called nowhere://"):
-        find_meshes(["nowhere://lib"])
-    assert find_entry(s3) is None
-
-    def fails(error: Exception) -> Any:
-        def raise_it(*_: object, **__: object) -> None:
-            raise error
-
-        return raise_it
-
-    class NoCredentialsError(Exception):
-        pass
-
-    for error, message in (
-        (ImportError("Install s3fs"), r'needs the package s3fs: pip install "grasp3d\[s3\]"'),
-        (NoCredentialsError(), "there are no credentials: set AWS_ACCESS_KEY_ID"),
-        (PermissionError("Forbidden"), "access is denied: check the credentials"),
-        (OSError(28, "No space"), "no space left on this machine"),
-        (OSError(5, "Input/output error"), r"cannot be opened \(Input/output error\)"),
-        (RuntimeError("two\nlines"), r"\(two lines\)"),
-    ):
-        monkeypatch.setattr(fsspec.core, "url_to_fs", fails(error))
-        with pytest.raises(MeshError, match=message):
-            find_meshes([f"{s3}/lib"])
-    monkeypatch.setattr(fsspec.core, "url_to_fs", fails(ImportError("Install paramiko")))
-    with pytest.raises(MeshError, match=r"a package that is not installed \(Install paramiko\)"):
-        find_entry("sftp://host/lib")
 
 
 def test_new_files_are_listed_without_delay(s3: str) -> None:

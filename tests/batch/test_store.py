@@ -9,10 +9,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-import duckdb
 import fsspec
-import numpy as np
-import pandas as pd
 import polars as pl
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -308,18 +305,6 @@ def test_damaged_files_are_moved_with_a_warning(tmp_path: Path, damage: str) -> 
     assert Store.open(output, SETTINGS).warnings == []
 
 
-def test_a_summary_with_fewer_columns_is_extended(memory: Folder) -> None:
-    store_rows(memory, [row_of("a"), row_of("z")])
-    (name,) = memory.names("summary")
-    table = pq.read_table(pa.BufferReader(memory.read(name))).drop_columns(["grasps", "volume"])
-    sink = pa.BufferOutputStream()
-    pq.write_table(table, sink)
-    memory.write(name, bytes(sink.getvalue()))
-    assert Store.open(memory, SETTINGS).rows["z"] == replace(row_of("z"), grasps=())
-    schema = pq.read_schema(pa.BufferReader(memory.read(name)))
-    assert schema.names == list(Row.__dataclass_fields__)
-
-
 def test_folders_that_are_not_stores_are_refused(tmp_path: Path) -> None:
     output = Folder(str(tmp_path))
     with pytest.raises(OutputError, match="is not a folder that grasp3d batch wrote"):
@@ -374,47 +359,12 @@ def test_old_unfinished_files_are_removed(tmp_path: Path) -> None:
     assert (old.exists(), young.exists()) == (False, True)
 
 
-def test_other_libraries_read_the_tables_in_one_line(tmp_path: Path) -> None:
-    rows = {name: row_of(name) for name in ("a", "open", "z\udcff.stl", "\u00fc")}
-    for row in rows.values():
-        store_rows(Folder(str(tmp_path)), [row])
-    rows["z\\xff.stl"] = replace(rows.pop("z\udcff.stl"), mesh="z\\xff.stl")
-    assert len(list((tmp_path / "summary").iterdir())) == 4
-    schemas = [pq.read_schema(path) for path in (tmp_path / "summary").iterdir()]
-    assert all(schema.equals(schemas[0], check_metadata=True) for schema in schemas)
-
-    pandas = pd.read_parquet(tmp_path / "summary").set_index("mesh")
-    polars = {row["mesh"]: row for row in pl.read_parquet(tmp_path / "summary").to_dicts()}
-    found = duckdb.read_parquet(f"{tmp_path}/summary/*.parquet")
-    duck = {row[0]: dict(zip(found.columns, row, strict=True)) for row in found.fetchall()}
-    assert set(pandas.index) == set(polars) == set(duck) == set(rows)
-    for name, row in rows.items():
-        for found_row in (pandas.loc[name], polars[name], duck[name]):
-            assert (found_row["stable"], found_row["vertices"]) == (row.stable, 12)
-            assert found_row["critical_angle_p90"] == math.inf
-            assert len(found_row["grasps"]) == len(row.grasps)
-            for grasp, known in zip(found_row["grasps"], row.grasps, strict=True):
-                assert np.array_equal(np.vstack(grasp["points"]), known.points)
-            center = found_row["center_mass"]
-            assert center is None if row.center_mass is None else (
-                tuple(center) == row.center_mass)  # fmt: skip
-
-
 def test_a_folder_has_one_run_at_a_time(tmp_path: Path) -> None:
     running = Store.open(Folder(str(tmp_path)), SETTINGS)
     with pytest.raises(OutputError, match="another run is writing to it"):
         Store.open(Folder(str(tmp_path)), SETTINGS)
     running.close()
     Store.open(Folder(str(tmp_path)), SETTINGS).close()
-
-
-@pytest.mark.parametrize("name", ["labels/b.ply", "report/index.html", "journal/diary.txt"])
-def test_files_of_other_programs_are_refused(tmp_path: Path, name: str) -> None:
-    (tmp_path / name).parent.mkdir()
-    (tmp_path / name).write_bytes(b"mine")
-    with pytest.raises(OutputError, match=f"has not written .{name}.; name another folder"):
-        Store.open(Folder(str(tmp_path)), SETTINGS)
-    assert [path.name for path in tmp_path.rglob("*.*")] == [Path(name).name]
 
 
 def test_an_interruption_while_overwriting_removes_the_old_row(tmp_path: Path) -> None:

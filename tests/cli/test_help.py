@@ -13,7 +13,6 @@ from grasp3d.cli import KINDS
 from grasp3d.cli.options import options_of
 from grasp3d.cli.usage import GROUPS, MOST_OPTIONS, examples_of, groups_of, invocation, parse
 from tests.helpers.commands import printed
-from tests.helpers.commands import run_here as grasp3d
 
 MESHES = Path(__file__).parents[2] / "meshes"
 
@@ -23,13 +22,6 @@ EXAMPLES = [
     for command in KINDS
     for line in examples_of(KINDS[command]).splitlines()[1::2]
 ]
-
-
-def test_the_version_is_listed() -> None:
-    run = grasp3d("--help", cwd=Path(), columns=80)
-    assert re.search(r"--version +Print the version\.", run.stdout)
-    assert "examples:\n" in run.stdout
-    assert grasp3d("--version", cwd=Path()).stdout.startswith("grasp3d 0.")
 
 
 @pytest.mark.slow

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from grasp3d.contact.friction_cones import (
     NEAR_X_AXIS,
     cone_edges,
-    edge_angles,
     effective_friction,
     on_arcs,
     tangents,
@@ -202,21 +201,3 @@ def test_effective_friction_refuses_invalid_values(
 ) -> None:
     with pytest.raises(SettingError, match=message):
         effective_friction(friction, resolution)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        *(((edges,), "at least 3 edges, a whole number; got") for edges in (-1, 0, 1, 2)),
-        *(((8, phase), "phase of the edges must be finite; got") for phase in (math.nan, math.inf)),
-    ],
-)
-def test_fewer_than_three_or_fractional_edges_are_refused(arguments: Any, message: str) -> None:
-    axis = [1.0, 0.0, 0.0]
-    with pytest.raises(SettingError, match=message):
-        edge_angles(*arguments)
-    with pytest.raises(SettingError, match=message):
-        cone_edges(axis, 0.3, **dict(zip(("edges", "phase"), arguments, strict=False)))
-    if len(arguments) == 1:
-        with pytest.raises(SettingError, match=message):
-            tilted_normals(axis, 0.1, count=arguments[0])

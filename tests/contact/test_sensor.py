@@ -257,7 +257,6 @@ def test_counts_at_the_bound_itself_are_not_enough() -> None:
          (0.0, -0.1, math.pi, math.nan, 22.6), "above 0 and below 180 degrees"),
         (lambda radius: Sensor.for_resolution(0.3, radius), (math.inf,),
          "its resolution is 0; give its receptive field"),
-        (resolution_limit, (0.0, -0.5, math.nan, math.inf), "friction must be a finite number"),
         (lambda joints: required_counts(int(joints), 0.5), (0, -1), "at least one joint; got"),
         (lambda friction: Sensor.limiting(friction, 10.0), (0.0, -0.5, math.nan, math.inf),
          "friction must be a finite number above 0"),

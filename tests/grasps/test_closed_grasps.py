@@ -36,7 +36,7 @@ from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface import GraspTable
 from grasp3d.surface.closed_grasps import UNKNOWN
 from tests.helpers import shapes
-from tests.helpers.grippers import HAND, SLIM, TIPS
+from tests.helpers.grippers import HAND, SLIM
 
 MODEL = GraspModel(friction=0.4, sensor_resolution=math.radians(15.0))
 
@@ -236,26 +236,6 @@ def test_internal_grasps_count_as_ambiguous_beside_external_ones() -> None:
     np.testing.assert_array_equal(taken.label, best.closed.label[rows])
     np.testing.assert_array_equal(taken.margin, best.closed.margin[rows])
     assert best.closed.take(np.flatnonzero(internal)).jaws is None
-
-
-@pytest.mark.slow
-def test_ideal_points_and_three_fingers_have_none() -> None:
-    mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=40.0)
-    ideal = best_grasps(label_surface(mesh, MODEL), 2)
-    three = replace(MODEL, fingers=3)
-    tips = best_grasps(label_surface(mesh, three, hand=TIPS), 2)
-    for grasps in (ideal, tips):
-        assert grasps.size
-        assert grasps.closed is None
-        assert "closed_label" not in grasps.to_table().column_names
-
-
-def test_no_grasps_close_on_nothing() -> None:
-    plate = load_mesh(shapes.box((120.0, 100.0, 90.0)), unit="mm", max_edge=120.0)
-    labels = label_surface(plate, MODEL, hand=HAND)
-    best = best_grasps(labels, 3)
-    assert (best.size, len(best.closed.row), best.closed.jaws) == (0, 0, None)
-    assert best.closed.note(best.label) == ""
 
 
 def test_a_note_says_that_no_label_is_confirmed() -> None:

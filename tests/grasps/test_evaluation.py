@@ -1,6 +1,5 @@
 import math
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -148,30 +147,6 @@ def test_contacts_at_one_point_are_no_grasp() -> None:
     assert corner.label[0] == 1  # two faces' normals may be opposed by enough friction
     assert np.isinf(corner.critical_angle).all()
     assert grasps.max_resolution[0] == grasps.epsilon[0] == grasps.opening[0] == 0.0
-
-
-@pytest.mark.parametrize("method", ["exact", "extremes"])
-def test_progress_is_reported_in_increasing_fractions_up_to_1(method: Any) -> None:
-    fractions: list[float] = []
-    model = GraspModel(method=method, extreme_normals=3)
-    with running(progress=fractions.append):
-        grasps = evaluate_grasps(block(), random_contacts(block(), 20, 3, 3), model)
-    assert fractions == sorted(fractions)
-    assert fractions[-1] == 1.0
-    of_epsilon: list[float] = []
-    with running(progress=of_epsilon.append):
-        grasps.compute("epsilon_range")
-    assert of_epsilon[-1] == 1.0
-    assert np.isfinite(grasps.epsilon).all()
-
-
-def test_ten_thousand_grasps_equal_their_evaluation_one_by_one() -> None:
-    points = random_contacts(ball(), 10_000, 3, 9)
-    grasps = evaluate_grasps(ball(), points)
-    assert set(grasps.label) == {0, 1, 2}
-    for row in range(0, 10_000, 2_500):
-        alone = evaluate_grasps(ball(), points[row])
-        assert alone.critical_angle[0] == grasps.critical_angle[row]
 
 
 def test_contacts_on_the_surface_need_no_distance() -> None:

@@ -8,7 +8,6 @@ import trimesh
 
 from grasp3d import GraspModel, SurfaceLabels, Table, best_grasps, label_surface, load_mesh
 from grasp3d.grasps import grasp_kinds
-from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND
 
@@ -32,14 +31,6 @@ def dumbbell() -> SurfaceLabels:
     body = trimesh.boolean.union([*bars, rod], engine="manifold")
     mesh = load_mesh((body.vertices, body.faces), unit="mm", max_edge=7.0)
     return label_surface(mesh, MODEL, hand=HAND, table=Table.below(mesh))
-
-
-def test_kinds_are_numbers_of_vertices_with_a_grasp() -> None:
-    labels = block()
-    kinds = grasp_kinds(labels)
-    assert ((kinds >= 0) == (labels.reason == Reason.FOUND)).all()
-    assert set(kinds[kinds >= 0]) == set(range(kinds.max() + 1))
-    assert (kinds == kinds[labels.mesh.canonical]).all()
 
 
 def test_opposite_sides_are_of_other_kinds_than_the_others() -> None:

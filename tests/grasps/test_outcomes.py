@@ -254,7 +254,7 @@ process that started it."""
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="it reads the memory used as Linux states it")
-@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+@pytest.mark.parametrize("suffix", [".csv"])
 def test_a_million_grasps_are_checked_in_time_and_memory(tmp_path: Path, suffix: str) -> None:
     count = 1_000_000
     random = np.random.default_rng(0)

@@ -360,7 +360,7 @@ def test_the_word_is_that_of_what_the_jaws_touch() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", MESHES[::3], ids=lambda path: path.name)
+@pytest.mark.parametrize("path", MESHES[::6], ids=lambda path: path.name)
 def test_no_sentence_on_a_library_object_contradicts_its_figures(path: Path) -> None:
     mesh = coarse_mesh(path)
     for hand in (None, *map(ParallelGripper.preset, ("franka", "robotiq_2f85"))):

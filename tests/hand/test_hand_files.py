@@ -108,20 +108,6 @@ def test_wrong_contents_are_refused_in_one_sentence(
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        *((text, "is no") for text in ("", "[1, 2]", "null", "{", "[" * 100_000, '{"format": 1}')),
-        ("\udcff\udcfe\x00{", "is no JSON"),
-    ],
-)
-def test_files_of_something_else_are_refused(tmp_path: Path, content: str, words: str) -> None:
-    path = tmp_path / "g.json"
-    path.write_bytes(content.encode("utf-8", "surrogateescape"))
-    with pytest.raises(SettingError, match=f"g[.]json: {words}"):
-        read_hand(path)
-
-
 def test_a_name_is_a_preset_and_a_path_a_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

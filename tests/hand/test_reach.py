@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,13 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import ObjectMesh, load_mesh
-from grasp3d.errors import ContactError, SettingError
+from grasp3d.errors import SettingError
 from grasp3d.hand.jaw_reach import collides, reach_grasps
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach import Reach, Reachability
 from grasp3d.hand.table import Approach, Table
 from grasp3d.settings.lengths import METRES, Unit
-from grasp3d.system.context import running
 from tests.helpers import shapes
 from tests.helpers.collisions import Oracle
 from tests.helpers.grippers import GRIPPERS, HAND, SLIM, TIPS, normalized_poses, opposed
@@ -338,26 +336,6 @@ def test_a_larger_gripper_never_reaches_more(name: str, factor: float, stands: b
     assert not (found.free[same] & ~small.free[same]).any()
 
 
-def test_the_number_of_threads_does_not_matter(held: tuple) -> None:
-    mesh, points, normals = held
-    many = np.tile(points, (20, 1, 1)), np.tile(normals, (20, 1, 1))
-    one, two = (running(threads=threads)(reach_grasps)(mesh, *many, HAND) for threads in (1, 3))
-    assert (one.state == two.state).all()
-    assert np.array_equal(one.poses, two.poses, equal_nan=True)
-
-
 def test_no_grasps_are_no_error() -> None:
     empty = np.zeros((0, 2, 3))
     assert reach_grasps(block(), empty, empty, HAND).poses.shape == (0, 4, 4)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda p, n: (p[0], n[0]), "shape"),
-        (lambda p, n: (p * math.nan, n), "finite"),
-    ],
-)
-def test_bad_grasps_are_refused(change: Any, message: str) -> None:
-    with pytest.raises(ContactError, match=message):
-        reach_grasps(block(), *change(*across(0)), HAND)

@@ -13,11 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d import ObjectMesh, best_grasps, label_surface, load_mesh
 from grasp3d._kernels.jaws.settling import lowest_point
-from grasp3d.errors import SettingError
 from grasp3d.grasps import poses_of
 from grasp3d.hand.closed_jaws import ClosedJaws, Closing, Touch, centres_of_pressure
 from grasp3d.hand.closing import close_jaws
-from grasp3d.hand.jaws import problem_of_face
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from tests.helpers import shapes
 from tests.helpers.closing_jaws import Floats, pads, pose, random_poses, tips
@@ -89,7 +87,7 @@ def wedge(half_angle: float, thin: float, **options: Any) -> ObjectMesh:
 
 
 FRICTIONS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
-HALF_ANGLES = (1.0, 2.0, 3.0, 5.0, 8.0, 10.0, 12.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0)
+HALF_ANGLES = (1.0, 3.0, 8.0, 12.0, 20.0, 30.0, 40.0)
 
 
 def obeys_coulomb(
@@ -215,13 +213,6 @@ def test_what_closes_does_not_start_inside_where_it_comes_to_rest() -> None:
     assert (found.state[outside] != Closing.STARTS_INSIDE).all()
 
 
-def test_a_fixed_object_has_the_poses_that_were_given(box: ObjectMesh) -> None:
-    given = random_poses(20, 0.01)
-    found = close_jaws(box, given, pads(), friction=0.1)
-    np.testing.assert_allclose(found.poses, given, atol=1e-12)
-    assert (found.turn == 0.0).all()
-
-
 def test_a_rectangle_as_inner_face_is_the_pad(box: ObjectMesh) -> None:
     face = ((0.0, -0.01, -0.005), (0.0, 0.01, -0.005), (0.0, 0.01, 0.005), (0.0, -0.01, 0.005))
     given = random_poses(50, 0.01, seed=2)
@@ -241,25 +232,6 @@ def test_a_recessed_face_touches_what_stands_out() -> None:
     found = close_jaws(mesh, np.eye(4), pads(inner_faces=(pad, back), compliance=0.0))
     assert found.opening[0] == pytest.approx(0.028 - 0.004, abs=1e-9)
     assert found.points[0, 0, 2] == pytest.approx(-0.01, abs=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("face", "problem"),
-    [
-        (((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), (0.0, 0.0, 1e-3)), "in metres"),
-        (((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 1.0)), "convex"),
-        (((-0.1, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 1.0), (0.0, 0.0, 1.0)), "flat"),
-    ],
-)
-def test_faces_that_are_none_are_refused(face: Any, problem: str) -> None:
-    assert problem in str(problem_of_face(face))
-    with pytest.raises(SettingError, match=problem):
-        replace(pads(), inner_faces=(face,))
-
-
-def test_friction_must_be_a_coefficient(box: ObjectMesh) -> None:
-    with pytest.raises(SettingError, match="friction must be a finite number of at least 0"):
-        free(box, np.eye(4), friction=-0.1)
 
 
 def test_centres_of_pressure_are_on_one_line_where_patches_overlap() -> None:

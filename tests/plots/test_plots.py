@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from grasp3d import GraspModel, Label, Sensor
-from grasp3d.errors import SettingError
 from grasp3d.planar import Circle, PlanarScan, Square, scan
 from grasp3d.plots.cones import (
     combinations_figure,
@@ -86,16 +85,6 @@ def test_extreme_normals_are_half_the_resolution_off(model: GraspModel) -> None:
     text = " ".join(part.get_text() for part in axes.texts)
     for angle in (model.tilt, model.friction_angle, model.friction_angle - model.tilt):
         assert f"{math.degrees(angle):.3g}°" in text
-
-
-@pytest.mark.parametrize(
-    ("friction", "degrees"), [(0.2, 30.0), (0.2, 22.62), (1.0, 0.0), (5.0, 60.0)]
-)
-def test_cones_that_cannot_be_drawn_are_refused(friction: float, degrees: float) -> None:
-    model = GraspModel(friction=friction, sensor_resolution=math.radians(degrees))
-    for make in (cone_figure, combinations_figure):
-        with pytest.raises(SettingError, match="below atan"):
-            make(model)
 
 
 @pytest.mark.slow
@@ -203,16 +192,6 @@ def test_bars_of_the_circle_end_at_the_bounds_of_the_closed_form() -> None:
     ends = [patch.get_x() + patch.get_width() for patch in axes.patches]
     # Off both normals by (180 - theta) / 2: S within beta - alpha / 2, U from beta + alpha / 2 on.
     assert ends == pytest.approx([60.0, 120.0, 240.0, 300.0, 360.0], abs=0.13)
-
-
-def test_corners_are_annotated_with_their_range_of_normals() -> None:
-    found, over = SCANS["square"]
-    axes = curves_figure([found], over=over).axes[0]
-    assert [text.get_text() for text in axes.texts] == ["corner:\nnormals\nspan 120°"]  # 90 + alpha
-    dotted = [
-        float(np.asarray(line.get_xdata())[0]) for line in axes.lines if line.get_linestyle() == ":"
-    ]
-    assert dotted == pytest.approx([1.0, 3.0, 5.0, 7.0])
 
 
 @given(hnp.arrays(np.uint8, st.integers(1, 30), elements=st.integers(0, 2)))

@@ -1,5 +1,4 @@
 import math
-import pickle
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -21,7 +20,6 @@ from grasp3d import (
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.quality import Status, wrench_problem
 from grasp3d.quality.wrenches import span, wrenches
-from grasp3d.system.context import running
 from tests.helpers import grasps, oracles, shapes
 from tests.helpers.random_grasps import REGULAR, SHAPES, Shape, random_contacts, regular_contacts
 from tests.helpers.tilts import with_normals
@@ -217,13 +215,6 @@ def test_cone_offsets_per_contact_equal_other_friction_coefficients(
     assert each.closed.tolist() == [closure.closed, middle, closure.closed]
     groups = epsilon(batch, cone_offset=cone_offset[None], edges=edges, actuation=kind)
     assert groups.lower == pytest.approx(np.tile(result.lower, 3), rel=1e-9)
-
-
-def test_one_offset_for_all_equals_an_array_of_equal_offsets() -> None:
-    contacts = grasps.stacked([grasps.random_grasp(3, seed) for seed in range(20)])
-    one = epsilon(contacts, cone_offset=-0.1)
-    for cone_offset in (np.full(3, -0.1), np.full((20, 1), -0.1), np.full((20, 3), -0.1)):
-        np.testing.assert_array_equal(epsilon(contacts, cone_offset=cone_offset).lower, one.lower)
 
 
 def test_a_contact_whose_tilt_exceeds_its_friction_prevents_closure() -> None:
@@ -491,16 +482,6 @@ def test_three_fingers_at_120_degrees(phase: float, expected: float) -> None:
     assert result.value == pytest.approx(expected, abs=1e-5)
 
 
-@pytest.mark.parametrize("dimension", [1, 2, 3, 4, 5, 6])
-def test_cross_polytopes(dimension: int) -> None:
-    rotation = np.linalg.qr(np.random.default_rng(0).normal(size=(6, 6)))[0]
-    rows = np.vstack([np.eye(6)[:dimension], -np.eye(6)[:dimension]])
-    for wrench_rows in (rows, rows @ rotation):
-        result = epsilon_of_wrenches(wrench_rows)
-        assert result.rank == dimension
-        assert result.value == pytest.approx(1.0 / math.sqrt(dimension), abs=1e-12)
-
-
 def test_wrenches_in_the_plane() -> None:
     square = [[1, 1, 0.3], [1, -1, -0.3], [-1, 1, -0.3], [-1, -1, 0.3]]
     flat = epsilon_of_wrenches(square)
@@ -565,28 +546,6 @@ def test_a_batch_of_any_shape_equals_its_grasps_one_by_one() -> None:
             np.testing.assert_allclose(  # rounding of vectorised code depends on the index
                 together.certificate.direction[index], alone.certificate.direction, atol=1e-13
             )
-
-
-@pytest.mark.parametrize("threads", [2, 3])
-def test_threads_do_not_change_results(threads: int) -> None:
-    contacts = random_contacts(Shape(4, 8, soft=False), 300, seed=1)
-    one_thread, many = running(threads=1), running(threads=threads)
-    single, threaded = one_thread(epsilon)(contacts), many(epsilon)(contacts)
-    assert_equal(single, threaded)
-    closed = many(force_closure)(contacts).closed
-    np.testing.assert_array_equal(closed, one_thread(force_closure)(contacts).closed)
-
-
-def test_copies_hold_the_forces_that_are_computed_when_read() -> None:
-    contacts = random_contacts(Shape(3, 8, soft=False), 20, seed=0)
-    rows = wrenches(contacts, edges=8)
-    for result in (epsilon(contacts), force_closure(contacts), epsilon_of_wrenches(rows)):
-        certificate = result.certificate
-        copied = pickle.loads(pickle.dumps(result)).certificate  # noqa: S301 - our own
-        np.testing.assert_array_equal(copied.direction, certificate.direction)
-        np.testing.assert_array_equal(copied.equilibrium, certificate.equilibrium)
-        missing = np.isnan(certificate.equilibrium).reshape(20, -1).any(axis=1)
-        np.testing.assert_array_equal(missing, ~result.closed)
 
 
 # Degenerate grasps: always a result, never a warning
@@ -726,16 +685,6 @@ def test_circular_cones_of_regular_hard_grasps_converge(name: str, kind: Any) ->
     polygon = epsilon(grasps.regular_on_ball(name), edges=24, actuation=kind)
     assert result.upper >= polygon.value - 1e-12
     assert result.lower < 1.2 * polygon.value
-
-
-@pytest.mark.parametrize("count", [2, 3])
-def test_three_hundred_edges_approach_the_circle(count: int) -> None:
-    contacts = grasps.changed(grasps.random_grasp(count, 0, soft=count == 2), friction=0.8)
-    fine = epsilon(contacts, edges=300, bounded="normal")
-    circle = epsilon(contacts, bounded="normal")
-    assert is_valid(fine)
-    assert fine.value <= circle.upper
-    assert fine.value >= circle.lower * (1.0 - 1e-3)
 
 
 def test_a_grasp_with_the_origin_on_the_hull_is_not_force_closed() -> None:

@@ -151,15 +151,6 @@ def test_combinations_are_tested_until_the_label_is_decided(fingers: int, seed: 
     assert (closure.hulls <= combinations).all()
 
 
-def test_ambiguous_grasps_take_few_hulls() -> None:
-    contacts, tested = random_problem(3, 200, 0, count=8)
-    closure = closure_at(contacts, tested)
-    hulls = closure.hulls[closure.closing & closure.failing]
-    assert len(hulls) > 50
-    assert np.median(hulls) <= 20
-    assert hulls.mean() < 0.1 * 9**3
-
-
 def test_torsion_position_and_size_do_not_affect_closure() -> None:
     contacts, tested = random_problem(3, 40, 5, soft=True)
     closure = closure_at(contacts, tested)

@@ -161,14 +161,3 @@ def test_too_many_combinations_are_refused(sizes: list[int], accepted: bool) -> 
         return
     with pytest.raises(SettingError, match=r"2 x 1000001 normals make 2e\+06 combinations"):
         check_combinations(sizes)
-
-
-@pytest.mark.parametrize("friction", [1e-6, 1e-4])
-@pytest.mark.parametrize("creases", [False, True])
-def test_narrow_cones_need_too_many_and_the_error_names_the_remedy(
-    friction: float, creases: bool
-) -> None:
-    contacts = grasps.changed(batch(2, 1, 0), friction=friction)
-    faces = {0: oracles.cone_edges(contacts.normals[0, 0], 0.5, 2)[None]}
-    with pytest.raises(SettingError, match=r"combinations, more than 2,000,000.*method='exact'"):
-        extreme_normals(contacts, np.full((1, 2), 0.2), count=8, creases=faces if creases else None)

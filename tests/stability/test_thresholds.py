@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grasp3d import GraspModel, Label
-from grasp3d.stability import COLORS
 from grasp3d.stability.thresholds import label_angles, max_resolution, unstable_from
 from tests.helpers import oracles
 
@@ -72,14 +71,6 @@ def test_grasps_are_force_closed_above_the_critical_angle() -> None:
         if beta > 0.05:
             assert not oracles.force_closed(p1, n1, p2, n2, beta - 0.02)
         assert oracles.force_closed(p1, n1, p2, n2, beta + 0.02)
-
-
-def test_colours_of_labels() -> None:
-    assert {label.name: "#{:02X}{:02X}{:02X}".format(*rgb) for label, rgb in COLORS.items()} == {
-        "S": "#009E73",
-        "M": "#F0E442",
-        "U": "#D55E00",
-    }
 
 
 @pytest.mark.parametrize("fingers", [2, 3])

@@ -1,8 +1,6 @@
 """Results as tables of Arrow and pandas, as trimesh and as PyVista data: the same as in files."""
 
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -26,7 +24,6 @@ from grasp3d.errors import OutputError, SettingError
 from grasp3d.stability import COLORS, Label
 from grasp3d.surface import GraspTable
 from grasp3d.surface.vertex_fields import VERTICES
-from grasp3d.viewer import show
 from grasp3d.viewer.session.collection import collection_of_grasps
 from grasp3d.viewer.session.inspection import inspect_given
 from tests.helpers import shapes
@@ -138,18 +135,3 @@ def test_grasps_are_shown_one_at_a_time_with_their_own_numbers(grasps: GraspTabl
     np.testing.assert_array_equal(shown.normals, grasps.contacts.normals[1])
     with pytest.raises(SettingError, match="no grasps to view"):
         collection_of_grasps(grasps.take(np.arange(0)))
-
-
-def test_show_takes_labels_grasps_and_meshes(
-    labels: SurfaceLabels, grasps: GraspTable, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    opened: list[Any] = []
-    window = SimpleNamespace(show_window=opened.append)
-    monkeypatch.setitem(show.sys.modules, "grasp3d.viewer.window.desktop", window)
-    assert labels.show() is labels.mesh.show() is grasps.show() is None
-    show.show(shapes.box())
-    assert [session.name for session in opened] == ["arrays", "arrays", "arrays, grasp 1", "arrays"]
-    for session in opened:
-        session.close()
-    with pytest.raises(SettingError, match="have a model already"):
-        grasps.show(model=grasps.model)

@@ -318,18 +318,6 @@ def test_epsilon_of_a_ball_has_a_closed_form() -> None:
     assert labels.epsilon_max == pytest.approx(closed_form(beta + tilt), rel=0.03)
 
 
-def test_relabelling_gives_epsilon_of_the_new_model_at_the_same_grasps() -> None:
-    labels = with_model(blob(), edges=8)
-    before = labels.epsilon
-    finer = labels.relabel(friction=0.7, sensor_resolution=0.1)
-    assert finer.model == GraspModel(friction=0.7, sensor_resolution=0.1, edges=8)
-    assert finer.computed("epsilon_range") is None
-    assert np.array_equal(finer.partners, labels.partners)
-    closed = before > 0.0
-    assert (finer.epsilon[closed] != before[closed]).all()
-    assert labels.epsilon is before
-
-
 @pytest.mark.slow
 def test_without_a_grasp_there_is_no_epsilon() -> None:
     vertices, faces = shapes.sphere(3)

@@ -69,20 +69,6 @@ def test_meshes_are_found_by_path_then_by_name(tmp_path: Path) -> None:
         lookup.find(None, grasps)
 
 
-def test_several_meshes_that_fit_are_named(tmp_path: Path) -> None:
-    for name in ("A", "B"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "one.obj").write_text(name)
-    with pytest.raises(MeshError, match=r"2 files fit: .*A/one.obj, .*B/one.obj; give the one"):
-        MeshFolder(tmp_path).find("C/one.obj", tmp_path / "x.h5")
-    assert MeshFolder(tmp_path).find("B/one.obj", tmp_path / "x.h5") == tmp_path / "B/one.obj"
-    assert MeshFolder(tmp_path).find("A/one.obj", tmp_path / "A" / "x.h5").parent.name == "A"
-    with pytest.raises(MeshError, match="there is no such folder"):
-        MeshFolder(tmp_path / "C")
-    with pytest.raises(MeshError, match="is a file; name the folder"):
-        MeshFolder(tmp_path / "A" / "one.obj")
-
-
 def test_paths_never_lead_out_of_the_folder(tmp_path: Path) -> None:
     (tmp_path / "secret.obj").write_text("o")
     (tmp_path / "log").mkdir()
@@ -145,19 +131,6 @@ def test_grasps_that_were_not_tried_are_left_out(tmp_path: Path, box: Path) -> N
         check_grasps([tmp_path / "b.csv"], mesh=box)
     with pytest.raises(SettingError, match="need the mesh of their object"):
         check_grasps([poses()], hand=FRANKA)
-
-
-def test_a_file_that_changes_meanwhile_is_refused(
-    tmp_path: Path, box: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("grasp3d.validating.tried_grasps.KEPT", 0)
-    write_poses(tmp_path / "a.csv", poses())
-    (tried,) = check_grasps([tmp_path / "a.csv"], mesh=box, hand=FRANKA)
-    assert tried.kept is None
-    assert tried.poses()[0].count == 2  # read again
-    write_poses(tmp_path / "a.csv", poses(outcome=[1.0, np.nan]))
-    with pytest.raises(ContactError, match="was changed while it was read"):
-        tried.poses()
 
 
 def test_what_a_file_states_of_its_object_is_used(box: Path) -> None:
@@ -227,23 +200,6 @@ def test_masses_are_those_of_a_column(box: Path) -> None:
         found([-2.0, 1.0])
     with pytest.raises(ContactError, match=r"mass of grasp_2 must be a number \[kg\], or a numb"):
         found(["1", "heavy"])
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"mass": -1.0}, r"mass that the grasps state must be finite and above 0 \[kg\]"),
-        ({"mass": "heavy"}, r"mass that the grasps state must be a number .*; got 'heavy'"),
-        ({"com": [1, 2]}, "must be three numbers"),
-        ({"com": [0.0, 0.0, np.nan]}, "must be three numbers"),
-        ({"com": [0.0, 0.0, 10.0]}, r"is 134 object sizes away from box.stl: is it the right mesh"),
-    ],
-)
-def test_impossible_statements_are_refused(
-    box: Path, settings: dict[str, object], message: str
-) -> None:
-    with pytest.raises(ContactError, match=message):
-        stated_object(box, poses(object_scale=0.001, settings=settings), None, None)
 
 
 def test_a_mesh_without_unit_and_scale_is_refused(box: Path) -> None:

@@ -141,7 +141,7 @@ def _held() -> SurfaceLabels:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", [".ply", ".npz", ".vtp", ".parquet"])
+@pytest.mark.parametrize("suffix", [".ply", ".parquet"])
 @pytest.mark.parametrize("make", [viewing.labels, viewing.scan, viewing.three_fingers, _held])
 def test_a_labelled_file_is_read_once_and_shown_without_a_search(
     tmp_path: Path, suffix: str, make: Callable[[], SurfaceLabels], monkeypatch: pytest.MonkeyPatch

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 import grasp3d
 from grasp3d import GraspModel, Label, Load
-from grasp3d.errors import SettingError
 from grasp3d.grasps import EvaluatedHandGrasps, GraspPoses
 from grasp3d.hand.triangles import COLORS, Part
 from grasp3d.plots.figures import save_as
@@ -154,22 +153,4 @@ def test_session_evaluates_at_another_resolution(tmp_path: Path) -> None:
     assert (before.code, after.code) == (Label.S, Label.M)
     assert session.working is None
     assert not session.stale
-    session.close()
-
-
-@pytest.mark.parametrize(
-    "action",
-    [
-        lambda session: session.click(0),
-        lambda session: session.save(Path("x.ply")),
-        lambda session: session.change(fingers=3),
-        lambda session: session.change(location_error=0.001),
-    ],
-)
-def test_what_needs_labels_is_refused(action: object, tmp_path: Path) -> None:
-    session = ready_session(collection_of_grasps(grasps(tmp_path, TOUCHING)))
-    state = session.state
-    with pytest.raises(SettingError, match="poses of a hand with joints"):
-        action(session)  # type: ignore[operator]
-    assert session.state == state
     session.close()

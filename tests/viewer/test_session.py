@@ -26,9 +26,6 @@ from grasp3d.system.context import report_progress
 from grasp3d.viewer.session import planning
 from grasp3d.viewer.session.background import Job, Worker
 from grasp3d.viewer.session.collection import Collection, Item, collection_of, open_collection
-from grasp3d.viewer.session.computations import (
-    compute_epsilon,
-)
 from grasp3d.viewer.session.painting import UNSEARCHED
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session
@@ -165,19 +162,6 @@ def test_a_wider_search_does_not_change_known_fractions() -> None:
     assert np.array_equal(grasps.partners[kept], labels.partners[kept])
     assert np.array_equal(grasps.opening[kept], labels.opening[kept])
     assert np.array_equal(np.isinf(grasps.critical_angle), grasps.reason != Reason.FOUND)
-
-
-def test_a_wider_search_of_a_file_keeps_its_partners(batched: Subject) -> None:
-    model, sampling = viewing.labels().model, viewing.labels().sampling or Sampling()
-    session = ready_session(Collection((Item("a", lambda: batched),), model, sampling))
-    before = {one.letter: one.fraction for one in panel_text(session).fractions}
-    session.change(sensor_resolution=1.5)
-    wait_until_idle(session)
-    assert session.message == ""
-    assert session.subject is not None
-    assert session.subject.cone == math.pi / 2
-    session.change(sensor_resolution=model.sensor_resolution)
-    assert {one.letter: one.fraction for one in panel_text(session).fractions} == before
 
 
 def test_another_opening_is_searched_once() -> None:
@@ -441,15 +425,6 @@ def batched(tmp_path: Path) -> Subject:
     """The cone as read from a batch's table."""
     write_fields(tmp_path / "cone.parquet", viewing.labels())
     return read_subject(tmp_path / "cone.parquet")
-
-
-def test_a_file_with_partners_keeps_them_when_epsilon_is_computed(batched: Subject) -> None:
-    model = replace(batched.labels.model, friction=0.6)
-    found = compute_epsilon(batched, model)
-    expected = viewing.labels().relabel(friction=0.6)
-    assert found.labels is batched.labels
-    assert found.epsilons is not None
-    assert np.array_equal(found.epsilons.epsilon, expected.epsilon, equal_nan=True)
 
 
 def test_a_click_on_a_batch_needs_no_job(batched: Subject) -> None:

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 import grasp3d
 from grasp3d.contact.contacts import Contacts
-from grasp3d.errors import ContactError, SettingError
 from grasp3d.quality import Acceleration, Weight, Wrenches, grip_force, payload
 from grasp3d.quality.hand_forces.actuation import Actuation
 from grasp3d.quality.hand_forces.cone_program import ConeProgram, Solution
@@ -334,27 +333,3 @@ def test_bounds_of_motions_that_prove_nothing_are_infinite() -> None:
     unlimited = driven(grasp, Actuation.of_hand(np.full(12, math.inf), joints=12))
     free = WrenchSlice(unlimited, grasp.half_angles(), np.eye(6)[:1], np.zeros(6))
     assert free.bound(found.twist, found.motion)[0] == math.inf
-
-
-def test_what_is_no_hand_is_refused() -> None:
-    contacts = Contacts([[-1, 0, 0], [1, 0, 0]], [[1, 0, 0], [-1, 0, 0]])
-    motors = Actuation.of_hand([1.0], joints=1)
-    with pytest.raises(ContactError, match="Jacobian"):
-        HandGrasp(contacts, np.zeros((2, 3, 2)), motors)
-    soft = Contacts(contacts.points, contacts.normals, 0.5, 0.1)
-    with pytest.raises(ContactError, match="hard"):
-        HandGrasp(soft, np.zeros((2, 3, 1)), motors)
-    with pytest.raises(ContactError, match="largest contact force"):
-        HandGrasp(contacts, np.zeros((2, 3, 1)), motors, most_force=0.0)
-    with pytest.raises(SettingError, match="rtol"):
-        hand_payload(HandGrasp(contacts, np.zeros((2, 3, 1)), motors), Weight(), rtol=0.0)
-    for limits, others in (
-        ([-1.0], {}),
-        ([1.0, 1.0], {}),
-        (["x"], {}),
-        ([1.0], {"arms": [[1.0, 1.0]]}),
-        ([1.0], {"links": [[0.0, 0.0, math.nan]]}),
-        ([1.0], {"stops": [1, 1]}),
-    ):
-        with pytest.raises(SettingError):
-            Actuation.of_hand(limits, joints=1, **others)
