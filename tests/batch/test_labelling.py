@@ -197,17 +197,6 @@ def test_a_surface_without_any_grasp_has_a_row_without_grasps(tmp_path: Path) ->
     assert row.volume is None
 
 
-def test_a_mesh_that_cannot_be_read_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
-    bad = tmp_path / "bad.stl"
-    bad.write_text("not a mesh", encoding="ascii")
-    row = row_of(job_of(bad, tmp_path / "out"))
-    assert row.outcome == Outcome.REFUSED
-    assert row.error.startswith(f"{bad}: ")
-    assert (row.stable, row.labels) == (None, "")
-    assert row.content  # so that it is tried again only when it changes
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.slow
 def test_a_result_that_cannot_be_written_is_lost_and_tried_again(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()

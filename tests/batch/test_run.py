@@ -3,7 +3,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -104,10 +103,6 @@ def test_jobs_are_taken_as_they_are_needed() -> None:
     assert len(begun) == next(taken) <= 50 + 4 + 1
     left = [process.cmdline() for process in psutil.Process().children() if process.is_running()]
     assert not any("grasp3d.batch.worker_main" in command for command in left)
-
-
-def test_no_jobs_are_no_rows() -> None:
-    assert list(run(work, [], 0.0, lost=lost, cluster=TWO)) == []
 
 
 def test_without_child_processes_jobs_run_in_this_process() -> None:
@@ -228,19 +223,3 @@ def test_an_interrupt_ends_all_processes_at_once_and_silently(tmp_path: Path) ->
         assert script.communicate(timeout=10.0) == ("interrupted\n", "")
         assert time.monotonic() - begun < 3.0
     assert not any(psutil.pid_exists(child) for child in children)
-
-
-def test_two_runs_in_threads() -> None:
-    found: list[list[str]] = []
-
-    def collect() -> None:
-        jobs = [Work(f"well-{number}") for number in range(4)]
-        rows = run(work, jobs, 0.02, lost=lost, cluster=ClusterSettings(workers=1))
-        found.append(sorted(row.name for row in rows))
-
-    threads = [threading.Thread(target=collect) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert found == [[f"well-{number}" for number in range(4)]] * 2

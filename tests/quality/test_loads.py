@@ -1,6 +1,5 @@
 """Loads: masses, densities and forces with units, and the settings that hold them."""
 
-import math
 import pickle
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -52,28 +51,13 @@ def test_units_are_multiples(number: float, unit: str) -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"mass": -0.5}, r"mass must be finite and above 0 \[kg\]; got -0.5"),
         ({"mass": "-0.5kg"}, r"mass must be finite and above 0 \[kg\]; got -0.5kg"),
-        ({"mass": 0}, "mass must be finite and above 0"),
-        ({"mass": math.nan}, "mass must be finite and above 0"),
-        ({"mass": "inf"}, "mass must be finite and above 0"),
         ({"mass": "1e300"}, r"mass must be at most 1e\+09 \[kg\]; got 1e300"),
-        ({"mass": "1e300 g"}, r"mass must be at most 1e\+09 \[kg\]; got 1e300 g"),
-        ({"grip_force": 2e9}, r"grip_force must be at most 1e\+09 \[N\]; got 2000000000"),
-        ({"density": 1e10}, r"density must be at most 1e\+09 \[kg/m\^3\]"),
         ({"mass": "5N"}, r"mass must be a number \[kg\], or .* \(kg, g, lb, oz\); got '5N'"),
-        ({"mass": "0,5kg"}, "mass must be a number"),
-        ({"mass": ""}, "mass must be a number"),
-        ({"mass": True}, "mass must be a number"),
-        ({"mass": (1, 2)}, "mass must be a number"),
-        ({"mass": np.array([1.0, 2.0])}, "mass must be a number"),
-        ({"density": -1}, "density must be finite and above 0"),
-        ({"density": (1000, 700)}, "density must be a number"),
         ({"density": "1000,700"}, "density must be a number .*; got '1000,700'"),
         ({"grip_force": "40kg"}, "grip_force must be a number .* \\(N, kN, lbf\\); got '40kg'"),
         ({"mass": 1.0, "density": 1.0}, "mass and density exclude each other"),
         ({"task": "wieght"}, "no task is called 'wieght'; known: weight, "),
-        ({"task": 5}, "task must be a text, such as 'weight'; got 5"),
         ({"task": Weight()}, r"task must be a text, such as 'weight'; got Weight\("),
     ],
 )

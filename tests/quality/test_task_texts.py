@@ -152,23 +152,15 @@ def test_a_first_line_of_names_is_optional(tmp_path: Path, start: str) -> None:
     ("content", "words"),
     [
         (b"1,2,3,4,5\n", "line 1 has 5 columns; a wrench has six, fx, fy, fz, tx, ty, tz"),
-        (b"fx,fy,fz,tx,ty\n1,2,3,4,5\n", "line 1 has 5 columns"),
         (b"1,2,3,4,5,6\n1,2,3,4,5,6,7\n", "line 2 has 7 columns"),
-        (b"1|2|3|4|5|6\n", "line 1 has 1 columns"),
-        (b"1;2;3;4;5;6,0,1\n", "line 1 must be six numbers"),
-        (b"a,b,c,d,e,f\n1,2,3,4,5,6\n", "line 1 must be six numbers"),
-        (b"1,2,3,4,5,\n", "line 1 must be six numbers"),
         pytest.param(
             b"1" * 200_000 + b",0,0,0,0,0\n",
             "line 1 must be six numbers, .*: field larger than",
             id="one long number",
         ),
         (b"1,2,3,4,5,nan\n", "line 1 has a number that is not finite"),
-        (b"1,2,3,4,5,6\nfx,fy,fz,tx,ty,tz\n", "line 2 must be six numbers"),
         (b"", "must hold from 1 to 200 wrenches, one a line; got 0"),
-        (b"fx,fy,fz,tx,ty,tz\n", "got 0"),
         (b"\xff\xfe\x00", "is not a text file of wrenches"),
-        (b'"1,2,3,4,5,6\n', "line 1 has 1 columns"),
     ],
 )
 def test_damaged_files_are_refused(tmp_path: Path, content: bytes, words: str) -> None:

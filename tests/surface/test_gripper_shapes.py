@@ -1,7 +1,6 @@
 """Labels with a gripper of shapes whose grasps are known."""
 
 import math
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -18,9 +17,7 @@ from grasp3d import (
     label_surface,
     load_mesh,
 )
-from grasp3d.grasps import verdict_of
 from grasp3d.hand.reach import Reachability
-from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, SLIM
 from tests.helpers.moving_gripper import MovingGripper
@@ -148,13 +145,6 @@ def test_a_ring_is_held_from_inside() -> None:
     assert (labels.label[outer] == 0).all()
 
 
-def test_a_flat_plate_on_a_table_is_out_of_reach() -> None:
-    plate = load_mesh(shapes.box((120.0, 80.0, 3.0)), unit="mm", max_edge=10.0)
-    verdict = verdict_of(standing(plate))
-    assert str(verdict).startswith(f"Not held by {HAND.name}: the table is in the way")
-    assert verdict.count == 0
-
-
 @pytest.mark.slow
 def test_a_flat_plate_on_a_stand_is_held_at_its_rim() -> None:
     """As far from the rim as the fingers are long."""
@@ -182,25 +172,6 @@ def test_a_plate_is_held_by_its_edges_if_the_fingers_go_under_the_contacts() -> 
         middle &= labels.mesh.normal_sets.counts == 1
         assert middle.sum() >= 4
         assert (labels.label[middle] == 2 * reached).all()
-
-
-@pytest.mark.parametrize(
-    ("changes", "shape"),
-    [
-        ({"min_opening": 0.02}, shapes.sphere(2, 8.0)),
-        ({"max_opening": 0.03}, shapes.sphere(2, 16.0)),
-        ({}, shapes.box((100.0, 110.0, 90.0))),
-    ],
-)
-def test_what_does_not_fit_the_stroke_is_out_of_reach(
-    changes: dict[str, float], shape: shapes.Surface
-) -> None:
-    labels = labelled(load_mesh(shape, unit="mm", max_edge=15.0), replace(HAND, **changes))
-    verdict = verdict_of(labels)
-    assert verdict.word == "not"
-    assert "stroke" in str(verdict)
-    assert (labels.reason != Reason.FOUND).all()
-    assert (labels.label == 0).all()
 
 
 def test_a_ball_in_the_stroke_is_held_from_everywhere() -> None:
