@@ -14,8 +14,8 @@ from PIL import Image
 from grasp3d import (
     GraspModel,
     Label,
+    Load,
     MeshOptions,
-    MultifingerSampling,
     ObjectMesh,
     Sampling,
     SurfaceLabels,
@@ -24,10 +24,11 @@ from grasp3d import (
 )
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report import thumbnail, write_report
-from grasp3d.batch.report.library import describe_settings
 from grasp3d.batch.report.thumbnails import ELEVATIONS, HEIGHT, WIDTH
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.storage.folder import Folder
+from grasp3d.hand.parallel_gripper import preset
+from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.mesh.primitives import box_mesh, sphere_mesh
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS
@@ -135,9 +136,16 @@ def row_of(labels: SurfaceLabels, name: str, stem: str) -> Row:
     )
 
 
-def page_of(folder: Path, rows: list[Row], model: GraspModel = MODEL) -> HtmlElement:
-    write_report(Folder(str(folder)), rows, BatchSettings(model))
+def page_of(folder: Path, rows: list[Row], settings: BatchSettings | None = None) -> HtmlElement:
+    write_report(Folder(str(folder)), rows, settings or BatchSettings(MODEL))
     return document_fromstring((folder / "report" / "index.html").read_bytes())
+
+
+def settings_of(page: HtmlElement) -> dict[str, str]:
+    """The settings of the page, by name."""
+    (texts,) = page.xpath("//h2[text()='Settings']/following-sibling::dl[1]")
+    names, values = ([one.text_content() for one in texts.xpath(part)] for part in ("dt", "dd"))
+    return dict(zip(names, values, strict=True))
 
 
 def table_of(page: HtmlElement) -> list[dict[str, str]]:
@@ -196,52 +204,30 @@ def test_the_page_links_the_files_of_each_mesh(tmp_path: Path, box: SurfaceLabel
     ("model", "safe"), [(GraspModel(), False), (GraspModel(location_error=0.001), True)]
 )
 def test_only_safe_labels_are_called_safe(tmp_path: Path, model: GraspModel, safe: bool) -> None:
-    text = page_of(tmp_path, [], model).text_content()
+    text = page_of(tmp_path, [], BatchSettings(model)).text_content()
     assert ("Labels are safe: every S and U is correct, an M may be one of them" in text) is safe
 
 
-def test_uncertainties_are_described() -> None:
+def test_the_page_lists_the_settings_as_files_hold_them(tmp_path: Path) -> None:
     model = GraspModel(friction=(0.4, 0.6), location_error="1mm")
-    text = dict(describe_settings(BatchSettings(model)))
-    assert text["Friction"] == "μ 0.4 to 0.6 (cone of β 21.8° to 30.96°)"
-    assert text["Contact locations"] == "within 1 mm"
-    assert "Contact locations" not in dict(describe_settings(BatchSettings()))
-
-
-def test_describe_settings() -> None:
-    text = dict(describe_settings(BatchSettings()))
-    assert text["Friction"] == "μ 0.5 (cone of β 26.57°)"
-    assert text["Sensor resolution"] == "α 22.6°"
-    assert text["Grip"] == "squeeze"
-    assert text["Labels"].endswith("exact")
-    assert text["Opening"] == "without limits"
-    limited = BatchSettings(
-        GraspModel(method="extremes", edges=8, actuation="per_finger", torsion_radius=0.01),
-        Sampling(min_opening=0.01, max_opening=0.08, grip="both", search_angle=1.0),
-        MeshOptions(max_edge=0.01, unit="m"),
+    load = Load(mass=0.5, task="weight within 30 of -z", grip_force=40.0)
+    settings = BatchSettings(
+        model,
+        Sampling(max_opening="8cm"),
+        MeshOptions(center_of_mass="1mm,0,0", max_edge=0.01),
+        reach=ReachSettings(hand=preset("franka"), table="stable", pose_error="5mm,3deg"),
+        load=load,
     )
-    text = dict(describe_settings(limited))
-    assert text["Opening"] == "at least 0.01 and at most 0.08 (in each mesh's unit)"
-    assert text["Grip"] == "squeeze or expand"
-    assert text["Labels"] == "from wrench hulls at 8 extreme normals, sampled"
-    assert text["Epsilon"] == "cones of 8 edges, each finger's force at most 1"
-    assert text["Fingers"] == "2, soft"
-    assert {"Torsion radius", "Longest edge", "Unit of the files"} <= set(text)
-    assert text["Search"] == "grasps with β* up to 57.3°"
-    three_fingers = BatchSettings(GraspModel(fingers=3), MultifingerSampling(max_opening=0.12))
-    text = dict(describe_settings(three_fingers))
-    assert text["Distances between contacts"] == "at most 0.12 (in each mesh's unit)"
-    assert "Grip" not in text
-    for sampling, expected in (
-        (Sampling(min_opening=5.0, max_opening="8cm"), "5 (in each mesh's unit) and at most 8 cm"),
-        (
-            Sampling(min_opening="5mm", max_opening=0.1),
-            "5 mm and at most 0.1 (in each mesh's unit)",
-        ),
-        (Sampling(min_opening="5mm", max_opening="8cm"), "5 mm and at most 8 cm"),
-    ):
-        text = dict(describe_settings(BatchSettings(sampling=sampling)))
-        assert text["Opening"] == f"at least {expected}"
+    found = settings_of(page_of(tmp_path, [], settings))
+    expected = {
+        "friction": "0.4..0.6", "location_error": "1 mm", "max_opening": "8 cm", "grip": "squeeze",
+        "search_angle": "None", "hand": "franka", "table": "stable", "pose_error": "5 mm,3 deg",
+        "mass": "0.5", "task": "weight within 30 of -z", "grip_force": "40.0", "unit": "None",
+        "center_of_mass": "'1 mm',0.0,0.0", "max_edge": "0.01",
+    }  # fmt: skip
+    assert {name: found[name] for name in expected} == expected
+    others = settings_of(page_of(tmp_path, [], BatchSettings()))
+    assert not {"hand", "table", "task", "mass"} & set(others)
 
 
 def test_names_and_errors_of_meshes_are_not_markup(tmp_path: Path, box: SurfaceLabels) -> None:

@@ -6,15 +6,18 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.resources import files
+from typing import Any
 from urllib.parse import quote
 
 from jinja2 import Environment, StrictUndefined
 
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.report.library import describe_settings
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.storage.folder import Folder
+from grasp3d.quality.loads import load_settings
+from grasp3d.settings.lengths import one_line
 from grasp3d.settings.model_text import SAFE_LABELS
+from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import COLORS
 from grasp3d.system.counts import counted, short_number
 from grasp3d.system.names import printable
@@ -133,7 +136,7 @@ def write_report(output: Folder, rows: Collection[Row], settings: BatchSettings)
         percent=_percent,
         counts=[(f"{counts[outcome]:,}", outcome) for outcome in Outcome],
         verdicts=any(row.verdict for row in rows),
-        settings=describe_settings(settings),
+        settings=_plain(settings),
         certainty=SAFE_LABELS if settings.model.location_error != 0.0 else "",
         colors={label.name: "#{:02x}{:02x}{:02x}".format(*rgb) for label, rgb in COLORS.items()},
         meshes=counted(len(rows), "meshes"),
@@ -141,6 +144,22 @@ def write_report(output: Folder, rows: Collection[Row], settings: BatchSettings)
         version=package_version(),
     )
     output.write(REPORT, page.encode("utf-8"))
+
+
+def _plain(settings: BatchSettings) -> dict[str, str]:
+    """The settings as labelled files hold them."""
+    hand = settings.reach.hand
+    reach = {} if hand is None else plain_values(settings.reach) | {"hand": hand.name}
+    load = {} if settings.load is None else load_settings(settings.load)
+    values: dict[str, Any] = {
+        **plain_values(settings.model),
+        **plain_values(settings.sampling),
+        **reach,
+        **load,
+    }
+    center = one_line(settings.mesh.center_of_mass)
+    values |= plain_values(settings.mesh) | {"center_of_mass": center}
+    return {name: str(value) for name, value in values.items()}
 
 
 def _address(path: str) -> str:
