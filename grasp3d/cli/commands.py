@@ -406,9 +406,10 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
     success (or outcome) of 1 or 0, true or false, empty where it was not tried; ACRONYM
     (.h5); GraspGen and the files that grasp3d writes (.json)."""
 
-    output: Annotated[Path | None, Stated(metavar="FOLDER"), Main("folder for the report")] = None
-    """Folder for the report: report.html, with figures and pictures, and its tables as CSV
-    (default: only prints)."""
+    output: Annotated[
+        Path | None, Stated(metavar="FOLDER"), Main("folder for tables and figures")
+    ] = None
+    """Folder for tables, as CSV, and figures, as SVG (default: only prints)."""
 
     mesh_file: Annotated[
         Path | None,

@@ -11,13 +11,13 @@ from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.ranges import parse_angles, parse_numbers
 from grasp3d.cli.report import Report, escaped, table_of
 from grasp3d.errors import OutputError
-from grasp3d.plots.validation_page import FILES, write_report
+from grasp3d.plots.validations import FIGURES, save_figures
 from grasp3d.system.counts import counted, noun
 from grasp3d.system.files import check_writable
 from grasp3d.validating import sentences, text_tables
 from grasp3d.validating.disagreements import MEANING, ReasonCount
 from grasp3d.validating.validate import validate_grasps
-from grasp3d.validating.validation import Validation
+from grasp3d.validating.validation import TABLES, Validation, write_validation
 from grasp3d.validating.validation_settings import ValidationSettings
 
 MOST_WARNINGS = 10
@@ -34,15 +34,15 @@ def run(command: Validate) -> int:
     _check_output(command)
     validation = _validate(command, settings)
     if command.output is not None:
-        with progress_bars.progress("drawing the report", quiet=command.quiet):
-            write_report(command.output, validation)
+        write_validation(command.output, validation)
+        save_figures(command.output, validation)
     if not command.quiet:
         print_validation(validation, command.output)
     return 0
 
 
 def _check_output(command: Validate) -> None:
-    """Check that the report can be written, and replaces no file of others."""
+    """Check that tables and figures can be written, and replace no file of others."""
     if command.output is None:
         return
     if not command.output.exists():
@@ -50,7 +50,7 @@ def _check_output(command: Validate) -> None:
         return
     if not command.output.is_dir():
         raise OutputError(f"{command.output}: is a file; name a folder")
-    for path in (command.output / name for name in FILES):
+    for path in (command.output / name for name in (*FIGURES, *TABLES)):
         check_output(path, overwrite=command.overwrite)
         if any(path.exists() and file.exists() and path.samefile(file) for file in command.grasps):
             raise OutputError(f"{path}: is a file of grasps; name another folder with -o")
@@ -82,7 +82,7 @@ def print_validation(validation: Validation, output: Path | None) -> None:
 
     Args:
         validation: The result.
-        output: Folder of the report; None: it was not written.
+        output: Folder of tables and figures; None: none are written.
     """
     report = Report()
     report.lines([sentences.counts_of(validation), sentences.model_of(validation)])
@@ -104,7 +104,7 @@ def print_validation(validation: Validation, output: Path | None) -> None:
             report.paragraph(f"[bold]{meaning}: {counted(reasons[0].of, 'grasps')}[/]")
             report.lines([_reason(validation, one) for one in reasons], " ")
     if output is not None:
-        report.lines([f"written: {output / 'report.html'} and its tables"])
+        report.lines([f"written: tables and figures in {output}"])
 
 
 def _table(table: text_tables.TextTable) -> Table:

@@ -151,18 +151,6 @@ def save_as(figure: Figure, path: Path) -> None:
         _write(figure, part, suffix)
 
 
-@styled
-def as_svg(figure: Figure) -> bytes:
-    """A figure as an SVG document, as `save_as` writes it.
-
-    Args:
-        figure: The figure.
-    """
-    stream = BytesIO()
-    _write(figure, stream, ".svg")
-    return stream.getvalue()
-
-
 def _write(figure: Figure, file: Path | BytesIO, suffix: str) -> None:
     with style.context(SAVING), warnings.catch_warnings():
         # A name in letters that the font lacks is drawn as boxes, without a warning.

@@ -1,23 +1,24 @@
-"""Figures of labels and scores held against outcomes: ROC curves, success by label and margin.
-
-Beside them pictures of single grasps: the object, the gripper at its pose, and the contacts.
-"""
+"""Figures of labels and scores held against outcomes: ROC curves, success by label and margin."""
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from grasp3d.arrays import Bytes, Floats
-from grasp3d.hand.gripper_pose import GripperPose
-from grasp3d.plots.figures import LABEL_COLORS, LINES, PAGE, label_patches, new_figure, styled
-from grasp3d.rendering.grasp_views import grasp_view
-from grasp3d.rendering.opengl import UPRIGHT
-from grasp3d.settings.lengths import METRES
+from grasp3d.arrays import Floats
+from grasp3d.plots.figures import (
+    LABEL_COLORS,
+    LINES,
+    PAGE,
+    label_patches,
+    new_figure,
+    save_as,
+    styled,
+)
 from grasp3d.stability.label import MEANING, Label
-from grasp3d.validating.disagreements import Disagreement
 from grasp3d.validating.qualities import ScoreQuality
 from grasp3d.validating.ranking import RankedOutcomes
 from grasp3d.validating.success import Calibration, LabelSuccess
@@ -34,10 +35,24 @@ MOST_POINTS = 400
 
 LINE = "#222222"
 
-PIXELS = (420, 360)
+ROC, LABELS, CALIBRATION = FIGURES = ("roc.svg", "labels.svg", "calibration.svg")
+"""Names of the figures' files."""
 
-OBJECT = (214, 190, 150)
-"""Colour of the object: that of no label and of no part of a gripper."""
+
+def save_figures(folder: Path, result: Validation) -> None:
+    """Write all figures; that of ROC curves only if some grasps held and some failed.
+
+    Args:
+        folder: An existing folder.
+        result: The result.
+
+    Raises:
+        OutputError: A file cannot be written.
+    """
+    if not result.grasps.one_sided:
+        save_as(roc_figure(result), folder / ROC)
+    save_as(label_figure(result), folder / LABELS)
+    save_as(calibration_figure(result), folder / CALIBRATION)
 
 
 @styled
@@ -161,35 +176,3 @@ def _draw_label(axes: Axes, cells: list[LabelSuccess], label: Label, shift: floa
     axes.errorbar(np.array(filled) + shift, fractions, np.abs(ends - fractions), fmt="o",
                   color=LABEL_COLORS[label], markeredgecolor=LINE, markeredgewidth=0.5,
                   ecolor=LINE, elinewidth=0.7, capsize=1.5, markersize=5.0)  # fmt: skip
-
-
-def draw_disagreement(one: Disagreement) -> Bytes:
-    """Render the object with the translucent gripper, and the contacts where the jaws close.
-
-    Args:
-        one: The grasp.
-
-    Returns:
-        Red, green, blue from 0 to 255, shape (height, width, 3).
-
-    Raises:
-        OutputError: OpenGL is not available.
-    """
-    from grasp3d.viewer.scene.stills import draw_colors
-    from grasp3d.viewer.session.inspection import MarkedContacts
-
-    grasp, mesh = one.grasp, one.grasp.mesh
-    assert mesh.unit is not None  # evaluated poses have a unit
-    (opening,) = np.maximum(grasp.opening, 0.0)
-    if math.isnan(opening):
-        opening = grasp.hand.max_opening / METRES[mesh.unit]
-    # The gripper is between the contacts where its jaws close.
-    pose = grasp.jaws.poses[0].copy()
-    pose[:3, 3] += np.nan_to_num(grasp.jaws.offset[0]) * pose[:3, 0]
-    held = GripperPose(pose, opening, math.nan, math.nan, math.nan)
-    view = grasp_view(pose[None, :3, 3], UPRIGHT, held)
-    (points,), (normals,) = grasp.jaws.points, grasp.jaws.normals
-    touching = np.isfinite(points).all(axis=1)
-    contacts = MarkedContacts(points[touching], normals[touching], held=held)
-    colors = np.array(OBJECT, dtype=np.uint8)
-    return draw_colors(mesh, colors, view=view, size=PIXELS, grasp=contacts, hand=grasp.hand)

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Bytes, Floats, Ints, short_repr
+from grasp3d.arrays import Bools, Bytes, Floats, Ints
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing, Touch
@@ -187,10 +187,6 @@ class Disagreement:
     """[rad]; nan: the jaws do not close."""
     causes: tuple[Cause, ...]
     """Likely reasons, judged by its numbers."""
-    grasp: EvaluatedPoses
-    """The grasp alone."""
-
-    __repr__ = short_repr
 
 
 @dataclass
@@ -230,7 +226,6 @@ class Disagreements:
                         int(rows[row]),
                         float(numbers["margin"][row]),
                         causes_of(numbers, reasons, row),
-                        poses.take(np.array([row])),
                     )
                     for row in found[np.argsort(keys[found], kind="stable")][:most].tolist()
                 ]

@@ -36,25 +36,23 @@ def scores_of(result: Validation) -> TextTable:
     return [*heads, *["by object"] * result.by_object], rows
 
 
-def differences_of(result: Validation, *, every: bool = False) -> TextTable:
-    """By how much scores predict better than others.
+def differences_of(result: Validation) -> TextTable:
+    """By how much the first score predicts better than all others.
 
     Args:
         result: The validation.
-        every: Compare every two scores; otherwise the first one with all others.
     """
     first = result.qualities[0].score
     rows: list[Sequence[str]] = [
         (
-            f"{one.score.title} less {one.other.title}" if every else one.other.title,
+            one.other.title,
             f"{one.difference:+.3f} {one.interval[0]:+.3f} to {one.interval[1]:+.3f}",
             number(one.p),
         )
         for one in result.differences
-        if every or one.score == first
+        if one.score == first
     ]
-    name = "" if every else f"{first.title} less"
-    return (name, "ROC-AUC, 95 %, paired", "p"), rows
+    return (f"{first.title} less", "ROC-AUC, 95 %, paired", "p"), rows
 
 
 def labels_of(result: Validation) -> TextTable:
